@@ -1,0 +1,1 @@
+//! The launch-file language, the supervisor and the supergaussian command.

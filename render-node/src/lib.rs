@@ -1,0 +1,1 @@
+//! Splatting: the shading model, the CPU renderer, the render process.

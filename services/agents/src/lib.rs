@@ -1,0 +1,1 @@
+//! Three agents that close the visualization-perception-action loop.

@@ -1,0 +1,1 @@
+//! Bus, actors, lifecycle, health: what every process is built on.

@@ -1,0 +1,1 @@
+//! The editable-Gaussian scene: model, file formats, edits, journal.

@@ -1,0 +1,1 @@
+//! Super-Gaussians, the cluster graph, random walks, brushes.

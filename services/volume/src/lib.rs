@@ -1,0 +1,1 @@
+//! Volumes and transfer functions: readers, gradients, the made vessel tree.

@@ -1,0 +1,1 @@
+//! Whatever crosses a process boundary: contract, end to end, benches.
