@@ -1,0 +1,42 @@
+//! Compiles the `.proto` files without a system `protoc` and writes the list of all messages.
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use prost::Message as _;
+
+const FILES: [&str; 6] = [
+    "supergaussian/bus/v1/bus.proto",
+    "supergaussian/scene/v1/scene.proto",
+    "supergaussian/selection/v1/selection.proto",
+    "supergaussian/render/v1/render.proto",
+    "supergaussian/language/v1/language.proto",
+    "supergaussian/launch/v1/launch.proto",
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    for file in FILES {
+        println!("cargo::rerun-if-changed={file}");
+    }
+    let out = PathBuf::from(std::env::var("OUT_DIR")?);
+    let descriptors = protox::compile(FILES, ["."])?;
+    std::fs::write(out.join("descriptors.binpb"), descriptors.encode_to_vec())?;
+    write_message_list(&out, &descriptors)?;
+    prost_build::Config::new().enable_type_names().compile_fds(descriptors)?;
+    Ok(())
+}
+
+/// One macro that names every message as its schema name and Rust type, so that tests reach all of them.
+fn write_message_list(out: &Path, descriptors: &prost_types::FileDescriptorSet) -> Result<(), Box<dyn Error>> {
+    let mut list = String::from("macro_rules! for_each_message { ($m:ident) => { $m! {\n");
+    for file in &descriptors.file {
+        let domain = file.package().split('.').nth(1).ok_or("package is not supergaussian.<domain>.v1")?;
+        for message in &file.message_type {
+            writeln!(list, "\"{}.{}\" => $crate::{domain}::{},", file.package(), message.name(), message.name())?;
+        }
+    }
+    list.push_str("} } }\n");
+    std::fs::write(out.join("messages.rs"), list)?;
+    Ok(())
+}

@@ -1,0 +1,334 @@
+//! The one table of key expressions: `sg/<session>/<role>/<name>` ↔ message types ↔ who may send.
+//!
+//! A row is a typed constant, so that a service cannot ask or publish with a type that its row does not name; [`rows`]
+//! lists them all for tools and tests. `*` as a role stands for every role.
+
+use std::marker::PhantomData;
+
+use prost::Name;
+
+use crate::{bus, language, launch, render, scene, selection};
+
+/// First segment of every key expression.
+pub const ROOT: &str = "sg";
+
+/// Any role: the row exists for each.
+pub const ANY: &str = "*";
+
+/// Roles of the stack.
+pub mod role {
+    /// Owns the scene.
+    pub const SCENE: &str = "scene";
+    /// Turns strokes into selections.
+    pub const SELECTION: &str = "selection";
+    /// Draws the shared viewpoint whenever the scene changes.
+    pub const RENDER_VIEW: &str = "render-view";
+    /// Draws pictures on request.
+    pub const RENDER_CAPTURE: &str = "render-capture";
+    /// Hears utterances and answers.
+    pub const AGENT_CORE: &str = "agent-core";
+    /// Understands utterances.
+    pub const AGENT_INTENT: &str = "agent-intent";
+    /// Carries out plans.
+    pub const AGENT_FUNCTION: &str = "agent-function";
+    /// Starts and watches the others.
+    pub const SUPERVISOR: &str = "supervisor";
+    /// A person at a terminal, or a script.
+    pub const CLI: &str = "cli";
+
+    /// All of them.
+    pub const ALL: [&str; 9] =
+        [SCENE, SELECTION, RENDER_VIEW, RENDER_CAPTURE, AGENT_CORE, AGENT_INTENT, AGENT_FUNCTION, SUPERVISOR, CLI];
+}
+
+/// A request that a role answers.
+#[derive(Debug)]
+pub struct Ask<Q, R> {
+    /// Role that answers, or [`ANY`].
+    pub role: &'static str,
+    /// Last part of the key, `cmd/…`.
+    pub name: &'static str,
+    /// Roles that may ask.
+    pub senders: &'static [&'static str],
+    /// What it is for.
+    pub doc: &'static str,
+    types: PhantomData<fn(Q) -> R>,
+}
+
+/// A stream of messages that a role publishes.
+#[derive(Debug)]
+pub struct Stream<M> {
+    /// Role that publishes, or [`ANY`].
+    pub role: &'static str,
+    /// Last part of the key, `event/…`.
+    pub name: &'static str,
+    /// What it is for.
+    pub doc: &'static str,
+    types: PhantomData<fn() -> M>,
+}
+
+/// The newest value of something that a role owns.
+#[derive(Debug)]
+pub struct Slot<M> {
+    /// Role that owns it.
+    pub role: &'static str,
+    /// Last part of the key, `state`.
+    pub name: &'static str,
+    /// What it is for.
+    pub doc: &'static str,
+    types: PhantomData<fn() -> M>,
+}
+
+// Written out because a derive would ask the message types to be `Copy` too.
+impl<Q, R> Clone for Ask<Q, R> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<Q, R> Copy for Ask<Q, R> {}
+impl<M> Clone for Stream<M> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<M> Copy for Stream<M> {}
+impl<M> Clone for Slot<M> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<M> Copy for Slot<M> {}
+
+impl<Q: Name, R: Name> Ask<Q, R> {
+    const fn new(role: &'static str, name: &'static str, senders: &'static [&'static str], doc: &'static str) -> Self {
+        Self { role, name, senders, doc, types: PhantomData }
+    }
+
+    fn row(&self) -> Row {
+        Row {
+            role: self.role,
+            name: self.name,
+            kind: Kind::Ask { request: Q::full_name(), reply: R::full_name() },
+            senders: self.senders,
+            doc: self.doc,
+        }
+    }
+}
+
+impl<M: Name> Stream<M> {
+    const fn new(role: &'static str, name: &'static str, doc: &'static str) -> Self {
+        Self { role, name, doc, types: PhantomData }
+    }
+
+    fn row(&self) -> Row {
+        Row {
+            role: self.role,
+            name: self.name,
+            kind: Kind::Stream { message: M::full_name() },
+            senders: &[],
+            doc: self.doc,
+        }
+    }
+}
+
+impl<M: Name> Slot<M> {
+    const fn new(role: &'static str, name: &'static str, doc: &'static str) -> Self {
+        Self { role, name, doc, types: PhantomData }
+    }
+
+    fn row(&self) -> Row {
+        Row {
+            role: self.role,
+            name: self.name,
+            kind: Kind::Slot { message: M::full_name() },
+            senders: &[],
+            doc: self.doc,
+        }
+    }
+}
+
+/// How messages travel under a key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Kind {
+    /// Request and reply, or a typed error.
+    Ask {
+        /// Full name of the request.
+        request: String,
+        /// Full name of the reply.
+        reply: String,
+    },
+    /// A stream; a slow reader loses the oldest messages, counted.
+    Stream {
+        /// Full name of the message.
+        message: String,
+    },
+    /// The newest value; a late reader gets it when it asks.
+    Slot {
+        /// Full name of the message.
+        message: String,
+    },
+}
+
+/// One row of the table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Row {
+    /// Role that answers, publishes or owns.
+    pub role: &'static str,
+    /// Last part of the key.
+    pub name: &'static str,
+    /// How messages travel, and which.
+    pub kind: Kind,
+    /// For requests: who may ask. The answering, publishing or owning side is always the role itself.
+    pub senders: &'static [&'static str],
+    /// What it is for.
+    pub doc: &'static str,
+}
+
+impl Row {
+    /// Whether the row belongs to this role.
+    #[must_use]
+    pub fn is_of(&self, role: &str) -> bool {
+        self.role == ANY || self.role == role
+    }
+
+    /// Whether this role may send requests under this row.
+    #[must_use]
+    pub fn may_ask(&self, role: &str) -> bool {
+        matches!(self.kind, Kind::Ask { .. }) && self.senders.iter().any(|s| *s == ANY || *s == role)
+    }
+}
+
+const CLIENTS: &[&str] = &[role::CLI, role::AGENT_CORE, role::AGENT_FUNCTION];
+const SCENE_READERS: &[&str] =
+    &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::RENDER_CAPTURE, role::AGENT_CORE, role::AGENT_FUNCTION];
+
+macro_rules! table {
+    ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?);)*) => {
+        $(
+            $(#[doc = $doc])+
+            pub const $ident: $type<$($message),+> = $type::new($role, $name, $($senders,)? concat!($($doc),+));
+        )*
+
+        /// Every row of the table.
+        #[must_use]
+        pub fn rows() -> Vec<Row> {
+            vec![$($ident.row()),*]
+        }
+    };
+}
+
+table! {
+    /// How an instance is.
+    STATUS: Ask<bus::StatusRequest, bus::Health> = (ANY, "cmd/status", &[ANY]);
+    /// An instance begins to serve.
+    READY: Stream<bus::Ready> = (ANY, "event/ready");
+    /// How an instance is, every second.
+    HEALTH: Stream<bus::Health> = (ANY, "event/health");
+
+    /// Changes the scene; at most once for an id.
+    SCENE_APPLY: Ask<scene::Command, scene::CommandResult> = (role::SCENE, "cmd/apply", &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::AGENT_FUNCTION]);
+    /// What a reader missed.
+    SCENE_CHANGES: Ask<scene::ChangesRequest, scene::Changes> = (role::SCENE, "cmd/changes", SCENE_READERS);
+    /// An accepted change, after it is durable.
+    SCENE_EVENT: Stream<scene::Event> = (role::SCENE, "event/change");
+    /// The newest state, without masks.
+    SCENE_STATE: Slot<scene::State> = (role::SCENE, "state");
+
+    /// Adds strokes and commits what they select.
+    SELECTION_STROKES: Ask<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]);
+    /// What is clustered.
+    SELECTION_STATE: Slot<selection::State> = (role::SELECTION, "state");
+
+    /// One picture.
+    CAPTURE: Ask<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS);
+    /// What the capture process has drawn.
+    CAPTURE_STATE: Slot<render::State> = (role::RENDER_CAPTURE, "state");
+    /// A new picture of the shared viewpoint.
+    VIEW_FRAME: Stream<render::Frame> = (role::RENDER_VIEW, "event/frame");
+    /// What the view process has drawn.
+    VIEW_STATE: Slot<render::State> = (role::RENDER_VIEW, "state");
+
+    /// Says something to the stack.
+    UTTER: Ask<language::Utterance, language::Reply> = (role::AGENT_CORE, "cmd/utter", &[role::CLI]);
+    /// Something was said.
+    UTTERANCE: Stream<language::Utterance> = (role::AGENT_CORE, "event/utterance");
+    /// The core agent looks.
+    PERCEIVE: Stream<language::Perceive> = (role::AGENT_CORE, "event/perceive");
+    /// What the core agent saw.
+    OBSERVATION: Stream<language::Observation> = (role::AGENT_CORE, "event/observation");
+    /// What the core agent wants done.
+    PLAN: Stream<language::Plan> = (role::AGENT_CORE, "event/plan");
+    /// What the core agent answered.
+    REPLY: Stream<language::Reply> = (role::AGENT_CORE, "event/reply");
+    /// The core agent.
+    CORE_STATE: Slot<language::AgentState> = (role::AGENT_CORE, "state");
+
+    /// What an utterance means.
+    PARSE: Ask<language::IntentRequest, language::Intent> = (role::AGENT_INTENT, "cmd/parse", &[role::AGENT_CORE, role::CLI]);
+    /// What was understood.
+    INTENT: Stream<language::Intent> = (role::AGENT_INTENT, "event/intent");
+    /// The intent agent.
+    INTENT_STATE: Slot<language::AgentState> = (role::AGENT_INTENT, "state");
+
+    /// Carries out a plan.
+    EXECUTE: Ask<language::Plan, language::PlanResult> = (role::AGENT_FUNCTION, "cmd/execute", &[role::AGENT_CORE]);
+    /// The outcome of one clause.
+    ACTION: Stream<language::ActionResult> = (role::AGENT_FUNCTION, "event/action");
+    /// The function agent.
+    FUNCTION_STATE: Slot<language::AgentState> = (role::AGENT_FUNCTION, "state");
+
+    /// How the services are.
+    PS: Ask<launch::PsRequest, launch::PsReply> = (role::SUPERVISOR, "cmd/ps", &[role::CLI]);
+    /// Restarts one service.
+    RESTART: Ask<launch::RestartRequest, launch::RestartReply> = (role::SUPERVISOR, "cmd/restart", &[role::CLI]);
+    /// Stops the stack.
+    DOWN: Ask<launch::DownRequest, launch::DownReply> = (role::SUPERVISOR, "cmd/down", &[role::CLI]);
+    /// A service changed its state.
+    SERVICE: Stream<launch::ServiceEvent> = (role::SUPERVISOR, "event/service");
+}
+
+/// The key expression of a row for one role of one session.
+#[must_use]
+pub fn key(session: &str, role: &str, name: &str) -> String {
+    format!("{ROOT}/{session}/{role}/{name}")
+}
+
+/// The key expression of an instance's liveliness token.
+#[must_use]
+pub fn alive(session: &str, role: &str, instance: &str) -> String {
+    format!("{ROOT}/{session}/@alive/{role}/{instance}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn every_row_names_messages_of_the_contract_and_known_roles() {
+        let messages: HashSet<_> = crate::message_names().into_iter().collect();
+        let mut seen = HashSet::new();
+        for row in rows() {
+            assert!(row.role == ANY || role::ALL.contains(&row.role), "{row:?}");
+            assert!(row.senders.iter().all(|s| *s == ANY || role::ALL.contains(s)), "{row:?}");
+            assert!(seen.insert((row.role, row.name)), "{} {} stands twice", row.role, row.name);
+            let (types, prefix) = match &row.kind {
+                Kind::Ask { request, reply } => (vec![request, reply], "cmd/"),
+                Kind::Stream { message } => (vec![message], "event/"),
+                Kind::Slot { message } => (vec![message], "state"),
+            };
+            assert!(row.name.starts_with(prefix), "{row:?}");
+            for name in types {
+                assert!(messages.contains(name.as_str()), "{name} is not in the contract");
+            }
+        }
+    }
+
+    #[test]
+    fn only_listed_roles_may_ask() {
+        let rows = rows();
+        let apply = rows.iter().find(|r| r.role == role::SCENE && r.name == "cmd/apply").unwrap();
+        assert!(apply.may_ask(role::AGENT_FUNCTION));
+        assert!(!apply.may_ask(role::AGENT_INTENT), "the intent agent understands, it does not act");
+    }
+}
