@@ -1,0 +1,350 @@
+//! Golden bytes: what each message looked like on the wire when its fields were first agreed on.
+//!
+//! `golden/<package>.txt` holds lines `<full name> <variant> <hexadecimal bytes> <JSON>`, `-` for no bytes. The files are
+//! append-only: a line that was committed must go on decoding to the same JSON (so a field can't be renumbered, retyped
+//! or renamed unnoticed), and the generated types must write the very same bytes again. After adding a message, a field
+//! or an enum value, append what is missing with
+//!
+//! ```text
+//! SUPERGAUSSIAN_GOLDEN=append cargo test --release -p sg-proto --test golden
+//! ```
+//!
+//! and commit the new lines. A line is only ever deleted by hand, with a reason, and while no release holds it.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use prost::Message as _;
+use prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, ReflectMessage, Value};
+
+/// Messages below this depth are present but empty, so that a line stays short: each has lines of its own.
+const DEPTH: usize = 2;
+
+/// One committed line.
+#[derive(Debug, Clone, PartialEq)]
+struct Line {
+    message: String,
+    variant: String,
+    bytes: Vec<u8>,
+    json: serde_json::Value,
+}
+
+fn pool() -> DescriptorPool {
+    DescriptorPool::decode(sg_proto::DESCRIPTORS).unwrap()
+}
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
+}
+
+fn to_hex(bytes: &[u8]) -> String {
+    if bytes.is_empty() {
+        return "-".into();
+    }
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        write!(text, "{byte:02x}").unwrap();
+        text
+    })
+}
+
+fn from_hex(text: &str) -> Option<Vec<u8>> {
+    if text == "-" {
+        return Some(Vec::new());
+    }
+    if !text.is_ascii() || !text.len().is_multiple_of(2) {
+        return None;
+    }
+    (0..text.len()).step_by(2).map(|at| u8::from_str_radix(&text[at..at + 2], 16).ok()).collect()
+}
+
+impl Line {
+    fn of(message: &DynamicMessage, variant: String) -> Self {
+        Self {
+            message: message.descriptor().full_name().to_owned(),
+            variant,
+            bytes: message.encode_to_vec(),
+            json: serde_json::to_value(message).unwrap(),
+        }
+    }
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut parts = text.splitn(4, ' ');
+        let mut part = |what: &str| parts.next().ok_or(format!("no {what} in the line `{text}`"));
+        Ok(Self {
+            message: part("message")?.to_owned(),
+            variant: part("variant")?.to_owned(),
+            bytes: from_hex(part("bytes")?).ok_or("the bytes are not hexadecimal")?,
+            json: serde_json::from_str(part("JSON")?).map_err(|e| format!("the JSON is damaged: {e}"))?,
+        })
+    }
+
+    fn to_text(&self) -> String {
+        format!("{} {} {} {}\n", self.message, self.variant, to_hex(&self.bytes), self.json)
+    }
+
+    /// Decodes the bytes as the schema of today reads them and compares with what the line says they mean.
+    fn check(&self, pool: &DescriptorPool) -> Result<DynamicMessage, String> {
+        let descriptor = pool.get_message_by_name(&self.message).ok_or("the contract has no such message any more")?;
+        let message =
+            DynamicMessage::decode(descriptor, &self.bytes[..]).map_err(|e| format!("does not decode: {e}"))?;
+        if let Some(place) = unknown_field(&message) {
+            return Err(format!("{place} is not a field any more, or has another wire type"));
+        }
+        let json = serde_json::to_value(&message).map_err(|e| e.to_string())?;
+        if json != self.json {
+            return Err(format!("means another thing today:\n  then {}\n  now  {json}", self.json));
+        }
+        if message.encode_to_vec() != self.bytes {
+            return Err("is not written with these bytes any more".into());
+        }
+        match sg_proto::recode(&self.message, &self.bytes) {
+            None => Err("has no generated type".into()),
+            Some(Err(e)) => Err(format!("the generated type refuses it: {e}")),
+            Some(Ok(bytes)) if bytes != self.bytes => Err("the generated type writes other bytes".into()),
+            Some(Ok(_)) => Ok(message),
+        }
+    }
+}
+
+/// The committed lines by package.
+fn committed() -> BTreeMap<String, Vec<Line>> {
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(folder()).unwrap() {
+        let path = entry.unwrap().path();
+        let package = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        let lines = std::fs::read_to_string(&path)
+            .unwrap()
+            .lines()
+            .map(|line| Line::parse(line).unwrap_or_else(|e| panic!("{package}.txt: {e}")))
+            .collect();
+        files.insert(package, lines);
+    }
+    files
+}
+
+/// First field, at any depth, that the schema does not know.
+fn unknown_field(message: &DynamicMessage) -> Option<String> {
+    fn inside(value: &Value) -> Option<String> {
+        match value {
+            Value::Message(m) => unknown_field(m),
+            Value::List(items) => items.iter().find_map(inside),
+            _ => None,
+        }
+    }
+    let name = message.descriptor().full_name().to_owned();
+    let own = message.unknown_fields().next().map(|field| format!("number {} of {name}", field.number()));
+    own.or_else(|| message.fields().find_map(|(_, value)| inside(value)))
+}
+
+/// A value that shows its field: distinct by field number, wide enough that a narrower type would cut it off.
+fn sample(field: &FieldDescriptor, item: u32, variant: usize, depth: usize) -> Value {
+    let seed = field.number() * 10 + item;
+    match field.kind() {
+        Kind::Bool => Value::Bool(true),
+        Kind::Int32 | Kind::Sint32 | Kind::Sfixed32 => Value::I32(i32::MIN + i32::try_from(seed).unwrap()),
+        Kind::Int64 | Kind::Sint64 | Kind::Sfixed64 => Value::I64(i64::MIN + i64::from(seed)),
+        Kind::Uint32 | Kind::Fixed32 => Value::U32(u32::MAX - seed),
+        Kind::Uint64 | Kind::Fixed64 => Value::U64(u64::MAX - u64::from(seed)),
+        Kind::Float => Value::F32(1.0 + f32::EPSILON * f32::from(u16::try_from(seed).unwrap())),
+        Kind::Double => Value::F64(f64::from(seed) + 0.1),
+        Kind::String => Value::String(format!("{} {item} é", field.name())),
+        Kind::Bytes => Value::Bytes(vec![0xff, 0x00, seed.to_le_bytes()[0], 0x80].into()),
+        Kind::Enum(values) => {
+            let numbers: Vec<i32> = values.values().map(|v| v.number()).collect();
+            Value::EnumNumber(numbers[(variant / alternatives(field).len() + item as usize) % numbers.len()])
+        }
+        Kind::Message(descriptor) if depth < DEPTH => Value::Message(filled(&descriptor, variant, depth + 1)),
+        Kind::Message(descriptor) => Value::Message(DynamicMessage::new(descriptor)),
+    }
+}
+
+/// Numbers of the fields of which only one can be set, this one among them.
+fn alternatives(field: &FieldDescriptor) -> Vec<u32> {
+    field.containing_oneof().map_or(vec![field.number()], |oneof| oneof.fields().map(|f| f.number()).collect())
+}
+
+/// Whether a field is in the n-th variant of its message: always, but for the other alternatives of its oneof.
+fn is_in(field: &FieldDescriptor, variant: usize) -> bool {
+    let alternatives = alternatives(field);
+    alternatives[variant % alternatives.len()] == field.number()
+}
+
+/// A message with every field set: the n-th alternative of each oneof, the n-th value of each enum, two items in each list.
+fn filled(descriptor: &MessageDescriptor, variant: usize, depth: usize) -> DynamicMessage {
+    let mut message = DynamicMessage::new(descriptor.clone());
+    for field in descriptor.fields().filter(|field| is_in(field, variant)) {
+        assert!(!field.is_map(), "{}: a map has no fixed order on the wire; use a repeated message", field.full_name());
+        let value = if field.is_list() {
+            Value::List((0..2).map(|item| sample(&field, item, variant, depth)).collect())
+        } else {
+            sample(&field, 0, variant, depth)
+        };
+        message.set_field(&field, value);
+    }
+    message
+}
+
+/// A message whose scalars that can be told from absent ones hold their defaults.
+fn present_defaults(descriptor: &MessageDescriptor, variant: usize) -> DynamicMessage {
+    let mut message = DynamicMessage::new(descriptor.clone());
+    for field in descriptor.fields().filter(|field| has_visible_default(field) && is_in(field, variant)) {
+        message.set_field(&field, field.default_value());
+    }
+    message
+}
+
+fn has_visible_default(field: &FieldDescriptor) -> bool {
+    field.supports_presence() && field.kind().as_message().is_none()
+}
+
+/// What a line pins down: the message as such, each field, each visible default and each enum value.
+fn covered(message: &DynamicMessage) -> BTreeSet<String> {
+    let mut facts = BTreeSet::from([String::from("the message")]);
+    for (field, value) in message.fields() {
+        facts.insert(format!("field {}", field.name()));
+        if has_visible_default(&field) && *value == field.default_value() {
+            facts.insert(format!("default of {}", field.name()));
+        }
+        let items = if let Value::List(items) = value { items.iter().collect() } else { vec![value] };
+        facts.extend(items.iter().filter_map(|v| v.as_enum_number()).map(|n| format!("{} = {n}", field.name())));
+    }
+    facts
+}
+
+/// What the lines of a message have to pin down together.
+fn to_cover(descriptor: &MessageDescriptor) -> BTreeSet<String> {
+    let mut facts = BTreeSet::from([String::from("the message")]);
+    for field in descriptor.fields() {
+        facts.insert(format!("field {}", field.name()));
+        if has_visible_default(&field) {
+            facts.insert(format!("default of {}", field.name()));
+        }
+        if let Kind::Enum(values) = field.kind() {
+            let zero_is_written = field.is_list() || field.supports_presence();
+            let numbers = values.values().map(|v| v.number()).filter(|n| *n != 0 || zero_is_written);
+            facts.extend(numbers.map(|n| format!("{} = {n}", field.name())));
+        }
+    }
+    facts
+}
+
+/// What the given lines leave open, and the samples that would close it.
+fn missing_lines(descriptor: &MessageDescriptor, lines: &[DynamicMessage]) -> (BTreeSet<String>, Vec<Line>) {
+    let mut open = to_cover(descriptor);
+    for line in lines {
+        let facts = covered(line);
+        open.retain(|fact| !facts.contains(fact));
+    }
+    let missing = open.clone();
+    let variants = descriptor.fields().map(|field| {
+        let values = field.kind().as_enum().map_or(1, |values| values.values().len());
+        alternatives(&field).len() * values
+    });
+    let most = variants.max().unwrap_or(1);
+    let candidates =
+        (0..most).map(|n| filled(descriptor, n, 0)).chain((0..most).map(|n| present_defaults(descriptor, n)));
+    let mut new = Vec::new();
+    for candidate in candidates {
+        let facts = covered(&candidate);
+        if facts.iter().any(|fact| open.contains(fact)) {
+            open.retain(|fact| !facts.contains(fact));
+            new.push(Line::of(&candidate, (lines.len() + new.len()).to_string()));
+        }
+    }
+    assert!(open.is_empty(), "{}: the samples do not reach {open:?}", descriptor.full_name());
+    (missing, new)
+}
+
+#[test]
+fn committed_bytes_mean_what_they_meant() {
+    let pool = pool();
+    let mut broken = String::new();
+    let mut seen = BTreeSet::new();
+    for (package, lines) in committed() {
+        for line in lines {
+            assert!(line.message.starts_with(&format!("{package}.")), "{} stands in {package}.txt", line.message);
+            let name = format!("{} {}", line.message, line.variant);
+            assert!(seen.insert(name.clone()), "{name} stands twice");
+            if let Err(why) = line.check(&pool) {
+                writeln!(broken, "{name}: {why}").unwrap();
+            }
+        }
+    }
+    assert!(!seen.is_empty(), "no golden line was found");
+    assert!(broken.is_empty(), "the wire format changed under messages that others may have stored:\n{broken}");
+}
+
+#[test]
+fn every_message_field_and_enum_value_has_golden_bytes() {
+    let pool = pool();
+    let append = std::env::var("SUPERGAUSSIAN_GOLDEN").is_ok_and(|mode| mode == "append");
+    let mut files = committed();
+    let mut report = String::new();
+    for name in sg_proto::message_names() {
+        let descriptor = pool.get_message_by_name(name).unwrap();
+        let lines = files.entry(descriptor.package_name().to_owned()).or_default();
+        let known: Vec<DynamicMessage> = lines
+            .iter()
+            .filter(|line| line.message == name)
+            .map(|line| DynamicMessage::decode(descriptor.clone(), &line.bytes[..]).unwrap())
+            .collect();
+        let (missing, new) = missing_lines(&descriptor, &known);
+        if !missing.is_empty() {
+            writeln!(report, "{name}: {missing:?}").unwrap();
+        }
+        lines.extend(new);
+    }
+    if append {
+        for (package, lines) in files {
+            let text: String = lines.iter().map(Line::to_text).collect();
+            std::fs::write(folder().join(format!("{package}.txt")), text).unwrap();
+        }
+    } else {
+        assert!(report.is_empty(), "no golden bytes for the following (the head of golden.rs says how):\n{report}");
+    }
+}
+
+/// The checks above are only worth something if they notice the changes they are there for.
+#[test]
+fn an_incompatible_schema_is_noticed() {
+    let pool = pool();
+    let descriptor = pool.get_message_by_name("supergaussian.bus.v1.ActorHealth").unwrap();
+    let line = Line::of(&filled(&descriptor, 0, 0), "0".into());
+    line.check(&pool).unwrap();
+
+    let gone = Line { bytes: [&line.bytes[..], &[0xf8, 0x07, 0x01]].concat(), ..line.clone() };
+    assert!(gone.check(&pool).unwrap_err().contains("number 127"));
+
+    let mut json = line.json.clone();
+    json["queued"] = serde_json::json!(1);
+    let cut_off = Line { json, ..line.clone() };
+    assert!(cut_off.check(&pool).unwrap_err().contains("means another thing"));
+
+    let removed = Line { message: "supergaussian.bus.v1.Gone".into(), ..line.clone() };
+    assert!(removed.check(&pool).unwrap_err().contains("no such message"));
+
+    let truncated = Line { bytes: line.bytes[..line.bytes.len() - 1].to_vec(), ..line };
+    assert!(truncated.check(&pool).unwrap_err().contains("does not decode"));
+}
+
+#[test]
+fn a_new_field_asks_for_a_new_line() {
+    let command = pool().get_message_by_name("supergaussian.scene.v1.Command").unwrap();
+    let (missing, new) = missing_lines(&command, &[filled(&command, 0, 0)]);
+    assert!(missing.contains("field undo"), "{missing:?}");
+    assert!(!missing.contains("field set_color"), "{missing:?}");
+    let alternatives = command.oneofs().next().unwrap().fields().len();
+    assert_eq!(new.len(), alternatives - 1, "one line for each alternative that had none");
+}
+
+#[test]
+fn lines_survive_their_own_text_form() {
+    let pool = pool();
+    for name in sg_proto::message_names() {
+        let line = Line::of(&filled(&pool.get_message_by_name(name).unwrap(), 3, 0), "3".into());
+        assert_eq!(Line::parse(line.to_text().trim_end()).unwrap(), line);
+    }
+}
