@@ -15,12 +15,12 @@ include!(concat!(env!("OUT_DIR"), "/messages.rs"));
 mod generated {
     macro_rules! domain {
         ($name:ident, $file:literal) => {
+            #[allow(unreachable_pub, reason = "reachable through the re-exports below")]
             pub mod $name {
                 #[allow(
                     clippy::all,
                     clippy::pedantic,
                     missing_docs,
-                    unreachable_pub,
                     unused_qualifications,
                     reason = "generated code is as its generator writes it"
                 )]

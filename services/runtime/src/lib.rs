@@ -1,1 +1,15 @@
-//! Bus, actors, lifecycle, health: what every process is built on.
+//! What every process is built on: bus, actors, lifecycle, health, telemetry.
+//!
+//! This is the only room that names zenoh. A service is written against four things:
+//! [`bus::Bus`] (ask, answer, publish, newest value), [`actor::Actor`] (a bounded mailbox, typed messages, an observable
+//! state), [`process::Host`] (one lifecycle for every process) and [`fault::Fault`] (a typed refusal).
+
+pub mod actor;
+pub mod blobs;
+pub mod bus;
+pub mod context;
+pub mod fault;
+pub mod process;
+pub mod session;
+pub mod telemetry;
+mod wire;

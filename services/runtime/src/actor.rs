@@ -1,0 +1,249 @@
+//! Actors: a bounded mailbox, typed messages, an observable state, an exit status that says why.
+
+use std::fmt::Display;
+use std::future::Future;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use sg_proto::bus::ActorHealth;
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::task::JoinHandle;
+
+use crate::fault::Fault;
+
+/// A subject that handles one message at a time.
+pub trait Actor: Send + 'static {
+    /// What it is told. A message that wants an answer carries a [`Reply`].
+    type Message: Send + 'static;
+    /// What may be seen of it from outside at any time; its `Display` is one line.
+    type State: Clone + Display + Send + Sync + 'static;
+
+    /// Name within its process.
+    fn name(&self) -> &'static str;
+
+    /// Its present observable state; asked after every message.
+    fn state(&self) -> Self::State;
+
+    /// Handles one message. An error ends the actor and, with it, its process.
+    ///
+    /// # Errors
+    /// A line that says why it cannot go on.
+    fn handle(&mut self, message: Self::Message) -> impl Future<Output = Result<(), String>> + Send;
+
+    /// Closes what it owns after the last message.
+    fn stop(&mut self) -> impl Future<Output = ()> + Send {
+        async {}
+    }
+}
+
+/// Where the answer to a message goes.
+pub type Reply<T> = oneshot::Sender<Result<T, Fault>>;
+
+/// Why an actor ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Exit {
+    /// All mailboxes were dropped and every message handled.
+    Finished,
+    /// It could not go on.
+    Failed(String),
+}
+
+/// The sending end of an actor's mailbox. Cheap to clone.
+#[derive(Debug)]
+pub struct Mailbox<M> {
+    sender: mpsc::Sender<M>,
+    shared: Arc<Shared>,
+}
+
+// Written out because a derive would ask the message to be `Clone`.
+impl<M> Clone for Mailbox<M> {
+    fn clone(&self) -> Self {
+        Self { sender: self.sender.clone(), shared: Arc::clone(&self.shared) }
+    }
+}
+
+#[derive(Debug)]
+struct Shared {
+    name: &'static str,
+    handled: AtomicU64,
+    dropped: AtomicU64,
+}
+
+impl<M: Send + 'static> Mailbox<M> {
+    /// Puts a message into the mailbox, or refuses it at once when the mailbox is full or the actor is gone.
+    ///
+    /// # Errors
+    /// `ResourceExhausted` (counted) or `Unavailable`.
+    pub fn tell(&self, message: M) -> Result<(), Fault> {
+        self.sender.try_send(message).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => {
+                self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+                Fault::exhausted(format!("the mailbox of `{}` is full; try again in a moment", self.shared.name))
+            }
+            mpsc::error::TrySendError::Closed(_) => {
+                Fault::unavailable(format!("`{}` is stopping; try again in a moment", self.shared.name))
+            }
+        })
+    }
+
+    /// Sends a message that carries a [`Reply`] and waits for the answer until `deadline`.
+    ///
+    /// # Errors
+    /// The actor's own fault; those of [`Mailbox::tell`]; `DeadlineExceeded`.
+    pub async fn ask<T>(&self, deadline: Instant, message: impl FnOnce(Reply<T>) -> M) -> Result<T, Fault> {
+        let (reply, answer) = oneshot::channel();
+        self.tell(message(reply))?;
+        match tokio::time::timeout_at(deadline.into(), answer).await {
+            Ok(Ok(outcome)) => outcome,
+            Ok(Err(_)) => Err(Fault::unavailable(format!("`{}` ended before it answered", self.shared.name))),
+            Err(_) => Err(Fault::deadline(format!("`{}` did not answer in time", self.shared.name))),
+        }
+    }
+}
+
+/// A running actor, as its process sees it.
+#[derive(Debug)]
+pub struct Running<S> {
+    /// Its observable state.
+    pub state: watch::Receiver<S>,
+    /// Ends with the reason.
+    pub exit: JoinHandle<Exit>,
+}
+
+/// What a process tells of an actor in its health.
+pub trait Observed: Send + Sync {
+    /// How it is now.
+    fn health(&self) -> ActorHealth;
+}
+
+struct Observer<M, S> {
+    mailbox: mpsc::WeakSender<M>,
+    shared: Arc<Shared>,
+    state: watch::Receiver<S>,
+}
+
+impl<M: Send, S: Display + Send + Sync> Observed for Observer<M, S> {
+    fn health(&self) -> ActorHealth {
+        let (queued, capacity) = self
+            .mailbox
+            .upgrade()
+            .map_or((0, 0), |sender| (sender.max_capacity() - sender.capacity(), sender.max_capacity()));
+        ActorHealth {
+            name: self.shared.name.to_owned(),
+            queued: u32::try_from(queued).unwrap_or(u32::MAX),
+            capacity: u32::try_from(capacity).unwrap_or(u32::MAX),
+            handled: self.shared.handled.load(Ordering::Relaxed),
+            dropped: self.shared.dropped.load(Ordering::Relaxed),
+            state: self.state.borrow().to_string(),
+        }
+    }
+}
+
+/// Starts an actor with a mailbox of `capacity` messages.
+pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, Running<A::State>, Arc<dyn Observed>) {
+    let (sender, mut messages) = mpsc::channel(capacity);
+    let (publish, state) = watch::channel(actor.state());
+    let shared = Arc::new(Shared { name: actor.name(), handled: AtomicU64::new(0), dropped: AtomicU64::new(0) });
+    let observer = Observer { mailbox: sender.downgrade(), shared: Arc::clone(&shared), state: state.clone() };
+    let counters = Arc::clone(&shared);
+    let exit = tokio::spawn(async move {
+        let mut exit = Exit::Finished;
+        while let Some(message) = messages.recv().await {
+            let outcome = actor.handle(message).await;
+            counters.handled.fetch_add(1, Ordering::Relaxed);
+            publish.send_replace(actor.state());
+            if let Err(reason) = outcome {
+                exit = Exit::Failed(reason);
+                break;
+            }
+        }
+        messages.close();
+        actor.stop().await;
+        exit
+    });
+    (Mailbox { sender, shared }, Running { state, exit }, Arc::new(observer))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    struct Counter {
+        sum: u64,
+    }
+
+    enum Message {
+        Add(u64),
+        Get(Reply<u64>),
+        Wait(Duration),
+        Break,
+    }
+
+    impl Actor for Counter {
+        type Message = Message;
+        type State = u64;
+
+        fn name(&self) -> &'static str {
+            "counter"
+        }
+
+        fn state(&self) -> u64 {
+            self.sum
+        }
+
+        async fn handle(&mut self, message: Message) -> Result<(), String> {
+            match message {
+                Message::Add(n) => self.sum += n,
+                Message::Get(reply) => drop(reply.send(Ok(self.sum))),
+                Message::Wait(time) => tokio::time::sleep(time).await,
+                Message::Break => return Err("broken on purpose".to_owned()),
+            }
+            Ok(())
+        }
+    }
+
+    fn soon() -> Instant {
+        Instant::now() + Duration::from_secs(5)
+    }
+
+    #[tokio::test]
+    async fn messages_are_handled_in_order_and_state_is_seen() {
+        let (mailbox, running, observed) = spawn(Counter { sum: 0 }, 8);
+        for n in 1..=4 {
+            mailbox.tell(Message::Add(n)).unwrap();
+        }
+        assert_eq!(mailbox.ask(soon(), Message::Get).await, Ok(10));
+        assert_eq!(*running.state.borrow(), 10);
+        assert_eq!(observed.health().handled, 5);
+        drop(mailbox);
+        assert_eq!(running.exit.await.unwrap(), Exit::Finished);
+    }
+
+    #[tokio::test]
+    async fn a_full_mailbox_refuses_and_counts() {
+        let (mailbox, _running, observed) = spawn(Counter { sum: 0 }, 2);
+        mailbox.tell(Message::Wait(Duration::from_secs(5))).unwrap();
+        tokio::task::yield_now().await;
+        let refused = (0..10).filter(|_| mailbox.tell(Message::Add(1)).is_err()).count();
+        assert!(refused >= 8, "{refused}");
+        assert_eq!(observed.health().dropped, refused as u64);
+    }
+
+    #[tokio::test]
+    async fn an_answer_has_a_deadline() {
+        let (mailbox, _running, _) = spawn(Counter { sum: 0 }, 4);
+        mailbox.tell(Message::Wait(Duration::from_secs(5))).unwrap();
+        let late = mailbox.ask(Instant::now() + Duration::from_millis(20), Message::Get).await;
+        assert_eq!(late.unwrap_err().code, sg_proto::bus::Code::DeadlineExceeded);
+    }
+
+    #[tokio::test]
+    async fn an_actor_that_fails_says_why_and_takes_nothing_more() {
+        let (mailbox, running, _) = spawn(Counter { sum: 0 }, 4);
+        mailbox.tell(Message::Break).unwrap();
+        assert_eq!(running.exit.await.unwrap(), Exit::Failed("broken on purpose".to_owned()));
+        assert_eq!(mailbox.tell(Message::Add(1)).unwrap_err().code, sg_proto::bus::Code::Unavailable);
+    }
+}

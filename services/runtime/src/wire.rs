@@ -1,0 +1,71 @@
+//! Between typed messages and payloads: encoding names, sizes, envelopes.
+
+use std::sync::LazyLock;
+
+use prost::{Message, Name};
+use sg_proto::bus::Envelope;
+use sg_proto::limits::{MAX_ENVELOPE_BYTES, MAX_MESSAGE_BYTES};
+use zenoh::bytes::{Encoding, ZBytes};
+
+use crate::fault::Fault;
+
+/// BLAKE3 of the compiled schema, hexadecimal.
+pub(crate) static SCHEMA_HASH: LazyLock<String> =
+    LazyLock::new(|| blake3::hash(sg_proto::DESCRIPTORS).to_hex().to_string());
+
+const PROTOBUF: &str = "application/protobuf;";
+
+pub(crate) fn encoding<M: Name>() -> Encoding {
+    Encoding::from(format!("{PROTOBUF}{}", M::full_name()))
+}
+
+/// Encodes, refusing what no receiver would take.
+pub(crate) fn encode<M: Message + Name>(message: &M) -> Result<Vec<u8>, Fault> {
+    let bytes = message.encode_to_vec();
+    if bytes.len() > MAX_MESSAGE_BYTES {
+        return Err(Fault::exhausted(format!(
+            "a {} of {} bytes is over the limit of {MAX_MESSAGE_BYTES} bytes for one message",
+            M::full_name(),
+            bytes.len()
+        )));
+    }
+    Ok(bytes)
+}
+
+/// Decodes a payload that should be an `M`, refusing other types, sizes and forms.
+pub(crate) fn decode<M: Message + Name + Default>(encoding: &Encoding, payload: &ZBytes) -> Result<M, Fault> {
+    let named = encoding.to_string();
+    let Some(name) = named.strip_prefix(PROTOBUF) else {
+        return Err(Fault::invalid(format!(
+            "payload of encoding `{named}` refused; send `{PROTOBUF}{}`",
+            M::full_name()
+        )));
+    };
+    if name != M::full_name() {
+        return Err(Fault::invalid(format!("message of type `{name}` refused; this key takes `{}`", M::full_name())));
+    }
+    if payload.len() > MAX_MESSAGE_BYTES {
+        return Err(Fault::exhausted(format!(
+            "a {name} of {} bytes is over the limit of {MAX_MESSAGE_BYTES} bytes for one message",
+            payload.len()
+        )));
+    }
+    M::decode(&*payload.to_bytes()).map_err(|e| Fault::invalid(format!("malformed {name}: {e}")))
+}
+
+/// The full name of the protobuf message an encoding speaks of, if it does.
+pub(crate) fn message_name(encoding: &Encoding) -> Option<String> {
+    encoding.to_string().strip_prefix(PROTOBUF).map(str::to_owned)
+}
+
+/// The envelope of a message; an absent one is empty, a malformed or oversized one refused.
+pub(crate) fn envelope(attachment: Option<&ZBytes>) -> Result<Envelope, Fault> {
+    let Some(attachment) = attachment else { return Ok(Envelope::default()) };
+    if attachment.len() > MAX_ENVELOPE_BYTES {
+        return Err(Fault::exhausted(format!(
+            "an envelope of {} bytes is over the limit of {MAX_ENVELOPE_BYTES}",
+            attachment.len()
+        )));
+    }
+    Envelope::decode(&*attachment.to_bytes()).map_err(|e| Fault::invalid(format!("malformed envelope: {e}")))
+}

@@ -1,0 +1,241 @@
+//! The bus between two clients of one router, in one process.
+
+use std::time::{Duration, Instant};
+
+use prost::Message as _;
+use sg_proto::bus::{Code, StatusRequest};
+use sg_proto::keys::{self, role};
+use sg_proto::scene::{Command, CommandResult, Event, Mask, State};
+use sg_runtime::bus::{Bus, endpoint_of};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+
+struct Session {
+    _folder: tempfile::TempDir,
+    endpoint: String,
+    router: Bus,
+}
+
+impl Session {
+    async fn open() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("bus.sock");
+        let router = Bus::route("test", role::SUPERVISOR, &socket).await.unwrap();
+        Self { _folder: folder, endpoint: endpoint_of(&socket), router }
+    }
+
+    async fn join(&self, role: &str) -> Bus {
+        Bus::connect("test", role, &self.endpoint).await.unwrap()
+    }
+}
+
+fn soon() -> Context {
+    Context::root().deadline_in(Duration::from_secs(5))
+}
+
+async fn serve_scene(bus: &Bus) -> sg_runtime::bus::Serving {
+    bus.serve(&keys::SCENE_APPLY, role::SCENE, 4, |command: Command, context| async move {
+        match command.id.as_str() {
+            "refuse" => Err(Fault::precondition("nothing is selected").with_details(["brush first".to_owned()])),
+            "slow" => {
+                tokio::time::sleep(Duration::from_millis(300)).await;
+                Ok(CommandResult::default())
+            }
+            _ => Ok(CommandResult { id: command.id, summary: context.conversation, ..Default::default() }),
+        }
+    })
+    .await
+    .unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_question_is_answered_with_its_chain() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let _serving = serve_scene(&scene).await;
+    let cli = session.join(role::CLI).await;
+    let command = Command { id: "one".into(), ..Default::default() };
+    let result = cli.ask(&keys::SCENE_APPLY, &command, &soon().at_step("talk", 2)).await.unwrap();
+    assert_eq!((result.id.as_str(), result.summary.as_str()), ("one", "talk"));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_refusal_keeps_its_code_line_and_details() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let _serving = serve_scene(&scene).await;
+    let cli = session.join(role::CLI).await;
+    let fault =
+        cli.ask(&keys::SCENE_APPLY, &Command { id: "refuse".into(), ..Default::default() }, &soon()).await.unwrap_err();
+    assert_eq!(fault.code, Code::FailedPrecondition);
+    assert_eq!(
+        (fault.message.as_str(), fault.details.as_slice()),
+        ("nothing is selected", ["brush first".to_owned()].as_slice())
+    );
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nobody_there_is_unavailable_within_the_deadline() {
+    let session = Session::open().await;
+    let cli = session.join(role::CLI).await;
+    let before = Instant::now();
+    let context = Context::root().deadline_in(Duration::from_millis(200));
+    let fault = cli.ask(&keys::SCENE_APPLY, &Command::default(), &context).await.unwrap_err();
+    assert!(matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded), "{fault:?}");
+    assert!(fault.message.contains("scene"), "{fault}");
+    assert!(before.elapsed() < Duration::from_secs(2));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_service_that_comes_late_still_answers() {
+    let session = Session::open().await;
+    let cli = session.join(role::CLI).await;
+    let asking = tokio::spawn(async move {
+        cli.ask(&keys::SCENE_APPLY, &Command { id: "late".into(), ..Default::default() }, &soon()).await
+    });
+    tokio::time::sleep(Duration::from_millis(150)).await;
+    let scene = session.join(role::SCENE).await;
+    let _serving = serve_scene(&scene).await;
+    assert_eq!(asking.await.unwrap().unwrap().id, "late");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_slow_answer_is_late_and_a_full_queue_refuses_at_once() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let _serving = serve_scene(&scene).await;
+    let cli = session.join(role::CLI).await;
+    let slow = Command { id: "slow".into(), ..Default::default() };
+    let hurried = Context::root().deadline_in(Duration::from_millis(50));
+    assert_eq!(cli.ask(&keys::SCENE_APPLY, &slow, &hurried).await.unwrap_err().code, Code::DeadlineExceeded);
+
+    let asks: Vec<_> = (0..12)
+        .map(|_| {
+            let (cli, slow) = (cli.clone(), slow.clone());
+            tokio::spawn(async move { cli.ask(&keys::SCENE_APPLY, &slow, &soon()).await })
+        })
+        .collect();
+    let mut refused = 0;
+    for ask in asks {
+        if ask.await.unwrap().is_err_and(|f| f.code == Code::ResourceExhausted) {
+            refused += 1;
+        }
+    }
+    assert!(refused >= 5, "a queue of 4 took all but {refused} of 12");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn senders_types_and_garbage_are_refused_and_counted() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let _serving = serve_scene(&scene).await;
+    // The intent agent understands; it may not act.
+    let intent = session.join(role::AGENT_INTENT).await;
+    let fault = intent.ask(&keys::SCENE_APPLY, &Command::default(), &soon()).await.unwrap_err();
+    assert_eq!(fault.code, Code::PermissionDenied);
+
+    // The same key with another type, and with bytes that are none.
+    let raw = zenoh::open(client(&session.endpoint)).await.unwrap();
+    let envelope = sg_proto::bus::Envelope { sender: role::CLI.into(), ..Default::default() }.encode_to_vec();
+    let key = keys::key("test", role::SCENE, "cmd/apply");
+    let oversized = vec![0_u8; sg_proto::limits::MAX_MESSAGE_BYTES + 1];
+    let name = "application/protobuf;supergaussian.scene.v1.Command";
+    for (encoding, payload, code) in [
+        ("application/protobuf;supergaussian.scene.v1.Undo", vec![], Code::InvalidArgument),
+        ("text/plain", b"undo".to_vec(), Code::InvalidArgument),
+        (name, vec![0xff; 16], Code::InvalidArgument),
+        (name, oversized, Code::ResourceExhausted),
+    ] {
+        let replies = raw
+            .get(&key)
+            .payload(payload)
+            .encoding(encoding)
+            .attachment(envelope.clone())
+            .timeout(Duration::from_secs(5))
+            .await
+            .unwrap();
+        let reply = replies.recv_async().await.unwrap();
+        let error = reply.result().unwrap_err();
+        let error = sg_proto::bus::Error::decode(&*error.payload().to_bytes()).unwrap();
+        assert_eq!(Fault::from_wire(error).code, code, "{encoding}");
+    }
+    assert_eq!(scene.counters().refused.load(std::sync::atomic::Ordering::Relaxed), 5);
+}
+
+fn client(endpoint: &str) -> zenoh::Config {
+    let mut config = zenoh::Config::default();
+    config.insert_json5("mode", "\"client\"").unwrap();
+    config.insert_json5("connect/endpoints", &format!("[\"{endpoint}\"]")).unwrap();
+    config.insert_json5("scouting/multicast/enabled", "false").unwrap();
+    config
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_slow_follower_loses_the_oldest_and_knows_how_many() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let cli = session.join(role::CLI).await;
+    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    for revision in 1..=100 {
+        scene.publish(&keys::SCENE_EVENT, &Event { revision, ..Default::default() }, &soon()).await.unwrap();
+    }
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let mut seen = Vec::new();
+    while let Ok(Some((event, _))) = tokio::time::timeout(Duration::from_millis(100), events.next()).await {
+        seen.push(event.revision);
+    }
+    assert_eq!(seen, (93..=100).collect::<Vec<_>>());
+    assert_eq!(events.lost(), 92);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_late_reader_gets_the_newest_value() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let state = scene.own(&keys::SCENE_STATE, State::default()).await.unwrap();
+    state.set(State { revision: 7, ..Default::default() }, &soon()).await.unwrap();
+    let cli = session.join(role::CLI).await;
+    assert_eq!(cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision, 7);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn draining_finishes_what_was_accepted() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let serving = serve_scene(&scene).await;
+    let cli = session.join(role::CLI).await;
+    let asking = tokio::spawn(async move {
+        cli.ask(&keys::SCENE_APPLY, &Command { id: "slow".into(), ..Default::default() }, &soon()).await
+    });
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    serving.drain(Duration::from_secs(2)).await;
+    assert!(asking.await.unwrap().is_ok());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_comes_and_goes_is_seen() {
+    let session = Session::open().await;
+    let mut seen = session.router.watch_alive(16).await.unwrap();
+    let scene = session.join(role::SCENE).await;
+    let alive = scene.declare_alive("scene-1").await.unwrap();
+    let came = tokio::time::timeout(Duration::from_secs(2), seen.recv()).await.unwrap().unwrap();
+    assert_eq!((came.role.as_str(), came.instance.as_str(), came.alive), (role::SCENE, "scene-1", true));
+    drop(alive);
+    let went = tokio::time::timeout(Duration::from_secs(2), seen.recv()).await.unwrap().unwrap();
+    assert!(!went.alive);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_message_no_receiver_would_take_is_not_sent() {
+    let session = Session::open().await;
+    let cli = session.join(role::CLI).await;
+    let bits = vec![0; sg_proto::limits::MAX_MESSAGE_BYTES + 1];
+    let commit = sg_proto::scene::CommitSelection { mask: Some(Mask { length: 1, bits }), ..Default::default() };
+    let action = Some(sg_proto::scene::command::Action::CommitSelection(commit));
+    let fault = cli.ask(&keys::SCENE_APPLY, &Command { action, ..Default::default() }, &soon()).await.unwrap_err();
+    assert_eq!(fault.code, Code::ResourceExhausted);
+    let hurried = soon().within(Duration::from_millis(50));
+    let fault = cli.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &hurried).await.unwrap_err();
+    assert!(matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded));
+}
