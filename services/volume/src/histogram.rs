@@ -1,0 +1,337 @@
+//! A transfer function from nothing but the values: multi-level Otsu thresholds on the histogram.
+
+use rayon::prelude::*;
+
+use crate::field::Field;
+use crate::transfer::{BaseUnitRange, ControlPoint, Scale, TransferFunction, Units};
+
+/// Bins of the histogram.
+pub const BINS: usize = 256;
+/// A material needs this share of the voxels: fewer are noise.
+const LEAST_SHARE: f64 = 2e-4;
+
+/// Why no transfer function can be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AutomaticError {
+    /// There is no finite value.
+    #[error("no voxel has a finite value")]
+    NoValues,
+    /// All values are the same.
+    #[error("every voxel has the value {0}: nothing can be told apart; give a transfer function")]
+    Constant(f64),
+}
+
+/// Counts of values in [`BINS`] bins of equal width.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Histogram {
+    /// Lower border of the first bin.
+    pub low: f64,
+    /// Upper border of the last bin.
+    pub high: f64,
+    /// Values in each bin; those outside the borders count in the end bins.
+    pub counts: Vec<u64>,
+}
+
+impl Histogram {
+    /// The histogram of the finite values between two borders.
+    #[must_use]
+    pub fn of(field: &Field, low: f64, high: f64) -> Self {
+        let factor = BINS as f64 / (high - low).max(f64::MIN_POSITIVE);
+        let bin = |v: f32| (((field.offset() + f64::from(v) - low) * factor).max(0.0) as usize).min(BINS - 1);
+        let counts = field
+            .values()
+            .par_chunks(1 << 18)
+            .map(|chunk| {
+                let mut counts = vec![0_u64; BINS];
+                for &v in chunk.iter().filter(|v| v.is_finite()) {
+                    counts[bin(v)] += 1;
+                }
+                counts
+            })
+            .reduce(
+                || vec![0; BINS],
+                |mut a, b| {
+                    a.iter_mut().zip(b).for_each(|(x, y)| *x += y);
+                    a
+                },
+            );
+        Self { low, high, counts }
+    }
+
+    /// Value at the lower border of bin `i`.
+    #[must_use]
+    pub fn border(&self, i: usize) -> f64 {
+        self.low + (self.high - self.low) * i as f64 / BINS as f64
+    }
+}
+
+/// A transfer function for a volume nobody has looked at yet: up to three materials found by multi-level Otsu thresholds
+/// (Liao, Chen and Chung 2001), the class of the volume's outer faces transparent, the others in colours that
+/// colour-blind people can tell apart (Okabe and Ito 2008), denser ones more opaque, one base unit each. The same
+/// values always give the same function.
+///
+/// # Errors
+/// [`AutomaticError`] where all values are equal or none is finite.
+pub fn automatic(field: &Field, variable: Option<&str>) -> Result<TransferFunction, AutomaticError> {
+    let (low, high) = robust_range(field)?;
+    let histogram = Histogram::of(field, low, high);
+    let background = background_bin(field, &histogram);
+    // Air or vacuum fills most volumes: square roots keep its peak from swallowing the thresholds of small structures.
+    let weights: Vec<f64> = histogram.counts.iter().map(|&c| (c as f64).sqrt()).collect();
+    let total: u64 = histogram.counts.iter().sum();
+    let distinct = histogram.counts.iter().filter(|&&c| c > 0).count();
+
+    let mut borders = vec![0, BINS];
+    for classes in (2..=4.min(distinct)).rev() {
+        borders = otsu_borders(&weights, classes);
+        let share = |w: &[usize]| histogram.counts[w[0]..w[1]].iter().sum::<u64>() as f64 / total as f64;
+        if classes == 2 || borders.windows(2).all(|w| share(w) >= LEAST_SHARE) {
+            break;
+        }
+    }
+    let empty = borders.windows(2).position(|w| (w[0]..w[1]).contains(&background)).unwrap_or(0);
+    Ok(from_borders(&histogram, &borders, empty, variable))
+}
+
+/// The range of values worth telling apart: everything for integers and well-spread floats; without the outermost
+/// 1/10,000 at an end where that tail is longer than all the rest.
+fn robust_range(field: &Field) -> Result<(f64, f64), AutomaticError> {
+    let range = field.range();
+    if range.non_finite == field.values().len() {
+        return Err(AutomaticError::NoValues);
+    }
+    if range.low >= range.high {
+        return Err(AutomaticError::Constant(range.low));
+    }
+    // A regular subset of at most a million values gives the quantiles.
+    let stride = field.values().len().div_ceil(1 << 20);
+    let mut some: Vec<f32> = field.values().iter().step_by(stride).copied().filter(|v| v.is_finite()).collect();
+    some.sort_by(f32::total_cmp);
+    let quantile = |q: f64| {
+        let at = (q * (some.len().saturating_sub(1)) as f64).round() as usize;
+        some.get(at).map_or(range.low, |&v| field.offset() + f64::from(v))
+    };
+    let (inner_low, inner_high) = (quantile(1e-4), quantile(1.0 - 1e-4));
+    let inner = inner_high - inner_low;
+    let mut low = range.low;
+    let mut high = range.high;
+    if inner > 0.0 {
+        if inner_low - low > inner {
+            low = inner_low;
+        }
+        if high - inner_high > inner {
+            high = inner_high;
+        }
+    }
+    Ok((low, high))
+}
+
+/// The bin that is most frequent on the outer faces of the volume (all voxels, where the volume is thin).
+fn background_bin(field: &Field, histogram: &Histogram) -> usize {
+    let grid = field.grid();
+    let [nx, ny, nz] = grid.dims();
+    let factor = BINS as f64 / (histogram.high - histogram.low);
+    let mut counts = vec![0_u64; BINS];
+    for z in 0..nz {
+        for y in 0..ny {
+            let on_face = z == 0 || z + 1 == nz || y == 0 || y + 1 == ny;
+            let step = if on_face { 1 } else { (nx - 1).max(1) };
+            for x in (0..nx).step_by(step) {
+                let v = field.raw(grid.index(x, y, z));
+                if v.is_finite() {
+                    counts[(((v - histogram.low) * factor).max(0.0) as usize).min(BINS - 1)] += 1;
+                }
+            }
+        }
+    }
+    // The first of equals: the lowest value.
+    (0..BINS).rev().max_by_key(|&i| counts[i]).unwrap_or(0)
+}
+
+/// Borders `0 = b₀ < b₁ < … < b_k = BINS` of the `classes` classes with the greatest between-class variance, by dynamic
+/// programming over all placements.
+fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
+    let n = weights.len();
+    let mut mass = vec![0.0; n + 1];
+    let mut moment = vec![0.0; n + 1];
+    for (i, w) in weights.iter().enumerate() {
+        mass[i + 1] = mass[i] + w;
+        moment[i + 1] = moment[i] + w * (i as f64 + 0.5);
+    }
+    // Σ over classes of (first moment)² / mass is the between-class variance up to a constant.
+    let gain = |a: usize, b: usize| {
+        let m = mass[b] - mass[a];
+        if m > 0.0 { (moment[b] - moment[a]).powi(2) / m } else { f64::NEG_INFINITY }
+    };
+    let mut best: Vec<f64> = (0..=n).map(|b| gain(0, b)).collect();
+    let mut choices = Vec::new();
+    for _ in 1..classes {
+        let mut next = vec![f64::NEG_INFINITY; n + 1];
+        let mut choice = vec![0; n + 1];
+        for b in 1..=n {
+            for a in 1..b {
+                let value = best[a] + gain(a, b);
+                if value > next[b] {
+                    (next[b], choice[b]) = (value, a);
+                }
+            }
+        }
+        best = next;
+        choices.push(choice);
+    }
+    let mut borders = vec![n];
+    for choice in choices.iter().rev() {
+        let last = borders.last().map_or(0, |&b| choice[b]);
+        borders.push(last);
+    }
+    borders.push(0);
+    borders.reverse();
+    borders
+}
+
+/// Colours from the Okabe–Ito set: orange, sky blue, reddish purple.
+const COLORS: [[f32; 3]; 3] = [[0.902, 0.624, 0.0], [0.337, 0.706, 0.914], [0.8, 0.475, 0.655]];
+/// Opacities by number of materials: an outer, less dense one must not hide what it holds.
+const OPACITIES: [&[f32]; 4] = [&[], &[0.5], &[0.06, 0.6], &[0.03, 0.2, 0.8]];
+const NAMES: [&[&str]; 4] = [&[], &["material"], &["low", "high"], &["low", "middle", "high"]];
+
+fn from_borders(histogram: &Histogram, borders: &[usize], empty: usize, variable: Option<&str>) -> TransferFunction {
+    let classes = borders.len() - 1;
+    let materials = classes - 1;
+    let mut material = 0;
+    let looks: Vec<Option<usize>> = (0..classes)
+        .map(|c| {
+            (c != empty).then(|| {
+                material += 1;
+                material - 1
+            })
+        })
+        .collect();
+    let sample = |class: usize, other: usize| match (looks[class], looks[other]) {
+        (Some(m), _) => (COLORS[m % 3], OPACITIES[materials.min(3)][m]),
+        // Ramps into the background fade; they don't change colour.
+        (None, Some(m)) => (COLORS[m % 3], 0.0),
+        (None, None) => ([0.0; 3], 0.0),
+    };
+    let mut points = Vec::new();
+    let mut push = |value: f64, (color, opacity): ([f32; 3], f32)| points.push(ControlPoint { value, color, opacity });
+    push(histogram.low, sample(0, 1.min(classes - 1)));
+    let mut starts = vec![histogram.low];
+    for c in 1..classes {
+        let width = |i: usize| histogram.border(borders[i + 1]) - histogram.border(borders[i]);
+        let half = 0.15 * width(c - 1).min(width(c));
+        let at = histogram.border(borders[c]);
+        push(at - half, sample(c - 1, c));
+        push(at + half, sample(c, c - 1));
+        // Where a ramp leaves the background, everything that shows belongs to the material.
+        starts.push(match (looks[c - 1], looks[c]) {
+            (None, _) => at - half,
+            (_, None) => at + half,
+            _ => at,
+        });
+    }
+    push(histogram.high, sample(classes - 1, classes.saturating_sub(2)));
+    starts.push(histogram.high);
+    let base_units = looks
+        .iter()
+        .enumerate()
+        .filter_map(|(c, m)| m.map(|m| (c, m)))
+        .map(|(c, m)| BaseUnitRange { name: NAMES[materials.min(3)][m].to_owned(), range: [starts[c], starts[c + 1]] })
+        .collect();
+    TransferFunction {
+        domain: [histogram.low, histogram.high],
+        units: Units::Raw,
+        scale: Scale::Linear,
+        variable: variable.map(str::to_owned),
+        points,
+        base_units,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Grid;
+    use crate::volume::Volume;
+
+    fn field_of(dims: [usize; 3], f: impl Fn(usize) -> f32) -> Field {
+        let grid = Grid::unit(dims).unwrap();
+        let values: Vec<f32> = (0..grid.len()).map(f).collect();
+        Volume::new(grid, values.into(), None).unwrap().to_field()
+    }
+
+    /// Nested boxes of values 0, 80, 160, 240 with a little spread.
+    fn nested() -> Field {
+        field_of([40, 40, 40], |i| {
+            let depth = |x: usize| x.min(39 - x);
+            let d = depth(i % 40).min(depth(i / 40 % 40)).min(depth(i / 1600));
+            [0.0, 80.0, 160.0, 240.0][(d / 5).min(3)] + (i * 7919 % 11) as f32
+        })
+    }
+
+    #[test]
+    fn nested_boxes_become_their_materials() {
+        let field = nested();
+        let f = automatic(&field, Some("density")).unwrap();
+        f.check().unwrap();
+        assert_eq!(f, automatic(&field, Some("density")).unwrap());
+        assert_eq!(f.base_units.len(), 3);
+        let c = f.classifier(field.range()).unwrap();
+        assert_eq!(c.opacity(5.0), 0.0, "the outer faces are background");
+        for (value, unit) in [(85.0, 0), (165.0, 1), (245.0, 2)] {
+            assert!(c.opacity(value) > 0.0);
+            assert_eq!(c.unit(value).unit, unit, "{value}");
+            assert!(c.unit(value).inside);
+        }
+        assert!(c.opacity(245.0) > c.opacity(85.0));
+    }
+
+    #[test]
+    fn a_bright_background_is_the_transparent_one() {
+        let field = field_of([20, 20, 20], |i| {
+            let inside = |x: usize| (6..14).contains(&x);
+            if inside(i % 20) && inside(i / 20 % 20) && inside(i / 400) { 10.0 } else { 200.0 }
+        });
+        let f = automatic(&field, None).unwrap();
+        let c = f.classifier(field.range()).unwrap();
+        assert_eq!(c.opacity(200.0), 0.0);
+        assert!(c.opacity(10.0) > 0.2);
+        assert_eq!(f.base_units.len(), 1);
+    }
+
+    #[test]
+    fn one_wild_value_does_not_flatten_the_rest() {
+        let field = nested();
+        let mut values = field.values().to_vec();
+        values[20_000] = 1e9;
+        let wild = Volume::new(field.grid().clone(), values.into(), None).unwrap().to_field();
+        let f = automatic(&wild, None).unwrap();
+        assert!(f.domain[1] < 300.0, "{:?}", f.domain);
+    }
+
+    #[test]
+    fn nothing_to_tell_apart_is_an_error() {
+        assert_eq!(automatic(&field_of([3, 3, 3], |_| 7.0), None), Err(AutomaticError::Constant(7.0)));
+        assert_eq!(automatic(&field_of([3, 3, 3], |_| f32::NAN), None), Err(AutomaticError::NoValues));
+    }
+
+    #[test]
+    fn otsu_finds_the_best_of_all_placements() {
+        let weights: Vec<f64> = (0..24).map(|i| ((i * 37 % 17) as f64) + if i % 8 < 3 { 30.0 } else { 0.0 }).collect();
+        let score = |b: &[usize]| -> f64 {
+            b.windows(2)
+                .map(|w| {
+                    let m: f64 = weights[w[0]..w[1]].iter().sum();
+                    let s: f64 = (w[0]..w[1]).map(|i| weights[i] * (i as f64 + 0.5)).sum();
+                    s * s / m
+                })
+                .sum()
+        };
+        let found = otsu_borders(&weights, 3);
+        let best = (1..24)
+            .flat_map(|a| (a + 1..24).map(move |b| vec![0, a, b, 24]))
+            .map(|b| score(&b))
+            .fold(f64::NEG_INFINITY, f64::max);
+        assert!((score(&found) - best).abs() < 1e-9 * best);
+    }
+}

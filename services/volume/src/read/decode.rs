@@ -1,0 +1,200 @@
+//! Bytes and text to typed voxels, with memory that grows only with what is really there.
+
+use std::io::{self, Read};
+
+use crate::scalars::{Decode, Scalar, ScalarType, Scalars};
+
+use super::{Found, ReadError, Source};
+
+/// How voxels are packed in a stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Packing {
+    /// As they are.
+    Plain,
+    /// gzip.
+    Gzip,
+    /// Zstandard.
+    Zstd,
+}
+
+impl Packing {
+    /// The most bytes that can come out of one compressed byte: deflate's bound, and a zstd block of one repeated byte
+    /// (128 KiB from 4 bytes).
+    fn largest_ratio(self) -> u64 {
+        match self {
+            Self::Plain => 1,
+            Self::Gzip => 1032,
+            Self::Zstd => 32 * 1024,
+        }
+    }
+}
+
+/// A stretch of a file that should hold all voxels.
+pub(super) struct Voxels {
+    pub(super) dims: [usize; 3],
+    pub(super) scalar: ScalarType,
+    pub(super) big_endian: bool,
+    pub(super) packing: Packing,
+    pub(super) remedy: &'static str,
+}
+
+impl Voxels {
+    /// Reads all voxels from `reader`, of which `available` stored bytes remain; the stream must end with them.
+    pub(super) fn read(&self, source: Source<'_>, reader: impl Read, available: u64) -> Result<Scalars, ReadError> {
+        let expected = source.voxel_bytes(self.dims, self.scalar)?;
+        let wrong = |found| self.wrong_size(source, expected, found);
+        let most = available.saturating_mul(self.packing.largest_ratio());
+        match self.packing {
+            Packing::Plain if available != expected => return Err(wrong(Found::Bytes(available))),
+            Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(Found::AtMost(most))),
+            _ => {}
+        }
+        let result = match self.packing {
+            Packing::Plain => self.decode(reader, expected),
+            Packing::Gzip => self.decode(flate2::read::MultiGzDecoder::new(reader), expected),
+            Packing::Zstd => match zstd::stream::read::Decoder::new(reader) {
+                Ok(decoder) => self.decode(decoder, expected),
+                Err(e) => Err(Failure::Io(e)),
+            },
+        };
+        result.map_err(|failure| match failure {
+            Failure::Short(n) => wrong(Found::Bytes(n)),
+            Failure::Long => wrong(Found::MoreThan(expected)),
+            Failure::Io(e) => source.io(e),
+        })
+    }
+
+    /// The typed error for a wrong size.
+    pub(super) fn wrong_size(&self, source: Source<'_>, expected: u64, found: Found) -> ReadError {
+        ReadError::Size {
+            path: source.path.to_owned(),
+            dims: self.dims,
+            scalar: self.scalar,
+            expected,
+            found,
+            remedy: self.remedy,
+        }
+    }
+
+    fn decode(&self, reader: impl Read, expected: u64) -> Result<Scalars, Failure> {
+        let count = (expected / self.scalar.bytes() as u64) as usize;
+        Scalars::decode(self.scalar, Binary { reader, count, swap: self.big_endian != cfg!(target_endian = "big") })
+    }
+}
+
+enum Failure {
+    Short(u64),
+    Long,
+    Io(io::Error),
+}
+
+struct Binary<R> {
+    reader: R,
+    count: usize,
+    swap: bool,
+}
+
+impl<R: Read> Decode for Binary<R> {
+    type Error = Failure;
+
+    fn decode<T: Scalar>(&mut self) -> Result<Vec<T>, Failure> {
+        /// Values that are read at once: memory never runs further ahead of the data than this.
+        const PIECE: usize = 1 << 22;
+        let mut values: Vec<T> = Vec::new();
+        while values.len() < self.count {
+            let start = values.len();
+            let end = self.count.min(start + PIECE);
+            values.try_reserve(end - start).map_err(|_| Failure::Io(io::ErrorKind::OutOfMemory.into()))?;
+            values.resize(end, T::zeroed());
+            let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut values[start..]);
+            let got = read_full(&mut self.reader, bytes)?;
+            if got < bytes.len() {
+                return Err(Failure::Short((start * size_of::<T>() + got) as u64));
+            }
+        }
+        if read_full(&mut self.reader, &mut [0])? > 0 {
+            return Err(Failure::Long);
+        }
+        if self.swap {
+            for value in &mut values {
+                *value = value.swapped();
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// Fills `buffer` as far as the stream goes. A compressed stream that breaks off counts as one that ends.
+fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> Result<usize, Failure> {
+    let mut filled = 0;
+    while filled < buffer.len() {
+        match reader.read(&mut buffer[filled..]) {
+            Ok(0) => break,
+            Ok(n) => filled += n,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => break,
+            Err(e) => return Err(Failure::Io(e)),
+        }
+    }
+    Ok(filled)
+}
+
+/// Numbers written as text, separated by white space (NRRD also by commas).
+pub(super) struct Text<'a> {
+    pub(super) text: &'a str,
+    pub(super) count: usize,
+}
+
+/// What is wrong with a text of numbers.
+pub(super) enum TextFailure {
+    /// A word that is no number of the type: its place (from 1) and the word.
+    Word(usize, String),
+    /// So many numbers instead of the expected ones (at least, where more).
+    Count(usize),
+}
+
+impl Decode for Text<'_> {
+    type Error = TextFailure;
+
+    fn decode<T: Scalar>(&mut self) -> Result<Vec<T>, TextFailure> {
+        // A number takes at least a digit and a separator, which bounds the allocation by the text's length.
+        let mut values = Vec::with_capacity(self.count.min(self.text.len() / 2 + 1));
+        let words = self.text.split(|c: char| c.is_ascii_whitespace() || c == ',').filter(|w| !w.is_empty());
+        for (i, word) in words.enumerate() {
+            if i >= self.count {
+                return Err(TextFailure::Count(i + 1));
+            }
+            let value = word.parse().map_err(|_| TextFailure::Word(i + 1, word.chars().take(40).collect()))?;
+            values.push(value);
+        }
+        if values.len() < self.count { Err(TextFailure::Count(values.len())) } else { Ok(values) }
+    }
+}
+
+/// Reads `dims` numbers of a type from text.
+pub(super) fn read_text(
+    source: Source<'_>,
+    text: &str,
+    dims: [usize; 3],
+    scalar: ScalarType,
+) -> Result<Scalars, ReadError> {
+    let count = (source.voxel_bytes(dims, scalar)? / scalar.bytes() as u64) as usize;
+    Scalars::decode(scalar, Text { text, count }).map_err(|failure| match failure {
+        TextFailure::Word(at, word) => source.format(
+            format!("value {at} of the data"),
+            format!("`{word}` is no {}", scalar.name()),
+            "correct the number or the type",
+        ),
+        TextFailure::Count(found) => source.format(
+            "ascii data",
+            format!(
+                "expected {count} numbers for {} x {} x {}, found {}{found}",
+                dims[0],
+                dims[1],
+                dims[2],
+                if found > count { "at least " } else { "" }
+            ),
+            "correct the sizes or complete the data",
+        ),
+    })
+}

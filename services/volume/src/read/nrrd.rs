@@ -1,0 +1,341 @@
+//! NRRD, attached (`.nrrd`) and detached (`.nhdr`): <https://teem.sourceforge.net/nrrd/format.html>.
+//!
+//! Read are scalar 3-D volumes in the encodings raw, gzip and ascii. Axes of one sample without a direction are dropped.
+//! Coordinates stay in the file's own space (`left-posterior-superior` and so on): nothing is flipped.
+
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::PathBuf;
+
+use glam::{DMat3, DVec3};
+
+use crate::grid::Grid;
+use crate::scalars::ScalarType;
+use crate::volume::Volume;
+
+use super::decode::{Packing, Voxels, read_text};
+use super::{ReadError, Source};
+
+/// Longest header.
+const MAX_HEADER_BYTES: u64 = 1 << 20;
+const REMEDY: &str = "correct `sizes` or `type` in the header, or fetch the file again";
+
+pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+    let (file, length) = source.open()?;
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let header = Header::read(source, &mut reader)?;
+    let (dims, grid) = header.grid(source)?;
+    let after_header = reader.stream_position().map_err(|e| source.io(e))?;
+
+    let data_path: PathBuf;
+    let (data_source, mut reader, length, start) = match &header.data_file {
+        None => (source, reader, length, after_header),
+        Some(name) => {
+            data_path = source.path.parent().map(|p| p.join(name)).unwrap_or_else(|| name.into());
+            let data_source = Source { path: &data_path, limits: source.limits };
+            let (file, length) = data_source.open()?;
+            (data_source, BufReader::with_capacity(1 << 18, file), length, 0)
+        }
+    };
+    let scalars = match header.encoding {
+        Encoding::Ascii => {
+            header.skip_lines(data_source, &mut reader)?;
+            let mut text = String::new();
+            // The limit on voxels bounds the text too: a number takes a few dozen characters at most.
+            let most = data_source.voxel_bytes(dims, header.scalar)?.saturating_mul(32);
+            reader.take(most.saturating_add(1)).read_to_string(&mut text).map_err(|e| data_source.io(e))?;
+            read_text(data_source, &text, dims, header.scalar)?
+        }
+        Encoding::Raw | Encoding::Gzip => {
+            let packing = if header.encoding == Encoding::Raw { Packing::Plain } else { Packing::Gzip };
+            let voxels = Voxels { dims, scalar: header.scalar, big_endian: header.big_endian, packing, remedy: REMEDY };
+            let bytes = data_source.voxel_bytes(dims, header.scalar)?;
+            let at = match (header.byte_skip, header.encoding) {
+                // The data are the end of the file.
+                (-1, Encoding::Raw) => length.checked_sub(bytes),
+                (skip, Encoding::Raw) => {
+                    header.skip_lines(data_source, &mut reader)?;
+                    let lines = reader.stream_position().map_err(|e| data_source.io(e))?.max(start);
+                    u64::try_from(skip).ok().and_then(|s| lines.checked_add(s))
+                }
+                _ => Some(start),
+            };
+            let Some(at) = at.filter(|&at| at <= length) else {
+                let found = super::Found::Bytes(length.saturating_sub(start));
+                return Err(voxels.wrong_size(data_source, bytes, found));
+            };
+            reader.seek(SeekFrom::Start(at)).map_err(|e| data_source.io(e))?;
+            voxels.read(data_source, reader, length - at)?
+        }
+    };
+    Volume::new(grid, scalars, header.content).map_err(|e| source.format("voxels", e.to_string(), REMEDY))
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Encoding {
+    Raw,
+    Gzip,
+    Ascii,
+}
+
+/// One axis of the file.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    size: usize,
+    spacing: Option<f64>,
+    direction: Option<DVec3>,
+}
+
+struct Header {
+    scalar: ScalarType,
+    axes: Vec<Axis>,
+    origin: DVec3,
+    encoding: Encoding,
+    big_endian: bool,
+    data_file: Option<String>,
+    line_skip: u64,
+    byte_skip: i64,
+    content: Option<String>,
+}
+
+/// The fields as they stand, with their line for messages.
+#[derive(Default)]
+struct Fields(Vec<(usize, String, String)>);
+
+impl Fields {
+    fn get(&self, names: &[&str]) -> Option<(usize, &str)> {
+        self.0.iter().find(|(_, n, _)| names.contains(&n.as_str())).map(|(line, _, v)| (*line, v.as_str()))
+    }
+}
+
+impl Header {
+    fn read(source: Source<'_>, reader: &mut impl BufRead) -> Result<Self, ReadError> {
+        let fields = read_fields(source, reader)?;
+        let need = |names: &[&str]| {
+            fields.get(names).ok_or_else(|| {
+                source.format("header", format!("no field `{}`", names[0]), "add it (see the NRRD specification)")
+            })
+        };
+        let wrong = |line: usize, name: &str, value: &str, remedy: &str| {
+            source.format(format!("line {line}"), format!("`{name}: {value}` is not understood"), remedy)
+        };
+
+        let (line, name) = need(&["type"])?;
+        let scalar = ScalarType::from_name(&name.to_ascii_lowercase())
+            .ok_or_else(|| wrong(line, "type", name, "use one of int8 to uint64, float or double"))?;
+        let (line, value) = need(&["dimension"])?;
+        let dimension: usize = value
+            .parse()
+            .ok()
+            .filter(|d| (1..=16).contains(d))
+            .ok_or_else(|| wrong(line, "dimension", value, "give a whole number from 1 to 16"))?;
+        let (line, value) = need(&["sizes"])?;
+        let sizes: Vec<usize> = value.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+        if sizes.len() != dimension || value.split_whitespace().count() != dimension {
+            return Err(wrong(line, "sizes", value, "give one whole number for each dimension"));
+        }
+        let mut axes: Vec<Axis> = sizes.iter().map(|&size| Axis { size, spacing: None, direction: None }).collect();
+
+        if let Some((line, value)) = fields.get(&["spacings"]) {
+            let words: Vec<&str> = value.split_whitespace().collect();
+            for (i, axis) in axes.iter_mut().enumerate() {
+                let word = words.get(i).and_then(|w| w.parse::<f64>().ok());
+                let word = word.ok_or_else(|| wrong(line, "spacings", value, "give one number for each dimension"))?;
+                // `nan` marks an axis without spacing.
+                axis.spacing = (!word.is_nan()).then_some(word);
+            }
+        }
+        if let Some((line, value)) = fields.get(&["space directions"]) {
+            let vectors = parse_vectors(value)
+                .filter(|v| v.len() == dimension)
+                .ok_or_else(|| wrong(line, "space directions", value, "give `none` or `(x,y,z)` for each dimension"))?;
+            for (axis, vector) in axes.iter_mut().zip(vectors) {
+                axis.direction = vector;
+            }
+        }
+        let origin = match fields.get(&["space origin"]) {
+            None => DVec3::ZERO,
+            Some((line, value)) => match parse_vectors(value).as_deref() {
+                Some(&[Some(origin)]) => origin,
+                _ => return Err(wrong(line, "space origin", value, "give one `(x,y,z)`")),
+            },
+        };
+
+        let (line, value) = need(&["encoding"])?;
+        let encoding = match value.to_ascii_lowercase().as_str() {
+            "raw" => Encoding::Raw,
+            "gz" | "gzip" => Encoding::Gzip,
+            "ascii" | "text" | "txt" => Encoding::Ascii,
+            _ => return Err(wrong(line, "encoding", value, "convert the file to raw, gzip or ascii")),
+        };
+        let big_endian = match fields.get(&["endian"]).map(|(l, v)| (l, v.to_ascii_lowercase())) {
+            Some((_, v)) if v == "little" => false,
+            Some((_, v)) if v == "big" => true,
+            Some((line, v)) => return Err(wrong(line, "endian", &v, "give little or big")),
+            None if scalar.bytes() == 1 || encoding == Encoding::Ascii => false,
+            None => return Err(source.format("header", "no field `endian`", "add `endian: little` or `endian: big`")),
+        };
+        let data_file = fields.get(&["data file", "datafile"]);
+        if let Some((line, value)) = data_file
+            && (value.starts_with("LIST") || value.contains('%'))
+        {
+            return Err(wrong(line, "data file", value, "join the slices into one data file first"));
+        }
+        let line_skip = match fields.get(&["line skip", "lineskip"]) {
+            None => 0,
+            Some((line, v)) => v.parse().map_err(|_| wrong(line, "line skip", v, "give a whole number"))?,
+        };
+        let byte_skip = match fields.get(&["byte skip", "byteskip"]) {
+            None => 0,
+            Some((line, v)) => v
+                .parse()
+                .ok()
+                .filter(|&n: &i64| n >= 0 || (n == -1 && encoding == Encoding::Raw))
+                .ok_or_else(|| wrong(line, "byte skip", v, "give a whole number, or -1 with raw encoding"))?,
+        };
+        if encoding == Encoding::Gzip && (line_skip > 0 || byte_skip > 0) {
+            return Err(source.format("header", "skips inside gzip data are not supported", "store the data without"));
+        }
+        Ok(Self {
+            scalar,
+            axes,
+            origin,
+            encoding,
+            big_endian,
+            data_file: data_file.map(|(_, v)| v.to_owned()),
+            line_skip,
+            byte_skip,
+            content: fields.get(&["content"]).map(|(_, v)| v.to_owned()).filter(|v| !v.is_empty()),
+        })
+    }
+
+    /// The three spatial axes as a grid.
+    fn grid(&self, source: Source<'_>) -> Result<([usize; 3], Grid), ReadError> {
+        let mut axes = self.axes.clone();
+        while axes.len() > 3
+            && let Some(i) = axes.iter().position(|a| a.size == 1 && a.direction.is_none())
+        {
+            axes.remove(i);
+        }
+        let &[x, y, z] = axes.as_slice() else {
+            return Err(source.format(
+                "header",
+                format!("{} axes of sizes {:?}", self.axes.len(), self.axes.iter().map(|a| a.size).collect::<Vec<_>>()),
+                "give a scalar volume of 3 dimensions",
+            ));
+        };
+        let units = [DVec3::X, DVec3::Y, DVec3::Z];
+        let mut spacing = DVec3::ONE;
+        let mut direction = DMat3::IDENTITY;
+        for (k, axis) in [x, y, z].iter().enumerate() {
+            match (axis.direction, axis.spacing) {
+                (Some(d), _) => {
+                    spacing[k] = d.length();
+                    *direction.col_mut(k) = d;
+                }
+                // A negative spacing runs the axis backwards.
+                (None, Some(s)) => {
+                    spacing[k] = s.abs();
+                    *direction.col_mut(k) = units[k] * s.signum();
+                }
+                (None, None) => {}
+            }
+        }
+        let dims = [x.size, y.size, z.size];
+        let grid = Grid::new(dims, spacing, self.origin, direction).map_err(|e| source.grid(e))?;
+        Ok((dims, grid))
+    }
+
+    fn skip_lines(&self, source: Source<'_>, reader: &mut impl BufRead) -> Result<(), ReadError> {
+        for _ in 0..self.line_skip {
+            if reader.skip_until(b'\n').map_err(|e| source.io(e))? == 0 {
+                return Err(source.format("data", "fewer lines than `line skip` says", "correct `line skip`"));
+            }
+        }
+        if self.encoding == Encoding::Ascii {
+            let skip = u64::try_from(self.byte_skip).unwrap_or(0);
+            std::io::copy(&mut reader.take(skip), &mut std::io::sink()).map_err(|e| source.io(e))?;
+        }
+        Ok(())
+    }
+}
+
+fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, ReadError> {
+    let mut fields = Fields::default();
+    let mut budget = MAX_HEADER_BYTES;
+    for number in 1.. {
+        let mut bytes = Vec::new();
+        let got = reader.take(budget).read_until(b'\n', &mut bytes).map_err(|e| source.io(e))? as u64;
+        budget -= got;
+        if budget == 0 {
+            let what = format!("no empty line within {MAX_HEADER_BYTES} bytes");
+            return Err(source.format("header", what, "end the header with an empty line"));
+        }
+        let line = String::from_utf8_lossy(&bytes);
+        let line = line.trim_end_matches(['\r', '\n']);
+        if number == 1 {
+            if !line.starts_with("NRRD000") {
+                return Err(source.format("line 1", "no NRRD000x magic", "give an NRRD file"));
+            }
+            continue;
+        }
+        // A detached header may end with the file.
+        if line.is_empty() {
+            break;
+        }
+        if line.starts_with('#') {
+            continue;
+        }
+        // `key:=value` pairs are for other programs; their values may hold ": " too.
+        let field = line.find(": ").or_else(|| line.strip_suffix(':').map(str::len));
+        match (line.find(":="), field) {
+            (Some(pair), Some(at)) if pair < at => {}
+            (Some(_), None) => {}
+            (_, Some(at)) => {
+                let name = line[..at].trim().to_ascii_lowercase();
+                let value = line.get(at + 1..).unwrap_or("").trim().to_owned();
+                fields.0.push((number, name, value));
+            }
+            (None, None) => {
+                let what = format!("`{}` is no `field: value`", line.chars().take(60).collect::<String>());
+                return Err(source.format(format!("line {number}"), what, "correct or remove the line"));
+            }
+        }
+    }
+    Ok(fields)
+}
+
+/// `(1,0,0) none (0,0,2)`; nothing where it can't be understood.
+fn parse_vectors(text: &str) -> Option<Vec<Option<DVec3>>> {
+    let mut rest = text.trim();
+    let mut vectors = Vec::new();
+    while !rest.is_empty() {
+        if let Some(after) = rest.strip_prefix("none") {
+            vectors.push(None);
+            rest = after.trim_start();
+            continue;
+        }
+        let (inside, after) = rest.strip_prefix('(')?.split_once(')')?;
+        let mut numbers = inside.split(',').map(|w| w.trim().parse::<f64>().ok());
+        let vector = DVec3::new(numbers.next()??, numbers.next()??, numbers.next()??);
+        if numbers.next().is_some() {
+            return None;
+        }
+        vectors.push(Some(vector));
+        rest = after.trim_start();
+    }
+    Some(vectors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vectors_are_parsed() {
+        let v = parse_vectors("none (1,0,0)(0, 2 ,0) (0,0,-3e0)").unwrap();
+        assert_eq!(v, [None, Some(DVec3::X), Some(DVec3::Y * 2.0), Some(DVec3::Z * -3.0)]);
+        for bad in ["(1,0)", "(1,0,0", "1,0,0", "(a,0,0)", "(1,2,3,4)"] {
+            assert_eq!(parse_vectors(bad), None, "{bad}");
+        }
+    }
+}

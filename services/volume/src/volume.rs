@@ -1,0 +1,87 @@
+//! A volume: a grid and its values, as read.
+
+use crate::field::Field;
+use crate::grid::Grid;
+use crate::scalars::Scalars;
+
+/// A scalar volume in the type the file had.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Volume {
+    grid: Grid,
+    scalars: Scalars,
+    variable: Option<String>,
+}
+
+/// A volume whose values do not fill its grid.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{values} values do not fill {} x {} x {} voxels", .dims[0], .dims[1], .dims[2])]
+pub struct ValueCount {
+    /// Values given.
+    pub values: usize,
+    /// Voxels of the grid.
+    pub dims: [usize; 3],
+}
+
+impl Volume {
+    /// A volume of `scalars` on `grid`; `variable` names the quantity where the file does.
+    ///
+    /// # Errors
+    /// [`ValueCount`] where the lengths differ.
+    pub fn new(grid: Grid, scalars: Scalars, variable: Option<String>) -> Result<Self, ValueCount> {
+        if scalars.len() == grid.len() {
+            Ok(Self { grid, scalars, variable })
+        } else {
+            Err(ValueCount { values: scalars.len(), dims: grid.dims() })
+        }
+    }
+
+    /// Where the voxels lie.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Values, x fastest.
+    #[must_use]
+    pub fn scalars(&self) -> &Scalars {
+        &self.scalars
+    }
+
+    /// Name of the quantity, where the file tells it.
+    #[must_use]
+    pub fn variable(&self) -> Option<&str> {
+        self.variable.as_deref()
+    }
+
+    /// The values in f32, ready for sampling. Types that f32 can't hold exactly are stored relative to their least
+    /// value, subtracted in f64, so that small differences on a large offset survive.
+    #[must_use]
+    pub fn to_field(&self) -> Field {
+        let range = self.scalars.range();
+        let offset = if self.scalars.scalar_type().fits_f32() { 0.0 } else { range.low };
+        Field::from_parts(self.grid.clone(), self.scalars.to_f32(offset), offset, range)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_differences_on_a_large_offset_survive_the_narrowing() {
+        let values: Vec<u32> = (0..8).map(|i| 4_000_000_000 + i).collect();
+        let naive: Vec<f32> = values.iter().map(|&x| x as f32).collect();
+        assert!(naive.iter().all(|x| *x == naive[0]), "f32 alone can't tell them apart");
+        let volume = Volume::new(Grid::unit([2, 2, 2]).unwrap(), values.into(), None).unwrap();
+        let field = volume.to_field();
+        for i in 0..8 {
+            assert_eq!(field.raw(i), 4_000_000_000.0 + i as f64);
+        }
+    }
+
+    #[test]
+    fn values_must_fill_the_grid() {
+        let error = Volume::new(Grid::unit([2, 2, 2]).unwrap(), vec![0_u8; 7].into(), None).unwrap_err();
+        assert_eq!(error.to_string(), "7 values do not fill 2 x 2 x 2 voxels");
+    }
+}
