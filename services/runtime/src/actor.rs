@@ -103,10 +103,11 @@ impl<M: Send + 'static> Mailbox<M> {
 }
 
 /// A running actor, as its process sees it.
-#[derive(Debug)]
 pub struct Running<S> {
     /// Its observable state.
     pub state: watch::Receiver<S>,
+    /// How it is.
+    pub observed: Arc<dyn Observed>,
     /// Ends with the reason.
     pub exit: JoinHandle<Exit>,
 }
@@ -141,7 +142,7 @@ impl<M: Send, S: Display + Send + Sync> Observed for Observer<M, S> {
 }
 
 /// Starts an actor with a mailbox of `capacity` messages.
-pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, Running<A::State>, Arc<dyn Observed>) {
+pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, Running<A::State>) {
     let (sender, mut messages) = mpsc::channel(capacity);
     let (publish, state) = watch::channel(actor.state());
     let shared = Arc::new(Shared { name: actor.name(), handled: AtomicU64::new(0), dropped: AtomicU64::new(0) });
@@ -162,7 +163,7 @@ pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, R
         actor.stop().await;
         exit
     });
-    (Mailbox { sender, shared }, Running { state, exit }, Arc::new(observer))
+    (Mailbox { sender, shared }, Running { state, exit, observed: Arc::new(observer) })
 }
 
 #[cfg(test)]
@@ -210,30 +211,30 @@ mod tests {
 
     #[tokio::test]
     async fn messages_are_handled_in_order_and_state_is_seen() {
-        let (mailbox, running, observed) = spawn(Counter { sum: 0 }, 8);
+        let (mailbox, running) = spawn(Counter { sum: 0 }, 8);
         for n in 1..=4 {
             mailbox.tell(Message::Add(n)).unwrap();
         }
         assert_eq!(mailbox.ask(soon(), Message::Get).await, Ok(10));
         assert_eq!(*running.state.borrow(), 10);
-        assert_eq!(observed.health().handled, 5);
+        assert_eq!(running.observed.health().handled, 5);
         drop(mailbox);
         assert_eq!(running.exit.await.unwrap(), Exit::Finished);
     }
 
     #[tokio::test]
     async fn a_full_mailbox_refuses_and_counts() {
-        let (mailbox, _running, observed) = spawn(Counter { sum: 0 }, 2);
+        let (mailbox, running) = spawn(Counter { sum: 0 }, 2);
         mailbox.tell(Message::Wait(Duration::from_secs(5))).unwrap();
         tokio::task::yield_now().await;
         let refused = (0..10).filter(|_| mailbox.tell(Message::Add(1)).is_err()).count();
         assert!(refused >= 8, "{refused}");
-        assert_eq!(observed.health().dropped, refused as u64);
+        assert_eq!(running.observed.health().dropped, refused as u64);
     }
 
     #[tokio::test]
     async fn an_answer_has_a_deadline() {
-        let (mailbox, _running, _) = spawn(Counter { sum: 0 }, 4);
+        let (mailbox, _running) = spawn(Counter { sum: 0 }, 4);
         mailbox.tell(Message::Wait(Duration::from_secs(5))).unwrap();
         let late = mailbox.ask(Instant::now() + Duration::from_millis(20), Message::Get).await;
         assert_eq!(late.unwrap_err().code, sg_proto::bus::Code::DeadlineExceeded);
@@ -241,7 +242,7 @@ mod tests {
 
     #[tokio::test]
     async fn an_actor_that_fails_says_why_and_takes_nothing_more() {
-        let (mailbox, running, _) = spawn(Counter { sum: 0 }, 4);
+        let (mailbox, running) = spawn(Counter { sum: 0 }, 4);
         mailbox.tell(Message::Break).unwrap();
         assert_eq!(running.exit.await.unwrap(), Exit::Failed("broken on purpose".to_owned()));
         assert_eq!(mailbox.tell(Message::Add(1)).unwrap_err().code, sg_proto::bus::Code::Unavailable);

@@ -136,7 +136,7 @@ impl Host {
     /// Starts an actor that belongs to this process: it shows in the health, and its failure ends the process.
     pub fn spawn<A: Actor>(&self, actor: A, capacity: usize) -> (Mailbox<A::Message>, watch::Receiver<A::State>) {
         let name = actor.name();
-        let (mailbox, Running { state, exit }, observed) = actor::spawn(actor, capacity);
+        let (mailbox, Running { state, exit, observed }) = actor::spawn(actor, capacity);
         lock(&self.inner.observed).push(observed);
         let ends = self.inner.ends.clone();
         tokio::spawn(async move {

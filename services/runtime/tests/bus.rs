@@ -1,5 +1,7 @@
 //! The bus between two clients of one router, in one process.
 
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+
 use std::time::{Duration, Instant};
 
 use prost::Message as _;
