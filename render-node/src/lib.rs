@@ -1,1 +1,21 @@
 //! Splatting: the shading model, the CPU renderer, the render process.
+//!
+//! [`render::render`] draws one picture of a scene on the CPU. Every Gaussian is shaded ([`shading`]) and projected once in
+//! f64; `exact` then blends in f64 and is the reference, `standard` and `fast` blend in f32 with cut-offs of known error.
+//! [`metrics`] says how far a picture is from the reference, [`view`] where to look from.
+
+mod depth;
+mod exact;
+pub mod harmonics;
+pub mod image;
+pub mod metrics;
+mod project;
+mod raster;
+pub mod render;
+pub mod report;
+pub mod shading;
+mod standard;
+mod tiles;
+pub mod view;
+
+pub use project::{DILATION, NEAR};

@@ -1,0 +1,224 @@
+//! From Gaussians to ellipses on the picture: EWA splatting (Zwicker et al. 2001) as 3DGS does it.
+//!
+//! In f64 throughout: positions become relative to the camera before anything is narrowed, and the one determinant that
+//! decides how thin an ellipse is is a sum of squares.
+
+use std::ops::Range;
+
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::{BaseUnit, Scene};
+
+use crate::report::{Culled, Report};
+use crate::shading::UnitShader;
+
+/// Variance in px² that is added to each picture axis, so that nothing is thinner than a pixel (3DGS).
+pub const DILATION: f64 = 0.3;
+
+/// Centres at this view depth or nearer are not drawn, in the scene's length unit.
+pub const NEAR: f64 = 1e-6;
+
+/// A Gaussian on the picture: α(x, y) = opacity·exp(−½(u² + v²)) with v = (y − my)/σ and
+/// u = (x − mx − slope·(y − my))/ρ.
+///
+/// That is the Cholesky form of dᵀΣ⁻¹d for Σ = ((a, b), (b, c)): σ² = c, slope = b/c, ρ² = det Σ/c. Where the matrix form
+/// subtracts squares of the distance, this form subtracts distances, which a needle of 10⁴ : 1 needs in f32.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Ellipse {
+    /// Centre in pixels.
+    pub(crate) center: DVec2,
+    /// Shift of the row's centre per pixel of y.
+    pub(crate) slope: f64,
+    /// Standard deviation along a row, ρ, in pixels.
+    pub(crate) along_row: f64,
+    /// Standard deviation over the rows, σ, in pixels.
+    pub(crate) over_rows: f64,
+}
+
+impl Ellipse {
+    /// The ellipse of the rows of the 2 × 3 matrix m, whose covariance is m·mᵀ + dilation; `None` where it overflows.
+    fn of(center: DVec2, m: [DVec3; 2]) -> Option<Self> {
+        let [m0, m1] = m;
+        let c = m1.length_squared() + DILATION;
+        // det(m·mᵀ + εI) = |m₀ × m₁|² + ε(|m₀|² + |m₁|²) + ε²: never below ε², however thin.
+        let det = m0.cross(m1).length_squared()
+            + DILATION * (m0.length_squared() + m1.length_squared())
+            + DILATION * DILATION;
+        let ellipse = Self { center, slope: m0.dot(m1) / c, along_row: (det / c).sqrt(), over_rows: c.sqrt() };
+        let finite = center.is_finite()
+            && det.is_finite()
+            && ellipse.slope.is_finite()
+            && ellipse.along_row.is_finite()
+            && ellipse.over_rows.is_finite();
+        finite.then_some(ellipse)
+    }
+
+    /// Half the size of the bounding box of the ellipse's level at `radius` standard deviations, in pixels.
+    pub(crate) fn half_size(&self, radius: f64) -> DVec2 {
+        DVec2::new(radius * self.along_row.hypot(self.slope * self.over_rows), radius * self.over_rows)
+    }
+
+    /// Whether that level reaches the pixel centres of a picture of this size.
+    pub(crate) fn reaches(&self, radius: f64, size: DVec2) -> bool {
+        let half = self.half_size(radius);
+        (self.center + half).cmpge(DVec2::ZERO).all() && (self.center - half).cmple(size).all()
+    }
+}
+
+/// One projected and shaded Gaussian.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Projected {
+    pub(crate) ellipse: Ellipse,
+    /// View z, above [`NEAR`].
+    pub(crate) depth: f64,
+    /// RGB, at least 0.
+    pub(crate) color: DVec3,
+    /// Above 0, at most 1.
+    pub(crate) opacity: f64,
+}
+
+/// Gaussians handled by one task. Only the order of results matters, and they are put together in order.
+const CHUNK: usize = 4096;
+
+/// Projects and shades all Gaussians in index order; `keep` narrows what is drawn to what a rasterizer stores, or culls it.
+/// The counts of the report are added up.
+pub(crate) fn project<T: Send>(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    keep: impl Fn(Projected) -> Result<T, Culled> + Sync,
+) -> (Vec<T>, Report) {
+    let eye = camera.eye();
+    let units: Vec<UnitProjector> = scene
+        .units
+        .iter()
+        .zip(&appearance.base)
+        .map(|(unit, base)| UnitProjector::new(unit, UnitShader::new(unit, *base, appearance, eye), camera, eye))
+        .collect();
+    let tasks: Vec<(&UnitProjector, Range<usize>)> = units
+        .iter()
+        .flat_map(|u| {
+            let n = u.unit.gaussians.len();
+            (0..n).step_by(CHUNK).map(move |start| (u, start..(start + CHUNK).min(n)))
+        })
+        .collect();
+    let parts: Vec<(Vec<T>, Report)> = tasks
+        .into_par_iter()
+        .map(|(unit, range)| {
+            let mut kept = Vec::with_capacity(range.len());
+            let mut counts = Report::default();
+            for i in range {
+                match unit.project(i).and_then(&keep) {
+                    Ok(item) => kept.push(item),
+                    Err(culled) => counts.count(culled),
+                }
+            }
+            counts.drawn = kept.len();
+            (kept, counts)
+        })
+        .collect();
+    let mut report = Report { gaussians: scene.len(), ..Report::default() };
+    let mut all = Vec::with_capacity(parts.iter().map(|(kept, _)| kept.len()).sum());
+    for (kept, counts) in parts {
+        all.extend(kept);
+        report.add_counts(&counts);
+    }
+    (all, report)
+}
+
+/// What projecting needs of one base unit and the camera.
+struct UnitProjector<'a> {
+    unit: &'a BaseUnit,
+    shader: UnitShader<'a>,
+    eye: DVec3,
+    scene_to_view: DMat3,
+    local_to_view: DMat3,
+    focal: DVec2,
+    principal: DVec2,
+}
+
+impl<'a> UnitProjector<'a> {
+    fn new(unit: &'a BaseUnit, shader: UnitShader<'a>, camera: &Camera, eye: DVec3) -> Self {
+        let scene_to_view = DMat3::from_mat4(camera.view());
+        Self {
+            unit,
+            shader,
+            eye,
+            scene_to_view,
+            local_to_view: scene_to_view * DMat3::from_mat4(unit.transform),
+            focal: DVec2::new(camera.fx, camera.fy),
+            principal: DVec2::new(camera.cx, camera.cy),
+        }
+    }
+
+    fn project(&self, i: usize) -> Result<Projected, Culled> {
+        let gaussians = &self.unit.gaussians;
+        let (Some(position), Some(log_scale), Some(rotation)) =
+            (gaussians.position.get(i), gaussians.log_scale.get(i), gaussians.rotation.get(i))
+        else {
+            return Err(Culled::NotFinite);
+        };
+        // A scale of zero (logarithm −∞) is a point, which the dilation makes visible; no other infinity means anything.
+        let scale = log_scale.as_dvec3().exp();
+        if !(position.is_finite() && scale.is_finite() && rotation.iter().all(|q| q.is_finite())) {
+            return Err(Culled::NotFinite);
+        }
+        let in_scene = self.unit.transform.transform_point3(position.as_dvec3());
+        let look = self.shader.look(i, in_scene)?;
+        // Relative to the eye first: far from the origin, what rounding there is moves all Gaussians alike and keeps their order.
+        let center = self.scene_to_view * (in_scene - self.eye);
+        if center.z <= NEAR {
+            return Err(Culled::Near);
+        }
+        let axes = DMat3::from_quat(gaussians.unit_rotation(i));
+        let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
+        // Rows of Jacobian · view · transform · rotation · scale.
+        let rows = (self.local_to_view * axes).transpose();
+        let slope = center.truncate() / center.z;
+        let pixels = self.focal / center.z;
+        let m = [pixels.x * (rows.x_axis - slope.x * rows.z_axis), pixels.y * (rows.y_axis - slope.y * rows.z_axis)];
+        let ellipse = Ellipse::of(self.focal * slope + self.principal, m).ok_or(Culled::NotFinite)?;
+        Ok(Projected { ellipse, depth: center.z, color: look.color, opacity: look.opacity })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_cholesky_form_is_the_quadratic_form(
+            m in proptest::array::uniform6(-30.0..30.0_f64), x in -50.0..50.0_f64, y in -50.0..50.0_f64,
+        ) {
+            let rows = [DVec3::new(m[0], m[1], m[2]), DVec3::new(m[3], m[4], m[5])];
+            let e = Ellipse::of(DVec2::ZERO, rows).unwrap();
+            let (a, b, c) = (rows[0].length_squared() + 0.3, rows[0].dot(rows[1]), rows[1].length_squared() + 0.3);
+            let want = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b);
+            let (u, v) = ((x - e.slope * y) / e.along_row, y / e.over_rows);
+            prop_assert!((u * u + v * v - want).abs() <= 1e-9 * (1.0 + want));
+            let half = e.half_size(1.0);
+            prop_assert!((half.x - a.sqrt()).abs() < 1e-9 && (half.y - c.sqrt()).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_needle_keeps_its_thickness() {
+        // 1e9 px long at 45°, no width: the textbook determinant a·c − b² loses it entirely.
+        let row = DVec3::new(1e9, 0.0, 0.0);
+        let e = Ellipse::of(DVec2::ZERO, [row, row]).unwrap();
+        let (a, c) = (1e18 + 0.3, 1e18 + 0.3);
+        assert_eq!(a * c - 1e18 * 1e18, 0.0);
+        // Across the diagonal the variance is the dilation: ρ²·sin²45° = 0.3.
+        assert!((e.along_row.powi(2) * 0.5 / DILATION - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_overflows_is_refused() {
+        assert!(Ellipse::of(DVec2::ZERO, [DVec3::splat(1e200), DVec3::X]).is_none());
+        assert!(Ellipse::of(DVec2::new(f64::INFINITY, 0.0), [DVec3::Y, DVec3::X]).is_none());
+    }
+}

@@ -1,0 +1,68 @@
+//! Drives a tile rasterizer over a picture: batches, lists, tiles in parallel, the finished image.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::image::Image;
+use crate::project::Ellipse;
+use crate::report::Report;
+use crate::tiles::{Grid, TILE, TileRow};
+
+/// Composited RGB and A = 1 − transmittance of one tile, row major.
+pub(crate) type TilePixels = [[f32; 4]; TILE * TILE];
+
+/// Draws `splats`, which are in depth order.
+///
+/// `level` gives the ellipse and the radius in standard deviations within which a Gaussian counts; `tile` blends the listed
+/// Gaussians over the tile whose first pixel is `[x, y]`. A tile depends on nothing but its own list, so the picture is the
+/// same for any number of threads.
+pub(crate) fn draw<T: Sync>(
+    [width, height]: [u32; 2],
+    splats: &[T],
+    level: impl Fn(&T) -> (Ellipse, f64) + Sync,
+    tile: impl Fn([usize; 2], &[u32]) -> TilePixels + Sync,
+    report: &mut Report,
+) -> Image {
+    let grid = Grid::of(width, height);
+    let mut image = Image::black(width, height);
+    let began = Instant::now();
+    let batches = grid.batches(splats, &level);
+    report.seconds.bin += began.elapsed().as_secs_f64();
+    for batch in batches {
+        let began = Instant::now();
+        let rows = grid.bin(&batch, splats, &level);
+        report.seconds.bin += began.elapsed().as_secs_f64();
+        report.tile_pairs += rows.iter().map(TileRow::pairs).sum::<u64>();
+        let began = Instant::now();
+        image
+            .rgba
+            .par_chunks_mut(4 * TILE * width as usize)
+            .enumerate()
+            .skip(batch.rows.start)
+            .zip(&rows)
+            .for_each(|((row, pixels), tiles)| draw_row(row, pixels, width as usize, tiles, &tile));
+        report.seconds.raster += began.elapsed().as_secs_f64();
+    }
+    image
+}
+
+fn draw_row(
+    row: usize,
+    pixels: &mut [f32],
+    width: usize,
+    tiles: &TileRow,
+    tile: &(impl Fn([usize; 2], &[u32]) -> TilePixels + Sync),
+) {
+    let tiles: Vec<(usize, &[u32])> = tiles.tiles().collect();
+    let done: Vec<(usize, TilePixels)> =
+        tiles.into_par_iter().map(|(column, list)| (column * TILE, tile([column * TILE, row * TILE], list))).collect();
+    for (x, finished) in done {
+        for (line, from) in pixels.chunks_mut(width * 4).zip(finished.chunks(TILE)) {
+            let to = line.get_mut(x * 4..).unwrap_or_default();
+            for (to, from) in to.chunks_exact_mut(4).zip(from) {
+                to.copy_from_slice(from);
+            }
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! One picture of a scene.
+
+use std::time::Instant;
+
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::{Camera, CameraError};
+use sg_scene::model::{ColumnLength, Scene};
+
+use crate::image::Image;
+use crate::report::Report;
+use crate::standard::Limits;
+use crate::{exact, standard};
+
+/// How much error a picture may have against [`Quality::Exact`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// The reference: f64, no cut-off that a picture could show.
+    Exact,
+    /// At least 50 dB over the frame and over the footprint, coverage error at most 1 %.
+    #[default]
+    Standard,
+    /// At least 40 dB over the frame and over the footprint, coverage error at most 3 %.
+    Fast,
+}
+
+/// A picture and what making it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rendered {
+    /// The picture.
+    pub image: Image,
+    /// Counts and seconds.
+    pub report: Report,
+}
+
+/// Input that makes no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The camera's numbers.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// Columns of different lengths.
+    #[error("base unit `{unit}`: {source}")]
+    Columns {
+        /// Name of the base unit.
+        unit: String,
+        /// Which column.
+        source: ColumnLength,
+    },
+    /// An appearance of another scene.
+    #[error("the appearance has settings for {found} base units, the scene has {expected}")]
+    BaseUnits {
+        /// Base units in the appearance.
+        found: usize,
+        /// Base units in the scene.
+        expected: usize,
+    },
+    /// A mask of another scene.
+    #[error("{what} speaks about {found} Gaussians, the scene has {expected}; make it from this scene")]
+    Mask {
+        /// Which mask.
+        what: String,
+        /// Its length.
+        found: usize,
+        /// Gaussians in the scene.
+        expected: usize,
+    },
+    /// A background that is not finite.
+    #[error("the background colour is not finite")]
+    Background,
+    /// More Gaussians than 32-bit indices reach.
+    #[error("{found} Gaussians are more than the 4294967295 that one picture can hold; draw the scene in parts")]
+    TooMany {
+        /// Gaussians in the scene.
+        found: usize,
+    },
+}
+
+/// Draws a scene as `appearance` says; the light and the background are the appearance's, not the camera's.
+///
+/// Runs on the current rayon thread pool; the picture does not depend on its number of threads. Gaussians with a NaN or
+/// infinite attribute are left out and counted, so that every pixel is finite.
+///
+/// # Errors
+/// [`RenderError`] if the camera makes no picture or the parts do not belong together.
+pub fn render(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    quality: Quality,
+) -> Result<Rendered, RenderError> {
+    check(scene, appearance, camera)?;
+    let began = Instant::now();
+    let (image, mut report) = match quality {
+        Quality::Exact => exact::render(scene, appearance, camera),
+        Quality::Standard => standard::render(scene, appearance, camera, Limits::STANDARD),
+        Quality::Fast => standard::render(scene, appearance, camera, Limits::FAST),
+    };
+    report.seconds.total = began.elapsed().as_secs_f64();
+    Ok(Rendered { image, report })
+}
+
+fn check(scene: &Scene, appearance: &Appearance, camera: &Camera) -> Result<(), RenderError> {
+    camera.check("camera")?;
+    if !appearance.background.is_finite() {
+        return Err(RenderError::Background);
+    }
+    if u32::try_from(scene.len()).is_err() {
+        return Err(RenderError::TooMany { found: scene.len() });
+    }
+    for unit in &scene.units {
+        unit.gaussians.check_lengths().map_err(|source| RenderError::Columns { unit: unit.name.clone(), source })?;
+    }
+    if appearance.base.len() != scene.units.len() {
+        return Err(RenderError::BaseUnits { found: appearance.base.len(), expected: scene.units.len() });
+    }
+    let masks = appearance.units.iter().enumerate().map(|(k, u)| (format!("editable unit {k}"), &u.mask));
+    let overlay = appearance.overlay.iter().map(|o| ("the overlay".to_owned(), &o.mask));
+    for (what, mask) in masks.chain(overlay) {
+        if mask.len() != scene.len() {
+            return Err(RenderError::Mask { what, found: mask.len(), expected: scene.len() });
+        }
+    }
+    Ok(())
+}
