@@ -1,0 +1,370 @@
+//! The shape of the house: the invariants of `ARCHITECTURE.md` that can be read off the source.
+//!
+//! Each rule is a function from the tracked files to complaints, so that a test can also hand it a file that breaks it.
+
+#![allow(clippy::unwrap_used, clippy::print_stderr, clippy::panic, reason = "a test fails by panicking")]
+
+use std::path::Path;
+use std::process::Command;
+
+/// A tracked file; the text of a binary file is empty.
+struct File {
+    path: String,
+    text: String,
+}
+
+impl File {
+    fn new(path: &str, text: &str) -> Self {
+        Self { path: path.into(), text: text.into() }
+    }
+
+    fn is_rust(&self) -> bool {
+        self.path.ends_with(".rs")
+    }
+
+    /// Whether the file is a test, a bench or an example rather than part of a room's program.
+    fn is_test(&self) -> bool {
+        let inside = |folder: &str| self.path.contains(&format!("/{folder}/"));
+        self.path.starts_with("tests/") || inside("tests") || inside("benches") || inside("examples")
+    }
+
+    /// The lines that are neither comments nor in the test module at the file's end, with their numbers.
+    fn code(&self) -> impl Iterator<Item = (usize, &str)> {
+        let lines: Vec<&str> = self.text.lines().collect();
+        let opens_tests = |pair: &[&str]| pair[0].trim() == "#[cfg(test)]" && pair[1].trim_end().ends_with('{');
+        let end = lines.windows(2).position(opens_tests).unwrap_or(lines.len());
+        let numbered = lines.into_iter().take(end).enumerate().map(|(at, line)| (at + 1, line));
+        numbered.filter(|(_, line)| !line.trim_start().starts_with("//"))
+    }
+}
+
+/// The tracked files, or `None` outside a git checkout.
+fn tracked_files() -> Option<Vec<File>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
+    let listing = Command::new("git").args(["ls-files", "-z"]).current_dir(root).output().ok();
+    let listing = listing.filter(|l| l.status.success() && !l.stdout.is_empty());
+    if listing.is_none() && std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1") {
+        panic!("git lists no files of this checkout");
+    }
+    let names = String::from_utf8(listing?.stdout).unwrap();
+    let read = |path: &str| {
+        // A file that was deleted but not yet committed is listed too.
+        let bytes = std::fs::read(root.join(path)).ok()?;
+        Some(File::new(path, std::str::from_utf8(&bytes).unwrap_or_default()))
+    };
+    Some(names.split_terminator('\0').filter_map(read).collect())
+}
+
+fn hold(rule: fn(&[File]) -> Vec<String>) {
+    match tracked_files() {
+        None => eprintln!("SKIPPED: not a git checkout, the shape of the tree is not checked"),
+        Some(files) => {
+            let complaints = rule(&files);
+            assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+        }
+    }
+}
+
+fn complaints_about(rule: fn(&[File]) -> Vec<String>, files: &[(&str, &str)]) -> usize {
+    rule(&files.iter().map(|(path, text)| File::new(path, text)).collect::<Vec<_>>()).len()
+}
+
+const TOP_LEVEL: [&str; 23] = [
+    ".cargo",
+    ".ci",
+    ".config",
+    ".gitignore",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "Cargo.lock",
+    "Cargo.toml",
+    "LICENSE-APACHE",
+    "LICENSE-MIT",
+    "README.md",
+    "clippy.toml",
+    "deny.toml",
+    "docs",
+    "launch",
+    "ops",
+    "proto",
+    "render-node",
+    "rust-toolchain.toml",
+    "rustfmt.toml",
+    "services",
+    "tests",
+];
+
+fn top_level_is_what_it_is(files: &[File]) -> Vec<String> {
+    let found: std::collections::BTreeSet<&str> =
+        files.iter().map(|f| f.path.split('/').next().unwrap_or_default()).collect();
+    let strange =
+        found.iter().filter(|name| !TOP_LEVEL.contains(name)).map(|name| format!("{name}: not at the top level"));
+    let absent = TOP_LEVEL.iter().filter(|name| !found.contains(*name)).map(|name| format!("{name}: missing"));
+    strange.chain(absent).collect()
+}
+
+#[test]
+fn the_top_level_is_what_it_is() {
+    hold(top_level_is_what_it_is);
+    let complete: Vec<(&str, &str)> = TOP_LEVEL.iter().map(|name| (*name, "")).collect();
+    assert_eq!(complaints_about(top_level_is_what_it_is, &complete), 0);
+    assert_eq!(complaints_about(top_level_is_what_it_is, &[&complete[..], &[("notes/plan.md", "")]].concat()), 1);
+    assert_eq!(complaints_about(top_level_is_what_it_is, &complete[1..]), 1);
+}
+
+fn no_drawers_for_everything(files: &[File]) -> Vec<String> {
+    let drawers = ["util", "utils", "common", "helper", "helpers", "misc", "manager", "shared"];
+    let is_drawer = |part: &str| drawers.contains(&part.trim_end_matches(".rs"));
+    let rust = files.iter().filter(|f| f.is_rust());
+    rust.filter(|f| f.path.split('/').any(is_drawer))
+        .map(|f| format!("{}: a module is named after its subject", f.path))
+        .collect()
+}
+
+#[test]
+fn modules_are_named_after_a_subject() {
+    hold(no_drawers_for_everything);
+    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/src/utils.rs", "")]), 1);
+    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/src/common/mod.rs", "")]), 1);
+    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/src/common_words.rs", "")]), 0);
+}
+
+fn only_the_runtime_names_the_bus(files: &[File]) -> Vec<String> {
+    let outside = files.iter().filter(|f| !f.path.starts_with("services/runtime/"));
+    let mut complaints = Vec::new();
+    for file in outside {
+        let manifest = file.path.ends_with("/Cargo.toml");
+        for (number, line) in file.text.lines().enumerate() {
+            let code = file.is_rust() && !line.trim_start().starts_with("//");
+            let names_it = code && (line.contains(concat!("zenoh", "::")) || line.contains("use zenoh"));
+            if names_it || manifest && line.starts_with("zenoh") {
+                complaints.push(format!("{}:{}: only services/runtime names zenoh", file.path, number + 1));
+            }
+        }
+    }
+    complaints
+}
+
+#[test]
+fn the_bus_is_named_in_the_runtime_only() {
+    hold(only_the_runtime_names_the_bus);
+    let session = concat!("let s = zenoh", "::open(config).await?;");
+    assert_eq!(complaints_about(only_the_runtime_names_the_bus, &[("services/scene/src/actor.rs", session)]), 1);
+    assert_eq!(complaints_about(only_the_runtime_names_the_bus, &[("services/runtime/src/bus.rs", session)]), 0);
+    let manifest = [("launch/Cargo.toml", "zenoh.workspace = true")];
+    assert_eq!(complaints_about(only_the_runtime_names_the_bus, &manifest), 1);
+}
+
+/// Rooms whose library is the subject itself; `runtime` and `launch` are about processes and are not among them.
+const SUBJECTS: [&str; 7] = [
+    "proto",
+    "services/scene",
+    "services/selection",
+    "services/volume",
+    "services/fit",
+    "services/agents",
+    "render-node",
+];
+
+/// Names of the modules that `main.rs` has for itself.
+fn process_modules(files: &[File], room: &str) -> Vec<String> {
+    let main = files.iter().find(|f| f.path == format!("{room}/src/main.rs"));
+    let lines = main.into_iter().flat_map(|f| f.text.lines());
+    lines.filter_map(|line| line.trim().strip_prefix("mod ")?.strip_suffix(';')).map(str::to_owned).collect()
+}
+
+fn libraries_know_no_bus(files: &[File]) -> Vec<String> {
+    let mut complaints = Vec::new();
+    for room in SUBJECTS {
+        let process = process_modules(files, room);
+        for file in files.iter().filter(|f| f.is_rust()) {
+            let Some(inside) = file.path.strip_prefix(&format!("{room}/src/")) else { continue };
+            let first = inside.split('/').next().unwrap_or_default().trim_end_matches(".rs");
+            if first == "main" || first == "bin" || process.iter().any(|module| module == first) {
+                continue;
+            }
+            for (number, line) in file.code() {
+                let word =
+                    ["sg_runtime", "tokio", "async fn", "async move", ".await"].iter().find(|w| line.contains(**w));
+                if let Some(word) = word {
+                    complaints.push(format!("{}:{number}: `{word}` in a library; it belongs into actor.rs", file.path));
+                }
+            }
+        }
+    }
+    complaints
+}
+
+#[test]
+fn a_library_names_neither_bus_nor_async() {
+    hold(libraries_know_no_bus);
+    let main = ("services/scene/src/main.rs", "mod actor;\nmod cli;\n#[tokio::main]\nasync fn main() {}");
+    let actor = ("services/scene/src/actor.rs", "use sg_runtime::Process;");
+    let library = ("services/scene/src/journal.rs", "pub async fn append() {}");
+    let test = ("services/scene/src/journal.rs", "#[cfg(test)]\nmod tests {\n    async fn f() {}\n}");
+    assert_eq!(complaints_about(libraries_know_no_bus, &[main, actor]), 0);
+    assert_eq!(complaints_about(libraries_know_no_bus, &[actor]), 1, "actor.rs as a module of the library");
+    assert_eq!(complaints_about(libraries_know_no_bus, &[main, library]), 1);
+    assert_eq!(complaints_about(libraries_know_no_bus, &[test]), 0);
+}
+
+fn only_launch_starts_processes(files: &[File]) -> Vec<String> {
+    let may = |f: &&File| f.path.starts_with("launch/") || f.is_test();
+    let rooms = files.iter().filter(|f| f.is_rust() && !may(f));
+    rooms
+        .flat_map(|file| {
+            let spawns = |line: &str| line.contains("Command::new(") || line.contains("process::Command");
+            file.code()
+                .filter(move |(_, line)| spawns(line))
+                .map(|(number, _)| format!("{}:{number}: only launch/ starts processes", file.path))
+        })
+        .collect()
+}
+
+#[test]
+fn processes_are_started_by_launch_only() {
+    hold(only_launch_starts_processes);
+    let spawn = "let child = Command::new(\"ls\").spawn()?;";
+    assert_eq!(complaints_about(only_launch_starts_processes, &[("services/fit/src/train.rs", spawn)]), 1);
+    assert_eq!(complaints_about(only_launch_starts_processes, &[("launch/src/children.rs", spawn)]), 0);
+    assert_eq!(complaints_about(only_launch_starts_processes, &[("services/fit/tests/cli.rs", spawn)]), 0);
+}
+
+/// Room, and the other rooms whose packages it may depend on.
+const MAP: [(&str, &[&str]); 10] = [
+    ("proto", &[]),
+    ("services/runtime", &["proto"]),
+    ("services/scene", &["proto", "runtime"]),
+    ("services/selection", &["proto", "runtime", "scene"]),
+    ("services/volume", &["proto"]),
+    ("services/fit", &["proto", "runtime", "scene", "volume", "render-node"]),
+    ("services/agents", &["proto", "runtime"]),
+    ("render-node", &["proto", "runtime", "scene", "selection", "volume"]),
+    ("launch", &["proto", "runtime"]),
+    ("tests", &["proto", "runtime", "scene", "selection", "volume", "fit", "agents", "render-node", "launch"]),
+];
+
+fn manifests_follow_the_map(files: &[File]) -> Vec<String> {
+    let mut complaints = Vec::new();
+    for file in files {
+        let Some(room) = file.path.strip_suffix("/Cargo.toml") else { continue };
+        let mut say = |what: String| complaints.push(format!("{}: {what}", file.path));
+        let Some((_, allowed)) = MAP.iter().find(|(name, _)| *name == room) else {
+            say("a room that is not on the map (MAP in tests/tests/rooms.rs, ARCHITECTURE.md)".into());
+            continue;
+        };
+        if !file.text.contains("[lints]\nworkspace = true") {
+            say("does not take its lints from the workspace".into());
+        }
+        let mut section = "";
+        for line in file.text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+            if line.starts_with('[') {
+                section = line;
+                continue;
+            }
+            let (key, value) = line.split_once('=').map(|(k, v)| (k.trim(), v.trim())).unwrap_or((line, ""));
+            if section.contains("dependencies") {
+                if !key.ends_with(".workspace") && !value.contains("workspace = true") {
+                    say(format!("{key}: versions stand in the workspace only"));
+                }
+                let package = key.trim_end_matches(".workspace");
+                if let Some(other) = package.strip_prefix("sg-").filter(|other| !allowed.contains(other)) {
+                    say(format!("may not depend on the room {other}"));
+                }
+            } else if key == "name" {
+                let name = value.trim_matches('"');
+                let fits = match section {
+                    "[package]" => Some(name) == room.rsplit('/').next().map(|last| format!("sg-{last}")).as_deref(),
+                    "[[bin]]" => name == "supergaussian" || name.starts_with("supergaussian-"),
+                    _ => true,
+                };
+                if !fits {
+                    say(format!("{section} is named {name}"));
+                }
+            }
+        }
+    }
+    complaints
+}
+
+#[test]
+fn rooms_depend_as_the_map_says() {
+    hold(manifests_follow_the_map);
+    let manifest = |dependency: &str| {
+        format!("[package]\nname = \"sg-agents\"\n[lints]\nworkspace = true\n[dependencies]\n{dependency}\n")
+    };
+    let complaints = |room: &str, text: &str| complaints_about(manifests_follow_the_map, &[(room, text)]);
+    assert_eq!(complaints("services/agents/Cargo.toml", &manifest("sg-runtime.workspace = true")), 0);
+    assert_eq!(
+        complaints("services/agents/Cargo.toml", &manifest("sg-scene.workspace = true")),
+        1,
+        "agents act by bus"
+    );
+    assert_eq!(complaints("services/agents/Cargo.toml", &manifest("glam = \"0.34\"")), 1);
+    assert_eq!(complaints("services/cellar/Cargo.toml", &manifest("")), 1);
+    assert_eq!(complaints("launch/Cargo.toml", &manifest("")), 1, "the package's name");
+}
+
+/// How long `main.rs` may be: it chooses between subcommands and `serve`, nothing more.
+const MAIN_LINES: usize = 40;
+
+fn main_is_short(files: &[File]) -> Vec<String> {
+    let mains = files.iter().filter(|f| f.path.ends_with("src/main.rs") && !f.is_test());
+    mains
+        .filter_map(|f| {
+            let lines = f.code().filter(|(_, line)| !line.trim().is_empty()).count();
+            (lines > MAIN_LINES).then(|| format!("{}: {lines} lines; what it does belongs into a module", f.path))
+        })
+        .collect()
+}
+
+#[test]
+fn a_main_is_a_dozen_lines() {
+    hold(main_is_short);
+    assert_eq!(complaints_about(main_is_short, &[("launch/src/main.rs", &"f();\n".repeat(41))]), 1);
+    assert_eq!(complaints_about(main_is_short, &[("launch/src/main.rs", &"f();\n".repeat(40))]), 0);
+}
+
+/// Traces of one machine. Written in two pieces, since this file is tracked too.
+const MACHINE_TRACES: [&str; 10] = [
+    concat!("/ro", "ot/"),
+    concat!("/ho", "me/"),
+    concat!("/wo", "rk/"),
+    concat!("/Us", "ers/"),
+    concat!("index.crates", ".io"),
+    concat!("static.crates", ".io"),
+    concat!("registry.npmjs", ".org"),
+    concat!("files.python", "hosted.org"),
+    concat!("deb.debian", ".org"),
+    concat!("pypi", ".org"),
+];
+
+fn no_trace_of_a_machine(files: &[File]) -> Vec<String> {
+    let stands_alone = |line: &str, at: usize| {
+        !line[..at]
+            .ends_with(|c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-' | '}' | '$' | '~' | '/'))
+    };
+    let mut complaints = Vec::new();
+    for file in files {
+        for (number, line) in file.text.lines().enumerate() {
+            for trace in MACHINE_TRACES {
+                let found = line.match_indices(trace).any(|(at, _)| !trace.starts_with('/') || stands_alone(line, at));
+                if found {
+                    complaints.push(format!("{}:{}: `{trace}`", file.path, number + 1));
+                }
+            }
+        }
+    }
+    complaints
+}
+
+#[test]
+fn nothing_tells_of_one_machine() {
+    hold(no_trace_of_a_machine);
+    let path = concat!("open(\"/ho", "me/me/volume.nrrd\")");
+    assert_eq!(complaints_about(no_trace_of_a_machine, &[("docs/a.md", path)]), 1);
+    assert_eq!(complaints_about(no_trace_of_a_machine, &[("docs/a.md", "see services/wo\u{72}k/queue.rs")]), 0);
+    let host = concat!("resolved https://registry.npmjs", ".org/x");
+    assert_eq!(complaints_about(no_trace_of_a_machine, &[("docs/a.md", host)]), 1);
+}
