@@ -137,7 +137,7 @@ fn only_the_runtime_names_the_bus(files: &[File]) -> Vec<String> {
         let manifest = file.path.ends_with("/Cargo.toml");
         for (number, line) in file.text.lines().enumerate() {
             let code = file.is_rust() && !line.trim_start().starts_with("//");
-            let names_it = code && (line.contains(concat!("zenoh", "::")) || line.contains("use zenoh"));
+            let names_it = code && (line.contains(concat!("zenoh", "::")) || line.contains(concat!("use ", "zenoh")));
             if names_it || manifest && line.starts_with("zenoh") {
                 complaints.push(format!("{}:{}: only services/runtime names zenoh", file.path, number + 1));
             }
