@@ -81,11 +81,18 @@ pub fn automatic(field: &Field, variable: Option<&str>) -> Result<TransferFuncti
     let total: u64 = histogram.counts.iter().sum();
     let distinct = histogram.counts.iter().filter(|&&c| c > 0).count();
 
+    let smooth: Vec<f64> = (0..BINS)
+        .map(|i| {
+            let near = i.saturating_sub(2)..(i + 3).min(BINS);
+            near.clone().map(|k| histogram.counts[k] as f64).sum::<f64>() / near.len() as f64
+        })
+        .collect();
+    let share = |w: &[usize]| histogram.counts[w[0]..w[1]].iter().sum::<u64>() as f64 / total as f64;
+    let material = |w: &[usize]| share(w) >= LEAST_SHARE && has_peak(&smooth, w[0], w[1]);
     let mut borders = vec![0, BINS];
     for classes in (2..=4.min(distinct)).rev() {
         borders = otsu_borders(&weights, classes);
-        let share = |w: &[usize]| histogram.counts[w[0]..w[1]].iter().sum::<u64>() as f64 / total as f64;
-        if classes == 2 || borders.windows(2).all(|w| share(w) >= LEAST_SHARE) {
+        if borders.windows(2).all(|w| (w[0]..w[1]).contains(&background) || material(w)) {
             break;
         }
     }
@@ -148,6 +155,17 @@ fn background_bin(field: &Field, histogram: &Histogram) -> usize {
     (0..BINS).rev().max_by_key(|&i| counts[i]).unwrap_or(0)
 }
 
+/// Whether the histogram rises from both borders of a class to a peak inside it. Without one the class is no material but
+/// the partial volumes between two others. The ends of the histogram count as empty: values may saturate there.
+fn has_peak(smooth: &[f64], from: usize, to: usize) -> bool {
+    let inside = &smooth[from..to];
+    let peak = inside.iter().copied().fold(0.0, f64::max);
+    let border = |at: Option<&f64>, end: bool| if end { 0.0 } else { at.copied().unwrap_or(0.0) };
+    let higher = border(inside.first(), from == 0).max(border(inside.last(), to == smooth.len()));
+    // Three standard deviations of a mean over five bins of counted voxels are chance.
+    peak > 1.15 * higher + 3.0 * (higher / 5.0).sqrt()
+}
+
 /// Borders `0 = b₀ < b₁ < … < b_k = BINS` of the `classes` classes with the greatest between-class variance, by dynamic
 /// programming over all placements.
 fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
@@ -186,13 +204,19 @@ fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
     }
     borders.push(0);
     borders.reverse();
+    // Between two peaks any border in the empty gap is as good as another: the middle leaves both the most room.
+    for b in &mut borders[1..classes] {
+        let empty_before = weights[..*b].iter().rev().take_while(|&&w| w == 0.0).count();
+        let empty_after = weights[*b..].iter().take_while(|&&w| w == 0.0).count();
+        *b = (2 * *b + empty_after - empty_before) / 2;
+    }
     borders
 }
 
 /// Colours from the Okabe–Ito set: orange, sky blue, reddish purple.
 const COLORS: [[f32; 3]; 3] = [[0.902, 0.624, 0.0], [0.337, 0.706, 0.914], [0.8, 0.475, 0.655]];
 /// Opacities by number of materials: an outer, less dense one must not hide what it holds.
-const OPACITIES: [&[f32]; 4] = [&[], &[0.5], &[0.06, 0.6], &[0.03, 0.2, 0.8]];
+const OPACITIES: [&[f32]; 4] = [&[], &[0.5], &[0.08, 0.6], &[0.05, 0.25, 0.8]];
 const NAMES: [&[&str]; 4] = [&[], &["material"], &["low", "high"], &["low", "middle", "high"]];
 
 fn from_borders(histogram: &Histogram, borders: &[usize], empty: usize, variable: Option<&str>) -> TransferFunction {
@@ -297,6 +321,18 @@ mod tests {
         assert_eq!(c.opacity(200.0), 0.0);
         assert!(c.opacity(10.0) > 0.2);
         assert_eq!(f.base_units.len(), 1);
+    }
+
+    #[test]
+    fn partial_volumes_between_two_materials_are_none() {
+        // A ball of 200 in 10 with a wide, even ramp: every value between occurs, none of them more often than others.
+        let field = field_of([48, 48, 48], |i| {
+            let d = |x: usize, middle: f32| x as f32 - middle;
+            let r = (d(i % 48, 23.13).powi(2) + d(i / 48 % 48, 23.71).powi(2) + d(i / 2304, 24.37).powi(2)).sqrt();
+            10.0 + 190.0 * ((18.0 - r) / 6.0).clamp(0.0, 1.0)
+        });
+        let f = automatic(&field, None).unwrap();
+        assert_eq!(f.base_units.len(), 1, "{f:?}");
     }
 
     #[test]
