@@ -263,7 +263,7 @@ fn manifests_follow_the_map(files: &[File]) -> Vec<String> {
                 section = line;
                 continue;
             }
-            let (key, value) = line.split_once('=').map(|(k, v)| (k.trim(), v.trim())).unwrap_or((line, ""));
+            let (key, value) = line.split_once('=').map_or((line, ""), |(k, v)| (k.trim(), v.trim()));
             if section.contains("dependencies") {
                 if !key.ends_with(".workspace") && !value.contains("workspace = true") {
                     say(format!("{key}: versions stand in the workspace only"));
