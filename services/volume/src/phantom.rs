@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::grid::{Grid, GridError};
 use crate::scalars::Scalars;
 use crate::transfer::{BaseUnitRange, ControlPoint, Scale, TransferFunction, Units};
-use crate::volume::Volume;
+use crate::volume::{ValueCount, Volume};
 
 /// Label of voxels outside every vessel.
 pub const LABEL_BACKGROUND: u8 = 0;
@@ -249,15 +249,19 @@ pub struct Rasterized {
 
 impl Rasterized {
     /// The intensity volume (uint8: about 20 outside, about 200 inside).
-    #[must_use]
-    pub fn volume(&self) -> Option<Volume> {
-        Volume::new(self.grid.clone(), Scalars::from(self.intensities.clone()), Some("intensity".to_owned())).ok()
+    ///
+    /// # Errors
+    /// Never for what [`VesselTree::rasterize`] returns.
+    pub fn volume(&self) -> Result<Volume, ValueCount> {
+        Volume::new(self.grid.clone(), Scalars::from(self.intensities.clone()), Some("intensity".to_owned()))
     }
 
     /// The label volume.
-    #[must_use]
-    pub fn labels(&self) -> Option<Volume> {
-        Volume::new(self.grid.clone(), Scalars::from(self.labels.clone()), Some("label".to_owned())).ok()
+    ///
+    /// # Errors
+    /// Never for what [`VesselTree::rasterize`] returns.
+    pub fn labels(&self) -> Result<Volume, ValueCount> {
+        Volume::new(self.grid.clone(), Scalars::from(self.labels.clone()), Some("label".to_owned()))
     }
 }
 

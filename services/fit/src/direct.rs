@@ -1,0 +1,418 @@
+//! The direct start: Gaussians placed from the volume itself, without training.
+//!
+//! For each base unit of the transfer function: voxels are weighed by the opacity that shows of them within their own unit
+//! (each unit is edited and shown alone too), more at boundaries; places are spread evenly over that importance and relaxed
+//! into its Voronoi cells; each cell becomes one Gaussian that stands for the matter in it. Its axes are the cell's
+//! principal axes, flattened along the gradient where the cell is a boundary; its opacity makes the optical depth of its
+//! footprint equal to that of the cell's matter under the transfer function; its colour is the cell's mean; its normal
+//! points towards falling values.
+
+use std::time::Instant;
+
+use glam::{DMat4, DVec3, Vec3};
+use rayon::prelude::*;
+use serde::Serialize;
+use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, SceneBox, ShadingColumns, ShadingModel};
+use sg_volume::transfer::Problem;
+use sg_volume::{Field, TransferFunction};
+
+use crate::importance::candidates;
+use crate::optics::{MAX_UNITS, Optics};
+use crate::placement::{Points, place};
+use crate::shape::{Shaper, Splat};
+
+/// Most Gaussians that may be asked for.
+pub const MAX_GAUSSIANS: usize = 1 << 26;
+
+/// What a direct start is to make.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Most Gaussians in all base units together.
+    pub gaussians: usize,
+    /// Seed of the placement. One seed gives the same scene on any number of threads.
+    pub seed: u64,
+    /// Thickness of Gaussians along the gradient where the volume has a plain boundary, relative to their cell's; 1 does
+    /// not flatten.
+    pub flattening: f64,
+    /// Rounds of relaxation after the places are scattered.
+    pub relaxation_rounds: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { gaussians: 100_000, seed: 0, flattening: 0.5, relaxation_rounds: 1 }
+    }
+}
+
+/// Shading of a plain boundary: ambient, diffuse, specular factor and exponent. Where there is no surface the same light
+/// falls from everywhere: ambient 1, the others 0.
+pub const SURFACE_SHADING: (f32, f32, f32, f32) = (0.4, 0.6, 0.2, 20.0);
+
+/// Standard deviation, in voxels, of the smoothing before gradients are taken: without it normals follow single voxels' noise.
+const GRADIENT_SMOOTHING: f32 = 1.0;
+/// Volumes whose middle lies further from the world's origin than this many diagonals keep that offset in the units'
+/// transform: f32 positions would lose the digits they need.
+const FAR_AWAY: f64 = 64.0;
+
+/// A scene and how it came about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DirectStart {
+    /// The scene; its box is the volume's.
+    pub scene: Scene,
+    /// Counts and times.
+    pub report: Report,
+}
+
+/// What a direct start did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Gaussians made.
+    pub gaussians: usize,
+    /// Gaussians asked for at most.
+    pub budget: usize,
+    /// Seed of the placement.
+    pub seed: u64,
+    /// Voxels of the volume.
+    pub voxels: usize,
+    /// Voxels with an opacity above 0.
+    pub visible_voxels: usize,
+    /// Voxels that are NaN or infinite (NaN counts as transparent).
+    pub non_finite_voxels: usize,
+    /// Visible voxels whose value lies in no base unit's range; they went to the nearest unit.
+    pub voxels_outside_base_units: usize,
+    /// Share of the importance that lies within two standard deviations of its Gaussian.
+    pub importance_captured: f64,
+    /// The base units, in order.
+    pub units: Vec<UnitReport>,
+    /// Wall time by stage.
+    pub seconds: Seconds,
+}
+
+/// One base unit of a direct start.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct UnitReport {
+    /// Its name.
+    pub name: String,
+    /// Gaussians made.
+    pub gaussians: usize,
+    /// Voxels with an opacity above 0.
+    pub visible_voxels: usize,
+    /// Its share of the importance of all units.
+    pub importance_share: f64,
+    /// Share of its importance within two standard deviations of its Gaussian.
+    pub importance_captured: f64,
+    /// Mean of shortest axis / middle axis.
+    pub mean_flattening: f64,
+    /// Mean of how much of a surface each Gaussian is, 0 to 1.
+    pub mean_surfaceness: f64,
+    /// Median opacity.
+    pub median_opacity: f64,
+    /// Median of the middle axis' standard deviation, in the smallest voxel spacing.
+    pub median_scale_voxels: f64,
+    /// Palette colour, RGB.
+    pub palette: [f32; 3],
+}
+
+/// Wall time by stage, all units together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Seconds {
+    /// Transfer function on every voxel, smoothing.
+    pub classify: f64,
+    /// What hides what, and the importance from it.
+    pub importance: f64,
+    /// Scattering and relaxation.
+    pub placement: f64,
+    /// Axes, opacities, colours, normals.
+    pub shape: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+/// How far a direct start is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: &'static str,
+    /// Stages done.
+    pub done: usize,
+    /// Stages in all.
+    pub of: usize,
+}
+
+/// Why there is no direct start.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DirectError {
+    /// The transfer function is wrong.
+    #[error("the transfer function's {0}")]
+    TransferFunction(#[from] Problem),
+    /// More base units than can be told apart.
+    #[error("the transfer function has {0} base units; at most {MAX_UNITS} are possible: join some")]
+    TooManyUnits(usize),
+    /// No voxel shows.
+    #[error(
+        "nothing is visible: all {voxels} voxels (values {low} to {high}, {non_finite} not finite) have opacity 0 under the \
+         transfer function; raise opacities within that range or check its `units`"
+    )]
+    NothingVisible {
+        /// Voxels of the volume.
+        voxels: usize,
+        /// Least finite value.
+        low: f64,
+        /// Greatest finite value.
+        high: f64,
+        /// Voxels that are NaN or infinite.
+        non_finite: usize,
+    },
+    /// No or too many Gaussians are asked for.
+    #[error("{0} Gaussians: ask for 1 to {MAX_GAUSSIANS}")]
+    Budget(usize),
+    /// A flattening outside its range.
+    #[error("flattening {0}: give a number above 0 and at most 1")]
+    Flattening(f64),
+    /// The nearest-neighbour search could not be set up.
+    #[error("the placement failed: {0}")]
+    Placement(String),
+}
+
+/// Makes a scene from a volume. `watch` is told of each stage as it begins.
+///
+/// # Errors
+/// [`DirectError`]; nothing is visible, or an option makes no sense.
+pub fn direct_start(
+    field: &Field,
+    function: &TransferFunction,
+    options: &Options,
+    mut watch: impl FnMut(Progress),
+) -> Result<DirectStart, DirectError> {
+    let began = Instant::now();
+    if options.gaussians == 0 || options.gaussians > MAX_GAUSSIANS {
+        return Err(DirectError::Budget(options.gaussians));
+    }
+    if !(options.flattening > 0.0 && options.flattening <= 1.0) {
+        return Err(DirectError::Flattening(options.flattening));
+    }
+    let classifier = function.classifier(field.range())?;
+    let count = classifier.unit_count();
+    if count > MAX_UNITS {
+        return Err(DirectError::TooManyUnits(count));
+    }
+    let of = 1 + 3 * count;
+    let mut done = 0;
+    let mut stage = |name: &'static str| {
+        watch(Progress { stage: name, done, of });
+        done += 1;
+    };
+    let mut seconds = Seconds::default();
+
+    stage("classifying voxels");
+    let clock = Instant::now();
+    let optics = Optics::new(field, &classifier);
+    let visible_voxels = optics.census.iter().map(|c| c.visible).sum();
+    let range = field.range();
+    if visible_voxels == 0 {
+        return Err(DirectError::NothingVisible {
+            voxels: field.values().len(),
+            low: range.low,
+            high: range.high,
+            non_finite: range.non_finite,
+        });
+    }
+    let smooth = field.smoothed(GRADIENT_SMOOTHING);
+    seconds.classify = clock.elapsed().as_secs_f64();
+
+    let clock = Instant::now();
+    let mut found = Vec::with_capacity(count);
+    for unit in 0..count {
+        stage("weighing what shows");
+        found.push(optics.crop(unit).map(|crop| candidates(&crop, field.grid())));
+    }
+    seconds.importance = clock.elapsed().as_secs_f64();
+    let totals: Vec<f64> = found.iter().map(|c| c.as_ref().map_or(0.0, |c| c.total)).collect();
+    let importance: f64 = totals.iter().sum();
+    let budgets = apportion(&totals, options.gaussians);
+
+    let shift = far_shift(field);
+    let mut units = Vec::with_capacity(count);
+    let mut reports = Vec::with_capacity(count);
+    let mut captured = 0.0;
+    for (unit, (candidates, budget)) in found.into_iter().zip(budgets).enumerate() {
+        stage("placing Gaussians");
+        let clock = Instant::now();
+        let mut splats: Vec<Splat> = Vec::new();
+        if let Some(candidates) = candidates.filter(|_| budget > 0) {
+            let points = Points::new(&candidates, &optics, budget);
+            // Units differ in their draw, so that their lattices don't coincide.
+            let seed = options.seed.wrapping_add((unit as u64) << 32);
+            let cells = place(&candidates, &points, field, budget, options.relaxation_rounds, seed)
+                .map_err(DirectError::Placement)?;
+            seconds.placement += clock.elapsed().as_secs_f64();
+            stage("shaping Gaussians");
+            let clock = Instant::now();
+            let shaper = Shaper { optics: &optics, smooth: &smooth, flattening: options.flattening };
+            splats = (0..cells.len())
+                .into_par_iter()
+                .with_min_len(64)
+                .filter_map(|i| shaper.splat(cells.points(i), &points, &candidates.list))
+                .collect();
+            seconds.shape += clock.elapsed().as_secs_f64();
+        } else {
+            stage("shaping Gaussians");
+        }
+        let name = unit_name(function, unit);
+        let palette = mean_color(&splats);
+        captured += splats.iter().map(|s| s.captured * s.weight).sum::<f64>();
+        reports.push(UnitReport::new(
+            &name,
+            &splats,
+            field,
+            totals[unit] / importance,
+            optics.census[unit].visible,
+            palette,
+        ));
+        units.push(base_unit(name, &splats, palette, shift));
+    }
+    let bounds = field.grid().bounds();
+    let scene = Scene::compose(units, Some(SceneBox { min: bounds.min, max: bounds.max }));
+    seconds.total = began.elapsed().as_secs_f64();
+    let report = Report {
+        gaussians: scene.len(),
+        budget: options.gaussians,
+        seed: options.seed,
+        voxels: field.values().len(),
+        visible_voxels,
+        non_finite_voxels: range.non_finite,
+        voxels_outside_base_units: optics.census.iter().map(|c| c.outside_ranges).sum(),
+        importance_captured: captured / importance,
+        units: reports,
+        seconds,
+    };
+    Ok(DirectStart { scene, report })
+}
+
+/// Shares `n` out in proportion to the totals (largest remainders); whatever has a total gets at least one while there
+/// are enough.
+fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
+    let sum: f64 = totals.iter().sum();
+    let wanted = totals.iter().filter(|&&t| t > 0.0).count();
+    let least = usize::from(n >= wanted);
+    let spare = n - least * wanted.min(n);
+    let exact: Vec<f64> = totals.iter().map(|t| t / sum * spare as f64).collect();
+    let mut shares: Vec<usize> =
+        exact.iter().zip(totals).map(|(e, &t)| *e as usize + if t > 0.0 { least } else { 0 }).collect();
+    let mut rest: Vec<usize> = (0..totals.len()).filter(|&i| totals[i] > 0.0).collect();
+    rest.sort_by(|&i, &j| exact[j].fract().total_cmp(&exact[i].fract()).then(i.cmp(&j)));
+    let missing = n.saturating_sub(shares.iter().sum());
+    for &i in rest.iter().cycle().take(missing) {
+        shares[i] += 1;
+    }
+    shares
+}
+
+/// The offset that goes into the units' transform: the middle of a volume that lies far from the world's origin.
+fn far_shift(field: &Field) -> DVec3 {
+    let bounds = field.grid().bounds();
+    let middle = 0.5 * (bounds.min + bounds.max);
+    if middle.length() > FAR_AWAY * field.grid().diagonal() { middle } else { DVec3::ZERO }
+}
+
+fn unit_name(function: &TransferFunction, unit: usize) -> String {
+    match function.base_units.get(unit) {
+        Some(u) => u.name.clone(),
+        None => function.variable.clone().filter(|v| !v.trim().is_empty()).unwrap_or_else(|| "volume".to_owned()),
+    }
+}
+
+/// Mean colour by importance; mid grey for no Gaussian.
+fn mean_color(splats: &[Splat]) -> Vec3 {
+    let weight: f64 = splats.iter().map(|s| s.weight).sum();
+    let sum: DVec3 = splats.iter().map(|s| s.color.as_dvec3() * s.weight).sum();
+    if weight > 0.0 { (sum / weight).as_vec3() } else { Vec3::splat(0.5) }
+}
+
+fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> BaseUnit {
+    let (ambient, diffuse, specular, shininess) = SURFACE_SHADING;
+    let column = |f: &dyn Fn(&Splat) -> f32| splats.iter().map(f).collect::<Vec<f32>>();
+    let gaussians = Gaussians {
+        position: splats.iter().map(|s| (s.position - shift).as_vec3()).collect(),
+        rotation: splats
+            .iter()
+            .map(|s| [s.rotation.w, s.rotation.x, s.rotation.y, s.rotation.z].map(|x| x as f32))
+            .collect(),
+        log_scale: splats
+            .iter()
+            .map(|s| s.scale.to_array().map(f64::ln))
+            .map(|s| DVec3::from_array(s).as_vec3())
+            .collect(),
+        opacity_logit: splats.iter().map(|s| (s.opacity.ln() - (-s.opacity).ln_1p()) as f32).collect(),
+        shading: Some(ShadingColumns {
+            offset_color: splats.iter().map(|s| s.color - palette).collect(),
+            normal: splats.iter().map(|s| s.normal).collect(),
+            ambient: column(&|s| 1.0 + s.surfaceness * (ambient - 1.0)),
+            diffuse: column(&|s| s.surfaceness * diffuse),
+            specular: column(&|s| s.surfaceness * specular),
+            shininess: column(&|_| shininess),
+        }),
+        harmonics: None,
+        extra: Vec::new(),
+    };
+    BaseUnit {
+        name,
+        file: None,
+        gaussians,
+        first: 0,
+        palette,
+        opacity: 1.0,
+        transform: DMat4::from_translation(shift),
+        convention: Convention::Ours,
+        shading: ShadingModel::Paper,
+        oriented_normals: true,
+        transfer_function: None,
+    }
+}
+
+impl UnitReport {
+    fn new(name: &str, splats: &[Splat], field: &Field, share: f64, visible_voxels: usize, palette: Vec3) -> Self {
+        let n = splats.len().max(1) as f64;
+        let mean = |f: &dyn Fn(&Splat) -> f64| splats.iter().map(f).sum::<f64>() / n;
+        let median = |f: &dyn Fn(&Splat) -> f64| {
+            let mut values: Vec<f64> = splats.iter().map(f).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(0.0)
+        };
+        let weight: f64 = splats.iter().map(|s| s.weight).sum();
+        let captured: f64 = splats.iter().map(|s| s.captured * s.weight).sum();
+        Self {
+            name: name.to_owned(),
+            gaussians: splats.len(),
+            visible_voxels,
+            importance_share: share,
+            importance_captured: if weight > 0.0 { captured / weight } else { 0.0 },
+            mean_flattening: mean(&|s| s.scale.z / s.scale.y),
+            mean_surfaceness: mean(&|s| f64::from(s.surfaceness)),
+            median_opacity: median(&|s| s.opacity),
+            median_scale_voxels: median(&|s| s.scale.y) / field.grid().spacing().min_element(),
+            palette: palette.to_array(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn shares_sum_to_the_budget(totals in prop::collection::vec(prop_oneof![Just(0.0), 1e-6..1e6_f64], 1..6), n in 1..500_usize) {
+            prop_assume!(totals.iter().any(|&t| t > 0.0));
+            let shares = apportion(&totals, n);
+            prop_assert_eq!(shares.iter().sum::<usize>(), n);
+            let wanted = totals.iter().filter(|&&t| t > 0.0).count();
+            for (s, t) in shares.iter().zip(&totals) {
+                prop_assert!(*t > 0.0 || *s == 0);
+                prop_assert!(*t == 0.0 || n < wanted || *s > 0);
+            }
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! From a cell of matter to one Gaussian: where, how long along which axes, how opaque, facing where.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DMat3, DQuat, DVec3, Vec3};
+use sg_volume::Field;
+use sg_volume::transfer::extinction;
+
+use crate::importance::Candidate;
+use crate::optics::Optics;
+use crate::placement::Points;
+
+/// Standard deviations of a Gaussian in units of those of its cell. A cell of a regular tiling has h/√12; neighbours
+/// that overlap at about 0.6 h leave no holes.
+const OVERLAP: f64 = 2.0;
+/// No axis is shorter than this share of the longest but one.
+const LEAST_RATIO: f64 = 0.2;
+/// No axis is longer than this many times the next one.
+const MOST_RATIO: f64 = 3.0;
+/// Greatest opacity of a Gaussian: 1 has no logit.
+pub(crate) const MAX_OPACITY: f64 = 0.995;
+
+/// One Gaussian, in world space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Splat {
+    pub(crate) position: DVec3,
+    /// Standard deviations along the rotated axes, the shortest last.
+    pub(crate) scale: DVec3,
+    pub(crate) rotation: DQuat,
+    pub(crate) opacity: f64,
+    pub(crate) color: Vec3,
+    /// Unit normal towards falling values, or zero.
+    pub(crate) normal: Vec3,
+    /// How much of a surface it is: 0 homogeneous or noise, 1 a plain boundary.
+    pub(crate) surfaceness: f32,
+    /// Importance it stands for.
+    pub(crate) weight: f64,
+    /// Share of that importance within two standard deviations.
+    pub(crate) captured: f64,
+}
+
+/// What shapes depend on besides the cell.
+pub(crate) struct Shaper<'a> {
+    pub(crate) optics: &'a Optics<'a>,
+    /// The field that gradients are taken of: smoothed a little.
+    pub(crate) smooth: &'a Field,
+    /// Thickness along the gradient of a plain boundary, relative to a cell's own.
+    pub(crate) flattening: f64,
+}
+
+/// Sums over the pieces of a cell.
+#[derive(Default)]
+struct Moments {
+    weight: f64,
+    /// ∫ extinction dV.
+    matter: f64,
+    position: DVec3,
+    color: DVec3,
+    gradient: DVec3,
+    gradient_length: f64,
+}
+
+impl Shaper<'_> {
+    /// The Gaussian of the cell of `members` among `points`; nothing where it holds no matter.
+    pub(crate) fn splat(&self, members: &[u32], points: &Points, list: &[Candidate]) -> Option<Splat> {
+        let field = self.optics.field;
+        let grid = field.grid();
+        let reference = grid.reference_length();
+        let whole = points.piece_side() == 1.0;
+        let mut sums = Moments::default();
+        for &i in members {
+            points.for_each_piece(i as usize, list, field, |piece| {
+                let v = piece.voxel;
+                let (raw, gradient) = if whole {
+                    let (x, y, z) = (v.x as usize, v.y as usize, v.z as usize);
+                    (field.raw(grid.index(x, y, z)), self.smooth.gradient_at(x, y, z))
+                } else {
+                    (field.sample(v).unwrap_or(f64::NAN), self.smooth.gradient(v))
+                };
+                let (color, opacity) = self.optics.classifier.evaluate(raw);
+                let w = f64::from(piece.weight);
+                sums.weight += w;
+                sums.matter += f64::from(extinction(opacity, reference)) * piece.share * grid.voxel_volume();
+                sums.position += w * v;
+                sums.color += w * color.as_dvec3();
+                sums.gradient += w * gradient.as_dvec3();
+                sums.gradient_length += w * f64::from(gradient.length());
+            });
+        }
+        if !(sums.weight > 0.0 && sums.matter > 0.0) {
+            return None;
+        }
+        let mean = sums.position / sums.weight;
+        let covariance = self.covariance(members, points, list, mean, sums.weight);
+        let (normal, surfaceness) = self.facing(&sums);
+        let flat = 1.0 - surfaceness * (1.0 - self.flattening);
+        let squeeze = DMat3::IDENTITY - outer(normal) * (1.0 - flat);
+        let (lengths, axes) = principal_axes(squeeze * covariance * squeeze);
+        let scale = limited(lengths.map(|l| OVERLAP * l.max(0.0).sqrt()));
+        // Seen along its shortest axis a Gaussian of opacity o has an optical depth that integrates to 2π·s₁·s₂·Li₂(o)
+        // over the picture: that must be the matter it stands for.
+        let opacity = opacity_of(sums.matter / (TAU * scale.x * scale.y));
+        let rotation = DQuat::from_mat3(&oriented(axes, normal));
+        let captured = self.captured(members, points, list, mean, rotation, scale) / sums.weight;
+        Some(Splat {
+            position: grid.to_world(mean),
+            scale,
+            rotation,
+            opacity,
+            color: (sums.color / sums.weight).as_vec3(),
+            normal: normal.as_vec3(),
+            surfaceness: surfaceness as f32,
+            weight: sums.weight,
+            captured,
+        })
+    }
+
+    /// Covariance of a cell's importance in world space, the extent of its pieces included.
+    fn covariance(&self, members: &[u32], points: &Points, list: &[Candidate], mean: DVec3, weight: f64) -> DMat3 {
+        let grid = self.optics.field.grid();
+        let mut sum = DMat3::ZERO;
+        for &i in members {
+            points.for_each_piece(i as usize, list, self.optics.field, |piece| {
+                sum += outer(piece.voxel - mean) * f64::from(piece.weight);
+            });
+        }
+        let piece = points.piece_side().powi(2) / 12.0;
+        let in_voxels = sum * (1.0 / weight) + DMat3::from_diagonal(DVec3::splat(piece));
+        let to_world = grid.direction() * DMat3::from_diagonal(grid.spacing());
+        to_world * in_voxels * to_world.transpose()
+    }
+
+    /// Importance of a cell within two standard deviations of its Gaussian.
+    fn captured(
+        &self,
+        members: &[u32],
+        points: &Points,
+        list: &[Candidate],
+        mean: DVec3,
+        rotation: DQuat,
+        scale: DVec3,
+    ) -> f64 {
+        let grid = self.optics.field.grid();
+        let mut inside = 0.0;
+        for &i in members {
+            points.for_each_piece(i as usize, list, self.optics.field, |piece| {
+                let local = rotation.inverse() * grid.vector_to_world(piece.voxel - mean);
+                if (local / scale).length_squared() <= 4.0 {
+                    inside += f64::from(piece.weight);
+                }
+            });
+        }
+        inside
+    }
+
+    /// The direction of falling values and how much of a surface the cell is: gradients that agree and are strong against
+    /// the range of values.
+    fn facing(&self, sums: &Moments) -> (DVec3, f64) {
+        let grid = self.optics.field.grid();
+        let range = self.optics.field.range();
+        let length = sums.gradient.length();
+        let normal = (-sums.gradient).normalize_or_zero();
+        if normal == DVec3::ZERO {
+            return (DVec3::ZERO, 0.0);
+        }
+        let agreement = smoothstep(0.2, 0.7, length / sums.gradient_length.max(f64::MIN_POSITIVE));
+        let rise = length / sums.weight * grid.voxel_volume().cbrt() / (range.high - range.low).max(f64::MIN_POSITIVE);
+        (normal, agreement * smoothstep(0.004, 0.03, rise))
+    }
+}
+
+fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+fn outer(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+/// Keeps the axes' lengths (longest first) within [`LEAST_RATIO`] and [`MOST_RATIO`] of each other.
+fn limited(lengths: [f64; 3]) -> DVec3 {
+    let middle = lengths[1].max(lengths[0] / (MOST_RATIO * MOST_RATIO));
+    DVec3::new(lengths[0].min(MOST_RATIO * middle), middle, lengths[2].max(LEAST_RATIO * middle))
+}
+
+/// A right-handed rotation whose columns are the axes, the last one on the normal's side and the first one with its
+/// largest component positive, so that alike cells get alike rotations.
+fn oriented(axes: DMat3, normal: DVec3) -> DMat3 {
+    let mut last = axes.z_axis;
+    let side = if normal == DVec3::ZERO { largest(last) } else { last.dot(normal) };
+    if side < 0.0 {
+        last = -last;
+    }
+    let first = if largest(axes.x_axis) < 0.0 { -axes.x_axis } else { axes.x_axis };
+    DMat3::from_cols(first, last.cross(first), last)
+}
+
+fn largest(v: DVec3) -> f64 {
+    v.to_array().into_iter().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a })
+}
+
+/// Eigenvalues, largest first, and unit eigenvectors (columns) of a symmetric matrix, by cyclic Jacobi rotations in f64.
+fn principal_axes(m: DMat3) -> ([f64; 3], DMat3) {
+    let mut a = m.to_cols_array_2d();
+    let mut v = DMat3::IDENTITY.to_cols_array_2d();
+    for _ in 0..16 {
+        let off = a[0][1].powi(2) + a[0][2].powi(2) + a[1][2].powi(2);
+        let on = a[0][0].powi(2) + a[1][1].powi(2) + a[2][2].powi(2);
+        if off <= 1e-30 * on {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if a[p][q] == 0.0 {
+                continue;
+            }
+            let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let c = 1.0 / (t * t + 1.0).sqrt();
+            let s = t * c;
+            for row in &mut a {
+                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+            }
+            let (p_row, q_row) = (a[p], a[q]);
+            for k in 0..3 {
+                (a[p][k], a[q][k]) = (c * p_row[k] - s * q_row[k], s * p_row[k] + c * q_row[k]);
+            }
+            let (p_col, q_col) = (v[p], v[q]);
+            for k in 0..3 {
+                (v[p][k], v[q][k]) = (c * p_col[k] - s * q_col[k], s * p_col[k] + c * q_col[k]);
+            }
+        }
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]));
+    let column = |k: usize| DVec3::from_array(v[order[k]]);
+    (order.map(|k| a[k][k]), DMat3::from_cols(column(0), column(1), column(2)))
+}
+
+/// The opacity o with Li₂(o) = x, at most [`MAX_OPACITY`].
+fn opacity_of(x: f64) -> f64 {
+    if x >= dilogarithm(MAX_OPACITY) {
+        return MAX_OPACITY;
+    }
+    // Li₂ is convex and above the identity on [0, 1], so Newton's steps from the right end never leave it.
+    let mut o = x.min(MAX_OPACITY);
+    for _ in 0..32 {
+        let step = (dilogarithm(o) - x) / (-(-o).ln_1p() / o.max(1e-300));
+        let next = (o - step).clamp(0.0, MAX_OPACITY);
+        if (next - o).abs() <= 1e-12 * o {
+            break;
+        }
+        o = next;
+    }
+    o
+}
+
+/// Li₂(x) = Σ xᵏ/k² for 0 ≤ x < 1: the optical depth −ln(1 − x·e^−u), integrated over u from 0 to ∞.
+fn dilogarithm(x: f64) -> f64 {
+    if x > 0.5 {
+        return PI * PI / 6.0 - x.ln() * (-x).ln_1p() - dilogarithm(1.0 - x);
+    }
+    let mut power = x;
+    let mut sum = 0.0;
+    for k in 1..60 {
+        let term = power / f64::from(k * k);
+        sum += term;
+        if term < 1e-17 * sum {
+            break;
+        }
+        power *= x;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn the_dilogarithm_is_the_integral_it_stands_for() {
+        for o in [0.0, 0.1, 0.5, 0.9, 0.995] {
+            let (mut sum, h) = (0.0, 1e-4);
+            for i in 0..400_000 {
+                let u = (f64::from(i) + 0.5) * h;
+                sum -= (-o * (-u).exp()).ln_1p() * h;
+            }
+            assert!((dilogarithm(o) - sum).abs() < 1e-6, "{o}: {} {sum}", dilogarithm(o));
+        }
+    }
+
+    #[test]
+    fn axes_are_limited() {
+        assert_eq!(limited([1.0, 1.0, 0.0]), DVec3::new(1.0, 1.0, 0.2));
+        let needle = limited([9.0, 0.1, 0.1]);
+        assert!(needle.x <= 3.0 * needle.y && needle.z >= 0.2 * needle.y, "{needle}");
+        assert_eq!(limited([1.2, 1.0, 0.5]), DVec3::new(1.2, 1.0, 0.5));
+    }
+
+    proptest! {
+        #[test]
+        fn opacity_inverts_the_dilogarithm(o in 1e-9..MAX_OPACITY) {
+            prop_assert!((opacity_of(dilogarithm(o)) / o - 1.0).abs() < 1e-6);
+        }
+
+        #[test]
+        fn principal_axes_rebuild_the_matrix(
+            q in prop::array::uniform4(-1.0..1.0_f64),
+            l in prop::array::uniform3(1e-6..10.0_f64),
+        ) {
+            let q = DQuat::from_array(q);
+            prop_assume!(q.length() > 0.1);
+            let r = DMat3::from_quat(q.normalize());
+            let m = r * DMat3::from_diagonal(DVec3::from_array(l)) * r.transpose();
+            let (values, axes) = principal_axes(m);
+            prop_assert!(values[0] >= values[1] && values[1] >= values[2]);
+            let again = axes * DMat3::from_diagonal(DVec3::from_array(values)) * axes.transpose();
+            let error = (again - m).to_cols_array().into_iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+            prop_assert!(error < 1e-9 * values[0], "{error}");
+            let turned = oriented(axes, DVec3::new(0.3, -0.2, 0.9));
+            prop_assert!((turned.determinant() - 1.0).abs() < 1e-9);
+            prop_assert!(turned.z_axis.dot(DVec3::new(0.3, -0.2, 0.9)) >= 0.0);
+        }
+    }
+}
