@@ -10,6 +10,7 @@ pub mod bus;
 pub mod context;
 pub mod fault;
 pub mod process;
+pub mod scene_feed;
 pub mod session;
 pub mod telemetry;
 mod wire;
