@@ -1,11 +1,11 @@
 //! Float pictures and the files they are written to.
 
 use std::ffi::OsStr;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use npyz::WriterBuilder;
+use sg_scene::staged_file::StagedFile;
 
 /// A picture: RGB composited over the background, and A = 1 − transmittance. Rows from the top, no transfer function.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,24 +126,12 @@ impl Image {
     }
 
     fn save_as(&self, path: &Path, format: ImageFormat) -> io::Result<()> {
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        let mut file = tempfile::Builder::new()
-            .prefix(".picture-")
-            .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
-            .tempfile_in(folder)?;
-        let mut writer: BufWriter<&mut File> = BufWriter::new(file.as_file_mut());
+        let mut file = StagedFile::create(path)?;
         match format {
-            ImageFormat::Png => self.write_png(&mut writer)?,
-            ImageFormat::Npy => self.write_npy(&mut writer)?,
+            ImageFormat::Png => self.write_png(&mut file)?,
+            ImageFormat::Npy => self.write_npy(&mut file)?,
         }
-        writer.flush()?;
-        drop(writer);
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
+        file.commit().map(|_| ())
     }
 }
 

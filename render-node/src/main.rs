@@ -1,1 +1,7 @@
-fn main() {}
+//! `supergaussian-render-node`: pictures of a scene (`supergaussian render`).
+
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::run()
+}

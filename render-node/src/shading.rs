@@ -3,7 +3,7 @@
 //! Everything is evaluated in f64 from the stored f32 attributes, once a Gaussian, so that every rasterizer blends the same
 //! numbers.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 use sg_scene::appearance::{Appearance, BaseAppearance, ShadingTerm};
 use sg_scene::camera::LightMode;
 use sg_scene::model::{BaseUnit, ShadingColumns, ShadingModel};
@@ -153,7 +153,7 @@ impl<'a> UnitShader<'a> {
             factor *= f64::from(edit.opacity);
             replaced = edit.color.or(replaced);
         }
-        let replaced = replaced.map(|c| c.as_dvec3());
+        let replaced = replaced.map(Vec3::as_dvec3);
         let logit = self.unit.gaussians.opacity_logit.get(i).copied().unwrap_or(f32::NAN);
         let mut opacity = (factor / (1.0 + (-f64::from(logit)).exp())).clamp(0.0, 1.0);
         let mut color = match &self.unit.gaussians.shading {

@@ -1,0 +1,142 @@
+//! `supergaussian render` as a person types it.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use glam::DVec3;
+use sg_scene::camera::Camera;
+
+/// A plain 3DGS file of Gaussians in a row, red on the left to blue on the right, red nearest.
+fn write_scene(path: &Path, n: usize) {
+    let properties = [
+        "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
+        "rot_2", "rot_3",
+    ];
+    let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {n}\n").into_bytes();
+    for name in properties {
+        bytes.extend(format!("property float {name}\n").bytes());
+    }
+    bytes.extend(b"end_header\n");
+    for i in 0..n {
+        let t = i as f32 / (n - 1) as f32;
+        let row =
+            [2.0 * t - 1.0, 0.0, t, 1.7 - 3.4 * t, -1.7, 3.4 * t - 1.7, 3.0, -2.3, -2.3, -2.3, 1.0, 0.0, 0.0, 0.0];
+        bytes.extend(row.iter().flat_map(|x| x.to_le_bytes()));
+    }
+    std::fs::write(path, bytes).unwrap();
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_supergaussian-render-node")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+/// Runs what must succeed; its standard output.
+fn good(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn pixels(path: &Path) -> (Vec<u64>, Vec<f32>) {
+    let bytes = std::fs::read(path).unwrap();
+    let npy = npyz::NpyFile::new(&bytes[..]).unwrap();
+    (npy.shape().to_vec(), npy.into_vec().unwrap())
+}
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(&folder.path().join("row.ply"), 9);
+    let camera = Camera {
+        background: [0.0, 1.0, 0.0],
+        ..Camera::look_at(DVec3::new(0.0, 0.0, -3.0), DVec3::ZERO, DVec3::NEG_Y, 60.0, 80, 40)
+    };
+    std::fs::write(folder.path().join("camera.json"), serde_json::to_string(&camera).unwrap()).unwrap();
+    folder
+}
+
+#[test]
+fn a_camera_gives_its_picture_in_both_formats() {
+    let folder = folder();
+    let at = folder.path();
+    for out in ["a.npy", "a.png"] {
+        let arguments = ["row.ply", "--camera", "camera.json", "--out", out, "--quality", "exact", "--json"];
+        let report: serde_json::Value = serde_json::from_str(&good(at, &arguments)).unwrap();
+        assert_eq!((&report["gaussians"], &report["drawn"], &report["backend"]), (&9.into(), &9.into(), &"cpu".into()));
+        assert!(report["seconds"]["total"].as_f64().unwrap() > 0.0);
+    }
+    let (shape, numbers) = pixels(&at.join("a.npy"));
+    assert_eq!(shape, [40, 80, 4]);
+    let pixel = |x: usize, y: usize| &numbers[4 * (80 * y + x)..][..4];
+    assert!(pixel(0, 0)[1] > 0.999 && pixel(0, 0)[3] < 1e-3, "background in the corner");
+    let [left, right] = [pixel(29, 20), pixel(48, 20)];
+    assert!(left[0] > 0.5 && left[2] < 0.5 && right[2] > 0.5 && right[0] < 0.5, "{left:?} {right:?}");
+    let decoder = png::Decoder::new(std::io::Cursor::new(std::fs::read(at.join("a.png")).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    let want: Vec<u8> =
+        numbers.chunks(4).flat_map(|p| [p[0], p[1], p[2]]).map(|x| (255.0 * x.clamp(0.0, 1.0)).round() as u8).collect();
+    assert_eq!(bytes, want);
+}
+
+#[test]
+fn without_a_camera_the_scene_is_framed() {
+    let folder = folder();
+    let at = folder.path();
+    good(at, &["row.ply", "--out", "b.npy", "--width", "50", "--height", "30"]);
+    let (shape, numbers) = pixels(&at.join("b.npy"));
+    assert_eq!(shape, [30, 50, 4]);
+    let column = |x: usize| numbers.chunks(4).skip(x).step_by(50).map(|p| p[3]).fold(0.0, f32::max);
+    assert!(column(2) > 0.3 && column(39) > 0.3, "the near end is at the left edge, the far end further in");
+    assert!(numbers.chunks(4).take(50 * 5).all(|p| p[3] < 0.01), "nothing above it");
+}
+
+#[test]
+fn a_mask_highlights() {
+    let folder = folder();
+    let at = folder.path();
+    let mask = sg_scene::mask::Mask::from_fn(9, |i| i > 5);
+    sg_scene::npy::write_mask(&at.join("mask.npy"), &mask).unwrap();
+    let base = ["row.ply", "--camera", "camera.json", "--out"];
+    good(at, &[&base[..], &["plain.npy"]].concat());
+    good(at, &[&base[..], &["lit.npy", "--mask", "mask.npy", "--mask-color", "1,1,1", "--mask-mix", "1"]].concat());
+    good(at, &[&base[..], &["gone.npy", "--mask", "mask.npy", "--mask-opacity", "0"]].concat());
+    let [plain, lit, gone] = ["plain.npy", "lit.npy", "gone.npy"].map(|name| pixels(&at.join(name)).1);
+    let pixel = |numbers: &[f32], x: usize| -> Vec<f32> { numbers[4 * (80 * 20 + x)..][..4].to_vec() };
+    assert_eq!(pixel(&plain, 25), pixel(&lit, 25));
+    assert!(pixel(&plain, 48)[0] < 0.5 && pixel(&lit, 48)[0] > 0.8 && pixel(&gone, 48)[3] < 0.1);
+}
+
+#[test]
+fn what_is_wrong_is_said_in_one_line() {
+    let folder = folder();
+    let at = folder.path();
+    std::fs::write(at.join("broken.json"), "{\"width\": 4, \"widht\": 5}").unwrap();
+    std::fs::write(at.join("text.ply"), "this is no scene").unwrap();
+    sg_scene::npy::write_mask(&at.join("short.npy"), &sg_scene::mask::Mask::empty(3)).unwrap();
+    let base = ["row.ply", "--camera", "camera.json", "--out"];
+    for (arguments, status, want) in [
+        (vec!["none.ply", "--out", "c.png"], 2, "none.ply"),
+        (vec!["text.ply", "--out", "c.png"], 2, "text.ply"),
+        (vec!["row.ply", "--out", "c.jpg"], 2, ".png or .npy"),
+        (vec!["row.ply", "--camera", "broken.json", "--out", "c.png"], 2, "widht"),
+        ([&base[..], &["c.png", "--mask", "short.npy"]].concat(), 2, "short.npy"),
+        ([&base[..], &["none/c.png"]].concat(), 1, "none/c.png"),
+    ] {
+        let output = run(at, &arguments);
+        let line = String::from_utf8(output.stderr).unwrap();
+        let line = line.lines().filter(|l| !l.starts_with("warning")).collect::<Vec<_>>();
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {line:?}");
+        assert!(line.len() == 1 && line[0].starts_with("error: ") && line[0].contains(want), "{line:?}");
+    }
+    for arguments in [
+        [&base[..], &["c.png", "--backend", "gpu"]].concat(),
+        [&base[..], &["c.png", "--mask-mix", "1"]].concat(),
+        [&base[..], &["c.png", "--width", "9"]].concat(),
+        vec!["row.ply"],
+    ] {
+        assert_eq!(run(at, &arguments).status.code(), Some(2), "{arguments:?}");
+    }
+    assert!(!at.join("c.png").exists());
+    assert!(good(at, &["--help"]).contains("supergaussian render scene.toml --camera"));
+}
