@@ -2,5 +2,17 @@
 
 pub mod appearance;
 pub mod camera;
+pub mod census;
+mod content_hash;
+pub mod format;
+pub mod load;
 pub mod mask;
 pub mod model;
+pub mod npy;
+pub mod save;
+pub mod scene_file;
+pub mod staged_file;
+pub mod summary;
+
+pub use load::{LoadError, LoadOptions, Loaded, load};
+pub use save::{SaveError, SaveOptions, Saved, save};
