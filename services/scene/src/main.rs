@@ -1,13 +1,15 @@
-//! The scene's executable: offline subcommands on scene files.
+//! The scene's executable: the process that owns a session's scene, and offline subcommands on scene files.
 
+mod actor;
 mod cli;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use sg_runtime::process::ServeArgs;
 
 #[derive(Debug, Parser)]
-#[command(name = "supergaussian-scene", version, about = "Scenes of editable Gaussians: look into them, convert them")]
+#[command(name = "supergaussian-scene", version, about = "Scenes of editable Gaussians: serve, look into, convert")]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -17,10 +19,18 @@ struct Arguments {
 enum Command {
     #[command(flatten)]
     Offline(cli::Command),
+    /// Owns the scene of a running session: carries commands out, keeps them, tells of them
+    #[command(after_help = EXAMPLE)]
+    Serve(ServeArgs),
 }
+
+const EXAMPLE: &str = "Example (a supervisor does this):
+  supergaussian-scene serve --session demo --role scene --instance scene-1 \\
+    --connect unixsock-stream/$RUN/bus.sock --run-dir $RUN --params '{\"scene\": \"tooth.ply\"}'";
 
 fn main() -> ExitCode {
     match Arguments::parse().command {
+        Command::Serve(args) => actor::serve(args),
         Command::Offline(command) => cli::run(&command),
     }
 }

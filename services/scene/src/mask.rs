@@ -38,6 +38,14 @@ impl Mask {
         mask
     }
 
+    /// The selection of all of `len` Gaussians.
+    #[must_use]
+    pub fn full(len: usize) -> Self {
+        let mut mask = Self { len, words: vec![u64::MAX; len.div_ceil(64)] };
+        mask.clear_tail();
+        mask
+    }
+
     /// Number of Gaussians it speaks about, selected or not.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -89,6 +97,30 @@ impl Mask {
             })
             .map(move |w| k * 64 + w.trailing_zeros() as usize)
         })
+    }
+
+    /// Selects a range of Gaussians; what lies past the end is left out.
+    pub fn select_range(&mut self, range: std::ops::Range<usize>) {
+        let (start, end) = (range.start, range.end.min(self.len));
+        for (k, word) in self.words.iter_mut().enumerate().take(end.div_ceil(64)).skip(start / 64) {
+            let low = start.saturating_sub(k * 64).min(64);
+            let high = (end - k * 64).min(64);
+            if low < high {
+                *word |= (u64::MAX >> (64 - (high - low))) << low;
+            }
+        }
+    }
+
+    /// Whether some Gaussian is in both.
+    #[must_use]
+    pub fn intersects(&self, other: &Self) -> bool {
+        self.words.iter().zip(&other.words).any(|(a, b)| a & b != 0)
+    }
+
+    /// Whether `other` has every Gaussian of this mask.
+    #[must_use]
+    pub fn is_subset_of(&self, other: &Self) -> bool {
+        self.words.iter().enumerate().all(|(k, a)| a & !other.words.get(k).copied().unwrap_or(0) == 0)
     }
 
     /// Adds all of `other`; masks of different lengths are combined over the shorter one.
@@ -170,6 +202,18 @@ mod tests {
             prop_assert_eq!(mask.count(), bits.iter().filter(|b| **b).count());
             prop_assert_eq!(mask.ones().collect::<Vec<_>>(), (0..bits.len()).filter(|&i| bits[i]).collect::<Vec<_>>());
             prop_assert_eq!(Mask::from_bytes(bits.len(), &mask.to_bytes()), Ok(mask));
+        }
+
+        #[test]
+        fn ranges_and_relations_are_those_of_sets(len in 0_usize..300, a in 0_usize..320, n in 0_usize..320, bits in any::<u64>()) {
+            let mut range = Mask::empty(len);
+            range.select_range(a..a + n);
+            prop_assert_eq!(&range, &Mask::from_fn(len, |i| (a..a + n).contains(&i)));
+            let other = Mask::from_fn(len, |i| bits >> (i % 64) & 1 == 1);
+            prop_assert_eq!(range.intersects(&other), range.ones().any(|i| other.get(i)));
+            prop_assert_eq!(range.is_subset_of(&other), range.ones().all(|i| other.get(i)));
+            prop_assert_eq!(Mask::full(len).count(), len);
+            prop_assert!(range.is_subset_of(&Mask::full(len)));
         }
 
         #[test]

@@ -1,0 +1,204 @@
+//! The process that owns the scene of a session: commands in, events out.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::Deserialize;
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, State};
+use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{self, Host, ServeArgs, StartError};
+use sg_scene::LoadOptions;
+use sg_scene::journal::JournalError;
+use sg_scene::project::{Project, ProjectError};
+use tokio::task::block_in_place;
+
+/// Requests that may wait: a person's edits and a burst of brush strokes.
+const QUEUE: usize = 64;
+/// The project of a session that names none, in its folder.
+const DEFAULT_PROJECT: &str = "session.sgproj";
+/// Warnings of a scene file that are logged one by one.
+const WARNINGS: usize = 20;
+
+/// Parameters from the launch file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Params {
+    /// The scene: whatever `supergaussian scene info` reads.
+    scene: PathBuf,
+    /// The project file, made where there is none.
+    project: Option<PathBuf>,
+}
+
+/// Serves the scene of a session until told to stop.
+pub(crate) fn serve(args: ServeArgs) -> ExitCode {
+    process::run(args, env!("CARGO_PKG_VERSION"), load)
+}
+
+async fn load(host: Host) -> Result<(), StartError> {
+    if host.role() != role::SCENE {
+        return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SCENE)));
+    }
+    let params: Params = host.params()?;
+    let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
+    let project = block_in_place(|| open(&params.scene, &path))?;
+
+    let outline = project.editor().message(false);
+    let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
+    let last = project.last_event().map_err(|e| start_error(&e))?;
+    let owner = Owner { bus: host.bus().clone(), project, state };
+    if let Some(event) = last {
+        // Told again: the last life may have ended between keeping the event and telling it. Who has it passes over it.
+        owner.announce(&event, &Context::root()).await;
+    }
+    let (mailbox, _) = host.spawn(owner, QUEUE);
+    let commands = mailbox.clone();
+    host.serve(&keys::SCENE_APPLY, QUEUE, move |command: Command, context: Context| {
+        let mailbox = commands.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Apply { command, context, reply }).await }
+    })
+    .await?;
+    host.serve(&keys::SCENE_CHANGES, QUEUE, move |request: ChangesRequest, context: Context| {
+        let mailbox = mailbox.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Changes { request, context, reply }).await }
+    })
+    .await?;
+    Ok(())
+}
+
+fn open(scene: &std::path::Path, project: &std::path::Path) -> Result<Project, StartError> {
+    let begun = Instant::now();
+    let loaded = sg_scene::load(scene, &LoadOptions::default()).map_err(|e| StartError::Input(e.to_string()))?;
+    let read = begun.elapsed();
+    for warning in loaded.warnings.iter().take(WARNINGS) {
+        tracing::warn!("{warning}");
+    }
+    if let Some(more) = loaded.warnings.len().checked_sub(WARNINGS).filter(|n| *n > 0) {
+        tracing::warn!("{more} more warnings; `supergaussian scene info` lists them all");
+    }
+    // Other processes have other working folders.
+    let scene_path = std::fs::canonicalize(scene).unwrap_or_else(|_| scene.to_path_buf()).display().to_string();
+    let opened = Project::open(project, Arc::new(loaded.scene), &scene_path).map_err(|e| start_error(&e))?;
+    let state = opened.editor().state();
+    tracing::info!(
+        scene = scene_path,
+        project = %project.display(),
+        gaussians = state.count(),
+        revision = state.revision(),
+        read_ms = read.as_secs_f64() * 1e3,
+        project_ms = (begun.elapsed() - read).as_secs_f64() * 1e3,
+        "scene opened"
+    );
+    Ok(opened)
+}
+
+fn start_error(error: &JournalError) -> StartError {
+    if error.is_input() { StartError::Input(error.to_string()) } else { StartError::Failed(error.to_string()) }
+}
+
+/// What the owner is asked.
+enum Message {
+    Apply { command: Command, context: Context, reply: Reply<CommandResult> },
+    Changes { request: ChangesRequest, context: Context, reply: Reply<Changes> },
+}
+
+/// The actor that owns the scene.
+struct Owner {
+    bus: Bus,
+    project: Project,
+    state: Owned<State>,
+}
+
+/// One line on the scene for the process's health.
+#[derive(Debug, Clone)]
+struct Seen {
+    revision: u64,
+    units: usize,
+    selected: usize,
+}
+
+impl fmt::Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { revision, units, selected } = self;
+        write!(f, "revision {revision}, {units} editable units, {selected} Gaussians selected")
+    }
+}
+
+impl Owner {
+    /// Tells readers of an event that is durable, and replaces the newest state.
+    async fn announce(&self, event: &Event, context: &Context) {
+        let told = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
+        let shown = self.state.set(self.project.editor().message(false), &context.next()).await;
+        // Readers notice a gap by the revision; what is durable is not taken back because somebody did not hear of it.
+        for fault in [told, shown].into_iter().filter_map(Result::err) {
+            tracing::warn!(revision = event.revision, %fault, "an accepted change could not be told");
+        }
+    }
+
+    async fn apply(&mut self, command: &Command, context: &Context) -> Result<CommandResult, Fault> {
+        let outcome = block_in_place(|| self.project.apply(command)).map_err(|error| {
+            if let ProjectError::Journal(error) = &error {
+                tracing::error!(command = command.id, %error, "a command could not be kept");
+            }
+            fault(&error)
+        })?;
+        if let Some(event) = &outcome.event {
+            tracing::info!(
+                revision = event.revision,
+                command = command.id,
+                conversation = context.conversation,
+                step = context.step,
+                "{}",
+                event.summary
+            );
+            self.announce(event, context).await;
+        }
+        Ok(outcome.result)
+    }
+}
+
+fn fault(error: &ProjectError) -> Fault {
+    let code = error.code();
+    let retry_after = (code == Code::Unavailable).then_some(std::time::Duration::from_secs(1));
+    Fault { retry_after, ..Fault::new(code, error.to_string()) }.with_details(error.details())
+}
+
+impl Actor for Owner {
+    type Message = Message;
+    type State = Seen;
+
+    fn name(&self) -> &'static str {
+        "scene"
+    }
+
+    fn state(&self) -> Seen {
+        let state = self.project.editor().state();
+        Seen { revision: state.revision(), units: state.units().count(), selected: state.selection().mask().count() }
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        // A reply that nobody waits for any more is no failure: the same id asked again finds the stored result.
+        match message {
+            // What has waited past its deadline is not begun: its sender has given up or will ask again.
+            Message::Apply { context, .. } | Message::Changes { context, .. } if context.remaining().is_zero() => {}
+            Message::Apply { command, context, reply } => {
+                let _ = reply.send(self.apply(&command, &context).await);
+                if let Err(error) = block_in_place(|| self.project.checkpoint_if_due()) {
+                    tracing::warn!(%error, "the state could not be stored; the next start replays more commands");
+                }
+            }
+            Message::Changes { request, reply, .. } => {
+                let changes = block_in_place(|| self.project.changes(&request));
+                let _ = reply.send(changes.map_err(|error| fault(&ProjectError::Journal(error))));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,122 @@
+//! Why a project file cannot be used, or a record could not be made durable.
+
+use std::path::{Path, PathBuf};
+
+use rusqlite::ErrorCode;
+use sg_proto::bus::Code;
+
+/// A project file that cannot be used, or a record that could not be made durable.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// The file is no project.
+    #[error("{path}: not a Super-Gaussian project; name another file, this one is left as it is")]
+    NotAProject {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file was written by a newer program.
+    #[error("{path}: project schema {found} is newer than this program's {known}; update the program")]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its schema.
+        found: i64,
+        /// The newest schema that this program knows.
+        known: i64,
+    },
+    /// The file is damaged.
+    #[error("{path}: damaged ({reason}); restore a copy or name another project, this one is left as it is")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where and how.
+        reason: String,
+    },
+    /// The project belongs to another scene.
+    #[error("{path}: made for another scene ({reason}); name the project of this scene or a new file")]
+    OtherScene {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        reason: String,
+    },
+    /// The file can be neither opened nor made.
+    #[error("{path}: {reason}; name a file in a folder that exists and can be written")]
+    Unopenable {
+        /// The file.
+        path: PathBuf,
+        /// What the storage said.
+        reason: String,
+    },
+    /// Another process has the file.
+    #[error("{path}: in use by another process; stop that one or name another project")]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// There is no room left.
+    #[error("{path}: the disk or quota is full; nothing was changed: make room and repeat the command")]
+    Full {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file cannot be made, read or written.
+    #[error("{path}: {reason}; nothing was changed")]
+    Storage {
+        /// The file.
+        path: PathBuf,
+        /// What the storage said.
+        reason: String,
+    },
+}
+
+impl JournalError {
+    /// The canonical code under which it travels.
+    #[must_use]
+    pub fn code(&self) -> Code {
+        match self {
+            Self::NotAProject { .. } | Self::Newer { .. } | Self::OtherScene { .. } | Self::Unopenable { .. } => {
+                Code::FailedPrecondition
+            }
+            Self::Damaged { .. } | Self::Storage { .. } => Code::DataLoss,
+            Self::InUse { .. } => Code::Unavailable,
+            Self::Full { .. } => Code::ResourceExhausted,
+        }
+    }
+
+    /// Whether the file itself is the wrong one, so that trying again would not help.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        matches!(
+            self,
+            Self::NotAProject { .. }
+                | Self::Newer { .. }
+                | Self::Damaged { .. }
+                | Self::OtherScene { .. }
+                | Self::Unopenable { .. }
+        )
+    }
+}
+
+/// What SQLite's refusal means for the file.
+pub(super) fn failure(path: &Path, error: &rusqlite::Error) -> JournalError {
+    let path = path.to_path_buf();
+    let reason = error.to_string();
+    match error.sqlite_error_code() {
+        Some(ErrorCode::DiskFull) => JournalError::Full { path },
+        Some(ErrorCode::NotADatabase) => JournalError::NotAProject { path },
+        Some(ErrorCode::DatabaseCorrupt) => JournalError::Damaged { path, reason },
+        Some(ErrorCode::CannotOpen | ErrorCode::PermissionDenied | ErrorCode::ReadOnly) => {
+            JournalError::Unopenable { path, reason }
+        }
+        Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => JournalError::InUse { path },
+        _ => match error {
+            // Tables or columns that are not as this schema has them.
+            rusqlite::Error::FromSqlConversionFailure(..)
+            | rusqlite::Error::InvalidColumnType(..)
+            | rusqlite::Error::IntegralValueOutOfRange(..)
+            | rusqlite::Error::SqlInputError { .. } => JournalError::Damaged { path, reason },
+            _ => JournalError::Storage { path, reason },
+        },
+    }
+}
