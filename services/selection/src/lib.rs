@@ -1,1 +1,35 @@
-//! Super-Gaussians, the cluster graph, random walks, brushes.
+//! Selecting in scenes of Gaussians: Super-Gaussians, their graph, random walks, brushes.
+//!
+//! From a scene to a mask:
+//! [`geometry`] (points, features, neighbour graph) → [`clustering`] (Super-Gaussians) → [`cluster_graph`] →
+//! [`space`] (what selections share) → [`session`] (strokes in, mask out). [`walk`] solves random walks on any weighted
+//! graph, [`strokes`] and [`brush`] say what was brushed over, [`metrics`] how well a mask agrees with a truth.
+
+pub mod assignment;
+pub mod bridges;
+pub mod brush;
+pub mod cache;
+pub mod cluster_graph;
+pub mod clustering;
+pub mod euclidean;
+pub mod features;
+pub mod geometry;
+pub mod greedy;
+pub mod merge;
+pub mod metrics;
+pub mod neighbours;
+pub mod polyline;
+pub mod progress;
+pub mod seeds;
+pub mod session;
+pub mod shortest;
+pub mod space;
+pub mod strokes;
+pub mod tree;
+pub mod vertices;
+pub mod walk;
+
+#[cfg(test)]
+mod scenarios;
+#[cfg(test)]
+mod test_scenes;

@@ -1,0 +1,423 @@
+//! Which centre each Gaussian belongs to: the exact minimum of D over all centres in near-linear work.
+//!
+//! D(i, j) = (d(i, s_j) / S)² + m²·‖f_i − f_j‖², with d the length of the shortest path over the neighbour graph to the
+//! centre's source s_j, S the voxel edge and m the weight of the features.
+//!
+//! An upper bound U(i) on the least D (at first D of the graph-nearest source) gives the radius r(i) = S·√U(i) beyond
+//! which no source can win at i, and the envelope P(i) = max over k of (r(k) − d(i,k)). A search from source j may stop
+//! at i as soon as d_j(i) > P(i): if the shortest path from j to k passes i, then
+//! d_j(k) = d_j(i) + d(i,k) > P(i) + d(i,k) ≥ r(k), so D_j(k) > U(k) and nothing is lost.
+//!
+//! From round to round most sources stay where they are. Their searches are kept: any envelope that is pointwise at
+//! least P serves, and P ≤ G holds exactly where r ≤ G, because G, an envelope itself, falls no faster than distance
+//! grows. Only sources that moved, and those that a raised envelope lets reach further, search again.
+
+use rayon::prelude::*;
+
+use crate::features::{Row, distance_squared as feature_distance_squared};
+use crate::neighbours::Graph;
+use crate::shortest::{NONE, SearchPool, fill_unlabelled, nearest_source, raise_to_envelope};
+
+/// Slack on the envelope, for the rounding of path lengths: without it points that tie (lattices) stay unlabelled.
+const SLACK: f64 = 1.0 + 1e-12;
+
+/// A cluster's centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Centre {
+    /// The vertex distances are measured from.
+    pub source: u32,
+    /// Mean position of the members, in the scene frame.
+    pub position: [f64; 3],
+    /// Mean feature of the members.
+    pub feature: Row,
+}
+
+/// The clustering distance D.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Metric {
+    /// S, in the scene's length unit.
+    pub cell: f64,
+    /// m², the weight of the squared feature distance.
+    pub feature_weight: f64,
+}
+
+impl Metric {
+    /// D of a path length (or straight distance) and two features.
+    #[inline]
+    #[must_use]
+    pub fn cost(&self, length: f64, a: &Row, b: &Row) -> f64 {
+        let geometric = length / self.cell;
+        let features = if self.feature_weight == 0.0 { 0.0 } else { feature_distance_squared(a, b) };
+        geometric * geometric + self.feature_weight * features
+    }
+
+    /// The distance beyond which D exceeds `cost` whatever the features are.
+    #[must_use]
+    pub fn radius(&self, cost: f64) -> f64 {
+        self.cell * cost.sqrt()
+    }
+}
+
+/// The centre of each vertex.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assignment {
+    /// Index of the centre; [`NONE`] where no source is reachable.
+    pub label: Vec<u32>,
+    /// D to it; infinite where there is none.
+    pub cost: Vec<f64>,
+}
+
+impl Assignment {
+    fn none(vertices: usize) -> Self {
+        Self { label: vec![NONE; vertices], cost: vec![f64::INFINITY; vertices] }
+    }
+
+    /// Σ D over the labelled vertices, by fixed blocks, so that the sum does not depend on the number of threads.
+    #[must_use]
+    pub fn objective(&self) -> f64 {
+        let blocks: Vec<f64> =
+            self.cost.par_chunks(4096).map(|c| c.iter().filter(|x| x.is_finite()).sum::<f64>()).collect();
+        blocks.iter().sum()
+    }
+
+    fn offer(&mut self, v: u32, cost: f64, label: u32) {
+        let at = v as usize;
+        if (cost, label) < (self.cost[at], self.label[at]) {
+            (self.cost[at], self.label[at]) = (cost, label);
+        }
+    }
+}
+
+/// The searches of the last round, and what they are complete for.
+#[derive(Debug)]
+struct Kept {
+    sources: Vec<u32>,
+    reach: Vec<Vec<(u32, f64)>>,
+    envelope: Vec<f64>,
+}
+
+/// Assigns vertices to centres by D over the graph, round after round.
+#[derive(Debug)]
+pub struct GeodesicAssigner<'a> {
+    graph: &'a Graph,
+    rows: &'a [Row],
+    metric: Metric,
+    /// The farthest a source is considered, unless it is the nearest one; infinite for the exact assignment.
+    window: f64,
+    pool: SearchPool,
+    kept: Option<Kept>,
+    /// Vertices settled by all searches so far: the work done.
+    settled: u64,
+}
+
+impl<'a> GeodesicAssigner<'a> {
+    /// An assigner over a graph with one feature row a vertex; `window` in the scene's length unit.
+    #[must_use]
+    pub fn new(graph: &'a Graph, rows: &'a [Row], metric: Metric, window: f64) -> Self {
+        Self { graph, rows, metric, window, pool: SearchPool::default(), kept: None, settled: 0 }
+    }
+
+    /// Vertices settled by all searches so far.
+    #[must_use]
+    pub fn settled(&self) -> u64 {
+        self.settled
+    }
+
+    /// The centre of least D for each vertex, ties to the smaller index. Without a window the result is the exact
+    /// minimum over all centres; with one it is exact over the sources within it, else the graph-nearest source.
+    pub fn assign(&mut self, centres: &[Centre]) -> Assignment {
+        match self.kept.take() {
+            Some(kept) if kept.sources.len() == centres.len() && self.window.is_infinite() => {
+                self.assign_again(centres, kept)
+            }
+            _ => self.assign_first(centres),
+        }
+    }
+
+    fn assign_first(&mut self, centres: &[Centre]) -> Assignment {
+        let sources: Vec<u32> = centres.iter().map(|c| c.source).collect();
+        let (distance, label) = nearest_source(self.graph, &sources);
+        let cost: Vec<f64> = distance
+            .par_iter()
+            .zip(&label)
+            .zip(self.rows)
+            .map(|((&d, &l), row)| {
+                centres.get(l as usize).map_or(f64::INFINITY, |c| self.metric.cost(d, row, &c.feature))
+            })
+            .collect();
+        let mut envelope: Vec<f64> =
+            cost.iter().map(|&c| if c.is_finite() { self.metric.radius(c) } else { 0.0 }).collect();
+        raise_to_envelope(self.graph, &mut envelope);
+        let all: Vec<usize> = (0..centres.len()).collect();
+        let mut reach = vec![Vec::new(); centres.len()];
+        self.search(&all, &sources, &envelope, &mut reach);
+        let mut assignment = Assignment { label, cost };
+        self.collect(centres, &reach, &mut assignment);
+        self.kept = Some(Kept { sources, reach, envelope });
+        assignment
+    }
+
+    fn assign_again(&mut self, centres: &[Centre], mut kept: Kept) -> Assignment {
+        let moved: Vec<usize> = (0..centres.len()).filter(|&j| kept.sources[j] != centres[j].source).collect();
+        for &j in &moved {
+            kept.sources[j] = centres[j].source;
+        }
+        self.search(&moved, &kept.sources, &kept.envelope, &mut kept.reach);
+        let mut assignment = Assignment::none(self.graph.len());
+        self.collect(centres, &kept.reach, &mut assignment);
+
+        // Upper bounds where no search arrived: the label of a neighbour that has one, over the path through it.
+        let mut bound = assignment.cost.clone();
+        if assignment.label.contains(&NONE) {
+            let mut label = assignment.label.clone();
+            let mut distance = self.distances(&kept.reach, &label);
+            fill_unlabelled(self.graph, &mut distance, &mut label);
+            for v in 0..bound.len() {
+                if assignment.label[v] == NONE
+                    && let Some(c) = centres.get(label[v] as usize)
+                {
+                    bound[v] = self.metric.cost(distance[v], &self.rows[v], &c.feature);
+                }
+            }
+        }
+        let raised: Vec<u32> = (0..)
+            .zip(bound.iter().zip(&kept.envelope))
+            .filter(|(_, (b, g))| b.is_finite() && self.metric.radius(**b) > **g)
+            .map(|(v, _)| v)
+            .collect();
+        if !raised.is_empty() {
+            let before = kept.envelope.clone();
+            for &v in &raised {
+                kept.envelope[v as usize] = self.metric.radius(bound[v as usize]);
+            }
+            raise_to_envelope(self.graph, &mut kept.envelope);
+            // A search can only get further where the envelope is higher now, so only over an edge into such a vertex.
+            let mut doorstep = vec![false; before.len()];
+            for v in (0..).take(before.len()) {
+                if kept.envelope[v as usize] > before[v as usize] {
+                    for (w, _) in self.graph.neighbours(v) {
+                        doorstep[w as usize] = true;
+                    }
+                }
+            }
+            let further: Vec<usize> = (0..centres.len())
+                .into_par_iter()
+                .filter(|&j| kept.reach[j].iter().any(|(v, _)| doorstep[*v as usize]))
+                .collect();
+            self.search(&further, &kept.sources, &kept.envelope, &mut kept.reach);
+            self.collect(centres, &kept.reach, &mut assignment);
+        }
+        self.kept = Some(kept);
+        assignment
+    }
+
+    fn search(&mut self, which: &[usize], sources: &[u32], envelope: &[f64], reach: &mut [Vec<(u32, f64)>]) {
+        let found: Vec<Vec<(u32, f64)>> = which
+            .par_iter()
+            .map(|&j| {
+                self.pool.with(|s| s.reach(self.graph, sources[j], |v| (envelope[v as usize] * SLACK).min(self.window)))
+            })
+            .collect();
+        for (&j, found) in which.iter().zip(found) {
+            self.settled += found.len() as u64;
+            reach[j] = found;
+        }
+    }
+
+    /// Offers every reached pair; costs are computed in parallel, offers are made in the order of the centres.
+    fn collect(&self, centres: &[Centre], reach: &[Vec<(u32, f64)>], assignment: &mut Assignment) {
+        const BATCH: usize = 256;
+        for (batch, (centres, reach)) in centres.chunks(BATCH).zip(reach.chunks(BATCH)).enumerate() {
+            let costs: Vec<Vec<f64>> = centres
+                .par_iter()
+                .zip(reach)
+                .map(|(c, r)| r.iter().map(|&(v, d)| self.metric.cost(d, &self.rows[v as usize], &c.feature)).collect())
+                .collect();
+            for (label, (reach, costs)) in (batch * BATCH..).zip(reach.iter().zip(&costs)) {
+                for (&(v, _), &cost) in reach.iter().zip(costs) {
+                    assignment.offer(v, cost, label as u32);
+                }
+            }
+        }
+    }
+
+    /// Path lengths that belong to the labels; infinite where there is none.
+    fn distances(&self, reach: &[Vec<(u32, f64)>], label: &[u32]) -> Vec<f64> {
+        let mut distance = vec![f64::INFINITY; label.len()];
+        for (j, reach) in (0..).zip(reach) {
+            for &(v, d) in reach {
+                if label[v as usize] == j {
+                    distance[v as usize] = d;
+                }
+            }
+        }
+        distance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::WIDTH;
+    use crate::neighbours::{Edge, neighbour_graph};
+    use crate::shortest::Search;
+    use crate::test_scenes::{generator, random_points_f64};
+    use crate::vertices::Vertices;
+    use proptest::prelude::*;
+    use rand::RngExt;
+
+    /// The definition: the least D over all centres, by a full search from each.
+    fn brute(graph: &Graph, rows: &[Row], metric: Metric, centres: &[Centre]) -> Assignment {
+        let mut out = Assignment::none(graph.len());
+        let mut search = Search::default();
+        for (j, c) in (0..).zip(centres) {
+            for (v, d) in search.reach(graph, c.source, |_| f64::INFINITY) {
+                out.offer(v, metric.cost(d, &rows[v as usize], &c.feature), j);
+            }
+        }
+        out
+    }
+
+    fn random_rows(n: usize, levels: u32, seed: u64) -> Vec<Row> {
+        let mut r = generator(seed);
+        (0..n)
+            .map(|_| {
+                let mut row = [0.0; WIDTH];
+                for x in &mut row[..4] {
+                    *x = r.random_range(0..levels) as f32 / levels as f32;
+                }
+                row
+            })
+            .collect()
+    }
+
+    fn centres(rows: &[Row], sources: &[u32]) -> Vec<Centre> {
+        sources.iter().map(|&s| Centre { source: s, position: [0.0; 3], feature: rows[s as usize] }).collect()
+    }
+
+    /// Some rounds in which a few sources move and all features change a little.
+    fn rounds(rows: &[Row], sources: &[u32], moves: &[(usize, u32)], n: usize) -> Vec<Vec<Centre>> {
+        let mut sources = sources.to_vec();
+        let mut all = vec![centres(rows, &sources)];
+        for (round, chunk) in moves.chunks(3).enumerate() {
+            for &(j, v) in chunk {
+                let j = j % sources.len();
+                sources[j] = v % n as u32;
+            }
+            let mut next = centres(rows, &sources);
+            for (j, c) in next.iter_mut().enumerate() {
+                c.feature[round % 4] += 0.07 * (j % 5) as f32;
+            }
+            all.push(next);
+        }
+        all
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+        #[test]
+        fn every_round_equals_the_full_search(
+            n in 2..40_usize,
+            edges in proptest::collection::vec((0..40_u32, 0..40_u32, 0..6_u8), 1..120),
+            picks in proptest::collection::vec(0..40_u32, 1..8),
+            moves in proptest::collection::vec((0..8_usize, 0..40_u32), 0..12),
+            levels in 1..4_u32, weight in 0.0..9.0_f64, seed in 0..50_u64,
+        ) {
+            let graph = Graph::from_edges(n, edges.iter().map(|&(a, b, l)| Edge {
+                a: a % n as u32, b: b % n as u32, length: f64::from(l) * 0.1,
+            }));
+            let rows = random_rows(n, levels, seed);
+            let metric = Metric { cell: 0.3, feature_weight: weight };
+            let sources: Vec<u32> = picks.iter().map(|p| p % n as u32).collect();
+            let mut assigner = GeodesicAssigner::new(&graph, &rows, metric, f64::INFINITY);
+            for centres in rounds(&rows, &sources, &moves, n) {
+                prop_assert_eq!(assigner.assign(&centres), brute(&graph, &rows, metric, &centres));
+            }
+        }
+
+        #[test]
+        fn a_window_is_exact_inside_and_nearest_outside(
+            n in 30..200_usize, seed in 0..50_u64, window in 0.05..0.6_f64
+        ) {
+            let v = Vertices::ordered((0..).zip(random_points_f64(n, seed)).collect());
+            let graph = neighbour_graph(&v, 6).unwrap();
+            let rows = random_rows(n, 3, seed);
+            let metric = Metric { cell: 0.2, feature_weight: 4.0 };
+            let centres = centres(&rows, &[0, n as u32 / 3, n as u32 / 2]);
+            let got = GeodesicAssigner::new(&graph, &rows, metric, window).assign(&centres);
+            let sources: Vec<u32> = centres.iter().map(|c| c.source).collect();
+            let (_, nearest) = nearest_source(&graph, &sources);
+            let mut want = Assignment::none(n);
+            let mut search = Search::default();
+            for (j, c) in (0..).zip(&centres) {
+                for (v, d) in search.reach(&graph, c.source, |_| f64::INFINITY) {
+                    if d <= window || nearest[v as usize] == j {
+                        want.offer(v, metric.cost(d, &rows[v as usize], &c.feature), j);
+                    }
+                }
+            }
+            prop_assert_eq!(got.label, want.label);
+        }
+    }
+
+    #[test]
+    fn a_point_cloud_equals_the_full_search_over_ten_rounds() {
+        let n = 4000;
+        let v = Vertices::ordered((0..).zip(random_points_f64(n, 1)).collect());
+        let graph = neighbour_graph(&v, 10).unwrap();
+        let rows = random_rows(n, 1000, 2);
+        for weight in [0.0625, 0.25, 1.0, 16.0] {
+            let metric = Metric { cell: 0.15, feature_weight: weight };
+            let mut r = generator(3);
+            let mut sources: Vec<u32> = (0..120).map(|_| r.random_range(0..n as u32)).collect();
+            let mut assigner = GeodesicAssigner::new(&graph, &rows, metric, f64::INFINITY);
+            let mut work = Vec::new();
+            for round in 0..10 {
+                let mut c = centres(&rows, &sources);
+                for c in &mut c {
+                    c.feature[round % 4] *= 0.9;
+                }
+                let before = assigner.settled();
+                assert_eq!(assigner.assign(&c), brute(&graph, &rows, metric, &c), "m² = {weight}, round {round}");
+                work.push((assigner.settled() - before) as f64 / n as f64);
+                for _ in 0..12 {
+                    let j = r.random_range(0..sources.len());
+                    sources[j] = graph.neighbours(sources[j]).next().map_or(sources[j], |n| n.0);
+                }
+            }
+            println!("m² = {weight}: vertices settled per vertex and round {work:.2?}");
+        }
+    }
+
+    #[test]
+    fn every_point_of_an_equal_feature_lattice_is_labelled() {
+        let points: Vec<[f64; 3]> =
+            (0..1331).map(|i| [i % 11, i / 11 % 11, i / 121].map(|c| 0.1 * f64::from(c))).collect();
+        let v = Vertices::ordered((0..).zip(points).collect());
+        let graph = neighbour_graph(&v, 10).unwrap();
+        let rows = vec![[0.25; WIDTH]; v.len()];
+        let metric = Metric { cell: 0.3, feature_weight: 0.25 };
+        let centres = centres(&rows, &(0..40).map(|i| i * 33).collect::<Vec<_>>());
+        let got = GeodesicAssigner::new(&graph, &rows, metric, f64::INFINITY).assign(&centres);
+        assert!(!got.label.contains(&NONE));
+        assert_eq!(got, brute(&graph, &rows, metric, &centres));
+    }
+
+    #[test]
+    fn the_same_bits_for_any_number_of_threads() {
+        let n = 3000;
+        let v = Vertices::ordered((0..).zip(random_points_f64(n, 4)).collect());
+        let graph = neighbour_graph(&v, 10).unwrap();
+        let rows = random_rows(n, 7, 5);
+        let metric = Metric { cell: 0.1, feature_weight: 1.0 };
+        let centres = centres(&rows, &(0..300).map(|i| i * 10).collect::<Vec<_>>());
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let a = GeodesicAssigner::new(&graph, &rows, metric, f64::INFINITY).assign(&centres);
+                (a.objective().to_bits(), a)
+            })
+        };
+        assert_eq!(run(1), run(3));
+    }
+}

@@ -1,0 +1,229 @@
+//! `select`: strokes become a mask.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use serde::{Deserialize, Serialize};
+use sg_scene::model::Scene;
+use sg_scene::npy::{read_labels, read_mask, write_array, write_mask};
+use sg_selection::cache::{ClusterCache, Found, key};
+use sg_selection::cluster_graph::{ClusterGraph, GraphForm};
+use sg_selection::clustering::{Clustering, cluster};
+use sg_selection::geometry::Geometry;
+use sg_selection::metrics::Agreement;
+use sg_selection::progress::{Progress, Stage};
+use sg_selection::session::{SelectionError, SelectionSession};
+use sg_selection::space::{Background, SelectionSpace, WalkOptions, WalkSummary};
+use sg_selection::strokes::{Mode, Strokes};
+use sg_selection::walk::WalkError;
+
+use super::{Bar, Failure, deliver, named, read_scene};
+
+/// What walks run on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Method {
+    Cluster,
+    Gaussian,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    scene: PathBuf,
+    /// The strokes to play, in order.
+    #[arg(long, value_name = "FILE")]
+    strokes: PathBuf,
+    /// Clusters made before, int32 (n,); without them they are made now.
+    #[arg(long, value_name = "FILE")]
+    clusters: Option<PathBuf>,
+    /// The mask to write, uint8 (n,).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// The probabilities of the last walk to write, float64 (clusters,); (n,) for --method gaussian.
+    #[arg(long, value_name = "FILE")]
+    probabilities: Option<PathBuf>,
+    /// The true selection to compare with, uint8 or bool (n,).
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// What walks run on. On single Gaussians, more than 2,000 unknowns are solved by iteration.
+    #[arg(long, default_value = "cluster", value_parser = named::<Method>(&["cluster", "gaussian"]))]
+    method: Method,
+    /// The graph of clusters.
+    #[arg(long, default_value = "contact", value_parser = named::<GraphForm>(&["contact", "printed", "all-pairs", "euclidean"]))]
+    graph: GraphForm,
+    /// Factor on σ_s, the median length of the graph's edges.
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    sigma_s: f64,
+    /// Factor on σ_f, the median feature distance of the graph's edges.
+    #[arg(long, value_name = "Y", default_value_t = 1.0)]
+    sigma_f: f64,
+    /// ε: what every unseeded cluster leaks to the background, in units of its degree.
+    #[arg(long, value_name = "E", default_value_t = 0.03)]
+    leak: f64,
+    /// Where background comes from when none is drawn.
+    #[arg(long, default_value = "leak", value_parser = named::<Background>(&["leak", "farthest"]))]
+    background: Background,
+    #[command(flatten)]
+    clustering: super::Clustering,
+    /// A folder to keep clusters in, so that the next run on the same scene finds them.
+    #[arg(long, value_name = "DIR", conflicts_with = "clusters")]
+    cache: Option<PathBuf>,
+    /// A report to write, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print the report to standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: &'a PathBuf,
+    strokes: usize,
+    gaussians: usize,
+    clusters: usize,
+    selected: usize,
+    #[serde(flatten)]
+    walk: WalkSummary,
+    /// Playing all strokes.
+    seconds: f64,
+    /// What came before: reading, clusters, their graph.
+    stage_seconds: BTreeMap<&'static str, f64>,
+    #[serde(flatten)]
+    agreement: Option<Agreement>,
+}
+
+/// Seconds by stage.
+#[derive(Default)]
+struct Clock(BTreeMap<&'static str, f64>);
+
+impl Clock {
+    fn time<T>(&mut self, stage: &'static str, f: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let out = f();
+        *self.0.entry(stage).or_default() += start.elapsed().as_secs_f64();
+        out
+    }
+}
+
+impl From<SelectionError> for Failure {
+    fn from(error: SelectionError) -> Self {
+        match error {
+            SelectionError::Walk(WalkError::Breakdown { .. }) => Self::work(error),
+            _ => Self::input(error),
+        }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let options = WalkOptions {
+        form: arguments.graph,
+        sigma_s: arguments.sigma_s,
+        sigma_f: arguments.sigma_f,
+        leak: arguments.leak,
+        background: arguments.background,
+        ..WalkOptions::default()
+    };
+    options.check().map_err(|reason| Failure::input(format!("--{reason}")))?;
+    let strokes = Strokes::read(&arguments.strokes).map_err(Failure::input)?.strokes;
+    let mut clock = Clock::default();
+    let scene = clock.time("read", || read_scene(&arguments.scene))?.scene;
+    let truth = arguments.truth.as_ref().map(|file| read_mask(file, scene.len())).transpose()?;
+    let bar = Bar::new();
+    let uses_clusters = strokes.iter().any(|s| s.mode == Mode::Cluster);
+    let made = space(arguments, &scene, options, uses_clusters, &bar, &mut clock);
+    bar.finish();
+    let space = Arc::new(made?);
+
+    let start = Instant::now();
+    let mut session = SelectionSession::new(Arc::clone(&space));
+    let count = strokes.len();
+    for (number, stroke) in strokes.into_iter().enumerate() {
+        session.add_stroke(stroke).map_err(|e| {
+            let failure = Failure::from(e);
+            let message = format!("{}: stroke {number}: {}", arguments.strokes.display(), failure.message);
+            Failure { message, ..failure }
+        })?;
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    write_mask(&arguments.out, session.mask())?;
+    if let Some(file) = &arguments.probabilities {
+        let p = session.walk().map_or_else(|| vec![0.0; space.nodes()], |w| w.solution.p.clone());
+        write_array(file, &[p.len()], &p)?;
+    }
+    let selected = session.mask().count();
+    eprintln!(
+        "{selected} of {} Gaussians selected by {count} strokes in {:.1} ms: {}",
+        scene.len(),
+        1e3 * seconds,
+        arguments.out.display()
+    );
+    let report = Report {
+        scene: &arguments.scene,
+        strokes: count,
+        gaussians: scene.len(),
+        clusters: space.clusters(),
+        selected,
+        walk: session.walk().map(|w| w.summary).unwrap_or_default(),
+        seconds,
+        stage_seconds: clock.0,
+        agreement: truth.map(|t| Agreement::of((0..scene.len()).map(|g| (session.mask().get(g), t.get(g))))),
+    };
+    deliver(&report, arguments.report.as_ref(), arguments.json)
+}
+
+fn space(
+    arguments: &Arguments,
+    scene: &Scene,
+    options: WalkOptions,
+    uses_clusters: bool,
+    bar: &Bar,
+    clock: &mut Clock,
+) -> Result<SelectionSpace, Failure> {
+    let geometry_options = arguments.clustering.geometry()?;
+    let clustering_options = arguments.clustering.options();
+    let cached = arguments
+        .cache
+        .as_ref()
+        .filter(|_| arguments.method == Method::Cluster && arguments.graph == GraphForm::Contact)
+        .map(|folder| (ClusterCache::new(folder), key(scene, geometry_options, &clustering_options)));
+    if let Some((cache, key)) = &cached {
+        match clock.time("cache", || cache.load(key, scene.len())) {
+            Found::Entry(entry) => {
+                let (clustering, graph) = *entry;
+                return Ok(SelectionSpace::of_clusters(scene, &clustering, &graph, options));
+            }
+            Found::Damaged(why) => eprintln!("warning: {why}; the clusters are made anew"),
+            Found::Nothing => {}
+        }
+    }
+    let geometry =
+        clock.time("geometry", || Geometry::of_scene(scene, geometry_options, bar)).map_err(Failure::input)?;
+    let clustering = match &arguments.clusters {
+        Some(file) => {
+            let labels = read_labels(file)?;
+            Clustering::of_labels(&geometry, labels, None)
+                .map_err(|e| Failure::input(format!("{}: {e}", file.display())))?
+        }
+        None if arguments.method == Method::Gaussian && !uses_clusters => {
+            Clustering::of_labels(&geometry, vec![-1; scene.len()], None)?
+        }
+        None => clock.time("clusters", || cluster(&geometry, &clustering_options, bar))?.0,
+    };
+    bar.at(Stage::ClusterGraph, 0.0);
+    if arguments.method == Method::Gaussian {
+        return Ok(clock.time("graph", || SelectionSpace::of_gaussians(scene, &geometry, &clustering, options)));
+    }
+    let graph =
+        clock.time("graph", || ClusterGraph::new(&geometry, &clustering, options.form)).map_err(Failure::work)?;
+    if let Some((cache, key)) = &cached
+        && let Err(e) = cache.store(key, &clustering, &graph)
+    {
+        eprintln!("warning: {}: {e}; the clusters were not kept", cache.path(key).display());
+    }
+    Ok(clock.time("order", || SelectionSpace::of_clusters(scene, &clustering, &graph, options)))
+}

@@ -1,0 +1,149 @@
+//! What clustering and cluster graphs are computed from: points, features and neighbour graphs, one set a base unit.
+
+use std::time::Instant;
+
+use sg_scene::model::Scene;
+
+use crate::bridges::bridges;
+use crate::features::{FeatureKind, Features, features};
+use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph};
+use crate::progress::{Progress, Stage};
+use crate::vertices::Vertices;
+
+/// How geometry is derived from a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GeometryOptions {
+    /// Nearest neighbours of each Gaussian, k.
+    pub neighbours: usize,
+    /// Feature form; none means each unit's own default.
+    pub features: Option<FeatureKind>,
+}
+
+impl Default for GeometryOptions {
+    fn default() -> Self {
+        Self { neighbours: 10, features: None }
+    }
+}
+
+/// The computation could not be done.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum GeometryError {
+    /// Indices are 32 bits wide.
+    #[error("a scene of {0} Gaussians is too large: at most 2147483647 can be selected from")]
+    TooLarge(usize),
+    /// A column is shorter or longer than the others.
+    #[error("base unit `{unit}`: {source}")]
+    Columns {
+        /// Name of the unit.
+        unit: String,
+        /// Which column.
+        source: sg_scene::model::ColumnLength,
+    },
+    /// The neighbour graph failed.
+    #[error("base unit `{unit}`: {source}")]
+    Graph {
+        /// Name of the unit.
+        unit: String,
+        /// Why.
+        source: GraphError,
+    },
+    /// The caller stopped it.
+    #[error("stopped before the end, as asked")]
+    Cancelled,
+}
+
+/// Geometry of one base unit.
+#[derive(Debug, Clone)]
+pub struct UnitGeometry {
+    /// Its finite Gaussians in the scene frame.
+    pub vertices: Vertices,
+    /// Their features.
+    pub features: Features,
+    /// Their neighbour graph.
+    pub graph: Graph,
+    /// The connected component of each vertex in `graph`.
+    pub component: Vec<u32>,
+    /// Number of components.
+    pub components: usize,
+    /// The neighbour graph with the bridges that join its components: connected.
+    pub joined: Option<Graph>,
+    /// Those bridges.
+    pub bridges: Vec<Edge>,
+}
+
+impl UnitGeometry {
+    /// The connected graph: the neighbour graph itself where it is in one piece.
+    #[must_use]
+    pub fn joined(&self) -> &Graph {
+        self.joined.as_ref().unwrap_or(&self.graph)
+    }
+}
+
+/// Geometry of a scene.
+#[derive(Debug, Clone)]
+pub struct Geometry {
+    /// Number of Gaussians in the scene.
+    pub gaussians: usize,
+    /// How many have no finite position and take part in nothing.
+    pub dropped: usize,
+    /// k.
+    pub neighbours: usize,
+    /// Base units in the order of the scene.
+    pub units: Vec<UnitGeometry>,
+    /// Seconds spent on features.
+    pub feature_seconds: f64,
+    /// Seconds spent on neighbour graphs.
+    pub graph_seconds: f64,
+}
+
+impl Geometry {
+    /// Derives the geometry of a scene.
+    ///
+    /// # Errors
+    /// [`GeometryError`] if the scene is too large, its columns differ in length, or the caller stopped it.
+    pub fn of_scene(scene: &Scene, options: GeometryOptions, progress: &dyn Progress) -> Result<Self, GeometryError> {
+        let gaussians = scene.len();
+        if gaussians > i32::MAX as usize {
+            return Err(GeometryError::TooLarge(gaussians));
+        }
+        let mut out = Self {
+            gaussians,
+            dropped: 0,
+            neighbours: options.neighbours,
+            units: Vec::with_capacity(scene.units.len()),
+            feature_seconds: 0.0,
+            graph_seconds: 0.0,
+        };
+        for unit in &scene.units {
+            unit.gaussians
+                .check_lengths()
+                .map_err(|source| GeometryError::Columns { unit: unit.name.clone(), source })?;
+            let fraction = unit.first as f64 / gaussians.max(1) as f64;
+            progress.at(Stage::Features, fraction);
+            let start = Instant::now();
+            let (vertices, dropped) = Vertices::of_unit(unit);
+            out.dropped += dropped;
+            let kind = options.features.unwrap_or_else(|| FeatureKind::for_unit(unit));
+            let features = features(unit, &vertices, kind);
+            out.feature_seconds += start.elapsed().as_secs_f64();
+            if progress.cancelled() {
+                return Err(GeometryError::Cancelled);
+            }
+            progress.at(Stage::Graph, fraction);
+            let start = Instant::now();
+            let graph = neighbour_graph(&vertices, options.neighbours)
+                .map_err(|source| GeometryError::Graph { unit: unit.name.clone(), source })?;
+            let (component, components) = graph.components();
+            let bridges = bridges(&vertices, &graph);
+            let joined = (!bridges.is_empty()).then(|| graph.with_edges(&bridges));
+            out.graph_seconds += start.elapsed().as_secs_f64();
+            if progress.cancelled() {
+                return Err(GeometryError::Cancelled);
+            }
+            out.units.push(UnitGeometry { vertices, features, graph, component, components, joined, bridges });
+        }
+        progress.at(Stage::Features, 1.0);
+        progress.at(Stage::Graph, 1.0);
+        Ok(out)
+    }
+}

@@ -1,0 +1,444 @@
+//! A selection in the making: strokes one after another, and the mask they amount to.
+//!
+//! Each walk stroke solves anew from all walk strokes so far and replaces the *walk layer*; then all cluster and point
+//! strokes are applied over it again in the order they were drawn. Foreground adds, background removes.
+
+use std::sync::Arc;
+
+use sg_scene::mask::Mask;
+
+use crate::brush::OpenStroke;
+use crate::space::{SelectionSpace, Walk};
+use crate::strokes::{Kind, MOST_STROKES, Mode, Stroke};
+use crate::walk::WalkError;
+
+/// A stroke could not be added; the selection is as it was before.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SelectionError {
+    /// The stroke makes no sense.
+    #[error("{0}")]
+    Stroke(String),
+    /// There are as many strokes as a selection holds.
+    #[error("a selection holds at most {MOST_STROKES} strokes; save it as a unit and start anew")]
+    TooMany,
+    /// The walk could not be solved.
+    #[error(transparent)]
+    Walk(#[from] WalkError),
+}
+
+/// A stroke and what it hit.
+#[derive(Debug, Clone)]
+struct Drawn {
+    stroke: Stroke,
+    hits: Vec<u32>,
+}
+
+/// The state of a selection. It changes only through [`SelectionSession::add_stroke`] and its kin, and each of them
+/// either succeeds or leaves it as it was.
+#[derive(Debug, Clone)]
+pub struct SelectionSession {
+    space: Arc<SelectionSpace>,
+    drawn: Vec<Drawn>,
+    foreground: Mask,
+    background: Mask,
+    walk: Option<Walk>,
+    walk_layer: Mask,
+    mask: Mask,
+}
+
+impl SelectionSession {
+    /// An empty selection.
+    #[must_use]
+    pub fn new(space: Arc<SelectionSpace>) -> Self {
+        let empty = Mask::empty(space.gaussians());
+        Self {
+            space,
+            drawn: Vec::new(),
+            foreground: empty.clone(),
+            background: empty.clone(),
+            walk: None,
+            walk_layer: empty.clone(),
+            mask: empty,
+        }
+    }
+
+    /// The space it selects in.
+    #[must_use]
+    pub fn space(&self) -> &Arc<SelectionSpace> {
+        &self.space
+    }
+
+    /// What is selected, over scene-wide indices.
+    #[must_use]
+    pub fn mask(&self) -> &Mask {
+        &self.mask
+    }
+
+    /// The last walk, if there was one.
+    #[must_use]
+    pub fn walk(&self) -> Option<&Walk> {
+        self.walk.as_ref()
+    }
+
+    /// Strokes so far, in drawing order.
+    pub fn strokes(&self) -> impl ExactSizeIterator<Item = &Stroke> {
+        self.drawn.iter().map(|d| &d.stroke)
+    }
+
+    /// Plays a stroke. Returns how many Gaussians it hit.
+    ///
+    /// # Errors
+    /// [`SelectionError`]; the selection is then as it was before.
+    pub fn add_stroke(&mut self, stroke: Stroke) -> Result<usize, SelectionError> {
+        stroke.check().map_err(SelectionError::Stroke)?;
+        let hits = self.space.hits(&stroke);
+        self.add_drawn(Drawn { stroke, hits })
+    }
+
+    /// Plays a stroke whose hits were gathered while it was drawn (see [`OpenStroke`]): the brush is not asked again.
+    ///
+    /// # Errors
+    /// [`SelectionError`]; the selection is then as it was before.
+    pub fn add_open_stroke(&mut self, stroke: Stroke, open: &OpenStroke) -> Result<usize, SelectionError> {
+        stroke.check().map_err(SelectionError::Stroke)?;
+        let mut hits = open.hits().to_vec();
+        hits.sort_unstable();
+        if hits.is_empty() {
+            let (samples, _) = stroke.in_scene(self.space.bounds());
+            hits = self.space.instead_of_nothing(&stroke, &samples);
+        }
+        self.add_drawn(Drawn { stroke, hits })
+    }
+
+    fn add_drawn(&mut self, drawn: Drawn) -> Result<usize, SelectionError> {
+        if self.drawn.len() >= MOST_STROKES {
+            return Err(SelectionError::TooMany);
+        }
+        let hits = drawn.hits.len();
+        if drawn.stroke.mode == Mode::Walk {
+            let mut foreground = self.foreground.clone();
+            let mut background = self.background.clone();
+            let side = if drawn.stroke.kind == Kind::Foreground { &mut foreground } else { &mut background };
+            drawn.hits.iter().for_each(|&g| side.set(g as usize, true));
+            let ones = |m: &Mask| m.ones().map(|g| g as u32).collect::<Vec<_>>().into_iter();
+            let walk = self.space.walk(ones(&foreground), ones(&background))?;
+            self.walk_layer = self.layer_of(&walk);
+            (self.foreground, self.background, self.walk) = (foreground, background, Some(walk));
+            self.drawn.push(drawn);
+            self.mask = self.walk_layer.clone();
+            for drawn in self.drawn.iter().filter(|d| d.stroke.mode != Mode::Walk) {
+                apply(&self.space, &mut self.mask, drawn);
+            }
+        } else {
+            apply(&self.space, &mut self.mask, &drawn);
+            self.drawn.push(drawn);
+        }
+        Ok(hits)
+    }
+
+    /// What the mask would be with this stroke added; nothing changes.
+    ///
+    /// # Errors
+    /// [`SelectionError`].
+    pub fn preview(&self, stroke: Stroke) -> Result<Mask, SelectionError> {
+        let mut session = self.clone();
+        session.add_stroke(stroke)?;
+        Ok(session.mask)
+    }
+
+    /// Takes the last stroke back and returns it.
+    ///
+    /// # Errors
+    /// [`SelectionError`] if an earlier walk can no longer be solved; the selection is then as it was before.
+    pub fn undo(&mut self) -> Result<Option<Stroke>, SelectionError> {
+        let Some((last, earlier)) = self.drawn.split_last() else { return Ok(None) };
+        let rebuilt = Self::replay(&self.space, earlier)?;
+        let stroke = last.stroke.clone();
+        *self = rebuilt;
+        Ok(Some(stroke))
+    }
+
+    /// The selection that a list of strokes amounts to: the same as playing them one by one, with one walk.
+    ///
+    /// # Errors
+    /// [`SelectionError`].
+    pub fn of_strokes(space: &Arc<SelectionSpace>, strokes: &[Stroke]) -> Result<Self, SelectionError> {
+        let drawn = strokes
+            .iter()
+            .map(|stroke| {
+                stroke.check().map_err(SelectionError::Stroke)?;
+                Ok(Drawn { stroke: stroke.clone(), hits: space.hits(stroke) })
+            })
+            .collect::<Result<Vec<_>, SelectionError>>()?;
+        Self::replay(space, &drawn)
+    }
+
+    fn replay(space: &Arc<SelectionSpace>, drawn: &[Drawn]) -> Result<Self, SelectionError> {
+        let mut session = Self::new(Arc::clone(space));
+        let last_walk = drawn.iter().rposition(|d| d.stroke.mode == Mode::Walk);
+        for (at, drawn) in drawn.iter().enumerate() {
+            if drawn.stroke.mode == Mode::Walk && Some(at) != last_walk {
+                // Only the last walk is seen; the others leave their seeds.
+                let side = if drawn.stroke.kind == Kind::Foreground {
+                    &mut session.foreground
+                } else {
+                    &mut session.background
+                };
+                drawn.hits.iter().for_each(|&g| side.set(g as usize, true));
+                session.drawn.push(drawn.clone());
+            } else {
+                session.add_drawn(drawn.clone())?;
+            }
+        }
+        Ok(session)
+    }
+
+    fn layer_of(&self, walk: &Walk) -> Mask {
+        let space = &self.space;
+        Mask::from_fn(space.gaussians(), |g| {
+            space
+                .node_of(g as u32)
+                .is_some_and(|node| walk.units[space.unit_of_node(node)] && walk.solution.is_selected(node))
+        })
+    }
+}
+
+/// Lays a cluster or point stroke over a mask.
+fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) {
+    match drawn.stroke.mode {
+        Mode::Walk => {}
+        Mode::Point => {
+            let add = drawn.stroke.kind == Kind::Foreground;
+            drawn.hits.iter().for_each(|&g| mask.set(g as usize, add));
+        }
+        Mode::Cluster => {
+            let mut clusters: Vec<usize> = drawn.hits.iter().filter_map(|&g| space.cluster_of(g)).collect();
+            clusters.sort_unstable();
+            clusters.dedup();
+            for c in clusters {
+                let members = space.members(c);
+                let add = match drawn.stroke.kind {
+                    Kind::Foreground => true,
+                    Kind::Background => false,
+                    Kind::Toggle => !members.iter().all(|&g| mask.get(g as usize)),
+                };
+                members.iter().for_each(|&g| mask.set(g as usize, add));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster_graph::{ClusterGraph, GraphForm};
+    use crate::clustering::{Clustering, ClusteringOptions, cluster};
+    use crate::geometry::{Geometry, GeometryOptions};
+    use crate::progress::Silent;
+    use crate::space::WalkOptions;
+    use crate::test_scenes::{normalized, point_scene, random_points, random_unit, vessel_and_sac};
+    use proptest::prelude::*;
+    use sg_scene::model::Scene;
+
+    fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionSpace>, Clustering) {
+        let geometry = Geometry::of_scene(scene, GeometryOptions::default(), &Silent).unwrap();
+        let clustering_options = ClusteringOptions { max_clusters: most, ..ClusteringOptions::default() };
+        let (clustering, _) = cluster(&geometry, &clustering_options, &Silent).unwrap();
+        let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
+        (Arc::new(SelectionSpace::of_clusters(scene, &clustering, &graph, options)), clustering)
+    }
+
+    fn stroke(mode: Mode, kind: Kind, radius: f64, points: Vec<[f64; 3]>) -> Stroke {
+        Stroke { mode, kind, radius, points }
+    }
+
+    #[test]
+    fn accumulation_follows_the_drawing_order() {
+        let scene = point_scene(&random_points(4000, 1));
+        let (space, _) = made(&scene, 80, WalkOptions::default());
+        let at = |x: f64| vec![[x, 0.5, 0.5]];
+        let mut session = SelectionSession::new(Arc::clone(&space));
+        session.add_stroke(stroke(Mode::Point, Kind::Foreground, 0.1, at(0.9))).unwrap();
+        let points = session.mask().clone();
+        assert!(points.count() > 5);
+        session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.1, at(0.1))).unwrap();
+        let walked = session.mask().clone();
+        assert!(points.ones().all(|g| walked.get(g)), "the point stroke lies over the new walk layer");
+        session.add_stroke(stroke(Mode::Cluster, Kind::Background, 0.05, at(0.1))).unwrap();
+        let removed = session.mask().clone();
+        assert!(removed.count() < walked.count());
+        // A further walk changes the layer below; the correction stays.
+        session.add_stroke(stroke(Mode::Walk, Kind::Background, 0.1, at(0.6))).unwrap();
+        let hits = space.hits(&stroke(Mode::Cluster, Kind::Background, 0.05, at(0.1)));
+        assert!(hits.iter().all(|&g| !session.mask().get(g as usize)));
+        // Undo goes back step by step.
+        session.undo().unwrap();
+        assert_eq!(session.mask(), &removed);
+        session.undo().unwrap();
+        assert_eq!(session.mask(), &walked);
+        session.undo().unwrap();
+        session.undo().unwrap();
+        assert!(session.mask().is_none() && session.undo().unwrap().is_none());
+    }
+
+    #[test]
+    fn toggling_a_cluster_twice_changes_nothing() {
+        let scene = point_scene(&random_points(1000, 2));
+        let (space, clustering) = made(&scene, 30, WalkOptions::default());
+        let mut session = SelectionSession::new(Arc::clone(&space));
+        let toggle = || {
+            stroke(
+                Mode::Cluster,
+                Kind::Toggle,
+                0.01,
+                vec![normalized(&scene, &[scene.units[0].gaussians.position[5]])[0]],
+            )
+        };
+        session.add_stroke(toggle()).unwrap();
+        let own = clustering.labels[5];
+        assert_eq!(
+            session.mask().ones().collect::<Vec<_>>(),
+            (0..1000).filter(|&g| clustering.labels[g] == own).collect::<Vec<_>>()
+        );
+        session.add_stroke(toggle()).unwrap();
+        assert!(session.mask().is_none());
+    }
+
+    #[test]
+    fn a_walk_stays_inside_the_units_it_hits_and_misses_seed_the_nearest() {
+        let mut a = random_unit(800, 3);
+        let mut b = random_unit(800, 4);
+        a.name = "a".into();
+        b.name = "b".into();
+        b.gaussians.position.iter_mut().for_each(|p| p.x += 2.5);
+        let scene = Scene::compose(vec![a, b], None);
+        let (space, _) = made(&scene, 40, WalkOptions { leak: 0.0, ..WalkOptions::default() });
+        let mut session = SelectionSession::new(space);
+        // Far outside the box on the side of unit a, with radius zero.
+        let hits = session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.0, vec![[-3.0, 0.5, 0.5]])).unwrap();
+        assert_eq!(hits, 1);
+        // Without leak or background everything that is connected belongs to the foreground.
+        assert_eq!(session.mask().ones().collect::<Vec<_>>(), (0..800).collect::<Vec<_>>());
+        let walk = session.walk().unwrap();
+        assert_eq!(walk.units, [true, false]);
+        assert!(walk.solution.p.iter().skip(40).all(|p| *p == 0.0));
+        // A cluster stroke that misses hits nothing.
+        assert_eq!(
+            session.add_stroke(stroke(Mode::Cluster, Kind::Background, 0.0, vec![[-3.0, 0.5, 0.5]])).unwrap(),
+            0
+        );
+    }
+
+    #[test]
+    fn degenerate_scenes_and_strokes_are_no_trouble() {
+        let nan = [f32::NAN; 3];
+        let scenes: Vec<Vec<[f32; 3]>> = vec![
+            vec![],
+            vec![[1.0, 2.0, 3.0]],
+            vec![nan],
+            vec![nan, [0.0; 3], [f32::INFINITY, 0.0, 0.0], [1.0; 3], nan],
+            vec![[5.0; 3]; 100],
+            random_points(3, 1),
+            random_points(500, 2).iter().map(|p| [p[0], 0.0, 0.0]).collect(),
+            random_points(500, 3).iter().map(|p| [p[0], p[1], 7.0]).collect(),
+        ];
+        for points in scenes {
+            let finite = points.iter().filter(|p| p.iter().all(|x| x.is_finite())).count();
+            let scene = point_scene(&points);
+            let (space, clustering) = made(&scene, 50, WalkOptions::default());
+            assert_eq!(clustering.labels.iter().filter(|l| **l >= 0).count(), finite);
+            let mut session = SelectionSession::new(space);
+            for mode in [Mode::Walk, Mode::Cluster, Mode::Point] {
+                for kind in [Kind::Foreground, Kind::Background] {
+                    for (radius, points) in [
+                        (0.0, vec![[0.5; 3]]),
+                        (0.3, vec![[0.5; 3]; 7]),
+                        (1e9, vec![[-1e6; 3], [1e6; 3]]),
+                        (0.1, vec![[0.0; 3], [1.0; 3], [0.0; 3]]),
+                    ] {
+                        session.add_stroke(stroke(mode, kind, radius, points)).unwrap();
+                    }
+                }
+            }
+            assert!(session.mask().count() <= finite);
+        }
+    }
+
+    #[test]
+    fn a_refused_stroke_changes_nothing() {
+        let scene = point_scene(&random_points(200, 5));
+        let (space, _) = made(&scene, 20, WalkOptions::default());
+        let mut session = SelectionSession::new(space);
+        session.add_stroke(stroke(Mode::Point, Kind::Foreground, 0.3, vec![[0.5; 3]])).unwrap();
+        let before = session.mask().clone();
+        for bad in [
+            stroke(Mode::Walk, Kind::Toggle, 0.1, vec![[0.5; 3]]),
+            stroke(Mode::Point, Kind::Foreground, f64::NAN, vec![[0.5; 3]]),
+            stroke(Mode::Point, Kind::Foreground, 0.1, vec![]),
+            stroke(Mode::Point, Kind::Foreground, 0.1, vec![[f64::INFINITY; 3]]),
+        ] {
+            assert!(session.add_stroke(bad).is_err());
+            assert_eq!((session.mask(), session.strokes().len()), (&before, 1));
+        }
+    }
+
+    #[test]
+    fn walks_on_single_gaussians() {
+        // More unknowns than are eliminated, so conjugate gradients at work.
+        let (scene, sac) = vessel_and_sac(6000, 7);
+        let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
+        let (clustering, _) = cluster(&geometry, &ClusteringOptions::default(), &Silent).unwrap();
+        let options = WalkOptions { leak: 0.0, ..WalkOptions::default() };
+        let space = Arc::new(SelectionSpace::of_gaussians(&scene, &geometry, &clustering, options));
+        // Dots, not lines: strokes of one sample each.
+        let mut strokes = Vec::new();
+        for (g, p) in scene.units[0].gaussians.position.iter().enumerate().step_by(20) {
+            let kind = if sac[g] { Kind::Foreground } else { Kind::Background };
+            strokes.push(stroke(Mode::Walk, kind, 1e-3, normalized(&scene, &[*p])));
+        }
+        let session = SelectionSession::of_strokes(&space, &strokes).unwrap();
+        let walk = session.walk().unwrap();
+        let worst = walk.solution.p.iter().zip(&walk.solution.q).map(|(p, q)| (p + q - 1.0).abs()).fold(0.0, f64::max);
+        println!("largest |p + q − 1| {worst:.1e}");
+        assert!(worst < 1e-6, "{worst}");
+        let agreement = crate::metrics::Agreement::of((0..scene.len()).map(|g| (session.mask().get(g), sac[g])));
+        println!("walk on Gaussians: IoU {:.3}", agreement.iou);
+        assert!(agreement.iou > 0.9);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(30))]
+        #[test]
+        fn any_list_of_strokes_replays_to_the_same_mask(
+            plan in proptest::collection::vec((0..3_u8, 0..3_u8, 0.0..0.3_f64, proptest::collection::vec([0.0..1.0_f64, 0.0..1.0, 0.0..1.0], 1..4)), 0..8)
+        ) {
+            let scene = point_scene(&random_points(600, 9));
+            let (space, _) = made(&scene, 40, WalkOptions::default());
+            let strokes: Vec<Stroke> = plan
+                .into_iter()
+                .map(|(mode, kind, radius, points)| {
+                    let mode = [Mode::Walk, Mode::Cluster, Mode::Point][mode as usize];
+                    let kind = [Kind::Foreground, Kind::Background, Kind::Toggle][kind as usize];
+                    let kind = if mode == Mode::Cluster || kind != Kind::Toggle { kind } else { Kind::Background };
+                    stroke(mode, kind, radius, points)
+                })
+                .collect();
+            let mut session = SelectionSession::new(Arc::clone(&space));
+            let mut masks = vec![session.mask().clone()];
+            for s in &strokes {
+                prop_assert_eq!(&session.preview(s.clone()).unwrap(), {
+                    session.add_stroke(s.clone()).unwrap();
+                    session.mask()
+                });
+                masks.push(session.mask().clone());
+            }
+            let replayed = SelectionSession::of_strokes(&space, &strokes).unwrap();
+            prop_assert_eq!(replayed.mask(), session.mask());
+            for (mask, stroke) in masks.iter().rev().skip(1).zip(strokes.iter().rev()) {
+                let undone = session.undo().unwrap();
+                prop_assert_eq!(undone.as_ref(), Some(stroke));
+                prop_assert_eq!(session.mask(), mask);
+            }
+        }
+    }
+}

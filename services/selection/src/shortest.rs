@@ -1,0 +1,257 @@
+//! Shortest paths over a neighbour graph: to the nearest source, within a bound, and the envelope that bounds them.
+//!
+//! Lengths of paths are sums from the source outwards in f64. Rounded addition is monotone, so each search finds the
+//! same bits for the same pair of vertices, whichever variant asks.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::sync::Mutex;
+
+use crate::neighbours::Graph;
+
+/// No vertex, no label.
+pub const NONE: u32 = u32::MAX;
+
+/// Distance to the nearest source and which it is, for every vertex; infinity and [`NONE`] where no source is reachable.
+/// Ties go to the source that stands first in the slice.
+#[must_use]
+pub fn nearest_source(graph: &Graph, sources: &[u32]) -> (Vec<f64>, Vec<u32>) {
+    let mut distance = vec![f64::INFINITY; graph.len()];
+    let mut label = vec![NONE; graph.len()];
+    let mut heap = BinaryHeap::new();
+    for (j, &v) in (0..).zip(sources) {
+        if label[v as usize] == NONE {
+            distance[v as usize] = 0.0;
+            label[v as usize] = j;
+            heap.push(Reverse((0, j, v)));
+        }
+    }
+    spread(graph, &mut distance, &mut label, heap);
+    (distance, label)
+}
+
+/// Lets the vertices without a label take (distance, label) from their labelled neighbours and on from there; labelled
+/// vertices keep theirs.
+pub fn fill_unlabelled(graph: &Graph, distance: &mut [f64], label: &mut [u32]) {
+    let mut heap = BinaryHeap::new();
+    let empty: Vec<u32> = (0..).zip(&*label).filter(|(_, l)| **l == NONE).map(|(v, _)| v).collect();
+    for &v in &empty {
+        for (w, length) in graph.neighbours(v) {
+            let through = (distance[w as usize] + length, label[w as usize]);
+            if through.1 != NONE && !empty.contains_sorted(w) && through < (distance[v as usize], label[v as usize]) {
+                (distance[v as usize], label[v as usize]) = through;
+            }
+        }
+        if label[v as usize] != NONE {
+            heap.push(Reverse((distance[v as usize].to_bits(), label[v as usize], v)));
+        }
+    }
+    spread(graph, distance, label, heap);
+}
+
+trait ContainsSorted {
+    fn contains_sorted(&self, v: u32) -> bool;
+}
+
+impl ContainsSorted for Vec<u32> {
+    fn contains_sorted(&self, v: u32) -> bool {
+        self.binary_search(&v).is_ok()
+    }
+}
+
+fn spread(graph: &Graph, distance: &mut [f64], label: &mut [u32], mut heap: BinaryHeap<Reverse<(u64, u32, u32)>>) {
+    while let Some(Reverse((bits, j, v))) = heap.pop() {
+        if (bits, j) != (distance[v as usize].to_bits(), label[v as usize]) {
+            continue;
+        }
+        for (w, length) in graph.neighbours(v) {
+            let through = (f64::from_bits(bits) + length, j);
+            if through < (distance[w as usize], label[w as usize]) {
+                (distance[w as usize], label[w as usize]) = through;
+                heap.push(Reverse((through.0.to_bits(), j, w)));
+            }
+        }
+    }
+}
+
+/// Raises `radius` to its envelope P(i) = max over k of (r(k) − d(i,k)): the largest distance from a seed at which it
+/// can still matter to `i` or to a vertex behind it.
+pub fn raise_to_envelope(graph: &Graph, radius: &mut [f64]) {
+    let mut heap = BinaryHeap::new();
+    for v in (0..).take(graph.len()) {
+        let r = radius[v as usize];
+        if graph.neighbours(v).any(|(w, length)| r - length > radius[w as usize]) {
+            heap.push((r.to_bits(), v));
+        }
+    }
+    while let Some((bits, v)) = heap.pop() {
+        let r = f64::from_bits(bits);
+        if r < radius[v as usize] {
+            continue;
+        }
+        for (w, length) in graph.neighbours(v) {
+            if r - length > radius[w as usize] {
+                radius[w as usize] = r - length;
+                heap.push(((r - length).to_bits(), w));
+            }
+        }
+    }
+}
+
+/// Memory of one search, reused from search to search.
+#[derive(Debug, Default)]
+pub struct Search {
+    distance: Vec<f64>,
+    seen_in: Vec<u32>,
+    turn: u32,
+    heap: BinaryHeap<Reverse<(u64, u32)>>,
+}
+
+impl Search {
+    fn start(&mut self, vertices: usize) {
+        if self.distance.len() != vertices || self.turn == u32::MAX {
+            self.distance = vec![0.0; vertices];
+            self.seen_in = vec![0; vertices];
+            self.turn = 0;
+        }
+        self.turn += 1;
+        self.heap.clear();
+    }
+
+    /// Vertices reached from `source` over vertices whose distance is at most `bound(vertex)`, with their distances, in
+    /// the order they were settled. The source itself is always reached.
+    pub fn reach(&mut self, graph: &Graph, source: u32, bound: impl Fn(u32) -> f64) -> Vec<(u32, f64)> {
+        self.start(graph.len());
+        let mut reached = Vec::new();
+        self.offer(source, 0.0);
+        while let Some(Reverse((bits, v))) = self.heap.pop() {
+            let d = f64::from_bits(bits);
+            if d > self.distance[v as usize] {
+                continue;
+            }
+            reached.push((v, d));
+            for (w, length) in graph.neighbours(v) {
+                if d + length <= bound(w) {
+                    self.offer(w, d + length);
+                }
+            }
+        }
+        reached
+    }
+
+    fn offer(&mut self, v: u32, d: f64) {
+        let at = v as usize;
+        if self.seen_in[at] != self.turn || d < self.distance[at] {
+            self.seen_in[at] = self.turn;
+            self.distance[at] = d;
+            self.heap.push(Reverse((d.to_bits(), v)));
+        }
+    }
+}
+
+/// Lends [`Search`]es to threads: as many exist as ever ran at the same time.
+#[derive(Debug, Default)]
+pub struct SearchPool(Mutex<Vec<Search>>);
+
+impl SearchPool {
+    /// Runs `f` with a search of the pool.
+    pub fn with<T>(&self, f: impl FnOnce(&mut Search) -> T) -> T {
+        let lent = match self.0.lock() {
+            Ok(mut idle) => idle.pop(),
+            Err(_) => None,
+        };
+        let mut search = lent.unwrap_or_default();
+        let out = f(&mut search);
+        if let Ok(mut idle) = self.0.lock() {
+            idle.push(search);
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::neighbours::Edge;
+    use proptest::prelude::*;
+
+    /// Random graphs with short integer lengths, so that ties and zero edges are common.
+    pub(crate) fn graphs() -> impl Strategy<Value = Graph> {
+        (2..30_usize).prop_flat_map(|n| {
+            proptest::collection::vec((0..n as u32, 0..n as u32, 0..6_u8), 0..3 * n).prop_map(move |edges| {
+                Graph::from_edges(n, edges.into_iter().map(|(a, b, l)| Edge { a, b, length: f64::from(l) }))
+            })
+        })
+    }
+
+    fn all_distances(graph: &Graph) -> Vec<Vec<f64>> {
+        let n = graph.len();
+        let mut d = vec![vec![f64::INFINITY; n]; n];
+        for (i, row) in d.iter_mut().enumerate() {
+            row[i] = 0.0;
+        }
+        for e in graph.edges() {
+            d[e.a as usize][e.b as usize] = e.length;
+            d[e.b as usize][e.a as usize] = e.length;
+        }
+        for k in 0..n {
+            for i in 0..n {
+                for j in 0..n {
+                    d[i][j] = d[i][j].min(d[i][k] + d[k][j]);
+                }
+            }
+        }
+        d
+    }
+
+    proptest! {
+        #[test]
+        fn searches_agree_with_all_pairs(graph in graphs(), picks in proptest::collection::vec(0..30_usize, 1..5)) {
+            let n = graph.len();
+            let d = all_distances(&graph);
+            let sources: Vec<u32> = picks.iter().map(|p| (p % n) as u32).collect();
+            let (distance, label) = nearest_source(&graph, &sources);
+            let mut search = Search::default();
+            for v in 0..n {
+                let best = (0..).zip(&sources).map(|(j, &s)| (d[s as usize][v], j)).min_by(|a, b| a.partial_cmp(b).unwrap());
+                let best = best.unwrap();
+                if best.0.is_finite() {
+                    prop_assert_eq!((distance[v], label[v]), best);
+                } else {
+                    prop_assert_eq!((distance[v], label[v]), (f64::INFINITY, NONE));
+                }
+                let mut all = search.reach(&graph, v as u32, |_| f64::INFINITY);
+                all.sort_unstable_by_key(|a| a.0);
+                let want: Vec<(u32, f64)> = (0..).zip(&d[v]).filter(|(_, d)| d.is_finite()).map(|(w, &d)| (w, d)).collect();
+                prop_assert_eq!(all, want);
+            }
+        }
+
+        #[test]
+        fn the_envelope_is_the_maximum_over_all_vertices(graph in graphs(), seed in 0..1000_u32) {
+            let d = all_distances(&graph);
+            let r: Vec<f64> = (0..graph.len() as u32).map(|i| f64::from((i * 7919 + seed * 31) % 13)).collect();
+            let mut p = r.clone();
+            raise_to_envelope(&graph, &mut p);
+            for i in 0..graph.len() {
+                let want = (0..graph.len()).map(|k| r[k] - d[i][k]).fold(f64::NEG_INFINITY, f64::max);
+                prop_assert_eq!(p[i], want);
+            }
+        }
+
+        #[test]
+        fn filling_reaches_every_vertex_of_a_labelled_component(graph in graphs()) {
+            let (component, _) = graph.components();
+            let (mut distance, mut label) = nearest_source(&graph, &[0]);
+            for v in (1..graph.len()).step_by(2) {
+                (distance[v], label[v]) = (f64::INFINITY, NONE);
+            }
+            fill_unlabelled(&graph, &mut distance, &mut label);
+            let all = all_distances(&graph);
+            for v in 0..graph.len() {
+                prop_assert_eq!(label[v] != NONE, component[v] == component[0]);
+                prop_assert!(distance[v] >= all[0][v]);
+            }
+        }
+    }
+}

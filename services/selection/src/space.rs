@@ -1,0 +1,440 @@
+//! Everything about a scene that selections share: made once, read by any number of sessions.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sg_scene::model::{Scene, SceneBox};
+
+use crate::brush::Brush;
+use crate::cluster_graph::{ClusterGraph, GraphForm, gaussian_network};
+use crate::clustering::Clustering;
+use crate::geometry::Geometry;
+use crate::neighbours::{Edge, Graph};
+use crate::shortest::nearest_source;
+use crate::strokes::Stroke;
+use crate::walk::ordering::minimum_degree;
+use crate::walk::{
+    Network, Precision, Problem, Seed, Solution, Solver, SystemSolver, WalkError, cg, gth, solve, system,
+};
+
+/// Where a walk finds its background when the user has drawn none.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Background {
+    /// Every unseeded node leaks to the background.
+    #[default]
+    Leak,
+    /// The nodes farthest from the foreground along the graph, a twentieth of each component, are background.
+    Farthest,
+}
+
+/// How walks are set up and solved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WalkOptions {
+    /// Graph of clusters.
+    pub form: GraphForm,
+    /// Factor on σ_s, the median length of the edges.
+    pub sigma_s: f64,
+    /// Factor on σ_f, the median feature distance of the edges.
+    pub sigma_f: f64,
+    /// ε of the leak.
+    pub leak: f64,
+    /// Automatic background.
+    pub background: Background,
+    /// Algorithm, for walks on clusters.
+    pub solver: Solver,
+    /// Its arithmetic.
+    pub precision: Precision,
+}
+
+impl Default for WalkOptions {
+    fn default() -> Self {
+        Self {
+            form: GraphForm::Contact,
+            sigma_s: 1.0,
+            sigma_f: 1.0,
+            leak: 0.03,
+            background: Background::Leak,
+            solver: Solver::Gth,
+            precision: Precision::F64,
+        }
+    }
+}
+
+impl WalkOptions {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// Which one is wrong and what would be right, in words.
+    pub fn check(&self) -> Result<(), String> {
+        for (name, x) in [("sigma-s", self.sigma_s), ("sigma-f", self.sigma_f)] {
+            if !(x > 0.0 && x.is_finite()) {
+                return Err(format!("{name} is {x}; it must be finite and above 0"));
+            }
+        }
+        if !(self.leak >= 0.0 && self.leak.is_finite()) {
+            return Err(format!("the leak is {}; it must be finite and at least 0", self.leak));
+        }
+        Ok(())
+    }
+}
+
+/// The share of each component that the farthest rule makes background.
+const FARTHEST_SHARE: f64 = 0.05;
+
+/// Unknowns up to which a walk on Gaussians is eliminated; above it is iterated.
+const MOST_ELIMINATED: usize = 2000;
+
+/// Elimination for small systems, conjugate gradients for large ones: walks on single Gaussians.
+#[derive(Debug, Default)]
+struct BySize(cg::ConjugateGradients<f64>);
+
+impl SystemSolver for BySize {
+    fn solve(&self, system: &system::System) -> Result<(Vec<f64>, Vec<f64>), WalkError> {
+        if self.eliminates(system.len()) { gth::Gth64.solve(system) } else { self.0.solve(system) }
+    }
+
+    fn eliminates(&self, unknowns: usize) -> bool {
+        unknowns <= MOST_ELIMINATED
+    }
+}
+
+/// Members of groups, as one list with offsets.
+#[derive(Debug, Clone)]
+struct Groups {
+    offsets: Vec<usize>,
+    members: Vec<u32>,
+}
+
+impl Groups {
+    fn of(labels: &[i32], count: usize) -> Self {
+        let mut offsets = vec![0; count + 1];
+        for l in labels.iter().filter_map(|l| usize::try_from(*l).ok()) {
+            offsets[l + 1] += 1;
+        }
+        for l in 0..count {
+            offsets[l + 1] += offsets[l];
+        }
+        let mut next = offsets.clone();
+        let mut members = vec![0; offsets[count]];
+        for (g, l) in (0..).zip(labels) {
+            if let Ok(l) = usize::try_from(*l) {
+                members[next[l]] = g;
+                next[l] += 1;
+            }
+        }
+        Self { offsets, members }
+    }
+
+    fn get(&self, l: usize) -> &[u32] {
+        &self.members[self.offsets[l]..self.offsets[l + 1]]
+    }
+}
+
+/// Numbers about one walk.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct WalkSummary {
+    /// Nodes seeded as foreground.
+    pub seeds_foreground: usize,
+    /// Nodes seeded as background by strokes.
+    pub seeds_background: usize,
+    /// Nodes hit by both brushes.
+    pub conflicts: usize,
+    /// Nodes that got background of their own accord: those that leak, or those chosen by the farthest rule.
+    pub auto_background: usize,
+    /// Nodes of the hit base units that no terminal reaches.
+    pub unreached: usize,
+}
+
+/// A walk over the nodes of a space.
+#[derive(Debug, Clone)]
+pub struct Walk {
+    /// Probabilities.
+    pub solution: Solution,
+    /// Base units the walk took place in.
+    pub units: Vec<bool>,
+    /// Numbers about it.
+    pub summary: WalkSummary,
+}
+
+/// A scene made ready for selecting.
+pub struct SelectionSpace {
+    gaussians: usize,
+    bounds: SceneBox,
+    brush: Brush,
+    /// Cluster of each Gaussian, or −1.
+    labels: Vec<i32>,
+    clusters: Groups,
+    /// Node of each Gaussian in `network`, or −1: its cluster, or itself.
+    nodes: Vec<i32>,
+    node_unit: Vec<u32>,
+    units: usize,
+    network: Network,
+    order: Option<Vec<u32>>,
+    solver: Box<dyn SystemSolver + Send + Sync>,
+    options: WalkOptions,
+    /// Path lengths and components for the farthest rule, where it is used.
+    paths: Option<(Graph, Vec<u32>)>,
+}
+
+impl std::fmt::Debug for SelectionSpace {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SelectionSpace")
+            .field("gaussians", &self.gaussians)
+            .field("nodes", &self.network.len())
+            .field("options", &self.options)
+            .finish_non_exhaustive()
+    }
+}
+
+impl SelectionSpace {
+    /// A space whose walks run on clusters.
+    #[must_use]
+    pub fn of_clusters(scene: &Scene, clustering: &Clustering, graph: &ClusterGraph, options: WalkOptions) -> Self {
+        let network = graph.network(options.sigma_s, options.sigma_f);
+        let solver = options.solver.with(options.precision);
+        let order = solver
+            .eliminates(network.len())
+            .then(|| minimum_degree(network.len(), |u| network.links(u).iter().map(|l| l.0)));
+        let paths = (options.background == Background::Farthest).then(|| {
+            let edges = graph.units.iter().flatten().map(|l| Edge { a: l.u, b: l.v, length: l.length });
+            (Graph::from_edges(graph.clusters, edges), graph.component.clone())
+        });
+        Self {
+            gaussians: scene.len(),
+            bounds: scene.bounds,
+            brush: Brush::of_scene(scene),
+            clusters: Groups::of(&clustering.labels, clustering.clusters.len()),
+            nodes: clustering.labels.clone(),
+            labels: clustering.labels.clone(),
+            node_unit: clustering.clusters.iter().map(|c| c.unit).collect(),
+            units: scene.units.len(),
+            network,
+            order,
+            solver,
+            options,
+            paths,
+        }
+    }
+
+    /// A space whose walks run on single Gaussians: exact elimination of small systems, conjugate gradients for those of
+    /// more than 2,000 unknowns. Cluster strokes still use the clusters.
+    #[must_use]
+    pub fn of_gaussians(scene: &Scene, geometry: &Geometry, clustering: &Clustering, options: WalkOptions) -> Self {
+        let network = gaussian_network(geometry, options.sigma_s, options.sigma_f);
+        let n = scene.len();
+        let mut nodes = vec![-1; n];
+        let mut node_unit = vec![0; n];
+        let mut component = vec![u32::MAX; n];
+        let mut first = 0;
+        for (u, unit) in (0..).zip(&geometry.units) {
+            for (&g, &c) in unit.vertices.gaussian.iter().zip(&unit.component) {
+                nodes[g as usize] = g as i32;
+                node_unit[g as usize] = u;
+                component[g as usize] = first + c;
+            }
+            first += unit.components as u32;
+        }
+        let paths = (options.background == Background::Farthest).then(|| {
+            let edges = geometry.units.iter().flat_map(|unit| {
+                let index = &unit.vertices.gaussian;
+                unit.joined().edges().map(|e| Edge { a: index[e.a as usize], b: index[e.b as usize], length: e.length })
+            });
+            (Graph::from_edges(n, edges), component)
+        });
+        Self {
+            gaussians: n,
+            bounds: scene.bounds,
+            brush: Brush::of_geometry(geometry),
+            clusters: Groups::of(&clustering.labels, clustering.clusters.len()),
+            labels: clustering.labels.clone(),
+            nodes,
+            node_unit,
+            units: scene.units.len(),
+            network,
+            order: None,
+            solver: Box::new(BySize::default()),
+            options,
+            paths,
+        }
+    }
+
+    /// Number of Gaussians.
+    #[must_use]
+    pub fn gaussians(&self) -> usize {
+        self.gaussians
+    }
+
+    /// Number of clusters.
+    #[must_use]
+    pub fn clusters(&self) -> usize {
+        self.clusters.offsets.len() - 1
+    }
+
+    /// Number of nodes walks run on.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.network.len()
+    }
+
+    /// The brush.
+    #[must_use]
+    pub fn brush(&self) -> &Brush {
+        &self.brush
+    }
+
+    /// The box strokes are normalized by.
+    #[must_use]
+    pub fn bounds(&self) -> &SceneBox {
+        &self.bounds
+    }
+
+    /// Cluster of a Gaussian, if it belongs to one.
+    #[must_use]
+    pub fn cluster_of(&self, gaussian: u32) -> Option<usize> {
+        usize::try_from(*self.labels.get(gaussian as usize)?).ok()
+    }
+
+    /// Members of a cluster, ascending.
+    #[must_use]
+    pub fn members(&self, cluster: usize) -> &[u32] {
+        self.clusters.get(cluster)
+    }
+
+    /// Node of a Gaussian, if it has a finite position.
+    #[must_use]
+    pub fn node_of(&self, gaussian: u32) -> Option<usize> {
+        usize::try_from(*self.nodes.get(gaussian as usize)?).ok()
+    }
+
+    /// Base unit of a node.
+    #[must_use]
+    pub fn unit_of_node(&self, node: usize) -> usize {
+        self.node_unit[node] as usize
+    }
+
+    /// What a stroke hits, ascending. A walk stroke that hits nothing hits the nearest Gaussian.
+    #[must_use]
+    pub fn hits(&self, stroke: &Stroke) -> Vec<u32> {
+        let (samples, radius) = stroke.in_scene(&self.bounds);
+        let hits = self.brush.hits(&samples, radius);
+        if hits.is_empty() { self.instead_of_nothing(stroke, &samples) } else { hits }
+    }
+
+    pub(crate) fn instead_of_nothing(&self, stroke: &Stroke, samples: &[DVec3]) -> Vec<u32> {
+        match stroke.mode {
+            crate::strokes::Mode::Walk => self.brush.nearest(samples).into_iter().collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Walks from the Gaussians hit by the foreground and the background brush.
+    ///
+    /// A node hit by both goes with the majority of its hit Gaussians; at a tie it is unseeded. The walk takes place in
+    /// the base units that were hit; elsewhere p = q = 0.
+    ///
+    /// # Errors
+    /// [`WalkError`] if the solver breaks down.
+    pub fn walk(
+        &self,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> Result<Walk, WalkError> {
+        let n = self.network.len();
+        let mut count = vec![[0_u32; 2]; n];
+        for node in foreground.filter_map(|g| self.node_of(g)) {
+            count[node][0] += 1;
+        }
+        for node in background.filter_map(|g| self.node_of(g)) {
+            count[node][1] += 1;
+        }
+        let mut units = vec![false; self.units];
+        let mut summary = WalkSummary::default();
+        let mut seeds = vec![Seed::None; n];
+        for (node, [f, b]) in count.iter().copied().enumerate() {
+            if f + b == 0 {
+                continue;
+            }
+            units[self.unit_of_node(node)] = true;
+            summary.conflicts += usize::from(f > 0 && b > 0);
+            seeds[node] = match f.cmp(&b) {
+                std::cmp::Ordering::Greater => Seed::Foreground,
+                std::cmp::Ordering::Less => Seed::Background,
+                std::cmp::Ordering::Equal => Seed::None,
+            };
+        }
+        summary.seeds_foreground = seeds.iter().filter(|s| **s == Seed::Foreground).count();
+        summary.seeds_background = seeds.iter().filter(|s| **s == Seed::Background).count();
+        // Nodes without a Gaussian (labels may skip an id) and Gaussians without a finite position take no part.
+        let mut active = vec![false; n];
+        for node in self.nodes.iter().filter_map(|&node| usize::try_from(node).ok()) {
+            active[node] = units[self.unit_of_node(node)];
+        }
+        let mut leak = self.options.leak;
+        match &self.paths {
+            Some((graph, component)) => {
+                leak = 0.0;
+                summary.auto_background = farthest(graph, component, &active, &mut seeds);
+            }
+            None if leak > 0.0 => {
+                let leaks = |(node, s): (usize, &Seed)| {
+                    *s == Seed::None && active[node] && !self.network.links(node as u32).is_empty()
+                };
+                summary.auto_background = seeds.iter().enumerate().filter(|&x| leaks(x)).count();
+            }
+            None => {}
+        }
+        let problem = Problem { network: &self.network, seeds: &seeds, leak, leaking: Some(&active) };
+        let solution = solve(&problem, self.solver.as_ref(), self.order.as_deref())?;
+        summary.unreached = (0..n).filter(|&node| active[node] && !solution.reached[node]).count();
+        Ok(Walk { solution, units, summary })
+    }
+}
+
+/// Makes the farthest nodes background: of each component that is walked in, a twentieth (rounded up) of its nodes, by
+/// the path length from the foreground, ties to the smaller id. Without foreground there is no farthest. Returns how many.
+fn farthest(graph: &Graph, component: &[u32], active: &[bool], seeds: &mut [Seed]) -> usize {
+    let sources: Vec<u32> = (0..).zip(&*seeds).filter(|(_, s)| **s == Seed::Foreground).map(|(u, _)| u).collect();
+    if sources.is_empty() {
+        return 0;
+    }
+    let (distance, _) = nearest_source(graph, &sources);
+    let components = component.iter().filter(|c| **c != u32::MAX).max().map_or(0, |c| *c as usize + 1);
+    let mut nodes: Vec<Vec<u32>> = vec![Vec::new(); components];
+    for (u, &c) in (0..).zip(component) {
+        if active[u as usize] && c != u32::MAX {
+            nodes[c as usize].push(u);
+        }
+    }
+    let mut chosen = 0;
+    for mut nodes in nodes {
+        let quota = (FARTHEST_SHARE * nodes.len() as f64).ceil() as usize;
+        nodes.retain(|&u| seeds[u as usize] == Seed::None && distance[u as usize].is_finite());
+        nodes.sort_by(|&a, &b| distance[b as usize].total_cmp(&distance[a as usize]).then(a.cmp(&b)));
+        for &u in nodes.iter().take(quota) {
+            seeds[u as usize] = Seed::Background;
+            chosen += 1;
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_farthest_rule_has_a_quota_in_each_component() {
+        // A chain of 40 nodes, and one of 20 joined to its start by a bridge of length 100.
+        let chain = |from: u32, to: u32| (from + 1..to).map(|i| Edge { a: i - 1, b: i, length: 1.0 });
+        let bridge = Edge { a: 0, b: 40, length: 100.0 };
+        let graph = Graph::from_edges(60, chain(0, 40).chain(chain(40, 60)).chain([bridge]));
+        let component: Vec<u32> = (0..60).map(|i| u32::from(i >= 40)).collect();
+        let mut seeds = vec![Seed::None; 60];
+        seeds[10] = Seed::Foreground;
+        assert_eq!(farthest(&graph, &component, &[true; 60], &mut seeds), 3);
+        let chosen: Vec<usize> = (0..60).filter(|&i| seeds[i] == Seed::Background).collect();
+        assert_eq!(chosen, [38, 39, 59]);
+        let mut none = vec![Seed::None; 60];
+        assert_eq!(farthest(&graph, &component, &[true; 60], &mut none), 0);
+    }
+}

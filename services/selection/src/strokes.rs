@@ -1,0 +1,188 @@
+//! Brush strokes and their JSON file.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sg_scene::model::SceneBox;
+
+/// What a stroke selects with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// A random walk from what the stroke hits.
+    Walk,
+    /// The clusters the stroke hits.
+    Cluster,
+    /// The Gaussians the stroke hits.
+    Point,
+}
+
+/// What a stroke does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Adds.
+    Foreground,
+    /// Removes.
+    Background,
+    /// Removes a cluster that is wholly selected, adds it otherwise. Cluster mode only.
+    Toggle,
+}
+
+/// One stroke of the brush: the tube of all points closer than a radius to a polyline.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stroke {
+    /// What it selects with.
+    pub mode: Mode,
+    /// What it does.
+    pub kind: Kind,
+    /// Radius as a fraction of the scene box's longest edge.
+    pub radius: f64,
+    /// Samples in normalized coordinates of the scene's box, 0 to 1 on each axis; they may lie outside.
+    pub points: Vec<[f64; 3]>,
+}
+
+/// A file of strokes.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Strokes {
+    /// In the order they were drawn.
+    pub strokes: Vec<Stroke>,
+}
+
+/// The most samples of one stroke: at 90 a second, three hours without lifting the brush.
+pub const MOST_POINTS: usize = 1_000_000;
+
+/// The most strokes of one selection.
+pub const MOST_STROKES: usize = 100_000;
+
+/// A stroke that cannot be played.
+#[derive(Debug, thiserror::Error)]
+pub enum StrokeError {
+    /// The file could not be read.
+    #[error("{path}: {source}; give the path of a strokes JSON file")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not a list of strokes.
+    #[error("{path}: {source}")]
+    Parse {
+        /// The file.
+        path: String,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// A stroke makes no sense.
+    #[error("{path}: stroke {number} (counted from 0): {reason}")]
+    Stroke {
+        /// The file.
+        path: String,
+        /// Position in the list.
+        number: usize,
+        /// Why.
+        reason: String,
+    },
+    /// There are too many.
+    #[error("{path}: {found} strokes are too many; at most {MOST_STROKES} can be played")]
+    TooMany {
+        /// The file.
+        path: String,
+        /// How many.
+        found: usize,
+    },
+}
+
+impl Stroke {
+    /// Checks that the stroke can be played.
+    ///
+    /// # Errors
+    /// What is wrong and what would be right, in words.
+    pub fn check(&self) -> Result<(), String> {
+        if self.kind == Kind::Toggle && self.mode != Mode::Cluster {
+            return Err("`toggle` works in cluster mode only; use foreground or background".to_owned());
+        }
+        if !(self.radius >= 0.0 && self.radius.is_finite()) {
+            return Err(format!("the radius is {}; it must be finite and at least 0", self.radius));
+        }
+        if self.points.is_empty() || self.points.len() > MOST_POINTS {
+            return Err(format!("it has {} points; 1 to {MOST_POINTS} are needed", self.points.len()));
+        }
+        match self.points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            Some(at) => Err(format!("point {at} is not finite")),
+            None => Ok(()),
+        }
+    }
+
+    /// The samples in the scene frame, and the radius in the scene's length unit.
+    #[must_use]
+    pub fn in_scene(&self, bounds: &SceneBox) -> (Vec<DVec3>, f64) {
+        let samples = self.points.iter().map(|p| bounds.denormalize(DVec3::from_array(*p))).collect();
+        (samples, self.radius * bounds.longest_edge())
+    }
+}
+
+impl Strokes {
+    /// Reads and checks a file of strokes.
+    ///
+    /// # Errors
+    /// [`StrokeError`] names the file and the place in it.
+    pub fn read(path: &Path) -> Result<Self, StrokeError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|source| StrokeError::Read { path: name.clone(), source })?;
+        Self::parse(&text, &name)
+    }
+
+    /// Parses and checks strokes; `path` names the source in errors.
+    ///
+    /// # Errors
+    /// [`StrokeError`].
+    pub fn parse(text: &str, path: &str) -> Result<Self, StrokeError> {
+        let path = path.to_owned();
+        let strokes: Self =
+            serde_json::from_str(text).map_err(|source| StrokeError::Parse { path: path.clone(), source })?;
+        if strokes.strokes.len() > MOST_STROKES {
+            return Err(StrokeError::TooMany { path, found: strokes.strokes.len() });
+        }
+        for (number, stroke) in strokes.strokes.iter().enumerate() {
+            stroke.check().map_err(|reason| StrokeError::Stroke { path: path.clone(), number, reason })?;
+        }
+        Ok(strokes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_as_it_is_written() {
+        let text = r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.02,"points":[[0.1,0.2,0.3],[0.5,-0.5,1.5]]},
+            {"mode":"cluster","kind":"toggle","radius":0,"points":[[0,0,0]]}]}"#;
+        let strokes = Strokes::parse(text, "s.json").unwrap();
+        assert_eq!((strokes.strokes[0].mode, strokes.strokes[1].kind), (Mode::Walk, Kind::Toggle));
+        let again = serde_json::to_string(&strokes).unwrap();
+        assert_eq!(Strokes::parse(&again, "s.json").unwrap(), strokes);
+    }
+
+    #[test]
+    fn bad_strokes_are_named() {
+        let bad = [
+            (r#"{"strokes":[{"mode":"walk","kind":"toggle","radius":0.1,"points":[[0,0,0]]}]}"#, "toggle"),
+            (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":-1,"points":[[0,0,0]]}]}"#, "radius is -1"),
+            (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[]}]}"#, "0 points"),
+            (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0,0]]}]}"#, "line 1"),
+            (r#"{"strokes":[{"mode":"wander","kind":"foreground","radius":0.1,"points":[[0,0,0]]}]}"#, "wander"),
+            (r#"{"stroke":[]}"#, "stroke"),
+            ("{\n \"strokes\": [\n", "line 3"),
+        ];
+        for (text, part) in bad {
+            let message = Strokes::parse(text, "s.json").unwrap_err().to_string();
+            assert!(message.starts_with("s.json: ") && message.contains(part), "{message}");
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Conjugate gradients on the walk's Laplacian with its diagonal as preconditioner: memory linear in the graph, so it
+//! serves graphs too large to eliminate. Its error grows with the condition of the graph.
+
+use std::marker::PhantomData;
+
+use rayon::prelude::*;
+
+use super::cholesky::Float;
+use super::conductance::Conductance;
+use super::system::System;
+use super::{SystemSolver, WalkError};
+
+/// Conjugate gradients in `T`, until the preconditioned residual has fallen by this factor.
+#[derive(Debug, Clone, Copy)]
+pub struct ConjugateGradients<T> {
+    /// Factor by which the residual must fall.
+    pub tolerance: f64,
+    arithmetic: PhantomData<T>,
+}
+
+impl<T: Float> ConjugateGradients<T> {
+    /// A solver with a tolerance that suits the arithmetic: 1e-10 in f64, 1e-5 in f32.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { tolerance: if size_of::<T>() == 8 { 1e-10 } else { 1e-5 }, arithmetic: PhantomData }
+    }
+}
+
+impl<T: Float> Default for ConjugateGradients<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+struct Matrix<T> {
+    offsets: Vec<usize>,
+    links: Vec<(u32, T)>,
+    diagonal: Vec<T>,
+}
+
+impl<T: Float> Matrix<T> {
+    fn of(system: &System) -> Self {
+        let shift = system.shift();
+        let n = system.len();
+        let mut offsets = Vec::with_capacity(n + 1);
+        let mut links = Vec::new();
+        let mut diagonal = Vec::with_capacity(n);
+        offsets.push(0);
+        for k in (0..).take(n) {
+            let terminal = system.foreground()[k as usize] + system.background()[k as usize];
+            let mut d = T::of(terminal.scaled(shift));
+            for &(j, c) in system.links(k) {
+                let w = T::of(c.scaled(shift));
+                d = d + w;
+                links.push((j, w));
+            }
+            diagonal.push(d);
+            offsets.push(links.len());
+        }
+        Self { offsets, links, diagonal }
+    }
+
+    fn times(&self, x: &[T], out: &mut [T]) {
+        out.par_iter_mut().with_min_len(1024).enumerate().for_each(|(k, out)| {
+            let mut sum = self.diagonal[k] * x[k];
+            for &(j, w) in &self.links[self.offsets[k]..self.offsets[k + 1]] {
+                sum = sum - w * x[j as usize];
+            }
+            *out = sum;
+        });
+    }
+}
+
+/// Σ a·b by fixed blocks, so that the sum does not depend on the number of threads.
+fn dot<T: Float>(a: &[T], b: &[T]) -> T {
+    let blocks: Vec<T> = a
+        .par_chunks(4096)
+        .zip(b.par_chunks(4096))
+        .map(|(a, b)| a.iter().zip(b).fold(T::of(0.0), |s, (&a, &b)| s + a * b))
+        .collect();
+    blocks.into_iter().fold(T::of(0.0), |s, b| s + b)
+}
+
+impl<T: Float> ConjugateGradients<T> {
+    fn solve_for(&self, matrix: &Matrix<T>, terminal: &[Conductance], shift: i64) -> Result<Vec<f64>, WalkError> {
+        let n = terminal.len();
+        let most = 20 * n + 1000;
+        let mut x = vec![T::of(0.0); n];
+        let mut residual: Vec<T> = terminal.iter().map(|c| T::of(c.scaled(shift))).collect();
+        let zero = T::of(0.0);
+        // A node whose conductances all underflowed stays out of the iteration; the sweep at the end gives it its value.
+        let inverse: Vec<T> = matrix.diagonal.iter().map(|&d| if d > zero { T::of(1.0) / d } else { zero }).collect();
+        let mut z: Vec<T> = residual.iter().zip(&inverse).map(|(&r, &i)| r * i).collect();
+        let mut direction = z.clone();
+        let mut product = vec![T::of(0.0); n];
+        let mut rz = dot(&residual, &z);
+        let start = rz.value();
+        let enough = start * self.tolerance * self.tolerance;
+        let broken = |reason: String| WalkError::Breakdown { solver: "cg", reason };
+        for _ in 0..most {
+            if rz.value() <= enough {
+                return Ok(x.into_iter().map(T::value).collect());
+            }
+            matrix.times(&direction, &mut product);
+            let curvature = dot(&direction, &product);
+            let step = rz / curvature;
+            if curvature.partial_cmp(&T::of(0.0)) != Some(std::cmp::Ordering::Greater) || !step.value().is_finite() {
+                return Err(broken(format!("a search direction has curvature {:e} in {}", curvature.value(), T::NAME)));
+            }
+            for k in 0..n {
+                x[k] = x[k] + step * direction[k];
+                residual[k] = residual[k] - step * product[k];
+                z[k] = residual[k] * inverse[k];
+            }
+            let next = dot(&residual, &z);
+            let turn = next / rz;
+            for (d, &z) in direction.iter_mut().zip(&z) {
+                *d = z + turn * *d;
+            }
+            rz = next;
+        }
+        let left = (rz.value() / start).sqrt();
+        Err(broken(format!("after {most} iterations the residual has fallen by {left:.1e} only, in {}", T::NAME)))
+    }
+}
+
+/// One step of Jacobi's iteration with each row in units of its own degree: every node becomes the mean of its
+/// neighbours, also one whose conductances are too small for plain floating point beside the largest.
+fn sweep(system: &System, terminal: &[Conductance], x: &[f64]) -> Vec<f64> {
+    (0..system.len() as u32)
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|k| {
+            let links = system.links(k);
+            let ends = system.foreground()[k as usize] + system.background()[k as usize];
+            let total = links.iter().fold(ends, |sum, l| sum + l.1);
+            let share = |c: Conductance| (c / total).scaled(0);
+            links.iter().fold(share(terminal[k as usize]), |sum, l| sum + share(l.1) * x[l.0 as usize])
+        })
+        .collect()
+}
+
+impl<T: Float> SystemSolver for ConjugateGradients<T> {
+    fn solve(&self, system: &System) -> Result<(Vec<f64>, Vec<f64>), WalkError> {
+        let matrix = Matrix::<T>::of(system);
+        let p = self.solve_for(&matrix, system.foreground(), system.shift())?;
+        let q = self.solve_for(&matrix, system.background(), system.shift())?;
+        Ok((sweep(system, system.foreground(), &p), sweep(system, system.background(), &q)))
+    }
+
+    fn eliminates(&self, _: usize) -> bool {
+        false
+    }
+}

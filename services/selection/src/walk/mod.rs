@@ -1,0 +1,297 @@
+//! Random walks on a weighted graph: the probability that a walker from each node meets foreground before background.
+//!
+//! (Grady 2006.) Foreground and background are two terminals. A node that is not seeded may have a *leak*: a conductance
+//! of ε times its degree to the background terminal, so that a stroke of foreground alone has something to stop at. p
+//! and q = 1 − p are computed separately, and a node is selected where p − q > 1e-12: a tie is not selected, and neither
+//! is a node that no terminal reaches (p = q = 0).
+
+pub mod cg;
+pub mod cholesky;
+pub mod conductance;
+pub mod gth;
+pub mod ordering;
+pub mod system;
+
+#[cfg(test)]
+mod hard_cases;
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+pub use conductance::Conductance;
+use system::System;
+
+/// The least p − q of a selected node.
+pub const THRESHOLD: f64 = 1e-12;
+
+/// A weighted undirected graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Network {
+    offsets: Vec<usize>,
+    links: Vec<(u32, Conductance)>,
+}
+
+impl Network {
+    /// The graph of `nodes` nodes. Edges named more than once add up; self-loops and zero conductances are ignored.
+    ///
+    /// Edges whose ends are not below `nodes` are ignored too; callers that read files check them first.
+    #[must_use]
+    pub fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, Conductance)>) -> Self {
+        let mut directed: Vec<(u32, u32, Conductance)> = edges
+            .filter(|(u, v, w)| u != v && !w.is_zero() && (*u as usize) < nodes && (*v as usize) < nodes)
+            .flat_map(|(u, v, w)| [(u, v, w), (v, u, w)])
+            .collect();
+        // A stable sort: duplicates add up in the order of the list, the same from both ends.
+        directed.sort_by_key(|d| (d.0, d.1));
+        let mut offsets = vec![0; nodes + 1];
+        let mut links: Vec<(u32, Conductance)> = Vec::with_capacity(directed.len());
+        let mut last = None;
+        for (u, v, w) in directed {
+            match links.last_mut() {
+                Some(link) if last == Some((u, v)) => link.1 = link.1 + w,
+                _ => {
+                    links.push((v, w));
+                    offsets[u as usize + 1] += 1;
+                }
+            }
+            last = Some((u, v));
+        }
+        for u in 0..nodes {
+            offsets[u + 1] += offsets[u];
+        }
+        Self { offsets, links }
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.offsets.len().saturating_sub(1)
+    }
+
+    /// Whether there is no node.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Neighbours of a node with the conductances to them, ascending.
+    #[must_use]
+    pub fn links(&self, u: u32) -> &[(u32, Conductance)] {
+        &self.links[self.offsets[u as usize]..self.offsets[u as usize + 1]]
+    }
+
+    /// Sum of the conductances at a node.
+    #[must_use]
+    pub fn degree(&self, u: u32) -> Conductance {
+        self.links(u).iter().map(|l| l.1).sum()
+    }
+}
+
+/// What a node is in a walk.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Seed {
+    /// Nothing is known about it.
+    #[default]
+    None,
+    /// The walk ends here as foreground.
+    Foreground,
+    /// The walk ends here as background.
+    Background,
+}
+
+/// One walk to solve.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'a> {
+    /// The graph.
+    pub network: &'a Network,
+    /// One entry a node.
+    pub seeds: &'a [Seed],
+    /// ε: conductance to the background of every unseeded node, in units of its degree. At least 0.
+    pub leak: f64,
+    /// Nodes that leak; none means all.
+    pub leaking: Option<&'a [bool]>,
+}
+
+/// The solution of a walk, one entry a node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// Probability of meeting foreground first; 1 at foreground seeds, 0 at background seeds and where nothing is reached.
+    pub p: Vec<f64>,
+    /// Probability of meeting background first, computed on its own: never as 1 − p.
+    pub q: Vec<f64>,
+    /// Whether a terminal is reachable.
+    pub reached: Vec<bool>,
+}
+
+impl Solution {
+    /// Whether a node is selected.
+    #[must_use]
+    pub fn is_selected(&self, node: usize) -> bool {
+        self.p[node] - self.q[node] > THRESHOLD
+    }
+}
+
+/// A walk could not be solved.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum WalkError {
+    /// A number that is no leak.
+    #[error("the leak is {0}; it must be finite and at least 0")]
+    Leak(f64),
+    /// Seeds that do not belong to this graph.
+    #[error("{found} seeds were given for a graph of {nodes} nodes")]
+    Seeds {
+        /// Length of the list.
+        found: usize,
+        /// Nodes of the graph.
+        nodes: usize,
+    },
+    /// The factorization or iteration ran into zero, infinity or no number.
+    #[error(
+        "{solver} broke down on this graph ({reason}); use --solver gth --precision f64, which does not depend on its condition"
+    )]
+    Breakdown {
+        /// Which solver.
+        solver: &'static str,
+        /// What happened.
+        reason: String,
+    },
+}
+
+/// Which algorithm solves a walk.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Solver {
+    /// Subtraction-free elimination: accurate in every entry whatever the condition is.
+    #[default]
+    Gth,
+    /// Sparse LDLᵀ factorization of the Laplacian, for comparison.
+    Cholesky,
+    /// Conjugate gradients with the diagonal as preconditioner, for comparison and for very large graphs.
+    Cg,
+}
+
+/// Arithmetic of the solver.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 64 bits.
+    #[default]
+    F64,
+    /// 32 bits, for comparison.
+    F32,
+}
+
+/// Solves the connected systems a walk falls apart into.
+pub trait SystemSolver {
+    /// p and q of the system's unknowns, in its order.
+    ///
+    /// # Errors
+    /// [`WalkError::Breakdown`].
+    fn solve(&self, system: &System) -> Result<(Vec<f64>, Vec<f64>), WalkError>;
+
+    /// Whether the unknowns of a system of this size are eliminated one after another, so that their order matters.
+    fn eliminates(&self, unknowns: usize) -> bool;
+}
+
+impl Solver {
+    /// The implementation in the given arithmetic.
+    #[must_use]
+    pub fn with(self, precision: Precision) -> Box<dyn SystemSolver + Send + Sync> {
+        match (self, precision) {
+            (Self::Gth, Precision::F64) => Box::new(gth::Gth64),
+            (Self::Gth, Precision::F32) => Box::new(gth::Gth32),
+            (Self::Cholesky, Precision::F64) => Box::new(cholesky::Cholesky::<f64>::new()),
+            (Self::Cholesky, Precision::F32) => Box::new(cholesky::Cholesky::<f32>::new()),
+            (Self::Cg, Precision::F64) => Box::new(cg::ConjugateGradients::<f64>::new()),
+            (Self::Cg, Precision::F32) => Box::new(cg::ConjugateGradients::<f32>::new()),
+        }
+    }
+}
+
+/// Solves a walk. `order` is an elimination order of all nodes (see [`ordering::minimum_degree`]), for callers that walk
+/// the same graph many times; without it each system is ordered anew.
+///
+/// # Errors
+/// [`WalkError`] if the input is no walk or the solver breaks down.
+pub fn solve(problem: &Problem<'_>, solver: &dyn SystemSolver, order: Option<&[u32]>) -> Result<Solution, WalkError> {
+    let n = problem.network.len();
+    if !(problem.leak >= 0.0 && problem.leak.is_finite()) {
+        return Err(WalkError::Leak(problem.leak));
+    }
+    if problem.seeds.len() != n || problem.leaking.is_some_and(|l| l.len() != n) {
+        return Err(WalkError::Seeds { found: problem.seeds.len(), nodes: n });
+    }
+    let is = |seed| move |s: &Seed| *s == seed;
+    let mut solution = Solution {
+        p: problem.seeds.iter().map(|s| f64::from(u8::from(is(Seed::Foreground)(s)))).collect(),
+        q: problem.seeds.iter().map(|s| f64::from(u8::from(is(Seed::Background)(s)))).collect(),
+        reached: problem.seeds.iter().map(|s| *s != Seed::None).collect(),
+    };
+    let rank = order.map(|order| {
+        let mut rank = vec![u32::MAX; n];
+        for (k, &u) in (0..).zip(order) {
+            rank[u as usize] = k;
+        }
+        rank
+    });
+    for nodes in unknown_components(problem) {
+        let foreground = touches(problem, &nodes, Seed::Foreground);
+        let background = touches(problem, &nodes, Seed::Background) || leaks(problem, &nodes);
+        for &u in &nodes {
+            solution.reached[u as usize] = foreground || background;
+        }
+        match (foreground, background) {
+            (false, false) => {}
+            // With one terminal only, every walk that ends, ends there.
+            (true, false) => nodes.iter().for_each(|&u| solution.p[u as usize] = 1.0),
+            (false, true) => nodes.iter().for_each(|&u| solution.q[u as usize] = 1.0),
+            (true, true) => {
+                let system = System::new(problem, nodes, rank.as_deref(), solver);
+                let (p, q) = solver.solve(&system)?;
+                for (&u, (p, q)) in system.nodes().iter().zip(p.into_iter().zip(q)) {
+                    solution.p[u as usize] = p;
+                    solution.q[u as usize] = q;
+                }
+            }
+        }
+    }
+    Ok(solution)
+}
+
+/// Connected components of the nodes without a seed, each ascending.
+fn unknown_components(problem: &Problem<'_>) -> Vec<Vec<u32>> {
+    let n = problem.network.len();
+    let mut seen: Vec<bool> = problem.seeds.iter().map(|s| *s != Seed::None).collect();
+    let mut components = Vec::new();
+    let mut queue = VecDeque::new();
+    for start in (0..).take(n) {
+        if seen[start as usize] {
+            continue;
+        }
+        seen[start as usize] = true;
+        queue.push_back(start);
+        let mut nodes = Vec::new();
+        while let Some(u) = queue.pop_front() {
+            nodes.push(u);
+            for &(v, _) in problem.network.links(u) {
+                if !seen[v as usize] {
+                    seen[v as usize] = true;
+                    queue.push_back(v);
+                }
+            }
+        }
+        nodes.sort_unstable();
+        components.push(nodes);
+    }
+    components
+}
+
+fn touches(problem: &Problem<'_>, nodes: &[u32], seed: Seed) -> bool {
+    nodes.iter().any(|&u| problem.network.links(u).iter().any(|l| problem.seeds[l.0 as usize] == seed))
+}
+
+fn leaks(problem: &Problem<'_>, nodes: &[u32]) -> bool {
+    problem.leak > 0.0
+        && nodes.iter().any(|&u| problem.leaking.is_none_or(|l| l[u as usize]) && !problem.network.links(u).is_empty())
+}

@@ -1,0 +1,193 @@
+//! One connected part of a walk: unknowns, the conductances between them and to the two terminals, and the structure of
+//! their elimination.
+
+use super::ordering::minimum_degree;
+use super::{Conductance, Problem, Seed, SystemSolver};
+
+/// A connected set of unknowns in elimination order. Conductances are those of the walk; [`System::shift`] is the power
+/// of two that brings the largest of them near 1, which changes no probability.
+#[derive(Debug, Clone)]
+pub struct System {
+    nodes: Vec<u32>,
+    offsets: Vec<usize>,
+    links: Vec<(u32, Conductance)>,
+    foreground: Vec<Conductance>,
+    background: Vec<Conductance>,
+}
+
+impl System {
+    /// The system of the given unknowns, which must be a connected component of the nodes without a seed.
+    pub(super) fn new(
+        problem: &Problem<'_>,
+        mut nodes: Vec<u32>,
+        rank: Option<&[u32]>,
+        solver: &dyn SystemSolver,
+    ) -> Self {
+        if solver.eliminates(nodes.len()) {
+            match rank {
+                Some(rank) => nodes.sort_by_key(|&u| rank[u as usize]),
+                None => {
+                    let natural = Self::in_order(problem, nodes);
+                    let order = minimum_degree(natural.nodes.len(), |u| natural.links(u).iter().map(|l| l.0));
+                    nodes = order.iter().map(|&u| natural.nodes[u as usize]).collect();
+                }
+            }
+        }
+        Self::in_order(problem, nodes)
+    }
+
+    fn in_order(problem: &Problem<'_>, nodes: Vec<u32>) -> Self {
+        let mut local = vec![u32::MAX; problem.network.len()];
+        for (k, &u) in (0..).zip(&nodes) {
+            local[u as usize] = k;
+        }
+        let n = nodes.len();
+        let leak = Conductance::new(problem.leak).unwrap_or(Conductance::ZERO);
+        let mut system = Self {
+            nodes,
+            offsets: Vec::with_capacity(n + 1),
+            links: Vec::new(),
+            foreground: vec![Conductance::ZERO; n],
+            background: vec![Conductance::ZERO; n],
+        };
+        system.offsets.push(0);
+        for k in 0..n {
+            let u = system.nodes[k];
+            if problem.leaking.is_none_or(|l| l[u as usize]) {
+                system.background[k] = problem.network.degree(u) * leak;
+            }
+            let start = system.links.len();
+            for &(v, w) in problem.network.links(u) {
+                match problem.seeds[v as usize] {
+                    Seed::None => system.links.push((local[v as usize], w)),
+                    Seed::Foreground => system.foreground[k] = system.foreground[k] + w,
+                    Seed::Background => system.background[k] = system.background[k] + w,
+                }
+            }
+            system.links[start..].sort_unstable_by_key(|l| l.0);
+            system.offsets.push(system.links.len());
+        }
+        system
+    }
+
+    /// The unknowns as nodes of the walk's graph, in this system's order.
+    #[must_use]
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
+    /// Number of unknowns.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there is no unknown.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Neighbouring unknowns of an unknown with the conductances to them, ascending.
+    #[must_use]
+    pub fn links(&self, k: u32) -> &[(u32, Conductance)] {
+        &self.links[self.offsets[k as usize]..self.offsets[k as usize + 1]]
+    }
+
+    /// Conductance of each unknown to the foreground terminal.
+    #[must_use]
+    pub fn foreground(&self) -> &[Conductance] {
+        &self.foreground
+    }
+
+    /// Conductance of each unknown to the background terminal.
+    #[must_use]
+    pub fn background(&self) -> &[Conductance] {
+        &self.background
+    }
+
+    fn exponents(&self) -> impl Iterator<Item = i64> + '_ {
+        self.links
+            .iter()
+            .map(|l| l.1)
+            .chain(self.foreground.iter().copied())
+            .chain(self.background.iter().copied())
+            .filter(|c| !c.is_zero())
+            .map(Conductance::exponent)
+    }
+
+    /// Binary exponent of the largest conductance.
+    #[must_use]
+    pub fn shift(&self) -> i64 {
+        self.exponents().max().unwrap_or(0)
+    }
+
+    /// Powers of two between the smallest and the largest conductance.
+    #[must_use]
+    pub fn range(&self) -> i64 {
+        self.shift() - self.exponents().min().unwrap_or(0)
+    }
+
+    /// Structure of the elimination of the unknowns in order.
+    #[must_use]
+    pub fn fill(&self) -> Fill {
+        Fill::of(self)
+    }
+}
+
+/// For each unknown the later unknowns it is connected to when its turn comes, ascending: its own neighbours and those
+/// that the elimination of earlier ones gave it.
+#[derive(Debug, Clone)]
+pub struct Fill {
+    offsets: Vec<usize>,
+    rows: Vec<u32>,
+}
+
+impl Fill {
+    fn of(system: &System) -> Self {
+        let n = system.len();
+        // An unknown passes its later neighbours on to the first of them (its parent in the elimination tree).
+        let mut children: Vec<Vec<u32>> = vec![Vec::new(); n];
+        let mut mark = vec![u32::MAX; n];
+        let mut offsets = Vec::with_capacity(n + 1);
+        let mut rows: Vec<u32> = Vec::with_capacity(4 * system.links.len());
+        offsets.push(0);
+        for k in (0..).take(n) {
+            let start = rows.len();
+            mark[k as usize] = k;
+            for &(j, _) in system.links(k) {
+                if j > k {
+                    mark[j as usize] = k;
+                    rows.push(j);
+                }
+            }
+            for c in std::mem::take(&mut children[k as usize]) {
+                for at in offsets[c as usize]..offsets[c as usize + 1] {
+                    let j = rows[at];
+                    if mark[j as usize] != k {
+                        mark[j as usize] = k;
+                        rows.push(j);
+                    }
+                }
+            }
+            rows[start..].sort_unstable();
+            if let Some(&parent) = rows.get(start) {
+                children[parent as usize].push(k);
+            }
+            offsets.push(rows.len());
+        }
+        Self { offsets, rows }
+    }
+
+    /// Where the entries of an unknown stand.
+    #[must_use]
+    pub fn column(&self, k: usize) -> std::ops::Range<usize> {
+        self.offsets[k]..self.offsets[k + 1]
+    }
+
+    /// All entries, unknown after unknown.
+    #[must_use]
+    pub fn rows(&self) -> &[u32] {
+        &self.rows
+    }
+}
