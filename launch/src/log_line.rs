@@ -5,8 +5,8 @@ use serde_json::{Map, Value};
 /// A line as a service wrote it, taken apart where it is a JSON object as `sg_runtime::telemetry` writes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogLine {
-    /// `HH:MM:SS`, UTC; empty if the line does not say.
-    pub time: String,
+    /// ISO 8601, UTC; empty if the line does not say.
+    pub timestamp: String,
     /// How grave it is.
     pub level: Level,
     /// What happened.
@@ -48,14 +48,14 @@ impl LogLine {
     /// Takes a line apart. What is no JSON object is a message of level `Info`.
     #[must_use]
     pub fn parse(line: &str) -> Self {
-        let plain = || Self { time: String::new(), level: Level::Info, message: printable(line), fields: Vec::new() };
+        let plain =
+            || Self { timestamp: String::new(), level: Level::Info, message: printable(line), fields: Vec::new() };
         let Ok(Value::Object(mut object)) = serde_json::from_str(line) else { return plain() };
         let Some(level) = text(&mut object, "level").and_then(|l| level(&l)) else { return plain() };
-        let time = text(&mut object, "timestamp").unwrap_or_default();
+        let timestamp = text(&mut object, "timestamp").unwrap_or_default();
         object.remove("target");
         Self {
-            // 2026-11-21T09:30:00.123456Z
-            time: time.get(11..19).unwrap_or_default().to_owned(),
+            timestamp,
             level,
             message: text(&mut object, "message").map(|m| printable(&m)).unwrap_or_default(),
             fields: object
@@ -66,6 +66,13 @@ impl LogLine {
                 })
                 .collect(),
         }
+    }
+
+    /// `HH:MM:SS`; empty if the line does not say.
+    #[must_use]
+    pub fn time(&self) -> &str {
+        // 2026-11-21T09:30:00.123456Z
+        self.timestamp.get(11..19).unwrap_or_default()
     }
 
     /// Message and facts, `message k=v …`.
@@ -108,7 +115,7 @@ mod tests {
         let line = LogLine::parse(
             r#"{"timestamp":"2026-11-21T09:30:05.123456Z","level":"WARN","message":"slow","ms":12.5,"file":"a b","target":"x"}"#,
         );
-        assert_eq!((line.time.as_str(), line.level), ("09:30:05", Level::Warn));
+        assert_eq!((line.time(), line.level), ("09:30:05", Level::Warn));
         assert_eq!(line.text(), "slow file=\"a b\" ms=12.5");
     }
 
@@ -122,7 +129,7 @@ mod tests {
             ("", ""),
         ] {
             let parsed = LogLine::parse(line);
-            assert_eq!((parsed.text().as_str(), parsed.level, parsed.time.as_str()), (text, Level::Info, ""));
+            assert_eq!((parsed.text().as_str(), parsed.level, parsed.time()), (text, Level::Info, ""));
         }
     }
 }

@@ -1,1 +1,21 @@
-fn main() {}
+//! The `supergaussian` command: starts and watches stacks, talks to them, and finds the executables of the other commands.
+
+mod children;
+mod cli;
+mod console;
+mod contract;
+mod decode;
+mod demo;
+mod leftovers;
+mod logs;
+mod others;
+mod remote;
+mod say;
+mod supervisor;
+mod terminal;
+mod up;
+mod watch;
+
+fn main() -> std::process::ExitCode {
+    cli::main()
+}

@@ -20,7 +20,17 @@ pub(crate) fn tell(line: &str) {
 
 /// Whether lines on standard error may be coloured.
 pub(crate) fn colored() -> bool {
-    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+    io::stderr().is_terminal() && color_is_wanted()
+}
+
+/// Whether lines on standard output may be coloured.
+pub(crate) fn stdout_colored() -> bool {
+    io::stdout().is_terminal() && color_is_wanted()
+}
+
+/// The convention of no-color.org.
+fn color_is_wanted() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
 }
 
 /// A colour of the terminal.
@@ -120,7 +130,9 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
     let width = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
     let widths: Vec<_> = (0..count).map(width).collect();
     let numeric: Vec<_> = (0..count)
-        .map(|c| rows.iter().skip(1).filter_map(|r| r.get(c)).all(|cell| cell.starts_with(|c: char| c.is_ascii_digit())))
+        .map(|c| {
+            rows.iter().skip(1).filter_map(|r| r.get(c)).all(|cell| cell.starts_with(|c: char| c.is_ascii_digit()))
+        })
         .collect();
     rows.iter()
         .map(|row| {

@@ -1,6 +1,5 @@
 //! Where executables are.
 
-use std::ffi::OsString;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +16,7 @@ impl Search {
     #[must_use]
     pub fn here_then_path() -> Self {
         let here = std::env::current_exe().ok().and_then(|p| p.parent().map(Path::to_owned));
-        let path = std::env::var_os("PATH").unwrap_or_else(OsString::new);
+        let path = std::env::var_os("PATH").unwrap_or_default();
         Self { folders: here.into_iter().chain(std::env::split_paths(&path)).collect() }
     }
 

@@ -478,17 +478,13 @@ impl Reconciler {
         }
     }
 
-    /// Asks a process to stop, unless that has been done; a later wish to stay stopped wins.
+    /// Asks a process to stop, unless that has been done; the last wish for what follows counts.
     fn stop(&mut self, index: usize, then: Then, now: Time, actions: &mut Vec<Action>) {
         let Some(service) = self.services.get_mut(index) else { return };
         let deadline = now + service.desired.policy.stop;
         let State::Alive(process, stage) = &mut service.state else { return };
         match stage {
-            Stage::Stopping { then: present, .. } => {
-                if then == Then::Stay || *present != Then::Stay {
-                    *present = then;
-                }
-            }
+            Stage::Stopping { then: present, .. } => *present = then,
             _ => {
                 let reason = match &then {
                     Then::Stay => "asked to stop".to_owned(),

@@ -163,7 +163,7 @@ impl World {
         }
         assert!(self.spawned.iter().all(|(_, _, i)| *i != incarnation), "{incarnation:?} is used twice");
         if self.spawned.iter().any(|(_, s, _)| *s == service) {
-            if self.by_hand.get(&service).is_none() {
+            if !self.by_hand.contains_key(&service) {
                 self.automatic.entry(service).or_default().push(self.now);
             }
             self.by_hand.remove(&service);
@@ -289,7 +289,7 @@ fn behaviours() -> impl Strategy<Value = Vec<(Behaviour, Duration)>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Whatever the processes do and whatever people ask for: no two processes of one service, nothing before what it
     /// comes after, no state without a deadline, no more restarts than allowed, one end for every incarnation, and the

@@ -1,0 +1,181 @@
+//! The command line.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use sg_runtime::process::EXIT_FAILED;
+
+use crate::terminal::{self, Done, Failure};
+use crate::{children, contract, demo, others, remote, say, up, watch};
+
+/// Edit volumes by talking to them: starts the services, watches them, speaks to them.
+#[derive(Debug, Parser)]
+#[command(name = "supergaussian", version, disable_help_subcommand = true, after_help = others::HELP.as_str())]
+struct Cli {
+    /// Session to speak to, or to start; by default the only one that runs
+    #[arg(long, global = true, value_name = "NAME")]
+    session: Option<String>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Make or load a scene, start the full stack, play a script, leave pictures and a transcript
+    #[command(after_help = "Example: supergaussian demo bonsai_256x256x256_uint8.raw.zst --out bonsai-demo")]
+    Demo(demo::DemoArgs),
+    /// Start every service of a launch file and watch over them until Ctrl-C
+    #[command(
+        after_help = "Example: supergaussian up launch/headless.toml --set service.scene.params.scene=skull/scene.toml"
+    )]
+    Up(up::UpArgs),
+    /// Stop a running stack
+    #[command(after_help = "Example: supergaussian down --session headless")]
+    Down,
+    /// Show how the services are
+    #[command(after_help = "Example: supergaussian ps --json")]
+    Ps {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show what services have logged
+    #[command(after_help = "Example: supergaussian logs -f scene")]
+    Logs {
+        /// Go on until Ctrl-C or the end of the stack
+        #[arg(short, long)]
+        follow: bool,
+        /// Only this service
+        service: Option<String>,
+    },
+    /// Restart one service
+    #[command(after_help = "Example: supergaussian restart selection")]
+    Restart {
+        /// Name in the launch file
+        service: String,
+    },
+    /// Check a launch file
+    #[command(after_help = "Example: supergaussian check launch/headless.toml")]
+    Check(up::FileArgs),
+    /// Show what a launch file starts after what
+    #[command(after_help = "Example: supergaussian graph launch/headless.toml --dot | dot -Tsvg > stack.svg")]
+    Graph {
+        #[command(flatten)]
+        file: up::FileArgs,
+        /// Print Graphviz
+        #[arg(long)]
+        dot: bool,
+    },
+    /// Say something to the running stack
+    #[command(after_help = "Example: supergaussian say \"make the sac red and fade everything else to 20 percent\"")]
+    Say {
+        /// The words
+        text: String,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        /// Seconds to wait for the answer
+        #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
+        timeout: f64,
+    },
+    /// Show every message of the conversation and of the scene, decoded, until Ctrl-C
+    #[command(after_help = "Example: supergaussian watch --session headless")]
+    Watch {
+        /// One JSON object a line
+        #[arg(long)]
+        json: bool,
+        /// Also the signs of life that every service gives each second
+        #[arg(long)]
+        all: bool,
+    },
+    /// Show the contract between services
+    #[command(subcommand)]
+    Contract(ContractCommand),
+    #[command(external_subcommand)]
+    Other(Vec<OsString>),
+}
+
+#[derive(Debug, Subcommand)]
+enum ContractCommand {
+    /// Show what each service may send and receive
+    #[command(after_help = "Example: supergaussian contract describe scene")]
+    Describe {
+        /// Only this role
+        service: Option<String>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+pub(crate) fn main() -> ExitCode {
+    let mut arguments = std::env::args_os().skip(1);
+    if arguments.next().is_some_and(|a| a == children::STAND_IN) {
+        terminal::tell(&children::stand_in(arguments));
+        return ExitCode::from(EXIT_FAILED);
+    }
+    let cli = Cli::parse();
+    sg_runtime::telemetry::init_command();
+    terminal::finish(run(cli))
+}
+
+fn run(cli: Cli) -> Done {
+    let session = cli.session.as_deref();
+    match cli.command {
+        Command::Demo(arguments) => wait(demo::demo(arguments, session)),
+        Command::Up(arguments) => wait(up::up(&arguments, session)),
+        Command::Down => wait(remote::down(session)),
+        Command::Ps { json } => wait(remote::ps(session, json)),
+        Command::Logs { follow, service } => remote::logs(session, service.as_deref(), follow),
+        Command::Restart { service } => wait(remote::restart(session, &service)),
+        Command::Check(file) => up::check(&file),
+        Command::Graph { file, dot } => up::graph(&file, dot),
+        Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),
+        Command::Watch { json, all } => wait(watch::watch(session, json, all)),
+        Command::Contract(ContractCommand::Describe { service, json }) => contract::describe(service.as_deref(), json),
+        Command::Other(words) => others::run(&words),
+    }
+}
+
+/// The bus needs a runtime with several threads; the future itself stays on this one (see [`children::start`]).
+fn wait(future: impl Future<Output = Done>) -> Done {
+    match sg_runtime::process::block_on(future) {
+        Ok(done) => done,
+        Err(error) => Err(Failure::Work(format!("the async runtime could not be started: {error}"))),
+    }
+}
+
+/// Reads a text file that was named on the command line.
+pub(crate) fn read_text(path: &PathBuf) -> Result<String, Failure> {
+    std::fs::read_to_string(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))
+}
+
+/// Names of the commands that this executable carries out itself.
+pub(crate) fn commands() -> Vec<String> {
+    use clap::CommandFactory;
+    Cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_command_line_is_well_formed() {
+        use clap::CommandFactory;
+        super::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_shows_an_example() {
+        use clap::CommandFactory;
+        fn visit(command: &clap::Command) {
+            for inner in command.get_subcommands() {
+                let shown = inner.get_after_help().map(ToString::to_string).unwrap_or_default();
+                assert!(inner.has_subcommands() || shown.contains("Example: supergaussian "), "{}", inner.get_name());
+                visit(inner);
+            }
+        }
+        visit(&super::Cli::command());
+    }
+}

@@ -1,0 +1,224 @@
+//! The demo: makes or loads a scene, starts the full stack, plays a script through the bus, leaves pictures and a transcript.
+
+mod densest;
+mod input;
+mod play;
+mod shipped;
+mod summary;
+mod transcript;
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use sg_launch::document::suggestion;
+use sg_launch::file::{LaunchFile, Search, Source, read};
+use sg_launch::script::{self, Step};
+use sg_launch::{HEADLESS, strokes};
+use sg_proto::keys::role;
+use sg_proto::launch::{PsReply, ServiceState};
+use sg_runtime::bus::Bus;
+use sg_runtime::session::SessionDir;
+
+use crate::cli::read_text;
+use crate::console::Verbosity;
+use crate::remote::services;
+use crate::supervisor::{Stack, Supervisor};
+use crate::terminal::{self, Done, Failure};
+use crate::up::outcome;
+use input::{Input, Scene};
+use play::{Player, Settings};
+use shipped::DENSEST;
+use summary::Summary;
+
+/// How long the stack may take to get ready. A large scene is clustered meanwhile.
+const START_TIME: Duration = Duration::from_secs(900);
+/// How often it is looked whether it is.
+const GLANCE: Duration = Duration::from_millis(50);
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct DemoArgs {
+    /// Volume or scene; without one a vessel tree with an aneurysm is made
+    #[arg(value_name = "VOLUME|SCENE")]
+    input: Option<PathBuf>,
+    /// Script to play, or `generic`, which works on any scene; by default the one shipped for the input
+    #[arg(long, value_name = "FILE|generic")]
+    script: Option<String>,
+    /// Folder for the scene, the pictures and the transcript
+    #[arg(long, value_name = "DIR", default_value = "supergaussian-demo")]
+    out: PathBuf,
+    /// Kill this service with kill -9 in the middle of the script
+    #[arg(long, value_name = "SERVICE")]
+    chaos: Option<String>,
+    /// Transfer function of a volume; by default the one shipped for it, else one made from its histogram
+    #[arg(long, value_name = "TF.json")]
+    transfer_function: Option<PathBuf>,
+    /// Gaussians that a volume becomes
+    #[arg(long, value_name = "N", default_value_t = 60_000)]
+    gaussians: u32,
+    /// Seed of the made volume and of the Gaussians' placement
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    seed: u64,
+    /// Width and height of the pictures, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 768, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    size: u32,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn demo(arguments: DemoArgs, session: Option<&str>) -> Done {
+    // What can be wrong is looked at before anything that takes time.
+    let input = Input::of(arguments.input.as_deref())?;
+    let search = Search::here_then_path();
+    let plan = plan(&[], &search)?;
+    if let Some(name) = &arguments.chaos
+        && !plan.services.iter().any(|s| s.name == *name)
+    {
+        let hint = suggestion(name, plan.services.iter().map(|s| s.name.as_str()));
+        return Err(Failure::Input(format!("--chaos {name}: no such service{hint}")));
+    }
+    let out = fresh_folder(&arguments.out)?;
+    let shipped = shipped::unpack(&out, input.known())?;
+    let path = match arguments.script.as_deref() {
+        Some("generic") => shipped.generic.clone(),
+        Some(path) => PathBuf::from(path),
+        None => shipped.script.clone(),
+    };
+    let mut steps = script::read(&path, &read_text(&path)?).map_err(|e| Failure::Input(e.to_string()))?;
+    check_strokes(&steps)?;
+    if let Some(service) = &arguments.chaos
+        && !steps.contains(&Step::Chaos)
+    {
+        terminal::tell(&format!("the script does not say when to kill {service}: it happens in its middle"));
+        steps.insert(steps.len() / 2, Step::Chaos);
+    }
+    terminal::tell("there is no window in this version: the script is played without one");
+
+    let function = arguments.transfer_function.as_deref().or(shipped.transfer_function.as_deref());
+    let scene = input.scene(&out, function, arguments.gaussians, arguments.seed)?;
+    if steps.iter().any(|s| matches!(s, Step::Strokes { file, .. } if file.ends_with(DENSEST))) {
+        densest::write(&scene.path, &out, &shipped.densest)?;
+    }
+    let project = out.join("scene.sgproj");
+    let overrides = [
+        format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string())),
+        format!("service.scene.params.project={}", toml::Value::String(project.display().to_string())),
+    ];
+    let session = SessionDir::named(session.unwrap_or(&format!("demo-{}", std::process::id())))?;
+    let stack = Stack {
+        file: self::plan(&overrides, &search)?,
+        path: PathBuf::from("headless.toml"),
+        session: session.clone(),
+        verbosity: Verbosity::Quiet,
+    };
+    let settings = Settings { out, size: arguments.size, chaos: arguments.chaos };
+    let summary = run(stack, scene, steps, settings).await?;
+    // The logs of a demo that went well are of no further use.
+    let _ = std::fs::remove_dir_all(session.path());
+    summary.tell(arguments.json);
+    if summary.undone.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Work(format!("not everything was done: {}", summary.undone.join("; "))))
+}
+
+/// The shipped launch file.
+fn plan(overrides: &[String], search: &Search) -> Result<LaunchFile, Failure> {
+    let source = Source { path: Path::new("headless.toml"), text: HEADLESS, overrides };
+    read(source, search).map_err(|problems| Failure::Work(problems.to_string()))
+}
+
+/// Supervises the stack and plays the script at the same time; whichever ends first ends the other.
+async fn run(stack: Stack, scene: Scene, steps: Vec<Step>, settings: Settings) -> Result<Summary, Failure> {
+    let session = stack.session.clone();
+    let supervisor = Supervisor::open(stack).await?;
+    let handle = supervisor.handle();
+    let supervising = supervisor.run();
+    let playing = play(&session, scene, steps, settings);
+    tokio::pin!(supervising, playing);
+    tokio::select! {
+        ended = &mut supervising => {
+            outcome(ended?)?;
+            Err(Failure::Work("stopped before the script was done".to_owned()))
+        }
+        played = &mut playing => {
+            handle.down().await;
+            let ended = supervising.await;
+            let summary = played?;
+            outcome(ended?)?;
+            Ok(summary)
+        }
+    }
+}
+
+async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Settings) -> Result<Summary, Failure> {
+    let began = Instant::now();
+    let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
+    let ready = wait_until_ready(&bus).await?;
+    let start_seconds = began.elapsed().as_secs_f64();
+    terminal::tell(&format!("{} services ready after {start_seconds:.1} s", ready.services.len()));
+    let mut player = Player::new(bus.clone(), settings).await?;
+    let played = player.play(&steps).await;
+    // The transcript is of most use when something went wrong.
+    let transcript = player.write_transcript();
+    played?;
+    let transcript = transcript?;
+    let summary = Summary::gather(&bus, player, transcript, &scene, start_seconds).await?;
+    bus.close().await;
+    Ok(summary)
+}
+
+async fn wait_until_ready(bus: &Bus) -> Result<PsReply, Failure> {
+    let began = Instant::now();
+    loop {
+        let ps = services(bus).await?;
+        if let Some(failed) = ps.services.iter().find(|s| s.state() == ServiceState::Failed) {
+            return Err(Failure::Work(format!("service `{}` failed: {}", failed.name, failed.reason)));
+        }
+        let missing: Vec<_> =
+            ps.services.iter().filter(|s| s.state() != ServiceState::Ready).map(|s| s.name.as_str()).collect();
+        if missing.is_empty() {
+            return Ok(ps);
+        }
+        if began.elapsed() > START_TIME {
+            let seconds = START_TIME.as_secs();
+            return Err(Failure::Work(format!("not ready after {seconds} s: {}", missing.join(", "))));
+        }
+        tokio::time::sleep(GLANCE).await;
+    }
+}
+
+/// Makes the folder, and removes from it what an earlier demo has left there and this one will write anew.
+fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
+    let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
+    std::fs::create_dir_all(out).map_err(fail)?;
+    let out = std::fs::canonicalize(out).map_err(fail)?;
+    for entry in std::fs::read_dir(&out).map_err(fail)? {
+        let entry = entry.map_err(fail)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let (start, rest) = name.split_at_checked(3).unwrap_or(("", ""));
+        let picture = start.ends_with('-')
+            && start.bytes().take(2).all(|b| b.is_ascii_digit())
+            && (rest.ends_with(".png") || rest.ends_with(".npy"));
+        if picture || name == transcript::FILE || name.starts_with("scene.sgproj") {
+            std::fs::remove_file(entry.path()).map_err(fail)?;
+        }
+    }
+    Ok(out)
+}
+
+/// Reads every file of strokes, so that a mistake in the last one is not found after minutes.
+fn check_strokes(steps: &[Step]) -> Done {
+    for step in steps {
+        if let Step::Strokes { file, .. } = step
+            && !file.ends_with(DENSEST)
+        {
+            read_strokes(file)?;
+        }
+    }
+    Ok(())
+}
+
+fn read_strokes(file: &PathBuf) -> Result<Vec<sg_proto::scene::Stroke>, Failure> {
+    strokes::parse(file, &read_text(file)?).map_err(|e| Failure::Input(e.to_string()))
+}
