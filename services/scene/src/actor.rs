@@ -53,7 +53,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     let outline = project.editor().message(false);
     let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
     let last = project.last_event().map_err(|e| start_error(&e))?;
-    let owner = Owner { bus: host.bus().clone(), project, state };
+    let mut owner = Owner { bus: host.bus().clone(), project, state };
     if let Some(event) = last {
         // Told again: the last life may have ended between keeping the event and telling it. Who has it passes over it.
         owner.announce(&event, &Context::root()).await;
@@ -133,7 +133,7 @@ impl fmt::Display for Seen {
 
 impl Owner {
     /// Tells readers of an event that is durable, and replaces the newest state.
-    async fn announce(&self, event: &Event, context: &Context) {
+    async fn announce(&mut self, event: &Event, context: &Context) {
         let told = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
         let shown = self.state.set(self.project.editor().message(false), &context.next()).await;
         // Readers notice a gap by the revision; what is durable is not taken back because somebody did not hear of it.
