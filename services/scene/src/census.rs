@@ -60,15 +60,19 @@ impl Census {
     /// What is worth telling.
     pub(crate) fn warnings(&self) -> Vec<Warning> {
         let kinds = [
-            (self.positions, WarningCode::NonFinite, "centres are not finite: they are drawn nowhere"),
-            (self.scales, WarningCode::NonFinite, "scales are not finite"),
-            (self.opacities, WarningCode::NonFinite, "opacities are not finite"),
-            (self.rotations, WarningCode::NonFinite, "rotations are not finite: they are taken as none"),
-            (self.zero_rotations, WarningCode::ZeroRotation, "quaternions are zero: they are taken as no rotation"),
-            (self.shading, WarningCode::NonFinite, "rows of shading attributes are not finite"),
-            (self.harmonics, WarningCode::NonFinite, "rows of harmonics are not finite"),
+            (self.positions, WarningCode::NonFinite, "centres that are not finite, which are drawn nowhere"),
+            (self.scales, WarningCode::NonFinite, "scales that are not finite"),
+            (self.opacities, WarningCode::NonFinite, "opacities that are not finite"),
+            (self.rotations, WarningCode::NonFinite, "rotations that are not finite, which are taken as none"),
+            (
+                self.zero_rotations,
+                WarningCode::ZeroRotation,
+                "quaternions of length zero, which are taken as no rotation",
+            ),
+            (self.shading, WarningCode::NonFinite, "rows of shading attributes that are not finite"),
+            (self.harmonics, WarningCode::NonFinite, "rows of harmonics that are not finite"),
         ];
         let told = kinds.into_iter().filter(|(n, ..)| *n > 0);
-        told.map(|(n, code, text)| Warning::new(code, format!("{n} {text}"))).collect()
+        told.map(|(n, code, text)| Warning::new(code, format!("{text}: {n}"))).collect()
     }
 }

@@ -1,6 +1,12 @@
 //! Real files. They are found through `SUPERGAUSSIAN_DATA`; every number here has a twin on generated data in the library's
 //! own tests (`format/round_trip.rs`).
 
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "a test says aloud when it does not run, and fails by panicking"
+)]
+
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;

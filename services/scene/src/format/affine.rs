@@ -126,7 +126,7 @@ fn transform_normals(g: &mut Gaussians, map: DMat3) {
         .map(|(x, y, z)| (map * Vec3::new(*x, *y, *z).as_dvec3()).normalize_or_zero().as_vec3())
         .collect();
     g.extra.retain(|e| !is_normal(&e.name));
-    g.extra.splice(0..0, normal_columns(turned.iter().copied()));
+    g.extra.splice(0..0, normal_columns(&turned));
 }
 
 #[cfg(test)]

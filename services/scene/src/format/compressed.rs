@@ -140,8 +140,9 @@ impl Packed {
         let harmonics = g.harmonics.as_ref().unwrap_or(&white);
         let chunk = |c: usize| {
             let rows = c * CHUNK..n.min((c + 1) * CHUNK);
-            let color = |i: usize| harmonics.dc.get(i).map(|dc| DVec3::from_array(dc.map(f64::from)) * C0 + 0.5);
-            let colors: Vec<Vec3> = rows.clone().filter_map(color).map(|c| c.as_vec3()).collect();
+            let color =
+                |i: usize| harmonics.dc.get(i).map(|dc| (DVec3::from_array(dc.map(f64::from)) * C0 + 0.5).as_vec3());
+            let colors: Vec<Vec3> = rows.clone().filter_map(color).collect();
             let position = Range3::of(g.position.get(rows.clone()).unwrap_or_default(), f32::MAX);
             let scale = Range3::of(g.log_scale.get(rows.clone()).unwrap_or_default(), SCALE_LIMIT);
             let color = Range3::of(&colors, f32::MAX);

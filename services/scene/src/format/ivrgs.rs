@@ -89,12 +89,12 @@ pub(crate) fn properties<'a>(g: &'a Gaussians, stored: &'a ShadingColumns) -> Ve
 /// Offset colours for a format that holds only 0 to 1: the palette is lowered by what the least offsets lack, so that the
 /// colour of every Gaussian, palette plus offset, stays. Returns the palette and the columns, or nothing where none is needed.
 pub(crate) fn raise_offsets(palette: Vec3, columns: &ShadingColumns) -> Option<(Vec3, ShadingColumns)> {
-    let least =
-        columns.offset_color.par_iter().filter(|c| c.is_finite()).copied().reduce(|| Vec3::ZERO, |a, b| a.min(b));
-    if least == Vec3::ZERO {
+    let least = columns.offset_color.par_iter().filter(|c| c.is_finite()).copied().reduce(|| Vec3::ZERO, Vec3::min);
+    let lowered = (palette + least).clamp(Vec3::ZERO, Vec3::ONE);
+    // Also where the palette has nothing to give: what stays negative is then cut, and told as such.
+    if least == Vec3::ZERO || lowered == palette {
         return None;
     }
-    let lowered = (palette + least).clamp(Vec3::ZERO, Vec3::ONE);
     let shift = palette - lowered;
     let mut columns = columns.clone();
     columns.offset_color.par_iter_mut().for_each(|c| *c += shift);
@@ -118,5 +118,6 @@ mod tests {
         }
         let fine = ShadingColumns { offset_color: vec![Vec3::splat(0.5)], ..ShadingColumns::default() };
         assert!(raise_offsets(palette, &fine).is_none());
+        assert!(raise_offsets(Vec3::ZERO, &columns).is_none());
     }
 }

@@ -51,7 +51,7 @@ mod tests {
         assert_eq!(transform(&rows).unwrap().transform_point3(glam::DVec3::ZERO).x, 5.0);
         rows[0] = 0.0;
         assert_eq!(transform(&rows), None);
-        assert_eq!(transform(&row_major(&DMat4::from_scale(glam::DVec3::splat(1e-9)))).is_some(), true);
+        assert!(transform(&row_major(&DMat4::from_scale(glam::DVec3::splat(1e-9)))).is_some());
         assert_eq!(transform(&[1.0; 15]), None);
     }
 }

@@ -138,7 +138,7 @@ proptest! {
         unit.gaussians.shading = None;
         unit.oriented_normals = false;
         if normals {
-            let columns = three_dgs::normal_columns(unit.gaussians.position.clone().into_iter());
+            let columns = three_dgs::normal_columns(&unit.gaussians.position);
             unit.gaussians.extra.splice(0..0, columns);
         }
         let scene = Scene::compose(vec![unit], None);
@@ -343,7 +343,7 @@ fn quantised_files_keep_half_precision_and_256_values() {
     };
     // Even steps over a uniform range would be off by range/256/√12; half precision adds its own at the larger values.
     let even = |range: f64| range / 256.0 / 12.0_f64.sqrt();
-    let flat = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
+    let flat = |v: &[Vec3]| v.iter().flat_map(Vec3::to_array).collect::<Vec<f32>>();
     assert!(rms(&flat(&a.log_scale), &flat(&b.log_scale)) < 1.1 * even(8.0));
     assert!(rms(&a.opacity_logit, &b.opacity_logit) < 1.1 * even(10.0));
     assert!(rms(&sa.ambient, &sb.ambient) < 1.1 * even(1.0));
@@ -543,13 +543,13 @@ fn all_encodings_read_the_same() {
     text.push_str("3 0 1 2\n\n2 7 8\n");
     let (mut little, mut big) =
         (header("binary_little_endian", "\r\n").into_bytes(), header("binary_big_endian", "\n").into_bytes());
-    for face in [[3, 0, 1, 2].as_slice(), &[2, 7, 8]] {
+    for face in [[3_i32, 0, 1, 2].as_slice(), &[2, 7, 8]] {
         for out in [&mut little, &mut big] {
             out.push(face[0] as u8);
         }
         for v in &face[1..] {
-            little.extend((*v as i32).to_le_bytes());
-            big.extend((*v as i32).to_be_bytes());
+            little.extend(v.to_le_bytes());
+            big.extend(v.to_be_bytes());
         }
     }
     for (k, row) in floats.chunks(14).enumerate() {
@@ -599,9 +599,9 @@ fn double_columns_are_narrowed_and_told() {
     assert_eq!(
         told,
         [
-            "1 centres are not finite: they are drawn nowhere",
-            "1 rotations are not finite: they are taken as none",
-            "1 rows of harmonics are not finite"
+            "centres that are not finite, which are drawn nowhere: 1",
+            "rotations that are not finite, which are taken as none: 1",
+            "rows of harmonics that are not finite: 1"
         ]
     );
 }

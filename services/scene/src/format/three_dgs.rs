@@ -141,10 +141,10 @@ pub(crate) fn is_normal(name: &str) -> bool {
 }
 
 /// Columns of normals under the names of point clouds.
-pub(crate) fn normal_columns(normals: impl Iterator<Item = Vec3> + Clone) -> Vec<ExtraColumn> {
+pub(crate) fn normal_columns(normals: &[Vec3]) -> Vec<ExtraColumn> {
     let axis = |name: &str, k: usize| ExtraColumn {
         name: name.to_owned(),
-        values: crate::model::ExtraValues::F32(normals.clone().map(|n| n.to_array()[k]).collect()),
+        values: crate::model::ExtraValues::F32(normals.iter().map(|n| n.to_array()[k]).collect()),
     };
     vec![axis("nx", 0), axis("ny", 1), axis("nz", 2)]
 }

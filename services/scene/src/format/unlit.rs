@@ -41,7 +41,7 @@ fn flatten_unit<'a>(unit: &'a BaseUnit, warnings: &mut Vec<Warning>) -> Cow<'a, 
         g.shading = None;
         g.harmonics = Some(Harmonics { degree: 0, dc, rest: vec![] });
         g.extra.retain(|e| !is_normal(&e.name));
-        g.extra.splice(0..0, normal_columns(shading.normal.iter().copied()));
+        g.extra.splice(0..0, normal_columns(&shading.normal));
     } else {
         out = with_harmonics(&unit.gaussians);
     }

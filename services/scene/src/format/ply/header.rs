@@ -83,7 +83,8 @@ impl Header {
                     });
                 }
                 Some("element") => {
-                    header.elements.push(element(&mut words, &header.elements).map_err(|e| e.at(place()))?)
+                    let element = element(&mut words, &header.elements).map_err(|e| e.at(place()))?;
+                    header.elements.push(element);
                 }
                 Some("property") => {
                     let Some(element) = header.elements.last_mut() else {
