@@ -19,7 +19,10 @@ pub fn positions(ply: &[u8], count: usize) -> Result<Vec<[f64; 3]>, String> {
     }
     let properties: Vec<_> = header.lines().filter_map(|l| l.strip_prefix("property ")).collect();
     let column = |name: &str| {
-        properties.iter().position(|p| p.strip_prefix("float ") == Some(name)).ok_or_else(|| format!("it has no float property {name}"))
+        properties
+            .iter()
+            .position(|p| p.strip_prefix("float ") == Some(name))
+            .ok_or_else(|| format!("it has no float property {name}"))
     };
     if let Some(other) = properties.iter().find(|p| !p.starts_with("float ")) {
         return Err(format!("property {other} is no float"));

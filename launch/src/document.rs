@@ -87,6 +87,16 @@ impl Value {
         }
     }
 
+    /// The number it is.
+    #[must_use]
+    pub fn as_number(&self) -> Option<f64> {
+        match self {
+            Self::Integer(i) => Some(*i as f64),
+            Self::Float(x) => Some(*x),
+            _ => None,
+        }
+    }
+
     /// The same as JSON; what JSON has no form for (dates, infinite numbers) becomes text.
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
@@ -271,6 +281,8 @@ pub fn suggestion<'a>(wrong: &str, candidates: impl IntoIterator<Item = &'a str>
 #[derive(Debug)]
 pub struct Reader<'t, 'p> {
     title: String,
+    /// Where the table begins.
+    place: Place,
     table: &'t Table,
     known: Vec<&'static str>,
     problems: &'p mut Vec<Problem>,
@@ -279,12 +291,13 @@ pub struct Reader<'t, 'p> {
 impl<'t, 'p> Reader<'t, 'p> {
     /// Reads `table`, called `title` in messages (such as `[service.scene]`).
     pub fn new(title: impl Into<String>, table: &'t Table, problems: &'p mut Vec<Problem>) -> Self {
-        Self { title: title.into(), table, known: Vec::new(), problems }
+        let place = table.entries.first().map_or(Place::File { line: 1, column: 1 }, |e| e.place.clone());
+        Self { title: title.into(), place, table, known: Vec::new(), problems }
     }
 
     /// Reads a table within this one.
     pub fn inner<'u>(&mut self, title: impl Into<String>, table: &'u Table) -> Reader<'u, '_> {
-        Reader { title: title.into(), table, known: Vec::new(), problems: self.problems }
+        Reader::new(title, table, self.problems)
     }
 
     /// Notes a mistake.
@@ -307,6 +320,13 @@ impl<'t, 'p> Reader<'t, 'p> {
             self.problem(&node.place, format!("`{key}` must be {wanted}, not {}", node.value.kind()));
         }
         value
+    }
+
+    /// Notes that a key should be there.
+    pub fn missing(&mut self, key: &str) {
+        let place = self.place.clone();
+        let text = format!("`{key}` is missing in {}", self.title);
+        self.problem(&place, text);
     }
 
     /// Text.
@@ -337,12 +357,7 @@ impl<'t, 'p> Reader<'t, 'p> {
 
     /// A time above 0 and at most a day, in the unit that `seconds` is of.
     pub fn time(&mut self, key: &'static str, unit: &str, seconds: f64) -> Option<Duration> {
-        let number = |v: &Value| match v {
-            Value::Integer(i) => Some(*i as f64),
-            Value::Float(x) => Some(*x),
-            _ => None,
-        };
-        let value = self.typed(key, &format!("a number of {unit}"), number)?;
+        let value = self.typed(key, &format!("a number of {unit}"), Value::as_number)?;
         let time = value * seconds;
         if time > 0.0 && time <= 86_400.0 {
             return Some(Duration::from_secs_f64(time));

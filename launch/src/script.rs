@@ -12,6 +12,8 @@
 //! save = "sac"                # the selection becomes a unit
 //! [[step]]
 //! say = "make the sac red"
+//! [[step]]                    # where the scene is looked at from, in scene coordinates
+//! view = { eye = [-350, 330, -150], target = [128, 105, 140], up = [0, 1, 0], fov_y_degrees = 35 }
 //! [[step]]
 //! chaos = true                # here the service named by --chaos is killed
 //! ```
@@ -19,6 +21,7 @@
 use std::path::{Path, PathBuf};
 
 use sg_proto::limits::{MAX_NAME_BYTES, MAX_UTTERANCE_BYTES};
+use sg_proto::scene::{Vector, View};
 
 use crate::document::{self, Entry, Node, Place, Problem, Problems, Reader, Table, Value};
 
@@ -39,6 +42,8 @@ pub enum Step {
     Say(String),
     /// Save the selection as a unit of this name.
     Save(String),
+    /// Look from elsewhere.
+    View(View),
     /// Take a picture.
     Capture {
         /// Part of the picture's file names.
@@ -107,7 +112,7 @@ fn steps(table: &Table, path: &Path, problems: &mut Vec<Problem>) -> Vec<Step> {
 }
 
 fn step(number: usize, table: &Table, place: &Place, path: &Path, problems: &mut Vec<Problem>) -> Option<Step> {
-    const KINDS: [&str; 5] = ["strokes", "say", "save", "capture", "chaos"];
+    const KINDS: [&str; 6] = ["strokes", "say", "save", "view", "capture", "chaos"];
     let place = table.entries.first().map_or(place, |e| &e.place);
     let mut reader = Reader::new(format!("step {number}"), table, problems);
     let kinds: Vec<&Entry> = table.entries.iter().filter(|e| KINDS.contains(&e.key.as_str())).collect();
@@ -129,6 +134,7 @@ fn step(number: usize, table: &Table, place: &Place, path: &Path, problems: &mut
             .map(|file| Step::Strokes { file: path.parent().unwrap_or(Path::new("")).join(file), restart: false }),
         "say" => text(&mut reader, "say", MAX_UTTERANCE_BYTES).map(Step::Say),
         "save" => text(&mut reader, "save", MAX_NAME_BYTES).map(Step::Save),
+        "view" => reader.table("view").and_then(|table| view(&mut reader, table)).map(Step::View),
         "capture" => picture_name(&mut reader).map(|name| Step::Capture { name, highlight: false, only: Vec::new() }),
         "chaos" => match reader.boolean("chaos") {
             Some(false) => {
@@ -165,6 +171,54 @@ fn text(reader: &mut Reader<'_, '_>, key: &'static str, most: usize) -> Option<S
     let place = reader.node(key)?.place.clone();
     reader.problem(&place, format!("`{key}` must have 1 to {most} bytes"));
     None
+}
+
+fn view(reader: &mut Reader<'_, '_>, table: &Table) -> Option<View> {
+    let mut inner = reader.inner("`view`", table);
+    let [eye, target, up] = ["eye", "target", "up"].map(|key| vector(&mut inner, key));
+    let fov = number(&mut inner, "fov_y_degrees");
+    let checked = match fov {
+        Some((_, degrees)) if (1.0..=120.0).contains(&degrees) => Some(degrees),
+        Some((place, degrees)) => {
+            inner.problem(&place, format!("`fov_y_degrees` is {degrees}; it must lie between 1 and 120"));
+            None
+        }
+        None => None,
+    };
+    inner.finish();
+    Some(View { eye: Some(eye?), target: Some(target?), up: Some(up?), fov_y_degrees: checked? })
+}
+
+fn vector(reader: &mut Reader<'_, '_>, key: &'static str) -> Option<Vector> {
+    let Some(node) = reader.node(key) else {
+        reader.missing(key);
+        return None;
+    };
+    let numbers = match &node.value {
+        Value::Array(items) => items.iter().map(|i| i.value.as_number()).collect::<Option<Vec<_>>>(),
+        _ => None,
+    };
+    match numbers.as_deref() {
+        Some([x, y, z]) if x.is_finite() && y.is_finite() && z.is_finite() => Some(Vector { x: *x, y: *y, z: *z }),
+        _ => {
+            let place = node.place.clone();
+            reader.problem(&place, format!("`{key}` must be three numbers"));
+            None
+        }
+    }
+}
+
+fn number(reader: &mut Reader<'_, '_>, key: &'static str) -> Option<(Place, f64)> {
+    let Some(node) = reader.node(key) else {
+        reader.missing(key);
+        return None;
+    };
+    let number = node.value.as_number();
+    if number.is_none() {
+        let place = node.place.clone();
+        reader.problem(&place, format!("`{key}` must be a number"));
+    }
+    number.map(|n| (node.place.clone(), n))
 }
 
 fn picture_name(reader: &mut Reader<'_, '_>) -> Option<String> {
@@ -213,6 +267,8 @@ only = ["sac", "vessels"]
 [[step]]
 say = "undo"
 [[step]]
+view = { eye = [1, 2.5, -3], target = [0, 0, 0], up = [0, 0, 1], fov_y_degrees = 35 }
+[[step]]
 chaos = true
 [[step]]
 save = "the sac"
@@ -222,6 +278,12 @@ save = "the sac"
             Step::Strokes { file: "scripts/more.json".into(), restart: true },
             Step::Capture { name: "one".into(), highlight: true, only: vec!["sac".into(), "vessels".into()] },
             Step::Say("undo".into()),
+            Step::View(View {
+                eye: Some(Vector { x: 1.0, y: 2.5, z: -3.0 }),
+                target: Some(Vector::default()),
+                up: Some(Vector { x: 0.0, y: 0.0, z: 1.0 }),
+                fov_y_degrees: 35.0,
+            }),
             Step::Chaos,
             Step::Save("the sac".into()),
         ];
@@ -239,7 +301,7 @@ save = "the sac"
             ),
             (
                 "[[step]]\nsya = \"undo\"\n",
-                "x.toml:2:1: step 1 does nothing; give it one of strokes, say, save, capture, chaos\nx.toml:2:1: unknown key `sya` in step 1; did you mean `say`?",
+                "x.toml:2:1: step 1 does nothing; give it one of strokes, say, save, view, capture, chaos\nx.toml:2:1: unknown key `sya` in step 1; did you mean `say`?",
             ),
             (
                 "[[step]]\nsay = \"undo\"\nsave = \"x\"\n",
@@ -251,6 +313,10 @@ save = "the sac"
             (
                 "[[step]]\ncapture = \"a\"\nonly = [1]\n[[step]]\ncapture = \"a\"\n",
                 "x.toml:3:8: `only` must be a list of names\nx.toml:4:1: two pictures are called `a`",
+            ),
+            (
+                "[[step]]\nview = { eye = [1, 2], up = [0, 0, 1], fov_y_degrees = 0 }\n",
+                "x.toml:2:10: `target` is missing in `view`\nx.toml:2:16: `eye` must be three numbers\nx.toml:2:57: `fov_y_degrees` is 0; it must lie between 1 and 120",
             ),
             (
                 "[[step]]\nsay = \"a\"\nhighlight = true\n",

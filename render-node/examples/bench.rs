@@ -1,17 +1,19 @@
-//! Milliseconds against decibels of each quality level on a made scene:
+//! Milliseconds against decibels of each quality level on a made scene of so many Gaussians, or on a scene file:
 //! `cargo run --release -p sg-render-node --example bench -- 168000 1032 1104`.
 
 #![allow(clippy::print_stdout, reason = "a bench prints its table")]
 
 use std::error::Error;
+use std::path::Path;
 
-use glam::{DMat4, DVec3, Quat, Vec3};
+use glam::{DMat4, Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::{Quality, render};
 use sg_render_node::view;
 use sg_scene::appearance::Appearance;
+use sg_scene::load::{LoadOptions, load};
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
 
 /// Flat shaded Gaussians on nested wrinkled shells, the outer ones fainter: what a fit of a volume looks like.
@@ -60,15 +62,20 @@ fn shells(n: usize) -> Scene {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let numbers: Vec<usize> = std::env::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
-    let &[n, width, height] = numbers.as_slice() else {
-        return Err("three numbers: Gaussians, width, height".into());
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [what, width, height] = arguments.as_slice() else {
+        return Err("three arguments: a number of Gaussians or a scene file, width, height".into());
     };
-    let scene = shells(n);
+    let (width, height): (u32, u32) = (width.parse()?, height.parse()?);
+    let scene = match what.parse() {
+        Ok(n) => shells(n),
+        Err(_) => load(Path::new(what), &LoadOptions::default())?.scene,
+    };
     let appearance = Appearance::of(&scene);
-    let frame =
-        |x: f64| view::frame(scene.bounds, DVec3::new(x, 1.0, -0.3), DVec3::Z, 40.0, width as u32, height as u32);
-    let exact: Vec<_> = [-1.0, 0.5]
+    let first = view::default_view(&scene, width, height);
+    let bounds = view::visible_box(&scene);
+    let frame = |x: f64| view::orbit(&first, 0.5 * (bounds.min + bounds.max), 60.0 * x, 0.0);
+    let exact: Vec<_> = [0.0, 1.0]
         .into_iter()
         .map(|x| render(&scene, &appearance, &frame(x), Quality::Exact).map(|r| (frame(x), r)))
         .collect::<Result<_, _>>()?;

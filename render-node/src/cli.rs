@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use clap::{Args, Parser, ValueEnum};
+use clap::{Args, ValueEnum};
 use glam::Vec3;
 use serde::Serialize;
 use sg_render_node::image::ImageFormat;
@@ -24,21 +24,9 @@ const WRONG_INPUT: u8 = 2;
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;
 
-/// Draws one picture of a scene on the CPU.
-#[derive(Debug, Parser)]
-#[command(
-    name = "supergaussian-render-node",
-    version,
-    after_help = "Example:\n  supergaussian render scene.toml --camera front.json --out front.png --quality exact"
-)]
-struct Command {
-    #[command(flatten)]
-    picture: Picture,
-}
-
 /// What to draw, how, and where to.
 #[derive(Debug, Args)]
-struct Picture {
+pub(crate) struct Picture {
     /// The scene: a Gaussian file or `scene.toml`.
     scene: PathBuf,
     /// Camera file (JSON); without one the scene is framed: from the front for plain splats, obliquely with z up for
@@ -69,16 +57,6 @@ struct Picture {
     /// Palette colour of every base unit with shading columns, each 0 to 1, instead of the one in the files.
     #[arg(long, value_name = "R,G,B", value_parser = color)]
     palette: Option<Vec3>,
-    #[command(flatten)]
-    highlight: Highlight,
-    /// Print a report as JSON on standard output.
-    #[arg(long)]
-    json: bool,
-}
-
-/// A highlighted selection.
-#[derive(Debug, Args)]
-struct Highlight {
     /// Gaussians to highlight: `.npy`, uint8 (n,), 0 or 1.
     #[arg(long)]
     mask: Option<PathBuf>,
@@ -91,6 +69,9 @@ struct Highlight {
     /// Factor on the opacity of what is highlighted.
     #[arg(long, requires = "mask", default_value_t = 1.0, value_parser = factor)]
     mask_opacity: f32,
+    /// Print a report as JSON on standard output.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -152,9 +133,9 @@ impl Failure {
     }
 }
 
-pub(crate) fn run() -> ExitCode {
-    let command = Command::parse();
-    match draw(&command.picture) {
+/// Draws one picture and says what went wrong.
+pub(crate) fn run(picture: &Picture) -> ExitCode {
+    match draw(picture) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("error: {}", failure.line);
@@ -174,7 +155,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     let mut appearance = Appearance::of(&scene);
     appearance.light = camera.light;
     appearance.background = camera.background();
-    appearance.overlay = read_overlay(&picture.highlight, &scene)?;
+    appearance.overlay = read_overlay(picture, &scene)?;
     let quality = match picture.quality {
         QualityName::Exact => Quality::Exact,
         QualityName::Standard => Quality::Standard,
@@ -237,14 +218,14 @@ fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
     Ok(loaded.scene)
 }
 
-fn read_overlay(highlight: &Highlight, scene: &Scene) -> Result<Option<Overlay>, Failure> {
-    let Some(path) = &highlight.mask else { return Ok(None) };
+fn read_overlay(picture: &Picture, scene: &Scene) -> Result<Option<Overlay>, Failure> {
+    let Some(path) = &picture.mask else { return Ok(None) };
     let mask = sg_scene::npy::read_mask(path, scene.len()).map_err(Failure::input)?;
     Ok(Some(Overlay {
         mask: Arc::new(mask),
-        color: highlight.mask_color,
-        mix: highlight.mask_mix,
-        opacity: highlight.mask_opacity,
+        color: picture.mask_color,
+        mix: picture.mask_mix,
+        opacity: picture.mask_opacity,
     }))
 }
 
@@ -269,14 +250,7 @@ fn factor(text: &str) -> Result<f32, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
-
-    #[test]
-    fn the_command_line_is_sound() {
-        Command::command().debug_assert();
-    }
 
     #[test]
     fn numbers_on_the_command_line() {

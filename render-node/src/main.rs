@@ -1,7 +1,43 @@
-//! `supergaussian-render-node`: pictures of a scene (`supergaussian render`).
+//! `supergaussian-render-node`: pictures of a scene (`supergaussian render`), and the render process.
 
+mod actor;
 mod cli;
 
-fn main() -> std::process::ExitCode {
-    cli::run()
+use std::process::ExitCode;
+
+use clap::{CommandFactory as _, Parser, Subcommand};
+use sg_runtime::process::{self, ServeArgs};
+
+/// Draws one picture of a scene on the CPU.
+#[derive(Debug, Parser)]
+#[command(
+    name = "supergaussian-render-node",
+    version,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Example:\n  supergaussian render scene.toml --camera front.json --out front.png --quality exact"
+)]
+struct Arguments {
+    #[command(subcommand)]
+    mode: Option<Mode>,
+    #[command(flatten)]
+    picture: Option<cli::Picture>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Mode {
+    /// Serve a session (a supervisor starts this)
+    Serve(ServeArgs),
+}
+
+fn main() -> ExitCode {
+    match Arguments::parse() {
+        Arguments { mode: Some(Mode::Serve(args)), .. } => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
+        Arguments { picture: Some(picture), .. } => cli::run(&picture),
+        _ => {
+            let error = Arguments::command()
+                .error(clap::error::ErrorKind::MissingRequiredArgument, "name a scene, and a picture with --out");
+            error.exit()
+        }
+    }
 }

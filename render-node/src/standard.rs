@@ -39,10 +39,14 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// ≥ 50 dB over frame and footprint, coverage error ≤ 1 %.
-    pub(crate) const STANDARD: Self = Self { cut: 1.0 / 1024.0, ratio: 256.0, stop: 1e-4 };
+    /// ≥ 50 dB over frame and footprint, coverage error ≤ 1 %, at most 0.1 % of the footprint off by more than 2/255.
+    ///
+    /// A cut of 1/1024 breaks that where hundreds of tails overlap: on white, 49.6 dB over the footprint of a trained scene
+    /// of 46k Gaussians, 6 % of it off by more than 2/255. 1/4096 still leaves 0.13 % of another one. This costs a third
+    /// more pixels than 1/1024.
+    pub(crate) const STANDARD: Self = Self { cut: 1.0 / 8192.0, ratio: 1024.0, stop: 1e-4 };
     /// ≥ 40 dB over frame and footprint, coverage error ≤ 3 %.
-    pub(crate) const FAST: Self = Self { cut: 1.0 / 255.0, ratio: 64.0, stop: 1.0 / 256.0 };
+    pub(crate) const FAST: Self = Self { cut: 1.0 / 512.0, ratio: 64.0, stop: 1.0 / 256.0 };
 }
 
 /// Draws a checked scene.

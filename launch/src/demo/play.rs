@@ -10,7 +10,8 @@ use sg_proto::keys::{self, Ask};
 use sg_proto::language::{Reply, Source, Utterance};
 use sg_proto::prost::{Message, Name};
 use sg_proto::render::{CaptureRequest, Frame};
-use sg_proto::scene::{Command, SaveUnit, command::Action};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{Command, SaveUnit, SetView, StrokeMode, View, set_view};
 use sg_proto::selection::StrokesRequest;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
@@ -92,6 +93,7 @@ impl Player {
                 Step::Strokes { file, restart } => self.brush(file, *restart).await,
                 Step::Say(text) => self.say(text).await,
                 Step::Save(name) => self.save(name).await,
+                Step::View(view) => self.look(view).await,
                 Step::Capture { name, highlight, only } => self.capture(name, *highlight, only).await,
                 Step::Chaos => self.kill().await,
             };
@@ -153,6 +155,7 @@ impl Player {
     async fn brush(&mut self, file: &PathBuf, restart: bool) -> Result<String, Failure> {
         let strokes = read_strokes(file)?;
         let count = strokes.len();
+        let walks = strokes.iter().any(|s| s.mode() == StrokeMode::Walk);
         let began = Instant::now();
         let request = StrokesRequest { strokes, restart };
         let reply = self.ask(&keys::SELECTION_STROKES, &request, &self.context()).await?;
@@ -164,16 +167,14 @@ impl Player {
             picture = format!(", on the picture after {}", time(ms));
             self.measured.stroke_to_picture.push(ms);
         }
-        if reply.walk_ms > 0.0 {
+        let mut walk = String::new();
+        if walks {
+            walk = format!(", walk {}", time(reply.walk_ms));
             self.measured.walk.push(reply.walk_ms);
         }
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let plural = if count == 1 { "stroke" } else { "strokes" };
-        Ok(format!(
-            "brush {count} {plural} of {name}: {} Gaussians selected, walk {}{picture}",
-            thousands(reply.selected),
-            time(reply.walk_ms)
-        ))
+        Ok(format!("brush {count} {plural} of {name}: {} Gaussians selected{walk}{picture}", thousands(reply.selected)))
     }
 
     async fn say(&mut self, text: &str) -> Result<String, Failure> {
@@ -190,9 +191,16 @@ impl Player {
     }
 
     async fn save(&mut self, name: &str) -> Result<String, Failure> {
+        self.command(Action::SaveUnit(SaveUnit { name: name.to_owned(), replace: false })).await
+    }
+
+    async fn look(&mut self, view: &View) -> Result<String, Failure> {
+        self.command(Action::SetView(SetView { change: Some(set_view::Change::View(view.clone())) })).await
+    }
+
+    async fn command(&mut self, action: Action) -> Result<String, Failure> {
         let context = self.context();
-        let save = SaveUnit { name: name.to_owned(), replace: false };
-        let command = Command { id: context.id.clone(), action: Some(Action::SaveUnit(save)), ..Command::default() };
+        let command = Command { id: context.id.clone(), action: Some(action), ..Command::default() };
         let result = self.ask(&keys::SCENE_APPLY, &command, &context).await?;
         self.revision = self.revision.max(result.revision);
         Ok(result.summary)

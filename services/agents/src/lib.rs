@@ -1,1 +1,18 @@
 //! Three agents that close the visualization-perception-action loop.
+//!
+//! The library is what they know: a [`grammar`] from text to an intent, [`resolve`] from an intent to scene commands and
+//! answers, [`account`] and [`answer`] for telling a person, [`reply`] for closing the loop with what was seen.
+//! It names neither the bus nor time; the three processes under `bin/` do.
+
+pub mod account;
+pub mod answer;
+pub mod backend;
+pub mod color;
+pub mod grammar;
+pub mod identity;
+pub mod names;
+pub mod recent;
+pub mod reply;
+pub mod resolve;
+mod wording;
+mod words;

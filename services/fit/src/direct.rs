@@ -234,7 +234,6 @@ pub fn direct_start(
     let shift = far_shift(field);
     let mut units = Vec::with_capacity(count);
     let mut reports = Vec::with_capacity(count);
-    let mut captured = 0.0;
     for (unit, (candidates, budget)) in found.into_iter().zip(budgets).enumerate() {
         stage("placing Gaussians");
         let clock = Instant::now();
@@ -260,7 +259,6 @@ pub fn direct_start(
         }
         let name = unit_name(function, unit);
         let palette = mean_color(&splats);
-        captured += splats.iter().map(|s| s.captured * s.weight).sum::<f64>();
         reports.push(UnitReport::new(
             &name,
             &splats,
@@ -282,7 +280,7 @@ pub fn direct_start(
         visible_voxels,
         non_finite_voxels: range.non_finite,
         voxels_outside_base_units: optics.census.iter().map(|c| c.outside_ranges).sum(),
-        importance_captured: captured / importance,
+        importance_captured: reports.iter().map(|u: &UnitReport| u.importance_captured * u.importance_share).sum(),
         units: reports,
         seconds,
     };

@@ -10,9 +10,11 @@ use crate::importance::Candidate;
 use crate::optics::Optics;
 use crate::placement::Points;
 
-/// Standard deviations of a Gaussian in units of those of its cell. A cell of a regular tiling has h/√12; neighbours
-/// that overlap at about 0.6 h leave no holes.
-const OVERLAP: f64 = 2.0;
+/// Standard deviations of a Gaussian in units of those of its cell, where the cell is nearly clear. A cell of a regular
+/// tiling has h/√12: this makes about 0.42 h.
+const OVERLAP_CLEAR: f64 = 1.45;
+/// The same where the cell is opaque: an opaque Gaussian covers well beyond one standard deviation.
+const OVERLAP_OPAQUE: f64 = 1.25;
 /// No axis is shorter than this share of the longest but one.
 const LEAST_RATIO: f64 = 0.2;
 /// No axis is longer than this many times the next one.
@@ -96,7 +98,9 @@ impl Shaper<'_> {
         let flat = 1.0 - surfaceness * (1.0 - self.flattening);
         let squeeze = DMat3::IDENTITY - outer(normal) * (1.0 - flat);
         let (lengths, axes) = principal_axes(squeeze * covariance * squeeze);
-        let scale = limited(lengths.map(|l| OVERLAP * l.max(0.0).sqrt()));
+        let lengths = limited(lengths.map(|l| l.max(0.0).sqrt()));
+        let density = sums.matter / (TAU * lengths.x * lengths.y);
+        let scale = lengths * (OVERLAP_CLEAR + (OVERLAP_OPAQUE - OVERLAP_CLEAR) * smoothstep(1.0, 5.0, density));
         // Seen along its shortest axis a Gaussian of opacity o has an optical depth that integrates to 2π·s₁·s₂·Li₂(o)
         // over the picture: that must be the matter it stands for.
         let opacity = opacity_of(sums.matter / (TAU * scale.x * scale.y));

@@ -178,9 +178,8 @@ async fn a_burst_survives_kill_9_and_readers_catch_up() {
 
     let results = Arc::new(Mutex::new(BTreeMap::new()));
     let done = Arc::new(AtomicBool::new(false));
-    let workers: Vec<_> = (0..4)
-        .map(|w| tokio::spawn(burst(cli.clone(), w, Arc::clone(&done), Arc::clone(&results))))
-        .collect();
+    let workers: Vec<_> =
+        (0..4).map(|w| tokio::spawn(burst(cli.clone(), w, Arc::clone(&done), Arc::clone(&results)))).collect();
     for round in 1..=3 {
         // In the middle of the burst, when this round has had some answers.
         let limit = Instant::now() + Duration::from_secs(20);

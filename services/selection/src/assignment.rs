@@ -153,18 +153,23 @@ impl<'a> GeodesicAssigner<'a> {
         self.search(&all, &sources, &envelope, &mut reach);
         let mut assignment = Assignment { label, cost };
         self.collect(centres, &reach, &mut assignment);
+        self.tighten(&mut envelope, &assignment);
         self.kept = Some(Kept { sources, reach, envelope });
         assignment
     }
 
     fn assign_again(&mut self, centres: &[Centre], mut kept: Kept) -> Assignment {
+        let t0 = std::time::Instant::now();
+        let s0 = self.settled;
         let moved: Vec<usize> = (0..centres.len()).filter(|&j| kept.sources[j] != centres[j].source).collect();
         for &j in &moved {
             kept.sources[j] = centres[j].source;
         }
         self.search(&moved, &kept.sources, &kept.envelope, &mut kept.reach);
         let mut assignment = Assignment::none(self.graph.len());
+        let t1 = t0.elapsed().as_secs_f64();
         self.collect(centres, &kept.reach, &mut assignment);
+        let t2 = t0.elapsed().as_secs_f64();
 
         // Upper bounds where no search arrived: the label of a neighbour that has one, over the path through it.
         let mut bound = assignment.cost.clone();
@@ -185,6 +190,10 @@ impl<'a> GeodesicAssigner<'a> {
             .filter(|(_, (b, g))| b.is_finite() && self.metric.radius(**b) > **g)
             .map(|(v, _)| v)
             .collect();
+        let t3 = t0.elapsed().as_secs_f64();
+        let s1 = self.settled;
+        let mut nf = 0;
+        let unc = assignment.label.iter().filter(|l| **l == NONE).count();
         if !raised.is_empty() {
             let before = kept.envelope.clone();
             for &v in &raised {
@@ -204,11 +213,25 @@ impl<'a> GeodesicAssigner<'a> {
                 .into_par_iter()
                 .filter(|&j| kept.reach[j].iter().any(|(v, _)| doorstep[*v as usize]))
                 .collect();
+            nf = further.len();
             self.search(&further, &kept.sources, &kept.envelope, &mut kept.reach);
             self.collect(centres, &kept.reach, &mut assignment);
         }
+        let t4 = t0.elapsed().as_secs_f64();
+        let n = self.graph.len() as f64;
+        eprintln!("moved {} settled {:.2}, uncovered {unc}, raised {}, further {nf} settled {:.2}; t search {t1:.3} collect {:.3} bound {:.3} second {:.3}", moved.len(), (s1-s0) as f64/n, raised.len(), (self.settled-s1) as f64/n, t2-t1, t3-t2, t4-t3);
+        self.tighten(&mut kept.envelope, &assignment);
         self.kept = Some(kept);
         assignment
+    }
+
+    fn tighten(&self, envelope: &mut [f64], assignment: &Assignment) {
+        let slack: f64 = std::env::var("SLACK").ok().and_then(|s| s.parse().ok()).unwrap_or(1.1);
+        if slack == 0.0 { return; }
+        let mut tight: Vec<f64> =
+            assignment.cost.iter().map(|&c| if c.is_finite() { slack * self.metric.radius(c) } else { 0.0 }).collect();
+        raise_to_envelope(self.graph, &mut tight);
+        envelope.iter_mut().zip(tight).for_each(|(g, t)| *g = g.min(t));
     }
 
     fn search(&mut self, which: &[usize], sources: &[u32], envelope: &[f64], reach: &mut [Vec<(u32, f64)>]) {

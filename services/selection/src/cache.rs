@@ -223,7 +223,7 @@ fn decode(bytes: &[u8], gaussians: usize) -> Option<(Clustering, ClusterGraph)> 
         && r.0.is_empty()
         && labels.iter().all(|l| *l >= -1 && *l < count as i32)
         && lists.iter().flatten().all(|l| (l.u as usize) < count && (l.v as usize) < count);
-    fits.then(|| (Clustering { labels, clusters, kinds }, ClusterGraph { clusters: count, units: lists, component }))
+    fits.then_some((Clustering { labels, clusters, kinds }, ClusterGraph { clusters: count, units: lists, component }))
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sg_scene::npy::NpyError;
 use sg_scene::{LoadOptions, Loaded, load};
-use sg_selection::clustering::{ClusterError, ClusteringOptions, Level, Method};
+use sg_selection::clustering::{ClusterError, ClusteringOptions, Level};
 use sg_selection::features::FeatureKind;
 use sg_selection::geometry::GeometryOptions;
 use sg_selection::progress::{Progress, Stage};
@@ -116,9 +116,6 @@ struct Clustering {
     /// m in D = (d/S)² + m²·‖Δf‖²: the weight of features against distance.
     #[arg(long, value_name = "M", default_value_t = 0.5)]
     compactness: f64,
-    /// The distance clusters are made by.
-    #[arg(long, default_value = "geodesic", value_parser = named::<Method>(&["geodesic", "euclidean-feature", "euclidean"]))]
-    method: Method,
     /// The feature vector; by default oriented where a base unit's normals are, else invariant.
     #[arg(long, value_parser = named::<FeatureKind>(&["oriented", "invariant", "printed"]))]
     features: Option<FeatureKind>,
@@ -139,7 +136,6 @@ impl Clustering {
         ClusteringOptions {
             max_clusters: self.max_clusters,
             compactness: self.compactness,
-            method: self.method,
             level: self.level,
             ..ClusteringOptions::default()
         }

@@ -5,6 +5,8 @@
 //! [`space`] (what selections share) → [`session`] (strokes in, mask out). [`walk`] solves random walks on any weighted
 //! graph, [`strokes`] and [`brush`] say what was brushed over, [`metrics`] how well a mask agrees with a truth.
 
+#![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
+
 pub mod assignment;
 pub mod bridges;
 pub mod brush;

@@ -162,8 +162,8 @@ impl<'a> Grid<'a> {
                 sums.push(([0.0; 3], 0.0));
                 sums.len() - 1
             });
-            for a in 0..3 {
-                sums[id].0[a] += p[a];
+            for (sum, x) in sums[id].0.iter_mut().zip(p) {
+                *sum += x;
             }
             sums[id].1 += 1.0;
             of.push((v, id));

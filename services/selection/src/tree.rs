@@ -22,10 +22,7 @@ impl Bounds {
 
     /// Grows the box to hold a point.
     pub fn add(&mut self, p: &[f64; 3]) {
-        for a in 0..3 {
-            self.min[a] = self.min[a].min(p[a]);
-            self.max[a] = self.max[a].max(p[a]);
-        }
+        *self = self.union(&Self { min: *p, max: *p });
     }
 
     /// The box of two boxes.

@@ -6,10 +6,10 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 use sg_scene::npy::{read_indices, write_labels};
-use sg_selection::clustering::{ClusteringOptions, ClusteringReport, GivenSeeds, cluster};
+use sg_selection::clustering::{ClusteringOptions, ClusteringReport, GivenSeeds, Method, cluster};
 use sg_selection::geometry::Geometry;
 
-use super::{Bar, Clustering, Failure, deliver, read_scene};
+use super::{Bar, Clustering, Failure, deliver, named, read_scene};
 
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -20,6 +20,9 @@ pub(crate) struct Arguments {
     out: PathBuf,
     #[command(flatten)]
     clustering: Clustering,
+    /// The distance clusters are made by.
+    #[arg(long, default_value = "geodesic", value_parser = named::<Method>(&["geodesic", "euclidean-feature", "euclidean"]))]
+    method: Method,
     /// Indices of the Gaussians clusters start from, integers (c,), instead of a voxel grid.
     #[arg(long, value_name = "FILE", requires = "cell")]
     seeds: Option<PathBuf>,
@@ -64,6 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         seeds,
         rounds: arguments.rounds,
         merge: !arguments.no_merge,
+        method: arguments.method,
         ..arguments.clustering.options()
     };
     let bar = Bar::new();

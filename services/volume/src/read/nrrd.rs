@@ -293,7 +293,12 @@ fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, 
             (_, Some(at)) => {
                 let name = line[..at].trim().to_ascii_lowercase();
                 let value = line.get(at + 1..).unwrap_or("").trim().to_owned();
+                // A list of data files ends the header.
+                let is_list = name.starts_with("data") && value.starts_with("LIST");
                 fields.0.push((number, name, value));
+                if is_list {
+                    break;
+                }
             }
             (None, None) => {
                 let what = format!("`{}` is no `field: value`", line.chars().take(60).collect::<String>());

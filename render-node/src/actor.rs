@@ -1,0 +1,420 @@
+//! The render process, offscreen, in one of two roles: *view* draws the shared viewpoint whenever the scene changes,
+//! *capture* draws pictures on request.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+use serde::Deserialize;
+use sg_proto::keys::{self, role};
+use sg_proto::{limits, render as proto};
+use sg_render_node::image::Image;
+use sg_render_node::metrics::FOOTPRINT;
+use sg_render_node::render::{Quality, Rendered, render};
+use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::blobs::Blobs;
+use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{Host, StartError};
+use sg_runtime::scene_feed::{SceneFeed, Update};
+use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
+use sg_scene::camera::Camera;
+use sg_scene::edit::wire::encode_color;
+use sg_scene::edit::{EditState, Replica};
+use sg_scene::known::read_known;
+use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
+use tokio::sync::watch;
+
+/// Pictures that may be asked for while one is drawn.
+const QUEUE: usize = 8;
+
+/// Longest edge of the picture that a unit's coverage is measured in, pixels.
+const MEASURE_PIXELS: u32 = 256;
+
+/// Most units whose coverage one request measures.
+const MEASURE_UNITS: usize = 64;
+
+/// Parameters in the launch file.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Params {
+    /// Width of the view's pictures, pixels.
+    width: u32,
+    /// Height of the view's pictures, pixels.
+    height: u32,
+    /// Quality of the view's pictures: `exact`, `standard` or `fast`.
+    quality: QualityName,
+    /// Colour of a highlighted selection.
+    highlight_color: [f32; 3],
+    /// Share of that colour, 0 to 1.
+    highlight_mix: f32,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum QualityName {
+    Exact,
+    Standard,
+    Fast,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            width: 640,
+            height: 640,
+            quality: QualityName::Standard,
+            // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
+            highlight_color: [0.337, 0.706, 0.914],
+            highlight_mix: 0.6,
+        }
+    }
+}
+
+impl Params {
+    fn check(&self) -> Result<(), String> {
+        let side = 1..=limits::MAX_PICTURE_PIXELS;
+        if !side.contains(&self.width) || !side.contains(&self.height) {
+            return Err(format!("a picture of {} x {} pixels; 1 to {} each", self.width, self.height, side.end()));
+        }
+        if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
+            return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// Loads and begins to serve.
+///
+/// # Errors
+/// Wrong parameters, a scene that cannot be read, a bus that cannot be used.
+pub(crate) async fn start(host: Host) -> Result<(), StartError> {
+    let params: Params = host.params()?;
+    params.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+    let mut feed = SceneFeed::open(host.bus()).await?;
+    let state = loop {
+        match feed.next().await {
+            Some((Update::Snapshot(state), _)) => break state,
+            Some((Update::Event(_), _)) => (),
+            None => return Err(StartError::Failed("the bus closed before the scene was known".to_owned())),
+        }
+    };
+    let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
+    let scene =
+        tokio::task::block_in_place(|| read_known(state.geometry())).map_err(|e| StartError::Input(e.to_string()))?;
+    tracing::info!(gaussians = scene.len(), "scene read");
+
+    let (newest, state) = watch::channel((Arc::new(state), Context::root()));
+    tokio::spawn(follow(feed, newest));
+    let row = match host.role() {
+        role::RENDER_VIEW => &keys::VIEW_STATE,
+        role::RENDER_CAPTURE => &keys::CAPTURE_STATE,
+        other => {
+            return Err(StartError::Input(format!(
+                "role `{other}` is not one of a render node: use `{}` or `{}`",
+                role::RENDER_VIEW,
+                role::RENDER_CAPTURE
+            )));
+        }
+    };
+    let told = proto::State { gaussians: scene.len() as u64, ..proto::State::default() };
+    let painter = Painter {
+        bus: host.bus().clone(),
+        blobs: host.blobs().clone(),
+        scene,
+        state: state.clone(),
+        owned: host.bus().own(row, told).await?,
+        told,
+        params,
+    };
+    let (mailbox, _) = host.spawn(painter, QUEUE);
+    if host.role() == role::RENDER_VIEW {
+        tokio::spawn(async move {
+            let mut state = state;
+            state.mark_changed();
+            // Newest value: revisions that pass while a picture is drawn are skipped, and counted.
+            while state.changed().await.is_ok() {
+                let context = state.borrow_and_update().1.clone();
+                let (done, drawn) = tokio::sync::oneshot::channel();
+                if mailbox.tell(Message::View { context, done }).is_ok() {
+                    let _ = drawn.await;
+                }
+            }
+        });
+    } else {
+        host.serve(&keys::CAPTURE, QUEUE, move |request, context| {
+            let mailbox = mailbox.clone();
+            async move { mailbox.ask(context.deadline, |reply| Message::Capture { request, context, reply }).await }
+        })
+        .await?;
+    }
+    Ok(())
+}
+
+/// Keeps the newest state.
+async fn follow(mut feed: SceneFeed, newest: watch::Sender<(Arc<EditState>, Context)>) {
+    let mut replica = Replica::new(EditState::clone(&newest.borrow().0));
+    while let Some((update, context)) = feed.next().await {
+        let taken = match &update {
+            Update::Event(event) => replica.offer(event).map(drop).map_err(|e| e.to_string()),
+            Update::Snapshot(state) => {
+                EditState::from_snapshot(state).map(|s| replica = Replica::new(s)).map_err(|e| e.to_string())
+            }
+        };
+        match taken {
+            Ok(()) => drop(newest.send_replace((Arc::new(replica.state().clone()), context))),
+            Err(error) => tracing::error!("the scene cannot be followed: {error}"),
+        }
+    }
+}
+
+enum Message {
+    /// Draw the shared viewpoint as it is now.
+    View { context: Context, done: tokio::sync::oneshot::Sender<()> },
+    /// Draw a picture on request.
+    Capture { request: proto::CaptureRequest, context: Context, reply: Reply<proto::Frame> },
+}
+
+/// Draws, one picture at a time.
+struct Painter {
+    bus: Bus,
+    blobs: Blobs,
+    scene: Scene,
+    state: watch::Receiver<(Arc<EditState>, Context)>,
+    owned: Owned<proto::State>,
+    told: proto::State,
+    params: Params,
+}
+
+/// What may be seen of the painter.
+#[derive(Clone)]
+struct Seen(proto::State);
+
+impl fmt::Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let proto::State { revision, frames, skipped_revisions, render_ms, .. } = self.0;
+        write!(f, "revision {revision}, {frames} pictures, {skipped_revisions} skipped, newest {render_ms:.0} ms")
+    }
+}
+
+impl Actor for Painter {
+    type Message = Message;
+    type State = Seen;
+
+    fn name(&self) -> &'static str {
+        "painter"
+    }
+
+    fn state(&self) -> Seen {
+        Seen(self.told)
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        match message {
+            Message::View { context, done } => {
+                self.draw_view(&context).await;
+                // The pacing task ends with the process.
+                let _ = done.send(());
+            }
+            Message::Capture { request, context, reply } => {
+                let outcome = self.capture(&request, &context).await;
+                // An asker that has gone away misses only the picture.
+                let _ = reply.send(outcome);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Painter {
+    /// Draws the shared viewpoint and tells of it; a picture that cannot be drawn or kept is logged, the next may succeed.
+    async fn draw_view(&mut self, context: &Context) {
+        let request = proto::CaptureRequest {
+            width: self.params.width,
+            height: self.params.height,
+            quality: match self.params.quality {
+                QualityName::Exact => proto::Quality::Exact,
+                QualityName::Standard => proto::Quality::Standard,
+                QualityName::Fast => proto::Quality::Fast,
+            }
+            .into(),
+            highlight_selection: true,
+            ..proto::CaptureRequest::default()
+        };
+        let state = Arc::clone(&self.state.borrow().0);
+        let frame = match tokio::task::block_in_place(|| self.draw(&state, &request)) {
+            Ok(frame) => frame,
+            Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
+        };
+        self.tell(&frame, context).await;
+        if let Err(fault) = self.bus.publish(&keys::VIEW_FRAME, &frame, &context.next()).await {
+            tracing::warn!(%fault, "a picture could not be announced");
+        }
+    }
+
+    async fn capture(&mut self, request: &proto::CaptureRequest, context: &Context) -> Result<proto::Frame, Fault> {
+        let state = {
+            let wanted = request.at_least_revision;
+            let arrived = self.state.wait_for(|(state, _)| state.revision() >= wanted);
+            match tokio::time::timeout_at(context.deadline.into(), arrived).await {
+                Ok(Ok(newest)) => Arc::clone(&newest.0),
+                Ok(Err(_)) => return Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
+                Err(_) => {
+                    return Err(Fault::deadline(format!("revision {wanted} of the scene did not arrive in time")));
+                }
+            }
+        };
+        let mut frame = tokio::task::block_in_place(|| self.draw(&state, request))?;
+        if request.measure_units {
+            frame.units = tokio::task::block_in_place(|| self.measure(&state, request))?;
+        }
+        self.tell(&frame, context).await;
+        Ok(frame)
+    }
+
+    async fn tell(&mut self, frame: &proto::Frame, context: &Context) {
+        let passed = frame.revision.saturating_sub(self.told.revision + 1);
+        if self.told.frames > 0 {
+            self.told.skipped_revisions += passed;
+        }
+        self.told.revision = frame.revision;
+        self.told.frames += 1;
+        self.told.render_ms = frame.render_ms;
+        if let Err(fault) = self.owned.set(self.told, &context.next()).await {
+            tracing::warn!(%fault, "the state could not be published");
+        }
+    }
+
+    fn draw(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<proto::Frame, Fault> {
+        let start = Instant::now();
+        let camera = self.camera(state, request)?;
+        let mut look = if request.only_units.is_empty() {
+            state.appearance()
+        } else {
+            let mut look = alone(state, &request.only_units)?;
+            look.base.iter_mut().for_each(|base| base.visible = true);
+            let others = look.units.len() - 1;
+            look.units.iter_mut().take(others).for_each(|unit| unit.visible = true);
+            look
+        };
+        if request.highlight_selection && !state.selection().mask().is_none() {
+            look.overlay = Some(Overlay {
+                mask: Arc::clone(state.selection().mask()),
+                color: Vec3::from_array(self.params.highlight_color),
+                mix: self.params.highlight_mix,
+                opacity: 1.0,
+            });
+        }
+        let quality = match request.quality() {
+            proto::Quality::Exact => Quality::Exact,
+            proto::Quality::Unspecified | proto::Quality::Standard => Quality::Standard,
+            proto::Quality::Fast => Quality::Fast,
+        };
+        let Rendered { image, .. } = self.render(&look, &camera, quality)?;
+        let kept = |e: &dyn fmt::Display| Fault::exhausted(e.to_string());
+        let (mut npy, mut png) = (Vec::new(), Vec::new());
+        image.write_npy(&mut npy).map_err(|e| kept(&e))?;
+        image.write_png(&mut png).map_err(|e| kept(&e))?;
+        let (hash, npy_path) = self.blobs.put(&npy, "npy").map_err(|e| kept(&e))?;
+        let (_, png_path) = self.blobs.put(&png, "png").map_err(|e| kept(&e))?;
+        Ok(proto::Frame {
+            width: image.width,
+            height: image.height,
+            revision: state.revision(),
+            hash,
+            npy_path: npy_path.display().to_string(),
+            png_path: png_path.display().to_string(),
+            camera: Some(proto::Camera {
+                fx: camera.fx,
+                fy: camera.fy,
+                cx: camera.cx,
+                cy: camera.cy,
+                world_to_camera: camera.world_to_camera.to_vec(),
+            }),
+            render_ms: start.elapsed().as_secs_f64() * 1e3,
+            coverage: covered(&image, look.background).0,
+            units: Vec::new(),
+        })
+    }
+
+    fn render(&self, look: &Appearance, camera: &Camera, quality: Quality) -> Result<Rendered, Fault> {
+        render(&self.scene, look, camera, quality).map_err(|e| Fault::invalid(e.to_string()))
+    }
+
+    fn camera(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
+        let (width, height) = (request.width, request.height);
+        let side = 1..=limits::MAX_PICTURE_PIXELS;
+        if !side.contains(&width) || !side.contains(&height) {
+            return Err(Fault::new(
+                sg_proto::bus::Code::OutOfRange,
+                format!("a picture of {width} x {height} pixels was asked for; 1 to {} are drawn each way", side.end()),
+            ));
+        }
+        let Some(asked) = &request.camera else { return Ok(state.view().camera(width, height)) };
+        let world_to_camera = asked.world_to_camera.as_slice().try_into().map_err(|_| {
+            Fault::invalid(format!("a camera takes 16 numbers, row major, not {}", asked.world_to_camera.len()))
+        })?;
+        let proto::Camera { fx, fy, cx, cy, .. } = *asked;
+        let camera = Camera { width, height, fx, fy, cx, cy, world_to_camera, ..state.view().camera(width, height) };
+        camera.check("camera").map_err(|e| Fault::invalid(e.to_string()))?;
+        Ok(camera)
+    }
+
+    /// What each unit covers of the picture when it is drawn alone; nothing where it is hidden. Derived units are left out:
+    /// a person did not make them.
+    fn measure(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<Vec<proto::UnitCoverage>, Fault> {
+        let scale =
+            f64::from(MEASURE_PIXELS) / f64::from(request.width.max(request.height)).max(f64::from(MEASURE_PIXELS));
+        let small = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
+        let full = self.camera(state, request)?;
+        let (width, height) = (small(full.width), small(full.height));
+        let (sx, sy) = (f64::from(width) / f64::from(full.width), f64::from(height) / f64::from(full.height));
+        let camera =
+            Camera { width, height, fx: full.fx * sx, fy: full.fy * sy, cx: full.cx * sx, cy: full.cy * sy, ..full };
+        let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());
+        let base = state.base_units().iter().map(|b| b.name.clone());
+        base.chain(saved)
+            .take(MEASURE_UNITS)
+            .map(|unit| {
+                let look = alone(state, std::slice::from_ref(&unit))?;
+                let Rendered { image, .. } = self.render(&look, &camera, Quality::Fast)?;
+                let (share, color) = covered(&image, look.background);
+                Ok(proto::UnitCoverage { unit, share, mean_color: color.map(encode_color) })
+            })
+            .collect()
+    }
+}
+
+/// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one
+/// that hides the rest.
+fn alone(state: &EditState, names: &[String]) -> Result<Appearance, Fault> {
+    let mut shown = Mask::empty(state.count());
+    for name in names {
+        let unit = state.find(name).map_err(|e| Fault::new(e.code(), e.to_string()).with_details(e.details()))?;
+        shown.union_with(&state.members(unit));
+    }
+    shown.invert();
+    let mut look = state.appearance();
+    look.units.push(UnitAppearance { mask: Arc::new(shown), color: None, opacity: 1.0, visible: false });
+    Ok(look)
+}
+
+/// Share of the pixels with coverage above 1/1024, and the mean colour there without the background, weighted by coverage.
+fn covered(image: &Image, background: Vec3) -> (f64, Option<Vec3>) {
+    let (mut pixels, mut weight, mut sum) = (0_u64, 0.0_f64, DVec3::ZERO);
+    for pixel in image.pixels() {
+        if let &[r, g, b, a] = pixel
+            && a > FOOTPRINT
+        {
+            pixels += 1;
+            weight += f64::from(a);
+            sum += (Vec3::new(r, g, b) - (1.0 - a) * background).as_dvec3();
+        }
+    }
+    let all = u64::from(image.width) * u64::from(image.height);
+    let color = (weight > 0.0).then(|| (sum / weight).as_vec3().clamp(Vec3::ZERO, Vec3::ONE));
+    (pixels as f64 / all.max(1) as f64, color)
+}

@@ -1,0 +1,200 @@
+//! Opacity: adjectives, measures, fading, raising and lowering.
+
+use winnow::Parser;
+use winnow::combinator::{alt, opt};
+use winnow::error::EmptyError;
+
+use super::becomes::{Becomes, Property, property_name, reading};
+use super::{Reading, connector, degree, factor_by};
+use crate::grammar::phrase::{Input, Outcome, Quantity, article, end, exactly, one_of, quantity, skip, times};
+use crate::grammar::target::{focus, target_then};
+
+/// An opacity as it is set.
+pub(super) fn absolute(factor: f64) -> Outcome<Becomes> {
+    if (0.0..=1000.0).contains(&factor) { Ok(Becomes::Opacity { factor, relative: false }) } else { Err(EmptyError) }
+}
+
+/// A share of transparency as a factor on opacity.
+pub(super) fn through(share: f64) -> Outcome<Becomes> {
+    if (0.0..=1.0).contains(&share) { absolute(1.0 - share) } else { Err(EmptyError) }
+}
+
+const TRANSPARENT: &str = "transparent | translucent | see through | seethrough | transparency | faint | ghostly";
+const OPAQUE: &str = "opaque | solid | opacity | dense";
+
+/// An adjective of opacity: `true` for opaque, `false` for transparent.
+fn adjective(input: &mut Input<'_>) -> Outcome<bool> {
+    alt((one_of(TRANSPARENT).map(|_| false), one_of(OPAQUE).map(|_| true))).parse_next(input)
+}
+
+/// What a target's opacity becomes, said as an adjective or a measure.
+pub(super) fn opacity(input: &mut Input<'_>) -> Outcome<Becomes> {
+    alt((compared, multiplied, measured, graded)).parse_next(input)
+}
+
+/// "a bit more transparent", "less opaque by 20 percent", "fainter".
+fn compared(input: &mut Input<'_>) -> Outcome<Becomes> {
+    let degree = degree(input)?;
+    let more = alt((
+        (exactly("more | less"), adjective).map(|(word, opaque)| (word.text == "more") == opaque),
+        exactly("fainter | dimmer").map(|_| false),
+    ))
+    .parse_next(input)?;
+    let by = opt(|i: &mut Input<'_>| factor_by(more, i)).parse_next(input)?;
+    let usual = if more { degree.pick(4.0 / 3.0, 2.0, 4.0) } else { degree.pick(0.75, 0.5, 0.25) };
+    Ok(Becomes::Opacity { factor: by.unwrap_or(usual), relative: true })
+}
+
+/// "twice as transparent", "half as opaque", "three times as opaque".
+fn multiplied(input: &mut Input<'_>) -> Outcome<Becomes> {
+    let times = alt((exactly("half").map(|_| 0.5), times)).parse_next(input)?;
+    exactly("as").parse_next(input)?;
+    let opaque = adjective(input)?;
+    skip("as before | as now | as it is | as it was").parse_next(input)?;
+    let factor = if opaque { times } else { 1.0 / times };
+    if factor.is_finite() && factor > 0.0 { Ok(Becomes::Opacity { factor, relative: true }) } else { Err(EmptyError) }
+}
+
+/// "50 percent transparent", "to 30 % opacity", "at an opacity of 0.3".
+fn measured(input: &mut Input<'_>) -> Outcome<Becomes> {
+    skip("at | to | with | by | an | a | at an | with an | to an | at a | with a | to a").parse_next(input)?;
+    let (value, opaque) =
+        alt(((quantity, adjective), (adjective, connector, quantity).map(|(opaque, (), value)| (value, opaque))))
+            .parse_next(input)?;
+    let value = value.as_opacity();
+    if opaque { absolute(value) } else { through(value) }
+}
+
+/// "transparent", "semi-transparent", "nearly opaque", "completely transparent".
+fn graded(input: &mut Input<'_>) -> Outcome<Becomes> {
+    const GRADES: &str = "semi | partly | partially | slightly | a bit | a little | a little bit | somewhat | very | \
+     highly | mostly | really | quite | nearly | almost | nearly completely | almost completely | \
+     fully | completely | totally | entirely | perfectly | absolutely";
+    let grade = opt(one_of(GRADES)).parse_next(input)?;
+    let opaque = adjective(input)?;
+    // Opacity of a transparent thing and of an opaque one, by grade.
+    let (transparent, solid) = match grade {
+        None => (0.3, 1.0),
+        Some(0..=2) => (0.5, 0.5),
+        Some(3..=7) => (0.75, 0.25),
+        Some(8..=12) => (0.1, 1.0),
+        Some(13..=16) => (0.05, 0.9),
+        Some(_) => (0.0, 1.0),
+    };
+    absolute(if opaque { solid } else { transparent })
+}
+
+/// A share or factor, in numbers or words.
+pub(super) fn amount(input: &mut Input<'_>) -> Outcome<f64> {
+    let named = alt((
+        one_of("full | maximum | max | the maximum | normal").map(|_| 1.0),
+        one_of("none | minimum | nothing | the minimum").map(|_| 0.0),
+    ));
+    alt((named, quantity.map(|q: Quantity| q.as_opacity()))).parse_next(input)
+}
+
+/// "the rest to 20 percent", "the soil by half", "the soil a bit", "to 20 percent".
+pub(super) fn fading(opening: &str, input: &mut Input<'_>) -> Outcome<Reading> {
+    let usual = match opening {
+        "fade out" => Becomes::Opacity { factor: 0.1, relative: false },
+        "ghost" => Becomes::Opacity { factor: 0.15, relative: false },
+        _ => Becomes::Opacity { factor: 0.5, relative: true },
+    };
+    let with_target = |input: &mut Input<'_>| {
+        let (target, becomes) = target_then(input, |rest, _| {
+            let away = opt(exactly("out | away | down | back | off")).parse_next(rest)?;
+            let usual = match away.map(|t| t.text.as_str()) {
+                Some("out" | "away" | "off") => Becomes::Opacity { factor: 0.1, relative: false },
+                _ => usual.clone(),
+            };
+            let by = opt(faded).parse_next(rest)?;
+            end(rest)?;
+            Ok(by.unwrap_or(usual))
+        })?;
+        reading(target, becomes)
+    };
+    let without = |input: &mut Input<'_>| {
+        let becomes = faded(input)?;
+        end(input)?;
+        reading(focus(), becomes)
+    };
+    alt((with_target, without)).parse_next(input)
+}
+
+fn faded(input: &mut Input<'_>) -> Outcome<Becomes> {
+    let to = |input: &mut Input<'_>| {
+        one_of("to | down to | until | at").parse_next(input)?;
+        article(input)?;
+        let value = amount(input)?;
+        let opaque = opt(adjective).parse_next(input)?;
+        if opaque == Some(false) { through(value) } else { absolute(value) }
+    };
+    let by = |input: &mut Input<'_>| Ok(Becomes::Opacity { factor: factor_by(false, input)?, relative: true });
+    let words = alt((
+        one_of(super::SLIGHTLY).map(|_| Becomes::Opacity { factor: 0.75, relative: true }),
+        one_of(super::MUCH).map(|_| Becomes::Opacity { factor: 0.25, relative: true }),
+        one_of("completely | fully | entirely | totally").map(|_| Becomes::Opacity { factor: 0.0, relative: false }),
+        one_of("halfway | half way | by half | half").map(|_| Becomes::Opacity { factor: 0.5, relative: true }),
+    ));
+    alt((to, by, words)).parse_next(input)
+}
+
+/// "the opacity of the sac by a third", "the sac's transparency to 80 %".
+pub(super) fn opacity_change(opening: &str, raised: bool, input: &mut Input<'_>) -> Outcome<Reading> {
+    let of = |input: &mut Input<'_>| {
+        article(input)?;
+        let property = property_name(input)?;
+        match opt(exactly("of | for | on")).parse_next(input)? {
+            Some(_) => {
+                let (target, becomes) = target_then(input, |rest, _| changed(opening, raised, property, rest))?;
+                reading(target, becomes)
+            }
+            None => {
+                let becomes = changed(opening, raised, property, input)?;
+                reading(focus(), becomes)
+            }
+        }
+    };
+    let after = |input: &mut Input<'_>| {
+        let (target, becomes) = target_then(input, |rest, _| {
+            skip("'s").parse_next(rest)?;
+            let property = property_name(rest)?;
+            changed(opening, raised, property, rest)
+        })?;
+        reading(target, becomes)
+    };
+    let whose = |input: &mut Input<'_>| {
+        exactly("its | their").parse_next(input)?;
+        let property = property_name(input)?;
+        let becomes = changed(opening, raised, property, input)?;
+        reading(focus(), becomes)
+    };
+    alt((of, whose, after)).parse_next(input)
+}
+
+fn changed(opening: &str, raised: bool, property: Property, input: &mut Input<'_>) -> Outcome<Becomes> {
+    if property == Property::Color {
+        return Err(EmptyError);
+    }
+    let opaque = property == Property::Opacity;
+    let to = opt((one_of("to | up to | down to"), amount)).parse_next(input)?;
+    if let Some((_, value)) = to {
+        let found = if opaque { absolute(value)? } else { through(value)? };
+        end(input)?;
+        return Ok(found);
+    }
+    // The transparency of a thing whose opacity may exceed 1 cannot be scaled; only its direction is clear.
+    let by = if opaque { opt(|i: &mut Input<'_>| factor_by(raised, i)).parse_next(input)? } else { None };
+    let degree = degree(input)?;
+    end(input)?;
+    let more = raised == opaque;
+    let usual = match opening {
+        "double" | "triple" | "halve" if !opaque => return Err(EmptyError),
+        "double" => 2.0,
+        "triple" => 3.0,
+        "halve" => 0.5,
+        _ if more => degree.pick(4.0 / 3.0, 2.0, 4.0),
+        _ => degree.pick(0.75, 0.5, 0.25),
+    };
+    Ok(Becomes::Opacity { factor: by.unwrap_or(usual), relative: true })
+}

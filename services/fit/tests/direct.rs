@@ -1,0 +1,236 @@
+//! What a direct start promises: a budget, one scene for a seed, matter and colours of the volume, answers for odd volumes.
+
+use std::collections::HashSet;
+
+use glam::{DMat3, DVec3, Vec3};
+use sg_fit::{DirectError, DirectStart, Options, direct_start};
+use sg_scene::model::Convention;
+use sg_volume::phantom::{self, VesselTree};
+use sg_volume::transfer::{BaseUnitRange, ControlPoint, Scale, Units};
+use sg_volume::{Field, Grid, TransferFunction, Volume};
+
+fn function(points: &[(f64, [f32; 3], f32)], units: &[(&str, f64, f64)]) -> TransferFunction {
+    TransferFunction {
+        domain: [0.0, 255.0],
+        units: Units::Raw,
+        scale: Scale::Linear,
+        variable: None,
+        points: points.iter().map(|&(value, color, opacity)| ControlPoint { value, color, opacity }).collect(),
+        base_units: units.iter().map(|&(n, a, b)| BaseUnitRange { name: n.into(), range: [a, b] }).collect(),
+    }
+}
+
+fn field(grid: Grid, f: impl Fn(DVec3) -> f32) -> Field {
+    let values: Vec<f32> = (0..grid.len()).map(|i| f(grid.voxel(i).as_dvec3())).collect();
+    Volume::new(grid, values.into(), None).unwrap().to_field()
+}
+
+fn start(field: &Field, function: &TransferFunction, gaussians: usize) -> Result<DirectStart, DirectError> {
+    direct_start(field, function, &Options { gaussians, ..Options::default() }, |_| {})
+}
+
+/// A ball of value 200 and radius 8 in 24³ voxels of value 0, one voxel of ramp.
+fn ball(grid: Grid) -> Field {
+    field(grid, |p| 200.0 * (8.5 - (p - 11.5).length()).clamp(0.0, 1.0) as f32)
+}
+
+fn ball_function() -> TransferFunction {
+    function(&[(20.0, [1.0, 0.5, 0.2], 0.0), (150.0, [1.0, 0.5, 0.2], 0.8)], &[])
+}
+
+#[test]
+fn one_seed_gives_one_scene_on_any_number_of_threads() {
+    let volume = VesselTree::new().rasterize(48, 3).unwrap().volume().unwrap().to_field();
+    let f = phantom::transfer_function();
+    let with = |threads: usize, seed: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let options = Options { gaussians: 3000, seed, ..Options::default() };
+        pool.install(|| direct_start(&volume, &f, &options, |_| {}).unwrap().scene)
+    };
+    let a = with(1, 7);
+    assert_eq!(a, with(3, 7));
+    assert_ne!(a.units[0].gaussians.position, with(2, 8).units[0].gaussians.position);
+}
+
+#[test]
+fn a_ball_becomes_a_skin_that_faces_outwards() {
+    let s = start(&ball(Grid::unit([24; 3]).unwrap()), &ball_function(), 2000).unwrap();
+    let [unit] = s.scene.units.as_slice() else { panic!("one unit") };
+    let g = &unit.gaussians;
+    let shading = g.shading.as_ref().unwrap();
+    g.check_lengths().unwrap();
+    assert!(g.len() <= 2000 && g.len() > 1950, "{}", g.len());
+    assert_eq!((unit.convention, unit.oriented_normals), (Convention::Ours, true));
+    assert_eq!(unit.name, "volume");
+    assert!((unit.palette - Vec3::new(1.0, 0.5, 0.2)).length() < 1e-5);
+    let bounds = s.scene.bounds;
+    assert_eq!((bounds.min, bounds.max), (DVec3::splat(-0.5), DVec3::splat(23.5)));
+    let (mut radial, mut agreeing, mut flat) = (0.0, 0, 0.0);
+    for i in 0..g.len() {
+        let out = (g.position[i] - 11.5).normalize();
+        radial += (g.position[i] - 11.5).length();
+        agreeing += usize::from(shading.normal[i].dot(out) > 0.9);
+        let scale = g.scale(i);
+        flat += scale.z / scale.y;
+        // The shortest axis is the last one; it stands on the surface.
+        let axis = g.unit_rotation(i).as_quat() * Vec3::Z;
+        agreeing += usize::from(axis.dot(out) > 0.8);
+        assert!(scale.x >= scale.y && scale.y >= scale.z && scale.z > 0.0);
+        assert!((0.0..1.0).contains(&g.opacity(i)));
+        assert!(shading.offset_color[i].length() < 1e-5);
+        assert!((shading.normal[i].length() - 1.0).abs() < 1e-4);
+    }
+    let n = g.len() as f32;
+    assert!((6.5..8.5).contains(&(radial / n)), "mean radius {}", radial / n);
+    assert!(agreeing as f32 > 1.9 * n, "{agreeing} of {}", 2.0 * n);
+    assert!((0.3..0.75).contains(&(flat / n)), "{}", flat / n);
+    assert!(s.report.importance_captured > 0.7, "{}", s.report.importance_captured);
+}
+
+#[test]
+fn coverage_is_even_where_the_volume_is() {
+    // A homogeneous haze: distances to the nearest neighbour hardly vary, unlike those of random points (σ/μ = 0.36).
+    let haze = field(Grid::unit([20; 3]).unwrap(), |_| 100.0);
+    let s = start(&haze, &function(&[(100.0, [0.5; 3], 0.02)], &[]), 800).unwrap();
+    let p = &s.scene.units[0].gaussians.position;
+    let nearest: Vec<f32> = p
+        .iter()
+        .enumerate()
+        .map(|(i, a)| {
+            let others = p.iter().enumerate().filter(|(j, _)| *j != i);
+            others.map(|(_, b)| a.distance(*b)).fold(f32::INFINITY, f32::min)
+        })
+        .collect();
+    let mean = nearest.iter().sum::<f32>() / nearest.len() as f32;
+    let spread = (nearest.iter().map(|d| (d - mean).powi(2)).sum::<f32>() / nearest.len() as f32).sqrt() / mean;
+    assert!(spread < 0.2, "{spread}");
+    assert!(s.report.units[0].mean_surfaceness < 0.01);
+    let shading = s.scene.units[0].gaussians.shading.as_ref().unwrap();
+    assert!(shading.ambient.iter().all(|&ka| ka > 0.99), "without a surface the light falls from everywhere");
+}
+
+#[test]
+fn the_optical_depth_of_a_haze_is_kept() {
+    let haze = field(Grid::unit([24; 3]).unwrap(), |_| 100.0);
+    let f = function(&[(100.0, [0.5; 3], 0.01)], &[]);
+    let s = start(&haze, &f, 1500).unwrap();
+    let g = &s.scene.units[0].gaussians;
+    // Small opacities: a Gaussian's matter is 2π·s₁·s₂·o; the volume's is extinction · volume.
+    let matter: f64 = (0..g.len())
+        .map(|i| {
+            let scale = g.scale(i).as_dvec3();
+            std::f64::consts::TAU * scale.x * scale.y * f64::from(g.opacity(i))
+        })
+        .sum();
+    let want = -(-0.01_f64).ln_1p() / haze.grid().reference_length() * 24.0_f64.powi(3);
+    assert!((matter / want - 1.0).abs() < 0.02, "{matter} {want}");
+}
+
+#[test]
+fn units_follow_the_ranges_and_keep_their_colours() {
+    let volume = field(Grid::unit([24; 3]).unwrap(), |p| if p.x < 12.0 { 50.0 } else { 150.0 });
+    let f = function(
+        &[(99.0, [0.1, 0.6, 0.2], 0.3), (101.0, [0.7, 0.2, 0.1], 0.6)],
+        &[("green", 0.0, 100.0), ("nowhere", 200.0, 255.0), ("red", 100.0, 200.0)],
+    );
+    let s = start(&volume, &f, 1000).unwrap();
+    let names: Vec<&str> = s.scene.units.iter().map(|u| u.name.as_str()).collect();
+    assert_eq!(names, ["green", "nowhere", "red"]);
+    assert_eq!(s.scene.units[1].gaussians.len(), 0);
+    assert!((s.scene.units[0].palette - Vec3::new(0.1, 0.6, 0.2)).length() < 1e-5);
+    assert!((s.scene.units[2].palette - Vec3::new(0.7, 0.2, 0.1)).length() < 1e-5);
+    // A cell's centroid lies among its own unit's voxels.
+    assert!(s.scene.units[0].gaussians.position.iter().all(|p| p.x < 12.0));
+    assert!(s.scene.units[2].gaussians.position.iter().all(|p| p.x > 11.0));
+    assert!(s.scene.units[0].gaussians.len() > 100 && s.scene.units[2].gaussians.len() > 100);
+    assert_eq!(s.report.voxels_outside_base_units, 0);
+}
+
+#[test]
+fn values_between_the_ranges_go_to_the_nearest_unit_and_are_counted() {
+    let volume = field(Grid::unit([8; 3]).unwrap(), |p| if p.x < 4.0 { 50.0 } else { 90.0 });
+    let f = function(&[(0.0, [0.5; 3], 0.3)], &[("a", 40.0, 60.0), ("b", 120.0, 200.0)]);
+    let s = start(&volume, &f, 100).unwrap();
+    assert_eq!(s.report.voxels_outside_base_units, 256);
+    assert!(s.scene.units[1].gaussians.position.iter().all(|p| p.x > 3.4));
+    assert!(!s.scene.units[1].gaussians.is_empty());
+}
+
+#[test]
+fn odd_volumes_are_answered() {
+    let opaque = function(&[(0.0, [0.5; 3], 0.9)], &[]);
+    // One voxel; one voxel thick; more Gaussians than voxels; a constant volume.
+    for dims in [[1, 1, 1], [16, 16, 1], [1, 9, 1], [5, 5, 5]] {
+        let volume = field(Grid::unit(dims).unwrap(), |_| 80.0);
+        let s = start(&volume, &opaque, 4000).unwrap();
+        let g = &s.scene.units[0].gaussians;
+        assert!(g.len() > 2000 && g.len() <= 4000, "{dims:?}: {}", g.len());
+        let bounds = s.scene.bounds;
+        for (p, l) in g.position.iter().zip(&g.log_scale) {
+            let p = p.as_dvec3();
+            assert!(p.cmpge(bounds.min).all() && p.cmple(bounds.max).all(), "{dims:?}: {p}");
+            assert!(l.is_finite());
+        }
+        let places: HashSet<[u32; 3]> = g.position.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
+        assert_eq!(places.len(), g.len(), "no two in one place");
+    }
+    // One Gaussian.
+    let volume = ball(Grid::unit([24; 3]).unwrap());
+    let s = start(&volume, &ball_function(), 1).unwrap();
+    assert_eq!(s.scene.len(), 1);
+    assert!((s.scene.units[0].gaussians.position[0] - 11.5).length() < 1.0);
+}
+
+#[test]
+fn nan_is_transparent_and_counted() {
+    let volume = field(Grid::unit([8; 3]).unwrap(), |p| if p.x < 4.0 { f32::NAN } else { 100.0 });
+    let s = start(&volume, &function(&[(0.0, [0.5; 3], 0.5)], &[]), 500).unwrap();
+    assert_eq!((s.report.non_finite_voxels, s.report.visible_voxels), (256, 256));
+    assert!(s.scene.units[0].gaussians.position.iter().all(|p| p.is_finite() && p.x > 3.4));
+    let nothing = field(Grid::unit([4; 3]).unwrap(), |_| f32::NAN);
+    let error = start(&nothing, &function(&[(0.0, [0.5; 3], 0.5)], &[]), 10).unwrap_err();
+    assert!(matches!(error, DirectError::NothingVisible { voxels: 64, non_finite: 64, .. }), "{error}");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let volume = ball(Grid::unit([24; 3]).unwrap());
+    let clear = function(&[(0.0, [0.5; 3], 0.0)], &[]);
+    let message = start(&volume, &clear, 10).unwrap_err().to_string();
+    assert!(message.contains("nothing is visible") && message.contains("0 to 200"), "{message}");
+    assert_eq!(start(&volume, &ball_function(), 0), Err(DirectError::Budget(0)));
+    let thick = Options { flattening: 0.0, ..Options::default() };
+    assert_eq!(direct_start(&volume, &ball_function(), &thick, |_| {}), Err(DirectError::Flattening(0.0)));
+    let mut many = ball_function();
+    many.base_units = (0..256).map(|i| BaseUnitRange { name: i.to_string(), range: [0.0, 255.0] }).collect();
+    assert_eq!(start(&volume, &many, 10), Err(DirectError::TooManyUnits(256)));
+}
+
+#[test]
+fn physical_space_is_kept_far_from_the_origin_too() {
+    // Rotated, mirrored, anisotropic, and 1e7 away: the same ball, where it is.
+    let direction = DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_X, DVec3::NEG_Z);
+    let origin = DVec3::new(1e7, -2e7, 3e6);
+    let spacing = DVec3::new(0.01, 0.02, 0.03);
+    let grid = Grid::new([24; 3], spacing, origin, direction).unwrap();
+    let s = start(&ball(grid.clone()), &ball_function(), 1500).unwrap();
+    let near =
+        start(&ball(Grid::new([24; 3], spacing, DVec3::ZERO, direction).unwrap()), &ball_function(), 1500).unwrap();
+    let middle = grid.to_world(DVec3::splat(11.5));
+    for i in 0..s.scene.len() {
+        let r = (grid.to_voxel(s.scene.position(i).unwrap()) - 11.5).length();
+        assert!(r < 9.0, "{i}: {r} voxels from the middle at {middle}");
+        // What f32 positions at 1e7 would do: whole metres of rounding against a ball of 0.3.
+        let difference = s.scene.position(i).unwrap() - origin - near.scene.position(i).unwrap();
+        assert!(difference.length() < 1e-5, "{difference}");
+    }
+    assert!(grid.bounds().min.abs_diff_eq(s.scene.bounds.min, 1e-9));
+}
+
+#[test]
+fn progress_is_told_in_order() {
+    let mut seen = Vec::new();
+    direct_start(&ball(Grid::unit([24; 3]).unwrap()), &ball_function(), &Options::default(), |p| seen.push(p)).unwrap();
+    assert_eq!(seen.len(), seen[0].of);
+    assert!(seen.iter().enumerate().all(|(i, p)| p.done == i && p.of == seen.len()));
+}

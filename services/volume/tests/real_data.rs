@@ -1,0 +1,84 @@
+//! Readers and automatic transfer functions on measured volumes, found by `SUPERGAUSSIAN_DATA`.
+#![allow(clippy::print_stderr, reason = "a skipped test says so")]
+
+use std::path::PathBuf;
+
+use sg_volume::{Volume, automatic, read_volume, write_raw};
+
+/// A file below the data folder, or nothing, loudly.
+fn data(relative: &str) -> Option<PathBuf> {
+    let Some(root) = std::env::var_os("SUPERGAUSSIAN_DATA") else {
+        assert!(
+            std::env::var_os("SUPERGAUSSIAN_REQUIRE_DATA").is_none_or(|v| v != "1"),
+            "SUPERGAUSSIAN_DATA must name the data folder"
+        );
+        eprintln!("SKIPPED: {relative}: set SUPERGAUSSIAN_DATA to the data folder");
+        return None;
+    };
+    Some(PathBuf::from(root).join(relative))
+}
+
+/// BLAKE3 of the values as little-endian bytes.
+fn hash(volume: &Volume) -> String {
+    let mut hasher = blake3::Hasher::new();
+    write_raw(volume.scalars(), &mut hasher).unwrap();
+    hasher.finalize().to_hex()[..16].to_owned()
+}
+
+#[test]
+fn raw_volumes_have_their_size_range_and_bytes() {
+    let cases: [(&str, [usize; 3], (f64, f64), &str); 8] = [
+        ("volumes/bonsai_256x256x256_uint8.raw.zst", [256, 256, 256], (0.0, 255.0), "?"),
+        ("volumes/aneurism_256x256x256_uint8.raw.zst", [256, 256, 256], (0.0, 255.0), "?"),
+        ("volumes/tooth_103x94x161_uint8.raw.zst", [103, 94, 161], (0.0, 255.0), "?"),
+        ("volumes/neghip_64x64x64_uint8.raw.zst", [64, 64, 64], (0.0, 255.0), "?"),
+        ("volumes/embryo_256x256x256_uint8.raw.zst", [256, 256, 256], (0.0, 197.0), "?"),
+        ("volumes/lobster_small_120x120x34_uint8.raw.zst", [120, 120, 34], (0.0, 255.0), "?"),
+        ("volumes/headsq_quarter_64x64x93_int16.raw.zst", [64, 64, 93], (0.0, 3926.0), "?"),
+        ("labels/frogtissue_labels_500x470x136_uint8.raw.zst", [500, 470, 136], (0.0, 29.0), "?"),
+    ];
+    for (name, dims, (low, high), digest) in cases {
+        let Some(path) = data(name) else { return };
+        let volume = read_volume(&path).unwrap();
+        let range = volume.scalars().range();
+        assert_eq!(volume.grid().dims(), dims, "{name}");
+        assert_eq!((range.low, range.high, range.non_finite), (low, high, 0), "{name}");
+        assert_eq!(hash(&volume), digest, "{name}");
+    }
+}
+
+#[test]
+fn containers_hold_the_same_values_as_the_raw_files() {
+    for (container, raw, variable) in [
+        ("containers/aneurism.vti", "volumes/aneurism_256x256x256_uint8.raw.zst", Some("ImageFile")),
+        ("containers/tooth.nrrd", "volumes/tooth_103x94x161_uint8.raw.zst", None),
+    ] {
+        let (Some(container), Some(raw)) = (data(container), data(raw)) else { return };
+        let (a, b) = (read_volume(&container).unwrap(), read_volume(&raw).unwrap());
+        assert_eq!(a.scalars(), b.scalars());
+        assert_eq!(a.grid(), b.grid());
+        assert_eq!(a.variable(), variable);
+    }
+}
+
+#[test]
+fn automatic_functions_find_the_materials_that_are_there() {
+    // Material count and a value that belongs to the densest one.
+    for (name, materials, dense) in [
+        ("volumes/bonsai_256x256x256_uint8.raw.zst", 3, 205.0),
+        ("volumes/aneurism_256x256x256_uint8.raw.zst", 1, 250.0),
+        ("volumes/tooth_103x94x161_uint8.raw.zst", 3, 235.0),
+        ("volumes/lobster_small_120x120x34_uint8.raw.zst", 1, 200.0),
+    ] {
+        let Some(path) = data(name) else { return };
+        let field = read_volume(&path).unwrap().to_field();
+        let function = automatic(&field, None).unwrap();
+        function.check().unwrap();
+        assert_eq!(function.base_units.len(), materials, "{name}: {function:?}");
+        let classifier = function.classifier(field.range()).unwrap();
+        assert_eq!(classifier.unit(dense).unit, materials - 1, "{name}");
+        assert!(classifier.opacity(dense) >= 0.5, "{name}");
+        // The corner of the volume is empty.
+        assert_eq!(classifier.opacity(field.raw(0)), 0.0, "{name}");
+    }
+}

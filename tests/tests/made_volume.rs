@@ -1,0 +1,109 @@
+//! Brushing the sac of the made vessel tree: the walk finds the sac whatever the hand does exactly.
+
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use sg_fit::direct::{Options, direct_start};
+use sg_scene::model::Scene;
+use sg_selection::cluster_graph::{ClusterGraph, GraphForm};
+use sg_selection::clustering::{ClusteringOptions, cluster};
+use sg_selection::geometry::{Geometry, GeometryOptions};
+use sg_selection::metrics::Agreement;
+use sg_selection::progress::Silent;
+use sg_selection::session::SelectionSession;
+use sg_selection::space::{SelectionSpace, WalkOptions};
+use sg_selection::strokes::{Kind, Mode, Stroke};
+use sg_volume::phantom::{VesselTree, transfer_function};
+
+const SIZE: usize = 96;
+const GAUSSIANS: usize = 40_000;
+const STROKES: usize = 20;
+
+struct Made {
+    tree: VesselTree,
+    space: Arc<SelectionSpace>,
+    /// Whether each Gaussian belongs to the sac.
+    truth: Vec<bool>,
+}
+
+impl Made {
+    fn new() -> Self {
+        let tree = VesselTree::new();
+        let volume = tree.rasterize(SIZE, 1).unwrap().volume().unwrap();
+        let options = Options { gaussians: GAUSSIANS, seed: 1, ..Options::default() };
+        let scene = direct_start(&volume.field(), &transfer_function(), &options, |_| ()).unwrap().scene;
+        let truth = (0..scene.len()).map(|i| tree.on_sac_side(unit_cube(&scene, i))).collect();
+        let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
+        let (clustering, _) = cluster(&geometry, &ClusteringOptions::default(), &Silent).unwrap();
+        let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
+        let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default());
+        Self { tree, space: Arc::new(space), truth }
+    }
+
+    /// A short stroke through the sac, off its centre by up to a third of its radius.
+    fn sac_stroke(&self, hand: &mut ChaCha8Rng) -> Stroke {
+        let radius = self.tree.sac_radius();
+        let middle = self.tree.sac_center() + direction(hand) * radius * hand.random_range(0.0..0.33);
+        let reach = direction(hand) * radius * hand.random_range(0.4..0.7);
+        stroke(Kind::Foreground, radius * hand.random_range(0.5..0.8), &[middle - reach, middle + reach])
+    }
+
+    /// A stroke along the parent vessel, off its axis by up to half its radius.
+    fn parent_stroke(&self, hand: &mut ChaCha8Rng) -> Stroke {
+        let radius = self.tree.parent_radius();
+        let off = direction(hand) * radius * hand.random_range(0.0..0.5);
+        let axis: Vec<DVec3> = self.tree.parent_axis().iter().map(|p| *p + off).collect();
+        stroke(Kind::Background, radius * hand.random_range(0.8..1.1), &axis)
+    }
+
+    fn iou(&self, strokes: &[Stroke]) -> f64 {
+        let session = SelectionSession::of_strokes(&self.space, strokes).unwrap();
+        Agreement::of(self.truth.iter().enumerate().map(|(i, t)| (session.mask().get(i), *t))).iou()
+    }
+}
+
+fn unit_cube(scene: &Scene, i: usize) -> DVec3 {
+    scene.bounds.normalize(scene.position(i).unwrap())
+}
+
+fn direction(hand: &mut ChaCha8Rng) -> DVec3 {
+    loop {
+        let v = DVec3::from_array(std::array::from_fn(|_| hand.random_range(-1.0..1.0)));
+        if (0.1..1.0).contains(&v.length()) {
+            return v.normalize();
+        }
+    }
+}
+
+fn stroke(kind: Kind, radius: f64, points: &[DVec3]) -> Stroke {
+    Stroke { mode: Mode::Walk, kind, radius, points: points.iter().map(DVec3::to_array).collect() }
+}
+
+fn spread(mut values: Vec<f64>) -> (f64, f64, f64) {
+    values.sort_unstable_by(f64::total_cmp);
+    (values[0], 0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2]), values[values.len() - 1])
+}
+
+#[test]
+fn the_sac_is_selected_from_both_strokes_and_from_the_green_one_alone() {
+    let made = Made::new();
+    let mut hand = ChaCha8Rng::seed_from_u64(7);
+    let (mut both, mut green) = (Vec::new(), Vec::new());
+    for _ in 0..STROKES {
+        let sac = made.sac_stroke(&mut hand);
+        let parent = made.parent_stroke(&mut hand);
+        green.push(made.iou(std::slice::from_ref(&sac)));
+        both.push(made.iou(&[sac, parent]));
+    }
+    let sac = made.truth.iter().filter(|t| **t).count();
+    println!("{} Gaussians, {sac} in the sac, {} clusters", made.truth.len(), made.space.clusters());
+    for (name, values) in [("green and red", both), ("green alone", green)] {
+        let (least, median, greatest) = spread(values);
+        println!("{name}: IoU with the sac over {STROKES} strokes: least {least:.3}, median {median:.3}, greatest {greatest:.3}");
+        assert!(median >= 0.9, "{name}: median {median}");
+    }
+}
