@@ -245,6 +245,11 @@ pub fn from_phrase(phrase: &str) -> Option<Color> {
     from_words(&words).filter(|(_, length)| *length == words.len()).map(|(color, _)| color)
 }
 
+/// Whether a word before a colour is said for emphasis only.
+pub(crate) fn is_emphasis(word: &str) -> bool {
+    MODIFIERS.iter().any(|(w, shift)| *w == word && matches!(shift, Shift::Same))
+}
+
 /// Whether a word is a colour, or only ever said of one.
 pub(crate) fn is_word(word: &str) -> bool {
     named(&[word]).is_some() || MODIFIERS.iter().any(|(w, _)| *w == word) || LEANINGS.iter().any(|(w, _)| *w == word)

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use rust_stemmers::{Algorithm, Stemmer};
 use winnow::Parser;
 use winnow::ascii::{digit0, digit1, multispace0};
-use winnow::combinator::{alt, opt, preceded, repeat, terminated};
+use winnow::combinator::{alt, opt, terminated};
 use winnow::error::EmptyError;
 use winnow::stream::{LocatingSlice, Stream as _};
 use winnow::token::{any, one_of, take_while};
@@ -104,17 +104,15 @@ type Outcome<O> = Result<O, EmptyError>;
 
 /// Splits a text into tokens. Every text has tokens; none is an error.
 pub(crate) fn tokens(source: &str) -> Vec<Token> {
-    let input = LocatingSlice::new(source);
-    let spanned = terminated(token.with_span(), multispace0);
-    let all: Result<Vec<_>, _> = preceded(multispace0, repeat(0.., spanned)).parse(input);
-    let mut tokens: Vec<Token> = all
-        .unwrap_or_default()
-        .into_iter()
-        .map(|((kind, text), span): ((Kind, String), std::ops::Range<usize>)| {
-            let lemma = if kind == Kind::Word { lemma(&text) } else { text.clone() };
-            Token { kind, text, lemma, start: span.start, end: span.end }
-        })
-        .collect();
+    let mut input = LocatingSlice::new(source);
+    let mut tokens: Vec<Token> = Vec::new();
+    loop {
+        let spaces: Outcome<&str> = multispace0.parse_next(&mut input);
+        let before = tokens.last().filter(|_| spaces.is_ok_and(str::is_empty));
+        let Ok(((kind, text), span)) = token(&mut input, before) else { break };
+        let lemma = if kind == Kind::Word { lemma(&text) } else { text.clone() };
+        tokens.push(Token { kind, text, lemma, start: span.start, end: span.end });
+    }
     drop_joints(&mut tokens);
     tokens
 }
@@ -137,8 +135,21 @@ fn drop_joints(tokens: &mut Vec<Token>) {
     tokens.retain(|_| !joins.next().unwrap_or(false));
 }
 
-fn token(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
-    alt((literal_color, quoted, number, word, any.map(|c: char| (Kind::Mark(c), c.to_string())))).parse_next(input)
+/// A token; `before` is the one that ends right where this begins.
+fn token(input: &mut Input<'_>, before: Option<&Token>) -> Outcome<((Kind, String), std::ops::Range<usize>)> {
+    // An apostrophe right behind a word belongs to it and opens no quotation.
+    let behind_word = before.is_some_and(|t| t.kind == Kind::Word);
+    let plural = before.is_some_and(|t| t.text.ends_with('s'));
+    let apostrophe = |input: &mut Input<'_>| {
+        if !behind_word {
+            return Err(EmptyError);
+        }
+        alt((possessive, |i: &mut Input<'_>| if plural { plural_possessive(i) } else { Err(EmptyError) }))
+            .parse_next(input)
+    };
+    let quotation = |input: &mut Input<'_>| if behind_word { Err(EmptyError) } else { quoted(input) };
+    let mark = any.map(|c: char| (Kind::Mark(c), c.to_string()));
+    alt((literal_color, apostrophe, quotation, number, plain_word, mark)).with_span().parse_next(input)
 }
 
 fn literal_color(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
@@ -192,13 +203,15 @@ fn is_apostrophe(c: char) -> bool {
     c == '\'' || c == '\u{2019}'
 }
 
-fn word(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
-    alt((possessive, plain_word)).parse_next(input)
-}
-
-/// `'s` after a word, and the bare apostrophe after a plural.
+/// `'s` after a word.
 fn possessive(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
     (one_of(is_apostrophe), one_of(['s', 'S']), word_end).parse_next(input)?;
+    Ok((Kind::Word, "'s".to_owned()))
+}
+
+/// The bare apostrophe after a plural.
+fn plural_possessive(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
+    (one_of(is_apostrophe), word_end).parse_next(input)?;
     Ok((Kind::Word, "'s".to_owned()))
 }
 
@@ -254,7 +267,11 @@ mod tests {
         assert_eq!(all[4].kind, Kind::Color([0.0, 128.0 / 255.0, 1.0]));
         let all = tokens("label it 'Left Root' now");
         assert_eq!((all[2].kind.clone(), all[2].text.as_str()), (Kind::Quoted, "Left Root"));
-        assert_eq!(tokens("the vessels' colour").len(), 4, "a lone apostrophe is a mark, not the start of a quotation");
+        assert_eq!(
+            texts("the vessels' hue and the pots' hue"),
+            ["the", "vessels", "'s", "hue", "and", "the", "pots", "'s", "hue"]
+        );
+        assert_eq!(texts("call it 'left roots'"), ["call", "it", "left roots"]);
     }
 
     #[test]

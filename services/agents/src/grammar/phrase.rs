@@ -124,6 +124,9 @@ pub(super) const CLOSERS: &str = "please | now | right now | thanks | thank you 
  in the picture | in the image | in the scene | in this scene | in the view | on the screen | \
  if you can | if possible | at once | first | will you | would you | okay | ok";
 
+/// Words that take something out of what was said before them.
+pub(super) const EXCEPTING: &str = "except | except for | apart from | other than | besides | excluding";
+
 /// Words that stand between clauses.
 pub(super) const JOINTS: &str = "and | then | but | plus | also | after that | afterwards | followed by";
 
@@ -139,7 +142,11 @@ pub(super) fn is_break(token: &Token) -> bool {
 pub(super) fn end(input: &mut Input<'_>) -> Outcome<()> {
     let _: Vec<usize> = repeat(0.., one_of(CLOSERS)).parse_next(input)?;
     let tokens = remaining(input);
-    let ends = tokens.first().is_none_or(|t| is_break(t)) || items(JOINTS).any(|j| phrase_length(tokens, j).is_some());
+    // What comes after "except" is looked at by whoever knows what it is excepted from.
+    let excepted = items(EXCEPTING).any(|e| phrase_length(tokens, e).is_some());
+    let ends = excepted
+        || tokens.first().is_none_or(|t| is_break(t))
+        || items(JOINTS).any(|j| phrase_length(tokens, j).is_some());
     if ends { Ok(()) } else { Err(EmptyError) }
 }
 
@@ -296,7 +303,8 @@ pub(super) fn color(input: &mut Input<'_>) -> Outcome<(Color, String)> {
             color::from_words(&words).ok_or(EmptyError)?
         }
     };
-    let said = slice(input.state.source, tokens.get(..length).unwrap_or_default());
+    let emphasis = tokens.iter().take(length.saturating_sub(1)).take_while(|t| color::is_emphasis(&t.text)).count();
+    let said = slice(input.state.source, tokens.get(emphasis..length).unwrap_or_default());
     advance(input, length);
     Ok((color, said))
 }

@@ -1,13 +1,15 @@
 //! A whole utterance: clause after clause, verbs and objects carried over, what cannot be read set aside.
 
-use sg_proto::language::{Act, Clause, Reference};
+use sg_proto::language::{Act, Clause};
 use winnow::Parser;
 use winnow::combinator::{alt, repeat};
-use winnow::error::EmptyError;
 
 use super::forms::{self, Property, Reading};
-use super::phrase::{CLOSERS, Input, JOINTS, Outcome, advance, end, is_break, one_of, peek_at, remaining, slice};
+use super::phrase::{
+    CLOSERS, EXCEPTING, Input, JOINTS, Outcome, advance, end, is_break, one_of, peek_at, remaining, slice,
+};
 use super::table::{Form, TABLE};
+use super::target::target_alone;
 use crate::words::{self, Token};
 
 /// Most clauses of one utterance.
@@ -84,7 +86,7 @@ impl Beginnings {
 #[derive(Debug, Clone)]
 struct Carried<'b> {
     opening: &'b Opening,
-    target: Option<Reference>,
+    clause: Clause,
     property: Option<Property>,
 }
 
@@ -120,8 +122,11 @@ pub(super) fn read(beginnings: &Beginnings, mut input: Input<'_>) -> Sentence {
                 let end = all.len() - remaining(&input).len();
                 let words = slice(source, all.get(at..end).unwrap_or_default());
                 sentence.unknown += reading.unknown;
-                let target = reading.clauses.first().and_then(|c| c.target.clone());
-                carried = Some(Carried { opening, target, property: reading.property });
+                carried = reading.clauses.last().map(|clause| Carried {
+                    opening,
+                    clause: clause.clone(),
+                    property: reading.property,
+                });
                 sentence.clauses.extend(reading.clauses.into_iter().map(|c| Clause { words: words.clone(), ..c }));
             }
             unread => {
@@ -267,7 +272,7 @@ fn full_clause<'b, 't>(beginnings: &'b Beginnings, input: &Input<'t>) -> Option<
         // Without a verb only what is surely there makes a sentence.
         let fits = reading.clauses.iter().all(|c| c.act() == opening.act)
             && !(opening.words.is_empty() && reading.unknown > 0)
-            && end(&mut { at }).is_ok()
+            && ends_here(&at)
             && remaining(&at).len() < tokens.len();
         if !fits {
             continue;
@@ -280,7 +285,14 @@ fn full_clause<'b, 't>(beginnings: &'b Beginnings, input: &Input<'t>) -> Option<
     best.map(|(_, found)| found)
 }
 
-/// A clause that leaves out its verb, its object, or both: "and the pot brown", "and transparent", "and the vessel to 0.5".
+/// Whether a clause is over here, with nothing taken out of it by what follows.
+fn ends_here(input: &Input<'_>) -> bool {
+    let excepted: Outcome<usize> = one_of(EXCEPTING).parse_next(&mut input.clone());
+    end(&mut input.clone()).is_ok() && excepted.is_err()
+}
+
+/// A clause that leaves out its verb, its object, or both: "and the pot brown", "and transparent", "and the vessel to 0.5",
+/// "and the trunk too".
 fn carried_clause<'t>(carried: &Carried<'_>, input: &Input<'t>) -> Option<(Reading, Input<'t>)> {
     let opening = carried.opening;
     let read = |form: Form, act: Act| {
@@ -288,23 +300,28 @@ fn carried_clause<'t>(carried: &Carried<'_>, input: &Input<'t>) -> Option<(Readi
         let reading = forms::read(form, act, opening.phrase, &mut at).ok()?;
         Some((reading, at))
     };
+    let continued = || {
+        let mut at = *input;
+        let reading = forms::continued(carried.clause.target.as_ref()?, &mut at).ok()?;
+        Some((reading, at))
+    };
+    let same_property = || {
+        let mut at = *input;
+        let reading = forms::same_property(carried.property?, &mut at).ok()?;
+        Some((reading, at))
+    };
+    let likewise = || {
+        let mut at = *input;
+        let target = target_alone(&mut at).ok().filter(|t| t.unknown == 0)?;
+        carried.clause.target.as_ref()?;
+        let clause = Clause { target: Some(target.reference), ..carried.clause.clone() };
+        Some((Reading { clauses: vec![clause], unknown: 0, property: carried.property }, at))
+    };
     match opening.form {
-        Form::Becoming => {
-            let full = read(Form::Becoming, opening.act);
-            full.or_else(|| {
-                let mut at = *input;
-                let before = carried.target.as_ref()?;
-                let reading: Result<Reading, EmptyError> = forms::continued(before, &mut at);
-                Some((reading.ok()?, at))
-            })
-        }
-        Form::Property => {
-            let mut at = *input;
-            let reading = forms::same_property(carried.property?, &mut at).ok()?;
-            Some((reading, at))
-        }
+        Form::Becoming => read(Form::Becoming, opening.act).or_else(continued).or_else(likewise),
+        Form::Property => same_property().or_else(likewise),
+        Form::Fading => read(Form::Fading, opening.act).filter(|(reading, _)| reading.unknown == 0).or_else(likewise),
         Form::Target
-        | Form::Fading
         | Form::Turn
         | Form::Selecting
         | Form::Unselecting

@@ -182,7 +182,7 @@ pub(super) const TABLE: &[Entry] = &[
         title: "show one thing alone",
         constructions: &[
             Construction {
-                openings: "show only | show just | show me only | show me just | only show | just show | \
+                openings: "show only | show just | see only | see just | show me only | show me just | only show | just show | \
                  only show me | just show me | show nothing but | show me nothing but | \
                  display only | only display | display just | isolate | solo | single out | \
                  let me see only | let me see just | keep only | only keep | leave only | only",
@@ -284,7 +284,7 @@ pub(super) const TABLE: &[Entry] = &[
                 form: Form::Side,
             },
             Construction {
-                openings: "look at | look closer at | take a look at | focus on | focus | centre on | \
+                openings: "look at | look closer at | zoom in closer on | zoom closer to | bring | take a look at | focus on | focus | centre on | \
                  center on | centre | center | frame | go to | fly to | move to | zoom to | \
                  zoom on | zoom onto | zoom in on | zoom in to | zoom into | fit | take me to | \
                  point the camera at | aim at | bring into view | show me where | home in on | \
@@ -384,7 +384,7 @@ pub(super) const TABLE: &[Entry] = &[
                 openings: "call | name | label | save | store | tag | keep | remember | make | create | add",
                 form: Form::Naming,
             },
-            Construction { openings: "this is | that is | these are | those are | that 's", form: Form::NameOnly },
+            Construction { openings: "this is | that is | these are | those are | that's", form: Form::NameOnly },
             Construction { openings: "update | overwrite | replace | redefine", form: Form::Updating },
         ],
         examples: &[
@@ -422,10 +422,10 @@ pub(super) const TABLE: &[Entry] = &[
              give me a list of the units | give me a list of units | give me a list of all units | \
              show me a list | show a list | show me a list of the units | show the list of units | \
              show me the list of units | guided list of units | list of units | what is there | \
-             what 's there | what is in there | what is here | what is in the scene | \
-             what 's in the scene | what is in this scene | what 's in this scene | \
-             what is in the picture | what can i see | what is visible | what 's visible | \
-             what is shown | what is hidden | what 's hidden | what units are there | \
+             what's there | what is in there | what is here | what is in the scene | \
+             what's in the scene | what is in this scene | what's in this scene | \
+             what is in the picture | what can i see | what is visible | what's visible | \
+             what is shown | what is hidden | what's hidden | what units are there | \
              what units exist | what units do you know | which units are there | which units exist | \
              what structures are there | which structures are there | what structures can i see | \
              which structures can i see | which structures do you know | \
@@ -445,9 +445,9 @@ pub(super) const TABLE: &[Entry] = &[
         act: Act::QuerySelection,
         title: "ask about the selection",
         constructions: &[Construction {
-            openings: "what is selected | what 's selected | what is currently selected | \
-             what is selected now | what is the selection | what 's the selection | \
-             what is the current selection | what is in the selection | what 's in the selection | \
+            openings: "what is selected | what's selected | what is currently selected | \
+             what is selected now | what is the selection | what's the selection | \
+             what is the current selection | what is in the selection | what's in the selection | \
              what have i selected | what did i select | what do i have selected | \
              what i have selected | what am i selecting | is anything selected | \
              is something selected | is there a selection | how many are selected | \
@@ -455,7 +455,7 @@ pub(super) const TABLE: &[Entry] = &[
              how big is the selection | how large is the selection | describe the selection | \
              tell me about the selection | which part is selected | which unit is selected | \
              which structure is selected | which units are selected | show me what is selected | \
-             what 's currently selected",
+             what's currently selected",
             form: Form::Nothing,
         }],
         examples: &["what is selected?", "how big is the selection?"],
@@ -465,16 +465,16 @@ pub(super) const TABLE: &[Entry] = &[
         title: "describe",
         constructions: &[
             Construction {
-                openings: "describe | what is | what 's | what are | tell me about | tell me more about | \
+                openings: "describe | what is | what's | what are | tell me about | tell me more about | \
                  tell me something about | explain | how big is | how big are | how large is | \
                  how large are | how small is | how many gaussians has | how many gaussians are in | \
                  how many gaussians does | how many points does | how transparent is | \
                  how transparent are | how opaque is | how opaque are | what colour is | \
                  what colour are | what color is | what color are | what colour has | \
                  which colour is | which color is | which colour has | what is the colour of | \
-                 what is the color of | what 's the colour of | what 's the color of | \
-                 what is the opacity of | what 's the opacity of | what is the size of | \
-                 what 's the size of | what are the properties of | how visible is | \
+                 what is the color of | what's the colour of | what's the color of | \
+                 what is the opacity of | what's the opacity of | what is the size of | \
+                 what's the size of | what are the properties of | how visible is | \
                  how much of the picture is | how much of the scene is | what about | info on | \
                  information about | details of | details about",
                 form: Form::Subject,

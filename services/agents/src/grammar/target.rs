@@ -12,7 +12,8 @@ use winnow::combinator::{alt, opt};
 use winnow::error::EmptyError;
 
 use super::phrase::{
-    Input, Outcome, advance, article, end, exactly, items as listed, one_of, peek_at, phrase, remaining, slice, word,
+    EXCEPTING, Input, Outcome, advance, article, end, exactly, items as listed, one_of, peek_at, phrase, remaining,
+    slice, word,
 };
 use crate::color;
 use crate::words::Kind;
@@ -99,6 +100,8 @@ pub(super) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
 }
 
 /// The first reading of a target whose continuation fits.
+///
+/// Everything may be said first and what is excepted from it last: "make everything transparent except the sac".
 pub(super) fn target_then<'t, O>(
     input: &mut Input<'t>,
     mut tail: impl FnMut(&mut Input<'t>, &Target) -> Outcome<O>,
@@ -106,11 +109,30 @@ pub(super) fn target_then<'t, O>(
     for (target, rest) in readings(input) {
         let mut at = rest;
         if let Ok(found) = tail(&mut at, &target) {
+            let target = if target.reference.everything { with_exceptions(target, &mut at) } else { target };
             *input = at;
             return Ok((target, found));
         }
     }
     Err(EmptyError)
+}
+
+/// Everything but what is named here, if something is.
+fn with_exceptions<'t>(everything: Target, input: &mut Input<'t>) -> Target {
+    let mut at = *input;
+    let excepting: Outcome<_> = alt((one_of(EXCEPTING), one_of("but"))).parse_next(&mut at);
+    let mut exceptions = Vec::new();
+    if excepting.is_ok() {
+        list(&at, &Target::default(), 1, &mut exceptions);
+    }
+    for (mut target, mut rest) in exceptions {
+        if end(&mut rest).is_ok() {
+            target.reference.complement = true;
+            *input = rest;
+            return target;
+        }
+    }
+    everything
 }
 
 /// A target and nothing after it.

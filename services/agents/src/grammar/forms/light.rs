@@ -3,7 +3,7 @@
 use sg_proto::language::Act;
 use sg_proto::scene::{LightMode, SetLight, Vector, View};
 use winnow::Parser;
-use winnow::combinator::{alt, opt, repeat};
+use winnow::combinator::{alt, opt, peek, repeat};
 use winnow::error::EmptyError;
 
 use super::{Degree, Reading, connector, degree, factor_by};
@@ -194,7 +194,11 @@ pub(super) fn property(input: &mut Input<'_>) -> Outcome<Reading> {
 pub(super) fn from(input: &mut Input<'_>) -> Outcome<Reading> {
     let place = |input: &mut Input<'_>| {
         skip("come | comes | coming | shine | is | so that it comes").parse_next(input)?;
-        one_of("from | to come from | on | at | to | towards").parse_next(input)?;
+        let placed = opt(one_of("from | to come from | on | at | to | towards")).parse_next(input)?;
+        let over = exactly("above | below | behind | overhead | over | under | underneath | beneath");
+        if placed.is_none() {
+            peek(over).parse_next(input)?;
+        }
         let change = source(input)?;
         end(input)?;
         Ok(change)

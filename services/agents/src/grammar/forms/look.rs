@@ -1,7 +1,7 @@
 //! Colour, visibility, named properties, background, parts of the shading.
 
 use sg_proto::language::{Act, Reference};
-use sg_proto::scene::ShadingTerm;
+use sg_proto::scene::{Color, ShadingTerm};
 use winnow::Parser;
 use winnow::combinator::{alt, opt};
 use winnow::error::EmptyError;
@@ -232,6 +232,17 @@ pub(super) fn alone(input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(Reading::of(Act::ShowOnly, target))
 }
 
+/// A colour, or no more than that it is dark or light.
+fn shade(input: &mut Input<'_>) -> Outcome<(Color, String)> {
+    let grey = |level: f32| crate::color::from_rgb([level; 3]);
+    alt((
+        color,
+        exactly("dark").map(|_| (grey(0.125), "dark grey".to_owned())),
+        exactly("light | bright").map(|_| (grey(0.875), "light grey".to_owned())),
+    ))
+    .parse_next(input)
+}
+
 /// "the background to dark grey", "white background", "a black backdrop".
 pub(super) fn background(input: &mut Input<'_>) -> Outcome<Reading> {
     fn place(input: &mut Input<'_>) -> Outcome<()> {
@@ -244,11 +255,11 @@ pub(super) fn background(input: &mut Input<'_>) -> Outcome<Reading> {
         connector(input)?;
         skip("into | in").parse_next(input)?;
         article(input)?;
-        color(input)
+        shade(input)
     };
     let after = |input: &mut Input<'_>| {
         article(input)?;
-        let found = color(input)?;
+        let found = shade(input)?;
         opt(exactly(COLOR)).parse_next(input)?;
         place(input)?;
         Ok(found)
@@ -260,7 +271,7 @@ pub(super) fn background(input: &mut Input<'_>) -> Outcome<Reading> {
         article(input)?;
         place(input)?;
         connector(input)?;
-        color(input)
+        shade(input)
     };
     let (color, name) = alt((before, after, of)).parse_next(input)?;
     opt(exactly(COLOR)).parse_next(input)?;

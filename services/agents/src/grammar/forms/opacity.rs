@@ -37,6 +37,7 @@ fn compared(input: &mut Input<'_>) -> Outcome<Becomes> {
     let degree = degree(input)?;
     let more = alt((
         (exactly("more | less"), adjective).map(|(word, opaque)| (word.text == "more") == opaque),
+        (exactly("more | less"), exactly("visible")).map(|(word, _)| word.text == "more"),
         exactly("fainter | dimmer").map(|_| false),
     ))
     .parse_next(input)?;

@@ -12,7 +12,6 @@ use crate::grammar::phrase::{
     Input, Outcome, advance, article, color, end, exactly, items, one_of, peek_at, plain_number, remaining, skip, slice,
 };
 use crate::grammar::target::{Target, target_alone, target_then};
-use crate::names;
 use crate::words::Kind;
 
 /// Ways to say "from the selection" and "to the selection" after their preposition.
@@ -55,10 +54,12 @@ pub(super) fn selecting(opening: &str, input: &mut Input<'_>) -> Outcome<Reading
 /// "the vessel" after "deselect", "the vessel from the selection" after "remove".
 pub(super) fn unselecting(opening: &str, input: &mut Input<'_>) -> Outcome<Reading> {
     let plain = matches!(opening, "deselect" | "unselect");
-    let (target, ()) = target_then(input, |rest, _| {
+    let (target, ()) = target_then(input, |rest, target| {
         let from = opt((one_of("from | out of | off"), one_of(THE_SELECTION))).parse_next(rest)?;
         end(rest)?;
-        if plain || from.is_some() { Ok(()) } else { Err(EmptyError) }
+        // To deselect everything is to select nothing.
+        let all = target.reference.everything && !target.reference.complement;
+        if (plain || from.is_some()) && !all { Ok(()) } else { Err(EmptyError) }
     })?;
     Ok(select(target, SetOperation::Remove))
 }
@@ -87,13 +88,13 @@ const MAX_NAME_WORDS: usize = 8;
 
 /// A name to give: in quotation marks, or the words up to the end of the clause, without their article.
 fn name(input: &mut Input<'_>) -> Outcome<String> {
+    article(input)?;
     if let Some(token) = peek_at(input, 0).filter(|t| t.kind == Kind::Quoted) {
         let name = token.text.clone();
         advance(input, 1);
         end(input)?;
         return checked(name);
     }
-    article(input)?;
     let tokens = remaining(input);
     for length in 1..=MAX_NAME_WORDS.min(tokens.len()) {
         let Some(words) = tokens.get(..length) else { break };
@@ -221,20 +222,16 @@ pub(super) fn updating(opening: &str, input: &mut Input<'_>) -> Outcome<Reading>
     Ok(Reading { unknown: target.unknown, ..label(&name) }.map(|c| c.set_operation(SetOperation::Replace)))
 }
 
-/// "the sac", "the unit sac". Deleting is said plainly or not at all: an unknown name must come near one that is there.
+/// "the sac", "the unit sac". What is deleted is never somebody's ("my files"), but a unit of the scene.
 pub(super) fn deleting(opening: &str, input: &mut Input<'_>) -> Outcome<Reading> {
+    let owned: Outcome<_> = exactly("my | our | your | his | her | their").parse_next(&mut input.clone());
     let mut at = *input;
     article(&mut at)?;
     let explicit = exactly(UNIT).parse_next(&mut at).is_ok();
-    if matches!(opening, "remove" | "drop" | "get rid of") && !explicit {
+    if owned.is_ok() || (matches!(opening, "remove" | "drop" | "get rid of") && !explicit) {
         return Err(EmptyError);
     }
     let target = target_alone(input)?;
-    let known: Vec<&str> = input.state.names.iter().map(|(name, _)| name.as_str()).collect();
-    let strange = |name: &String| matches!(names::find(name, &known), names::Found::None(near) if near.is_empty());
-    if !explicit && !known.is_empty() && target.reference.names.iter().any(strange) {
-        return Err(EmptyError);
-    }
     let mut references: Vec<Reference> = target
         .reference
         .names
