@@ -25,6 +25,7 @@ const WRONG_INPUT: u8 = 2;
 const DEFAULT_SIZE: u32 = 1024;
 
 /// What to draw, how, and where to.
+// One flat list: clap's derive takes an optional group of arguments for absent where it has another group within.
 #[derive(Debug, Args)]
 pub(crate) struct Picture {
     /// The scene: a Gaussian file or `scene.toml`.

@@ -1,5 +1,7 @@
 //! `supergaussian render` as a person types it.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,5 +1,7 @@
 //! The levels' promises on trained scenes. Found by `SUPERGAUSSIAN_DATA`.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and says what it measured")]
+
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};

@@ -1,5 +1,7 @@
 //! Pictures against closed forms, against a second implementation, and level against level.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and says what it measured")]
+
 mod closed_form;
 mod editing;
 mod hard_cases;
