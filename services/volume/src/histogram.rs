@@ -187,8 +187,8 @@ fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
         let mut next = vec![f64::NEG_INFINITY; n + 1];
         let mut choice = vec![0; n + 1];
         for b in 1..=n {
-            for a in 1..b {
-                let value = best[a] + gain(a, b);
+            for (a, before) in best.iter().enumerate().take(b).skip(1) {
+                let value = before + gain(a, b);
                 if value > next[b] {
                     (next[b], choice[b]) = (value, a);
                 }

@@ -230,7 +230,7 @@ fn every_broken_file_gets_one_clear_line() {
             b"NRRD0004\ntype: block\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\n".to_vec(),
             &["line 2", "block"],
         ),
-        ("rgb.nrrd", b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 1 1 2\nencoding: raw\n\n".to_vec(), &["4 axes"]),
+        ("rgb.nrrd", b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 2 2 2\nencoding: raw\n\n".to_vec(), &["4 axes"]),
         ("field.nrrd", b"NRRD0004\nnonsense\n\n".to_vec(), &["line 2", "nonsense"]),
         (
             "nan.nrrd",
@@ -253,14 +253,19 @@ fn every_broken_file_gets_one_clear_line() {
             &["blocks"],
         ),
     ];
+    let mut wrong = Vec::new();
     for (name, data, parts) in cases {
-        let path = put(d, name, &data);
-        let error = read_volume(&path).expect_err(name).to_string();
-        assert!(!error.contains('\n'), "{name}: {error}");
-        for part in parts.iter().chain(&["/"]) {
-            assert!(error.contains(part), "{name}: `{part}` is not in: {error}");
+        let error = match read_volume(&put(d, name, &data)) {
+            Ok(_) => "it was read".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        let missing: Vec<&str> =
+            parts.iter().copied().chain(name.split('.').next()).filter(|p| !error.contains(p)).collect();
+        if !missing.is_empty() || error.contains('\n') {
+            wrong.push(format!("{name}: {missing:?} missing in: {error}"));
         }
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(matches!(read_volume(&d.join("absent_1x1x1_uint8.raw")), Err(ReadError::Io { .. })));
     assert!(matches!(read_volume(&d.join(".")), Err(ReadError::Format { .. })));
     std::fs::create_dir(d.join("folder_1x1x1_uint8.raw")).unwrap();

@@ -30,7 +30,7 @@ pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
     let (data_source, mut reader, length, start) = match &header.data_file {
         None => (source, reader, length, after_header),
         Some(name) => {
-            data_path = source.path.parent().map(|p| p.join(name)).unwrap_or_else(|| name.into());
+            data_path = source.path.parent().map_or_else(|| name.into(), |p| p.join(name));
             let data_source = Source { path: &data_path, limits: source.limits };
             let (file, length) = data_source.open()?;
             (data_source, BufReader::with_capacity(1 << 18, file), length, 0)
