@@ -1,5 +1,7 @@
 //! The project file under `kill -9`: whatever was acknowledged is there.
 
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+
 mod support;
 
 use std::io::{BufRead, BufReader, Write};

@@ -1,5 +1,7 @@
 //! The process that owns a session's scene, on a real bus.
 
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+
 mod support;
 
 use std::collections::BTreeMap;
@@ -18,6 +20,7 @@ use sg_proto::scene::{
 use sg_runtime::bus::{Bus, endpoint_of};
 use sg_runtime::context::Context;
 use sg_scene::edit::{EditState, Replica};
+use sg_scene::project::Project;
 use tokio::sync::Mutex;
 
 struct Stack {
@@ -148,7 +151,7 @@ async fn burst(bus: Bus, worker: u32, done: Arc<AtomicBool>, results: Arc<Mutex<
     let mut n = 0_u32;
     while !done.load(Ordering::Relaxed) {
         let id = format!("{worker}-{n}");
-        let command = if n % 3 == 0 {
+        let command = if n.is_multiple_of(3) {
             command(&id, Action::Select(Select { target: everything(), operation: 0 }))
         } else {
             background(&id, (n % 100) as f32 / 100.0)
@@ -238,6 +241,28 @@ async fn a_restarted_process_tells_its_last_event_again() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_process_told_to_stop_ends_with_0_and_frees_the_project() {
+    let mut stack = Stack::open(100).await;
+    let cli = stack.join(role::CLI).await;
+    let mut scene = stack.start();
+    cli.ask(&keys::SCENE_APPLY, &background("one", 0.5), &soon()).await.unwrap();
+    let told = Process::new("kill").args(["-TERM", &scene.0.id().to_string()]).status().unwrap();
+    assert!(told.success());
+    let limit = Instant::now() + Duration::from_secs(10);
+    let status = loop {
+        match scene.0.try_wait().unwrap() {
+            Some(status) => break status,
+            None => assert!(Instant::now() < limit, "still running"),
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    };
+    assert_eq!(status.code(), Some(0));
+    let loaded = sg_scene::load(&stack.path("spiral.ply"), &sg_scene::LoadOptions::default()).unwrap();
+    let project = Project::open(&stack.path("session.sgproj"), Arc::new(loaded.scene), "").unwrap();
+    assert_eq!(project.editor().state().revision(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn wrong_input_ends_with_one_line_and_status_2() {
     let stack = Stack::open(100).await;
     let scene = stack.path("spiral.ply").display().to_string();
@@ -245,7 +270,7 @@ async fn wrong_input_ends_with_one_line_and_status_2() {
     std::fs::write(stack.path("notes.sgproj"), "remember the milk\n".repeat(300)).unwrap();
     support::write_ply(&stack.path("other.ply"), 101);
     let other = sg_scene::load(&stack.path("other.ply"), &sg_scene::LoadOptions::default()).unwrap().scene;
-    sg_scene::project::Project::open(&stack.path("other.sgproj"), Arc::new(other), "").unwrap();
+    Project::open(&stack.path("other.sgproj"), Arc::new(other), "").unwrap();
     for (params, want) in [
         (r#"{"scene": "a.ply", "projct": "b"}"#.to_owned(), "unknown field `projct`"),
         ("{}".to_owned(), "missing field `scene`"),
@@ -260,4 +285,48 @@ async fn wrong_input_ends_with_one_line_and_status_2() {
     }
     assert_eq!(std::fs::read_to_string(stack.path("notes.sgproj")).unwrap(), "remember the milk\n".repeat(300));
     drop(stack.router);
+}
+
+/// How long a scene of 150,000 Gaussians takes from the start of its process to readiness, with a new project and with one
+/// of a thousand commands: `cargo test --release -p sg-scene --test serve -- --ignored --nocapture start_up`.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "prints times"]
+async fn start_up_times() {
+    use std::io::Write as _;
+    const N: usize = 150_000;
+    let mut stack = Stack::open(1).await;
+    let scene = support::shaded_scene(N);
+    sg_scene::save(&stack.path("spiral.ply"), &scene, &sg_scene::SaveOptions::default()).unwrap();
+    let cli = stack.join(role::CLI).await;
+    let mut ready = cli.follow(&keys::READY, role::SCENE, 4).await.unwrap();
+    let mut told = Vec::new();
+    for life in ["new project", "same project, no commands", "same project, 1000 commands"] {
+        let begun = Instant::now();
+        let running = stack.start();
+        let (message, _) = tokio::time::timeout(Duration::from_secs(20), ready.next()).await.unwrap().unwrap();
+        told.push(format!(
+            "{life}: ready {} ms after its start, {} ms after spawn",
+            message.start_ms,
+            begun.elapsed().as_millis()
+        ));
+        assert!(message.start_ms < 5000, "{told:?}");
+        if told.len() == 2 {
+            let begun = Instant::now();
+            for n in 0..1000 {
+                let command = if n % 2 == 0 {
+                    command(&format!("c{n}"), Action::Select(Select { target: everything(), operation: 0 }))
+                } else {
+                    command(&format!("c{n}"), Action::Select(Select::default()))
+                };
+                cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.unwrap();
+            }
+            let bytes = std::fs::metadata(stack.path("session.sgproj")).unwrap().len();
+            told.push(format!(
+                "one selection command: {:.2} ms to the answer; 1000 took {bytes} bytes of project",
+                begun.elapsed().as_secs_f64()
+            ));
+        }
+        drop(running);
+    }
+    writeln!(std::io::stderr(), "{N} Gaussians\n{}", told.join("\n")).unwrap();
 }

@@ -228,7 +228,7 @@ mod tests {
             radius: 0.1,
             points: vec![0.0, 0.5, 1.0],
         };
-        assert_eq!(check_strokes(&[good.clone()]), Ok(()));
+        assert_eq!(check_strokes(std::slice::from_ref(&good)), Ok(()));
         for bad in [
             Stroke { mode: 0, ..good.clone() },
             Stroke { mode: 9, ..good.clone() },

@@ -278,8 +278,8 @@ fn a_committed_selection_must_fit_the_scene_and_follow_the_one_it_was_made_from(
 fn light_background_and_term() {
     let mut editor = editor();
     let light = SetLight { ambient: Some(2.0), shininess: Some(0.5), ..SetLight::default() };
-    run(&mut editor, [Action::SetLight(light.clone())]);
-    run(&mut editor, [Action::SetLight(SetLight { relative: true, ..light.clone() })]);
+    run(&mut editor, [Action::SetLight(light)]);
+    run(&mut editor, [Action::SetLight(SetLight { relative: true, ..light })]);
     let direction = Some(Vector { x: 0.0, y: -2.0, z: 1.0 });
     let mode = LightMode::Direction.into();
     run(&mut editor, [Action::SetLight(SetLight { mode, direction, ..SetLight::default() })]);
@@ -337,15 +337,15 @@ fn views() {
     run(&mut editor, [view(ViewChange::Focus(units(&["skin"])))]);
     assert_eq!(editor.state().focus(), ["skin"]);
     let exact = crate::edit::wire::encode_view(&first);
-    run(&mut editor, [view(ViewChange::View(exact.clone())), undo(1)]);
+    run(&mut editor, [view(ViewChange::View(exact)), undo(1)]);
     assert_ne!(editor.state().view(), first);
     for bad in [
         ViewChange::Zoom(0.0),
         ViewChange::Zoom(f64::NAN),
         ViewChange::Named(0),
         ViewChange::Orbit(Orbit { azimuth_degrees: f64::NAN, elevation_degrees: 0.0 }),
-        ViewChange::View(View { eye: None, ..exact.clone() }),
-        ViewChange::View(View { target: exact.eye, ..exact.clone() }),
+        ViewChange::View(View { eye: None, ..exact }),
+        ViewChange::View(View { target: exact.eye, ..exact }),
         ViewChange::View(View { fov_y_degrees: 0.0, ..exact }),
         ViewChange::Focus(Target::default()),
     ] {
