@@ -16,8 +16,25 @@ macro_rules! shipped {
 }
 
 /// File name and text.
-const FILES: &[(&str, &str)] =
-    shipped!["generic.toml", "vessel.toml", "vessel.sac.json", "vessel.parent.json", "vessel.correction.json",];
+const FILES: &[(&str, &str)] = shipped![
+    "generic.toml",
+    "vessel.toml",
+    "vessel.sac.json",
+    "vessel.parent.json",
+    "vessel.correction.json",
+    "aneurism.toml",
+    "aneurism.tf.json",
+    "aneurism.sac.json",
+    "aneurism.parent.json",
+    "bonsai.toml",
+    "bonsai.tf.json",
+    "bonsai.trunk.json",
+    "bonsai.soil.json",
+    "tooth.toml",
+    "tooth.tf.json",
+    "tooth.root.json",
+    "tooth.rest.json",
+];
 
 /// Where they are.
 #[derive(Debug, Clone, PartialEq, Eq)]
