@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use sg_proto::bus::ActorHealth;
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
 use crate::fault::Fault;
@@ -68,6 +68,7 @@ struct Shared {
     name: &'static str,
     handled: AtomicU64,
     dropped: AtomicU64,
+    closing: Notify,
 }
 
 impl<M: Send + 'static> Mailbox<M> {
@@ -116,6 +117,9 @@ pub struct Running<S> {
 pub trait Observed: Send + Sync {
     /// How it is now.
     fn health(&self) -> ActorHealth;
+
+    /// Lets it take no new message; it ends when those in its mailbox are handled, whoever still holds the mailbox.
+    fn close(&self);
 }
 
 struct Observer<M, S> {
@@ -139,18 +143,31 @@ impl<M: Send, S: Display + Send + Sync> Observed for Observer<M, S> {
             state: self.state.borrow().to_string(),
         }
     }
+
+    fn close(&self) {
+        self.shared.closing.notify_one();
+    }
 }
 
 /// Starts an actor with a mailbox of `capacity` messages.
 pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, Running<A::State>) {
     let (sender, mut messages) = mpsc::channel(capacity);
     let (publish, state) = watch::channel(actor.state());
-    let shared = Arc::new(Shared { name: actor.name(), handled: AtomicU64::new(0), dropped: AtomicU64::new(0) });
+    let (handled, dropped) = (AtomicU64::new(0), AtomicU64::new(0));
+    let shared = Arc::new(Shared { name: actor.name(), handled, dropped, closing: Notify::new() });
     let observer = Observer { mailbox: sender.downgrade(), shared: Arc::clone(&shared), state: state.clone() };
     let counters = Arc::clone(&shared);
     let exit = tokio::spawn(async move {
         let mut exit = Exit::Finished;
-        while let Some(message) = messages.recv().await {
+        loop {
+            let message = tokio::select! {
+                message = messages.recv() => message,
+                () = counters.closing.notified() => {
+                    messages.close();
+                    continue;
+                }
+            };
+            let Some(message) = message else { break };
             let outcome = actor.handle(message).await;
             counters.handled.fetch_add(1, Ordering::Relaxed);
             publish.send_replace(actor.state());
@@ -220,6 +237,19 @@ mod tests {
         assert_eq!(running.observed.health().handled, 5);
         drop(mailbox);
         assert_eq!(running.exit.await.unwrap(), Exit::Finished);
+    }
+
+    #[tokio::test]
+    async fn a_closed_mailbox_is_emptied_even_if_somebody_keeps_it() {
+        let (mailbox, running) = spawn(Counter { sum: 0 }, 8);
+        mailbox.tell(Message::Wait(Duration::from_millis(20))).unwrap();
+        mailbox.tell(Message::Add(1)).unwrap();
+        tokio::task::yield_now().await;
+        running.observed.close();
+        let exit = tokio::time::timeout(Duration::from_secs(5), running.exit).await;
+        assert_eq!(exit.unwrap().unwrap(), Exit::Finished);
+        assert_eq!(*running.state.borrow(), 1);
+        assert_eq!(mailbox.tell(Message::Add(1)).unwrap_err().code, sg_proto::bus::Code::Unavailable);
     }
 
     #[tokio::test]

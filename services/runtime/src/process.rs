@@ -306,9 +306,12 @@ where
     for drained in draining.collect::<Vec<_>>() {
         let _ = drained.await;
     }
-    let actors = lock(&host.inner.observed).len() - usize::from(failure.is_some());
-    for _ in 0..actors {
-        // Actors end once nobody can send to them; what `load` spawned beside them ends with the runtime.
+    let actors = lock(&host.inner.observed).clone();
+    for actor in &actors {
+        // What `load` spawned beside the actors may hold their mailboxes for ever; it ends with the runtime.
+        actor.close();
+    }
+    for _ in usize::from(failure.is_some())..actors.len() {
         if tokio::time::timeout_at(deadline.into(), ended.recv()).await.is_err() {
             break;
         }

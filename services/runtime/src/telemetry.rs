@@ -14,7 +14,8 @@ pub fn init_service(role: &str) {
         .flatten_event(true)
         .with_current_span(false)
         .with_span_list(false)
-        .with_env_filter(filter("info,zenoh=warn"))
+        // The bus warns of every client's end of a unix socket, which has no name and needs none.
+        .with_env_filter(filter("info,zenoh=warn,zenoh_link_unixsock_stream=error"))
         .with_writer(io::stderr);
     // A second call, as in tests that host several roles in one process, keeps the first subscriber.
     if subscriber.try_init().is_ok() {
