@@ -316,7 +316,7 @@ save = "the sac"
             ),
             (
                 "[[step]]\nview = { eye = [1, 2], up = [0, 0, 1], fov_y_degrees = 0 }\n",
-                "x.toml:2:10: `target` is missing in `view`\nx.toml:2:16: `eye` must be three numbers\nx.toml:2:57: `fov_y_degrees` is 0; it must lie between 1 and 120",
+                "x.toml:2:10: `target` is missing in `view`\nx.toml:2:16: `eye` must be three numbers\nx.toml:2:56: `fov_y_degrees` is 0; it must lie between 1 and 120",
             ),
             (
                 "[[step]]\nsay = \"a\"\nhighlight = true\n",

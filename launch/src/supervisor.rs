@@ -349,7 +349,8 @@ fn arguments(service: &Service, instance: &str, session: &SessionDir, endpoint: 
     let params = serde_json::Value::Object(service.params.clone()).to_string();
     let run_dir = session.path().display().to_string();
     let supervisor = std::process::id().to_string();
-    let grace = service.policy.stop.as_millis().to_string();
+    // A little less than the time until the kill: what is left is for leaving.
+    let grace = service.policy.stop.mul_f64(0.8).as_millis().to_string();
     [
         ("--session", session.name()),
         ("--role", &service.role),
