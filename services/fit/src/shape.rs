@@ -164,11 +164,12 @@ impl Shaper<'_> {
         let range = self.optics.field.range();
         let length = sums.gradient.length();
         let normal = (-sums.gradient).normalize_or_zero();
-        if normal == DVec3::ZERO {
+        // Where all values are equal the gradient is the rounding of the smoothing.
+        if normal == DVec3::ZERO || range.high <= range.low {
             return (DVec3::ZERO, 0.0);
         }
         let agreement = smoothstep(0.2, 0.7, length / sums.gradient_length.max(f64::MIN_POSITIVE));
-        let rise = length / sums.weight * grid.voxel_volume().cbrt() / (range.high - range.low).max(f64::MIN_POSITIVE);
+        let rise = length / sums.weight * grid.voxel_volume().cbrt() / (range.high - range.low);
         (normal, agreement * smoothstep(0.004, 0.03, rise))
     }
 }

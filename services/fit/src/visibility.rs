@@ -3,9 +3,9 @@
 use glam::UVec3;
 use rayon::prelude::*;
 
-/// Optical depth from the outside to the centre of each voxel of a box, the least over the six face and the eight corner
-/// directions. `extinction` is per length, x fastest, `dims` voxels; `step` gives the length of one step along a voxel
-/// direction.
+/// Optical depth of what lies before each voxel of a box, the least over the six face and the eight corner directions.
+/// `extinction` is per length, x fastest, `dims` voxels; `step` gives the length of one step along a voxel direction.
+/// A voxel does not hide itself: however opaque, its near side shows.
 pub(crate) fn least_optical_depth(extinction: &[f32], dims: UVec3, step: impl Fn([i32; 3]) -> f32 + Sync) -> Vec<f32> {
     let (nx, ny, nz) = (dims.x as usize, dims.y as usize, dims.z as usize);
     let plane = nx * ny;
@@ -40,7 +40,7 @@ pub(crate) fn least_optical_depth(extinction: &[f32], dims: UVec3, step: impl Fn
                         let upstream = previous
                             .filter(|_| (0..ny as i32).contains(&from))
                             .map(|s| (&s[from as usize * nx..][..nx], &source[from as usize * nx..][..nx]));
-                        across_row(out, least, &sigma[y * nx..][..nx], upstream, shift[0], step);
+                        across_row(out, least, upstream, shift[0], step);
                     },
                 );
             }
@@ -51,24 +51,15 @@ pub(crate) fn least_optical_depth(extinction: &[f32], dims: UVec3, step: impl Fn
     least
 }
 
-/// One row of a sweep across slices: depth here = depth upstream + the mean extinction of both ends over the step.
-fn across_row(
-    out: &mut [f32],
-    least: &mut [f32],
-    sigma: &[f32],
-    upstream: Option<(&[f32], &[f32])>,
-    shift: i32,
-    step: f32,
-) {
-    for (x, ((out, least), &sigma)) in out.iter_mut().zip(least).zip(sigma).enumerate() {
+/// One row of a sweep across slices: what lies before a voxel is what lies before its upstream neighbour, and that one.
+fn across_row(out: &mut [f32], least: &mut [f32], upstream: Option<(&[f32], &[f32])>, shift: i32, step: f32) {
+    for (x, (out, least)) in out.iter_mut().zip(least).enumerate() {
         let from = x as i32 - shift;
-        let entering = 0.5 * step * sigma;
         let depth = match upstream {
-            Some((s, d)) if from >= 0 && (from as usize) < s.len() => {
-                let from = from as usize;
-                d[from] + 0.5 * step * s[from] + entering
+            Some((sigma, depth)) if from >= 0 && (from as usize) < sigma.len() => {
+                depth[from as usize] + step * sigma[from as usize]
             }
-            _ => entering,
+            _ => 0.0,
         };
         *out = depth;
         *least = least.min(depth);
@@ -76,23 +67,20 @@ fn across_row(
 }
 
 fn along_line(least: &mut [f32], sigma: &[f32], step: f32, order: impl Iterator<Item = usize>) {
-    let (mut depth, mut before) = (0.0, 0.0);
+    let mut depth = 0.0;
     for x in order {
-        depth += 0.5 * step * (before + sigma[x]);
-        before = sigma[x];
         least[x] = least[x].min(depth);
+        depth += step * sigma[x];
     }
 }
 
 fn along_rows(least: &mut [f32], sigma: &[f32], nx: usize, step: f32, order: impl Iterator<Item = usize>) {
     let mut depth = vec![0.0_f32; nx];
-    let mut before = vec![0.0_f32; nx];
     for y in order {
         let (least, sigma) = (&mut least[y * nx..(y + 1) * nx], &sigma[y * nx..(y + 1) * nx]);
-        for (((d, b), l), &s) in depth.iter_mut().zip(&mut before).zip(least).zip(sigma) {
-            *d += 0.5 * step * (*b + s);
-            *b = s;
+        for ((d, l), &s) in depth.iter_mut().zip(least).zip(sigma) {
             *l = l.min(*d);
+            *d += step * s;
         }
     }
 }
@@ -127,12 +115,10 @@ mod tests {
                         let step = length(d);
                         let (mut p, mut depth) = (start, 0.0_f32);
                         loop {
-                            let here = at(p).unwrap_or(0.0);
-                            depth += 0.5 * step * here;
                             p = [p[0] - d[0], p[1] - d[1], p[2] - d[2]];
                             match at(p) {
                                 None => return depth,
-                                Some(next) => depth += 0.5 * step * next,
+                                Some(next) => depth += step * next,
                             }
                         }
                     })

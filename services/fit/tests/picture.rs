@@ -48,7 +48,7 @@ fn more_and_flatter_gaussians_come_nearer_to_the_volume() {
     assert!(few.psnr_db > FEW && some.psnr_db > SOME && many.psnr_db > MANY, "{table}");
     assert!(some.footprint_psnr_db > few.footprint_psnr_db + 2.0, "{table}");
     assert!(some.footprint_psnr_db > thick.footprint_psnr_db + 2.0, "{table}");
-    assert!(many.coverage_error < 0.03, "{table}");
+    assert!(many.coverage_error < 0.035, "{table}");
 }
 
 /// PSNR over the frame in dB that each budget must reach.
