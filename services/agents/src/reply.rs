@@ -83,10 +83,13 @@ fn missed(intent: &Intent) -> String {
 #[must_use]
 pub fn compose(intent: &Intent, outcome: &PlanResult, seen: &Seen<'_>) -> Reply {
     let mut sentences = Vec::new();
-    for action in &outcome.actions {
+    for (place, action) in outcome.actions.iter().enumerate() {
         let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
         let mut text = action.text.clone();
+        // The picture shows what the last change to a unit has left.
+        let last = outcome.actions.iter().skip(place + 1).all(|later| later.units != action.units);
         if action.ok
+            && last
             && let Some(more) = clause.and_then(|c| coverage(c, action, seen))
         {
             text = format!("{}; {more}.", text.trim_end_matches('.'));

@@ -126,15 +126,14 @@ impl Turn {
     }
 }
 
-/// What a stage is called to a person, and what its role does.
+/// A fault of the moment said in the words of a person. One that names a role in its details was put into words by
+/// whoever knew better which service is meant.
 fn stage_fault(stage: &str, fault: Fault) -> Fault {
     let message = match fault.code {
-        // The function agent speaks for the scene as well and says which of the two is away.
-        Code::Unavailable if fault.message.contains("scene service") => fault.message.clone(),
+        _ if fault.details.iter().any(|d| role::ALL.contains(&d.as_str())) => return fault,
         Code::Unavailable => format!("The {stage} agent is away; try again in a moment."),
-        Code::DeadlineExceeded if fault.message.contains("scene service") => fault.message.clone(),
         Code::DeadlineExceeded => format!("The {stage} agent did not answer in time; try again in a moment."),
-        _ => fault.message.clone(),
+        _ => return fault,
     };
     Fault { message, ..fault }
 }
@@ -219,7 +218,7 @@ impl Core {
         let mut missing = Vec::new();
         match self.bus.newest(&keys::SCENE_STATE, &looking.next()).await {
             Ok(scene) => observation.scene = Some(scene),
-            Err(fault) => missing.push(format!("the scene: {}", said(&fault, "scene"))),
+            Err(fault) => missing.push(said(&fault, "scene")),
         }
         let scene = observation.scene.as_ref();
         let units = scene.map_or(0, |s| s.base_units.len() + s.units.len());
@@ -234,11 +233,11 @@ impl Core {
         let perceive = Perceive { capture: Some(capture.clone()), moment: moment.to_owned() };
         self.tell(&keys::PERCEIVE, &perceive, &context).await;
         if *self.seers.borrow() == 0 {
-            missing.push("the picture: no process draws pictures at the moment".to_owned());
+            missing.push("no process draws pictures at the moment".to_owned());
         } else if scene.is_some() {
             match self.bus.ask(&keys::CAPTURE, &capture, &looking.next()).await {
                 Ok(frame) => observation.frame = Some(frame),
-                Err(fault) => missing.push(format!("the picture: {}", said(&fault, "render"))),
+                Err(fault) => missing.push(said(&fault, "render")),
             }
         }
         observation.missing = missing.join("; ");

@@ -74,15 +74,14 @@ fn is_passing(fault: &Fault) -> bool {
     matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded | Code::ResourceExhausted | Code::Cancelled)
 }
 
-/// A fault of the moment said in the words of a person.
+/// A fault of the moment said in the words of a person; its details name the role that is meant.
 fn of_scene(fault: Fault) -> Fault {
-    match fault.code {
-        Code::Unavailable => Fault { message: "The scene service is away; try again in a moment.".to_owned(), ..fault },
-        Code::DeadlineExceeded => {
-            Fault { message: "The scene service did not answer in time; try again in a moment.".to_owned(), ..fault }
-        }
-        _ => fault,
-    }
+    let message = match fault.code {
+        Code::Unavailable => "The scene service is away; try again in a moment.",
+        Code::DeadlineExceeded => "The scene service did not answer in time; try again in a moment.",
+        _ => return fault,
+    };
+    Fault { message: message.to_owned(), ..fault }.with_details([role::SCENE.to_owned()])
 }
 
 impl Doer {
@@ -111,7 +110,8 @@ impl Doer {
         let inner = context.clone().within(context.remaining().saturating_sub(MARGIN));
         let mut outcome = PlanResult::default();
         let asks_scene = plan.clauses.iter().any(|c| c.act() != Act::Help);
-        let mut state = if asks_scene { self.scene(&inner).await? } else { State::default() };
+        let seen = || plan.observation.as_ref().and_then(|o| o.scene.clone()).unwrap_or_default();
+        let mut state = if asks_scene { self.scene(&inner).await? } else { seen() };
         let done = self.already_done(plan, &state, &inner).await?;
         for (index, clause) in plan.clauses.iter().enumerate() {
             let id = identity::command(&context.id, index);
