@@ -1,1 +1,116 @@
-//! Whatever crosses a process boundary: contract, end to end, benches.
+//! What the tests that cross process boundaries share: the built command, real data, pictures.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Something a test needs is not there.
+#[derive(Debug, thiserror::Error)]
+pub enum Missing {
+    /// The command was not built.
+    #[error("{0} is not there; build it with `cargo build --release --workspace`")]
+    Command(PathBuf),
+    /// A picture cannot be read.
+    #[error("{path}: {reason}")]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The process could not be run.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+/// The `supergaussian` command of the build that this test belongs to, with a run folder of its own.
+///
+/// # Errors
+/// [`Missing::Command`] if it was not built.
+pub fn command(run_root: &Path) -> Result<Command, Missing> {
+    let test = std::env::current_exe()?;
+    let folder = test.parent().and_then(Path::parent).unwrap_or(Path::new("."));
+    let path = folder.join("supergaussian");
+    if !path.is_file() {
+        return Err(Missing::Command(path));
+    }
+    let mut command = Command::new(path);
+    command.env("SUPERGAUSSIAN_RUN_ROOT", run_root).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    Ok(command)
+}
+
+/// Output of a process as text, for a failing test's message.
+#[must_use]
+pub fn said(output: &Output) -> String {
+    format!("{}\n{}{}", output.status, String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// The folder of real data that `SUPERGAUSSIAN_DATA` names. Without one the caller skips, having said so; where
+/// `SUPERGAUSSIAN_REQUIRE_DATA=1` asks for the data, that is a failure.
+///
+/// # Errors
+/// A line that says what is required and missing.
+pub fn real_data() -> Result<Option<PathBuf>, String> {
+    match std::env::var_os("SUPERGAUSSIAN_DATA").map(PathBuf::from).filter(|p| p.is_dir()) {
+        Some(folder) => Ok(Some(folder)),
+        None if std::env::var("SUPERGAUSSIAN_REQUIRE_DATA").is_ok_and(|v| v == "1") => {
+            Err("SUPERGAUSSIAN_DATA names no folder, and SUPERGAUSSIAN_REQUIRE_DATA=1 asks for one".to_owned())
+        }
+        None => Ok(None),
+    }
+}
+
+/// A float picture: `(height, width, 4)`, RGB over the background and coverage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Values of one pixel after another.
+    pub values: Vec<f32>,
+}
+
+impl Picture {
+    /// Reads a `.npy` picture.
+    ///
+    /// # Errors
+    /// [`Missing::Picture`].
+    pub fn read(path: &Path) -> Result<Self, Missing> {
+        let fail = |reason: String| Missing::Picture { path: path.to_owned(), reason };
+        let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
+        let npy = npyz::NpyFile::new(&bytes[..]).map_err(|e| fail(e.to_string()))?;
+        if npy.shape().len() != 3 || npy.shape()[2] != 4 {
+            return Err(fail(format!("shape {:?} is not (height, width, 4)", npy.shape())));
+        }
+        Ok(Self { values: npy.into_vec::<f32>().map_err(|e| fail(e.to_string()))? })
+    }
+
+    /// Pixels as RGB and coverage.
+    pub fn pixels(&self) -> impl Iterator<Item = &[f32; 4]> {
+        self.values.as_chunks::<4>().0.iter()
+    }
+}
+
+/// What a recolour changed, judged by the coverage of the unit drawn alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recolour {
+    /// Greatest change of any channel where the unit's coverage is below 1/1024.
+    pub outside_max: f32,
+    /// Median over pixels of the greatest change of any channel where the unit's coverage is above ½.
+    pub inside_median: f32,
+}
+
+impl Recolour {
+    /// Compares the pictures before and after.
+    #[must_use]
+    pub fn between(before: &Picture, after: &Picture, unit: &Picture) -> Self {
+        let mut inside = Vec::new();
+        let mut outside_max = 0.0_f32;
+        for ((b, a), u) in before.pixels().zip(after.pixels()).zip(unit.pixels()) {
+            let change = (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
+            if u[3] < 1.0 / 1024.0 {
+                outside_max = outside_max.max(change);
+            } else if u[3] > 0.5 {
+                inside.push(change);
+            }
+        }
+        inside.sort_unstable_by(f32::total_cmp);
+        Self { outside_max, inside_median: inside.get(inside.len() / 2).copied().unwrap_or(0.0) }
+    }
+}
