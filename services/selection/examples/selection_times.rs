@@ -41,19 +41,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         let degree = unit.graph.targets.len() as f64 / n.max(1) as f64;
         println!("unit {u}: {n} Gaussians, {degree:.1} neighbours each, {} components", unit.components);
         let seeds = voxel_seeds(&unit.vertices, &unit.component, unit.components, 999);
-        {
-            use sg_selection::shortest::*;
-            let (t,(d,_l)) = timed(|| nearest_source(&unit.graph, &seeds.sources));
-            println!("nearest_source {t:.3}");
-            let mut e = d.clone();
-            e.iter_mut().for_each(|x| if !x.is_finite() {*x=0.0});
-            let (t,_) = timed(|| raise_to_envelope(&unit.graph, &mut e));
-            println!("envelope {t:.3}");
-            let mut s = Search::default();
-            let bound = 2.0*seeds.cell;
-            let (t,c) = timed(|| seeds.sources.iter().map(|&j| s.reach(&unit.graph, j, |_| bound).len()).sum::<usize>());
-            println!("searches in 2S, one thread {t:.3} s, {c} settled, {:.0} ns each", 1e9*t/c as f64);
-        }
         for m in [0.25, 0.5, 1.0, 2.0] {
             let metric = Metric { cell: seeds.cell, feature_weight: m * m };
             let centres: Vec<Centre> = seeds
@@ -112,6 +99,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         samples.push(1e3 * timed(|| open.extend(&brush, at).len()).0);
     }
     samples.sort_by(f64::total_cmp);
-    println!("one sample of a stroke: median {:.3} ms, 99 % {:.3} ms, {} hits", samples[150], samples[297], open.hits().len());
+    println!(
+        "one sample of a stroke: median {:.3} ms, 99 % {:.3} ms, {} hits",
+        samples[150],
+        samples[297],
+        open.hits().len()
+    );
     Ok(())
 }

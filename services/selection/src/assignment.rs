@@ -9,14 +9,14 @@
 //! d_j(k) = d_j(i) + d(i,k) > P(i) + d(i,k) ≥ r(k), so D_j(k) > U(k) and nothing is lost.
 //!
 //! From round to round most sources stay where they are. Their searches are kept: any envelope that is pointwise at
-//! least P serves, and P ≤ G holds exactly where r ≤ G, because G, an envelope itself, falls no faster than distance
-//! grows. Only sources that moved, and those that a raised envelope lets reach further, search again.
+//! least P serves, and P ≤ G holds as soon as r ≤ G does everywhere, because G, an envelope itself, falls no faster than
+//! distance grows. Only sources that moved search again, and those that a risen envelope lets reach further go on.
 
 use rayon::prelude::*;
 
 use crate::features::{Row, distance_squared as feature_distance_squared};
 use crate::neighbours::Graph;
-use crate::shortest::{NONE, SearchPool, fill_unlabelled, nearest_source, raise_to_envelope};
+use crate::shortest::{NONE, SearchPool, fill_unlabelled, nearest_source, raise_from, raise_to_envelope};
 
 /// Slack on the envelope, for the rounding of path lengths: without it points that tie (lattices) stay unlabelled.
 const SLACK: f64 = 1.0 + 1e-12;
@@ -152,24 +152,20 @@ impl<'a> GeodesicAssigner<'a> {
         let mut reach = vec![Vec::new(); centres.len()];
         self.search(&all, &sources, &envelope, &mut reach);
         let mut assignment = Assignment { label, cost };
-        self.collect(centres, &reach, &mut assignment);
-        self.tighten(&mut envelope, &assignment);
+        self.collect(centres, &reach, &all, &mut assignment);
         self.kept = Some(Kept { sources, reach, envelope });
         assignment
     }
 
     fn assign_again(&mut self, centres: &[Centre], mut kept: Kept) -> Assignment {
-        let t0 = std::time::Instant::now();
-        let s0 = self.settled;
         let moved: Vec<usize> = (0..centres.len()).filter(|&j| kept.sources[j] != centres[j].source).collect();
         for &j in &moved {
             kept.sources[j] = centres[j].source;
         }
         self.search(&moved, &kept.sources, &kept.envelope, &mut kept.reach);
         let mut assignment = Assignment::none(self.graph.len());
-        let t1 = t0.elapsed().as_secs_f64();
-        self.collect(centres, &kept.reach, &mut assignment);
-        let t2 = t0.elapsed().as_secs_f64();
+        let all: Vec<usize> = (0..centres.len()).collect();
+        self.collect(centres, &kept.reach, &all, &mut assignment);
 
         // Upper bounds where no search arrived: the label of a neighbour that has one, over the path through it.
         let mut bound = assignment.cost.clone();
@@ -185,53 +181,59 @@ impl<'a> GeodesicAssigner<'a> {
                 }
             }
         }
-        let raised: Vec<u32> = (0..)
-            .zip(bound.iter().zip(&kept.envelope))
-            .filter(|(_, (b, g))| b.is_finite() && self.metric.radius(**b) > **g)
-            .map(|(v, _)| v)
+        let raised: Vec<u32> = (0..bound.len() as u32)
+            .into_par_iter()
+            .with_min_len(4096)
+            .filter(|&v| {
+                let bound = bound[v as usize];
+                bound.is_finite() && self.metric.radius(bound) > kept.envelope[v as usize]
+            })
             .collect();
-        let t3 = t0.elapsed().as_secs_f64();
-        let s1 = self.settled;
-        let mut nf = 0;
-        let unc = assignment.label.iter().filter(|l| **l == NONE).count();
         if !raised.is_empty() {
             let before = kept.envelope.clone();
             for &v in &raised {
                 kept.envelope[v as usize] = self.metric.radius(bound[v as usize]);
             }
-            raise_to_envelope(self.graph, &mut kept.envelope);
-            // A search can only get further where the envelope is higher now, so only over an edge into such a vertex.
-            let mut doorstep = vec![false; before.len()];
-            for v in (0..).take(before.len()) {
-                if kept.envelope[v as usize] > before[v as usize] {
-                    for (w, _) in self.graph.neighbours(v) {
-                        doorstep[w as usize] = true;
-                    }
-                }
-            }
-            let further: Vec<usize> = (0..centres.len())
-                .into_par_iter()
-                .filter(|&j| kept.reach[j].iter().any(|(v, _)| doorstep[*v as usize]))
-                .collect();
-            nf = further.len();
-            self.search(&further, &kept.sources, &kept.envelope, &mut kept.reach);
-            self.collect(centres, &kept.reach, &mut assignment);
+            raise_from(self.graph, &mut kept.envelope, &raised);
+            let further = self.continue_searches(&mut kept, &before);
+            self.collect(centres, &kept.reach, &further, &mut assignment);
         }
-        let t4 = t0.elapsed().as_secs_f64();
-        let n = self.graph.len() as f64;
-        eprintln!("moved {} settled {:.2}, uncovered {unc}, raised {}, further {nf} settled {:.2}; t search {t1:.3} collect {:.3} bound {:.3} second {:.3}", moved.len(), (s1-s0) as f64/n, raised.len(), (self.settled-s1) as f64/n, t2-t1, t3-t2, t4-t3);
-        self.tighten(&mut kept.envelope, &assignment);
         self.kept = Some(kept);
         assignment
     }
 
-    fn tighten(&self, envelope: &mut [f64], assignment: &Assignment) {
-        let slack: f64 = std::env::var("SLACK").ok().and_then(|s| s.parse().ok()).unwrap_or(1.1);
-        if slack == 0.0 { return; }
-        let mut tight: Vec<f64> =
-            assignment.cost.iter().map(|&c| if c.is_finite() { slack * self.metric.radius(c) } else { 0.0 }).collect();
-        raise_to_envelope(self.graph, &mut tight);
-        envelope.iter_mut().zip(tight).for_each(|(g, t)| *g = g.min(t));
+    /// Continues the searches that stopped in front of a vertex which the risen envelope lets them enter; returns which.
+    fn continue_searches(&mut self, kept: &mut Kept, before: &[f64]) -> Vec<usize> {
+        let Kept { reach, envelope, .. } = kept;
+        let higher = |v: u32| envelope[v as usize] > before[v as usize];
+        let mut doorstep = vec![false; before.len()];
+        for v in (0..).take(before.len()).filter(|&v| higher(v)) {
+            self.graph.neighbours(v).for_each(|(w, _)| doorstep[w as usize] = true);
+        }
+        let enters = |d: f64, w: u32| higher(w) && d > before[w as usize] * SLACK && d <= envelope[w as usize] * SLACK;
+        let settled: Vec<Option<usize>> = reach
+            .par_iter_mut()
+            .map(|reached| {
+                let stopped = reached
+                    .iter()
+                    .filter(|r| doorstep[r.0 as usize])
+                    .any(|&(v, d)| self.graph.neighbours(v).any(|(w, length)| enters(d + length, w)));
+                stopped.then(|| {
+                    let had = reached.len();
+                    self.pool.with(|s| {
+                        s.reach_further(
+                            self.graph,
+                            reached,
+                            |v| doorstep[v as usize],
+                            |v| envelope[v as usize] * SLACK,
+                        );
+                    });
+                    reached.len() - had
+                })
+            })
+            .collect();
+        self.settled += settled.iter().flatten().sum::<usize>() as u64;
+        (0..settled.len()).filter(|&j| settled[j].is_some()).collect()
     }
 
     fn search(&mut self, which: &[usize], sources: &[u32], envelope: &[f64], reach: &mut [Vec<(u32, f64)>]) {
@@ -247,18 +249,20 @@ impl<'a> GeodesicAssigner<'a> {
         }
     }
 
-    /// Offers every reached pair; costs are computed in parallel, offers are made in the order of the centres.
-    fn collect(&self, centres: &[Centre], reach: &[Vec<(u32, f64)>], assignment: &mut Assignment) {
+    /// Offers every pair that the given searches reached; costs are computed in parallel, offers are made in order.
+    fn collect(&self, centres: &[Centre], reach: &[Vec<(u32, f64)>], which: &[usize], assignment: &mut Assignment) {
         const BATCH: usize = 256;
-        for (batch, (centres, reach)) in centres.chunks(BATCH).zip(reach.chunks(BATCH)).enumerate() {
-            let costs: Vec<Vec<f64>> = centres
+        for batch in which.chunks(BATCH) {
+            let costs: Vec<Vec<f64>> = batch
                 .par_iter()
-                .zip(reach)
-                .map(|(c, r)| r.iter().map(|&(v, d)| self.metric.cost(d, &self.rows[v as usize], &c.feature)).collect())
+                .map(|&j| {
+                    let feature = &centres[j].feature;
+                    reach[j].iter().map(|&(v, d)| self.metric.cost(d, &self.rows[v as usize], feature)).collect()
+                })
                 .collect();
-            for (label, (reach, costs)) in (batch * BATCH..).zip(reach.iter().zip(&costs)) {
-                for (&(v, _), &cost) in reach.iter().zip(costs) {
-                    assignment.offer(v, cost, label as u32);
+            for (&j, costs) in batch.iter().zip(&costs) {
+                for (&(v, _), &cost) in reach[j].iter().zip(costs) {
+                    assignment.offer(v, cost, j as u32);
                 }
             }
         }

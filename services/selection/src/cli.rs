@@ -10,6 +10,7 @@ mod select;
 mod solve;
 
 use std::cell::Cell;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -74,6 +75,7 @@ struct Failure {
     message: String,
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "map_err hands its error over")]
 impl Failure {
     /// The arguments or the input are wrong.
     fn input(message: impl ToString) -> Self {
@@ -114,7 +116,7 @@ struct Clustering {
     #[arg(long, value_name = "K", default_value_t = 10)]
     neighbours: usize,
     /// m in D = (d/S)² + m²·‖Δf‖²: the weight of features against distance.
-    #[arg(long, value_name = "M", default_value_t = 0.5)]
+    #[arg(long, allow_negative_numbers = true, value_name = "M", default_value_t = 0.5)]
     compactness: f64,
     /// The feature vector; by default oriented where a base unit's normals are, else invariant.
     #[arg(long, value_parser = named::<FeatureKind>(&["oriented", "invariant", "printed"]))]
@@ -165,7 +167,10 @@ fn deliver(report: &impl Serialize, file: Option<&PathBuf>, to_stdout: bool) -> 
         write(path, text.as_bytes())?;
     }
     if to_stdout {
-        print!("{text}");
+        let sent = std::io::stdout().write_all(text.as_bytes());
+        // Whoever reads may have read enough.
+        sent.or_else(|e| if e.kind() == std::io::ErrorKind::BrokenPipe { Ok(()) } else { Err(e) })
+            .map_err(|e| Failure::work(format!("standard output: {e}")))?;
     }
     Ok(())
 }

@@ -7,6 +7,8 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Mutex;
 
+use rayon::prelude::*;
+
 use crate::neighbours::Graph;
 
 /// No vertex, no label.
@@ -77,13 +79,17 @@ fn spread(graph: &Graph, distance: &mut [f64], label: &mut [u32], mut heap: Bina
 /// Raises `radius` to its envelope P(i) = max over k of (r(k) − d(i,k)): the largest distance from a seed at which it
 /// can still matter to `i` or to a vertex behind it.
 pub fn raise_to_envelope(graph: &Graph, radius: &mut [f64]) {
-    let mut heap = BinaryHeap::new();
-    for v in (0..).take(graph.len()) {
-        let r = radius[v as usize];
-        if graph.neighbours(v).any(|(w, length)| r - length > radius[w as usize]) {
-            heap.push((r.to_bits(), v));
-        }
-    }
+    let lifting: Vec<u32> = (0..graph.len() as u32)
+        .into_par_iter()
+        .with_min_len(4096)
+        .filter(|&v| graph.neighbours(v).any(|(w, length)| radius[v as usize] - length > radius[w as usize]))
+        .collect();
+    raise_from(graph, radius, &lifting);
+}
+
+/// The same where only the given vertices can lift others: what else is in `radius` is an envelope already.
+pub fn raise_from(graph: &Graph, radius: &mut [f64], lifting: &[u32]) {
+    let mut heap: BinaryHeap<(u64, u32)> = lifting.iter().map(|&v| (radius[v as usize].to_bits(), v)).collect();
     while let Some((bits, v)) = heap.pop() {
         let r = f64::from_bits(bits);
         if r < radius[v as usize] {
@@ -98,23 +104,29 @@ pub fn raise_to_envelope(graph: &Graph, radius: &mut [f64]) {
     }
 }
 
+/// What a search knows of a vertex.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mark {
+    distance: f64,
+    turn: u32,
+}
+
 /// Memory of one search, reused from search to search.
 #[derive(Debug, Default)]
 pub struct Search {
-    distance: Vec<f64>,
-    seen_in: Vec<u32>,
+    marks: Vec<Mark>,
     turn: u32,
     heap: BinaryHeap<Reverse<(u64, u32)>>,
 }
 
 impl Search {
+    /// Marks of this search are `turn` (found by it) and `turn + 1` (given to it); all others are older.
     fn start(&mut self, vertices: usize) {
-        if self.distance.len() != vertices || self.turn == u32::MAX {
-            self.distance = vec![0.0; vertices];
-            self.seen_in = vec![0; vertices];
+        if self.marks.len() != vertices || self.turn >= u32::MAX - 3 {
+            self.marks = vec![Mark::default(); vertices];
             self.turn = 0;
         }
-        self.turn += 1;
+        self.turn += 2;
         self.heap.clear();
     }
 
@@ -122,30 +134,68 @@ impl Search {
     /// the order they were settled. The source itself is always reached.
     pub fn reach(&mut self, graph: &Graph, source: u32, bound: impl Fn(u32) -> f64) -> Vec<(u32, f64)> {
         self.start(graph.len());
-        let mut reached = Vec::new();
         self.offer(source, 0.0);
-        while let Some(Reverse((bits, v))) = self.heap.pop() {
-            let d = f64::from_bits(bits);
-            if d > self.distance[v as usize] {
-                continue;
-            }
-            reached.push((v, d));
+        let mut reached = Vec::new();
+        self.run(graph, &mut reached, bound);
+        reached
+    }
+
+    /// Continues a search whose bound has risen: `reached` becomes what [`Search::reach`] would return under the new
+    /// bound, in another order. `doorstep` tells the vertices that may have a neighbour with a higher bound.
+    pub fn reach_further(
+        &mut self,
+        graph: &Graph,
+        reached: &mut Vec<(u32, f64)>,
+        doorstep: impl Fn(u32) -> bool,
+        bound: impl Fn(u32) -> f64,
+    ) {
+        self.start(graph.len());
+        for &(v, distance) in &*reached {
+            self.marks[v as usize] = Mark { distance, turn: self.turn + 1 };
+        }
+        for &(v, d) in reached.iter().filter(|r| doorstep(r.0)) {
             for (w, length) in graph.neighbours(v) {
                 if d + length <= bound(w) {
                     self.offer(w, d + length);
                 }
             }
         }
-        reached
+        let before = reached.len();
+        self.run(graph, reached, bound);
+        // A way through newly entered vertices may be shorter for one that was reached before.
+        for (v, d) in &mut reached[..before] {
+            *d = self.marks[*v as usize].distance;
+        }
     }
 
-    fn offer(&mut self, v: u32, d: f64) {
-        let at = v as usize;
-        if self.seen_in[at] != self.turn || d < self.distance[at] {
-            self.seen_in[at] = self.turn;
-            self.distance[at] = d;
-            self.heap.push(Reverse((d.to_bits(), v)));
+    fn run(&mut self, graph: &Graph, reached: &mut Vec<(u32, f64)>, bound: impl Fn(u32) -> f64) {
+        while let Some(Reverse((bits, v))) = self.heap.pop() {
+            let d = f64::from_bits(bits);
+            let mark = self.marks[v as usize];
+            if d > mark.distance {
+                continue;
+            }
+            if mark.turn == self.turn {
+                reached.push((v, d));
+            }
+            for (w, length) in graph.neighbours(v) {
+                if d + length <= bound(w) {
+                    self.offer(w, d + length);
+                }
+            }
         }
+    }
+
+    fn offer(&mut self, v: u32, distance: f64) {
+        let mark = &mut self.marks[v as usize];
+        if mark.turn < self.turn {
+            *mark = Mark { distance, turn: self.turn };
+        } else if distance < mark.distance {
+            mark.distance = distance;
+        } else {
+            return;
+        }
+        self.heap.push(Reverse((distance.to_bits(), v)));
     }
 }
 
@@ -176,7 +226,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Random graphs with short integer lengths, so that ties and zero edges are common.
-    pub(crate) fn graphs() -> impl Strategy<Value = Graph> {
+    fn graphs() -> impl Strategy<Value = Graph> {
         (2..30_usize).prop_flat_map(|n| {
             proptest::collection::vec((0..n as u32, 0..n as u32, 0..6_u8), 0..3 * n).prop_map(move |edges| {
                 Graph::from_edges(n, edges.into_iter().map(|(a, b, l)| Edge { a, b, length: f64::from(l) }))
@@ -237,6 +287,20 @@ mod tests {
                 let want = (0..graph.len()).map(|k| r[k] - d[i][k]).fold(f64::NEG_INFINITY, f64::max);
                 prop_assert_eq!(p[i], want);
             }
+        }
+
+        #[test]
+        fn a_search_continued_is_a_search_begun_anew(graph in graphs(), low in 0..8_u32, source in 0..30_u32) {
+            let source = source % graph.len() as u32;
+            let first = |v: u32| f64::from((v * 31 + low * 17) % 7);
+            let second = |v: u32| first(v) + f64::from((v * 13 + low) % 4);
+            let mut search = Search::default();
+            let mut continued = search.reach(&graph, source, first);
+            search.reach_further(&graph, &mut continued, |v| graph.neighbours(v).any(|(w, _)| second(w) > first(w)), second);
+            let mut anew = search.reach(&graph, source, second);
+            continued.sort_unstable_by_key(|r| r.0);
+            anew.sort_unstable_by_key(|r| r.0);
+            prop_assert_eq!(continued, anew);
         }
 
         #[test]

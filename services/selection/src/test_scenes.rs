@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
 
 /// A unit of the given Gaussians with an identity transform.
-pub fn unit_of(gaussians: Gaussians) -> BaseUnit {
+pub(crate) fn unit_of(gaussians: Gaussians) -> BaseUnit {
     BaseUnit {
         name: "unit".into(),
         file: None,
@@ -23,7 +23,7 @@ pub fn unit_of(gaussians: Gaussians) -> BaseUnit {
 }
 
 /// A generator of one seed.
-pub fn generator(seed: u64) -> ChaCha8Rng {
+pub(crate) fn generator(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
@@ -32,7 +32,7 @@ fn uniform(r: &mut ChaCha8Rng) -> f32 {
 }
 
 /// `n` Gaussians uniform in a cube with random shapes and normals.
-pub fn random_unit(n: usize, seed: u64) -> BaseUnit {
+pub(crate) fn random_unit(n: usize, seed: u64) -> BaseUnit {
     let mut r = generator(seed);
     let mut g = Gaussians::default();
     let mut shading = ShadingColumns::default();
@@ -53,7 +53,7 @@ pub fn random_unit(n: usize, seed: u64) -> BaseUnit {
 }
 
 /// Flat Gaussians on a surface: positions and unit normals.
-pub fn surface_unit(points: &[(Vec3, Vec3)], thickness: f32) -> BaseUnit {
+pub(crate) fn surface_unit(points: &[(Vec3, Vec3)], thickness: f32) -> BaseUnit {
     let mut g = Gaussians::default();
     let mut shading = ShadingColumns::default();
     for &(p, n) in points {
@@ -76,13 +76,13 @@ pub fn surface_unit(points: &[(Vec3, Vec3)], thickness: f32) -> BaseUnit {
 }
 
 /// Half the length of the vessel of [`vessel_and_sac`].
-pub const HALF_LENGTH: f32 = 2.5;
+pub(crate) const HALF_LENGTH: f32 = 2.5;
 
 /// A straight vessel along x with a spherical sac on its side, `n` Gaussians on the surface of the union. The sac is
 /// about a quarter of the surface.
 ///
 /// Returns the scene and which Gaussians belong to the sac.
-pub fn vessel_and_sac(n: usize, seed: u64) -> (Scene, Vec<bool>) {
+pub(crate) fn vessel_and_sac(n: usize, seed: u64) -> (Scene, Vec<bool>) {
     let mut r = generator(seed);
     let tube = 0.12_f32;
     let (centre, radius) = (Vec3::new(0.0, 0.0, 0.36), 0.30_f32);
@@ -114,12 +114,12 @@ pub fn vessel_and_sac(n: usize, seed: u64) -> (Scene, Vec<bool>) {
 }
 
 /// A polyline in normalized coordinates from points of the scene frame.
-pub fn normalized(scene: &Scene, points: &[Vec3]) -> Vec<[f64; 3]> {
+pub(crate) fn normalized(scene: &Scene, points: &[Vec3]) -> Vec<[f64; 3]> {
     points.iter().map(|p| scene.bounds.normalize(p.as_dvec3()).to_array()).collect()
 }
 
 /// A scene of bare points: small isotropic Gaussians without shading.
-pub fn point_scene(points: &[[f32; 3]]) -> Scene {
+pub(crate) fn point_scene(points: &[[f32; 3]]) -> Scene {
     let g = Gaussians {
         position: points.iter().copied().map(Vec3::from_array).collect(),
         rotation: vec![[1.0, 0.0, 0.0, 0.0]; points.len()],
@@ -131,18 +131,18 @@ pub fn point_scene(points: &[[f32; 3]]) -> Scene {
 }
 
 /// Uniform points in the unit cube.
-pub fn random_points(n: usize, seed: u64) -> Vec<[f32; 3]> {
+pub(crate) fn random_points(n: usize, seed: u64) -> Vec<[f32; 3]> {
     let mut r = generator(seed);
     (0..n).map(|_| std::array::from_fn(|_| r.random_range(0.0..1.0))).collect()
 }
 
 /// The same as [`random_points`] in f64.
-pub fn random_points_f64(n: usize, seed: u64) -> Vec<[f64; 3]> {
+pub(crate) fn random_points_f64(n: usize, seed: u64) -> Vec<[f64; 3]> {
     random_points(n, seed).into_iter().map(|p| p.map(f64::from)).collect()
 }
 
 /// Distance of a point to a segment, written out for comparisons.
-pub fn segment_distance(p: DVec3, a: DVec3, b: DVec3) -> f64 {
+pub(crate) fn segment_distance(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     let ab = b - a;
     let length_squared = ab.length_squared();
     let t = if length_squared > 0.0 { ((p - a).dot(ab) / length_squared).clamp(0.0, 1.0) } else { 0.0 };

@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", requires = "cell")]
     seeds: Option<PathBuf>,
     /// The spacing S that goes with --seeds, in the scene's length unit.
-    #[arg(long, value_name = "S", requires = "seeds")]
+    #[arg(long, allow_negative_numbers = true, value_name = "S", requires = "seeds")]
     cell: Option<f64>,
     /// Exactly this many rounds of assignment, instead of up to ten.
     #[arg(long, value_name = "R")]

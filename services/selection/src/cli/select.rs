@@ -56,13 +56,13 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "contact", value_parser = named::<GraphForm>(&["contact", "printed", "all-pairs", "euclidean"]))]
     graph: GraphForm,
     /// Factor on σ_s, the median length of the graph's edges.
-    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    #[arg(long, allow_negative_numbers = true, value_name = "X", default_value_t = 1.0)]
     sigma_s: f64,
     /// Factor on σ_f, the median feature distance of the graph's edges.
-    #[arg(long, value_name = "Y", default_value_t = 1.0)]
+    #[arg(long, allow_negative_numbers = true, value_name = "Y", default_value_t = 1.0)]
     sigma_f: f64,
     /// ε: what every unseeded cluster leaks to the background, in units of its degree.
-    #[arg(long, value_name = "E", default_value_t = 0.03)]
+    #[arg(long, allow_negative_numbers = true, value_name = "E", default_value_t = 0.03)]
     leak: f64,
     /// Where background comes from when none is drawn.
     #[arg(long, default_value = "leak", value_parser = named::<Background>(&["leak", "farthest"]))]
