@@ -69,12 +69,16 @@ pub(crate) enum Failure {
     Input(String),
     /// The work failed.
     Work(String),
+    /// A program that was started has told its failure itself; its exit status is passed on.
+    Told(u8),
 }
 
 impl Failure {
+    /// What is still to be told; empty where it has been told.
     pub(crate) fn text(&self) -> &str {
         match self {
             Self::Input(text) | Self::Work(text) => text,
+            Self::Told(_) => "",
         }
     }
 }
@@ -119,6 +123,7 @@ pub(crate) fn finish(done: Done) -> ExitCode {
             ExitCode::from(match failure {
                 Failure::Input(_) => EXIT_INPUT,
                 Failure::Work(_) => EXIT_FAILED,
+                Failure::Told(status) => status,
             })
         }
     }

@@ -139,8 +139,7 @@ pub(super) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<V
     match output.status.code() {
         Some(0) => serde_json::from_slice(&output.stdout)
             .map_err(|e| Failure::Work(format!("`supergaussian {command}` printed no JSON: {e}"))),
-        // Its own line has been told already; wrong input stays wrong input.
-        Some(2) => Err(Failure::Input(format!("`supergaussian {command}` refused its input"))),
+        Some(status @ 1..=2) => Err(Failure::Told(status as u8)),
         _ => Err(Failure::Work(format!("`supergaussian {command}` failed: {}", output.status))),
     }
 }

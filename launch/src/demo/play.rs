@@ -101,6 +101,7 @@ impl Player {
             let what = what.map_err(|failure| match failure {
                 Failure::Input(text) => Failure::Input(format!("step {number}: {text}")),
                 Failure::Work(text) => Failure::Work(format!("step {number}: {text}")),
+                Failure::Told(status) => Failure::Told(status),
             })?;
             if !what.is_empty() {
                 terminal::tell(&format!("[{number:2}/{of}] {what}"));

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
+use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use sg_fit::direct::MAX_GAUSSIANS;
@@ -110,10 +111,12 @@ struct Failure {
     message: String,
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "handed to map_err")]
 fn input(e: impl ToString) -> Failure {
     Failure { status: 2, message: e.to_string() }
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "handed to map_err")]
 fn work(e: impl ToString) -> Failure {
     Failure { status: 1, message: e.to_string() }
 }
@@ -293,7 +296,7 @@ fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Fa
         sac_radius: tree.sac_radius(),
         parent_point: tree.parent_point().to_array(),
         parent_radius: tree.parent_radius(),
-        parent_axis: tree.parent_axis().iter().map(|p| p.to_array()).collect(),
+        parent_axis: tree.parent_axis().iter().map(DVec3::to_array).collect(),
         sac_center_voxels: (tree.sac_center() * size as f64 - 0.5).to_array(),
         sac_radius_voxels: tree.sac_radius() * size as f64,
     };

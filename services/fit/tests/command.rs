@@ -1,4 +1,5 @@
 //! The command on the made volume: files, reports, exit statuses, and one clear line for what is wrong.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
 use std::path::Path;
 use std::process::{Command, Output};

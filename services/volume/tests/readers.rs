@@ -1,4 +1,5 @@
 //! Every way to store a volume is read alike, and every broken file gets one clear line.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -68,7 +69,7 @@ fn nrrd_is_read_in_every_encoding_attached_and_detached() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     let ascii = values().iter().fold(String::new(), |mut s, v| {
-        let _ = write!(s, "{v}\n");
+        let _ = writeln!(s, "{v}");
         s
     });
     put(d, "data.bin", &joined(&[b"junk", &bytes(true)]));

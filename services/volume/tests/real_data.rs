@@ -1,4 +1,5 @@
 //! Readers and automatic transfer functions on measured volumes, found by `SUPERGAUSSIAN_DATA`.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 #![allow(clippy::print_stderr, reason = "a skipped test says so")]
 
 use std::path::PathBuf;
