@@ -40,7 +40,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { gaussians: 100_000, seed: 0, flattening: 0.5, relaxation_rounds: 1 }
+        Self { gaussians: 100_000, seed: 0, flattening: 0.6, relaxation_rounds: 1 }
     }
 }
 

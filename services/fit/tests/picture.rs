@@ -43,16 +43,16 @@ fn more_and_flatter_gaussians_come_nearer_to_the_volume() {
         reference.rgba = marched.pixels.iter().flatten().copied().collect();
         Difference::between(&image, &reference).unwrap()
     };
-    let (few, some, many) = (quality(1_000, 0.5), quality(5_000, 0.5), quality(20_000, 0.5));
+    let (few, some, many) = (quality(1_000, 0.6), quality(5_000, 0.6), quality(20_000, 0.6));
     let thick = quality(5_000, 1.0);
     let table = format!("1k {few:?}\n5k {some:?}\n20k {many:?}\n5k unflattened {thick:?}");
     assert!(few.psnr_db > FEW && some.psnr_db > SOME && many.psnr_db > MANY, "{table}");
     assert!(some.footprint_psnr_db > few.footprint_psnr_db + 2.0, "{table}");
     assert!(some.footprint_psnr_db > thick.footprint_psnr_db + 2.0, "{table}");
-    assert!(many.coverage_error < 0.035, "{table}");
+    assert!(many.coverage_error < 0.03, "{table}");
 }
 
 /// PSNR over the frame in dB that each budget must reach.
-const FEW: f64 = 24.0;
-const SOME: f64 = 30.0;
-const MANY: f64 = 33.0;
+const FEW: f64 = 27.0;
+const SOME: f64 = 34.0;
+const MANY: f64 = 35.0;
