@@ -28,7 +28,7 @@ pub struct Surface {
     pub shininess: f64,
 }
 
-/// Blinn-Phong colour of a surface, RGB clamped to [0,1] after lighting; `None` where an attribute or the result is not
+/// Blinn-Phong colour of a surface, RGB clamped to `[0, 1]` after lighting; `None` where an attribute or the result is not
 /// finite.
 ///
 /// `to_eye` (v) and `to_light` (l) are unit vectors from the Gaussian, or zero where there is no direction; h is

@@ -1,7 +1,7 @@
 //! The whole stack by its front door: the demo on the made volume, with every service killed in the middle, and on real
 //! volumes.
 
-#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by its helpers and prints what it measured")]
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! Brushing the sac of the made vessel tree: the walk finds the sac whatever the hand does exactly.
 
-#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by its helpers and prints what it measured")]
 
 use std::sync::Arc;
 

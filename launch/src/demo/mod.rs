@@ -53,13 +53,13 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
     /// Gaussians that a volume becomes
-    #[arg(long, value_name = "N", default_value_t = 60_000)]
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
     gaussians: u32,
     /// Seed of the made volume and of the Gaussians' placement
     #[arg(long, value_name = "K", default_value_t = 0)]
     seed: u64,
     /// Width and height of the pictures, pixels
-    #[arg(long, value_name = "PIXELS", default_value_t = 768, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    #[arg(long, value_name = "PIXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
     /// Print the summary as JSON
     #[arg(long)]

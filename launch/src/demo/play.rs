@@ -196,7 +196,7 @@ impl Player {
     }
 
     async fn look(&mut self, view: &View) -> Result<String, Failure> {
-        self.command(Action::SetView(SetView { change: Some(set_view::Change::View(view.clone())) })).await
+        self.command(Action::SetView(SetView { change: Some(set_view::Change::View(*view)) })).await
     }
 
     async fn command(&mut self, action: Action) -> Result<String, Failure> {

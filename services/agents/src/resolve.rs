@@ -132,7 +132,7 @@ fn focus(state: &State) -> Option<Target> {
 /// What a reference means in a scene.
 ///
 /// # Errors
-/// `NotFound`, `InvalidArgument` as [`unit`]; `FailedPrecondition` where it leans on a selection or on something said
+/// `NotFound`, `InvalidArgument` as [`unit()`]; `FailedPrecondition` where it leans on a selection or on something said
 /// before and there is none.
 pub fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
     let nothing_said = |what: &str| {

@@ -44,9 +44,11 @@ impl Default for Options {
     }
 }
 
-/// Shading of a plain boundary: ambient, diffuse, specular factor and exponent. Where there is no surface the same light
-/// falls from everywhere: ambient 1, the others 0.
+/// Shading of a plain boundary: ambient, diffuse, specular factor and exponent.
 pub const SURFACE_SHADING: (f32, f32, f32, f32) = (0.4, 0.6, 0.2, 20.0);
+/// Ambient factor where there is no surface and no direction counts: about as bright as a boundary on average over the
+/// directions that it is seen from (0.4 + 0.6·½), with no diffuse or specular part.
+pub const HAZE_AMBIENT: f32 = 0.7;
 
 /// Standard deviation, in voxels, of the smoothing before gradients are taken: without it normals follow single voxels' noise.
 const GRADIENT_SMOOTHING: f32 = 1.0;
@@ -345,7 +347,7 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
         shading: Some(ShadingColumns {
             offset_color: splats.iter().map(|s| s.color - palette).collect(),
             normal: splats.iter().map(|s| s.normal).collect(),
-            ambient: column(&|s| 1.0 + s.surfaceness * (ambient - 1.0)),
+            ambient: column(&|s| HAZE_AMBIENT + s.surfaceness * (ambient - HAZE_AMBIENT)),
             diffuse: column(&|s| s.surfaceness * diffuse),
             specular: column(&|s| s.surfaceness * specular),
             shininess: column(&|_| shininess),

@@ -220,7 +220,7 @@ pub struct ColumnLength {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShadingModel {
-    /// c = ka·c_d + kd·max(n·l,0)·c_d + ks·max(n·h,0)^β, clamped to [0,1].
+    /// c = ka·c_d + kd·max(n·l,0)·c_d + ks·max(n·h,0)^β, clamped to `[0, 1]`.
     #[default]
     Paper,
     /// Two-sided, as iVR-GS trains: c = (ka + kd·|n·l|)·c_d + ks·|n·h|^β.
@@ -257,7 +257,7 @@ pub struct BaseUnit {
     pub first: usize,
     /// Palette colour c_p, RGB 0 to 1.
     pub palette: Vec3,
-    /// Factor on every opacity, at least 0; the product is clamped to [0,1].
+    /// Factor on every opacity, at least 0; the product is clamped to `[0, 1]`.
     pub opacity: f32,
     /// Local frame to scene frame (affine).
     pub transform: DMat4,

@@ -21,6 +21,12 @@ use crate::shortest::{NONE, SearchPool, fill_unlabelled, nearest_source, raise_f
 /// Slack on the envelope, for the rounding of path lengths: without it points that tie (lattices) stay unlabelled.
 const SLACK: f64 = 1.0 + 1e-12;
 
+/// Searches done before their results are offered.
+const BATCH: usize = 128;
+
+/// Vertices that kept searches may hold, for each vertex of the graph.
+const MOST_KEPT: usize = 12;
+
 /// A cluster's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Centre {
@@ -150,10 +156,19 @@ impl<'a> GeodesicAssigner<'a> {
         raise_to_envelope(self.graph, &mut envelope);
         let all: Vec<usize> = (0..centres.len()).collect();
         let mut reach = vec![Vec::new(); centres.len()];
-        self.search(&all, &sources, &envelope, &mut reach);
         let mut assignment = Assignment { label, cost };
-        self.collect(centres, &reach, &all, &mut assignment);
-        self.kept = Some(Kept { sources, reach, envelope });
+        // In batches, so that searches that reach far (large m) are forgotten before memory runs out.
+        let mut kept = Some(0);
+        for batch in all.chunks(BATCH) {
+            self.search(batch, &sources, &envelope, &mut reach);
+            self.collect(centres, &reach, batch, &mut assignment);
+            let held: usize = batch.iter().map(|&j| reach[j].len()).sum();
+            kept = kept.map(|k| k + held).filter(|&k| k <= MOST_KEPT * self.graph.len());
+            if kept.is_none() {
+                reach.iter_mut().for_each(|r| *r = Vec::new());
+            }
+        }
+        self.kept = kept.map(|_| Kept { sources, reach, envelope });
         assignment
     }
 
@@ -198,7 +213,8 @@ impl<'a> GeodesicAssigner<'a> {
             let further = self.continue_searches(&mut kept, &before);
             self.collect(centres, &kept.reach, &further, &mut assignment);
         }
-        self.kept = Some(kept);
+        let held: usize = kept.reach.iter().map(Vec::len).sum();
+        self.kept = (held <= MOST_KEPT * self.graph.len()).then_some(kept);
         assignment
     }
 
@@ -251,7 +267,6 @@ impl<'a> GeodesicAssigner<'a> {
 
     /// Offers every pair that the given searches reached; costs are computed in parallel, offers are made in order.
     fn collect(&self, centres: &[Centre], reach: &[Vec<(u32, f64)>], which: &[usize], assignment: &mut Assignment) {
-        const BATCH: usize = 256;
         for batch in which.chunks(BATCH) {
             let costs: Vec<Vec<f64>> = batch
                 .par_iter()

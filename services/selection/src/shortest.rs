@@ -40,7 +40,10 @@ pub fn fill_unlabelled(graph: &Graph, distance: &mut [f64], label: &mut [u32]) {
     for &v in &empty {
         for (w, length) in graph.neighbours(v) {
             let through = (distance[w as usize] + length, label[w as usize]);
-            if through.1 != NONE && !empty.contains_sorted(w) && through < (distance[v as usize], label[v as usize]) {
+            if through.1 != NONE
+                && empty.binary_search(&w).is_err()
+                && through < (distance[v as usize], label[v as usize])
+            {
                 (distance[v as usize], label[v as usize]) = through;
             }
         }
@@ -49,16 +52,6 @@ pub fn fill_unlabelled(graph: &Graph, distance: &mut [f64], label: &mut [u32]) {
         }
     }
     spread(graph, distance, label, heap);
-}
-
-trait ContainsSorted {
-    fn contains_sorted(&self, v: u32) -> bool;
-}
-
-impl ContainsSorted for Vec<u32> {
-    fn contains_sorted(&self, v: u32) -> bool {
-        self.binary_search(&v).is_ok()
-    }
 }
 
 fn spread(graph: &Graph, distance: &mut [f64], label: &mut [u32], mut heap: BinaryHeap<Reverse<(u64, u32, u32)>>) {

@@ -7,6 +7,9 @@ use crate::vertices::distance_squared;
 /// Points a leaf holds at most.
 const LEAF: usize = 16;
 
+/// Points that one thread sorts alone.
+const ALONE: usize = 4096;
+
 /// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
@@ -261,16 +264,12 @@ fn build(points: &mut [([f64; 3], u32)], boxes: &mut [Bounds], height: u32) {
     points.select_nth_unstable_by(half, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     let (left, right) = points.split_at_mut(half);
     let (left_boxes, right_boxes) = below.split_at_mut((1 << height) - 1);
-    if points_are_many(left.len()) {
+    if left.len() > ALONE {
         rayon::join(|| build(left, left_boxes, height - 1), || build(right, right_boxes, height - 1));
     } else {
         build(left, left_boxes, height - 1);
         build(right, right_boxes, height - 1);
     }
-}
-
-fn points_are_many(n: usize) -> bool {
-    n > 4096
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ pub enum Lighting {
     #[default]
     Unlit,
     /// Blinn–Phong with a white light at the eye and the normal −∇v/|∇v|:
-    /// c = ka·c + kd·max(n·l,0)·c + ks·max(n·h,0)^β, clamped to [0,1].
+    /// c = ka·c + kd·max(n·l,0)·c + ks·max(n·h,0)^β, clamped to `[0, 1]`.
     Headlight {
         /// Ambient factor.
         ambient: f32,
