@@ -196,7 +196,7 @@ pub fn framed_box(scene: &Scene) -> SceneBox {
     }
 }
 
-/// The box that holds all but the outermost [`STRAYS`] of the members' visible weight (opacity × squared mean scale) on
+/// The box that holds all but the outermost `STRAYS` of the members' visible weight (opacity × squared mean scale) on
 /// either side of each axis, widened by twice their weighted mean scale. Scene coordinates, with unit transforms; `None`
 /// where no member is visible anywhere.
 #[must_use]
