@@ -44,7 +44,7 @@ pub(crate) enum Command {
     Select(select::Arguments),
     /// Solves one random walk on a given graph.
     ///
-    /// The graph is {"nodes":n,"edges":`[[u,v,w],…]`,"foreground":[…],"background":[…],"leak":0}. Duplicate edges add up,
+    /// The graph is `{"nodes":n,"edges":[[u,v,w],…],"foreground":[…],"background":[…],"leak":0}`. Duplicate edges add up,
     /// self-loops and zero weights are ignored, a node in both lists is unseeded. Writes p, q, reached and selected, one
     /// entry a node; numbers round-trip exactly.
     ///
