@@ -53,7 +53,8 @@ pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f
             }
             message = seen.next() => {
                 let Some(message) = message else { break };
-                if message.context.conversation == conversation {
+                // Newest values of services are no stage of the pipeline.
+                if message.context.conversation == conversation && stage(&message.key) != keys::SCENE_STATE.name {
                     let at = began.elapsed();
                     if !json {
                         terminal::tell(&shown(&message, at));
@@ -102,11 +103,13 @@ fn shown(seen: &Seen, at: Duration) -> String {
     let at = time(at.as_secs_f64() * 1000.0);
     let colored = terminal::colored();
     let name = paint(Ink::Cyan, &format!("{:<12}", stage(&seen.key)), colored);
-    format!("{at:>8}  {name} {}", gist(&seen.message, &seen.payload))
+    let gist = gist(&seen.message, &seen.payload);
+    // The reply is told in full at the end.
+    format!("{at:>8}  {name} {}", gist.lines().next().unwrap_or_default())
 }
 
 /// What a message of the pipeline says, for a person.
-pub(crate) fn gist(full_name: &str, payload: &[u8]) -> String {
+fn gist(full_name: &str, payload: &[u8]) -> String {
     fn read<M: Message + Name + Default>(full_name: &str, payload: &[u8]) -> Option<M> {
         if full_name == M::full_name() { M::decode(payload).ok() } else { None }
     }
@@ -133,7 +136,7 @@ pub(crate) fn gist(full_name: &str, payload: &[u8]) -> String {
         } else {
             format!("; not understood: {}", m.not_understood.join(", "))
         };
-        format!("{}{lost}", acts(&m.clauses))
+        format!("{}{lost}", acts(&m.clauses)).trim_start_matches("; ").to_owned()
     } else if let Some(m) = read::<Plan>(full_name, payload) {
         acts(&m.clauses)
     } else if let Some(m) = read::<ActionResult>(full_name, payload) {

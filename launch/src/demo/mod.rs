@@ -17,7 +17,7 @@ use sg_launch::{HEADLESS, strokes};
 use sg_proto::keys::role;
 use sg_proto::launch::{PsReply, ServiceState};
 use sg_runtime::bus::Bus;
-use sg_runtime::session::SessionDir;
+use sg_runtime::session::{self, SessionDir};
 
 use crate::cli::read_text;
 use crate::console::Verbosity;
@@ -30,6 +30,8 @@ use play::{Player, Settings};
 use shipped::DENSEST;
 use summary::Summary;
 
+/// What the names of demos' sessions begin with; the rest is the process id.
+const SESSION: &str = "demo-";
 /// How long the stack may take to get ready. A large scene is clustered meanwhile.
 const START_TIME: Duration = Duration::from_secs(900);
 /// How often it is looked whether it is.
@@ -66,7 +68,7 @@ pub(crate) struct DemoArgs {
     json: bool,
 }
 
-pub(crate) async fn demo(arguments: DemoArgs, session: Option<&str>) -> Done {
+pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
     // What can be wrong is looked at before anything that takes time.
     let input = Input::of(arguments.input.as_deref())?;
     let search = Search::here_then_path();
@@ -104,7 +106,8 @@ pub(crate) async fn demo(arguments: DemoArgs, session: Option<&str>) -> Done {
         format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string())),
         format!("service.scene.params.project={}", toml::Value::String(project.display().to_string())),
     ];
-    let session = SessionDir::named(session.unwrap_or(&format!("demo-{}", std::process::id())))?;
+    forget_dead_demos();
+    let session = SessionDir::named(told.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
     let stack = Stack {
         file: self::plan(&overrides, &search)?,
         path: PathBuf::from("headless.toml"),
@@ -112,7 +115,9 @@ pub(crate) async fn demo(arguments: DemoArgs, session: Option<&str>) -> Done {
         verbosity: Verbosity::Quiet,
     };
     let settings = Settings { out, size: arguments.size, chaos: arguments.chaos };
-    let summary = run(stack, scene, steps, settings).await?;
+    let summary = run(stack, scene, steps, settings).await.inspect_err(|_| {
+        terminal::tell(&format!("what the services have logged: supergaussian logs --session {}", session.name()));
+    })?;
     // The logs of a demo that went well are of no further use.
     let _ = std::fs::remove_dir_all(session.path());
     summary.tell(arguments.json);
@@ -185,6 +190,22 @@ async fn wait_until_ready(bus: &Bus) -> Result<PsReply, Failure> {
             return Err(Failure::Work(format!("not ready after {seconds} s: {}", missing.join(", "))));
         }
         tokio::time::sleep(GLANCE).await;
+    }
+}
+
+/// Removes what demos that were killed, or that failed, have left of their sessions: pictures are large.
+fn forget_dead_demos() {
+    let sessions = std::fs::read_dir(session::run_root()).into_iter().flatten().flatten();
+    for entry in sessions {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let Some(pid) = name.strip_prefix(SESSION) else { continue };
+        let Ok(dead) = SessionDir::named(&name) else { continue };
+        // A supervisor writes its id after it has locked its session: what has no id yet is being started.
+        let written = std::fs::read_to_string(dead.lock_file()).is_ok_and(|text| text.trim() == pid);
+        if written && !dead.is_running() {
+            // What cannot be removed takes room and does no other harm.
+            let _ = std::fs::remove_dir_all(dead.path());
+        }
     }
 }
 
