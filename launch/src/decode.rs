@@ -2,6 +2,7 @@
 
 use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
 use serde_json::Value;
+use sg_proto::prost::{Message, Name};
 use sg_runtime::bus::Seen;
 
 use crate::terminal::Failure;
@@ -32,7 +33,7 @@ impl Decoder {
     }
 
     /// A typed message as JSON.
-    pub(crate) fn json_of<M: prost::Message + prost::Name>(&self, message: &M) -> Value {
+    pub(crate) fn json_of<M: Message + Name>(&self, message: &M) -> Value {
         self.json(&M::full_name(), &message.encode_to_vec())
     }
 }
