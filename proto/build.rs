@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 use prost::Message as _;
 
-const FILES: [&str; 6] = [
+const FILES: [&str; 7] = [
     "supergaussian/bus/v1/bus.proto",
     "supergaussian/scene/v1/scene.proto",
     "supergaussian/selection/v1/selection.proto",
     "supergaussian/render/v1/render.proto",
     "supergaussian/language/v1/language.proto",
     "supergaussian/launch/v1/launch.proto",
+    "supergaussian/backend/v1/backend.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -224,6 +224,12 @@ table! {
     READY: Stream<bus::Ready> = (ANY, "event/ready");
     /// How an instance is, every second.
     HEALTH: Stream<bus::Health> = (ANY, "event/health");
+    /// An instance that stands by takes its role; asked under the instance.
+    PROMOTE: Ask<bus::PromoteRequest, bus::PromoteReply> = (ANY, "cmd/promote", &[role::SUPERVISOR]);
+    /// Withdraws a request.
+    CANCEL: Ask<bus::CancelRequest, bus::CancelReply> = (ANY, "cmd/cancel", &[ANY]);
+    /// What a process has counted.
+    METRICS: Ask<bus::MetricsRequest, bus::MetricsReply> = (ANY, "cmd/metrics", &[ANY]);
 
     /// Changes the scene; at most once for an id.
     SCENE_APPLY: Ask<scene::Command, scene::CommandResult> = (role::SCENE, "cmd/apply", &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::AGENT_FUNCTION]);
@@ -291,6 +297,12 @@ table! {
 #[must_use]
 pub fn key(session: &str, role: &str, name: &str) -> String {
     format!("{ROOT}/{session}/{role}/{name}")
+}
+
+/// What stands in place of the role in the keys of one instance, whether or not it has its role: `@instance/<instance>`.
+#[must_use]
+pub fn instance(instance: &str) -> String {
+    format!("@instance/{instance}")
 }
 
 /// The key expression of an instance's liveliness token.

@@ -30,6 +30,7 @@ mod generated {
             }
         };
     }
+    domain!(backend, "supergaussian.backend.v1");
     domain!(bus, "supergaussian.bus.v1");
     domain!(scene, "supergaussian.scene.v1");
     domain!(selection, "supergaussian.selection.v1");
@@ -38,6 +39,7 @@ mod generated {
     domain!(launch, "supergaussian.launch.v1");
 }
 
+pub use generated::backend::v1 as backend;
 pub use generated::bus::v1 as bus;
 pub use generated::language::v1 as language;
 pub use generated::launch::v1 as launch;

@@ -53,6 +53,12 @@ pub struct ServeArgs {
     /// Process id of the supervisor; the process ends when that one is gone
     #[arg(long)]
     pub supervisor_pid: Option<i32>,
+    /// Epoch of the role, granted by the supervisor; 0 for none
+    #[arg(long, default_value_t = 0)]
+    pub epoch: u64,
+    /// Serve only under the instance until promoted
+    #[arg(long)]
+    pub standby: bool,
     /// Milliseconds to finish accepted work after a request to stop
     #[arg(long, default_value_t = 3000)]
     pub grace_ms: u64,
