@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs on a Debian machine what `ops/check` needs and the machine lacks: a C compiler, git, cargo-nextest,
-# cargo-deny and buf. Does nothing where everything is there; the Rust toolchain itself comes from rustup.
+# cargo-deny, buf and the Python environment of the tests (ops/python.sh). Does nothing where everything is there; the
+# Rust toolchain itself comes from rustup.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 . ops/tools.sh
@@ -16,6 +17,7 @@ packages=()
 have cc || packages+=(gcc libc6-dev)
 have git || packages+=(git)
 have npm || packages+=(nodejs npm)
+python3 -c 'import venv, ensurepip' 2>/dev/null || packages+=(python3 python3-venv)
 if ((${#packages[@]})); then
     as_root=()
     ((EUID == 0)) || as_root=(sudo)
@@ -51,4 +53,6 @@ if [[ ! -x $buf_root/node_modules/.bin/buf ]]; then
 fi
 link "$buf_root/node_modules/.bin/buf"
 
-echo "setup-debian: $(rustc --version); $(cargo nextest --version | head -n 1); $(cargo deny --version); buf $(buf --version)"
+ops/python.sh
+
+echo "setup-debian: $(rustc --version); $(cargo nextest --version | head -n 1); $(cargo deny --version); buf $(buf --version); $("$SUPERGAUSSIAN_PYTHON" --version)"

@@ -10,3 +10,16 @@ export PATH=$tools_dir/bin:$PATH
 buf_version=1.75.0
 cargo_deny_version=0.20.2
 cargo_nextest_version=0.9.143
+
+# Python programs that tests talk to (a language model's server, services in another language) run in one environment.
+# SUPERGAUSSIAN_PYTHON names another interpreter that has the same packages.
+python_dir=$cache_dir/python
+python_packages=(
+    eclipse-zenoh==1.10.2
+    gguf==0.19.0
+    grpcio==1.85.1
+    grpcio-tools==1.85.1
+    protobuf==7.36.2
+    xllamacpp==2026.10.11549
+)
+export SUPERGAUSSIAN_PYTHON=${SUPERGAUSSIAN_PYTHON:-$python_dir/bin/python}
