@@ -15,6 +15,9 @@ pub struct LogLine {
     pub fields: Vec<(String, String)>,
 }
 
+/// Digits of a trace's id that people are shown.
+const TRACE_DIGITS: usize = 8;
+
 /// How grave a line is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
@@ -54,6 +57,7 @@ impl LogLine {
         let Some(level) = text(&mut object, "level").and_then(|l| level(&l)) else { return plain() };
         let timestamp = text(&mut object, "timestamp").unwrap_or_default();
         object.remove("target");
+        let trace = object.remove("span").and_then(|span| span.get("trace_id")?.as_str().map(str::to_owned));
         Self {
             timestamp,
             level,
@@ -64,6 +68,11 @@ impl LogLine {
                     Value::String(s) => (key, printable(&s)),
                     other => (key, other.to_string()),
                 })
+                // The last digits tell traces apart; the file has them all.
+                .chain(trace.filter(|t| !t.is_empty()).map(|t| {
+                    let tail = t.len().saturating_sub(TRACE_DIGITS);
+                    ("trace".to_owned(), printable(t.get(tail..).unwrap_or(&t)))
+                }))
                 .collect(),
         }
     }
@@ -117,6 +126,10 @@ mod tests {
         );
         assert_eq!((line.time(), line.level), ("09:30:05", Level::Warn));
         assert_eq!(line.text(), "slow file=\"a b\" ms=12.5");
+        let traced = LogLine::parse(
+            r#"{"level":"INFO","message":"done","span":{"key":"cmd/apply","trace_id":"0197a000000000000000000012345678","name":"serve"}}"#,
+        );
+        assert_eq!(traced.text(), "done trace=12345678");
     }
 
     #[test]

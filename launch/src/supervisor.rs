@@ -399,7 +399,7 @@ fn service_logs(services: &[Service], folder: &Path, console: &Console) -> Vec<S
 async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Serving>, Failure> {
     let stopping = || Fault::unavailable("the supervisor is stopping");
     let sender = requests.clone();
-    let ps = bus.serve(&keys::PS, role::SUPERVISOR, CAPACITY, move |_, _| {
+    let ps = bus.serve(&keys::PS, CAPACITY, move |_, _| {
         let sender = sender.clone();
         async move {
             let (reply, answer) = oneshot::channel();
@@ -408,7 +408,7 @@ async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Servin
         }
     });
     let sender = requests.clone();
-    let restart = bus.serve(&keys::RESTART, role::SUPERVISOR, CAPACITY, move |request, _| {
+    let restart = bus.serve(&keys::RESTART, CAPACITY, move |request, _| {
         let sender = sender.clone();
         async move {
             let (reply, answer) = oneshot::channel();
@@ -417,7 +417,7 @@ async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Servin
         }
     });
     let sender = requests.clone();
-    let down = bus.serve(&keys::DOWN, role::SUPERVISOR, CAPACITY, move |_, _| {
+    let down = bus.serve(&keys::DOWN, CAPACITY, move |_, _| {
         let sender = sender.clone();
         async move {
             sender.send(Request::Down).await.map_err(|_| stopping())?;

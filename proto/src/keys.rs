@@ -41,6 +41,18 @@ pub mod role {
         [SCENE, SELECTION, RENDER_VIEW, RENDER_CAPTURE, AGENT_CORE, AGENT_INTENT, AGENT_FUNCTION, SUPERVISOR, CLI];
 }
 
+/// What goes first where messages wait for one another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Urgency {
+    /// A person's hand waits for it.
+    Interactive,
+    /// The rest.
+    #[default]
+    Ordinary,
+    /// Whatever can wait: large, or for statistics.
+    Background,
+}
+
 /// A request that a role answers.
 #[derive(Debug)]
 pub struct Ask<Q, R> {
@@ -50,6 +62,8 @@ pub struct Ask<Q, R> {
     pub name: &'static str,
     /// Roles that may ask.
     pub senders: &'static [&'static str],
+    /// What goes first.
+    pub urgency: Urgency,
     /// What it is for.
     pub doc: &'static str,
     types: PhantomData<fn(Q) -> R>,
@@ -62,6 +76,8 @@ pub struct Stream<M> {
     pub role: &'static str,
     /// Last part of the key, `event/…`.
     pub name: &'static str,
+    /// What goes first.
+    pub urgency: Urgency,
     /// What it is for.
     pub doc: &'static str,
     types: PhantomData<fn() -> M>,
@@ -101,7 +117,11 @@ impl<M> Copy for Slot<M> {}
 
 impl<Q: Name, R: Name> Ask<Q, R> {
     const fn new(role: &'static str, name: &'static str, senders: &'static [&'static str], doc: &'static str) -> Self {
-        Self { role, name, senders, doc, types: PhantomData }
+        Self { role, name, senders, urgency: Urgency::Ordinary, doc, types: PhantomData }
+    }
+
+    const fn at(self, urgency: Urgency) -> Self {
+        Self { urgency, ..self }
     }
 
     fn row(&self) -> Row {
@@ -117,7 +137,11 @@ impl<Q: Name, R: Name> Ask<Q, R> {
 
 impl<M: Name> Stream<M> {
     const fn new(role: &'static str, name: &'static str, doc: &'static str) -> Self {
-        Self { role, name, doc, types: PhantomData }
+        Self { role, name, urgency: Urgency::Ordinary, doc, types: PhantomData }
+    }
+
+    const fn at(self, urgency: Urgency) -> Self {
+        Self { urgency, ..self }
     }
 
     fn row(&self) -> Row {
@@ -203,10 +227,10 @@ const SCENE_READERS: &[&str] =
     &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::RENDER_CAPTURE, role::AGENT_CORE, role::AGENT_FUNCTION];
 
 macro_rules! table {
-    ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?);)*) => {
+    ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?)$( at $urgency:ident)?;)*) => {
         $(
             $(#[doc = $doc])+
-            pub const $ident: $type<$($message),+> = $type::new($role, $name, $($senders,)? concat!($($doc),+));
+            pub const $ident: $type<$($message),+> = $type::new($role, $name, $($senders,)? concat!($($doc),+))$(.at(Urgency::$urgency))?;
         )*
 
         /// Every row of the table.
@@ -223,30 +247,30 @@ table! {
     /// An instance begins to serve.
     READY: Stream<bus::Ready> = (ANY, "event/ready");
     /// How an instance is, every second.
-    HEALTH: Stream<bus::Health> = (ANY, "event/health");
+    HEALTH: Stream<bus::Health> = (ANY, "event/health") at Background;
     /// An instance that stands by takes its role; asked under the instance.
     PROMOTE: Ask<bus::PromoteRequest, bus::PromoteReply> = (ANY, "cmd/promote", &[role::SUPERVISOR]);
     /// Withdraws a request.
-    CANCEL: Ask<bus::CancelRequest, bus::CancelReply> = (ANY, "cmd/cancel", &[ANY]);
+    CANCEL: Ask<bus::CancelRequest, bus::CancelReply> = (ANY, "cmd/cancel", &[ANY]) at Interactive;
     /// What a process has counted.
-    METRICS: Ask<bus::MetricsRequest, bus::MetricsReply> = (ANY, "cmd/metrics", &[ANY]);
+    METRICS: Ask<bus::MetricsRequest, bus::MetricsReply> = (ANY, "cmd/metrics", &[ANY]) at Background;
 
     /// Changes the scene; at most once for an id.
     SCENE_APPLY: Ask<scene::Command, scene::CommandResult> = (role::SCENE, "cmd/apply", &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::AGENT_FUNCTION]);
     /// What a reader missed.
     SCENE_CHANGES: Ask<scene::ChangesRequest, scene::Changes> = (role::SCENE, "cmd/changes", SCENE_READERS);
     /// An accepted change, after it is durable.
-    SCENE_EVENT: Stream<scene::Event> = (role::SCENE, "event/change");
+    SCENE_EVENT: Stream<scene::Event> = (role::SCENE, "event/change") at Interactive;
     /// The newest state, without masks.
     SCENE_STATE: Slot<scene::State> = (role::SCENE, "state");
 
     /// Adds strokes and commits what they select.
-    SELECTION_STROKES: Ask<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]);
+    SELECTION_STROKES: Ask<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]) at Interactive;
     /// What is clustered.
     SELECTION_STATE: Slot<selection::State> = (role::SELECTION, "state");
 
     /// One picture.
-    CAPTURE: Ask<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS);
+    CAPTURE: Ask<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS) at Background;
     /// What the capture process has drawn.
     CAPTURE_STATE: Slot<render::State> = (role::RENDER_CAPTURE, "state");
     /// A new picture of the shared viewpoint.

@@ -9,6 +9,7 @@ use std::time::Instant;
 use sg_proto::bus::ActorHealth;
 use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
+use tracing::Instrument as _;
 
 use crate::fault::Fault;
 
@@ -52,9 +53,12 @@ pub enum Exit {
 /// The sending end of an actor's mailbox. Cheap to clone.
 #[derive(Debug)]
 pub struct Mailbox<M> {
-    sender: mpsc::Sender<M>,
+    sender: mpsc::Sender<Posted<M>>,
     shared: Arc<Shared>,
 }
+
+/// A message and the span in which it was sent, so that what is logged about it carries the trace.
+type Posted<M> = (tracing::Span, M);
 
 // Written out because a derive would ask the message to be `Clone`.
 impl<M> Clone for Mailbox<M> {
@@ -77,7 +81,7 @@ impl<M: Send + 'static> Mailbox<M> {
     /// # Errors
     /// `ResourceExhausted` (counted) or `Unavailable`.
     pub fn tell(&self, message: M) -> Result<(), Fault> {
-        self.sender.try_send(message).map_err(|error| match error {
+        self.sender.try_send((tracing::Span::current(), message)).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => {
                 self.shared.dropped.fetch_add(1, Ordering::Relaxed);
                 Fault::exhausted(format!("the mailbox of `{}` is full; try again in a moment", self.shared.name))
@@ -123,7 +127,7 @@ pub trait Observed: Send + Sync {
 }
 
 struct Observer<M, S> {
-    mailbox: mpsc::WeakSender<M>,
+    mailbox: mpsc::WeakSender<Posted<M>>,
     shared: Arc<Shared>,
     state: watch::Receiver<S>,
 }
@@ -151,7 +155,7 @@ impl<M: Send, S: Display + Send + Sync> Observed for Observer<M, S> {
 
 /// Starts an actor with a mailbox of `capacity` messages.
 pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, Running<A::State>) {
-    let (sender, mut messages) = mpsc::channel(capacity);
+    let (sender, mut messages) = mpsc::channel::<Posted<A::Message>>(capacity);
     let (publish, state) = watch::channel(actor.state());
     let (handled, dropped) = (AtomicU64::new(0), AtomicU64::new(0));
     let shared = Arc::new(Shared { name: actor.name(), handled, dropped, closing: Notify::new() });
@@ -167,8 +171,8 @@ pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, R
                     continue;
                 }
             };
-            let Some(message) = message else { break };
-            let outcome = actor.handle(message).await;
+            let Some((span, message)) = message else { break };
+            let outcome = actor.handle(message).instrument(span).await;
             counters.handled.fetch_add(1, Ordering::Relaxed);
             publish.send_replace(actor.state());
             if let Err(reason) = outcome {

@@ -22,6 +22,9 @@ pub struct Context {
     pub step: u32,
     /// W3C trace context.
     pub traceparent: String,
+    /// Span of what caused this message, hexadecimal; empty at the start of a chain. Not sent: the receiver's parent is
+    /// this message.
+    pub parent_span: String,
     /// When an answer is of no more use.
     pub deadline: Instant,
     /// Role of the sender, as it says of itself.
@@ -39,6 +42,7 @@ impl Context {
             conversation: String::new(),
             step: 0,
             traceparent: format!("00-{}-{}-01", trace.simple(), span_id()),
+            parent_span: String::new(),
             deadline: Instant::now() + DEFAULT_DEADLINE,
             sender: String::new(),
         }
@@ -47,11 +51,30 @@ impl Context {
     /// A message that this one causes: fresh id and span, the same conversation, step, trace and deadline.
     #[must_use]
     pub fn next(&self) -> Self {
+        Self { id: Uuid::now_v7().to_string(), cause: self.id.clone(), ..self.entered() }
+    }
+
+    /// The work on this message: the same in a span of its own, whose parent is the message.
+    #[must_use]
+    pub(crate) fn entered(&self) -> Self {
+        let parent_span = self.span_id().to_owned();
         let traceparent = self
             .traceparent
             .get(..36)
             .map_or_else(|| self.traceparent.clone(), |head| format!("{head}{}-01", span_id()));
-        Self { id: Uuid::now_v7().to_string(), cause: self.id.clone(), traceparent, ..self.clone() }
+        Self { traceparent, parent_span, ..self.clone() }
+    }
+
+    /// Id of the trace, 32 hexadecimal digits; empty where a sender gave none.
+    #[must_use]
+    pub fn trace_id(&self) -> &str {
+        self.traceparent.get(3..35).unwrap_or_default()
+    }
+
+    /// Id of this message's span, 16 hexadecimal digits; empty where a sender gave none.
+    #[must_use]
+    pub fn span_id(&self) -> &str {
+        self.traceparent.get(36..52).unwrap_or_default()
     }
 
     /// The same with this much time from now, but never more than was left.
@@ -89,7 +112,7 @@ impl Context {
         self.deadline.saturating_duration_since(Instant::now())
     }
 
-    pub(crate) fn to_envelope(&self, sender: &str) -> Envelope {
+    pub(crate) fn to_envelope(&self, sender: &str, epoch: u64, sequence: u64) -> Envelope {
         Envelope {
             id: self.id.clone(),
             cause: self.cause.clone(),
@@ -97,9 +120,10 @@ impl Context {
             step: self.step,
             traceparent: self.traceparent.clone(),
             deadline_ms: u32::try_from(self.remaining().as_millis()).unwrap_or(u32::MAX),
-            epoch: 0,
+            epoch,
             schema_hash: String::new(),
             sender: sender.to_owned(),
+            sequence,
         }
     }
 
@@ -114,6 +138,7 @@ impl Context {
             conversation: envelope.conversation,
             step: envelope.step,
             traceparent: envelope.traceparent,
+            parent_span: String::new(),
             deadline: Instant::now() + time,
             sender: envelope.sender,
         }
@@ -138,6 +163,8 @@ mod tests {
         assert_eq!(first.traceparent[..36], second.traceparent[..36]);
         assert_ne!(first.traceparent, second.traceparent);
         assert_eq!(second.traceparent.len(), 55);
+        assert_eq!((second.parent_span.as_str(), second.trace_id()), (first.span_id(), first.trace_id()));
+        assert_eq!((first.parent_span.as_str(), first.span_id().len()), ("", 16));
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use std::future::Future;
 use std::path::{Path, PathBuf};
+use std::pin::Pin;
 use std::process::ExitCode;
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -11,18 +11,20 @@ use nix::sys::signal::Signal;
 use nix::unistd::{Pid, getppid};
 use prost::{Message, Name};
 use serde::de::DeserializeOwned;
-use sg_proto::bus::{Health, Phase, Ready};
+use sg_proto::bus::{
+    CancelReply, CancelRequest, Code, Health, MetricsReply, Phase, PromoteReply, PromoteRequest, Ready,
+};
 use sg_proto::keys::{self, Ask};
 use sg_proto::limits::HEALTH_PERIOD;
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::actor::{self, Actor, Exit, Mailbox, Observed, Running};
 use crate::blobs::Blobs;
-use crate::bus::{Bus, BusError, Serving};
+use crate::bus::{Alive, Bus, BusError, Serving};
 use crate::context::Context;
 use crate::fault::Fault;
-use crate::{telemetry, wire};
+use crate::{metrics, telemetry, wire};
 
 /// Exit status of a process whose parameters or input are wrong: starting it again would not help.
 pub const EXIT_INPUT: u8 = 2;
@@ -103,7 +105,15 @@ struct Inner {
     serving: Mutex<Vec<Serving>>,
     observed: Mutex<Vec<Arc<dyn Observed>>>,
     ends: mpsc::Sender<(&'static str, Exit)>,
+    before_promotion: Mutex<Vec<Hook>>,
+    promotions: mpsc::Sender<Promotion>,
 }
+
+/// What a process does before it takes its role.
+type Hook = Box<dyn FnOnce() -> Pin<Box<dyn Future<Output = Result<(), StartError>> + Send>> + Send>;
+
+/// A role that was granted, and where to say that it was taken.
+type Promotion = (PromoteRequest, oneshot::Sender<Result<PromoteReply, Fault>>);
 
 impl Host {
     /// The bus.
@@ -116,6 +126,23 @@ impl Host {
     #[must_use]
     pub fn role(&self) -> &str {
         &self.inner.args.role
+    }
+
+    /// Whether this process has not been granted its role yet. What belongs to the role alone, such as a journal, is then
+    /// taken by [`Host::before_promotion`]; until that, a process that stands by works on scratch state.
+    #[must_use]
+    pub fn stands_by(&self) -> bool {
+        self.bus().stands_by()
+    }
+
+    /// Has something done after the role is granted and before its keys are taken: whoever had the role is gone then, and
+    /// nobody asks yet. An error ends the process. Of no effect where the role was there from the start.
+    pub fn before_promotion<F, Fut>(&self, hook: F)
+    where
+        F: FnOnce() -> Fut + Send + 'static,
+        Fut: Future<Output = Result<(), StartError>> + Send + 'static,
+    {
+        lock(&self.inner.before_promotion).push(Box::new(move || Box::pin(hook())));
     }
 
     /// Folder of the session.
@@ -156,7 +183,7 @@ impl Host {
     /// Answers the requests of a row of this process's role until the process drains.
     ///
     /// # Errors
-    /// [`BusError::Declare`]; a row of another role.
+    /// As [`Bus::serve`].
     pub async fn serve<Q, R, H, F>(&self, row: &Ask<Q, R>, capacity: usize, handler: H) -> Result<(), BusError>
     where
         Q: Message + Name + Default + 'static,
@@ -164,14 +191,82 @@ impl Host {
         H: FnMut(Q, Context) -> F + Send + 'static,
         F: Future<Output = Result<R, Fault>> + Send,
     {
-        if row.role != keys::ANY && row.role != self.role() {
-            return Err(BusError::Declare {
-                key: keys::key(self.bus().session(), row.role, row.name),
-                reason: format!("the row belongs to `{}`, this process serves `{}`", row.role, self.role()),
-            });
-        }
-        let serving = self.bus().serve(row, self.role(), capacity, handler).await?;
+        let serving = self.bus().serve(row, capacity, handler).await?;
         lock(&self.inner.serving).push(serving);
+        Ok(())
+    }
+
+    /// The rows that every process answers.
+    async fn serve_what_all_serve(&self) -> Result<(), BusError> {
+        let host = self.clone();
+        self.serve(&keys::STATUS, 16, move |_, _| std::future::ready(Ok(host.health()))).await?;
+        let bus = self.bus().clone();
+        let withdraw =
+            move |request: CancelRequest, _| std::future::ready(Ok(CancelReply { found: bus.withdraw(&request.id) }));
+        self.serve(&keys::CANCEL, 16, withdraw).await?;
+        let host = self.clone();
+        let counted = move |_, _| {
+            metrics::health(&host.health());
+            std::future::ready(Ok(MetricsReply { text: metrics::render() }))
+        };
+        self.serve(&keys::METRICS, 4, counted).await?;
+        let host = self.clone();
+        let promote = move |request: PromoteRequest, context: Context| {
+            let host = host.clone();
+            async move {
+                if !host.stands_by() {
+                    let message = format!("`{}` has its role already", host.inner.args.instance);
+                    return Err(Fault::new(Code::FailedPrecondition, message));
+                }
+                let (reply, answer) = oneshot::channel();
+                let loading = || Fault::unavailable("the process has not loaded yet");
+                host.inner.promotions.try_send((request, reply)).map_err(|_| loading())?;
+                match tokio::time::timeout_at(context.deadline.into(), answer).await {
+                    Ok(Ok(outcome)) => outcome,
+                    Ok(Err(_)) => Err(Fault::unavailable("the process ended before it took its role")),
+                    Err(_) => Err(Fault::deadline("the role was not taken in time")),
+                }
+            }
+        };
+        self.serve(&keys::PROMOTE, 1, promote).await
+    }
+
+    /// Takes the role; how long that took, milliseconds.
+    async fn take_role(&self, request: &PromoteRequest) -> Result<(Alive, f64), StartError> {
+        let begun = Instant::now();
+        let hooks = std::mem::take(&mut *lock(&self.inner.before_promotion));
+        for hook in hooks {
+            hook().await?;
+        }
+        self.bus().promote(request.epoch).await?;
+        let alive = self.bus().declare_alive(&self.inner.args.instance).await?;
+        self.announce().await?;
+        Ok((alive, begun.elapsed().as_secs_f64() * 1e3))
+    }
+
+    /// Says that this process serves its role, or stands by.
+    async fn announce(&self) -> Result<(), Fault> {
+        let standby = self.stands_by();
+        let phase = if standby { Phase::Standby } else { Phase::Ready };
+        self.inner.phase.send_replace(phase);
+        let ready = Ready {
+            role: self.role().to_owned(),
+            instance: self.inner.args.instance.clone(),
+            version: self.inner.version.to_owned(),
+            schema_hash: wire::SCHEMA_HASH.clone(),
+            pid: std::process::id(),
+            start_ms: millis(self.inner.started.elapsed()),
+            epoch: self.bus().epoch(),
+            standby,
+            declares: self.bus().declares().into_iter().map(str::to_owned).collect(),
+        };
+        self.bus().publish(&keys::READY, &ready, &Context::root()).await?;
+        tracing::info!(
+            start_ms = ready.start_ms,
+            epoch = ready.epoch,
+            "{}",
+            if standby { "standing by" } else { "ready" }
+        );
         Ok(())
     }
 
@@ -187,11 +282,12 @@ impl Host {
             uptime_ms: millis(self.inner.started.elapsed()),
             memory_bytes: resident_bytes(),
             actors: lock(&self.inner.observed).iter().map(|o| o.health()).collect(),
-            refused: counters.refused.load(Ordering::Relaxed),
-            dropped: counters.dropped.load(Ordering::Relaxed),
-            answered: counters.answered.load(Ordering::Relaxed),
+            refused: counters.refused(),
+            dropped: counters.dropped(),
+            answered: counters.answered(),
             version: self.inner.version.to_owned(),
             schema_hash: wire::SCHEMA_HASH.clone(),
+            epoch: self.bus().epoch(),
         }
     }
 }
@@ -206,6 +302,7 @@ where
     Fut: Future<Output = Result<(), StartError>>,
 {
     telemetry::init_service(&args.role);
+    metrics::install(&args.role, &args.instance);
     if let Some(supervisor) = args.supervisor_pid {
         die_with(supervisor);
     }
@@ -258,10 +355,12 @@ where
     };
     tokio::pin!(stop);
 
-    let bus = Bus::connect(&args.session, &args.role, &args.connect).await?;
+    let ServeArgs { session, role, instance, epoch, standby, connect, .. } = &args;
+    let bus = Bus::connect_instance(session, role, instance, *epoch, *standby, connect).await?;
     let blobs = Blobs::open(&args.run_dir.join("blobs")).map_err(|e| StartError::Failed(e.to_string()))?;
     let grace = Duration::from_millis(args.grace_ms);
     let (ends, mut ended) = mpsc::channel(16);
+    let (promotions, mut granted) = mpsc::channel(1);
     let inner = Inner {
         args,
         version,
@@ -272,36 +371,51 @@ where
         serving: Mutex::default(),
         observed: Mutex::default(),
         ends,
+        before_promotion: Mutex::default(),
+        promotions,
     };
     let host = Host { inner: Arc::new(inner) };
     tokio::spawn(beat(host.clone()));
-    let status = host.clone();
-    host.serve(&keys::STATUS, 16, move |_, _| std::future::ready(Ok(status.health()))).await?;
+    host.serve_what_all_serve().await?;
 
     tokio::select! {
         outcome = load(host.clone()) => outcome?,
         () = &mut stop => return Ok(()),
     }
 
-    let alive = host.bus().declare_alive(&host.inner.args.instance).await?;
-    host.inner.phase.send_replace(Phase::Ready);
-    let ready = Ready {
-        role: host.role().to_owned(),
-        instance: host.inner.args.instance.clone(),
-        version: version.to_owned(),
-        schema_hash: wire::SCHEMA_HASH.clone(),
-        pid: std::process::id(),
-        start_ms: millis(started.elapsed()),
+    let failed = |(name, exit): (&str, Exit)| match exit {
+        Exit::Failed(reason) => format!("actor `{name}` failed: {reason}"),
+        Exit::Finished => format!("actor `{name}` ended by itself"),
     };
-    host.bus().publish(&keys::READY, &ready, &Context::root()).await?;
-    tracing::info!(start_ms = ready.start_ms, "ready");
-
-    let failure = tokio::select! {
-        () = &mut stop => None,
-        Some((name, exit)) = ended.recv() => Some(match exit {
-            Exit::Failed(reason) => format!("actor `{name}` failed: {reason}"),
-            Exit::Finished => format!("actor `{name}` ended by itself"),
-        }),
+    let mut alive = None;
+    let failure = if host.stands_by() {
+        host.announce().await?;
+        tokio::select! {
+            () = &mut stop => return Ok(()),
+            Some(end) = ended.recv() => Some(failed(end)),
+            Some((request, reply)) = granted.recv() => {
+                let outcome = host.take_role(&request).await;
+                let told = match &outcome {
+                    Ok((_, elapsed_ms)) => Ok(PromoteReply { elapsed_ms: *elapsed_ms }),
+                    Err(error) => Err(Fault::internal(error.to_string())),
+                };
+                // The supervisor waits with a deadline; that it gave up shows in what it does next.
+                let _ = reply.send(told);
+                alive = Some(outcome?.0);
+                None
+            }
+        }
+    } else {
+        alive = Some(host.bus().declare_alive(&host.inner.args.instance).await?);
+        host.announce().await?;
+        None
+    };
+    let failure = match failure {
+        Some(reason) => Some(reason),
+        None => tokio::select! {
+            () = &mut stop => None,
+            Some(end) = ended.recv() => Some(failed(end)),
+        },
     };
 
     host.inner.phase.send_replace(Phase::Draining);
@@ -333,6 +447,7 @@ async fn beat(host: Host) {
     period.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
         period.tick().await;
+        metrics::upkeep();
         if let Err(fault) = host.bus().publish(&keys::HEALTH, &host.health(), &Context::root()).await {
             tracing::debug!(%fault, "health could not be published");
             return;

@@ -12,7 +12,7 @@ pub fn init_service(role: &str) {
     let subscriber = tracing_subscriber::fmt()
         .json()
         .flatten_event(true)
-        .with_current_span(false)
+        .with_current_span(true)
         .with_span_list(false)
         // The bus warns of every client's end of a unix socket, which has no name and needs none.
         .with_env_filter(filter("info,zenoh=warn,zenoh_link_unixsock_stream=error"))

@@ -36,7 +36,7 @@ fn soon() -> Context {
 }
 
 async fn serve_scene(bus: &Bus) -> sg_runtime::bus::Serving {
-    bus.serve(&keys::SCENE_APPLY, role::SCENE, 4, |command: Command, context| async move {
+    bus.serve(&keys::SCENE_APPLY, 4, |command: Command, context| async move {
         match command.id.as_str() {
             "refuse" => Err(Fault::precondition("nothing is selected").with_details(["brush first".to_owned()])),
             "slow" => {
@@ -161,7 +161,7 @@ async fn senders_types_and_garbage_are_refused_and_counted() {
         let error = sg_proto::bus::Error::decode(&*error.payload().to_bytes()).unwrap();
         assert_eq!(Fault::from_wire(error).code, code, "{encoding}");
     }
-    assert_eq!(scene.counters().refused.load(std::sync::atomic::Ordering::Relaxed), 5);
+    assert_eq!(scene.counters().refused(), 5);
 }
 
 fn client(endpoint: &str) -> zenoh::Config {
@@ -240,4 +240,102 @@ async fn a_message_no_receiver_would_take_is_not_sent() {
     let hurried = soon().within(Duration::from_millis(50));
     let fault = cli.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &hurried).await.unwrap_err();
     assert!(matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_stands_by_serves_its_instance_until_it_is_promoted() {
+    let session = Session::open().await;
+    let newcomer = Bus::connect_instance("test", role::SCENE, "scene-2", 9, true, &session.endpoint).await.unwrap();
+    let _serving = serve_scene(&newcomer).await;
+    let state = newcomer.own(&keys::SCENE_STATE, State { revision: 7, ..Default::default() }).await.unwrap();
+    let cli = session.join(role::CLI).await;
+    let command = Command { id: "one".into(), ..Default::default() };
+    let hurried = || Context::root().deadline_in(Duration::from_millis(300));
+
+    let away = cli.ask(&keys::SCENE_APPLY, &command, &hurried()).await.unwrap_err();
+    assert!(matches!(away.code, Code::Unavailable | Code::DeadlineExceeded), "{away:?}");
+    let own = keys::instance("scene-2");
+    assert_eq!(cli.ask_role(&keys::SCENE_APPLY, &own, &command, &soon()).await.unwrap().id, "one");
+    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    newcomer.publish(&keys::SCENE_EVENT, &Event { revision: 1, ..Default::default() }, &soon()).await.unwrap();
+    assert_eq!((newcomer.epoch(), newcomer.stands_by()), (0, true));
+
+    newcomer.promote(9).await.unwrap();
+    assert_eq!((newcomer.epoch(), newcomer.stands_by()), (9, false));
+    assert_eq!(newcomer.declares(), ["cmd/apply", "state"]);
+    assert_eq!(cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.unwrap().id, "one");
+    assert_eq!(cli.ask_role(&keys::SCENE_APPLY, &own, &command, &soon()).await.unwrap().id, "one");
+    assert_eq!(cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision, 7);
+    newcomer.publish(&keys::SCENE_EVENT, &Event { revision: 2, ..Default::default() }, &soon()).await.unwrap();
+    let (event, _) = tokio::time::timeout(Duration::from_secs(5), events.next()).await.unwrap().unwrap();
+    assert_eq!(event.revision, 2, "what was published before was of nobody's role");
+    drop(state);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_an_older_epoch_says_is_refused_and_counted() {
+    let session = Session::open().await;
+    let connect =
+        |instance, epoch| Bus::connect_instance("test", role::SCENE, instance, epoch, false, &session.endpoint);
+    let (old, new) = (connect("scene-1", 4).await.unwrap(), connect("scene-2", 5).await.unwrap());
+    let cli = session.join(role::CLI).await;
+    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    let tell = async |bus: &Bus, revision| {
+        bus.publish(&keys::SCENE_EVENT, &Event { revision, ..Default::default() }, &soon()).await.unwrap();
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    };
+    tell(&old, 1).await;
+    tell(&new, 2).await;
+    tell(&old, 3).await;
+    tell(&new, 4).await;
+    let mut heard = Vec::new();
+    while let Ok(Some((event, _))) = tokio::time::timeout(Duration::from_millis(300), events.next()).await {
+        heard.push(event.revision);
+    }
+    assert_eq!(heard, [1, 2, 4]);
+    assert_eq!(cli.counters().refused(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_request_is_withdrawn_whether_it_waits_or_is_worked_on() {
+    let session = Session::open().await;
+    let scene = session.join(role::SCENE).await;
+    let _serving = serve_scene(&scene).await;
+    let bus = scene.clone();
+    let _cancel = scene
+        .serve(&keys::CANCEL, 4, move |request, _| {
+            std::future::ready(Ok(sg_proto::bus::CancelReply { found: bus.withdraw(&request.id) }))
+        })
+        .await
+        .unwrap();
+    let cli = session.join(role::CLI).await;
+    let ask = |id: &str| {
+        let (cli, id) = (cli.clone(), id.to_owned());
+        tokio::spawn(async move {
+            let slow = Command { id: "slow".into(), ..Default::default() };
+            cli.ask(&keys::SCENE_APPLY, &slow, &soon().with_id(id)).await
+        })
+    };
+    let worked_on = ask("first");
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let (waiting, last) = (ask("second"), ask("third"));
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    assert!(cli.cancel(role::SCENE, "first").await.unwrap());
+    assert!(cli.cancel(role::SCENE, "second").await.unwrap());
+    assert!(!cli.cancel(role::SCENE, "second").await.unwrap(), "it is over");
+    assert!(!cli.cancel(role::SCENE, "never asked").await.unwrap());
+    assert_eq!(worked_on.await.unwrap().unwrap_err().code, Code::Cancelled);
+    assert_eq!(waiting.await.unwrap().unwrap_err().code, Code::Cancelled);
+    assert!(last.await.unwrap().is_ok(), "others go on");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_row_of_another_role_is_not_declared_nor_sent_under() {
+    let session = Session::open().await;
+    let selection = session.join(role::SELECTION).await;
+    let error = selection.own(&keys::SCENE_STATE, State::default()).await.unwrap_err().to_string();
+    assert!(error.contains("belongs to `scene`, this process serves `selection`"), "{error}");
+    let refused = selection.serve(&keys::SCENE_APPLY, 4, |_, _| std::future::ready(Err(Fault::internal("no")))).await;
+    assert!(refused.is_err());
+    assert!(selection.publish(&keys::SCENE_EVENT, &Event::default(), &soon()).await.is_err());
 }

@@ -15,7 +15,7 @@ use sg_runtime::scene_feed::{SceneFeed, Update};
 async fn serve_changes(scene: &Bus, revision: &Arc<Mutex<u64>>) -> Serving {
     let revision = Arc::clone(revision);
     scene
-        .serve(&keys::SCENE_CHANGES, role::SCENE, 8, move |request: ChangesRequest, _| {
+        .serve(&keys::SCENE_CHANGES, 8, move |request: ChangesRequest, _| {
             let revision = *revision.lock().unwrap();
             let gap = revision.saturating_sub(request.from);
             let snapshot = (request.snapshot || gap > 10).then(|| State { revision, ..State::default() });

@@ -1,10 +1,10 @@
 //! The process that owns the scene of a session: commands in, events out.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 use sg_proto::bus::Code;
@@ -17,13 +17,17 @@ use sg_runtime::fault::Fault;
 use sg_runtime::process::{self, Host, ServeArgs, StartError};
 use sg_scene::LoadOptions;
 use sg_scene::journal::JournalError;
+use sg_scene::model::Scene;
 use sg_scene::project::{Project, ProjectError};
+use tempfile::TempDir;
 use tokio::task::block_in_place;
 
 /// Requests that may wait: a person's edits and a burst of brush strokes.
 const QUEUE: usize = 64;
 /// The project of a session that names none, in its folder.
 const DEFAULT_PROJECT: &str = "session.sgproj";
+/// How long the actor may take to change over to the role's project.
+const TAKING_OVER: Duration = Duration::from_secs(10);
 /// Warnings of a scene file that are logged one by one.
 const WARNINGS: usize = 20;
 
@@ -48,17 +52,30 @@ async fn load(host: Host) -> Result<(), StartError> {
     }
     let params: Params = host.params()?;
     let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
-    let project = block_in_place(|| open(&params.scene, &path))?;
+    let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
+    // Who stands by works on a project of its own: the role's belongs to whoever has the role.
+    let (project, scratch) = if host.stands_by() {
+        let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
+        let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
+        let file = scratch.path().join(DEFAULT_PROJECT);
+        (block_in_place(|| open(&scene, &scene_path, &file))?, Some(scratch))
+    } else {
+        (block_in_place(|| open(&scene, &scene_path, &path))?, None)
+    };
 
     let outline = project.editor().message(false);
     let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
-    let last = project.last_event().map_err(|e| start_error(&e))?;
-    let mut owner = Owner { bus: host.bus().clone(), project, state };
-    if let Some(event) = last {
-        // Told again: the last life may have ended between keeping the event and telling it. Who has it passes over it.
-        owner.announce(&event, &Context::root()).await;
+    let mut owner = Owner { bus: host.bus().clone(), project, state, _scratch: scratch };
+    if !host.stands_by() {
+        owner.tell_last().await?;
     }
     let (mailbox, _) = host.spawn(owner, QUEUE);
+    let promoted = mailbox.clone();
+    host.before_promotion(move || async move {
+        let project = block_in_place(|| open(&scene, &scene_path, &path))?;
+        let deadline = Instant::now() + TAKING_OVER;
+        Ok(promoted.ask(deadline, |reply| Message::TakeOver { project: Box::new(project), reply }).await?)
+    });
     let commands = mailbox.clone();
     host.serve(&keys::SCENE_APPLY, QUEUE, move |command: Command, context: Context| {
         let mailbox = commands.clone();
@@ -73,28 +90,31 @@ async fn load(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-fn open(scene: &std::path::Path, project: &std::path::Path) -> Result<Project, StartError> {
+/// The scene's Gaussians and the path of their file, for whoever has another working folder.
+fn read(path: &Path) -> Result<(Arc<Scene>, String), StartError> {
     let begun = Instant::now();
-    let loaded = sg_scene::load(scene, &LoadOptions::default()).map_err(|e| StartError::Input(e.to_string()))?;
-    let read = begun.elapsed();
+    let loaded = sg_scene::load(path, &LoadOptions::default()).map_err(|e| StartError::Input(e.to_string()))?;
     for warning in loaded.warnings.iter().take(WARNINGS) {
         tracing::warn!("{warning}");
     }
     if let Some(more) = loaded.warnings.len().checked_sub(WARNINGS).filter(|n| *n > 0) {
         tracing::warn!("{more} more warnings; `supergaussian scene info` lists them all");
     }
-    // Other processes have other working folders.
-    let scene_path = std::fs::canonicalize(scene).unwrap_or_else(|_| scene.to_path_buf()).display().to_string();
-    let opened = Project::open(project, Arc::new(loaded.scene), &scene_path).map_err(|e| start_error(&e))?;
+    let absolute = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string();
+    tracing::info!(scene = absolute, read_ms = begun.elapsed().as_secs_f64() * 1e3, "scene read");
+    Ok((Arc::new(loaded.scene), absolute))
+}
+
+fn open(scene: &Arc<Scene>, scene_path: &str, project: &Path) -> Result<Project, StartError> {
+    let begun = Instant::now();
+    let opened = Project::open(project, Arc::clone(scene), scene_path).map_err(|e| start_error(&e))?;
     let state = opened.editor().state();
     tracing::info!(
-        scene = scene_path,
         project = %project.display(),
         gaussians = state.count(),
         revision = state.revision(),
-        read_ms = read.as_secs_f64() * 1e3,
-        project_ms = (begun.elapsed() - read).as_secs_f64() * 1e3,
-        "scene opened"
+        project_ms = begun.elapsed().as_secs_f64() * 1e3,
+        "project opened"
     );
     Ok(opened)
 }
@@ -105,8 +125,21 @@ fn start_error(error: &JournalError) -> StartError {
 
 /// What the owner is asked.
 enum Message {
-    Apply { command: Command, context: Context, reply: Reply<CommandResult> },
-    Changes { request: ChangesRequest, context: Context, reply: Reply<Changes> },
+    Apply {
+        command: Command,
+        context: Context,
+        reply: Reply<CommandResult>,
+    },
+    Changes {
+        request: ChangesRequest,
+        context: Context,
+        reply: Reply<Changes>,
+    },
+    /// The role is granted: from now on this project.
+    TakeOver {
+        project: Box<Project>,
+        reply: Reply<()>,
+    },
 }
 
 /// The actor that owns the scene.
@@ -114,6 +147,8 @@ struct Owner {
     bus: Bus,
     project: Project,
     state: Owned<State>,
+    /// Where the project is that it works on while it stands by.
+    _scratch: Option<TempDir>,
 }
 
 /// One line on the scene for the process's health.
@@ -132,6 +167,22 @@ impl fmt::Display for Seen {
 }
 
 impl Owner {
+    /// Tells the last event again: the last life may have ended between keeping it and telling it. Who has it passes over
+    /// it.
+    async fn tell_last(&mut self) -> Result<(), StartError> {
+        if let Some(event) = self.project.last_event().map_err(|e| start_error(&e))? {
+            self.announce(&event, &Context::root()).await;
+        }
+        Ok(())
+    }
+
+    async fn take_over(&mut self, project: Project) -> Result<(), Fault> {
+        self.project = project;
+        let outline = self.project.editor().message(false);
+        self.state.set(outline, &Context::root()).await?;
+        self.tell_last().await.map_err(|e| Fault::internal(e.to_string()))
+    }
+
     /// Tells readers of an event that is durable, and replaces the newest state.
     async fn announce(&mut self, event: &Event, context: &Context) {
         let told = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
@@ -166,7 +217,7 @@ impl Owner {
 
 fn fault(error: &ProjectError) -> Fault {
     let code = error.code();
-    let retry_after = (code == Code::Unavailable).then_some(std::time::Duration::from_secs(1));
+    let retry_after = (code == Code::Unavailable).then_some(Duration::from_secs(1));
     Fault { retry_after, ..Fault::new(code, error.to_string()) }.with_details(error.details())
 }
 
@@ -197,6 +248,9 @@ impl Actor for Owner {
             Message::Changes { request, reply, .. } => {
                 let changes = block_in_place(|| self.project.changes(&request));
                 let _ = reply.send(changes.map_err(|error| fault(&ProjectError::Journal(error))));
+            }
+            Message::TakeOver { project, reply } => {
+                let _ = reply.send(self.take_over(*project).await);
             }
         }
         Ok(())

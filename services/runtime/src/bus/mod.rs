@@ -1,0 +1,211 @@
+//! The bus as services see it: ask, answer, publish, follow, newest value, liveliness.
+//!
+//! Every receive path is bounded: a request that finds its queue full is refused at once, a stream reader that falls
+//! behind loses the oldest messages, and both are counted.
+
+mod alive;
+mod ask;
+mod config;
+mod place;
+mod serve;
+mod slot;
+mod stream;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+pub use alive::{Alive, Liveliness};
+pub use config::endpoint_of;
+pub use serve::Serving;
+pub use slot::Owned;
+pub use stream::{Following, Seen, Watching};
+
+use crate::fault::Fault;
+use crate::metrics::{self, Metric};
+use place::{Epochs, Place};
+use serve::Pending;
+use stream::Sequences;
+
+/// Counters of one process's use of the bus.
+#[derive(Debug, Default)]
+pub struct Counters {
+    refused: AtomicU64,
+    dropped: AtomicU64,
+    answered: AtomicU64,
+}
+
+impl Counters {
+    /// Messages refused because of their type, size, form, sender or epoch.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.refused.load(Ordering::Relaxed)
+    }
+
+    /// Stream messages lost on the way or because a bounded queue was full, and requests turned away for the same reason.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Requests answered, with a reply or a typed error.
+    #[must_use]
+    pub fn answered(&self) -> u64 {
+        self.answered.load(Ordering::Relaxed)
+    }
+
+    fn refuse(&self, key: &'static str) {
+        self.refused.fetch_add(1, Ordering::Relaxed);
+        metrics::count(Metric::Refused, &[("key", key)], 1);
+    }
+
+    fn drop(&self, key: &'static str, count: u64) {
+        self.dropped.fetch_add(count, Ordering::Relaxed);
+        metrics::count(Metric::Dropped, &[("key", key)], count);
+    }
+
+    fn answer(&self) {
+        self.answered.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A connection to one session's bus, under one role. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Bus {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    zenoh: zenoh::Session,
+    session: String,
+    role: String,
+    counters: Counters,
+    place: Place,
+    epochs: Epochs,
+    pending: Pending,
+    sequences: Sequences,
+}
+
+/// A bus that could not be joined or opened.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// The endpoint could not be reached or opened.
+    #[error("bus of session `{session}` at {endpoint}: {reason}")]
+    Open {
+        /// Session.
+        session: String,
+        /// Endpoint.
+        endpoint: String,
+        /// What the bus said.
+        reason: String,
+    },
+    /// A key could not be declared.
+    #[error("key `{key}` could not be declared: {reason}")]
+    Declare {
+        /// The key expression.
+        key: String,
+        /// What the bus said, or why it was not tried.
+        reason: String,
+    },
+}
+
+/// How long a client tries to reach the router before it gives up.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+
+impl Bus {
+    /// Joins a session's bus as a client of the router that its supervisor embeds.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] if the router does not answer within five seconds.
+    pub async fn connect(session: &str, role: &str, endpoint: &str) -> Result<Self, BusError> {
+        Self::open(session, role, endpoint, false, Place::of_role()).await
+    }
+
+    /// Joins a session's bus as one instance of a role, which it serves under this epoch; with `standby` it serves under its
+    /// instance alone until [`Bus::promote`].
+    ///
+    /// # Errors
+    /// As [`Bus::connect`].
+    pub async fn connect_instance(
+        session: &str,
+        role: &str,
+        instance: &str,
+        epoch: u64,
+        standby: bool,
+        endpoint: &str,
+    ) -> Result<Self, BusError> {
+        Self::open(session, role, endpoint, false, Place::of_instance(instance, epoch, standby)).await
+    }
+
+    /// Opens a session's router on a unix socket; everybody else is a client of it.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] if the socket cannot be opened.
+    pub async fn route(session: &str, role: &str, socket: &Path) -> Result<Self, BusError> {
+        Self::open(session, role, &endpoint_of(socket), true, Place::of_role()).await
+    }
+
+    async fn open(session: &str, role: &str, endpoint: &str, router: bool, place: Place) -> Result<Self, BusError> {
+        let fail = |reason: String| BusError::Open { session: session.into(), endpoint: endpoint.into(), reason };
+        let config = config::config(endpoint, router).map_err(&fail)?;
+        let opening = tokio::time::timeout(CONNECT_TIMEOUT, zenoh::open(config));
+        let zenoh = match opening.await {
+            Ok(Ok(zenoh)) => zenoh,
+            Ok(Err(e)) => return Err(fail(e.to_string())),
+            Err(_) => return Err(fail(format!("no answer within {} s", CONNECT_TIMEOUT.as_secs()))),
+        };
+        crate::trace::start(role);
+        let inner = Inner {
+            zenoh,
+            session: session.into(),
+            role: role.into(),
+            counters: Counters::default(),
+            place,
+            epochs: Epochs::default(),
+            pending: Pending::default(),
+            sequences: Sequences::default(),
+        };
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// Name of the session.
+    #[must_use]
+    pub fn session(&self) -> &str {
+        &self.inner.session
+    }
+
+    /// Role under which this process sends.
+    #[must_use]
+    pub fn role(&self) -> &str {
+        &self.inner.role
+    }
+
+    /// Counters of this connection.
+    #[must_use]
+    pub fn counters(&self) -> &Counters {
+        &self.inner.counters
+    }
+
+    /// Leaves the bus. Bounded in time; what is still unsent then is lost, as it would be with the process.
+    pub async fn close(&self) {
+        let _ = tokio::time::timeout(Duration::from_secs(2), self.inner.zenoh.close()).await;
+        crate::trace::finish().await;
+    }
+
+    /// A row may be declared or sent under by its own role alone.
+    fn own_row(&self, role: &str, name: &str) -> Result<(), String> {
+        if role == sg_proto::keys::ANY || role == self.role() {
+            return Ok(());
+        }
+        Err(format!("`{name}` belongs to `{role}`, this process serves `{}`", self.role()))
+    }
+
+    fn counted<T>(&self, key: &'static str, outcome: Result<T, Fault>) -> Result<T, Fault> {
+        if outcome.is_err() {
+            self.inner.counters.refuse(key);
+        }
+        outcome
+    }
+}
