@@ -24,6 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let descriptors = protox::compile(FILES, ["."])?;
     std::fs::write(out.join("descriptors.binpb"), descriptors.encode_to_vec())?;
     write_message_list(&out, &descriptors)?;
+    write_released(&out)?;
     prost_build::Config::new().enable_type_names().compile_fds(descriptors)?;
     Ok(())
 }
@@ -39,5 +40,36 @@ fn write_message_list(out: &Path, descriptors: &prost_types::FileDescriptorSet) 
     }
     list.push_str("} } }\n");
     std::fs::write(out.join("messages.rs"), list)?;
+    Ok(())
+}
+
+/// Compiles in the newest release: the greatest version in `released/`.
+fn write_released(out: &Path) -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=released");
+    let mut releases = Vec::new();
+    for entry in std::fs::read_dir("released")? {
+        let name = entry?.file_name();
+        releases.extend(name.to_str().and_then(|n| n.strip_suffix(".binpb")).map(str::to_owned));
+    }
+    let numbers = |name: &String| -> Vec<u64> {
+        name.trim_start_matches('v').split('.').map(|part| part.parse().unwrap_or(0)).collect()
+    };
+    let newest = releases.into_iter().max_by_key(numbers).ok_or("no release in released/")?;
+    let here = std::env::current_dir()?;
+    let file = |extension: &str| here.join(format!("released/{newest}.{extension}")).display().to_string();
+    let mut text = String::new();
+    writeln!(
+        text,
+        "/// Version of the last release.\npub const VERSION: &str = {:?};",
+        newest.trim_start_matches('v')
+    )?;
+    writeln!(
+        text,
+        "/// The schema of the last release, a serialized `google.protobuf.FileDescriptorSet` without comments.\n\
+         pub const IMAGE: &[u8] = include_bytes!({:?});",
+        file("binpb")
+    )?;
+    writeln!(text, "const GOLDEN_PARTS: &str = include_str!({:?});", file("golden"))?;
+    std::fs::write(out.join("released.rs"), text)?;
     Ok(())
 }

@@ -90,24 +90,11 @@ enum Command {
         #[arg(long)]
         all: bool,
     },
-    /// Show the contract between services
+    /// Show, check and keep the contract between services
     #[command(subcommand)]
-    Contract(ContractCommand),
+    Contract(contract::ContractCommand),
     #[command(external_subcommand)]
     Other(Vec<OsString>),
-}
-
-#[derive(Debug, Subcommand)]
-enum ContractCommand {
-    /// Show what each service may send and receive
-    #[command(after_help = "Example: supergaussian contract describe scene")]
-    Describe {
-        /// Only this role
-        service: Option<String>,
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
 }
 
 pub(crate) fn main() -> ExitCode {
@@ -134,7 +121,7 @@ fn run(cli: Cli) -> Done {
         Command::Graph { file, dot } => up::graph(&file, dot),
         Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),
         Command::Watch { json, all } => wait(watch::watch(session, json, all)),
-        Command::Contract(ContractCommand::Describe { service, json }) => contract::describe(service.as_deref(), json),
+        Command::Contract(command) => wait(contract::run(command, session)),
         Command::Other(words) => others::run(&words),
     }
 }

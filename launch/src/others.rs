@@ -11,16 +11,17 @@ use sg_launch::file::Search;
 use crate::terminal::{Done, Failure};
 
 /// Command, executable, what it is for.
-const TABLE: [(&str, &str, &str); 4] = [
+const TABLE: [(&str, &str, &str); 5] = [
     ("scene", "supergaussian-scene", "Look at and convert Gaussian files"),
     ("render", "supergaussian-render-node", "Draw one picture of a scene"),
     ("selection", "supergaussian-selection", "Cluster a scene, select by strokes"),
     ("fit", "supergaussian-fit", "Turn a volume into an editable scene"),
+    ("conformance", "supergaussian-conformance", "Try whether an executable can fill a role"),
 ];
 
 /// What the help says about them.
 pub(crate) static HELP: LazyLock<String> = LazyLock::new(|| {
-    let rows: Vec<_> = TABLE.iter().map(|(name, _, doc)| format!("  {name:<9} {doc}")).collect();
+    let rows: Vec<_> = TABLE.iter().map(|(name, _, doc)| format!("  {name:<11} {doc}")).collect();
     format!("Offline, on files (`supergaussian NAME --help`):\n{}\n\nExample: supergaussian demo", rows.join("\n"))
 });
 

@@ -4,8 +4,10 @@
 //! the module of its domain here. [`keys`] is the one table of key expressions, their message types and who may send.
 //! Pure data: nothing here does input or output.
 
+pub mod golden;
 pub mod keys;
 pub mod limits;
+pub mod released;
 
 pub use prost;
 

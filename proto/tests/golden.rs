@@ -17,20 +17,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use prost::Message as _;
-use prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, ReflectMessage, Value};
+use prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, Value};
+use sg_proto::golden::Line;
 
 /// Messages below this depth are present but empty, so that a line stays short: each has lines of its own.
 const DEPTH: usize = 2;
-
-/// One committed line.
-#[derive(Debug, Clone, PartialEq)]
-struct Line {
-    message: String,
-    variant: String,
-    bytes: Vec<u8>,
-    json: serde_json::Value,
-}
 
 fn pool() -> DescriptorPool {
     DescriptorPool::decode(sg_proto::DESCRIPTORS).unwrap()
@@ -38,75 +29,6 @@ fn pool() -> DescriptorPool {
 
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
-}
-
-fn to_hex(bytes: &[u8]) -> String {
-    if bytes.is_empty() {
-        return "-".into();
-    }
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        write!(text, "{byte:02x}").unwrap();
-        text
-    })
-}
-
-fn from_hex(text: &str) -> Option<Vec<u8>> {
-    if text == "-" {
-        return Some(Vec::new());
-    }
-    if !text.is_ascii() || !text.len().is_multiple_of(2) {
-        return None;
-    }
-    (0..text.len()).step_by(2).map(|at| u8::from_str_radix(&text[at..at + 2], 16).ok()).collect()
-}
-
-impl Line {
-    fn of(message: &DynamicMessage, variant: String) -> Self {
-        Self {
-            message: message.descriptor().full_name().to_owned(),
-            variant,
-            bytes: message.encode_to_vec(),
-            json: serde_json::to_value(message).unwrap(),
-        }
-    }
-
-    fn parse(text: &str) -> Result<Self, String> {
-        let mut parts = text.splitn(4, ' ');
-        let mut part = |what: &str| parts.next().ok_or(format!("no {what} in the line `{text}`"));
-        Ok(Self {
-            message: part("message")?.to_owned(),
-            variant: part("variant")?.to_owned(),
-            bytes: from_hex(part("bytes")?).ok_or("the bytes are not hexadecimal")?,
-            json: serde_json::from_str(part("JSON")?).map_err(|e| format!("the JSON is damaged: {e}"))?,
-        })
-    }
-
-    fn to_text(&self) -> String {
-        format!("{} {} {} {}\n", self.message, self.variant, to_hex(&self.bytes), self.json)
-    }
-
-    /// Decodes the bytes as the schema of today reads them and compares with what the line says they mean.
-    fn check(&self, pool: &DescriptorPool) -> Result<DynamicMessage, String> {
-        let descriptor = pool.get_message_by_name(&self.message).ok_or("the contract has no such message any more")?;
-        let message =
-            DynamicMessage::decode(descriptor, &self.bytes[..]).map_err(|e| format!("does not decode: {e}"))?;
-        if let Some(place) = unknown_field(&message) {
-            return Err(format!("{place} is not a field any more, or has another wire type"));
-        }
-        let json = serde_json::to_value(&message).map_err(|e| e.to_string())?;
-        if json != self.json {
-            return Err(format!("means another thing today:\n  then {}\n  now  {json}", self.json));
-        }
-        if message.encode_to_vec() != self.bytes {
-            return Err("is not written with these bytes any more".into());
-        }
-        match sg_proto::recode(&self.message, &self.bytes) {
-            None => Err("has no generated type".into()),
-            Some(Err(e)) => Err(format!("the generated type refuses it: {e}")),
-            Some(Ok(bytes)) if bytes != self.bytes => Err("the generated type writes other bytes".into()),
-            Some(Ok(_)) => Ok(message),
-        }
-    }
 }
 
 /// The committed lines by package.
@@ -123,20 +45,6 @@ fn committed() -> BTreeMap<String, Vec<Line>> {
         files.insert(package, lines);
     }
     files
-}
-
-/// First field, at any depth, that the schema does not know.
-fn unknown_field(message: &DynamicMessage) -> Option<String> {
-    fn inside(value: &Value) -> Option<String> {
-        match value {
-            Value::Message(m) => unknown_field(m),
-            Value::List(items) => items.iter().find_map(inside),
-            _ => None,
-        }
-    }
-    let name = message.descriptor().full_name().to_owned();
-    let own = message.unknown_fields().next().map(|field| format!("number {} of {name}", field.number()));
-    own.or_else(|| message.fields().find_map(|(_, value)| inside(value)))
 }
 
 /// A value that shows its field: distinct by field number, wide enough that a narrower type would cut it off.
@@ -251,7 +159,7 @@ fn missing_lines(descriptor: &MessageDescriptor, lines: &[DynamicMessage]) -> (B
         let facts = covered(&candidate);
         if facts.iter().any(|fact| open.contains(fact)) {
             open.retain(|fact| !facts.contains(fact));
-            new.push(Line::of(&candidate, (lines.len() + new.len()).to_string()));
+            new.push(Line::of(&candidate, (lines.len() + new.len()).to_string()).unwrap());
         }
     }
     assert!(open.is_empty(), "{}: the samples do not reach {open:?}", descriptor.full_name());
@@ -312,7 +220,7 @@ fn every_message_field_and_enum_value_has_golden_bytes() {
 fn an_incompatible_schema_is_noticed() {
     let pool = pool();
     let descriptor = pool.get_message_by_name("supergaussian.bus.v1.ActorHealth").unwrap();
-    let line = Line::of(&filled(&descriptor, 0, 0), "0".into());
+    let line = Line::of(&filled(&descriptor, 0, 0), "0".into()).unwrap();
     line.check(&pool).unwrap();
 
     let gone = Line { bytes: [&line.bytes[..], &[0xf8, 0x07, 0x01]].concat(), ..line.clone() };
@@ -344,7 +252,7 @@ fn a_new_field_asks_for_a_new_line() {
 fn lines_survive_their_own_text_form() {
     let pool = pool();
     for name in sg_proto::message_names() {
-        let line = Line::of(&filled(&pool.get_message_by_name(name).unwrap(), 3, 0), "3".into());
+        let line = Line::of(&filled(&pool.get_message_by_name(name).unwrap(), 3, 0), "3".into()).unwrap();
         assert_eq!(Line::parse(line.to_text().trim_end()).unwrap(), line);
     }
 }

@@ -13,13 +13,17 @@ pub(super) fn config(endpoint: &str, router: bool) -> Result<zenoh::Config, Stri
     let endpoints = serde_json::json!([endpoint]).to_string();
     let none = "[]".to_owned();
     let (listen, connect) = if router { (endpoints, none) } else { (none, endpoints) };
-    let mode = if router { "\"router\"" } else { "\"client\"" };
+    let (mode, tells) = if router { ("\"router\"", "true") } else { ("\"client\"", "false") };
     for (key, value) in [
         ("mode", mode),
         ("listen/endpoints", &listen),
         ("connect/endpoints", &connect),
         ("scouting/multicast/enabled", "false"),
         ("scouting/gossip/enabled", "false"),
+        // The router tells who has declared what, so that the contract can be checked on the living bus; nobody may
+        // change it that way.
+        ("adminspace/enabled", tells),
+        ("adminspace/permissions", "{ read: true, write: false }"),
         // A process that is stopped rather than dead is noticed by its lease.
         ("transport/link/tx/lease", "2000"),
         ("transport/link/rx/max_message_size", "8388608"),

@@ -7,6 +7,7 @@ mod alive;
 mod ask;
 mod config;
 mod place;
+mod raw;
 mod serve;
 mod slot;
 mod stream;
@@ -18,6 +19,7 @@ use std::time::Duration;
 
 pub use alive::{Alive, Liveliness};
 pub use config::endpoint_of;
+pub use raw::{Declared, Heard, Raw};
 pub use serve::Serving;
 pub use slot::Owned;
 pub use stream::{Following, Seen, Watching};

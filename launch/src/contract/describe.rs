@@ -6,7 +6,7 @@ use sg_proto::keys::{self, Kind, Row, role, rows};
 
 use crate::terminal::{self, Done, Failure};
 
-pub(crate) fn describe(service: Option<&str>, json: bool) -> Done {
+pub(super) fn describe(service: Option<&str>, json: bool) -> Done {
     let roles: Vec<&str> = match service {
         None => role::ALL.to_vec(),
         Some(service) => match role::ALL.iter().find(|r| **r == service) {

@@ -1,0 +1,182 @@
+//! A running stack: every process is who the supervisor takes it for, answers the rows of its role and no others, and
+//! speaks the types of this contract.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use sg_proto::bus::StatusRequest;
+use sg_proto::keys::{self, Kind, Row, role};
+use sg_proto::launch::{Service, ServiceState};
+use sg_runtime::bus::{Bus, Declared, Heard, Raw};
+use sg_runtime::context::Context;
+
+use super::findings::Findings;
+use crate::remote;
+use crate::terminal::Done;
+
+/// How long a process may take to answer.
+const ANSWER: Duration = Duration::from_secs(5);
+
+/// Looks at every process of a session that serves its role.
+pub(super) async fn look(session: &str, rows: &[Row], findings: &mut Findings) -> Done {
+    let (_, bus) = remote::join(Some(session)).await?;
+    let ready = remote::services(&bus).await?.services;
+    let ready: Vec<_> = ready.into_iter().filter(|s| s.state() == ServiceState::Ready).collect();
+    identities(&bus, &ready, findings).await;
+    types(&bus, &ready, rows, findings).await;
+    let (declared, tokens) = (bus.declared_rows().await, bus.declared_tokens().await);
+    bus.close().await;
+    let what = format!("rows of `{session}`");
+    if declared.is_empty() || tokens.is_empty() {
+        findings.leave_out(what, "the router of this session does not tell what is declared");
+    } else {
+        let complaints = strange_rows(session, &ready, rows, &declared, &tokens);
+        findings.judge(what, complaints, format!("{} keys are answered, each by whom the table says", declared.len()));
+    }
+    Ok(())
+}
+
+async fn identities(bus: &Bus, ready: &[Service], findings: &mut Findings) {
+    let mut complaints = Vec::new();
+    let mut schemas: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for service in ready {
+        let context = Context::root().deadline_in(ANSWER);
+        match bus.ask_role(&keys::STATUS, &service.role, &StatusRequest {}, &context).await {
+            Err(fault) => complaints.push(format!("{}: {fault}", service.name)),
+            Ok(health) => {
+                if (health.role.as_str(), health.instance.as_str()) != (&service.role, &service.instance) {
+                    let (is, meant) = (&health.instance, &service.instance);
+                    complaints
+                        .push(format!("{}: `{is}` of role `{}` answers for `{meant}`", service.name, health.role));
+                }
+                let schema = match health.schema_hash.get(..8) {
+                    Some(hash) => format!("schema {hash}"),
+                    None => "a schema they do not tell".to_owned(),
+                };
+                schemas.entry(schema).or_default().push(&service.name);
+            }
+        }
+    }
+    let by_schema: Vec<_> = schemas.iter().map(|(schema, names)| format!("{} of {schema}", names.join(", "))).collect();
+    findings.judge(format!("processes of `{}`", bus.session()), complaints, by_schema.join("; "));
+}
+
+/// The newest values travel as the types of the table; a process of another major would name others.
+async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findings) {
+    let (mut complaints, mut looked_at) = (Vec::new(), 0);
+    for service in ready {
+        for row in rows.iter().filter(|r| r.role == service.role) {
+            let Kind::Slot { message } = &row.kind else { continue };
+            looked_at += 1;
+            let wanted = format!("application/protobuf;{message}");
+            match bus.ask_raw(&service.role, row.name, &Raw::default(), ANSWER).await {
+                Heard::Reply { encoding, .. } if encoding == wanted => (),
+                Heard::Reply { encoding, .. } | Heard::Refusal { encoding, .. } => {
+                    complaints.push(format!("{}/{}: `{encoding}` instead of `{wanted}`", row.role, row.name));
+                }
+                Heard::Nothing => complaints.push(format!("{}/{}: nobody answers", row.role, row.name)),
+            }
+        }
+    }
+    let what = format!("types of `{}`", bus.session());
+    findings.judge(what, complaints, format!("{looked_at} newest values are of the types of the table"));
+}
+
+/// Rows that somebody answers who may not, that two answer, or that nobody answers.
+fn strange_rows(
+    session: &str,
+    ready: &[Service],
+    rows: &[Row],
+    declared: &[Declared],
+    tokens: &[Declared],
+) -> Vec<String> {
+    let mut complaints = Vec::new();
+    // Roles by connection. The supervisor is the router itself and shows no connection.
+    let mut roles: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for token in tokens {
+        let role = token.key.split('/').nth(3).unwrap_or_default();
+        for client in &token.clients {
+            roles.entry(client).or_default().insert(role);
+        }
+    }
+    let answered = |row: &Row| !matches!(row.kind, Kind::Stream { .. });
+    for Declared { key, clients } in declared {
+        let Some(place) = key.strip_prefix(&format!("{}/{session}/", keys::ROOT)) else { continue };
+        let (segment, name) = match place.strip_prefix("@instance/") {
+            Some(place) => (None, place.split_once('/').map_or("", |(_, name)| name)),
+            None => place.split_once('/').map_or((None, place), |(role, name)| (Some(role), name)),
+        };
+        let is_row = |of: &str| rows.iter().any(|r| r.name == name && r.is_of(of) && answered(r));
+        if clients.len() > 1 {
+            complaints.push(format!("{key} is answered by {} processes", clients.len()));
+        }
+        for client in clients {
+            let held = roles.get(client.as_str());
+            match (segment, held) {
+                (Some(role), _) if !is_row(role) => complaints.push(format!("{key} is no row of `{role}`")),
+                (Some(role), Some(held)) if !held.contains(role) => {
+                    let held: Vec<_> = held.iter().copied().collect();
+                    complaints.push(format!("{key} is answered by a process of role {}", held.join(", ")));
+                }
+                (Some(_), None) => complaints.push(format!("{key} is answered by a process without a role")),
+                (None, Some(held)) if !held.iter().any(|role| is_row(role)) => {
+                    complaints.push(format!("{key} is no row of the role of its instance"));
+                }
+                // Who stands by has no role yet.
+                (None, None) if !role::ALL.iter().any(|role| is_row(role)) => {
+                    complaints.push(format!("{key} is no row of any role"));
+                }
+                _ => (),
+            }
+        }
+    }
+    for service in ready {
+        for row in rows.iter().filter(|r| r.role == service.role && answered(r)) {
+            let key = keys::key(session, &service.role, row.name);
+            if !declared.iter().any(|d| d.key == key) {
+                complaints.push(format!("{key} is answered by nobody"));
+            }
+        }
+    }
+    complaints
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(key: &str, clients: &[&str]) -> Declared {
+        Declared { key: format!("sg/s/{key}"), clients: clients.iter().map(|c| (*c).to_owned()).collect() }
+    }
+
+    #[test]
+    fn who_answers_what_he_may_not_is_told() {
+        let rows = keys::rows();
+        let intent = Service { name: "i".into(), role: role::AGENT_INTENT.into(), ..Service::default() };
+        let tokens = [at("@alive/agent-intent/i-1", &["a"]), at("@alive/scene/scene-1", &["b"])];
+        let fine = vec![
+            at("agent-intent/cmd/parse", &["a"]),
+            at("agent-intent/cmd/status", &["a"]),
+            at("agent-intent/state", &["a"]),
+            at("@instance/i-1/cmd/parse", &["a"]),
+            at("@instance/i-2/cmd/parse", &["c"]),
+            at("scene/cmd/apply", &["b"]),
+        ];
+        let told = |declared: &[Declared]| {
+            strange_rows("s", std::slice::from_ref(&intent), &rows, declared, &tokens).join("\n")
+        };
+        assert_eq!(told(&fine), "");
+        assert_eq!(told(&fine[..2]), "sg/s/agent-intent/state is answered by nobody");
+        for (strange, complaint) in [
+            (at("scene/cmd/changes", &["a"]), "answered by a process of role agent-intent"),
+            (at("scene/cmd/apply", &["b", "c"]), "answered by 2 processes"),
+            (at("agent-intent/cmd/apply", &["a"]), "no row of `agent-intent`"),
+            (at("agent-core/cmd/utter", &["c"]), "answered by a process without a role"),
+            (at("@instance/i-1/cmd/apply", &["a"]), "no row of the role of its instance"),
+            (at("@instance/i-2/cmd/dance", &["c"]), "no row of any role"),
+        ] {
+            let told = told(&[fine.clone(), vec![strange]].concat());
+            assert!(told.contains(complaint), "{complaint}: {told}");
+        }
+    }
+}
