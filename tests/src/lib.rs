@@ -1,4 +1,9 @@
-//! What the tests that cross process boundaries share: the built command, real data, pictures.
+//! What the tests that cross process boundaries share: the built command, real data, pictures; and conformance, with
+//! which any program can be tried that is to fill a role.
+
+pub mod conformance;
+pub mod small_scene;
+pub mod stack;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -27,15 +32,47 @@ pub enum Missing {
 /// # Errors
 /// [`Missing::Command`] if it was not built.
 pub fn command(run_root: &Path) -> Result<Command, Missing> {
-    let test = std::env::current_exe()?;
-    let folder = test.parent().and_then(Path::parent).unwrap_or(Path::new("."));
-    let path = folder.join("supergaussian");
-    if !path.is_file() {
-        return Err(Missing::Command(path));
-    }
-    let mut command = Command::new(path);
+    let mut command = Command::new(executable("supergaussian")?);
     command.env("SUPERGAUSSIAN_RUN_ROOT", run_root).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
     Ok(command)
+}
+
+/// An executable of the build that this program belongs to, else one on `PATH`.
+///
+/// # Errors
+/// [`Missing::Command`] if it was not built.
+pub fn executable(name: &str) -> Result<PathBuf, Missing> {
+    let here = std::env::current_exe()?;
+    // A test lies one folder below what it tests.
+    let beside = here.ancestors().skip(1).take(2).map(Path::to_owned);
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let mut found = beside.chain(std::env::split_paths(&path)).map(|folder| folder.join(name));
+    found.find(|p| p.is_file()).ok_or_else(|| Missing::Command(PathBuf::from(name)))
+}
+
+/// The example of a service in Python, if there is a Python with the packages it needs: the one that
+/// `SUPERGAUSSIAN_PYTHON` names, else the environment that `ops/python.sh` makes. Without one the caller skips, having said
+/// so; where `SUPERGAUSSIAN_REQUIRE_TOOLS=1` asks for every tool, that is a failure.
+///
+/// # Errors
+/// A line that says what is required and missing.
+pub fn python_intent() -> Result<Option<PathBuf>, String> {
+    let named = std::env::var_os("SUPERGAUSSIAN_PYTHON").map(PathBuf::from);
+    let cache = std::env::var_os("XDG_CACHE_HOME").filter(|c| !c.is_empty()).map(PathBuf::from);
+    let cache = cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
+    let python = named.or_else(|| Some(cache?.join("supergaussian/python/bin/python")));
+    let works = |python: &PathBuf| {
+        let packages = ["-c", "import zenoh, google.protobuf, grpc_tools"];
+        Command::new(python).args(packages).output().is_ok_and(|output| output.status.success())
+    };
+    if python.as_ref().is_some_and(works) {
+        let room = Path::new(env!("CARGO_MANIFEST_DIR")).join("../services/agents/examples/python-intent");
+        return Ok(Some(room.canonicalize().map_err(|e| format!("{}: {e}", room.display()))?.join("intent")));
+    }
+    if std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1") {
+        return Err("no Python with zenoh and protobuf (ops/python.sh), and SUPERGAUSSIAN_REQUIRE_TOOLS=1".to_owned());
+    }
+    Ok(None)
 }
 
 /// Output of a process as text, for a failing test's message.

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 use sg_proto::bus::Code;
-use sg_proto::keys;
+use sg_proto::keys::{self, role};
 use sg_proto::scene::{Command, CommandResult, CommitSelection, StrokeKind, StrokeMode, command};
 use sg_proto::{scene as proto, selection};
 use sg_runtime::actor::{Actor, Reply};
@@ -77,6 +77,9 @@ impl Default for Params {
 /// # Errors
 /// Wrong parameters, a scene that cannot be read, a bus that cannot be used.
 pub(crate) async fn start(host: Host) -> Result<(), StartError> {
+    if host.role() != role::SELECTION {
+        return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SELECTION)));
+    }
     let params: Params = host.params()?;
     let walk =
         WalkOptions { leak: params.leak, sigma_s: params.sigma_s, sigma_f: params.sigma_f, ..WalkOptions::default() };

@@ -1,0 +1,96 @@
+//! What is asked of the role that draws pictures on request.
+
+use std::path::Path;
+use std::time::Duration;
+
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::render::{CaptureRequest, Frame, Quality};
+use sg_proto::scene::SetVisibility;
+use sg_proto::scene::command::Action;
+
+use super::question::{Question, hold, refused_as, soon};
+use super::scene::named;
+use super::stage::{Stage, decode};
+use super::{Checks, Subject};
+use crate::Picture;
+
+pub(super) const ROLE: &str = role::RENDER_CAPTURE;
+
+pub(super) const SUBJECT: Subject = Subject { role: ROLE, needs: &[role::SCENE], question, essence };
+
+fn small() -> CaptureRequest {
+    CaptureRequest { width: 48, height: 32, quality: Quality::Standard.into(), ..CaptureRequest::default() }
+}
+
+fn question(_id: &str) -> Question {
+    Question::of(&keys::CAPTURE, &small())
+}
+
+fn essence(payload: &[u8]) -> Result<String, String> {
+    let frame: Frame = decode(payload)?;
+    Ok(format!("revision {}, picture {}", frame.revision, frame.hash))
+}
+
+pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
+    checks.note("draws what was asked for", draws(stage).await);
+    checks.note("shows at least the revision asked for", at_least(stage).await);
+    checks.note("measures what units cover", measures(stage).await);
+    checks.note("refuses pictures that cannot be", misfits(stage).await);
+}
+
+async fn capture(stage: &Stage<'_>, request: &CaptureRequest) -> Result<Frame, String> {
+    stage.cli.ask(&keys::CAPTURE, request, &soon()).await.map_err(|f| format!("cmd/capture: {f}"))
+}
+
+async fn draws(stage: &Stage<'_>) -> Result<(), String> {
+    let frame = capture(stage, &small()).await?;
+    hold((frame.width, frame.height) == (48, 32), || format!("{} x {} pixels", frame.width, frame.height))?;
+    let bytes = std::fs::read(&frame.npy_path).map_err(|e| format!("{}: {e}", frame.npy_path))?;
+    let hash = blake3::hash(&bytes).to_hex();
+    hold(hash.as_str() == frame.hash, || format!("the file's hash is {hash}, the frame says {}", frame.hash))?;
+    let picture = Picture::read(Path::new(&frame.npy_path)).map_err(|e| e.to_string())?;
+    hold(picture.pixels().count() == 48 * 32, || "another number of pixels in the file".to_owned())?;
+    hold(Path::new(&frame.png_path).is_file(), || format!("{}: no file", frame.png_path))?;
+    hold(frame.coverage > 0.0 && frame.camera.is_some(), || format!("coverage {}", frame.coverage))
+}
+
+async fn at_least(stage: &mut Stage<'_>) -> Result<(), String> {
+    let before = capture(stage, &small()).await?;
+    let hide = SetVisibility { target: named("body"), visible: false };
+    let revision = stage.change(Action::SetVisibility(hide)).await?.revision;
+    let frame = capture(stage, &CaptureRequest { at_least_revision: revision, ..small() }).await?;
+    hold(frame.revision >= revision, || format!("revision {} instead of {revision}", frame.revision))?;
+    hold(frame.hash != before.hash, || "a hidden unit is still in the picture".to_owned())?;
+    stage.change(Action::SetVisibility(SetVisibility { target: named("body"), visible: true })).await?;
+    // A revision that never comes is told in time.
+    let future = CaptureRequest { at_least_revision: revision + 1000, ..small() };
+    let late = soon().deadline_in(Duration::from_millis(500));
+    let fault = stage.cli.ask(&keys::CAPTURE, &future, &late).await.err().map(|f| f.code);
+    hold(fault == Some(Code::DeadlineExceeded), || format!("a revision of the future: {fault:?}"))
+}
+
+async fn measures(stage: &Stage<'_>) -> Result<(), String> {
+    let request = CaptureRequest { only_units: vec!["sac".to_owned()], measure_units: true, ..small() };
+    let frame = capture(stage, &request).await?;
+    let mut units: Vec<_> = frame.units.iter().map(|u| u.unit.as_str()).collect();
+    units.sort_unstable();
+    hold(units == ["body", "sac"] && frame.units.iter().all(|u| u.share > 0.0), || format!("{:?}", frame.units))?;
+    let whole = capture(stage, &small()).await?;
+    hold(frame.coverage < whole.coverage, || "one unit alone covers as much as both".to_owned())
+}
+
+async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {
+    let wrong = &[Code::InvalidArgument, Code::OutOfRange][..];
+    for (what, request, codes) in [
+        ("no width", CaptureRequest { width: 0, ..small() }, wrong),
+        ("too high", CaptureRequest { height: 1 << 20, ..small() }, wrong),
+        ("an unknown unit", CaptureRequest { only_units: vec!["none".to_owned()], ..small() }, &[Code::NotFound]),
+        ("a camera of nothing", CaptureRequest { camera: Some(sg_proto::render::Camera::default()), ..small() }, wrong),
+    ] {
+        let id = stage.new_id();
+        let question = Question::of(&keys::CAPTURE, &request);
+        refused_as(stage.put(&question, &id).await, codes).map_err(|why| format!("{what}: {why}"))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,68 @@
+//! What is asked of the role that draws the shared viewpoint whenever the scene changes.
+
+use prost::Message as _;
+use sg_proto::bus::{Health, StatusRequest};
+use sg_proto::keys::{self, role};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{Color, SetBackground};
+
+use super::question::{Question, hold, soon};
+use super::stage::{Stage, next_of};
+use super::{Checks, Subject};
+use crate::Picture;
+
+pub(super) const ROLE: &str = role::RENDER_VIEW;
+
+pub(super) const SUBJECT: Subject = Subject { role: ROLE, needs: &[role::SCENE], question, essence };
+
+/// The role answers nothing but what every role does.
+fn question(_id: &str) -> Question {
+    Question::of(&keys::STATUS, &StatusRequest {})
+}
+
+fn essence(payload: &[u8]) -> Result<String, String> {
+    Health::decode(payload).map(|h| h.role).map_err(|e| format!("malformed answer: {e}"))
+}
+
+pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
+    checks.note("draws a changed scene", draws(stage).await);
+    checks.note("shows the newest of many changes", newest(stage).await);
+    checks.note("draws again after kill -9", again(stage).await);
+}
+
+fn background(red: f32) -> Action {
+    Action::SetBackground(SetBackground { color: Some(Color { red, green: 0.5, blue: 0.25 }) })
+}
+
+/// A change is made; a frame shows it, and its files are pictures.
+async fn draws(stage: &mut Stage<'_>) -> Result<(), String> {
+    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let revision = stage.change(background(0.125)).await?.revision;
+    let (frame, _) = next_of(&mut frames, "event/frame of the change", |f, _| f.revision >= revision).await?;
+    let picture = Picture::read(std::path::Path::new(&frame.npy_path)).map_err(|e| e.to_string())?;
+    let pixels = picture.pixels().count();
+    hold(pixels == (frame.width * frame.height) as usize, || {
+        format!("{pixels} pixels in a picture of {} x {}", frame.width, frame.height)
+    })?;
+    let corner = picture.pixels().next().copied().unwrap_or_default();
+    hold((corner[0] - 0.125).abs() < 0.05, || format!("the picture's corner is {corner:?}, not the background"))?;
+    hold(std::path::Path::new(&frame.png_path).is_file(), || format!("{}: no file", frame.png_path))
+}
+
+async fn newest(stage: &mut Stage<'_>) -> Result<(), String> {
+    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 256).await.map_err(|e| e.to_string())?;
+    let mut revision = 0;
+    for n in 0_u8..12 {
+        revision = stage.change(background(f32::from(n) / 12.0)).await?.revision;
+    }
+    next_of(&mut frames, "event/frame of the last of 12 changes", |f, _| f.revision >= revision).await?;
+    let state = stage.cli.newest(&keys::VIEW_STATE, &soon()).await.map_err(|f| f.to_string())?;
+    hold(state.revision >= revision && state.frames > 0 && state.gaussians > 0, || format!("{state:?}"))
+}
+
+async fn again(stage: &mut Stage<'_>) -> Result<(), String> {
+    stage.kill_and_serve().await?;
+    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let revision = stage.change(background(0.9)).await?.revision;
+    next_of(&mut frames, "event/frame after the restart", |f, _| f.revision >= revision).await.map(drop)
+}

@@ -1,0 +1,142 @@
+//! What is asked of the role that owns the scene.
+
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{
+    Changes, ChangesRequest, Color, Command, CommandResult, SetBackground, SetColor, SetOpacity, State, Target, Undo,
+};
+
+use super::question::{Question, hold, refused_as, soon};
+use super::stage::{Stage, decode, next_of, text_of};
+use super::{Checks, Subject};
+
+pub(super) const ROLE: &str = role::SCENE;
+
+pub(super) const SUBJECT: Subject = Subject { role: ROLE, needs: &[], question, essence };
+
+fn question(id: &str) -> Question {
+    Question::of(&keys::SCENE_APPLY, &background(id, 0.25))
+}
+
+fn essence(payload: &[u8]) -> Result<String, String> {
+    let result: CommandResult = decode(payload)?;
+    Ok(text_of(&CommandResult { repeated: false, ..result }))
+}
+
+fn background(id: &str, red: f32) -> Command {
+    let color = Some(Color { red, green: 0.0, blue: 0.0 });
+    Command { id: id.to_owned(), expected_revision: 0, action: Some(Action::SetBackground(SetBackground { color })) }
+}
+
+pub(super) fn named(name: &str) -> Option<Target> {
+    Some(Target { units: vec![name.to_owned()], ..Target::default() })
+}
+
+fn red(name: &str) -> Action {
+    let color = Some(Color { red: 1.0, green: 0.0, blue: 0.0 });
+    Action::SetColor(SetColor { target: named(name), color })
+}
+
+pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
+    checks.note("tells and shows an accepted change", change(stage).await);
+    checks.note("refuses what does not fit the scene", misfits(stage).await);
+    checks.note("applies a command once", once(stage).await);
+    checks.note("takes back what it is told to", undo(stage).await);
+    checks.note("gives readers what they missed", catching_up(stage).await);
+    checks.note("keeps what it acknowledged through kill -9", kept(stage).await);
+}
+
+async fn change(stage: &mut Stage<'_>) -> Result<(), String> {
+    let mut events = stage.cli.follow(&keys::SCENE_EVENT, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let id = stage.new_id();
+    let command = Command { id: id.clone(), expected_revision: 0, action: Some(red("sac")) };
+    let context = soon().at_step("talk", 3);
+    let before = stage.scene_state().await?.revision;
+    let result = stage.cli.ask(&keys::SCENE_APPLY, &command, &context).await.map_err(|f| f.to_string())?;
+    hold(result.revision == before + 1 && !result.repeated, || format!("{result:?} after revision {before}"))?;
+    let (event, told) = next_of(&mut events, "event/change", |e, _| e.command_id == id).await?;
+    hold(event.revision == result.revision && !event.changes.is_empty(), || format!("event {event:?}"))?;
+    hold(told.conversation == "talk" && told.step == 3, || {
+        format!("the event belongs to `{}` step {}, the command to `talk` step 3", told.conversation, told.step)
+    })?;
+    let state = stage.scene_state().await?;
+    let sac = state.base_units.iter().find(|u| u.name == "sac").and_then(|u| u.palette).unwrap_or_default();
+    hold(state.revision == result.revision && sac.red > 0.99 && sac.green < 0.01, || {
+        format!("the state shows {sac:?} at revision {}", state.revision)
+    })
+}
+
+async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {
+    let before = stage.scene_state().await?;
+    let command = |action| Command { id: "misfit".to_owned(), expected_revision: 0, action };
+    let negative = SetOpacity { target: named("sac"), factor: -1.0, relative: false };
+    let old = Command { expected_revision: before.revision + 1000, ..command(Some(red("sac"))) };
+    let wrong = &[Code::InvalidArgument, Code::OutOfRange][..];
+    for (n, (command, codes)) in [
+        (command(None), wrong),
+        (command(Some(red("no such unit"))), &[Code::NotFound]),
+        (command(Some(Action::SetOpacity(negative))), wrong),
+        (old, &[Code::FailedPrecondition, Code::Aborted]),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let id = format!("misfit-{n}");
+        let question = Question::of(&keys::SCENE_APPLY, &Command { id: id.clone(), ..command });
+        refused_as(stage.put(&question, &id).await, codes).map_err(|why| format!("misfit {n}: {why}"))?;
+    }
+    let after = stage.scene_state().await?;
+    hold(after == before, || "a refused command changed the scene".to_owned())
+}
+
+async fn once(stage: &mut Stage<'_>) -> Result<(), String> {
+    let id = stage.new_id();
+    let command = background(&id, 0.5);
+    let first = stage.cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.map_err(|f| f.to_string())?;
+    let second = stage.cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.map_err(|f| f.to_string())?;
+    hold(second == CommandResult { repeated: true, ..first.clone() }, || format!("{first:?}, then {second:?}"))?;
+    let now = stage.scene_state().await?.revision;
+    hold(now == first.revision, || format!("revision {now} after one change to {}", first.revision))
+}
+
+async fn undo(stage: &mut Stage<'_>) -> Result<(), String> {
+    let before = stage.scene_state().await?;
+    stage.change(red("body")).await?;
+    stage.change(Action::Undo(Undo { steps: 1 })).await?;
+    let after = stage.scene_state().await?;
+    hold(after.base_units == before.base_units, || "undo did not bring the palette back".to_owned())
+}
+
+async fn changes(stage: &Stage<'_>, request: ChangesRequest) -> Result<Changes, String> {
+    stage.cli.ask(&keys::SCENE_CHANGES, &request, &soon()).await.map_err(|f| format!("cmd/changes: {f}"))
+}
+
+async fn catching_up(stage: &mut Stage<'_>) -> Result<(), String> {
+    let from = stage.scene_state().await?.revision;
+    stage.change(red("body")).await?;
+    stage.change(red("sac")).await?;
+    let missed = changes(stage, ChangesRequest { from, snapshot: false }).await?;
+    let revisions: Vec<u64> = missed.events.iter().map(|e| e.revision).collect();
+    hold(missed.snapshot.is_some() || revisions == [from + 1, from + 2], || {
+        format!("neither a snapshot nor the events {} and {}: {revisions:?}", from + 1, from + 2)
+    })?;
+    let whole = changes(stage, ChangesRequest { from: 0, snapshot: true }).await?.snapshot;
+    let whole = whole.ok_or("no snapshot where one was asked for")?;
+    let bits = whole.selection.as_ref().and_then(|s| s.mask.as_ref()).map_or(0, |m| m.length);
+    hold(whole.revision == from + 2 && bits == whole.count, || {
+        format!("a snapshot of revision {} whose selection has {bits} of {} Gaussians", whole.revision, whole.count)
+    })
+}
+
+async fn kept(stage: &mut Stage<'_>) -> Result<(), String> {
+    let id = stage.new_id();
+    let command = background(&id, 0.75);
+    let first = stage.cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.map_err(|f| f.to_string())?;
+    let before: State = stage.scene_state().await?;
+    stage.kill_and_serve().await?;
+    let after = stage.scene_state().await?;
+    hold(after == before, || format!("revision {} before, {} after", before.revision, after.revision))?;
+    let again = stage.cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.map_err(|f| f.to_string())?;
+    hold(again == CommandResult { repeated: true, ..first.clone() }, || format!("{first:?}, then {again:?}"))
+}

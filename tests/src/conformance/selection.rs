@@ -1,0 +1,106 @@
+//! What is asked of the role that turns strokes into selections.
+
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::scene::{Stroke, StrokeKind, StrokeMode};
+use sg_proto::selection::{StrokesReply, StrokesRequest};
+
+use super::question::{Question, hold, refused_as, soon};
+use super::stage::{Stage, decode};
+use super::{Checks, Subject};
+use crate::small_scene::{GAUSSIANS, SAC, STROKE};
+
+pub(super) const ROLE: &str = role::SELECTION;
+
+pub(super) const SUBJECT: Subject = Subject { role: ROLE, needs: &[role::SCENE], question, essence };
+
+fn stroke(mode: StrokeMode) -> Stroke {
+    let points = [SAC, SAC.map(|x| x + 0.01)].concat();
+    Stroke { mode: mode.into(), kind: StrokeKind::Foreground.into(), radius: STROKE, points }
+}
+
+fn strokes(mode: StrokeMode, restart: bool) -> StrokesRequest {
+    StrokesRequest { strokes: vec![stroke(mode)], restart }
+}
+
+fn question(_id: &str) -> Question {
+    Question::of(&keys::SELECTION_STROKES, &strokes(StrokeMode::Point, true))
+}
+
+fn essence(payload: &[u8]) -> Result<String, String> {
+    let reply: StrokesReply = decode(payload)?;
+    Ok(format!("{} selected, hash {}, revision {}", reply.selected, reply.selection_hash, reply.revision))
+}
+
+pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
+    checks.note("knows the scene's geometry", geometry(stage).await);
+    checks.note("commits what strokes select", commit(stage).await);
+    checks.note("refuses strokes that are none", misfits(stage).await);
+    checks.note("goes on where it was after kill -9", goes_on(stage).await);
+}
+
+async fn draw(stage: &Stage<'_>, request: &StrokesRequest) -> Result<StrokesReply, String> {
+    stage.cli.ask(&keys::SELECTION_STROKES, request, &soon()).await.map_err(|f| format!("cmd/strokes: {f}"))
+}
+
+async fn geometry(stage: &Stage<'_>) -> Result<(), String> {
+    let state = stage.cli.newest(&keys::SELECTION_STATE, &soon()).await.map_err(|f| f.to_string())?;
+    let scene = stage.scene_state().await?;
+    hold(state.scene_hash == scene.scene_hash && state.clusters > 0, || {
+        format!("{} clusters of geometry {}, the scene is {}", state.clusters, state.scene_hash, scene.scene_hash)
+    })
+}
+
+async fn commit(stage: &Stage<'_>) -> Result<(), String> {
+    for mode in [StrokeMode::Point, StrokeMode::Cluster, StrokeMode::Walk] {
+        let reply = draw(stage, &strokes(mode, true)).await?;
+        let sac = 1..=GAUSSIANS as u64;
+        hold(sac.contains(&reply.selected) || mode == StrokeMode::Walk && reply.selected > 0, || {
+            format!("{mode:?}: {} Gaussians selected by a stroke within the sac", reply.selected)
+        })?;
+        let scene = stage.scene_state().await?;
+        let selection = scene.selection.unwrap_or_default();
+        hold(selection.count == reply.selected && selection.hash == reply.selection_hash, || {
+            format!("{mode:?}: the scene has {} selected, the reply says {}", selection.count, reply.selected)
+        })?;
+    }
+    Ok(())
+}
+
+async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {
+    let before = stage.scene_state().await?.revision;
+    let good = stroke(StrokeMode::Point);
+    let wrong = &[Code::InvalidArgument, Code::OutOfRange];
+    for (what, bad) in [
+        ("no mode", Stroke { mode: 0, ..good.clone() }),
+        ("no kind", Stroke { kind: 0, ..good.clone() }),
+        ("a negative radius", Stroke { radius: -1.0, ..good.clone() }),
+        ("coordinates that are not triples", Stroke { points: vec![0.5; 4], ..good.clone() }),
+        ("a coordinate that is no number", Stroke { points: vec![f64::NAN; 3], ..good }),
+    ] {
+        let id = stage.new_id();
+        let request = StrokesRequest { strokes: vec![bad], restart: false };
+        let question = Question::of(&keys::SELECTION_STROKES, &request);
+        refused_as(stage.put(&question, &id).await, wrong).map_err(|why| format!("{what}: {why}"))?;
+    }
+    let id = stage.new_id();
+    let nothing = Question::of(&keys::SELECTION_STROKES, &StrokesRequest::default());
+    refused_as(stage.put(&nothing, &id).await, wrong).map_err(|why| format!("no strokes: {why}"))?;
+    let after = stage.scene_state().await?.revision;
+    hold(after == before, || "a refused stroke changed the scene".to_owned())
+}
+
+async fn goes_on(stage: &mut Stage<'_>) -> Result<(), String> {
+    let before = draw(stage, &strokes(StrokeMode::Point, true)).await?;
+    stage.kill_and_serve().await?;
+    let mut more = strokes(StrokeMode::Point, false);
+    if let Some(stroke) = more.strokes.first_mut() {
+        stroke.radius *= 1.5;
+    }
+    let after = draw(stage, &more).await?;
+    hold(after.selected > before.selected, || {
+        format!("{} selected before, {} after a wider stroke more", before.selected, after.selected)
+    })?;
+    let strokes = stage.scene_state().await?.selection.map_or(0, |s| s.count);
+    hold(strokes == after.selected, || format!("the scene has {strokes} selected, the reply says {}", after.selected))
+}

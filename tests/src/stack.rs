@@ -1,0 +1,99 @@
+//! A whole running stack on the small scene, in a run folder of its own.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use sg_runtime::bus::{Bus, BusError, endpoint_of};
+
+use crate::{Missing, command, said, small_scene};
+
+/// Name of its session.
+pub const SESSION: &str = "tried";
+
+/// How long the stack may take until every service is ready.
+const READY: Duration = Duration::from_secs(90);
+
+/// A running stack; killed with all its services when dropped.
+#[derive(Debug)]
+pub struct Stack {
+    folder: tempfile::TempDir,
+    supervisor: Child,
+}
+
+impl Stack {
+    /// Starts every service of the headless launch file and waits until each is ready.
+    ///
+    /// # Errors
+    /// A line that says what is missing or did not get ready.
+    pub fn up() -> Result<Self, String> {
+        let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let scene = small_scene::write(folder.path()).map_err(|e| e.to_string())?;
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch/headless.toml");
+        let mut up = command(&folder.path().join("run")).map_err(|e| e.to_string())?;
+        up.args(["up", "--session", SESSION]).arg(file);
+        up.arg("--set").arg(format!("service.scene.params.scene={}", scene.display()));
+        let log = std::fs::File::create(folder.path().join("up.log")).map_err(|e| e.to_string())?;
+        let supervisor =
+            up.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().map_err(|e| e.to_string())?;
+        let stack = Self { folder, supervisor };
+        let begun = Instant::now();
+        loop {
+            let services = stack.ps();
+            if !services.is_empty() && services.iter().all(|s| s["state"] == "READY") {
+                return Ok(stack);
+            }
+            if begun.elapsed() > READY {
+                let log = std::fs::read_to_string(stack.folder.path().join("up.log")).unwrap_or_default();
+                return Err(format!("not ready within {} s: {services:?}\n{log}", READY.as_secs()));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// The command `supergaussian`, which finds this stack.
+    ///
+    /// # Errors
+    /// [`Missing::Command`] if it was not built.
+    pub fn command(&self) -> Result<Command, Missing> {
+        command(&self.run_root())
+    }
+
+    /// Runs the command to its end: exit status, standard output, and all it said for a failing test.
+    ///
+    /// # Errors
+    /// As [`Stack::command`].
+    pub fn run(&self, arguments: &[&str]) -> Result<(Option<i32>, String, String), Missing> {
+        let output = self.command()?.args(arguments).output()?;
+        Ok((output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned(), said(&output)))
+    }
+
+    /// How the services are; nothing before the supervisor answers.
+    #[must_use]
+    pub fn ps(&self) -> Vec<Value> {
+        let Ok((Some(0), text, _)) = self.run(&["ps", "--json"]) else { return Vec::new() };
+        let ps: Value = serde_json::from_str(&text).unwrap_or_default();
+        ps["services"].as_array().cloned().unwrap_or_default()
+    }
+
+    /// Joins the bus in the name of a role.
+    ///
+    /// # Errors
+    /// [`BusError::Open`].
+    pub async fn join(&self, role: &str) -> Result<Bus, BusError> {
+        Bus::connect(SESSION, role, &endpoint_of(&self.run_root().join(SESSION).join("bus.sock"))).await
+    }
+
+    fn run_root(&self) -> PathBuf {
+        self.folder.path().join("run")
+    }
+}
+
+impl Drop for Stack {
+    fn drop(&mut self) {
+        // The services die with their supervisor.
+        let _ = self.supervisor.kill();
+        let _ = self.supervisor.wait();
+    }
+}
