@@ -1,14 +1,14 @@
 //! The command line.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use sg_runtime::process::EXIT_FAILED;
 
 use crate::terminal::{self, Done, Failure};
-use crate::{children, contract, demo, others, remote, say, up, watch};
+use crate::{children, contract, demo, others, remote, say, swap, up, watch};
 
 /// Edit volumes by talking to them: starts the services, watches them, speaks to them.
 #[derive(Debug, Parser)]
@@ -26,7 +26,11 @@ enum Command {
     /// Make or load a scene, start the full stack, play a script, leave pictures and a transcript
     #[command(after_help = "Example: supergaussian demo bonsai_256x256x256_uint8.raw.zst --out bonsai-demo")]
     Demo(demo::DemoArgs),
-    /// Start every service of a launch file and watch over them until Ctrl-C
+    /// Start every service of a launch file and watch over them until Ctrl-C; if it runs already, read the file again
+    ///
+    /// Of a stack that runs the difference is applied: services that were added start, removed ones stop, one with another
+    /// executable, other parameters or another environment is swapped, and whatever else changed takes effect in place. The
+    /// file must be the one that the stack was started from, or name the session itself (`name = "…"`).
     #[command(
         after_help = "Example: supergaussian up launch/headless.toml --set service.scene.params.scene=skull/scene.toml"
     )]
@@ -56,6 +60,14 @@ enum Command {
         /// Name in the launch file
         service: String,
     },
+    /// Replace one service by another executable while it serves
+    ///
+    /// The newcomer loads beside the service, has to prove that it speaks the contract of the role, and takes over when the
+    /// old process has finished what it had accepted. If it fails, the service goes on as before.
+    #[command(
+        after_help = "Example: supergaussian swap agent-intent ./my-intent-agent --params '{\"language\": \"en\"}'"
+    )]
+    Swap(swap::SwapArgs),
     /// Check a launch file
     #[command(after_help = "Example: supergaussian check launch/headless.toml")]
     Check(up::FileArgs),
@@ -117,6 +129,7 @@ fn run(cli: Cli) -> Done {
         Command::Ps { json } => wait(remote::ps(session, json)),
         Command::Logs { follow, service } => remote::logs(session, service.as_deref(), follow),
         Command::Restart { service } => wait(remote::restart(session, &service)),
+        Command::Swap(arguments) => wait(swap::swap(session, &arguments)),
         Command::Check(file) => up::check(&file),
         Command::Graph { file, dot } => up::graph(&file, dot),
         Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),
@@ -135,7 +148,7 @@ fn wait(future: impl Future<Output = Done>) -> Done {
 }
 
 /// Reads a text file that was named on the command line.
-pub(crate) fn read_text(path: &PathBuf) -> Result<String, Failure> {
+pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
     std::fs::read_to_string(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))
 }
 

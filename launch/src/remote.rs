@@ -4,10 +4,12 @@ use std::time::{Duration, Instant};
 
 use sg_launch::document::suggestion;
 use sg_launch::log_line::LogLine;
+use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::launch::{DownRequest, PsReply, PsRequest, RestartRequest, Service, ServiceState};
+use sg_proto::launch::{DownRequest, PsReply, PsRequest, RestartRequest, Service, ServiceState, Swap, SwapState};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
 use sg_runtime::session::{self, SessionDir};
 
 use crate::console;
@@ -15,11 +17,11 @@ use crate::logs::{self, LogReader};
 use crate::terminal::{self, Done, Failure, columns, time};
 
 /// How long the supervisor may take to answer.
-const ANSWER: Duration = Duration::from_secs(5);
+pub(crate) const ANSWER: Duration = Duration::from_secs(5);
 /// How long a stack may take to stop, or a service to restart: longer than any grace is likely to be.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// How often something that takes its time is looked at.
-const GLANCE: Duration = Duration::from_millis(50);
+pub(crate) const GLANCE: Duration = Duration::from_millis(50);
 
 /// Joins the bus of a running session as a person at a terminal.
 pub(crate) async fn join(name: Option<&str>) -> Result<(SessionDir, Bus), Failure> {
@@ -52,7 +54,11 @@ fn as_json(ps: &PsReply) -> serde_json::Value {
         serde_json::json!({
             "name": s.name, "role": s.role, "state": state(s), "pid": s.pid, "instance": s.instance,
             "restarts": s.restarts, "uptime_ms": s.uptime_ms, "memory_bytes": s.memory_bytes,
-            "start_ms": s.start_ms, "reason": s.reason,
+            "start_ms": s.start_ms, "reason": s.reason, "executable": s.executable, "epoch": s.epoch,
+            "swap": s.swap.as_ref().map(|swap| serde_json::json!({
+                "number": swap.number, "state": swap_state(swap), "executable": swap.executable, "pid": swap.pid,
+                "instance": swap.instance, "reason": swap.reason,
+            })),
         })
     };
     let services: Vec<_> = ps.services.iter().map(service).collect();
@@ -75,15 +81,38 @@ fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
             s.restarts.to_string(),
             or_dash(s.memory_bytes > 0, format!("{} MiB", s.memory_bytes >> 20)),
             or_dash(s.start_ms > 0, time(s.start_ms as f64)),
-            s.reason.clone(),
+            why(s),
         ]
     }));
     rows
 }
 
+/// Why a service is where it is, and where its swap is.
+fn why(service: &Service) -> String {
+    let swap = service.swap.as_ref().filter(|s| s.state() != SwapState::Done).map(|swap| {
+        let reason = if swap.reason.is_empty() { String::new() } else { format!(": {}", swap.reason) };
+        let state = swap_state(swap).to_lowercase().replace('_', " ");
+        format!("swap to {} {state}{reason}", swap.executable)
+    });
+    let own = Some(service.reason.clone()).filter(|r| !r.is_empty());
+    own.into_iter().chain(swap).collect::<Vec<_>>().join("; ")
+}
+
+fn swap_state(swap: &Swap) -> &'static str {
+    swap.state().as_str_name().trim_start_matches("SWAP_STATE_")
+}
+
 /// The state in one word.
 pub(crate) fn state(service: &Service) -> &'static str {
     service.state().as_str_name().trim_start_matches("SERVICE_STATE_")
+}
+
+/// A request that a supervisor refused: what was wrong with it, or with the stack.
+pub(crate) fn refused(fault: Fault) -> Failure {
+    match fault.code {
+        Code::NotFound | Code::InvalidArgument => Failure::Input(fault.to_string()),
+        _ => fault.into(),
+    }
 }
 
 pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
@@ -92,10 +121,7 @@ pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
     let before = find(services(&bus).await?).map_or(0, |s| s.restarts);
     let request = RestartRequest { service: service.to_owned() };
     let reply = bus.ask(&keys::RESTART, &request, &Context::root().deadline_in(ANSWER)).await;
-    let reply = reply.map_err(|fault| match fault.code {
-        sg_proto::bus::Code::NotFound => Failure::Input(fault.to_string()),
-        _ => fault.into(),
-    })?;
+    let reply = reply.map_err(refused)?;
     let began = Instant::now();
     loop {
         tokio::time::sleep(GLANCE).await;

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use sg_launch::file::{LaunchFile, Restart, Search, Service, Source, read};
 use sg_launch::reconcile::Outcome;
+use sg_proto::launch::ReloadRequest;
 use sg_runtime::session::SessionDir;
 
 use crate::cli::read_text;
 use crate::console::Verbosity;
+use crate::reload;
 use crate::supervisor::{Stack, Supervisor};
 use crate::terminal::{self, Done, Failure, columns};
 
@@ -34,10 +36,12 @@ pub(crate) struct UpArgs {
     quiet: bool,
 }
 
-fn launch_file(file: &FileArgs) -> Result<LaunchFile, Failure> {
-    let text = read_text(&file.path)?;
-    let source = Source { path: &file.path, text: &text, overrides: &file.overrides };
-    read(source, &Search::here_then_path()).map_err(|problems| Failure::Input(problems.to_string()))
+/// Reads a launch file, or what is wanted of it.
+pub(crate) fn launch_file(path: &Path, overrides: &[String], only: &[String]) -> Result<LaunchFile, Failure> {
+    let text = read_text(path)?;
+    let source = Source { path, text: &text, overrides };
+    let file = read(source, &Search::here_then_path()).map_err(|problems| Failure::Input(problems.to_string()))?;
+    if only.is_empty() { Ok(file) } else { file.only(only).map_err(Failure::Input) }
 }
 
 /// The session of a launch file: the name it was told, the one it gives itself, or its file's.
@@ -51,13 +55,18 @@ fn session(told: Option<&str>, file: &LaunchFile, path: &Path) -> Result<Session
 }
 
 pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> Done {
-    let path = &arguments.file.path;
-    let mut file = launch_file(&arguments.file)?;
+    let FileArgs { path, overrides } = &arguments.file;
+    let file = launch_file(path, overrides, &arguments.only)?;
     let session = session(told, &file, path)?;
-    if !arguments.only.is_empty() {
-        file = file.only(&arguments.only).map_err(Failure::Input)?;
-    }
     let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
+    if session.is_running() {
+        let request = ReloadRequest {
+            launch_file: path.display().to_string(),
+            overrides: overrides.clone(),
+            only: arguments.only.clone(),
+        };
+        return reload::reload(&session, request, file.name.as_deref()).await;
+    }
     let verbosity = if arguments.quiet { Verbosity::Quiet } else { Verbosity::Full };
     outcome(Supervisor::open(Stack { file, path, session, verbosity }).await?.run().await?)
 }
@@ -71,7 +80,7 @@ pub(crate) fn outcome(outcome: Outcome) -> Done {
 }
 
 pub(crate) fn check(arguments: &FileArgs) -> Done {
-    let file = launch_file(arguments)?;
+    let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
     let session = session(None, &file, &arguments.path)?;
     let names: Vec<_> = file.services.iter().map(|s| s.name.as_str()).collect();
     terminal::out(&format!(
@@ -85,7 +94,7 @@ pub(crate) fn check(arguments: &FileArgs) -> Done {
 }
 
 pub(crate) fn graph(arguments: &FileArgs, dot: bool) -> Done {
-    let file = launch_file(arguments)?;
+    let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
     let lines = if dot { graphviz(&file) } else { table(&file) };
     for line in lines {
         terminal::out(&line);
@@ -124,7 +133,7 @@ fn row(service: &Service) -> Vec<String> {
     vec![
         service.name.clone(),
         service.role.clone(),
-        service.exec.clone(),
+        service.start.exec.clone(),
         dash(service.after.join(", ")),
         restart.to_owned(),
         critical.to_owned(),

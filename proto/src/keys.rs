@@ -294,7 +294,7 @@ table! {
     CORE_STATE: Slot<language::AgentState> = (role::AGENT_CORE, "state");
 
     /// What an utterance means.
-    PARSE: Ask<language::IntentRequest, language::Intent> = (role::AGENT_INTENT, "cmd/parse", &[role::AGENT_CORE, role::CLI]);
+    PARSE: Ask<language::IntentRequest, language::Intent> = (role::AGENT_INTENT, "cmd/parse", &[role::AGENT_CORE, role::SUPERVISOR, role::CLI]);
     /// What was understood.
     INTENT: Stream<language::Intent> = (role::AGENT_INTENT, "event/intent");
     /// The intent agent.
@@ -311,6 +311,10 @@ table! {
     PS: Ask<launch::PsRequest, launch::PsReply> = (role::SUPERVISOR, "cmd/ps", &[role::CLI]);
     /// Restarts one service.
     RESTART: Ask<launch::RestartRequest, launch::RestartReply> = (role::SUPERVISOR, "cmd/restart", &[role::CLI]);
+    /// Replaces one service by another process.
+    SWAP: Ask<launch::SwapRequest, launch::SwapReply> = (role::SUPERVISOR, "cmd/swap", &[role::CLI]);
+    /// Reads the launch file again.
+    RELOAD: Ask<launch::ReloadRequest, launch::ReloadReply> = (role::SUPERVISOR, "cmd/reload", &[role::CLI]);
     /// Stops the stack.
     DOWN: Ask<launch::DownRequest, launch::DownReply> = (role::SUPERVISOR, "cmd/down", &[role::CLI]);
     /// A service changed its state.

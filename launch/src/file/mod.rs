@@ -19,6 +19,7 @@
 //! liveness = 5                        # seconds of silence after which a ready service counts as hung
 //! stop = 5                            # seconds between the request to stop and the kill
 //! critical = true                     # its final failure stops the stack
+//! memory_mib = 4096                   # resident memory above which it is restarted, as after a failure; by default none
 //! env = { SUPERGAUSSIAN_LOG = "debug" }
 //! ```
 
@@ -50,18 +51,28 @@ pub struct Service {
     pub name: String,
     /// Role it serves.
     pub role: String,
-    /// Executable as it was written.
-    pub exec: String,
-    /// Executable as it was found, absolute.
-    pub executable: PathBuf,
-    /// The service's own parameters.
-    pub params: serde_json::Map<String, serde_json::Value>,
+    /// What its process is started with.
+    pub start: Start,
     /// Names of the services that must be ready before this one starts.
     pub after: Vec<String>,
     /// How it is watched.
     pub policy: Policy,
     /// Where it was written.
     pub place: Place,
+}
+
+/// What a service's process is started with. A running service whose start changes is swapped; everything else about it
+/// changes in place.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Start {
+    /// Executable as it was written.
+    pub exec: String,
+    /// Executable as it was found, absolute.
+    pub executable: PathBuf,
+    /// The service's own parameters.
+    pub params: serde_json::Map<String, serde_json::Value>,
+    /// Environment variables beside those of the launcher.
+    pub env: Vec<(String, String)>,
 }
 
 /// When a process that ended is started again.
@@ -96,8 +107,9 @@ pub struct Policy {
     pub stop: Duration,
     /// Whether its final failure stops the stack.
     pub critical: bool,
-    /// Environment variables beside those of the launcher.
-    pub env: Vec<(String, String)>,
+    /// Resident memory in bytes above which it is stopped and started again, as after a failure; judged by what its
+    /// health says, every second.
+    pub memory_bytes: Option<u64>,
 }
 
 impl Default for Policy {
@@ -112,7 +124,7 @@ impl Default for Policy {
             liveness: Duration::from_secs(5),
             stop: Duration::from_secs(5),
             critical: false,
-            env: Vec::new(),
+            memory_bytes: None,
         }
     }
 }

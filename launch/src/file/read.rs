@@ -6,13 +6,15 @@ use sg_proto::keys::role;
 
 use super::executables::Search;
 use super::order::{self, Edge};
-use super::{LaunchFile, Policy, Restart, Service};
+use super::{LaunchFile, Policy, Restart, Service, Start};
 use crate::document::{self, Node, Problem, Problems, Reader, Table, Value, suggestion};
 
 /// Version of the language.
 const SCHEMA: i64 = 1;
 /// Longest name of a service: an instance's name appends a number.
 const MAX_SERVICE_NAME: usize = 100;
+/// Largest limit on a service's memory, mebibytes: 16 TiB.
+const MAX_MEMORY_MIB: i64 = 16 << 20;
 /// Most services of one file.
 const MAX_SERVICES: usize = 256;
 
@@ -25,6 +27,13 @@ pub struct Source<'a> {
     pub text: &'a str,
     /// Overrides `a.b=c`, applied in order.
     pub overrides: &'a [String],
+}
+
+/// What `[defaults]` may hold and a service may say otherwise.
+#[derive(Debug, Clone, Default)]
+struct Base {
+    policy: Policy,
+    env: Vec<(String, String)>,
 }
 
 /// Reads and checks a launch file.
@@ -77,10 +86,10 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
     }
     top.finish();
 
-    let mut base = Policy::default();
+    let mut base = Base::default();
     if let Some(defaults) = defaults {
         let mut reader = Reader::new("[defaults]", defaults, problems);
-        policy(&mut reader, &mut base);
+        watched(&mut reader, &mut base);
         reader.finish();
     }
     let entries = services.map_or(&[][..], |t| &t.entries);
@@ -122,7 +131,7 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
 fn service(
     entry: &document::Entry,
     table: &Table,
-    base: &Policy,
+    base: &Base,
     edges: &mut Vec<Edge>,
     path: &Path,
     search: &Search,
@@ -166,22 +175,22 @@ fn service(
         edges.push(Edge { from: entry.key.clone(), on: condition.key.clone(), place: condition.place.clone() });
     }
     let mut own = base.clone();
-    policy(&mut reader, &mut own);
+    watched(&mut reader, &mut own);
     reader.finish();
+    let exec = exec.unwrap_or_default().to_owned();
     Service {
         name: entry.key.clone(),
         role,
-        exec: exec.unwrap_or_default().to_owned(),
-        executable: executable.unwrap_or_default(),
-        params,
+        start: Start { exec, executable: executable.unwrap_or_default(), params, env: own.env },
         after,
-        policy: own,
+        policy: own.policy,
         place: entry.place.clone(),
     }
 }
 
-/// The keys that say how a service is watched; those that are there replace what `policy` holds.
-fn policy(reader: &mut Reader<'_, '_>, policy: &mut Policy) {
+/// The keys that say how a service is watched; those that are there replace what the base holds.
+fn watched(reader: &mut Reader<'_, '_>, base: &mut Base) {
+    let Base { policy, env: variables } = base;
     const RESTART: [(&str, Restart); 3] =
         [("always", Restart::Always), ("on-failure", Restart::OnFailure), ("never", Restart::Never)];
     if let Some(text) = reader.string("restart") {
@@ -208,6 +217,9 @@ fn policy(reader: &mut Reader<'_, '_>, policy: &mut Policy) {
     }
     if let Some(critical) = reader.boolean("critical") {
         policy.critical = critical;
+    }
+    if let Some(mib) = reader.integer("memory_mib", 1, MAX_MEMORY_MIB) {
+        policy.memory_bytes = u64::try_from(mib).ok().map(|mib| mib << 20);
     }
     if let Some(table) = backoff {
         let mut inner = reader.inner("`backoff`", table);
@@ -237,8 +249,8 @@ fn policy(reader: &mut Reader<'_, '_>, policy: &mut Policy) {
     for entry in env.map_or(&[][..], |t| &t.entries) {
         match &entry.node.value {
             Value::String(value) => {
-                policy.env.retain(|(name, _)| *name != entry.key);
-                policy.env.push((entry.key.clone(), value.clone()));
+                variables.retain(|(name, _)| *name != entry.key);
+                variables.push((entry.key.clone(), value.clone()));
             }
             _ => reader.problem(&entry.node.place, format!("environment variable `{}` must be a string", entry.key)),
         }

@@ -63,15 +63,16 @@ ready = 0.5
 liveness = 2
 stop = 1
 critical = true
+memory_mib = 512
 env = { B = "3" }
 "#;
     let file = bench.read(text, &[]).unwrap();
     assert_eq!(file.name.as_deref(), Some("full"));
     let [scene, view] = file.services.as_slice() else { panic!("{file:?}") };
     assert_eq!((scene.name.as_str(), scene.role.as_str(), view.role.as_str()), ("scene", "scene", "render-view"));
-    assert_eq!(scene.executable, bench.folder.path().join("supergaussian-scene"));
+    assert_eq!(scene.start.executable, bench.folder.path().join("supergaussian-scene"));
     assert_eq!(
-        serde_json::Value::Object(scene.params.clone()),
+        serde_json::Value::Object(scene.start.params.clone()),
         serde_json::json!({"scene": "a.ply", "deep": {"list": [1, 2.5, true]}})
     );
     assert_eq!(view.after, ["scene"]);
@@ -89,18 +90,12 @@ env = { B = "3" }
             liveness: millis(2000),
             stop: millis(1000),
             critical: true,
-            env: pairs(&[("A", "1"), ("B", "3")]),
+            memory_bytes: Some(512 << 20),
         }
     );
-    assert_eq!(
-        view.policy,
-        Policy {
-            restart: Restart::Always,
-            stop: millis(3000),
-            env: pairs(&[("A", "1"), ("B", "2")]),
-            ..Policy::default()
-        }
-    );
+    assert_eq!(scene.start.env, pairs(&[("A", "1"), ("B", "3")]));
+    assert_eq!(view.start.env, pairs(&[("A", "1"), ("B", "2")]));
+    assert_eq!(view.policy, Policy { restart: Restart::Always, stop: millis(3000), ..Policy::default() });
 }
 
 #[test]
@@ -176,7 +171,7 @@ fn every_mistake_is_told_in_one_line_with_its_place_and_a_remedy() {
         (
             "schema = 1\n[defaults]\nexec = \"worker\"\nrestart = \"alway\"\nstop = -1\nready = \"5\"\ncritical = 1\n[service.a]\nexec = \"worker\"\nbackoff = { initial_ms = 900, max_ms = 100 }\nintensity = { restart = 3, restarts = -1 }\nliveness = nan\n",
             &[
-                "x.toml:3:1: unknown key `exec` in [defaults]; there are `restart`, `backoff`, `intensity`, `env`, `ready`, `liveness`, `stop`, `critical`",
+                "x.toml:3:1: unknown key `exec` in [defaults]; there are `restart`, `backoff`, `intensity`, `env`, `ready`, `liveness`, `stop`, `critical`, `memory_mib`",
                 "x.toml:4:11: `restart` is `alway`; did you mean `always`?",
                 "x.toml:5:8: `stop` is -1 seconds; it must be above 0 and at most a day",
                 "x.toml:6:9: `ready` must be a number of seconds, not a string",
@@ -205,7 +200,7 @@ fn overrides_are_read_like_the_file_and_told_like_themselves() {
     let bench = Bench::new();
     let text = "schema = 1\n[service.a]\nexec = \"worker\"\n";
     let file = bench.read(text, &["service.a.params.scene=/x/scene.toml", "service.a.stop=0.5"]).unwrap();
-    assert_eq!(file.services[0].params["scene"], "/x/scene.toml");
+    assert_eq!(file.services[0].start.params["scene"], "/x/scene.toml");
     assert_eq!(file.services[0].policy.stop, Duration::from_millis(500));
     assert_eq!(
         bench.complaints(text, &["service.a.stpo=1"]),

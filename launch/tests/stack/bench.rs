@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
+use sg_proto::keys::role;
+use sg_runtime::bus::{Bus, endpoint_of};
 
 /// Longest time that anything here may take.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
@@ -18,7 +20,7 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// A folder with the executables `fixture` (a service, see `fixture.rs`), `crash`, `refuse` and `stubborn`.
+    /// A folder with the executables `fixture` and `other` (a service, see `fixture.rs`), `crash`, `refuse` and `stubborn`.
     pub(crate) fn new() -> Self {
         let bench = Self { folder: tempfile::tempdir().unwrap() };
         let this = std::env::current_exe().unwrap();
@@ -27,6 +29,7 @@ impl Bench {
             this.display()
         );
         bench.script("fixture", &fixture);
+        bench.script("other", &fixture);
         bench.script("crash", "echo 'cannot go on' >&2; exit 1");
         bench.script("refuse", "echo '{\"level\":\"ERROR\",\"message\":\"no such scene\"}' >&2; exit 2");
         bench.script("stubborn", "trap '' TERM\nwhile :; do sleep 0.1; done");
@@ -94,6 +97,21 @@ impl Bench {
             std::thread::sleep(Duration::from_millis(30));
         }
         panic!("`{service}` of {session} is not as wished: {last:#?}");
+    }
+
+    /// Joins the bus of a stack that runs in such a folder, as a person at a terminal would.
+    pub(crate) async fn join_in(folder: &Path, session: &str) -> Bus {
+        let socket = folder.join("run").join(session).join("bus.sock");
+        Bus::connect(session, role::CLI, &endpoint_of(&socket)).await.unwrap()
+    }
+
+    /// Waits until a process is gone.
+    pub(crate) fn gone(&self, pid: i32) {
+        let began = Instant::now();
+        while runs(pid) {
+            assert!(began.elapsed() < PATIENCE, "process {pid} of {} does not go", self.path().display());
+            std::thread::sleep(Duration::from_millis(10));
+        }
     }
 
     /// Waits until a service is ready.

@@ -3,7 +3,10 @@
 #![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod bench;
+mod faults;
 mod fixture;
+mod reload;
+mod swap;
 
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -59,10 +62,6 @@ fn a_stack_starts_in_order_is_seen_restarted_and_stopped() {
     kill(Pid::from_raw(pid(&scene)), Signal::SIGKILL).unwrap();
     let reborn = bench.wait("two", "scene", |s| s["state"] == "READY" && s["restarts"] == 1);
     assert_eq!(reborn["instance"], "scene-2");
-
-    let (status, _, errors) = bench.run(&["up", file]);
-    assert_eq!(status, 1);
-    assert!(errors.contains("session `two` runs already") && errors.lines().count() == 1, "{errors}");
 
     let (_, log, _) = bench.run(&["logs", "scene"]);
     assert_eq!(log.matches("loaded greeting=\"hello there\"").count(), 2, "{log}");

@@ -1,0 +1,42 @@
+//! What must hold for every stack: in simulated worlds of processes that behave in every way we could think of
+//! ([`world`]), in every order of events ([`orderings`]), and case by case ([`cases`], [`swaps`], [`reloads`]).
+
+mod cases;
+mod orderings;
+mod reloads;
+mod swaps;
+mod world;
+
+use std::time::Duration;
+
+use super::*;
+use crate::document::Place;
+use crate::file::Policy;
+
+fn millis(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+fn exit(status: Option<i32>) -> Exit {
+    Exit { status, reason: format!("{status:?}") }
+}
+
+fn start(version: u32) -> Start {
+    Start { executable: format!("/v{version}").into(), ..Start::default() }
+}
+
+/// The service `s<index>` in role `r<index>`, after these.
+fn service(index: usize, after: &[usize], policy: Policy) -> Service {
+    Service {
+        name: format!("s{index}"),
+        role: format!("r{index}"),
+        start: start(0),
+        after: after.iter().map(|i| format!("s{i}")).collect(),
+        policy,
+        place: Place::File { line: 1, column: 1 },
+    }
+}
+
+fn patient() -> Policy {
+    Policy { liveness: millis(1500), ready: millis(700), stop: millis(300), ..Policy::default() }
+}
