@@ -78,10 +78,7 @@ pub(crate) enum Progress {
 /// How far the swap of this number has come; number 0 is the first start of a service.
 pub(crate) fn progress(service: &Service, number: u64) -> Progress {
     let name = &service.name;
-    let swap = match service.swap.as_ref().filter(|_| number > 0) {
-        Some(swap) => swap,
-        None => return started(service),
-    };
+    let Some(swap) = service.swap.as_ref().filter(|_| number > 0) else { return started(service) };
     match swap.state() {
         _ if swap.number > number => Progress::Failed(format!("swap of `{name}` failed: another took its place")),
         SwapState::Done => Progress::Done,

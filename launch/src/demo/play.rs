@@ -153,7 +153,7 @@ impl Player {
         }
     }
 
-    async fn brush(&mut self, file: &PathBuf, restart: bool) -> Result<String, Failure> {
+    async fn brush(&mut self, file: &Path, restart: bool) -> Result<String, Failure> {
         let strokes = read_strokes(file)?;
         let count = strokes.len();
         let walks = strokes.iter().any(|s| s.mode() == StrokeMode::Walk);

@@ -41,6 +41,7 @@ pub(super) struct Slot {
 
 /// What a service does.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "one for each service, and most have a process")]
 pub(super) enum State {
     /// For those it comes after, or for its role to be free.
     Waiting,

@@ -102,11 +102,11 @@ impl Reconciler {
         };
         match part {
             Part::Main => self.main_exited(index, exit, now, actions),
-            Part::Newcomer => self.newcomer_exited(index, exit, actions),
+            Part::Newcomer => self.newcomer_exited(index, &exit, actions),
         }
     }
 
-    fn newcomer_exited(&mut self, index: usize, exit: Exit, actions: &mut Vec<Action>) {
+    fn newcomer_exited(&mut self, index: usize, exit: &Exit, actions: &mut Vec<Action>) {
         let Some(process) = self.slots.get_mut(index).and_then(|s| s.newcomer.take()) else { return };
         let end = match &process.stage {
             Stage::Stopping { then: Then::Fail(reason), .. } => End::Failed(reason.clone()),

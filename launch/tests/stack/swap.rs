@@ -162,6 +162,7 @@ fn a_stop_during_a_swap_stops_both() {
 
 /// Requests from several askers at once while the service is swapped again and again: none fails after its retries, none
 /// takes effect twice.
+#[allow(clippy::print_stdout, reason = "figures for whoever runs it by hand")]
 fn swaps_under_load(swaps: u32) {
     let bench = Bench::new();
     let ledger = bench.path().join("ledger");

@@ -159,15 +159,11 @@ impl World {
     pub(super) fn give(&mut self, event: Event) {
         match &event {
             // What a process does ends with it.
-            Event::Exited { incarnation, .. } => {
-                if self.alive.remove(incarnation).is_none() {
-                    return;
-                }
-            }
-            Event::Ready { instance, .. } | Event::Seen { instance, .. } | Event::Health { instance, .. } => {
-                if !self.alive.values().any(|s| s.instance == *instance) {
-                    return;
-                }
+            Event::Exited { incarnation, .. } if self.alive.remove(incarnation).is_none() => return,
+            Event::Ready { instance, .. } | Event::Seen { instance, .. } | Event::Health { instance, .. }
+                if !self.alive.values().any(|s| s.instance == *instance) =>
+            {
+                return;
             }
             Event::Down | Event::Kill => self.wished = true,
             Event::Restart { service } => {
@@ -492,7 +488,7 @@ proptest! {
             prop_assert_eq!((&kept.start, &kept.policy), (&service.start, &service.policy));
         }
         let settled = world.stack.differences(last);
-        prop_assert!(settled.iter().all(|d| d.change() == sg_proto::launch::Change::Unchanged), "{settled:?}");
+        prop_assert!(settled.iter().all(|d| d.change() == launch::Change::Unchanged), "{settled:?}");
         let listed: Vec<_> = world.stack.services(world.now).into_iter().map(|s| s.name).collect();
         prop_assert_eq!(listed, last.iter().map(|s| s.name.clone()).collect::<Vec<_>>());
     }
