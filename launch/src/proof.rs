@@ -27,7 +27,7 @@ pub(crate) async fn prove(bus: &Bus, ready: &Ready, role: &str) -> Result<(), St
     let health = bus.ask_role(&keys::STATUS, &under, &StatusRequest {}, &context).await;
     answered(&health.map_err(|fault| format!("{}: {fault}", keys::STATUS.name))?, ready, role)?;
     if role == role::AGENT_INTENT {
-        let request = IntentRequest { text: HELP.to_owned(), observation: None };
+        let request = IntentRequest { text: HELP.to_owned(), ..IntentRequest::default() };
         let within = context.next().within(Duration::from_secs(5));
         let intent = bus.ask_role(&keys::PARSE, &under, &request, &within).await;
         understood(&intent.map_err(|fault| format!("{} of \"{HELP}\": {fault}", keys::PARSE.name))?)?;

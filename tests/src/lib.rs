@@ -57,20 +57,33 @@ pub fn executable(name: &str) -> Result<PathBuf, Missing> {
 /// # Errors
 /// A line that says what is required and missing.
 pub fn python_intent() -> Result<Option<PathBuf>, String> {
+    if python()?.is_none() {
+        return Ok(None);
+    }
+    let room = Path::new(env!("CARGO_MANIFEST_DIR")).join("../services/agents/examples/python-intent");
+    Ok(Some(room.canonicalize().map_err(|e| format!("{}: {e}", room.display()))?.join("intent")))
+}
+
+/// The Python interpreter of the tests: the one `SUPERGAUSSIAN_PYTHON` names, else that of the environment that
+/// `ops/python.sh` makes. Without one that has its packages the caller skips, having said so; where
+/// `SUPERGAUSSIAN_REQUIRE_TOOLS=1` asks for every tool, that is a failure.
+///
+/// # Errors
+/// A line that says what is required and missing.
+pub fn python() -> Result<Option<PathBuf>, String> {
     let named = std::env::var_os("SUPERGAUSSIAN_PYTHON").map(PathBuf::from);
     let cache = std::env::var_os("XDG_CACHE_HOME").filter(|c| !c.is_empty()).map(PathBuf::from);
     let cache = cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
     let python = named.or_else(|| Some(cache?.join("supergaussian/python/bin/python")));
     let works = |python: &PathBuf| {
-        let packages = ["-c", "import zenoh, google.protobuf, grpc_tools"];
+        let packages = ["-c", "import zenoh, google.protobuf, grpc, grpc_tools, xllamacpp, gguf"];
         Command::new(python).args(packages).output().is_ok_and(|output| output.status.success())
     };
-    if python.as_ref().is_some_and(works) {
-        let room = Path::new(env!("CARGO_MANIFEST_DIR")).join("../services/agents/examples/python-intent");
-        return Ok(Some(room.canonicalize().map_err(|e| format!("{}: {e}", room.display()))?.join("intent")));
+    if let Some(python) = python.filter(works) {
+        return Ok(Some(python));
     }
     if std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1") {
-        return Err("no Python with zenoh and protobuf (ops/python.sh), and SUPERGAUSSIAN_REQUIRE_TOOLS=1".to_owned());
+        return Err("no Python with the packages of ops/python.sh, and SUPERGAUSSIAN_REQUIRE_TOOLS=1".to_owned());
     }
     Ok(None)
 }

@@ -28,12 +28,23 @@ impl Stack {
     /// # Errors
     /// A line that says what is missing or did not get ready.
     pub fn up() -> Result<Self, String> {
+        Self::up_with(&[])
+    }
+
+    /// As [`Stack::up`], with `--set` of each setting.
+    ///
+    /// # Errors
+    /// As [`Stack::up`].
+    pub fn up_with(settings: &[String]) -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let scene = small_scene::write(folder.path()).map_err(|e| e.to_string())?;
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch/headless.toml");
         let mut up = command(&folder.path().join("run")).map_err(|e| e.to_string())?;
         up.args(["up", "--session", SESSION]).arg(file);
         up.arg("--set").arg(format!("service.scene.params.scene={}", scene.display()));
+        for setting in settings {
+            up.args(["--set", setting]);
+        }
         let log = std::fs::File::create(folder.path().join("up.log")).map_err(|e| e.to_string())?;
         let supervisor =
             up.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().map_err(|e| e.to_string())?;

@@ -21,6 +21,18 @@ pub fn command(plan: &str, clause: usize) -> String {
     derived(plan, &format!("clause {clause}"))
 }
 
+/// The id of the request for what an utterance means.
+#[must_use]
+pub fn intent(utterance: &str) -> String {
+    derived(utterance, "intent")
+}
+
+/// The id of the request to a model for the words of a reply.
+#[must_use]
+pub fn wording(utterance: &str) -> String {
+    derived(utterance, "wording")
+}
+
 /// The id of the plan for an utterance.
 #[must_use]
 pub fn plan(utterance: &str) -> String {

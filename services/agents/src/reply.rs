@@ -116,7 +116,7 @@ pub fn compose(intent: &Intent, outcome: &PlanResult, seen: &Seen<'_>) -> Reply 
         ok: !failed && left == 0 && understood_all,
         revision: outcome.revision,
         actions: outcome.actions.clone(),
-        elapsed_ms: 0.0,
+        ..Reply::default()
     }
 }
 

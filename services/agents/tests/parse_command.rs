@@ -35,7 +35,8 @@ fn wrong_arguments_are_told_in_a_line_with_status_2() {
     for (arguments, part) in [
         (&["parse", "", "--units", "sac"][..], "nothing was said"),
         (&["parse", &"a".repeat(5000)], "5000 bytes"),
-        (&["parse", "zoom in", "--backend", "gpt"], "use `grammar`"),
+        (&["parse", "zoom in", "--backend", "gpt"], "there are `grammar`, `openai`, `grpc`"),
+        (&["parse", "zoom in", "--model", "m"], "`model` means nothing to the backend `grammar`"),
         (&["parse"], "<TEXT>"),
     ] {
         let output = parse(arguments);

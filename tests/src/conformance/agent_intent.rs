@@ -19,7 +19,7 @@ fn request(text: &str) -> IntentRequest {
     let unit = |name: &str| BaseUnit { name: name.to_owned(), visible: true, opacity: 1.0, ..BaseUnit::default() };
     let scene = State { base_units: vec![unit("body"), unit("sac")], ..State::default() };
     let observation = Observation { moment: "before".to_owned(), scene: Some(scene), ..Observation::default() };
-    IntentRequest { text: text.to_owned(), observation: Some(observation) }
+    IntentRequest { text: text.to_owned(), observation: Some(observation), ..IntentRequest::default() }
 }
 
 fn question(_id: &str) -> Question {

@@ -27,6 +27,7 @@ use std::sync::LazyLock;
 
 use sg_proto::language::{Intent, Observation};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
+use sg_proto::scene::{BaseUnit, Selection, State};
 use winnow::stream::TokenSlice;
 
 use crate::names;
@@ -34,7 +35,7 @@ use crate::words;
 use phrase::{Input, Known};
 use sentence::{Beginnings, Sentence};
 
-pub use table::help;
+pub use table::{examples, help};
 
 static BEGINNINGS: LazyLock<Beginnings> = LazyLock::new(Beginnings::of_table);
 
@@ -102,13 +103,22 @@ pub fn understand(text: &str, observation: &Observation) -> Result<Intent, Refus
         not_understood: sentence.not_understood,
         suggestions,
         backend: NAME.to_owned(),
+        ..Intent::default()
     })
+}
+
+/// A scene with units of these names and a selection, for examples.
+#[must_use]
+pub fn sample(names: &[&str]) -> Observation {
+    let unit = |name: &&str| BaseUnit { name: (*name).to_owned(), ..BaseUnit::default() };
+    let selection = Some(Selection { count: 1, ..Selection::default() });
+    let scene = State { base_units: names.iter().map(unit).collect(), selection, ..State::default() };
+    Observation { scene: Some(scene), ..Observation::default() }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sg_proto::scene::{BaseUnit, State};
 
     fn observation(names: &[&str]) -> Observation {
         let unit = |name: &&str| BaseUnit { name: (*name).to_owned(), ..BaseUnit::default() };

@@ -548,6 +548,12 @@ pub(super) fn spoken(example: &str, names: &[&str]) -> String {
     example.replace("{unit}", unit).replace("{other}", other)
 }
 
+/// Every example of the table with names of the scene's units in it.
+#[must_use]
+pub fn examples(names: &[&str]) -> Vec<String> {
+    TABLE.iter().flat_map(|entry| entry.examples).map(|example| spoken(example, names)).collect()
+}
+
 /// What can be said, one line for each kind of request, with names of the scene's units in the examples.
 #[must_use]
 pub fn help(names: &[&str]) -> String {

@@ -4,14 +4,15 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use sg_agents::backend::Parameters;
-use sg_agents::identity;
+use sg_agents::prompt::clipped;
 use sg_agents::recent::Recent;
 use sg_agents::reply::{self, Seen};
+use sg_agents::understand::{MAX_EXCHANGE_BYTES, MAX_EXCHANGES};
+use sg_agents::{grammar, identity, retell};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, Stream, role};
 use sg_proto::language::{
-    AgentState, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Utterance,
+    AgentState, Exchange, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Utterance,
 };
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::render::{CaptureRequest, Quality};
@@ -22,13 +23,15 @@ use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use tokio::sync::{mpsc, watch};
 
+use crate::mind::Mind;
+
 /// Utterances that wait at most.
 const QUEUE: usize = 16;
 /// Replies and faults kept for askers that ask again.
 const KEPT_REPLIES: usize = 64;
 /// Less time than this is not enough to try again what failed for the moment.
 const LEAST_TIME: Duration = Duration::from_millis(500);
-/// Conversations whose step is remembered.
+/// Conversations that are remembered.
 const KEPT_CONVERSATIONS: usize = 256;
 /// Edge of the picture that is looked at, pixels.
 const LOOK_PIXELS: u32 = 256;
@@ -49,18 +52,21 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
             role::AGENT_CORE
         )));
     }
-    let Parameters { backend } = host.params()?;
-    let told = AgentState { backend: backend.name().to_owned(), ..AgentState::default() };
+    let mind =
+        Mind::new(&host.params()?).map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+    let told = mind.told();
     let state = host.bus().own(&keys::CORE_STATE, told.clone()).await?;
     let seers = follow_captures(host.bus().watch_alive(LIVELINESS_QUEUE).await?);
     let core = Core {
         bus: host.bus().clone(),
+        mind,
         told,
         state,
         seers,
+        understood: Recent::new(KEPT_REPLIES),
         replies: Recent::new(KEPT_REPLIES),
         failed: Recent::new(KEPT_REPLIES),
-        steps: Recent::new(KEPT_CONVERSATIONS),
+        talks: Recent::new(KEPT_CONVERSATIONS),
     };
     let (mailbox, _) = host.spawn(core, QUEUE);
     host.serve(&keys::UTTER, QUEUE, move |utterance, context| {
@@ -96,15 +102,37 @@ enum Message {
 
 struct Core {
     bus: Bus,
+    mind: Mind,
     told: AgentState,
     state: Owned<AgentState>,
     seers: watch::Receiver<usize>,
+    /// Intents by utterance: a model might understand otherwise when the same utterance comes again, and half of its plan
+    /// may be done.
+    understood: Recent<Intent>,
     /// Replies by utterance, for askers that ask again.
     replies: Recent<Reply>,
     /// Faults of the moment by utterance, for an asker that asks again with no time left to try again.
     failed: Recent<Fault>,
-    /// Last step by conversation.
-    steps: Recent<u32>,
+    /// Conversations as far as they are remembered.
+    talks: Recent<Talk>,
+}
+
+/// What is remembered of a conversation.
+#[derive(Debug, Clone, Default)]
+struct Talk {
+    /// The last step.
+    step: u32,
+    /// The last turns, oldest first.
+    exchanges: Vec<Exchange>,
+}
+
+impl Talk {
+    fn add(&mut self, said: &str, answered: &str) {
+        let cut = |text| clipped(text, MAX_EXCHANGE_BYTES).to_owned();
+        self.exchanges.push(Exchange { said: cut(said), answered: cut(answered) });
+        let over = self.exchanges.len().saturating_sub(MAX_EXCHANGES);
+        self.exchanges.drain(..over);
+    }
 }
 
 /// One utterance on its way through the loop.
@@ -158,14 +186,20 @@ impl Core {
         }
         let mut turn = self.begin(context);
         self.tell(&keys::UTTERANCE, utterance, &turn.stage()).await;
-        let outcome = self.turn(utterance, &mut turn).await;
+        let outcome = match self.turn(utterance, &mut turn).await {
+            Ok(reply) => self.worded(reply, &utterance.text, &turn.context).await,
+            Err(fault) => Err(fault),
+        };
         let mut reply = match &outcome {
             Ok(reply) => reply.clone(),
             Err(fault) => Reply { text: fault.message.clone(), ok: false, ..Reply::default() },
         };
         reply.elapsed_ms = begun.elapsed().as_secs_f64() * 1e3;
         self.tell(&keys::REPLY, &reply, &turn.stage()).await;
-        self.steps.keep(&turn.context.conversation, turn.step);
+        let mut talk = self.talks.get(&turn.context.conversation).cloned().unwrap_or_default();
+        talk.step = turn.step;
+        talk.add(&utterance.text, &reply.text);
+        self.talks.keep(&turn.context.conversation, talk);
         // A fault is of the moment: the same utterance may be sent again and goes on where it stopped.
         match outcome {
             Ok(_) => self.replies.keep(&turn.context.id, reply.clone()),
@@ -178,16 +212,20 @@ impl Core {
     }
 
     /// Look, understand, act, look again.
-    async fn turn(&self, utterance: &Utterance, turn: &mut Turn) -> Result<Reply, Fault> {
+    async fn turn(&mut self, utterance: &Utterance, turn: &mut Turn) -> Result<Reply, Fault> {
         let before = self.look("before", 0, turn).await;
-        let request = IntentRequest { text: utterance.text.clone(), observation: Some(before.clone()) };
         let inner = |context: Context| {
             let time = context.remaining().saturating_sub(MARGIN);
             context.within(time)
         };
-        let parse = inner(turn.stage());
-        let intent: Intent =
-            self.bus.ask(&keys::PARSE, &request, &parse).await.map_err(|f| stage_fault("intent", f))?;
+        let intent = match self.understood.get(&turn.context.id) {
+            Some(intent) => intent.clone(),
+            None => {
+                let intent = self.understand(utterance, &before, turn).await?;
+                self.understood.keep(&turn.context.id, intent.clone());
+                intent
+            }
+        };
         let revision = before.scene.as_ref().map_or(0, |s| s.revision);
         if intent.clauses.is_empty() {
             return Ok(reply::not_understood(&intent, revision));
@@ -207,6 +245,51 @@ impl Core {
         let differ = tokio::task::block_in_place(|| frames.and_then(|(b, a)| reply::differ(b, a)));
         let seen = Seen { before: &before, after: after.as_ref(), changed: differ };
         Ok(reply::compose(&intent, &outcome, &seen))
+    }
+
+    /// Asks what an utterance means; whoever understands leaves time to act.
+    async fn understand(&self, utterance: &Utterance, before: &Observation, turn: &mut Turn) -> Result<Intent, Fault> {
+        let talk = self.talks.get(&turn.context.conversation);
+        let request = IntentRequest {
+            text: utterance.text.clone(),
+            observation: Some(before.clone()),
+            conversation: talk.map_or_else(Vec::new, |talk| talk.exchanges.clone()),
+        };
+        let parse = turn.stage();
+        let time = parse.remaining() * 2 / 3;
+        let parse = parse.within(time).with_id(identity::intent(&turn.context.id));
+        self.bus.ask(&keys::PARSE, &request, &parse).await.map_err(|f| stage_fault("intent", f))
+    }
+
+    /// A reply in the model's words, where there is a model and it keeps to the facts.
+    async fn worded(&mut self, reply: Reply, said: &str, context: &Context) -> Result<Reply, Fault> {
+        let plain = Reply { facts: reply.text.clone(), backend: grammar::NAME.to_owned(), ..reply };
+        if !self.mind.has_model() {
+            return Ok(plain);
+        }
+        let Some(prompt) = retell::prompt(role::AGENT_CORE, said, &plain, &identity::wording(&context.id)) else {
+            return Ok(plain);
+        };
+        let deadline = context.deadline.checked_sub(MARGIN).unwrap_or(context.deadline);
+        match self.mind.ask(&prompt, deadline, |answer| retell::accept(answer, said, &plain.facts)).await {
+            Ok(thought) => {
+                self.mind.served();
+                Ok(Reply {
+                    text: thought.value,
+                    backend: self.mind.backend().to_owned(),
+                    model: thought.model,
+                    ..plain
+                })
+            }
+            // What was done stays done, so it is told even where only the model was to tell it.
+            Err(error) => match self.mind.instead(&error, &mut self.told) {
+                Ok(fallback) => Ok(Reply { fallback, ..plain }),
+                Err(fault) => {
+                    let message = format!("{} {}", plain.facts, fault.message);
+                    Err(Fault { message, ..fault })
+                }
+            },
+        }
     }
 
     /// Looks at the scene and its picture. What cannot be seen in time is said in the observation, never an error.
@@ -256,7 +339,7 @@ impl Core {
     fn begin(&self, context: Context) -> Turn {
         let conversation =
             if context.conversation.is_empty() { Context::root().id } else { context.conversation.clone() };
-        let last = self.steps.get(&conversation).copied().unwrap_or(0);
+        let last = self.talks.get(&conversation).map_or(0, |talk| talk.step);
         let step = last.max(context.step.saturating_sub(1));
         let context = context.at_step(conversation, step);
         Turn { context, step }

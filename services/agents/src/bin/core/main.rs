@@ -1,6 +1,8 @@
 //! `supergaussian-agent-core`: hears utterances, looks, has them understood and carried out, looks again, answers.
 
 mod actor;
+#[path = "../mind/mod.rs"]
+mod mind;
 
 use std::process::ExitCode;
 

@@ -1,15 +1,15 @@
 //! The function agent on the bus: a plan in, scene commands out, one published result for every clause.
 
 use std::collections::HashMap;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use sg_agents::backend::Parameters;
+use sg_agents::names;
 use sg_agents::recent::Recent;
 use sg_agents::resolve::{self, Step};
-use sg_agents::{account, identity};
+use sg_agents::{account, choose, identity};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::language::{Act, ActionResult, AgentState, Clause, Plan, PlanResult};
+use sg_proto::language::{Act, ActionResult, AgentState, Chosen, Clause, Plan, PlanResult};
 use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, State};
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::bus::{Bus, Owned};
@@ -17,12 +17,18 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 
+use crate::mind::{Mind, Thought};
+
 /// Plans that wait at most.
 const QUEUE: usize = 16;
 /// Most clauses of one plan.
 const MAX_CLAUSES: usize = 256;
 /// Results and faults kept for askers that ask again.
 const KEPT_RESULTS: usize = 64;
+/// Choices of the model kept for plans that come again.
+const KEPT_CHOICES: usize = 256;
+/// Most names of one clause that the model is asked about.
+const MAX_CHOICES: usize = 8;
 /// Less time than this is not enough to try again what failed for the moment.
 const LEAST_TIME: Duration = Duration::from_millis(400);
 /// Time kept back for the answer's own way.
@@ -36,13 +42,16 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
             role::AGENT_FUNCTION
         )));
     }
-    let Parameters { backend } = host.params()?;
-    let told = AgentState { backend: backend.name().to_owned(), ..AgentState::default() };
+    let mind =
+        Mind::new(&host.params()?).map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+    let told = mind.told();
     let state = host.bus().own(&keys::FUNCTION_STATE, told.clone()).await?;
     let doer = Doer {
         bus: host.bus().clone(),
+        mind,
         told,
         state,
+        chosen: Recent::new(KEPT_CHOICES),
         done: Recent::new(KEPT_RESULTS),
         failed: Recent::new(KEPT_RESULTS),
     };
@@ -61,8 +70,11 @@ enum Message {
 
 struct Doer {
     bus: Bus,
+    mind: Mind,
     told: AgentState,
     state: Owned<AgentState>,
+    /// Units that the model chose by plan and name as spoken; none where it found none.
+    chosen: Recent<Option<Chosen>>,
     /// Results of plans, for askers that ask again.
     done: Recent<PlanResult>,
     /// Faults of the moment, for an asker that asks again with no time left to try again.
@@ -103,7 +115,7 @@ impl Doer {
 
     /// Carries out a plan. A fault of the moment fails the whole, to be sent again under the same id: what is done
     /// already is then found by its command's id and not done twice. Anything else is the result of its clause.
-    async fn execute(&self, plan: &Plan, context: &Context) -> Result<PlanResult, Fault> {
+    async fn execute(&mut self, plan: &Plan, context: &Context) -> Result<PlanResult, Fault> {
         if plan.clauses.len() > MAX_CLAUSES {
             return Err(Fault::invalid(format!("a plan of {} clauses; at most {MAX_CLAUSES}", plan.clauses.len())));
         }
@@ -170,7 +182,71 @@ impl Doer {
         Ok(changes.events.into_iter().map(|event| (event.command_id.clone(), event)).collect())
     }
 
+    /// A clause with units in place of names that no unit has, where the model knows which are meant; and its choices.
+    async fn named(
+        &mut self,
+        clause: &Clause,
+        state: &State,
+        context: &Context,
+    ) -> Result<(Clause, Vec<Chosen>), Fault> {
+        let mut named = (clause.clone(), Vec::new());
+        if !self.mind.has_model() {
+            return Ok(named);
+        }
+        for spoken in choose::unknown(clause, state).into_iter().take(MAX_CHOICES) {
+            let id = identity::derived(&context.id, &format!("unit for {spoken}"));
+            let choice = match self.chosen.get(&id) {
+                Some(choice) => choice.clone(),
+                None => {
+                    let Some(prompt) = choose::prompt(role::AGENT_FUNCTION, spoken, clause, state, &id) else {
+                        continue;
+                    };
+                    // What is found has to be carried out too.
+                    let deadline = Instant::now() + context.remaining() / 2;
+                    match self.mind.ask(&prompt, deadline, |answer| choose::accept(answer, state)).await {
+                        Ok(thought) => {
+                            self.mind.served();
+                            let Thought { value, model } = thought;
+                            let choice = value.map(|unit| Chosen { spoken: spoken.to_owned(), unit, model });
+                            self.chosen.keep(&id, choice.clone());
+                            choice
+                        }
+                        Err(error) => {
+                            let details = [role::AGENT_FUNCTION.to_owned()];
+                            self.mind.instead(&error, &mut self.told).map_err(|fault| fault.with_details(details))?;
+                            // The grammar's names are all there are; asking for the next one would only take time.
+                            break;
+                        }
+                    }
+                }
+            };
+            // A unit that was chosen in an earlier try may be gone since.
+            if let Some(choice) = choice.filter(|c| names::all(state).contains(&c.unit.as_str())) {
+                named.0 = choose::with(named.0, spoken, &choice.unit);
+                named.1.push(choice);
+            }
+        }
+        Ok(named)
+    }
+
     async fn carry_out(
+        &mut self,
+        clause: &Clause,
+        id: String,
+        state: &State,
+        plan: &Plan,
+        context: &Context,
+    ) -> Result<ActionResult, Fault> {
+        let (clause, chosen) = self.named(clause, state, context).await?;
+        let action = self.act(&clause, id, state, plan, context).await?;
+        let text = chosen
+            .iter()
+            .rev()
+            .fold(action.text, |text, c| format!("I took “{}” for the unit “{}”. {text}", c.spoken, c.unit));
+        Ok(ActionResult { text, chosen, ..action })
+    }
+
+    async fn act(
         &self,
         clause: &Clause,
         id: String,

@@ -1,6 +1,8 @@
 //! `supergaussian-agent-function`: carries out plans, clause by clause.
 
 mod actor;
+#[path = "../mind/mod.rs"]
+mod mind;
 
 use std::process::ExitCode;
 

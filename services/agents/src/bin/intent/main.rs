@@ -2,6 +2,9 @@
 
 mod actor;
 mod cli;
+#[path = "../mind/mod.rs"]
+mod mind;
+mod understander;
 
 use std::process::ExitCode;
 

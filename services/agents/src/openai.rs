@@ -1,0 +1,157 @@
+//! The language of OpenAI's chat completions, as many servers speak it: request and answer as JSON.
+
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+
+use crate::prompt::{Completion, ModelError, Prompt, Rejected, line};
+
+/// Where questions go, after the endpoint.
+pub const PATH: &str = "chat/completions";
+
+/// The body of a request.
+#[must_use]
+pub fn request(prompt: &Prompt, model: &str, temperature: Option<f64>, seed: Option<u64>) -> Value {
+    let mut body = Map::new();
+    body.insert("model".to_owned(), json!(model));
+    let messages = json!([{"role": "system", "content": prompt.system}, {"role": "user", "content": prompt.user}]);
+    body.insert("messages".to_owned(), messages);
+    body.insert("max_completion_tokens".to_owned(), json!(prompt.max_tokens));
+    if let Some(temperature) = temperature {
+        body.insert("temperature".to_owned(), json!(temperature));
+    }
+    if let Some(seed) = seed {
+        body.insert("seed".to_owned(), json!(seed));
+    }
+    if let Some(schema) = &prompt.schema {
+        let format = json!({"name": "answer", "strict": true, "schema": schema});
+        body.insert("response_format".to_owned(), json!({"type": "json_schema", "json_schema": format}));
+    }
+    Value::Object(body)
+}
+
+#[derive(Deserialize)]
+struct Answer {
+    #[serde(default)]
+    model: String,
+    choices: Vec<ChoiceOf>,
+    usage: Option<Usage>,
+}
+
+#[derive(Deserialize)]
+struct ChoiceOf {
+    message: Message,
+    finish_reason: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct Message {
+    content: Option<String>,
+    refusal: Option<String>,
+}
+
+#[derive(Deserialize, Default)]
+struct Usage {
+    #[serde(default)]
+    prompt_tokens: u32,
+    #[serde(default)]
+    completion_tokens: u32,
+}
+
+/// The completion in the body of an answer with status 200.
+///
+/// # Errors
+/// [`ModelError::Rejected`]: not such an answer, an empty one, or one that was cut off. [`ModelError::Refused`]: the model
+/// says that it will not.
+pub fn answer(body: &[u8]) -> Result<Completion, ModelError> {
+    let rejected = |reason: String| ModelError::Rejected(Rejected::new(reason));
+    let answer: Answer = serde_json::from_slice(body)
+        .map_err(|e| rejected(format!("it is no chat completion: {}", line(&e.to_string()))))?;
+    let usage = answer.usage.unwrap_or_default();
+    let choice = answer.choices.into_iter().next().ok_or_else(|| rejected("it has no choices".to_owned()))?;
+    if let Some(refusal) = choice.message.refusal.filter(|r| !r.is_empty()) {
+        return Err(ModelError::Refused(line(&refusal)));
+    }
+    match choice.finish_reason.as_deref() {
+        Some("length") => return Err(rejected("it was cut off at the most tokens it may have".to_owned())),
+        Some("content_filter") => return Err(ModelError::Refused("the provider filtered the answer".to_owned())),
+        _ => (),
+    }
+    let text = choice.message.content.filter(|t| !t.trim().is_empty());
+    Ok(Completion {
+        text: text.ok_or_else(|| rejected("it is empty".to_owned()))?,
+        model: line(&answer.model),
+        prompt_tokens: usage.prompt_tokens,
+        answer_tokens: usage.completion_tokens,
+    })
+}
+
+/// What an answer with another status says.
+#[must_use]
+pub fn fault(status: u16, body: &[u8]) -> ModelError {
+    let told: Option<Value> = serde_json::from_slice(body).ok();
+    let message = told.as_ref().and_then(|b| {
+        let error = b.get("error")?;
+        error.get("message").unwrap_or(error).as_str()
+    });
+    let message = message.map_or_else(String::new, |m| format!(": {}", line(m)));
+    let text = format!("status {status}{message}");
+    // Too many requests, and all that is the server's own trouble, may pass.
+    if status == 408 || status == 429 || status >= 500 { ModelError::Away(text) } else { ModelError::Refused(text) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn prompt() -> Prompt {
+        Prompt {
+            agent: "agent-intent",
+            system: "task".into(),
+            user: "{}".into(),
+            schema: Some(json!({"type": "object"})),
+            max_tokens: 9,
+            id: "id".into(),
+        }
+    }
+
+    #[test]
+    fn a_request_carries_what_was_chosen_and_nothing_else() {
+        let body = request(&prompt(), "m", Some(0.0), Some(7));
+        assert_eq!(body["messages"][1], json!({"role": "user", "content": "{}"}));
+        assert_eq!(body["response_format"]["json_schema"]["schema"], json!({"type": "object"}));
+        assert_eq!(
+            (&body["temperature"], &body["seed"], &body["max_completion_tokens"]),
+            (&json!(0.0), &json!(7), &json!(9))
+        );
+        let plain = request(&Prompt { schema: None, ..prompt() }, "m", None, None);
+        let keys: Vec<&String> = plain.as_object().unwrap().keys().collect();
+        assert_eq!(keys.len(), 3, "{keys:?}");
+    }
+
+    #[test]
+    fn an_answer_is_read_and_one_that_was_cut_off_is_not_taken() {
+        let body = |finish: &str, content: &str| {
+            format!(
+                r#"{{"model": "m-1", "choices": [{{"finish_reason": "{finish}", "message": {{"role": "assistant", "content": {content}}}}}],
+                    "usage": {{"prompt_tokens": 5, "completion_tokens": 2, "total_tokens": 7}}}}"#
+            )
+        };
+        let expected = Completion { text: "hello".into(), model: "m-1".into(), prompt_tokens: 5, answer_tokens: 2 };
+        assert_eq!(answer(body("stop", "\"hello\"").as_bytes()), Ok(expected));
+        for bad in
+            [&body("length", "\"hel\""), &body("stop", "\"\""), &body("stop", "null"), r#"{"choices": []}"#, "<html>"]
+        {
+            assert!(matches!(answer(bad.as_bytes()), Err(ModelError::Rejected(_))), "{bad}");
+        }
+        let refusal = r#"{"choices": [{"message": {"content": null, "refusal": "I will not"}}]}"#;
+        assert_eq!(answer(refusal.as_bytes()), Err(ModelError::Refused("I will not".into())));
+    }
+
+    #[test]
+    fn a_fault_says_whether_it_may_pass() {
+        let body = br#"{"error": {"message": "no such\nmodel", "type": "x"}}"#;
+        assert_eq!(fault(404, body), ModelError::Refused("status 404: no such model".into()));
+        assert_eq!(fault(503, b"<html>"), ModelError::Away("status 503".into()));
+        assert_eq!(fault(429, br#"{"error": "slow down"}"#), ModelError::Away("status 429: slow down".into()));
+    }
+}

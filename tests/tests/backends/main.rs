@@ -1,0 +1,156 @@
+//! Each agent with a backend of its own: programs that are no part of this project, in a running stack.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::panic,
+    reason = "a test fails by panicking and prints its tally"
+)]
+
+mod programs;
+
+use std::process::Command;
+
+use programs::Program;
+use serde_json::Value;
+use sg_tests::executable;
+use sg_tests::stack::Stack;
+
+/// Says something: the answer as JSON, with the stages it went through.
+fn say(stack: &Stack, text: &str) -> Value {
+    let (_, answer, told) = stack.run(&["say", text, "--json", "--timeout", "60"]).unwrap();
+    serde_json::from_str(&answer).unwrap_or_else(|e| panic!("“{text}”: {e}: {told}"))
+}
+
+/// The message of a stage.
+fn stage<'a>(answer: &'a Value, name: &str) -> &'a Value {
+    let full = format!("supergaussian.language.v1.{name}");
+    let stages = answer["stages"].as_array().unwrap();
+    &stages.iter().find(|s| s["type"] == full.as_str()).unwrap_or_else(|| panic!("no {name} in {answer:#}"))["message"]
+}
+
+fn starts(text: &Value, with: &str) {
+    assert!(text.as_str().is_some_and(|t| t.starts_with(with)), "{text} does not start with {with}");
+}
+
+fn set(agent: &str, parameter: &str, value: &str) -> String {
+    format!("service.{agent}.params.{parameter}={value}")
+}
+
+#[test]
+fn one_agent_of_a_stack_thinks_with_a_program_in_python_and_falls_back_when_that_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = format!("unix:{}", folder.path().join("model.sock").display());
+    let Some(german) = Program::german(&address) else { return };
+    assert_eq!(german.endpoint, address);
+    let agent = "agent-intent";
+    let stack = Stack::up_with(&[set(agent, "backend", "grpc"), set(agent, "endpoint", &address)]).unwrap();
+
+    let answer = say(&stack, "färbe das sac rot und mach body auf 40 prozent");
+    assert_eq!(answer["ok"], true, "{answer:#}");
+    let intent = stage(&answer, "Intent");
+    assert_eq!((&intent["backend"], &intent["model"]), (&"grpc".into(), &"german-keywords".into()));
+    starts(&answer["text"], "The sac is now rot");
+    assert_eq!(answer["reply"]["backend"], "grammar", "only the one agent was given a model");
+
+    drop(german);
+    let answer = say(&stack, "make the sac blue");
+    assert_eq!(answer["ok"], true, "{answer:#}");
+    let intent = stage(&answer, "Intent");
+    assert_eq!(intent["backend"], "grammar");
+    starts(&intent["fallback"], "the model is away");
+    say(&stack, "make the sac green");
+    let (_, log, _) = stack.run(&["logs", agent]).unwrap();
+    assert_eq!(log.matches("the grammar serves until the model does").count(), 1, "{log}");
+
+    // The program comes back, and nobody had to be restarted for it.
+    std::fs::remove_file(folder.path().join("model.sock")).unwrap_or_default();
+    let _german = Program::german(&address).unwrap();
+    let answer = say(&stack, "verstecke das sac");
+    assert_eq!(stage(&answer, "Intent")["backend"], "grpc", "{answer:#}");
+}
+
+#[test]
+fn every_agent_thinks_with_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let (Some(german), Some(llama)) = (Program::german("127.0.0.1:0"), Program::llama(folder.path())) else { return };
+    let mut settings = Vec::new();
+    for agent in ["agent-intent", "agent-core"] {
+        settings.extend([set(agent, "backend", "grpc"), set(agent, "endpoint", &german.endpoint)]);
+        settings.push(set(agent, "fallback", "none"));
+    }
+    let stack = Stack::up_with(&settings).unwrap();
+    let refused = say(&stack, "verstecke die beule");
+    assert_eq!(refused["ok"], false, "{refused:#}");
+    starts(&refused["text"], "Nicht alles ging: No unit is called “beule”.");
+    assert_eq!(refused["reply"]["backend"], "grpc");
+    drop(stack);
+
+    // With a model, the function agent knows what is meant: here one that knows, then one that chooses among the units
+    // whatever it is asked.
+    let function = "agent-function";
+    let knows = [set(function, "backend", "grpc"), set(function, "endpoint", &german.endpoint)];
+    let stack = Stack::up_with(&[&settings[..], &knows[..]].concat()).unwrap();
+    let answer = say(&stack, "verstecke die beule");
+    assert_eq!(answer["ok"], true, "{answer:#}");
+    let chosen = &stage(&answer, "ActionResult")["chosen"][0];
+    assert_eq!((&chosen["spoken"], &chosen["unit"]), (&"beule".into(), &"sac".into()));
+    starts(&answer["reply"]["facts"], "I took “beule” for the unit “sac”. The sac is now hidden.");
+    assert_eq!(answer["text"], format!("Erledigt: {}", answer["reply"]["facts"].as_str().unwrap()));
+    drop(stack);
+
+    let endpoint = format!("{}/v1", llama.endpoint);
+    let chooses =
+        [set(function, "backend", "openai"), set(function, "model", "random"), set(function, "endpoint", &endpoint)];
+    let stack = Stack::up_with(&[&settings[..], &chooses[..]].concat()).unwrap();
+    let answer = say(&stack, "verstecke die leber");
+    let action = stage(&answer, "ActionResult");
+    match action["chosen"][0]["unit"].as_str() {
+        Some(unit) => {
+            assert!(["sac", "body"].contains(&unit) && answer["ok"] == true, "{answer:#}");
+            assert!(action["chosen"][0]["model"].as_str().is_some_and(|m| m.contains("random")), "{action:#}");
+        }
+        None => starts(&action["text"], "No unit is called “leber”."),
+    }
+
+    drop(german);
+    let answer = say(&stack, "zeige das sac");
+    assert_eq!(answer["ok"], false, "{answer:#}");
+    starts(&answer["error"], "The model is away");
+}
+
+#[test]
+fn a_llama_cpp_server_holds_to_the_form_and_what_it_makes_up_is_not_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(llama) = Program::llama(folder.path()) else { return };
+    let intent = executable("supergaussian-agent-intent").unwrap();
+    let endpoint = format!("{}/v1", llama.endpoint);
+    let (mut taken, mut made_up) = (0, 0);
+    const ASKED: usize = 12;
+    for seed in 0..ASKED {
+        let output = Command::new(&intent)
+            .args(["parse", "hide the sac", "--units", "sac,vessel", "--selected", "--json"])
+            .args(["--backend", "openai", "--model", "random", "--endpoint", &endpoint, "--temperature", "1"])
+            .args(["--seed", &seed.to_string(), "--retries", "0", "--fallback", "none", "--timeout-s", "120"])
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.stdout.is_empty() {
+            println!("{seed}: {}", told.trim());
+            assert!(told.contains("answer does not hold"), "{told}");
+            // Its grammar holds the form; it does not hold ranges of fractions, and the most tokens may cut it off.
+            assert!(
+                !told.contains("not the JSON") && !told.contains("without `") && !told.contains("carries `"),
+                "{told}"
+            );
+            made_up += 1;
+        } else {
+            let meant: Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert_eq!((&meant["backend"], meant.get("fallback")), (&"openai".into(), None));
+            println!("{seed}: {}", meant["clauses"]);
+            taken += 1;
+        }
+    }
+    println!("{taken} of {ASKED} answers of a random model were taken, {made_up} not");
+    assert!(taken > 0, "an answer within the form that names nothing wrong is taken");
+}
