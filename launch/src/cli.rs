@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use sg_runtime::process::EXIT_FAILED;
 
 use crate::terminal::{self, Done, Failure};
-use crate::{children, contract, demo, others, remote, say, swap, up, watch};
+use crate::{chaos, children, contract, demo, others, remote, say, swap, up, watch};
 
 /// Edit volumes by talking to them: starts the services, watches them, speaks to them.
 #[derive(Debug, Parser)]
@@ -102,6 +102,9 @@ enum Command {
         #[arg(long)]
         all: bool,
     },
+    /// Play a session under random faults and compare its end with that of the same session in peace
+    #[command(after_help = "Example: supergaussian chaos --faults 50 --seed 1 --out /tmp/chaos")]
+    Chaos(chaos::ChaosArgs),
     /// Show, check and keep the contract between services
     #[command(subcommand)]
     Contract(contract::ContractCommand),
@@ -134,6 +137,7 @@ fn run(cli: Cli) -> Done {
         Command::Graph { file, dot } => up::graph(&file, dot),
         Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),
         Command::Watch { json, all } => wait(watch::watch(session, json, all)),
+        Command::Chaos(arguments) => wait(chaos::chaos(arguments, session)),
         Command::Contract(command) => wait(contract::run(command, session)),
         Command::Other(words) => others::run(&words),
     }

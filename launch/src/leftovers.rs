@@ -84,7 +84,7 @@ fn entry(line: &str) -> Option<(u32, u64)> {
 
 /// When a living process was started, in ticks since the system's; with its id this names it for good, since ids are used
 /// again. `None` for one that is gone or a zombie.
-fn birth(pid: u32) -> Option<u64> {
+pub(crate) fn birth(pid: u32) -> Option<u64> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The second field is the name in brackets and may hold anything: fields are counted from its end.
     let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();

@@ -1,5 +1,6 @@
 //! The `supergaussian` command: starts and watches stacks, talks to them, and finds the executables of the other commands.
 
+mod chaos;
 mod children;
 mod cli;
 mod console;

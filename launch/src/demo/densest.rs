@@ -12,7 +12,7 @@ use crate::terminal::Failure;
 const RADIUS: f64 = 0.015;
 
 /// Writes the strokes for a scene.
-pub(super) fn write(scene: &Path, out: &Path, strokes: &Path) -> Result<(), Failure> {
+pub(crate) fn write(scene: &Path, out: &Path, strokes: &Path) -> Result<(), Failure> {
     let info = json_of("scene", &["info".as_ref(), scene.as_os_str(), "--json".as_ref()])?;
     let corner = |name: &str| -> Option<[f64; 3]> {
         let numbers = info.get("bounds")?.get(name)?.as_array()?;

@@ -13,11 +13,11 @@ use crate::terminal::{self, Failure};
 /// Voxels along each edge of the made volume.
 const MADE_SIZE: &str = "128";
 /// Volumes that scripts are shipped for, by what their file names begin with.
-pub(super) const KNOWN: [&str; 3] = ["bonsai", "aneurism", "tooth"];
+pub(crate) const KNOWN: [&str; 3] = ["bonsai", "aneurism", "tooth"];
 
 /// What the user named.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Input {
+pub(crate) enum Input {
     /// Nothing: a vessel tree is made.
     Made,
     /// A volume.
@@ -28,16 +28,16 @@ pub(super) enum Input {
 
 /// A scene that is ready to be opened.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Scene {
+pub(crate) struct Scene {
     /// Its file, absolute.
-    pub(super) path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Seconds from volume to Gaussians, where there was a volume.
-    pub(super) fit_seconds: Option<f64>,
+    pub(crate) fit_seconds: Option<f64>,
 }
 
 impl Input {
     /// Tells a scene from a volume by its extension.
-    pub(super) fn of(path: Option<&Path>) -> Result<Self, Failure> {
+    pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = path else { return Ok(Self::Made) };
         let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -47,7 +47,7 @@ impl Input {
     }
 
     /// The volume of [`KNOWN`] it is.
-    pub(super) fn known(&self) -> Option<&'static str> {
+    pub(crate) fn known(&self) -> Option<&'static str> {
         match self {
             Self::Made => Some("vessel"),
             Self::Scene(_) => None,
@@ -59,7 +59,7 @@ impl Input {
     }
 
     /// Makes what has to be made.
-    pub(super) fn scene(
+    pub(crate) fn scene(
         &self,
         out: &Path,
         function: Option<&Path>,
@@ -128,7 +128,7 @@ fn fit_command(arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
 }
 
 /// Runs a command that prints JSON; what it says to people goes to people.
-pub(super) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
+pub(crate) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
     let executable = others::executable(command)?;
     let output = dies_with_us(&executable)
         .args(arguments)

@@ -1,13 +1,14 @@
 //! The demo: makes or loads a scene, starts the full stack, plays a script through the bus, leaves pictures and a transcript.
 
-mod densest;
-mod input;
-mod play;
-mod shipped;
+pub(crate) mod densest;
+pub(crate) mod input;
+pub(crate) mod play;
+pub(crate) mod shipped;
 mod summary;
 mod transcript;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use sg_launch::document::suggestion;
@@ -17,6 +18,7 @@ use sg_launch::{HEADLESS, strokes};
 use sg_proto::keys::role;
 use sg_proto::launch::{PsReply, ServiceState};
 use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
 use sg_runtime::session::{self, SessionDir};
 
 use crate::cli::read_text;
@@ -34,6 +36,8 @@ use summary::Summary;
 const SESSION: &str = "demo-";
 /// How long the stack may take to get ready. A large scene is clustered meanwhile.
 const START_TIME: Duration = Duration::from_secs(900);
+/// How long one step may take, restarts of services included.
+const STEP_TIME: Duration = Duration::from_secs(180);
 /// How often it is looked whether it is.
 const GLANCE: Duration = Duration::from_millis(50);
 
@@ -114,7 +118,14 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         session: session.clone(),
         verbosity: Verbosity::Quiet,
     };
-    let settings = Settings { out, size: arguments.size, chaos: arguments.chaos };
+    let settings = Settings {
+        out,
+        conversation: format!("demo-{}", Context::root().id),
+        step_time: STEP_TIME,
+        size: arguments.size,
+        chaos: arguments.chaos,
+        counts: Arc::default(),
+    };
     let summary = run(stack, scene, steps, settings).await.inspect_err(|_| {
         terminal::tell(&format!("what the services have logged: supergaussian logs --session {}", session.name()));
     })?;
@@ -173,7 +184,7 @@ async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Se
     Ok(summary)
 }
 
-async fn wait_until_ready(bus: &Bus) -> Result<PsReply, Failure> {
+pub(crate) async fn wait_until_ready(bus: &Bus) -> Result<PsReply, Failure> {
     let began = Instant::now();
     loop {
         let ps = services(bus).await?;
@@ -229,7 +240,7 @@ fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
 }
 
 /// Reads every file of strokes, so that a mistake in the last one is not found after minutes.
-fn check_strokes(steps: &[Step]) -> Done {
+pub(crate) fn check_strokes(steps: &[Step]) -> Done {
     for step in steps {
         if let Step::Strokes { file, .. } = step
             && !file.ends_with(DENSEST)

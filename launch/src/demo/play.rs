@@ -1,6 +1,8 @@
 //! Plays a script step by step through the bus.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
@@ -11,7 +13,7 @@ use sg_proto::language::{Reply, Source, Utterance};
 use sg_proto::prost::{Message, Name};
 use sg_proto::render::{CaptureRequest, Frame};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Command, SaveUnit, SetView, StrokeMode, View, set_view};
+use sg_proto::scene::{Command, SaveUnit, SetView, StrokeMode, set_view};
 use sg_proto::selection::StrokesRequest;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
@@ -23,8 +25,6 @@ use crate::decode::Decoder;
 use crate::remote::services;
 use crate::terminal::{self, Failure, thousands, time};
 
-/// How long one step may take, restarts of services included.
-const STEP_TIME: Duration = Duration::from_secs(180);
 /// How long a picture of the shared viewpoint is waited for after a change.
 const VIEW_TIME: Duration = Duration::from_secs(20);
 /// How long a service that is to be killed may take to have a process.
@@ -32,12 +32,27 @@ const VICTIM_TIME: Duration = Duration::from_secs(10);
 
 /// How a script is played.
 #[derive(Debug, Clone)]
-pub(super) struct Settings {
-    pub(super) out: PathBuf,
+pub(crate) struct Settings {
+    /// Folder for pictures and the transcript.
+    pub(crate) out: PathBuf,
+    /// Name of the conversation: the ids of everything that is asked begin with it.
+    pub(crate) conversation: String,
+    /// Longest time of one step, restarts of services included.
+    pub(crate) step_time: Duration,
     /// Width and height of pictures, pixels.
-    pub(super) size: u32,
+    pub(crate) size: u32,
     /// The service that is killed.
-    pub(super) chaos: Option<String>,
+    pub(crate) chaos: Option<String>,
+    pub(crate) counts: Arc<Counts>,
+}
+
+/// What is counted while a script is played.
+#[derive(Debug, Default)]
+pub(crate) struct Counts {
+    /// Tries after the first, beyond those that the bus makes by itself.
+    pub(crate) retries: AtomicU64,
+    /// Refusals because there was no room to keep the command.
+    pub(crate) refused_for_room: AtomicU64,
 }
 
 /// What was measured, milliseconds.
@@ -50,37 +65,49 @@ pub(super) struct Measured {
     pub(super) reply: Vec<f64>,
 }
 
+/// A change of the scene that was answered: nothing may take it back.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Acknowledged {
+    /// Id of the scene's command; empty where the agents chose it.
+    pub(crate) id: String,
+    /// Revision after it.
+    pub(crate) revision: u64,
+}
+
 /// Plays scripts.
-pub(super) struct Player {
+pub(crate) struct Player {
     bus: Bus,
     decoder: Decoder,
     transcript: Transcript,
     settings: Settings,
-    conversation: String,
     step: u32,
     /// The newest revision of the scene that an answer spoke of.
     revision: u64,
     pub(super) measured: Measured,
-    pub(super) pictures: Vec<PathBuf>,
+    pub(crate) pictures: Vec<PathBuf>,
+    /// Content hash of each picture.
+    pub(crate) hashes: Vec<String>,
     pub(super) replies: usize,
     /// What was said but not done.
-    pub(super) undone: Vec<String>,
+    pub(crate) undone: Vec<String>,
+    pub(crate) acknowledged: Vec<Acknowledged>,
 }
 
 impl Player {
-    pub(super) async fn new(bus: Bus, settings: Settings) -> Result<Self, Failure> {
+    pub(crate) async fn new(bus: Bus, settings: Settings) -> Result<Self, Failure> {
         Ok(Self {
             transcript: Transcript::begin(&bus).await?,
             bus,
             decoder: Decoder::new()?,
             settings,
-            conversation: format!("demo-{}", Context::root().id),
             step: 0,
             revision: 0,
             measured: Measured::default(),
             pictures: Vec::new(),
+            hashes: Vec::new(),
             replies: 0,
             undone: Vec::new(),
+            acknowledged: Vec::new(),
         })
     }
 
@@ -88,17 +115,8 @@ impl Player {
     pub(super) async fn play(&mut self, steps: &[Step]) -> Result<(), Failure> {
         let of = steps.len();
         for (index, step) in steps.iter().enumerate() {
-            self.step += 1;
-            let what = match step {
-                Step::Strokes { file, restart } => self.brush(file, *restart).await,
-                Step::Say(text) => self.say(text).await,
-                Step::Save(name) => self.save(name).await,
-                Step::View(view) => self.look(view).await,
-                Step::Capture { name, highlight, only } => self.capture(name, *highlight, only).await,
-                Step::Chaos => self.kill().await,
-            };
             let number = index + 1;
-            let what = what.map_err(|failure| match failure {
+            let what = self.play_step(step).await.map_err(|failure| match failure {
                 Failure::Input(text) => Failure::Input(format!("step {number}: {text}")),
                 Failure::Work(text) => Failure::Work(format!("step {number}: {text}")),
                 Failure::Told(status) => Failure::Told(status),
@@ -110,22 +128,45 @@ impl Player {
         Ok(())
     }
 
+    /// Plays one step; what came of it, for a person.
+    pub(crate) async fn play_step(&mut self, step: &Step) -> Result<String, Failure> {
+        self.step += 1;
+        match step {
+            Step::Strokes { file, restart } => self.brush(file, *restart).await,
+            Step::Say(text) => self.say(text).await,
+            Step::Save(name) => {
+                self.command(Action::SaveUnit(SaveUnit { name: name.to_owned(), replace: false })).await
+            }
+            Step::View(view) => {
+                self.command(Action::SetView(SetView { change: Some(set_view::Change::View(*view)) })).await
+            }
+            Step::Capture { name, highlight, only } => self.capture(name, *highlight, only).await,
+            Step::Chaos => self.kill().await,
+        }
+    }
+
+    /// Sends one command to the scene, as a step of its own.
+    pub(crate) async fn play_command(&mut self, action: Action) -> Result<String, Failure> {
+        self.step += 1;
+        self.command(action).await
+    }
+
     /// Width and height of its pictures, pixels.
     pub(super) fn size(&self) -> u32 {
         self.settings.size
     }
 
     /// Writes what was heard so far.
-    pub(super) fn write_transcript(&self) -> Result<PathBuf, Failure> {
+    pub(crate) fn write_transcript(&self) -> Result<PathBuf, Failure> {
         self.transcript.write(&self.settings.out, &self.decoder)
     }
 
     /// The context of a step: its ids do not depend on how often it is tried, so that it takes effect once.
     fn context(&self) -> Context {
         Context::root()
-            .deadline_in(STEP_TIME)
-            .with_id(format!("{}/{}", self.conversation, self.step))
-            .at_step(self.conversation.clone(), self.step)
+            .deadline_in(self.settings.step_time)
+            .with_id(format!("{}/{}", self.settings.conversation, self.step))
+            .at_step(self.settings.conversation.clone(), self.step)
     }
 
     /// Asks until there is an answer that another try would not change.
@@ -147,6 +188,9 @@ impl Player {
                     if !passing || context.remaining() <= pause {
                         return Err(fault.into());
                     }
+                    let Counts { retries, refused_for_room } = &*self.settings.counts;
+                    retries.fetch_add(1, Ordering::Relaxed);
+                    refused_for_room.fetch_add(u64::from(fault.code == Code::ResourceExhausted), Ordering::Relaxed);
                     tokio::time::sleep(pause).await;
                 }
             }
@@ -159,8 +203,10 @@ impl Player {
         let walks = strokes.iter().any(|s| s.mode() == StrokeMode::Walk);
         let began = Instant::now();
         let request = StrokesRequest { strokes, restart };
-        let reply = self.ask(&keys::SELECTION_STROKES, &request, &self.context()).await?;
-        self.revision = self.revision.max(reply.revision);
+        let context = self.context();
+        let reply = self.ask(&keys::SELECTION_STROKES, &request, &context).await?;
+        // The selection process names its command after the request.
+        self.acknowledge(format!("strokes-{}", context.id), reply.revision);
         let seen = self.transcript.view_of(reply.revision, VIEW_TIME).await;
         let mut picture = String::new();
         if let Some(at) = seen {
@@ -181,9 +227,10 @@ impl Player {
     async fn say(&mut self, text: &str) -> Result<String, Failure> {
         let utterance = Utterance { text: text.to_owned(), source: Source::Text.into() };
         let began = Instant::now();
-        let reply: Reply = self.ask(&keys::UTTER, &utterance, &self.context()).await?;
+        let context = self.context();
+        let reply: Reply = self.ask(&keys::UTTER, &utterance, &context).await?;
         self.measured.reply.push(began.elapsed().as_secs_f64() * 1000.0);
-        self.revision = self.revision.max(reply.revision);
+        self.acknowledge(String::new(), reply.revision);
         self.replies += 1;
         if !reply.ok {
             self.undone.push(format!("\"{text}\": {}", reply.text));
@@ -191,20 +238,17 @@ impl Player {
         Ok(format!("say \"{text}\" → {}", reply.text))
     }
 
-    async fn save(&mut self, name: &str) -> Result<String, Failure> {
-        self.command(Action::SaveUnit(SaveUnit { name: name.to_owned(), replace: false })).await
-    }
-
-    async fn look(&mut self, view: &View) -> Result<String, Failure> {
-        self.command(Action::SetView(SetView { change: Some(set_view::Change::View(*view)) })).await
-    }
-
     async fn command(&mut self, action: Action) -> Result<String, Failure> {
         let context = self.context();
         let command = Command { id: context.id.clone(), action: Some(action), ..Command::default() };
         let result = self.ask(&keys::SCENE_APPLY, &command, &context).await?;
-        self.revision = self.revision.max(result.revision);
+        self.acknowledge(command.id, result.revision);
         Ok(result.summary)
+    }
+
+    fn acknowledge(&mut self, id: String, revision: u64) {
+        self.revision = self.revision.max(revision);
+        self.acknowledged.push(Acknowledged { id, revision });
     }
 
     async fn capture(&mut self, name: &str, highlight: bool, only: &[String]) -> Result<String, Failure> {
@@ -216,8 +260,10 @@ impl Player {
             only_units: only.to_vec(),
             ..CaptureRequest::default()
         };
-        let frame = self.ask(&keys::CAPTURE, &request, &self.context()).await?;
+        let context = self.context();
+        let frame = self.ask(&keys::CAPTURE, &request, &context).await?;
         self.measured.frame.push(frame.render_ms);
+        self.hashes.push(frame.hash.clone());
         let base = format!("{:02}-{name}", self.pictures.len() + 1);
         let out = &self.settings.out;
         let picture = keep(&frame, &out.join(format!("{base}.npy")), &out.join(format!("{base}.png")))?;

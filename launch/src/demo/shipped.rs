@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::terminal::Failure;
 
 /// Strokes that the generic script plays; made for each scene.
-pub(super) const DENSEST: &str = "densest.json";
+pub(crate) const DENSEST: &str = "densest.json";
 
 macro_rules! shipped {
     ($($name:literal),* $(,)?) => {
@@ -38,19 +38,19 @@ const FILES: &[(&str, &str)] = shipped![
 
 /// Where they are.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Shipped {
+pub(crate) struct Shipped {
     /// The script for the input: its own, or the generic one.
-    pub(super) script: PathBuf,
+    pub(crate) script: PathBuf,
     /// The script that works on any scene.
-    pub(super) generic: PathBuf,
+    pub(crate) generic: PathBuf,
     /// Where the strokes of the generic script belong.
-    pub(super) densest: PathBuf,
+    pub(crate) densest: PathBuf,
     /// The transfer function for the input, where one is shipped.
-    pub(super) transfer_function: Option<PathBuf>,
+    pub(crate) transfer_function: Option<PathBuf>,
 }
 
 /// Writes the files for a known input, and the generic script.
-pub(super) fn unpack(out: &Path, known: Option<&str>) -> Result<Shipped, Failure> {
+pub(crate) fn unpack(out: &Path, known: Option<&str>) -> Result<Shipped, Failure> {
     let folder = out.join("script");
     let fail = |path: &Path, e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
     std::fs::create_dir_all(&folder).map_err(|e| fail(&folder, e))?;

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use nix::sys::signal::Signal;
 use serde::Deserialize;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
@@ -20,6 +21,7 @@ use sg_scene::journal::JournalError;
 use sg_scene::model::Scene;
 use sg_scene::project::{Project, ProjectError};
 use tempfile::TempDir;
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::task::block_in_place;
 
 /// Requests that may wait: a person's edits and a burst of brush strokes.
@@ -50,6 +52,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     if host.role() != role::SCENE {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SCENE)));
     }
+    refuse_what_finds_no_room()?;
     let params: Params = host.params()?;
     let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
@@ -88,6 +91,13 @@ async fn load(host: Host) -> Result<(), StartError> {
     })
     .await?;
     Ok(())
+}
+
+/// A write over the limit on the size of files becomes an error, as on a full disk, rather than the end of the process.
+fn refuse_what_finds_no_room() -> Result<(), StartError> {
+    let kind = SignalKind::from_raw(Signal::SIGXFSZ as i32);
+    // What counts is that the signal is taken; nobody need hear of it.
+    signal(kind).map(drop).map_err(|e| StartError::Failed(format!("SIGXFSZ cannot be taken: {e}")))
 }
 
 /// The scene's Gaussians and the path of their file, for whoever has another working folder.

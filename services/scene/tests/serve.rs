@@ -146,6 +146,40 @@ async fn a_command_is_answered_told_and_shown_with_its_chain() {
     assert_eq!(health.actors[0].state, "revision 2, 1 editable units, 500 Gaussians selected");
 }
 
+/// Sets how long the files that a process writes may get.
+fn limit_files(scene: &Scene, bytes: Option<u64>) {
+    use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
+    let maximum = getrlimit(Resource::Fsize).maximum;
+    let pid = Pid::from_raw(i32::try_from(scene.0.id()).unwrap());
+    prlimit(pid, Resource::Fsize, Rlimit { current: bytes.or(maximum), maximum }).unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_command_that_finds_no_room_is_refused_and_kept_when_there_is_room_again() {
+    let mut stack = Stack::open(500).await;
+    let cli = stack.join(role::CLI).await;
+    let mut scene = stack.start();
+    cli.ask(&keys::SCENE_APPLY, &background("first", 0.1), &soon()).await.unwrap();
+    let before = snapshot(&cli).await;
+
+    limit_files(&scene, Some(0));
+    for _ in 0..3 {
+        let fault = cli.ask(&keys::SCENE_APPLY, &background("second", 0.2), &soon()).await.unwrap_err();
+        assert_eq!(fault.code, Code::ResourceExhausted, "{fault}");
+        assert!(fault.message.contains("full") && fault.message.contains("make room"), "{fault}");
+    }
+    assert_eq!(snapshot(&cli).await, before, "a command that was not kept changed something");
+    limit_files(&scene, None);
+    let result = cli.ask(&keys::SCENE_APPLY, &background("second", 0.2), &soon()).await.unwrap();
+    assert_eq!((result.revision, result.repeated), (2, false));
+    assert!(scene.0.try_wait().unwrap().is_none(), "the process lives on");
+
+    let after = snapshot(&cli).await;
+    drop(scene);
+    let _scene = stack.start();
+    assert_eq!(snapshot(&cli).await, after);
+}
+
 /// Sends commands one after another, each until it is acknowledged, and writes the results down.
 async fn burst(bus: Bus, worker: u32, done: Arc<AtomicBool>, results: Arc<Mutex<BTreeMap<String, CommandResult>>>) {
     let mut n = 0_u32;

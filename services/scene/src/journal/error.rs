@@ -1,5 +1,7 @@
 //! Why a project file cannot be used, or a record could not be made durable.
 
+use std::io;
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use rusqlite::ErrorCode;
@@ -104,6 +106,8 @@ pub(super) fn failure(path: &Path, error: &rusqlite::Error) -> JournalError {
     let reason = error.to_string();
     match error.sqlite_error_code() {
         Some(ErrorCode::DiskFull) => JournalError::Full { path },
+        // SQLite knows a full disk, but takes a used-up quota and a limit on the size of files for a defect.
+        Some(ErrorCode::SystemIoFailure) if !has_room(&path) => JournalError::Full { path },
         Some(ErrorCode::NotADatabase) => JournalError::NotAProject { path },
         Some(ErrorCode::DatabaseCorrupt) => JournalError::Damaged { path, reason },
         Some(ErrorCode::CannotOpen | ErrorCode::PermissionDenied | ErrorCode::ReadOnly) => {
@@ -119,4 +123,18 @@ pub(super) fn failure(path: &Path, error: &rusqlite::Error) -> JournalError {
             _ => JournalError::Storage { path, reason },
         },
     }
+}
+
+/// Whether a page could be written where the project's log would grow.
+fn has_room(project: &Path) -> bool {
+    const PAGE: [u8; 4096] = [0; 4096];
+    let mut log = project.as_os_str().to_owned();
+    log.push("-wal");
+    let end = std::fs::metadata(log).map_or(0, |m| m.len());
+    let folder = project.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let written = tempfile::tempfile_in(folder).and_then(|probe| probe.write_all_at(&PAGE, end));
+    let full = |e: io::Error| {
+        matches!(e.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge)
+    };
+    !written.is_err_and(full)
 }
