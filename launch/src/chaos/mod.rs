@@ -43,6 +43,8 @@ const OVERRIDES: [&str; 4] = [
     "defaults.liveness=2.5",
     "defaults.stop=3",
 ];
+/// The script for the made volume; its strokes are those of the demo's.
+const SCRIPT: &str = include_str!("session.toml");
 /// What is put over the demo's: the view is looked at by nobody.
 const SMALL_VIEW: &str = "service.render-view.params={ width = 96, height = 96 }";
 
@@ -60,7 +62,7 @@ pub(crate) struct ChaosArgs {
     /// Folder for the scene, the pictures and the transcripts
     #[arg(long, value_name = "DIR", default_value = "supergaussian-chaos")]
     out: PathBuf,
-    /// Script to play in rounds, or `generic`; by default the made volume's, with a launch file `generic`
+    /// Script to play in rounds, or `generic`; by default one for the made volume, `generic` with a launch file
     #[arg(long, value_name = "FILE|generic")]
     script: Option<String>,
     /// Gaussians of the made volume
@@ -145,7 +147,13 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
     let path = match arguments.script.as_deref() {
         Some("generic") => shipped.generic.clone(),
         Some(path) => PathBuf::from(path),
-        None => shipped.script.clone(),
+        None if given.is_some() => shipped.generic.clone(),
+        None => {
+            let path = shipped.script.with_file_name("chaos.toml");
+            let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
+            std::fs::write(&path, SCRIPT).map_err(fail)?;
+            path
+        }
     };
     let steps = script::read(&path, &read_text(&path)?).map_err(|e| Failure::Input(e.to_string()))?;
     check_strokes(&steps)?;
