@@ -1,5 +1,7 @@
 //! Makes faults happen, one after another, and waits until the stack has recovered from each.
 
+use std::collections::HashMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -7,7 +9,7 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::Signal;
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use sg_proto::keys::{self, role};
-use sg_proto::launch::{PsReply, RestartRequest, Service, ServiceState};
+use sg_proto::launch::{PsReply, RestartRequest, Service, ServiceState, SwapRequest, SwapState};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use tokio::sync::watch;
@@ -47,6 +49,8 @@ pub(super) struct Seen {
 pub(super) struct Injector<'a> {
     pub(super) stack: &'a mut Stack,
     pub(super) bus: &'a Bus,
+    /// Of each service.
+    pub(super) executables: &'a HashMap<String, PathBuf>,
     pub(super) plan: &'a [Fault],
     pub(super) acts: &'a [Act],
     /// How long each step took without faults.
@@ -102,6 +106,7 @@ impl Injector<'_> {
                     gone.push(self.bus.ask(&keys::RESTART, &request, &context).await?.old_pid);
                 }
             }
+            Kind::Swap => gone = self.swap(fault).await?,
             Kind::Pause => self.pause(fault).await?,
             Kind::AtStart => gone = self.kill_twice(fault).await?,
             Kind::Supervisor => gone = self.kill_supervisor(false).await?,
@@ -138,6 +143,17 @@ impl Injector<'_> {
         let pids = self.victims(fault).await?;
         for pid in &pids {
             signal(*pid, what)?;
+        }
+        Ok(pids)
+    }
+
+    /// Has a service replaced by another process of its own executable.
+    async fn swap(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
+        let pids = self.victims(fault).await?;
+        for name in &fault.whom {
+            let executable = self.executables.get(name).map_or_else(String::new, |path| path.display().to_string());
+            let request = SwapRequest { service: name.clone(), executable, params: String::new() };
+            self.bus.ask(&keys::SWAP, &request, &Context::root().deadline_in(VICTIM_TIME)).await?;
         }
         Ok(pids)
     }
@@ -231,8 +247,10 @@ impl Injector<'_> {
                     None => last = format!("the supervisor is process {}", ps.pid),
                     Some(ill) => {
                         let state = crate::remote::state(ill);
-                        last = format!("`{}` is {state} (process {}): {}", ill.name, ill.pid, ill.reason);
-                        if matches!(ill.state(), ServiceState::Failed | ServiceState::Stopped) {
+                        let swap = ill.swap.as_ref().map_or("", |s| s.reason.as_str());
+                        last = format!("`{}` is {state} (process {}): {} {swap}", ill.name, ill.pid, ill.reason);
+                        let swap_failed = ill.swap.as_ref().is_some_and(|s| s.state() == SwapState::Failed);
+                        if swap_failed || matches!(ill.state(), ServiceState::Failed | ServiceState::Stopped) {
                             break;
                         }
                     }

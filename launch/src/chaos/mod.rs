@@ -6,6 +6,7 @@ mod session;
 mod stack;
 mod tally;
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -90,6 +91,7 @@ struct Prepared {
     overrides: Vec<String>,
     /// Parameter of the launch file that names the project.
     project: String,
+    executables: HashMap<String, PathBuf>,
     acts: Vec<Act>,
     round: usize,
     rounds: usize,
@@ -175,7 +177,7 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
         None if arguments.plan => None,
         None => Some(Input::Made.scene(&out, None, arguments.gaussians, 0)?.path),
         // A path of a launch file's parameters is from where the launcher was started.
-        Some(_) => keeper.params.get("scene").and_then(serde_json::Value::as_str).map(PathBuf::from),
+        Some(_) => keeper.start.params.get("scene").and_then(serde_json::Value::as_str).map(PathBuf::from),
     };
     if let Some(scene) = &scene {
         let densest = |s: &script::Step| matches!(s, script::Step::Strokes { file, .. } if file.ends_with(DENSEST));
@@ -199,7 +201,8 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
         acts.extend(between.iter().chain(&round).cloned());
     }
     let project = format!("service.{}.params.project", keeper.name);
-    Ok(Prepared { out, file, overrides, project, acts, round: round.len(), rounds, plan })
+    let executables = launch.services.iter().map(|s| (s.name.clone(), s.start.executable.clone())).collect();
+    Ok(Prepared { out, file, overrides, project, executables, acts, round: round.len(), rounds, plan })
 }
 
 async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -> Done {
@@ -294,6 +297,7 @@ async fn over(
             let injector = Injector {
                 stack: &mut *stack,
                 bus: &bus,
+                executables: &prepared.executables,
                 plan: &prepared.plan,
                 acts: &prepared.acts,
                 calm,

@@ -22,6 +22,8 @@ pub(super) enum Kind {
     Terminate,
     /// `supergaussian restart` of one service.
     Restart,
+    /// `supergaussian swap` of one service for the executable that it has.
+    Swap,
     /// SIGSTOP of one service, for good: its supervisor has to notice.
     Hang,
     /// SIGSTOP, and SIGCONT before anybody need notice.
@@ -40,10 +42,11 @@ pub(super) enum Kind {
 
 impl Kind {
     /// All kinds with how many of them are in the deck that they are drawn from.
-    const DECK: [(Self, usize); 10] = [
+    const DECK: [(Self, usize); 11] = [
         (Self::Kill, 7),
-        (Self::Terminate, 3),
-        (Self::Restart, 3),
+        (Self::Terminate, 2),
+        (Self::Restart, 2),
+        (Self::Swap, 2),
         (Self::Hang, 1),
         (Self::Pause, 3),
         (Self::Two, 2),
@@ -58,6 +61,7 @@ impl Kind {
             Self::Kill => "kill -9",
             Self::Terminate => "SIGTERM",
             Self::Restart => "restart",
+            Self::Swap => "swap",
             Self::Hang => "SIGSTOP",
             Self::Pause => "SIGSTOP, SIGCONT",
             Self::Two => "kill -9 two",
@@ -139,7 +143,7 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
         let fits = |step: &usize| kind != Kind::NoRoom || steps.get(*step).is_some_and(|command| *command);
         let Some(place) = places.iter().position(fits) else { continue };
         let mut whom = match kind {
-            Kind::Kill | Kind::Terminate | Kind::Restart | Kind::Hang => vec![services.draw(&mut random)],
+            Kind::Kill | Kind::Terminate | Kind::Restart | Kind::Swap | Kind::Hang => vec![services.draw(&mut random)],
             Kind::Pause | Kind::AtStart => vec![everyone.draw(&mut random)],
             Kind::Two => {
                 let one = services.draw(&mut random);
