@@ -1,7 +1,7 @@
 //! A running stack: every process is who the supervisor takes it for, answers the rows of its role and no others, and
 //! speaks the types of this contract.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use sg_proto::bus::StatusRequest;
@@ -24,13 +24,13 @@ pub(super) async fn look(session: &str, rows: &[Row], findings: &mut Findings) -
     let ready: Vec<_> = ready.into_iter().filter(|s| s.state() == ServiceState::Ready).collect();
     identities(&bus, &ready, findings).await;
     types(&bus, &ready, rows, findings).await;
-    let (declared, tokens) = (bus.declared_rows().await, bus.declared_tokens().await);
+    let declared = bus.declared_rows().await;
     bus.close().await;
     let what = format!("rows of `{session}`");
-    if declared.is_empty() || tokens.is_empty() {
+    if declared.is_empty() {
         findings.leave_out(what, "the router of this session does not tell what is declared");
     } else {
-        let complaints = strange_rows(session, &ready, rows, &declared, &tokens);
+        let complaints = strange_rows(session, &ready, rows, &declared);
         findings.judge(what, complaints, format!("{} keys are answered, each by whom the table says", declared.len()));
     }
     Ok(())
@@ -82,51 +82,34 @@ async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findin
     findings.judge(what, complaints, format!("{looked_at} newest values are of the types of the table"));
 }
 
-/// Rows that somebody answers who may not, that two answer, or that nobody answers.
-fn strange_rows(
-    session: &str,
-    ready: &[Service],
-    rows: &[Row],
-    declared: &[Declared],
-    tokens: &[Declared],
-) -> Vec<String> {
+/// Rows that are none of their role, that two processes answer, that the process of another role answers, or that nobody
+/// answers. A role's process is the one that answers its `cmd/status`.
+fn strange_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Declared]) -> Vec<String> {
     let mut complaints = Vec::new();
-    // Roles by connection. The supervisor is the router itself and shows no connection.
-    let mut roles: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-    for token in tokens {
-        let role = token.key.split('/').nth(3).unwrap_or_default();
-        for client in &token.clients {
-            roles.entry(client).or_default().insert(role);
-        }
-    }
+    let root = format!("{}/{session}/", keys::ROOT);
+    let places: Vec<_> = declared
+        .iter()
+        .filter_map(|d| d.key.strip_prefix(&root)?.split_once('/').map(|(role, name)| (d, role, name)))
+        .collect();
+    let processes: BTreeMap<&str, &str> = places
+        .iter()
+        // The supervisor tells no status: whoever answers its rows is taken for it.
+        .filter(|(_, role, name)| *name == keys::STATUS.name || *role == role::SUPERVISOR)
+        .filter_map(|(d, role, _)| Some((d.clients.first()?.as_str(), *role)))
+        .collect();
     let answered = |row: &Row| !matches!(row.kind, Kind::Stream { .. });
-    for Declared { key, clients } in declared {
-        let Some(place) = key.strip_prefix(&format!("{}/{session}/", keys::ROOT)) else { continue };
-        let (segment, name) = match place.strip_prefix("@instance/") {
-            Some(place) => (None, place.split_once('/').map_or("", |(_, name)| name)),
-            None => place.split_once('/').map_or((None, place), |(role, name)| (Some(role), name)),
-        };
-        let is_row = |of: &str| rows.iter().any(|r| r.name == name && r.is_of(of) && answered(r));
+    for (Declared { key, clients }, role, name) in places {
+        if !rows.iter().any(|r| r.name == name && r.is_of(role) && answered(r)) {
+            complaints.push(format!("{key} is no row of `{role}`"));
+        }
         if clients.len() > 1 {
             complaints.push(format!("{key} is answered by {} processes", clients.len()));
         }
         for client in clients {
-            let held = roles.get(client.as_str());
-            match (segment, held) {
-                (Some(role), _) if !is_row(role) => complaints.push(format!("{key} is no row of `{role}`")),
-                (Some(role), Some(held)) if !held.contains(role) => {
-                    let held: Vec<_> = held.iter().copied().collect();
-                    complaints.push(format!("{key} is answered by a process of role {}", held.join(", ")));
-                }
-                (Some(_), None) => complaints.push(format!("{key} is answered by a process without a role")),
-                (None, Some(held)) if !held.iter().any(|role| is_row(role)) => {
-                    complaints.push(format!("{key} is no row of the role of its instance"));
-                }
-                // Who stands by has no role yet.
-                (None, None) if !role::ALL.iter().any(|role| is_row(role)) => {
-                    complaints.push(format!("{key} is no row of any role"));
-                }
-                _ => (),
+            match processes.get(client.as_str()) {
+                Some(of) if *of != role => complaints.push(format!("{key} is answered by the process of `{of}`")),
+                Some(_) => (),
+                None => complaints.push(format!("{key} is answered by a process that answers for no role")),
             }
         }
     }
@@ -153,27 +136,23 @@ mod tests {
     fn who_answers_what_he_may_not_is_told() {
         let rows = keys::rows();
         let intent = Service { name: "i".into(), role: role::AGENT_INTENT.into(), ..Service::default() };
-        let tokens = [at("@alive/agent-intent/i-1", &["a"]), at("@alive/scene/scene-1", &["b"])];
         let fine = vec![
-            at("agent-intent/cmd/parse", &["a"]),
             at("agent-intent/cmd/status", &["a"]),
+            at("agent-intent/cmd/parse", &["a"]),
             at("agent-intent/state", &["a"]),
-            at("@instance/i-1/cmd/parse", &["a"]),
-            at("@instance/i-2/cmd/parse", &["c"]),
+            at("scene/cmd/status", &["b"]),
             at("scene/cmd/apply", &["b"]),
+            at("supervisor/cmd/ps", &["s"]),
         ];
-        let told = |declared: &[Declared]| {
-            strange_rows("s", std::slice::from_ref(&intent), &rows, declared, &tokens).join("\n")
-        };
+        let told = |declared: &[Declared]| strange_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
         assert_eq!(told(&fine), "");
         assert_eq!(told(&fine[..2]), "sg/s/agent-intent/state is answered by nobody");
         for (strange, complaint) in [
-            (at("scene/cmd/changes", &["a"]), "answered by a process of role agent-intent"),
+            (at("scene/cmd/changes", &["a"]), "answered by the process of `agent-intent`"),
             (at("scene/cmd/apply", &["b", "c"]), "answered by 2 processes"),
+            (at("supervisor/cmd/down", &["s", "a"]), "answered by the process of `agent-intent`"),
             (at("agent-intent/cmd/apply", &["a"]), "no row of `agent-intent`"),
-            (at("agent-core/cmd/utter", &["c"]), "answered by a process without a role"),
-            (at("@instance/i-1/cmd/apply", &["a"]), "no row of the role of its instance"),
-            (at("@instance/i-2/cmd/dance", &["c"]), "no row of any role"),
+            (at("agent-core/cmd/utter", &["c"]), "answered by a process that answers for no role"),
         ] {
             let told = told(&[fine.clone(), vec![strange]].concat());
             assert!(told.contains(complaint), "{complaint}: {told}");

@@ -2,7 +2,7 @@
 //!
 //! The program is started as a supervisor would start it, in a session of its own with a small scene and whatever other
 //! roles it needs (from the executables of this build). Nothing is known of it but what the contract says. [`everyone`]
-//! holds what is asked of every role, one file each what is asked of one.
+//! and [`refusals`] hold what is asked of every role, one file each what is asked of one.
 
 mod agent_core;
 mod agent_function;
@@ -10,6 +10,7 @@ mod agent_intent;
 mod everyone;
 mod process;
 mod question;
+mod refusals;
 mod render_capture;
 mod render_view;
 mod scene;
@@ -99,7 +100,7 @@ pub async fn conform(candidate: &Candidate, tell: &mut dyn FnMut(&Check)) -> Res
     // Without a process that serves, nothing else can be tried.
     if everyone::begin(&mut stage, &mut checks).await {
         everyone::answers(&mut stage, &mut checks).await;
-        everyone::refusals(&mut stage, &mut checks).await;
+        refusals::checks(&mut stage, &mut checks).await;
         match subject.role {
             scene::ROLE => scene::checks(&mut stage, &mut checks).await,
             selection::ROLE => selection::checks(&mut stage, &mut checks).await,

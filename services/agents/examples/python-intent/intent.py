@@ -208,7 +208,7 @@ def main() -> int:
         service.publish("event/intent", intent, context)
         return intent
 
-    service.answer("cmd/parse", language.IntentRequest, ("agent-core", "cli"), parse)
+    service.answer("cmd/parse", language.IntentRequest, ("agent-core", "supervisor", "cli"), parse)
     return service.run()
 
 

@@ -1,7 +1,7 @@
 """What every Python service of Super-Gaussian needs, whatever its role: the life of a process and its place on the bus.
 
     service = Service(arguments(), version="0.1.0")
-    service.answer("cmd/parse", IntentRequest, ("agent-core", "cli"), handler)
+    service.answer("cmd/parse", IntentRequest, ("agent-core", "supervisor", "cli"), handler)
     sys.exit(service.run())
 
 A handler gets a request and its `Context` and returns the reply or raises `Refusal`. It runs on the main thread, one

@@ -102,32 +102,19 @@ impl Bus {
         put.await.map_err(|e| BusError::Declare { key, reason: e.to_string() })
     }
 
-    /// The rows that processes of this session answer, as the router sees it: under roles and under instances.
+    /// The rows that processes of this session answer under their roles, as the router sees it. What they answer under their
+    /// instances it does not tell.
     pub async fn declared_rows(&self) -> Vec<Declared> {
-        let root = format!("@/*/router/queryable/{}/{}", keys::ROOT, self.session());
-        // What begins with `@` is never matched by a wildcard.
-        let selectors = [format!("{root}/**"), format!("{root}/{}/**", keys::instance("*"))];
-        self.listed(&selectors).await
-    }
-
-    /// The liveliness tokens of this session, as the router sees them.
-    pub async fn declared_tokens(&self) -> Vec<Declared> {
-        let key = keys::alive(self.session(), "*", "*");
-        self.listed(&[format!("@/*/router/token/{key}")]).await
-    }
-
-    async fn listed(&self, selectors: &[String]) -> Vec<Declared> {
+        let selector = format!("@/*/router/queryable/{}/{}/**", keys::ROOT, self.session());
         let mut all = Vec::new();
-        for selector in selectors {
-            let Ok(replies) = self.inner.zenoh.get(selector).timeout(LISTING).await else { continue };
-            while let Ok(Ok(reply)) = tokio::time::timeout(LISTING, replies.recv_async()).await {
-                let Ok(sample) = reply.result() else { continue };
-                let listed = sample.key_expr().as_str();
-                let Some(at) = listed.find(&format!("/{}/{}/", keys::ROOT, self.session())) else { continue };
-                let key = listed.get(at + 1..).unwrap_or_default().to_owned();
-                if let Ok(Sources { clients }) = serde_json::from_slice(&sample.payload().to_bytes()) {
-                    all.push(Declared { key, clients });
-                }
+        let Ok(replies) = self.inner.zenoh.get(selector).timeout(LISTING).await else { return all };
+        while let Ok(Ok(reply)) = tokio::time::timeout(LISTING, replies.recv_async()).await {
+            let Ok(sample) = reply.result() else { continue };
+            let listed = sample.key_expr().as_str();
+            let Some(at) = listed.find(&format!("/{}/{}/", keys::ROOT, self.session())) else { continue };
+            let key = listed.get(at + 1..).unwrap_or_default().to_owned();
+            if let Ok(Sources { clients }) = serde_json::from_slice(&sample.payload().to_bytes()) {
+                all.push(Declared { key, clients });
             }
         }
         all
