@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use sg_runtime::process::EXIT_FAILED;
 
 use crate::terminal::{self, Done, Failure};
-use crate::{chaos, children, contract, demo, others, remote, say, swap, up, watch};
+use crate::{chaos, children, contract, demo, metrics, others, remote, say, swap, up, watch};
 
 /// Edit volumes by talking to them: starts the services, watches them, speaks to them.
 #[derive(Debug, Parser)]
@@ -105,6 +105,13 @@ enum Command {
     /// Play a session under random faults and compare its end with that of the same session in peace
     #[command(after_help = "Example: supergaussian chaos --faults 50 --seed 1 --out /tmp/chaos")]
     Chaos(chaos::ChaosArgs),
+    /// Show what all processes have counted, in Prometheus' text format
+    #[command(after_help = "Example: supergaussian metrics --listen 127.0.0.1:9464")]
+    Metrics {
+        /// Serve it over HTTP under /metrics until Ctrl-C; this machine's own addresses only
+        #[arg(long, value_name = "ADDRESS")]
+        listen: Option<std::net::SocketAddr>,
+    },
     /// Show, check and keep the contract between services
     #[command(subcommand)]
     Contract(contract::ContractCommand),
@@ -138,6 +145,7 @@ fn run(cli: Cli) -> Done {
         Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),
         Command::Watch { json, all } => wait(watch::watch(session, json, all)),
         Command::Chaos(arguments) => wait(chaos::chaos(arguments, session)),
+        Command::Metrics { listen } => wait(metrics::metrics(session, listen)),
         Command::Contract(command) => wait(contract::run(command, session)),
         Command::Other(words) => others::run(&words),
     }

@@ -9,6 +9,7 @@ mod decode;
 mod demo;
 mod leftovers;
 mod logs;
+mod metrics;
 mod others;
 mod proof;
 mod reload;

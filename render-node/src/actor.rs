@@ -3,7 +3,7 @@
 
 use std::fmt;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
 use serde::Deserialize;
@@ -27,6 +27,7 @@ use sg_scene::known::read_known;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use tokio::sync::watch;
+use tokio::time::{Interval, MissedTickBehavior};
 
 /// Pictures that may be asked for while one is drawn.
 const QUEUE: usize = 8;
@@ -36,6 +37,9 @@ const MEASURE_PIXELS: u32 = 256;
 
 /// Most units whose coverage one request measures.
 const MEASURE_UNITS: usize = 64;
+
+/// Fastest steady pace of the view.
+const MAX_FRAMES_PER_SECOND: f64 = 240.0;
 
 /// Parameters in the launch file.
 #[derive(Debug, Clone, Deserialize)]
@@ -47,6 +51,9 @@ struct Params {
     height: u32,
     /// Quality of the view's pictures: `exact`, `standard` or `fast`.
     quality: QualityName,
+    /// Pictures a second that the view draws although nothing changes, for whoever records or mirrors it; 0 draws only
+    /// what changed.
+    frames_per_second: f64,
     /// Colour of a highlighted selection.
     highlight_color: [f32; 3],
     /// Share of that colour, 0 to 1.
@@ -67,6 +74,7 @@ impl Default for Params {
             width: 640,
             height: 640,
             quality: QualityName::Standard,
+            frames_per_second: 0.0,
             // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
             highlight_color: [0.337, 0.706, 0.914],
             highlight_mix: 0.6,
@@ -79,6 +87,12 @@ impl Params {
         let side = 1..=limits::MAX_PICTURE_PIXELS;
         if !side.contains(&self.width) || !side.contains(&self.height) {
             return Err(format!("a picture of {} x {} pixels; 1 to {} each", self.width, self.height, side.end()));
+        }
+        if !(0.0..=MAX_FRAMES_PER_SECOND).contains(&self.frames_per_second) {
+            return Err(format!(
+                "frames_per_second = {}; 0 for pictures of changes alone, else up to {MAX_FRAMES_PER_SECOND}",
+                self.frames_per_second
+            ));
         }
         if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());
@@ -130,13 +144,18 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         told,
         params,
     };
+    let mut pace = Pace::new(painter.params.frames_per_second);
     let (mailbox, _) = host.spawn(painter, QUEUE);
     if host.role() == role::RENDER_VIEW {
         tokio::spawn(async move {
             let mut state = state;
             state.mark_changed();
-            // Newest value: revisions that pass while a picture is drawn are skipped, and counted.
-            while state.changed().await.is_ok() {
+            loop {
+                // Newest value: revisions that pass while a picture is drawn are skipped, and counted.
+                tokio::select! {
+                    changed = state.changed() => if changed.is_err() { break },
+                    () = pace.due() => {}
+                }
                 let context = state.borrow_and_update().1.clone();
                 let (done, drawn) = tokio::sync::oneshot::channel();
                 if mailbox.tell(Message::View { context, done }).is_ok() {
@@ -152,6 +171,27 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         .await?;
     }
     Ok(())
+}
+
+/// When the view draws although nothing changed.
+struct Pace(Option<Interval>);
+
+impl Pace {
+    fn new(per_second: f64) -> Self {
+        Self((per_second > 0.0).then(|| {
+            let mut interval = tokio::time::interval(Duration::from_secs_f64(1.0 / per_second));
+            // A picture that took longer than its turn is not made up for.
+            interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
+            interval
+        }))
+    }
+
+    async fn due(&mut self) {
+        match &mut self.0 {
+            Some(interval) => drop(interval.tick().await),
+            None => std::future::pending().await,
+        }
+    }
 }
 
 /// Keeps the newest state.

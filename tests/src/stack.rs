@@ -36,6 +36,14 @@ impl Stack {
     /// # Errors
     /// As [`Stack::up`].
     pub fn up_with(settings: &[String]) -> Result<Self, String> {
+        Self::up_in(settings, &[])
+    }
+
+    /// As [`Stack::up_with`], with these environment variables.
+    ///
+    /// # Errors
+    /// As [`Stack::up`].
+    pub fn up_in(settings: &[String], env: &[(&str, &str)]) -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let scene = small_scene::write(folder.path()).map_err(|e| e.to_string())?;
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch/headless.toml");
@@ -45,6 +53,7 @@ impl Stack {
         for setting in settings {
             up.args(["--set", setting]);
         }
+        up.envs(env.iter().copied());
         let log = std::fs::File::create(folder.path().join("up.log")).map_err(|e| e.to_string())?;
         let supervisor =
             up.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().map_err(|e| e.to_string())?;
@@ -94,6 +103,18 @@ impl Stack {
     /// [`BusError::Open`].
     pub async fn join(&self, role: &str) -> Result<Bus, BusError> {
         Bus::connect(SESSION, role, &endpoint_of(&self.run_root().join(SESSION).join("bus.sock"))).await
+    }
+
+    /// Process id of the supervisor.
+    #[must_use]
+    pub fn supervisor(&self) -> u32 {
+        self.supervisor.id()
+    }
+
+    /// The folder of the session.
+    #[must_use]
+    pub fn session_folder(&self) -> PathBuf {
+        self.run_root().join(SESSION)
     }
 
     fn run_root(&self) -> PathBuf {

@@ -15,6 +15,7 @@ use sg_launch::reconcile::{Action, Event, Exit, Incarnation, Outcome, Reconciler
 use sg_proto::bus::{Health, Ready};
 use sg_proto::keys::{self, role};
 use sg_runtime::bus::{Bus, Following, Liveliness, Serving};
+use sg_runtime::metrics;
 use sg_runtime::session::SessionDir;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
@@ -87,6 +88,7 @@ impl Supervisor {
         let roster = Roster::begin(session.path()).await.map_err(Failure::Work)?;
         // A supervisor that died leaves its socket, and pictures that nobody will ask for.
         forget(&session)?;
+        metrics::install(role::SUPERVISOR, session.name());
         let bus = Bus::route(session.name(), role::SUPERVISOR, &session.socket()).await?;
         let folder = session.logs();
         std::fs::create_dir_all(&folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;

@@ -5,12 +5,14 @@ use std::path::PathBuf;
 use sg_launch::document::suggestion;
 use sg_launch::file::Start;
 use sg_launch::reconcile::Event;
+use sg_proto::bus::MetricsReply;
 use sg_proto::keys;
 use sg_proto::launch::{
     DownReply, PsReply, ReloadReply, ReloadRequest, RestartReply, Service as ServiceMessage, SwapReply, SwapRequest,
 };
 use sg_runtime::bus::{Bus, Serving};
 use sg_runtime::fault::Fault;
+use sg_runtime::metrics;
 use tokio::sync::{mpsc, oneshot};
 
 use super::{CAPACITY, Supervisor};
@@ -165,5 +167,7 @@ pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result
             Ok(DownReply {})
         }
     });
-    Ok(vec![ps.await?, restart.await?, swap.await?, reload.await?, down.await?])
+    let counted = |_, _| std::future::ready(Ok(MetricsReply { text: metrics::render() }));
+    let metrics = bus.serve(&keys::METRICS, CAPACITY, counted);
+    Ok(vec![ps.await?, restart.await?, swap.await?, reload.await?, down.await?, metrics.await?])
 }

@@ -3,6 +3,7 @@
 use sg_proto::keys;
 use sg_proto::launch::{Service as ServiceMessage, ServiceEvent, ServiceState, Swap, SwapState};
 use sg_runtime::context::Context;
+use sg_runtime::metrics;
 
 use super::Supervisor;
 use crate::terminal::{Ink, paint, time};
@@ -11,6 +12,7 @@ impl Supervisor {
     pub(super) async fn announce(&mut self, index: usize) {
         let Some(service) = self.mind.service(index, self.now()) else { return };
         self.tell(&service);
+        metrics::service(&service.name, service.restarts, service.state() == ServiceState::Ready);
         let event = ServiceEvent { service: Some(service) };
         // Nobody need listen, and the state can be asked for.
         let _ = self.bus.publish(&keys::SERVICE, &event, &Context::root()).await;

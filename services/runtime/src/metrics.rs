@@ -115,10 +115,10 @@ static HANDLE: OnceLock<PrometheusHandle> = OnceLock::new();
 /// Begins to count in this process; what is counted carries its role and instance. A second call changes nothing.
 pub fn install(role: &str, instance: &str) {
     let builder = PrometheusBuilder::new().add_global_label("role", role).add_global_label("instance", instance);
-    let histograms = Metric::ALL.into_iter().filter(|m| m.describe().0 == Kind::Histogram);
-    let builder = histograms.fold(Ok(builder), |builder, metric| {
-        builder.and_then(|b| b.set_buckets_for_metric(Matcher::Full(metric.name().to_owned()), &BUCKETS))
-    });
+    let mut histograms = Metric::ALL.into_iter().filter(|m| m.describe().0 == Kind::Histogram);
+    let builder =
+        histograms.try_fold(builder, |b, m| b.set_buckets_for_metric(Matcher::Full(m.name().to_owned()), &BUCKETS));
+    // Refused only for an empty list of buckets.
     let Ok(builder) = builder else { return };
     let recorder = builder.build_recorder();
     let handle = recorder.handle();

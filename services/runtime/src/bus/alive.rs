@@ -2,9 +2,9 @@
 
 use sg_proto::keys;
 use tokio::sync::mpsc;
-use zenoh::sample::SampleKind;
+use zenoh::sample::{Sample, SampleKind};
 
-use super::{Bus, BusError};
+use super::{Boxed, Bus, BusError};
 
 /// What is counted where a sign of life finds no room.
 const KEY: &str = "@alive";
@@ -14,32 +14,24 @@ impl Bus {
     ///
     /// # Errors
     /// [`BusError::Declare`].
-    pub async fn declare_alive(&self, instance: &str) -> Result<Alive, BusError> {
-        let key = keys::alive(&self.inner.session, &self.inner.role, instance);
-        let token = self
-            .inner
-            .zenoh
-            .liveliness()
-            .declare_token(&key)
-            .await
-            .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
-        Ok(Alive { _token: token })
+    pub fn declare_alive<'a>(&'a self, instance: &'a str) -> Boxed<'a, Result<Alive, BusError>> {
+        Box::pin(async move {
+            let key = keys::alive(&self.inner.session, &self.inner.role, instance);
+            let token = self.inner.zenoh.liveliness().declare_token(&key).await;
+            Ok(Alive { _token: token.map_err(|e| BusError::Declare { key, reason: e.to_string() })? })
+        })
     }
 
     /// Watches who comes and goes: role, instance, and whether it is alive; who is there already comes first.
     ///
     /// # Errors
     /// [`BusError::Declare`].
-    pub async fn watch_alive(&self, capacity: usize) -> Result<mpsc::Receiver<Liveliness>, BusError> {
-        let key = keys::alive(&self.inner.session, "*", "*");
-        let (sender, receiver) = mpsc::channel(capacity);
-        let bus = self.clone();
-        self.inner
-            .zenoh
-            .liveliness()
-            .declare_subscriber(&key)
-            .history(true)
-            .callback(move |sample| {
+    pub fn watch_alive(&self, capacity: usize) -> Boxed<'_, Result<mpsc::Receiver<Liveliness>, BusError>> {
+        Box::pin(async move {
+            let key = keys::alive(&self.inner.session, "*", "*");
+            let (sender, receiver) = mpsc::channel(capacity);
+            let bus = self.clone();
+            let take = move |sample: Sample| {
                 let key = sample.key_expr().to_string();
                 let mut parts = key.rsplit('/');
                 if let (Some(instance), Some(role)) = (parts.next(), parts.next()) {
@@ -49,11 +41,12 @@ impl Bus {
                         bus.inner.counters.drop(KEY, 1);
                     }
                 }
-            })
-            .background()
-            .await
-            .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
-        Ok(receiver)
+            };
+            let liveliness = self.inner.zenoh.liveliness();
+            let declared = liveliness.declare_subscriber(&key).history(true).callback(take).background().await;
+            declared.map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
+            Ok(receiver)
+        })
     }
 }
 

@@ -5,10 +5,11 @@ use std::time::{Duration, Instant, SystemTime};
 use prost::{Message, Name};
 use sg_proto::bus::{CancelRequest, Code, Error as WireError};
 use sg_proto::keys::{self, Ask, Slot, Urgency};
+use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::qos::Priority;
 use zenoh::query::QueryTarget;
 
-use super::Bus;
+use super::{Boxed, Bus};
 use crate::context::Context;
 use crate::fault::Fault;
 use crate::metrics::{self, Metric};
@@ -20,7 +21,8 @@ struct Question<'a> {
     role: &'a str,
     name: &'static str,
     urgency: Urgency,
-    payload: Option<(&'a [u8], zenoh::bytes::Encoding)>,
+    /// Counted, not copied, each time the question is put again.
+    payload: Option<(ZBytes, Encoding)>,
 }
 
 /// How long a withdrawal may take: whoever withdraws does not care any more.
@@ -52,8 +54,7 @@ impl Bus {
         Q: Message + Name,
         R: Message + Name + Default,
     {
-        let payload = wire::encode(request)?;
-        let payload = Some((payload.as_slice(), wire::encoding::<Q>()));
+        let payload = Some((ZBytes::from(wire::encode(request)?), wire::encoding::<Q>()));
         let question = Question { role, name: row.name, urgency: row.urgency, payload };
         self.put_question(&question, context).await
     }
@@ -80,34 +81,45 @@ impl Bus {
         Ok(self.ask_role(&keys::CANCEL, role, &request, &context).await?.found)
     }
 
-    /// Puts a question until somebody answers it or the deadline passes.
+    /// Puts a question and decodes its answer.
     async fn put_question<R>(&self, question: &Question<'_>, context: &Context) -> Result<R, Fault>
     where
         R: Message + Name + Default,
     {
-        let (begun, started) = (Instant::now(), SystemTime::now());
-        let mut pause = Duration::from_millis(10);
-        let outcome = loop {
-            match self.put_once(question, context).await {
-                Err(fault) if fault.code == Code::Unavailable && context.remaining() > pause => {
-                    metrics::count(Metric::Retries, &[("key", question.name)], 1);
-                    tokio::time::sleep(pause).await;
-                    pause = (pause * 2).min(Duration::from_millis(200));
-                }
-                outcome => break outcome,
-            }
-        };
-        let code = outcome.as_ref().err().map(|f| f.code);
-        let labels = [("key", question.name), ("code", metrics::code(code))];
-        metrics::observe(Metric::AskSeconds, &labels, begun.elapsed());
-        trace::record(context, Kind::Client, || format!("ask {} {}", question.role, question.name), started, code);
-        outcome
+        let (encoding, payload) = self.put_until_answered(question, context).await?;
+        self.counted(question.name, wire::decode::<R>(&encoding, &payload))
     }
 
-    async fn put_once<R>(&self, question: &Question<'_>, context: &Context) -> Result<R, Fault>
-    where
-        R: Message + Name + Default,
-    {
+    /// Puts a question until somebody answers it or the deadline passes.
+    ///
+    /// Neither generic nor `async`, as all that speaks to zenoh: see [`Boxed`].
+    fn put_until_answered<'a>(
+        &'a self,
+        question: &'a Question<'a>,
+        context: &'a Context,
+    ) -> Boxed<'a, Result<(Encoding, ZBytes), Fault>> {
+        Box::pin(async move {
+            let (begun, started) = (Instant::now(), SystemTime::now());
+            let mut pause = Duration::from_millis(10);
+            let outcome = loop {
+                match self.put_once(question, context).await {
+                    Err(fault) if fault.code == Code::Unavailable && context.remaining() > pause => {
+                        metrics::count(Metric::Retries, &[("key", question.name)], 1);
+                        tokio::time::sleep(pause).await;
+                        pause = (pause * 2).min(Duration::from_millis(200));
+                    }
+                    outcome => break outcome,
+                }
+            };
+            let code = outcome.as_ref().err().map(|f| f.code);
+            let labels = [("key", question.name), ("code", metrics::code(code))];
+            metrics::observe(Metric::AskSeconds, &labels, begun.elapsed());
+            trace::record(context, Kind::Client, || format!("ask {} {}", question.role, question.name), started, code);
+            outcome
+        })
+    }
+
+    async fn put_once(&self, question: &Question<'_>, context: &Context) -> Result<(Encoding, ZBytes), Fault> {
         let Question { role, name, urgency, payload } = question;
         let remaining = context.remaining();
         let late = || Fault::deadline(format!("`{role}` did not answer {name} in time"));
@@ -124,7 +136,7 @@ impl Bus {
             .timeout(remaining);
         if let Some((payload, encoding)) = payload {
             let envelope = context.to_envelope(&self.inner.role, self.epoch(), 0).encode_to_vec();
-            get = get.payload(payload.to_vec()).encoding(encoding.clone()).attachment(envelope);
+            get = get.payload(payload.clone()).encoding(encoding.clone()).attachment(envelope);
         }
         let replies = get.await.map_err(|e| Fault::internal(format!("{key}: {e}")))?;
         // The bus ends a query by itself at its time-out, but its clock is coarse: ours decides.
@@ -137,7 +149,7 @@ impl Bus {
                 Err(Fault::unavailable(format!("nobody serves `{role}` at the moment; try again in a moment")))
             }
             Ok(Ok(reply)) => match reply.result() {
-                Ok(sample) => self.counted(name, wire::decode::<R>(sample.encoding(), sample.payload())),
+                Ok(sample) => Ok((sample.encoding().clone(), sample.payload().clone())),
                 Err(error) => match wire::decode::<WireError>(error.encoding(), error.payload()) {
                     Ok(wire) => Err(Fault::from_wire(wire)),
                     // The bus reports its own time-out as an error reply in its own encoding.

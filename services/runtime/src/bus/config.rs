@@ -27,6 +27,8 @@ pub(super) fn config(endpoint: &str, router: bool) -> Result<zenoh::Config, Stri
         // A process that is stopped rather than dead is noticed by its lease.
         ("transport/link/tx/lease", "2000"),
         ("transport/link/rx/max_message_size", "8388608"),
+        // A stack has a dozen processes; who opens connections without end is cut off.
+        ("transport/unicast/max_sessions", "128"),
         // Microseconds that a request may wait for room towards a reader that takes nothing, before that reader is cut off:
         // it would hold up whoever else the router serves.
         ("transport/link/tx/queue/congestion_control/block/wait_before_close", "1000000"),

@@ -12,7 +12,9 @@ mod serve;
 mod slot;
 mod stream;
 
+use std::future::Future;
 use std::path::Path;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -71,6 +73,10 @@ impl Counters {
         self.answered.fetch_add(1, Ordering::Relaxed);
     }
 }
+
+/// A future whose code stays in this package. That of an `async fn` is compiled anew into every executable that awaits it,
+/// and with it its share of zenoh: minutes of building, megabytes each.
+pub type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
 /// A connection to one session's bus, under one role. Cheap to clone.
 #[derive(Debug, Clone)]
@@ -149,27 +155,35 @@ impl Bus {
         Self::open(session, role, &endpoint_of(socket), true, Place::of_role()).await
     }
 
-    async fn open(session: &str, role: &str, endpoint: &str, router: bool, place: Place) -> Result<Self, BusError> {
-        let fail = |reason: String| BusError::Open { session: session.into(), endpoint: endpoint.into(), reason };
-        let config = config::config(endpoint, router).map_err(&fail)?;
-        let opening = tokio::time::timeout(CONNECT_TIMEOUT, zenoh::open(config));
-        let zenoh = match opening.await {
-            Ok(Ok(zenoh)) => zenoh,
-            Ok(Err(e)) => return Err(fail(e.to_string())),
-            Err(_) => return Err(fail(format!("no answer within {} s", CONNECT_TIMEOUT.as_secs()))),
-        };
-        crate::trace::start(role);
-        let inner = Inner {
-            zenoh,
-            session: session.into(),
-            role: role.into(),
-            counters: Counters::default(),
-            place,
-            epochs: Epochs::default(),
-            pending: Pending::default(),
-            sequences: Sequences::default(),
-        };
-        Ok(Self { inner: Arc::new(inner) })
+    fn open<'a>(
+        session: &'a str,
+        role: &'a str,
+        endpoint: &'a str,
+        router: bool,
+        place: Place,
+    ) -> Boxed<'a, Result<Self, BusError>> {
+        Box::pin(async move {
+            let fail = |reason: String| BusError::Open { session: session.into(), endpoint: endpoint.into(), reason };
+            let config = config::config(endpoint, router).map_err(&fail)?;
+            let opening = tokio::time::timeout(CONNECT_TIMEOUT, zenoh::open(config));
+            let zenoh = match opening.await {
+                Ok(Ok(zenoh)) => zenoh,
+                Ok(Err(e)) => return Err(fail(e.to_string())),
+                Err(_) => return Err(fail(format!("no answer within {} s", CONNECT_TIMEOUT.as_secs()))),
+            };
+            crate::trace::start(role);
+            let inner = Inner {
+                zenoh,
+                session: session.into(),
+                role: role.into(),
+                counters: Counters::default(),
+                place,
+                epochs: Epochs::default(),
+                pending: Pending::default(),
+                sequences: Sequences::default(),
+            };
+            Ok(Self { inner: Arc::new(inner) })
+        })
     }
 
     /// Name of the session.
@@ -191,9 +205,11 @@ impl Bus {
     }
 
     /// Leaves the bus. Bounded in time; what is still unsent then is lost, as it would be with the process.
-    pub async fn close(&self) {
-        let _ = tokio::time::timeout(Duration::from_secs(2), self.inner.zenoh.close()).await;
-        crate::trace::finish().await;
+    pub fn close(&self) -> Boxed<'_, ()> {
+        Box::pin(async {
+            let _ = tokio::time::timeout(Duration::from_secs(2), self.inner.zenoh.close()).await;
+            crate::trace::finish().await;
+        })
     }
 
     /// A row may be declared or sent under by its own role alone.

@@ -8,7 +8,7 @@ use sg_proto::bus::{Code, Envelope};
 use sg_proto::keys;
 use zenoh::query::{Query, Queryable};
 
-use super::{Bus, BusError};
+use super::{Boxed, Bus, BusError};
 use crate::fault::Fault;
 
 /// Where a process stands in its session.
@@ -44,7 +44,8 @@ impl Place {
     }
 }
 
-type Callback = Arc<dyn Fn(Query) + Send + Sync>;
+/// What takes the requests of a row.
+pub(super) type Callback = Arc<dyn Fn(Query) + Send + Sync>;
 
 /// A row that is answered under every key that this process may serve at present.
 pub(super) struct Declared {
@@ -62,13 +63,15 @@ impl fmt::Debug for Declared {
 
 impl Declared {
     /// Answers nothing new.
-    pub(super) async fn withdraw(&self) {
-        self.callback.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let queryables = std::mem::take(&mut *self.queryables.lock().unwrap_or_else(PoisonError::into_inner));
-        for queryable in queryables {
-            // A bus that is closed has withdrawn it already.
-            let _ = queryable.undeclare().await;
-        }
+    pub(super) fn withdraw(&self) -> Boxed<'_, ()> {
+        Box::pin(async {
+            self.callback.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let queryables = std::mem::take(&mut *self.queryables.lock().unwrap_or_else(PoisonError::into_inner));
+            for queryable in queryables {
+                // A bus that is closed has withdrawn it already.
+                let _ = queryable.undeclare().await;
+            }
+        })
     }
 }
 
@@ -122,13 +125,8 @@ impl Bus {
     }
 
     /// Answers under every key that this process may serve, now and after a promotion.
-    pub(super) async fn declare(
-        &self,
-        name: &'static str,
-        callback: impl Fn(Query) + Send + Sync + 'static,
-    ) -> Result<Arc<Declared>, BusError> {
-        let declared =
-            Arc::new(Declared { name, callback: Mutex::new(Some(Arc::new(callback))), queryables: Mutex::default() });
+    pub(super) async fn declare(&self, name: &'static str, callback: Callback) -> Result<Arc<Declared>, BusError> {
+        let declared = Arc::new(Declared { name, callback: Mutex::new(Some(callback)), queryables: Mutex::default() });
         let place = &self.inner.place;
         place.declared.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(&declared));
         if let Some(instance) = &place.instance {
@@ -140,21 +138,23 @@ impl Bus {
         Ok(declared)
     }
 
-    async fn declare_at(&self, segment: &str, declared: &Declared) -> Result<(), BusError> {
-        let key = keys::key(self.session(), segment, declared.name);
-        let Some(callback) = declared.callback.lock().unwrap_or_else(PoisonError::into_inner).clone() else {
-            return Ok(());
-        };
-        let queryable = self
-            .inner
-            .zenoh
-            .declare_queryable(&key)
-            .complete(true)
-            .callback(move |query| callback(query))
-            .await
-            .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
-        declared.queryables.lock().unwrap_or_else(PoisonError::into_inner).push(queryable);
-        Ok(())
+    fn declare_at<'a>(&'a self, segment: &'a str, declared: &'a Declared) -> Boxed<'a, Result<(), BusError>> {
+        Box::pin(async move {
+            let key = keys::key(self.session(), segment, declared.name);
+            let Some(callback) = declared.callback.lock().unwrap_or_else(PoisonError::into_inner).clone() else {
+                return Ok(());
+            };
+            let queryable = self
+                .inner
+                .zenoh
+                .declare_queryable(&key)
+                .complete(true)
+                .callback(move |query| callback(query))
+                .await
+                .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
+            declared.queryables.lock().unwrap_or_else(PoisonError::into_inner).push(queryable);
+            Ok(())
+        })
     }
 
     /// Refuses what an instance says whose role has passed to another.

@@ -98,7 +98,7 @@ impl Bus {
                 }
             }
         };
-        let declared = self.declare(row.name, receive).await?;
+        let declared = self.declare(row.name, Arc::new(receive)).await?;
 
         let bus = self.clone();
         let worker = tokio::spawn(async move {

@@ -1,9 +1,11 @@
 //! Newest values: owned by one role, told to whoever follows, asked for by whoever comes late.
 
+use std::sync::Arc;
+
 use prost::{Message, Name};
 use sg_proto::keys::{self, Slot, Urgency};
-use std::sync::Arc;
 use tokio::sync::watch;
+use zenoh::query::Query;
 
 use super::place::Declared;
 use super::serve::reply;
@@ -24,12 +26,11 @@ impl Bus {
         self.own_row(row.role, row.name)
             .map_err(|reason| BusError::Declare { key: keys::key(self.session(), row.role, row.name), reason })?;
         let (sender, receiver) = watch::channel(initial);
-        let declared = self
-            .declare(row.name, move |query| {
-                let newest = wire::encode(&*receiver.borrow());
-                reply(&query, newest.map(|bytes| (bytes, wire::encoding::<M>())));
-            })
-            .await?;
+        let tell = move |query: Query| {
+            let newest = wire::encode(&*receiver.borrow());
+            reply(&query, newest.map(|bytes| (bytes, wire::encoding::<M>())));
+        };
+        let declared = self.declare(row.name, Arc::new(tell)).await?;
         Ok(Owned { sender, bus: self.clone(), name: row.name, _declared: declared })
     }
 }

@@ -8,10 +8,13 @@ use prost::{Message, Name};
 use sg_proto::keys::{self, Stream, Urgency};
 use tokio::sync::broadcast;
 use zenoh::Wait;
+use zenoh::bytes::Encoding;
+use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
+use zenoh::sample::Sample;
 
 use super::ask::priority;
-use super::{Bus, BusError};
+use super::{Boxed, Bus, BusError};
 use crate::context::Context;
 use crate::fault::Fault;
 use crate::metrics::{self, Metric};
@@ -79,8 +82,21 @@ impl Bus {
         message: &M,
         context: &Context,
     ) -> Result<(), Fault> {
+        self.put_bytes(name, urgency, wire::encode(message)?, wire::encoding::<M>(), context)
+    }
+
+    fn put_bytes(
+        &self,
+        name: &'static str,
+        urgency: Urgency,
+        payload: Vec<u8>,
+        encoding: Encoding,
+        context: &Context,
+    ) -> Result<(), Fault> {
         let key = keys::key(self.session(), &self.segment(), name);
-        let payload = wire::encode(message)?;
+        // Said once in a life: a supervisor that missed it would wait in vain.
+        let once = name == keys::READY.name;
+        let congestion = if once { CongestionControl::Block } else { CongestionControl::Drop };
         let counter = self.inner.sequences.of(name);
         // Held while sending: a listener takes numbers out of order for messages lost.
         let mut sequence = counter.lock().unwrap_or_else(PoisonError::into_inner);
@@ -91,10 +107,10 @@ impl Bus {
         self.inner
             .zenoh
             .put(&key, payload)
-            .encoding(wire::encoding::<M>())
+            .encoding(encoding)
             .attachment(envelope)
             .priority(priority(urgency))
-            .congestion_control(CongestionControl::Drop)
+            .congestion_control(congestion)
             .wait()
             .map_err(|e| Fault::unavailable(format!("{key}: {e}")))
     }
@@ -113,27 +129,22 @@ impl Bus {
         let received = Received::default();
         let missed = Arc::new(AtomicU64::new(0));
         let missing = Arc::clone(&missed);
-        let subscriber = self
-            .inner
-            .zenoh
-            .declare_subscriber(&key)
-            .callback(move |sample| {
-                let parts = wire::envelope(sample.attachment()).and_then(|envelope| {
-                    bus.check_epoch(&envelope)?;
-                    Ok((wire::decode::<M>(sample.encoding(), sample.payload())?, envelope))
-                });
-                if let Ok((message, envelope)) = bus.counted(name, parts) {
-                    let lost = received.missing(sample.key_expr().as_str(), envelope.epoch, envelope.sequence);
-                    if lost > 0 {
-                        missing.fetch_add(lost, Ordering::Relaxed);
-                        bus.inner.counters.drop(name, lost);
-                    }
-                    // Nobody listening any more is no fault: the reader is being dropped.
-                    let _ = sender.send((message, Context::from_envelope(envelope)));
+        let take = move |sample: Sample| {
+            let parts = wire::envelope(sample.attachment()).and_then(|envelope| {
+                bus.check_epoch(&envelope)?;
+                Ok((wire::decode::<M>(sample.encoding(), sample.payload())?, envelope))
+            });
+            if let Ok((message, envelope)) = bus.counted(name, parts) {
+                let lost = received.missing(sample.key_expr().as_str(), envelope.epoch, envelope.sequence);
+                if lost > 0 {
+                    missing.fetch_add(lost, Ordering::Relaxed);
+                    bus.inner.counters.drop(name, lost);
                 }
-            })
-            .await
-            .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
+                // Nobody listening any more is no fault: the reader is being dropped.
+                let _ = sender.send((message, Context::from_envelope(envelope)));
+            }
+        };
+        let subscriber = self.subscribe(key, Box::new(take)).await?;
         Ok(Following { receiver, late: 0, missed, bus: self.clone(), name, _subscriber: subscriber })
     }
 
@@ -144,23 +155,31 @@ impl Bus {
     pub async fn watch_all(&self, capacity: usize) -> Result<Watching, BusError> {
         let key = format!("{}/{}/**", keys::ROOT, self.inner.session);
         let (sender, receiver) = broadcast::channel(capacity);
-        let subscriber = self
-            .inner
-            .zenoh
-            .declare_subscriber(&key)
-            .callback(move |sample| {
-                let envelope = wire::envelope(sample.attachment()).unwrap_or_default();
-                let seen = Seen {
-                    key: sample.key_expr().to_string(),
-                    message: wire::message_name(sample.encoding()).unwrap_or_default(),
-                    payload: sample.payload().to_bytes().into_owned(),
-                    context: Context::from_envelope(envelope),
-                };
-                let _ = sender.send(seen);
-            })
-            .await
-            .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
+        let take = move |sample: Sample| {
+            let envelope = wire::envelope(sample.attachment()).unwrap_or_default();
+            let seen = Seen {
+                key: sample.key_expr().to_string(),
+                message: wire::message_name(sample.encoding()).unwrap_or_default(),
+                payload: sample.payload().to_bytes().into_owned(),
+                context: Context::from_envelope(envelope),
+            };
+            let _ = sender.send(seen);
+        };
+        let subscriber = self.subscribe(key, Box::new(take)).await?;
         Ok(Watching { receiver, lost: 0, _subscriber: subscriber })
+    }
+}
+
+impl Bus {
+    fn subscribe(
+        &self,
+        key: String,
+        take: Box<dyn Fn(Sample) + Send + Sync>,
+    ) -> Boxed<'_, Result<Subscriber<()>, BusError>> {
+        Box::pin(async move {
+            let declaring = self.inner.zenoh.declare_subscriber(&key).callback(take);
+            declaring.await.map_err(|e| BusError::Declare { key, reason: e.to_string() })
+        })
     }
 }
 
@@ -172,7 +191,7 @@ pub struct Following<M: Clone> {
     missed: Arc<AtomicU64>,
     bus: Bus,
     name: &'static str,
-    _subscriber: zenoh::pubsub::Subscriber<()>,
+    _subscriber: Subscriber<()>,
 }
 
 impl<M: Clone> Following<M> {
@@ -215,7 +234,7 @@ pub struct Seen {
 pub struct Watching {
     receiver: broadcast::Receiver<Seen>,
     lost: u64,
-    _subscriber: zenoh::pubsub::Subscriber<()>,
+    _subscriber: Subscriber<()>,
 }
 
 impl Watching {

@@ -1,0 +1,227 @@
+//! What an operator sees of a running stack, and what the rest of the world does not.
+
+#![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::future::Future;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::os::unix::fs::PermissionsExt as _;
+use std::pin::Pin;
+use std::process::Stdio;
+use std::sync::{Arc, Mutex};
+use std::task::{Context, Poll};
+use std::time::{Duration, Instant};
+
+use sg_tests::said;
+use sg_tests::stack::Stack;
+use tokio::net::TcpListener;
+use tokio_stream::wrappers::TcpListenerStream;
+use tonic::body::Body;
+use tonic::codegen::http::{Request, Response};
+use tonic::server::{NamedService, UnaryService};
+use tonic::transport::Server;
+use tonic_prost::ProstCodec;
+
+/// As much of OpenTelemetry's export request as is looked at here.
+mod otlp {
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub(crate) struct Export {
+        #[prost(message, repeated, tag = "1")]
+        pub(crate) resources: Vec<Resource>,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub(crate) struct Resource {
+        #[prost(message, repeated, tag = "2")]
+        pub(crate) scopes: Vec<Scope>,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub(crate) struct Scope {
+        #[prost(message, repeated, tag = "2")]
+        pub(crate) spans: Vec<Span>,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub(crate) struct Span {
+        #[prost(bytes = "vec", tag = "1")]
+        pub(crate) trace: Vec<u8>,
+        #[prost(bytes = "vec", tag = "2")]
+        pub(crate) id: Vec<u8>,
+        #[prost(bytes = "vec", tag = "4")]
+        pub(crate) parent: Vec<u8>,
+        #[prost(string, tag = "5")]
+        pub(crate) name: String,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub(crate) struct Exported {}
+}
+
+/// A collector that keeps what it is told.
+#[derive(Clone, Default)]
+struct Collector(Arc<Mutex<Vec<otlp::Span>>>);
+
+impl NamedService for Collector {
+    const NAME: &'static str = "opentelemetry.proto.collector.trace.v1.TraceService";
+}
+
+impl UnaryService<otlp::Export> for Collector {
+    type Response = otlp::Exported;
+    type Future = Pin<Box<dyn Future<Output = Result<tonic::Response<otlp::Exported>, tonic::Status>> + Send>>;
+
+    fn call(&mut self, request: tonic::Request<otlp::Export>) -> Self::Future {
+        let resources = request.into_inner().resources;
+        self.0.lock().unwrap().extend(resources.into_iter().flat_map(|r| r.scopes).flat_map(|s| s.spans));
+        Box::pin(std::future::ready(Ok(tonic::Response::new(otlp::Exported {}))))
+    }
+}
+
+impl tower::Service<Request<Body>> for Collector {
+    type Response = Response<Body>;
+    type Error = std::convert::Infallible;
+    type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Self::Error>> + Send>>;
+
+    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        let collector = self.clone();
+        Box::pin(async move {
+            let mut grpc = tonic::server::Grpc::new(ProstCodec::<otlp::Exported, otlp::Export>::default());
+            Ok(grpc.unary(collector, request).await)
+        })
+    }
+}
+
+/// Sockets that wait for connections or datagrams from a network, by inode.
+fn open_to_the_network() -> HashSet<String> {
+    const LISTEN: &str = "0A";
+    let mut inodes = HashSet::new();
+    for (table, any_state) in [("tcp", false), ("tcp6", false), ("udp", true), ("udp6", true)] {
+        let text = std::fs::read_to_string(format!("/proc/net/{table}")).unwrap_or_default();
+        for line in text.lines().skip(1) {
+            let fields: Vec<_> = line.split_whitespace().collect();
+            if any_state || fields[3] == LISTEN {
+                inodes.insert(fields[9].to_owned());
+            }
+        }
+    }
+    inodes
+}
+
+/// Inodes of the sockets that a process holds.
+fn sockets_of(pid: u64) -> HashSet<String> {
+    let entries = std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap();
+    let links = entries.flatten().filter_map(|e| std::fs::read_link(e.path()).ok());
+    links.filter_map(|l| Some(l.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned())).collect()
+}
+
+#[test]
+fn nothing_listens_metrics_are_counted_and_one_trace_runs_through_the_loop() {
+    // A collector on this machine, as an operator would name it.
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let collector = Collector::default();
+    let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0")).unwrap();
+    let endpoint = format!("http://{}", listener.local_addr().unwrap());
+    let serving = Server::builder().add_service(collector.clone());
+    runtime.spawn(serving.serve_with_incoming(TcpListenerStream::new(listener)));
+
+    let env = [("OTEL_EXPORTER_OTLP_ENDPOINT", endpoint.as_str())];
+    let stack = Stack::up_in(&[], &env).unwrap();
+
+    // Nothing is open to the network, and the folder of the session to nobody else.
+    let services = stack.ps();
+    let open = open_to_the_network();
+    let pids = services.iter().map(|s| s["pid"].as_u64().unwrap()).chain([u64::from(stack.supervisor())]);
+    for pid in pids {
+        let sockets = sockets_of(pid);
+        assert!(!sockets.is_empty(), "process {pid} has no sockets at all; it should be on the bus");
+        assert!(sockets.is_disjoint(&open), "process {pid} listens to the network");
+    }
+    let mode = std::fs::metadata(stack.session_folder()).unwrap().permissions().mode();
+    assert_eq!(mode & 0o777, 0o700);
+
+    // One utterance through the whole loop.
+    let mut say = stack.command().unwrap();
+    let output = say.args(["say", "hide everything"]).envs(env).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+
+    // Counted, in each process.
+    let (_, text, _) = stack.run(&["metrics"]).unwrap();
+    let families: BTreeMap<&str, usize> = text
+        .lines()
+        .filter_map(|l| l.strip_prefix("# TYPE ")?.split(' ').next())
+        .fold(BTreeMap::new(), |mut all, f| {
+            *all.entry(f).or_default() += 1;
+            all
+        });
+    assert!(families.len() > 6 && families.values().all(|n| *n == 1), "{families:?}");
+    for service in &services {
+        let role = service["role"].as_str().unwrap();
+        let ready = "supergaussian_service_ready{";
+        assert!(
+            text.lines()
+                .any(|l| l.starts_with(ready) && l.contains(&format!("service=\"{role}\"")) && l.ends_with(" 1")),
+            "{role}\n{text}"
+        );
+        assert!(
+            text.lines()
+                .any(|l| l.starts_with("supergaussian_memory_bytes{") && l.contains(&format!("role=\"{role}\""))),
+            "{role}\n{text}"
+        );
+    }
+    let applied = text
+        .lines()
+        .find(|l| {
+            l.starts_with("supergaussian_serve_seconds_count{") && l.contains("cmd/apply") && l.contains("code=\"OK\"")
+        })
+        .unwrap_or_else(|| panic!("{text}"));
+    assert!(applied.contains("role=\"scene\"") && applied.ends_with(" 1"), "{applied}");
+
+    // The same over HTTP, for Prometheus; to this machine alone.
+    let (status, _, all) = stack.run(&["metrics", "--listen", "0.0.0.0:0"]).unwrap();
+    assert_eq!(status, Some(2), "{all}");
+    let mut serving = stack.command().unwrap();
+    let mut serving = serving.args(["metrics", "--listen", "127.0.0.1:0"]).stdout(Stdio::piped()).spawn().unwrap();
+    let mut url = String::new();
+    BufReader::new(serving.stdout.take().unwrap()).read_line(&mut url).unwrap();
+    let address = url.trim().trim_start_matches("http://").trim_end_matches("/metrics").to_owned();
+    let mut stream = TcpStream::connect(&address).unwrap();
+    write!(stream, "GET /metrics HTTP/1.1\r\nHost: {address}\r\n\r\n").unwrap();
+    let mut page = String::new();
+    stream.read_to_string(&mut page).unwrap();
+    assert!(page.starts_with("HTTP/1.1 200") && page.contains("text/plain; version=0.0.4"), "{page}");
+    assert!(page.contains("supergaussian_uptime_seconds{"), "{page}");
+    serving.kill().unwrap();
+    serving.wait().unwrap();
+
+    // A line of a service's log carries the trace.
+    let log = std::fs::read_to_string(stack.session_folder().join("logs/scene.log")).unwrap();
+    let line = log.lines().find(|l| l.contains("\"command\"")).unwrap_or_else(|| panic!("{log}"));
+    let line: serde_json::Value = serde_json::from_str(line).unwrap();
+    let trace = line["span"]["trace_id"].as_str().unwrap().to_owned();
+    assert_eq!(trace.len(), 32, "{line}");
+
+    // And the collector has that trace, from the core agent to the scene, every span but the first with a parent in it.
+    let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
+    let wanted = ["serve cmd/utter", "serve cmd/parse", "serve cmd/execute", "serve cmd/apply", "serve cmd/capture"];
+    let begun = Instant::now();
+    loop {
+        let spans: Vec<_> = collector.0.lock().unwrap().iter().filter(|s| hex(&s.trace) == trace).cloned().collect();
+        let names: BTreeSet<_> = spans.iter().map(|s| s.name.as_str()).collect();
+        if wanted.iter().all(|w| names.contains(w)) && names.contains("ask agent-core cmd/utter") {
+            let ids: HashSet<_> = spans.iter().map(|s| s.id.clone()).collect();
+            let orphans: Vec<_> =
+                spans.iter().filter(|s| !s.parent.is_empty() && !ids.contains(&s.parent)).map(|s| &s.name).collect();
+            assert!(orphans.is_empty(), "{orphans:?}");
+            assert_eq!(spans.iter().filter(|s| s.parent.is_empty()).count(), 1, "{spans:?}");
+            assert_eq!(ids.len(), spans.len(), "a span is told once");
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(20), "{trace}: {names:?}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
