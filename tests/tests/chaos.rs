@@ -4,7 +4,14 @@
 
 use std::path::Path;
 use std::process::Output;
+use std::time::Duration;
 
+use sg_proto::keys::{self, role};
+use sg_proto::language::{Source, Utterance};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{Command, SaveUnit, Select, Target};
+use sg_runtime::context::Context;
+use sg_tests::stack::Stack;
 use sg_tests::{command, said};
 
 fn chaos(folder: &Path, arguments: &[&str]) -> Output {
@@ -63,4 +70,34 @@ fn a_launch_file_without_a_scene_is_refused() {
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(errors.contains("mute.toml: no service of the role `scene`") && errors.lines().count() == 1, "{errors}");
+}
+
+/// The agents forget what they have said and done when they are killed; the scene does not.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_sentence_that_is_said_again_after_its_agents_were_killed_is_found_done() {
+    let stack = Stack::up().unwrap();
+    let bus = stack.join(role::CLI).await.unwrap();
+    let soon = || Context::root().deadline_in(Duration::from_secs(60));
+    let everything = Target { everything: true, ..Target::default() };
+    for (id, action) in [
+        ("select", Action::Select(Select { target: Some(everything), operation: 0 })),
+        ("save", Action::SaveUnit(SaveUnit { name: "dome".into(), replace: false })),
+    ] {
+        let command = Command { id: id.into(), action: Some(action), ..Command::default() };
+        bus.ask(&keys::SCENE_APPLY, &command, &soon()).await.unwrap();
+    }
+    let delete = Utterance { text: "delete the dome".into(), source: Source::Text.into() };
+    let say = || soon().with_id("said-once");
+    let first = bus.ask(&keys::UTTER, &delete, &say()).await.unwrap();
+    assert!(first.ok, "{first:?}");
+    for service in stack.ps().iter().filter(|s| matches!(s["name"].as_str(), Some("agent-core" | "agent-function"))) {
+        let status = std::process::Command::new("kill").args(["-9", &service["pid"].to_string()]).status().unwrap();
+        assert!(status.success());
+    }
+    let again = bus.ask(&keys::UTTER, &delete, &say()).await.unwrap();
+    assert!(again.ok, "{again:?}");
+    assert_eq!(again.revision, first.revision, "it was done once");
+    // Another sentence of the same words is another wish.
+    let other = bus.ask(&keys::UTTER, &delete, &soon().with_id("said-anew")).await.unwrap();
+    assert!(!other.ok && other.text.contains("dome"), "{other:?}");
 }

@@ -25,6 +25,11 @@ struct Question<'a> {
     payload: Option<(ZBytes, Encoding)>,
 }
 
+/// Longest pause between two tries: what a caller may lose after a service is back.
+const LONGEST_PAUSE: Duration = Duration::from_millis(50);
+/// Longest pause between two tries of a question: what a caller adds to the time that a service takes to come back.
+const LONGEST_PAUSE: Duration = Duration::from_millis(50);
+
 /// How long a withdrawal may take: whoever withdraws does not care any more.
 const CANCEL_TIME: Duration = Duration::from_secs(1);
 
@@ -106,7 +111,7 @@ impl Bus {
                     Err(fault) if fault.code == Code::Unavailable && context.remaining() > pause => {
                         metrics::count(Metric::Retries, &[("key", question.name)], 1);
                         tokio::time::sleep(pause).await;
-                        pause = (pause * 2).min(Duration::from_millis(200));
+                        pause = (pause * 2).min(LONGEST_PAUSE);
                     }
                     outcome => break outcome,
                 }

@@ -229,6 +229,19 @@ impl Doer {
         Ok(named)
     }
 
+    /// What a command did that the scene has accepted under this id. One without action is never carried out, but has the
+    /// stored result of its id.
+    async fn known(&self, id: &str, context: &Context) -> Result<Option<Event>, Fault> {
+        let probe = Command { id: id.to_owned(), ..Command::default() };
+        match self.bus.ask(&keys::SCENE_APPLY, &probe, &context.next().with_id(id)).await {
+            Ok(CommandResult { revision, summary, .. }) => {
+                Ok(Some(Event { revision, command_id: id.to_owned(), summary, changes: Vec::new() }))
+            }
+            Err(fault) if is_passing(&fault) => Err(of_scene(fault)),
+            Err(_) => Ok(None),
+        }
+    }
+
     async fn carry_out(
         &mut self,
         clause: &Clause,
@@ -261,7 +274,11 @@ impl Doer {
         };
         let step = match resolve::resolve(clause, masked.as_ref().unwrap_or(state), frame) {
             Ok(step) => step,
-            Err(refusal) => return Ok(refused(refusal.message)),
+            // What an earlier try of the whole utterance has done may be why its words name nothing any more.
+            Err(refusal) => {
+                let done = self.known(&id, context).await?;
+                return Ok(done.map_or_else(|| refused(refusal.message), |event| repeated(&id, &event)));
+            }
         };
         let (action, units) = match step {
             Step::Answer { text, units } => {
