@@ -25,8 +25,6 @@ struct Question<'a> {
     payload: Option<(ZBytes, Encoding)>,
 }
 
-/// Longest pause between two tries: what a caller may lose after a service is back.
-const LONGEST_PAUSE: Duration = Duration::from_millis(50);
 /// Longest pause between two tries of a question: what a caller adds to the time that a service takes to come back.
 const LONGEST_PAUSE: Duration = Duration::from_millis(50);
 
