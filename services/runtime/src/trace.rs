@@ -35,6 +35,8 @@ pub(crate) enum Kind {
     Client,
     /// Who answered.
     Server,
+    /// Who published.
+    Producer,
 }
 
 struct Exporting {
@@ -98,6 +100,7 @@ pub(crate) fn record(
         span_kind: match kind {
             Kind::Client => SpanKind::Client,
             Kind::Server => SpanKind::Server,
+            Kind::Producer => SpanKind::Producer,
         },
         name: name().into(),
         start_time: started,

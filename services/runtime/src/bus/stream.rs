@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 
 use prost::{Message, Name};
 use sg_proto::keys::{self, Stream, Urgency};
@@ -18,6 +19,7 @@ use super::{Boxed, Bus, BusError};
 use crate::context::Context;
 use crate::fault::Fault;
 use crate::metrics::{self, Metric};
+use crate::trace::{self, Kind};
 use crate::wire;
 
 /// Numbers of the last messages that this process sent, by row.
@@ -103,8 +105,10 @@ impl Bus {
         *sequence += 1;
         let envelope = context.to_envelope(self.role(), self.epoch(), *sequence).encode_to_vec();
         metrics::count(Metric::Published, &[("key", name)], 1);
+        let started = SystemTime::now();
         // Never waits for a listener, so that it can be called from a thread that must not wait.
-        self.inner
+        let outcome = self
+            .inner
             .zenoh
             .put(&key, payload)
             .encoding(encoding)
@@ -112,7 +116,13 @@ impl Bus {
             .priority(priority(urgency))
             .congestion_control(congestion)
             .wait()
-            .map_err(|e| Fault::unavailable(format!("{key}: {e}")))
+            .map_err(|e| Fault::unavailable(format!("{key}: {e}")));
+        // Stages of a conversation are worth a span, signs of life are not.
+        if !context.conversation.is_empty() {
+            let code = outcome.as_ref().err().map(|f| f.code);
+            trace::record(context, Kind::Producer, || format!("publish {name}"), started, code);
+        }
+        outcome
     }
 
     /// Follows a stream of one role, holding at most `capacity` messages: a slow reader loses the oldest.
