@@ -1,8 +1,8 @@
 //! The form of an intent as JSON: a schema for models, made from the contract's descriptors, and the check of an answer
 //! against the same rules.
 //!
-//! A field is described by its type in the contract and, where that says too little, by a line of [`BOUNDS`]; which fields a
-//! clause has follows from its act ([`ACTS`]). Enums go by name. Every field of an object is required, with null for one
+//! A field is described by its type in the contract and, where that says too little, by a line of `BOUNDS`; which fields a
+//! clause has follows from its act (`ACTS`). Enums go by name. Every field of an object is required, with null for one
 //! that may be absent: the strictest of the providers ask for that, and it leaves a model nothing to forget.
 
 use prost::{Message as _, Name as _};

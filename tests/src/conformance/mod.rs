@@ -1,8 +1,8 @@
 //! Conformance: what a program has to do that is to fill a role, tried over the bus.
 //!
 //! The program is started as a supervisor would start it, in a session of its own with a small scene and whatever other
-//! roles it needs (from the executables of this build). Nothing is known of it but what the contract says. [`everyone`]
-//! and [`refusals`] hold what is asked of every role, one file each what is asked of one.
+//! roles it needs (from the executables of this build). Nothing is known of it but what the contract says. `everyone`
+//! and `refusals` hold what is asked of every role, one file each what is asked of one.
 
 mod agent_core;
 mod agent_function;
