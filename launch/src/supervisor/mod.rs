@@ -149,7 +149,7 @@ impl Supervisor {
     }
 
     /// Starts the services and watches them until the stack is down. To be polled on a thread that lives as long as the
-    /// process: see [`children::start`].
+    /// process: see `children::start`.
     ///
     /// # Errors
     /// Signals cannot be watched.
