@@ -7,7 +7,7 @@
 
 use sg_proto::launch::SwapState;
 
-use super::slot::{At, Part, Stage, State, Swap, Then, Wish};
+use super::slot::{At, Part, Process, Stage, State, Swap, Then, Wish};
 use super::{Action, Goal, Incarnation, PROOF_TIME, Reconciler, Time};
 use crate::file::Start;
 
@@ -131,10 +131,8 @@ impl Reconciler {
         now: Time,
         actions: &mut Vec<Action>,
     ) {
-        let Some((at, process)) = self.process_of(|p| p.incarnation == incarnation) else { return };
-        if !matches!(process.stage, Stage::Proving { .. }) {
-            return;
-        }
+        let waited = |p: &Process| p.incarnation == incarnation && matches!(p.stage, Stage::Proving { .. });
+        let Some((at, process)) = self.process_of(waited) else { return };
         if let Err(reason) = outcome {
             return self.stop(at, Then::Fail(format!("it failed its proof: {reason}")), now, actions);
         }
@@ -193,10 +191,8 @@ impl Reconciler {
         now: Time,
         actions: &mut Vec<Action>,
     ) {
-        let Some((at, process)) = self.process_of(|p| p.incarnation == incarnation) else { return };
-        if !matches!(process.stage, Stage::Promoting { .. }) {
-            return;
-        }
+        let waited = |p: &Process| p.incarnation == incarnation && matches!(p.stage, Stage::Promoting { .. });
+        let Some((at, _)) = self.process_of(waited) else { return };
         match outcome {
             Ok(()) => self.serves(at.0, now, actions),
             Err(reason) => self.stop(at, Then::Fail(format!("could not take its role: {reason}")), now, actions),

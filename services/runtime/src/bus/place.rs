@@ -124,8 +124,15 @@ impl Bus {
         declared.iter().filter_map(Weak::upgrade).collect()
     }
 
-    /// Answers under every key that this process may serve, now and after a promotion.
-    pub(super) async fn declare(&self, name: &'static str, callback: Callback) -> Result<Arc<Declared>, BusError> {
+    /// Answers a row of this process's role under every key that it may serve, now and after a promotion.
+    pub(super) async fn declare(
+        &self,
+        role: &str,
+        name: &'static str,
+        callback: Callback,
+    ) -> Result<Arc<Declared>, BusError> {
+        self.own_row(role, name)
+            .map_err(|reason| BusError::Declare { key: keys::key(self.session(), role, name), reason })?;
         let declared = Arc::new(Declared { name, callback: Mutex::new(Some(callback)), queryables: Mutex::default() });
         let place = &self.inner.place;
         place.declared.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(&declared));

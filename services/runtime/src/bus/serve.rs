@@ -75,8 +75,6 @@ impl Bus {
         H: FnMut(Q, Context) -> F + Send + 'static,
         F: Future<Output = Result<R, Fault>> + Send,
     {
-        self.own_row(row.role, row.name)
-            .map_err(|reason| BusError::Declare { key: keys::key(self.session(), row.role, row.name), reason })?;
         let (sender, mut queue) = mpsc::channel::<Admitted<Q>>(capacity);
         let (bus, row) = (self.clone(), *row);
         let receive = move |query: Query| match bus.admit(&row, &query) {
@@ -98,7 +96,7 @@ impl Bus {
                 }
             }
         };
-        let declared = self.declare(row.name, Arc::new(receive)).await?;
+        let declared = self.declare(row.role, row.name, Arc::new(receive)).await?;
 
         let bus = self.clone();
         let worker = tokio::spawn(async move {

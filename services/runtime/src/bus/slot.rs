@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use prost::{Message, Name};
-use sg_proto::keys::{self, Slot, Urgency};
+use sg_proto::keys::{Slot, Urgency};
 use tokio::sync::watch;
 use zenoh::query::Query;
 
@@ -23,14 +23,12 @@ impl Bus {
     where
         M: Message + Name + Clone + Sync + 'static,
     {
-        self.own_row(row.role, row.name)
-            .map_err(|reason| BusError::Declare { key: keys::key(self.session(), row.role, row.name), reason })?;
         let (sender, receiver) = watch::channel(initial);
         let tell = move |query: Query| {
             let newest = wire::encode(&*receiver.borrow());
             reply(&query, newest.map(|bytes| (bytes, wire::encoding::<M>())));
         };
-        let declared = self.declare(row.name, Arc::new(tell)).await?;
+        let declared = self.declare(row.role, row.name, Arc::new(tell)).await?;
         Ok(Owned { sender, bus: self.clone(), name: row.name, _declared: declared })
     }
 }
