@@ -11,12 +11,13 @@ use sg_launch::file::Search;
 use crate::terminal::{Done, Failure};
 
 /// Command, executable, what it is for.
-const TABLE: [(&str, &str, &str); 5] = [
+const TABLE: [(&str, &str, &str); 6] = [
     ("scene", "supergaussian-scene", "Look at and convert Gaussian files"),
     ("render", "supergaussian-render-node", "Draw one picture of a scene"),
     ("selection", "supergaussian-selection", "Cluster a scene, select by strokes"),
     ("fit", "supergaussian-fit", "Turn a volume into an editable scene"),
     ("conformance", "supergaussian-conformance", "Try whether an executable can fill a role"),
+    ("eval", "supergaussian-eval", "Evaluation tables on scenes whose truth is known"),
 ];
 
 /// What the help says about them.

@@ -1,7 +1,8 @@
-//! What the tests that cross process boundaries share: the built command, real data, pictures; and conformance, with
-//! which any program can be tried that is to fill a role.
+//! What the tests that cross process boundaries share: the built command, real data, pictures; conformance, with which
+//! any program can be tried that is to fill a role; and the evaluation tables.
 
 pub mod conformance;
+pub mod eval;
 pub mod small_scene;
 pub mod stack;
 

@@ -18,7 +18,7 @@ use crate::greedy::grow;
 use crate::merge::merge_pieces;
 use crate::neighbours::GraphError;
 use crate::progress::{Progress, Stage};
-use crate::seeds::{LEAST_SHARE, voxel_seeds};
+use crate::seeds::{LEAST_SHARE, adaptive_seeds, contrast, voxel_seeds};
 use crate::shortest::{NONE, fill_unlabelled};
 use crate::vertices::{Vertices, distance_squared};
 
@@ -74,6 +74,9 @@ pub struct ClusteringOptions {
     pub rounds: Option<usize>,
     /// Whether small pieces are merged; without it labels are the positions of the seeds.
     pub merge: bool,
+    /// Adaptive granularity: seeds stand closer where features differ between neighbours (on curved surfaces, at edges),
+    /// farther apart where they do not. Given seeds stay where they are.
+    pub adaptive: bool,
 }
 
 impl Default for ClusteringOptions {
@@ -86,6 +89,7 @@ impl Default for ClusteringOptions {
             seeds: None,
             rounds: None,
             merge: true,
+            adaptive: false,
         }
     }
 }
@@ -205,7 +209,18 @@ pub fn cluster(
         let seeds = clock.time(Stage::Seeds, || match (&given, &options.seeds) {
             (Some(by_unit), Some(seeds)) => (by_unit[u].clone(), seeds.cell),
             _ => {
-                let s = voxel_seeds(&unit.vertices, &unit.component, unit.components, options.max_clusters);
+                let (vertices, component, most) = (&unit.vertices, &unit.component, options.max_clusters);
+                let s = if options.adaptive {
+                    adaptive_seeds(
+                        vertices,
+                        component,
+                        unit.components,
+                        most,
+                        &contrast(&unit.graph, &unit.features.rows),
+                    )
+                } else {
+                    voxel_seeds(vertices, component, unit.components, most)
+                };
                 (s.sources, s.cell)
             }
         });
@@ -354,7 +369,9 @@ fn cluster_unit(
             fill_unlabelled(unit.joined(), &mut distance, &mut label);
         }
         if options.merge {
-            let least = (LEAST_SHARE * n as f64 / count as f64) as usize;
+            // Where clusters are meant to differ in size, a small one is no splinter.
+            let share = if options.adaptive { LEAST_SHARE / 4.0 } else { LEAST_SHARE };
+            let least = (share * n as f64 / count as f64) as usize;
             merge_pieces(unit.joined(), rows, &unit.vertices.gaussian, &label, least.max(1), options.max_clusters)
         } else {
             (label, count)

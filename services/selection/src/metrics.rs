@@ -1,4 +1,6 @@
-//! How well a selection agrees with a known truth.
+//! How well a selection, or a division into clusters, agrees with a known truth.
+
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
@@ -48,9 +50,117 @@ impl Agreement {
     }
 }
 
+/// How well a division into clusters can carry a true division into parts, whatever is selected later.
+///
+/// More clusters always raise the first three, so compare at an equal number.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PartitionAgreement {
+    /// Achievable segmentation accuracy: the share of elements that are right when every cluster takes the part of most
+    /// of its members (Liu et al. 2011).
+    pub achievable_accuracy: f64,
+    /// The share of edges between elements of different parts whose ends lie in different clusters; 1 without such edges.
+    /// Without the usual tolerance of a few pixels: an edge counts where it is.
+    pub boundary_recall: f64,
+    /// Under-segmentation error: Σ over parts and the clusters that meet them of min(inside, outside), over the number of
+    /// elements (Neubert and Protzel 2012). 0 is best.
+    pub under_segmentation: f64,
+}
+
+impl PartitionAgreement {
+    /// Compares clusters with parts, one entry an element; elements with a negative cluster are left out. `edges` are the
+    /// pairs of neighbours by which boundaries are judged.
+    #[must_use]
+    pub fn of(clusters: &[i32], parts: &[i32], edges: impl Iterator<Item = (u32, u32)>) -> Self {
+        let mut shared: BTreeMap<(i32, i32), u64> = BTreeMap::new();
+        for (&c, &p) in clusters.iter().zip(parts).filter(|(c, _)| **c >= 0) {
+            *shared.entry((c, p)).or_default() += 1;
+        }
+        let rows: Vec<(i32, u64)> = shared.iter().map(|(&(c, _), &n)| (c, n)).collect();
+        let (mut elements, mut right, mut astray) = (0, 0, 0);
+        for cluster in rows.chunk_by(|a, b| a.0 == b.0) {
+            let size: u64 = cluster.iter().map(|r| r.1).sum();
+            elements += size;
+            right += cluster.iter().map(|r| r.1).max().unwrap_or(0);
+            astray += cluster.iter().map(|r| r.1.min(size - r.1)).sum::<u64>();
+        }
+        let (mut borders, mut kept) = (0_u64, 0_u64);
+        for (a, b) in edges.map(|(a, b)| (a as usize, b as usize)) {
+            if parts[a] != parts[b] {
+                borders += 1;
+                kept += u64::from(clusters[a] != clusters[b]);
+            }
+        }
+        let share = |a: u64, b: u64, empty: f64| if b > 0 { a as f64 / b as f64 } else { empty };
+        Self {
+            achievable_accuracy: share(right, elements, 1.0),
+            boundary_recall: share(kept, borders, 1.0),
+            under_segmentation: share(astray, elements, 0.0),
+        }
+    }
+}
+
+/// The largest IoU with the truth that any union of clusters has; elements with a negative cluster count as not selected.
+///
+/// The best union is a prefix of the clusters by falling share of true members: IoU is a ratio of sums in which each
+/// cluster adds its true members above and its false ones below.
+#[must_use]
+pub fn best_union_iou(clusters: &[i32], truth: &[bool]) -> f64 {
+    let mut counts: BTreeMap<i32, (u64, u64)> = BTreeMap::new();
+    let mut wanted = 0;
+    for (&c, &t) in clusters.iter().zip(truth) {
+        wanted += u64::from(t);
+        if c >= 0 {
+            let entry = counts.entry(c).or_default();
+            if t { entry.0 += 1 } else { entry.1 += 1 }
+        }
+    }
+    let mut rows: Vec<(u64, u64)> = counts.into_values().collect();
+    // a/b ≥ c/d without division: exact, so that the order is a total one.
+    rows.sort_by(|a, b| (u128::from(b.0) * u128::from(a.1)).cmp(&(u128::from(a.0) * u128::from(b.1))));
+    let (mut inside, mut outside) = (0, 0);
+    let mut best = if wanted == 0 { 1.0 } else { 0.0_f64 };
+    for (t, f) in rows {
+        inside += t;
+        outside += f;
+        best = best.max(inside as f64 / (wanted + outside) as f64);
+    }
+    best
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_division_worked_out_by_hand() {
+        // Cluster 0: parts 7 7 9; cluster 1: 9 9; one element without a cluster.
+        let clusters = [0, 0, 0, 1, 1, -1];
+        let parts = [7, 7, 9, 9, 9, 7];
+        let edges = [(0, 1), (1, 2), (2, 3), (0, 3)];
+        let a = PartitionAgreement::of(&clusters, &parts, edges.into_iter());
+        assert!((a.achievable_accuracy - 4.0 / 5.0).abs() < 1e-15);
+        assert!((a.boundary_recall - 0.5).abs() < 1e-15, "(1, 2) is lost, (0, 3) kept");
+        assert!((a.under_segmentation - 2.0 / 5.0).abs() < 1e-15);
+        let perfect = PartitionAgreement::of(&parts, &parts, edges.into_iter());
+        assert_eq!((perfect.achievable_accuracy, perfect.boundary_recall, perfect.under_segmentation), (1.0, 1.0, 0.0));
+    }
+
+    proptest! {
+        #[test]
+        fn no_union_of_clusters_is_better(
+            labels in proptest::collection::vec((-1..6_i32, any::<bool>()), 1..40)
+        ) {
+            let (clusters, truth): (Vec<i32>, Vec<bool>) = labels.into_iter().unzip();
+            let best = (0..64_u32)
+                .map(|chosen| {
+                    let is = |c: i32| c >= 0 && chosen >> c & 1 == 1;
+                    Agreement::of(clusters.iter().zip(&truth).map(|(c, t)| (is(*c), *t))).iou
+                })
+                .fold(0.0, f64::max);
+            prop_assert!((best_union_iou(&clusters, &truth) - best).abs() < 1e-12);
+        }
+    }
 
     fn of(tp: usize, fp: usize, fn_: usize, tn: usize) -> Agreement {
         let repeat = |pair, n| std::iter::repeat_n(pair, n);

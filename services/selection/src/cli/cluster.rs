@@ -35,6 +35,9 @@ pub(crate) struct Arguments {
     /// Keep small and unconnected pieces; labels are then positions in the list of seeds.
     #[arg(long)]
     no_merge: bool,
+    /// Smaller clusters where features differ between neighbours (curved surfaces, edges), larger ones elsewhere.
+    #[arg(long, conflicts_with = "seeds")]
+    adaptive: bool,
     /// A report to write, as JSON.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -67,6 +70,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         seeds,
         rounds: arguments.rounds,
         merge: !arguments.no_merge,
+        adaptive: arguments.adaptive,
         method: arguments.method,
         ..arguments.clustering.options()
     };

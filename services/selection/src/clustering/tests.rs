@@ -118,8 +118,14 @@ fn given_seeds_and_one_round_are_the_definition() {
 #[test]
 fn the_same_labels_for_any_number_of_threads() {
     let (scene, _) = vessel_and_sac(5000, 4);
-    for level in [Level::Exact, Level::Windowed, Level::Fast] {
-        let options = ClusteringOptions { level, ..ClusteringOptions::default() };
+    for (level, adaptive) in [
+        (Level::Exact, false),
+        (Level::Exact, true),
+        (Level::Windowed, false),
+        (Level::Fast, false),
+        (Level::Fast, true),
+    ] {
+        let options = ClusteringOptions { level, adaptive, ..ClusteringOptions::default() };
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
@@ -129,6 +135,33 @@ fn the_same_labels_for_any_number_of_threads() {
         };
         assert_eq!(run(1), run(5));
     }
+}
+
+#[test]
+fn adaptive_clusters_are_smaller_where_a_surface_bends() {
+    // A sphere on a plane: of equal density, but only the sphere bends.
+    let mut r = generator(8);
+    let mut points = Vec::new();
+    for i in 0..16_000 {
+        if i % 2 == 0 {
+            points.push((Vec3::new(r.random_range(-2.0..2.0), r.random_range(-2.0..2.0), -1.5), Vec3::Z));
+        } else {
+            let z = r.random_range(-1.0..1.0_f32);
+            let (ring, angle) = ((1.0 - z * z).sqrt(), r.random_range(0.0..std::f32::consts::TAU));
+            let n = Vec3::new(ring * angle.cos(), ring * angle.sin(), z);
+            points.push((n * 1.128, n));
+        }
+    }
+    let scene = Scene::compose(vec![surface_unit(&points, 0.02)], None);
+    let on_sphere = |adaptive| {
+        let options = ClusteringOptions { adaptive, max_clusters: 600, ..ClusteringOptions::default() };
+        let (g, c, r) = run(&scene, &options);
+        check_clusters(&g, &c, 600);
+        let own = c.clusters.iter().filter(|c| c.position[2] > -1.4).count();
+        println!("adaptive {adaptive}: {own} of {} clusters on the sphere", r.clusters);
+        own as f64 / r.clusters as f64
+    };
+    assert!(on_sphere(true) > on_sphere(false) + 0.1);
 }
 
 #[test]
@@ -314,12 +347,13 @@ proptest! {
         scale in prop_oneof![Just(1.0_f32), Just(1e-20), Just(1e15)],
         most in 1..30_usize, k in 1..12_usize,
         level in prop_oneof![Just(Level::Exact), Just(Level::Windowed), Just(Level::Fast)],
+        adaptive in any::<bool>(),
     ) {
         let points: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| f32::from(x) * scale)).collect();
         let scene = point_scene(&points);
         let options = GeometryOptions { neighbours: k, ..GeometryOptions::default() };
         let g = Geometry::of_scene(&scene, options, &Silent).unwrap();
-        let (c, _) = cluster(&g, &ClusteringOptions { max_clusters: most, level, ..ClusteringOptions::default() }, &Silent).unwrap();
+        let (c, _) = cluster(&g, &ClusteringOptions { max_clusters: most, level, adaptive, ..ClusteringOptions::default() }, &Silent).unwrap();
         check_clusters(&g, &c, most);
         // Given back as labels they are the same clusters.
         prop_assert_eq!(&Clustering::of_labels(&g, c.labels.clone(), None).unwrap(), &c);

@@ -1,0 +1,171 @@
+//! `supergaussian-eval`: the evaluation tables.
+
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command writes to the terminal")]
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::{Args, Parser, Subcommand};
+use sg_selection::clustering::Level;
+use sg_tests::eval::{EvalError, Options, ablation, peers, plots, report};
+
+/// Evaluation tables: what the choices behind a result are worth, on scenes whose truth is known
+#[derive(Debug, Parser)]
+#[command(name = "supergaussian-eval", version)]
+struct Arguments {
+    #[command(subcommand)]
+    table: Table,
+}
+
+#[derive(Debug, Subcommand)]
+enum Table {
+    /// Clusterings, graphs, walks and backgrounds compared on made shapes, and on measured label maps
+    ///
+    /// Writes ablation.json (every number, with units in the keys), ablation.md (the tables) and plots as SVG. The same
+    /// seed gives the same numbers, apart from times.
+    ///
+    /// Example: supergaussian eval selection-ablation --out ablation --quick
+    #[command(verbatim_doc_comment)]
+    SelectionAblation(Ablation),
+    /// Our side of tests/peers/compare.py: clusters a made scene, hands it over as arrays, prints our times as JSON
+    ///
+    /// Example: supergaussian eval peer clusters --gaussians 400000 --threads 2 --out there
+    #[command(verbatim_doc_comment)]
+    Peer(Peer),
+}
+
+#[derive(Debug, Args)]
+struct Peer {
+    /// What is timed
+    what: Timed,
+    /// The folder to write to; it is made
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Gaussians of the scene
+    #[arg(long, default_value_t = 100_000, value_name = "N")]
+    gaussians: usize,
+    /// The made shape
+    #[arg(long, default_value = "chameleon", value_name = "NAME")]
+    shape: String,
+    /// Threads to work on
+    #[arg(long, default_value_t = 1, value_name = "T")]
+    threads: usize,
+    /// The fast level of clustering
+    #[arg(long)]
+    fast: bool,
+    /// Cluster and walk in so many scenes one after another and print the resident memory after each
+    #[arg(long, value_name = "SCENES")]
+    again: Option<usize>,
+    /// Write no arrays but the labels
+    #[arg(long)]
+    no_arrays: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Timed {
+    /// Features, neighbour graph and clusters
+    Clusters,
+    /// Walks on clusters and on Gaussians
+    Walks,
+}
+
+#[derive(Debug, Args)]
+struct Ablation {
+    /// The folder to write to; it is made
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Two small shapes and few strokes: some seconds
+    #[arg(long)]
+    quick: bool,
+    /// Seed of shapes and strokes
+    #[arg(long, default_value_t = 1, value_name = "K")]
+    seed: u64,
+    /// The folder of measured data; without it made shapes alone are evaluated
+    #[arg(long, env = "SUPERGAUSSIAN_DATA", value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Only these shapes: the five that are reported, or knot and coral, on which numbers are chosen
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    shapes: Option<Vec<String>>,
+    /// Print the numbers to standard output as JSON, too
+    #[arg(long)]
+    json: bool,
+}
+
+fn main() -> ExitCode {
+    let done = match Arguments::parse().table {
+        Table::SelectionAblation(arguments) => selection_ablation(&arguments),
+        Table::Peer(arguments) => peer(&arguments),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            let wrong = matches!(error, EvalError::Data { .. } | EvalError::Shape(_));
+            ExitCode::from(if wrong { 2 } else { 1 })
+        }
+    }
+}
+
+fn peer(arguments: &Peer) -> Result<(), EvalError> {
+    let wrong = |why: String| EvalError::Data { path: arguments.out.display().to_string(), why };
+    std::fs::create_dir_all(&arguments.out).map_err(|e| wrong(e.to_string()))?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build();
+    let pool = pool.map_err(|e| wrong(e.to_string()))?;
+    let print = |report: serde_json::Result<String>| println!("{}", report.unwrap_or_default());
+    let subject = pool.install(|| peers::scene(&arguments.shape, arguments.gaussians, 1))?;
+    let level = if arguments.fast { Level::Fast } else { Level::Exact };
+    match (arguments.what, arguments.again) {
+        (Timed::Walks, _) => {
+            print(serde_json::to_string(&pool.install(|| peers::walk_times(&subject, &arguments.out, 51))?));
+        }
+        (Timed::Clusters, None) => {
+            let export = !arguments.no_arrays;
+            let times = pool.install(|| peers::cluster_times(&subject, level, &arguments.out, export))?;
+            print(serde_json::to_string(&times));
+        }
+        (Timed::Clusters, Some(scenes)) => {
+            drop(subject);
+            for number in 0..scenes {
+                pool.install(|| {
+                    let subject = peers::scene(&arguments.shape, arguments.gaussians, number as u64)?;
+                    peers::cluster_times(&subject, level, &arguments.out, false)?;
+                    peers::walk_times(&subject, &arguments.out, 1)
+                })?;
+                println!("{}", serde_json::json!({"scene": number, "resident_bytes": peers::memory("VmRSS:")}));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn selection_ablation(arguments: &Ablation) -> Result<(), EvalError> {
+    let mut options = if arguments.quick { Options::quick(arguments.seed) } else { Options::full(arguments.seed) };
+    // The short form is about relations that hold on any scene.
+    options.data = arguments.data.clone().filter(|_| !arguments.quick);
+    if let Some(folder) = options.data.as_ref().filter(|folder| !folder.is_dir()) {
+        return Err(EvalError::Data { path: folder.display().to_string(), why: "no such folder".to_owned() });
+    }
+    if let Some(shapes) = &arguments.shapes {
+        options.shapes.clone_from(shapes);
+    }
+    let wrong = |path: &Path| {
+        let path = path.display().to_string();
+        move |source| EvalError::Write { path, source }
+    };
+    std::fs::create_dir_all(&arguments.out).map_err(wrong(&arguments.out))?;
+    let start = Instant::now();
+    let tell = |what: &str| eprintln!("{:7.1} s  {what}", start.elapsed().as_secs_f64());
+    let measured = ablation::run(&options, &tell)?;
+    let json = serde_json::to_string_pretty(&measured).unwrap_or_default() + "\n";
+    for (name, text) in [("ablation.json", &json), ("ablation.md", &report::markdown(&measured, false))] {
+        let path = arguments.out.join(name);
+        sg_scene::staged_file::replace(&path, text.as_bytes()).map_err(wrong(&path))?;
+    }
+    plots::draw(&measured, &arguments.out)?;
+    tell(&format!("written to {}", arguments.out.display()));
+    if arguments.json {
+        print!("{json}");
+    }
+    Ok(())
+}

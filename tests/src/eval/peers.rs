@@ -1,0 +1,240 @@
+//! Our side of the comparison with what one writes in Python: the same scenes, handed over as arrays, and our times.
+//!
+//! `tests/peers/compare.py` runs both sides one after the other and prints the table.
+
+use std::path::Path;
+use std::time::Instant;
+
+use glam::DVec3;
+use serde::Serialize;
+use sg_scene::npy::{NpyError, write_array, write_labels};
+use sg_selection::cluster_graph::{ClusterGraph, GraphForm, gaussian_network};
+use sg_selection::clustering::{Clustering, ClusteringOptions, Level, cluster};
+use sg_selection::features::WIDTH;
+use sg_selection::geometry::{Geometry, GeometryOptions};
+use sg_selection::progress::Silent;
+use sg_selection::seeds::voxel_seeds;
+use sg_selection::walk::ordering::minimum_degree;
+use sg_selection::walk::{Network, Precision, Problem, Seed, Solver, SystemSolver, solve};
+
+use super::EvalError;
+use super::shapes::shape;
+use super::subject::Subject;
+
+/// What our clustering took.
+#[derive(Debug, Clone, Serialize)]
+pub struct ClusterTimes {
+    /// Gaussians.
+    pub gaussians: usize,
+    /// Threads.
+    pub threads: usize,
+    /// Clusters.
+    pub clusters: usize,
+    /// Σ D after each round.
+    pub objective: Vec<f64>,
+    /// Seconds by stage, without reading and writing.
+    pub seconds: std::collections::BTreeMap<&'static str, f64>,
+    /// Processor seconds of it, user and system.
+    pub cpu_seconds: f64,
+    /// The most memory it held at once beyond the scene itself; 0 where the system does not tell.
+    pub peak_bytes: u64,
+    /// The same for each Gaussian.
+    pub peak_bytes_per_gaussian: f64,
+}
+
+/// What our walk took.
+#[derive(Debug, Clone, Serialize)]
+pub struct WalkTimes {
+    /// Clusters or Gaussians.
+    pub on: &'static str,
+    /// Nodes.
+    pub nodes: usize,
+    /// Edges.
+    pub edges: usize,
+    /// Median milliseconds of a solution, the elimination order known where there is one.
+    pub solve_ms: f64,
+    /// Milliseconds of the elimination order, made once a scene.
+    pub order_ms: f64,
+    /// Solver.
+    pub solver: &'static str,
+}
+
+/// Makes the scene that both sides work on.
+///
+/// # Errors
+/// [`EvalError::Shape`].
+pub fn scene(name: &str, gaussians: usize, seed: u64) -> Result<Subject, EvalError> {
+    shape(name, gaussians, seed).ok_or_else(|| EvalError::Shape(name.to_owned()))
+}
+
+fn failed(path: &Path) -> impl Fn(NpyError) -> EvalError {
+    let path = path.display().to_string();
+    move |e| EvalError::Data { path: path.clone(), why: e.to_string() }
+}
+
+/// Clusters a subject at a level and writes the labels to `labels.npy`; with `export` also what the other side needs:
+/// `position.npy`, `features.npy`, `seeds.npy` (positions in these columns) and `cell.npy`.
+///
+/// # Errors
+/// [`EvalError`].
+pub fn cluster_times(subject: &Subject, level: Level, folder: &Path, export: bool) -> Result<ClusterTimes, EvalError> {
+    let options = ClusteringOptions { level, ..ClusteringOptions::default() };
+    let before = processor_seconds();
+    let held = reset_peak();
+    let geometry = Geometry::of_scene(&subject.scene, GeometryOptions::default(), &Silent)?;
+    let (clustering, report) = cluster(&geometry, &options, &Silent)?;
+    let peak_bytes = memory("VmHWM:").saturating_sub(held);
+    let cpu_seconds = processor_seconds() - before;
+    let gaussians = subject.scene.len();
+    let path = folder.join("labels.npy");
+    write_labels(&path, &clustering.labels).map_err(failed(&path))?;
+    if export {
+        let unit = &geometry.units[0];
+        let seeds = voxel_seeds(&unit.vertices, &unit.component, unit.components, options.max_clusters);
+        let gaussian = &unit.vertices.gaussian;
+        let in_scene = |v: usize| gaussian[v] as usize;
+        let mut position = vec![0.0; 3 * gaussians];
+        let mut features = vec![0.0_f32; WIDTH * gaussians];
+        for (v, (p, row)) in unit.vertices.position.iter().zip(&unit.features.rows).enumerate() {
+            position[3 * in_scene(v)..3 * in_scene(v) + 3].copy_from_slice(p);
+            features[WIDTH * in_scene(v)..WIDTH * (in_scene(v) + 1)].copy_from_slice(row);
+        }
+        let seeds_at: Vec<i32> = seeds.sources.iter().map(|&s| gaussian[s as usize] as i32).collect();
+        let write = |name: &str, f: &dyn Fn(&Path) -> Result<(), NpyError>| {
+            let path = folder.join(name);
+            f(&path).map_err(failed(&path))
+        };
+        write("position.npy", &|p| write_array(p, &[gaussians, 3], &position))?;
+        write("features.npy", &|p| write_array(p, &[gaussians, WIDTH], &features))?;
+        write("seeds.npy", &|p| write_labels(p, &seeds_at))?;
+        write("cell.npy", &|p| write_array(p, &[1], &[seeds.cell]))?;
+    }
+    Ok(ClusterTimes {
+        gaussians,
+        threads: rayon::current_num_threads(),
+        clusters: report.clusters,
+        objective: report.objective,
+        seconds: report.seconds,
+        cpu_seconds,
+        peak_bytes,
+        peak_bytes_per_gaussian: peak_bytes as f64 / gaussians.max(1) as f64,
+    })
+}
+
+/// Solves a walk on clusters and one on single Gaussians, from a ball around the deepest of the target to one far from
+/// it, and writes each system as `walk-ON-edges.npy` (u, v, w), `walk-ON-seeds.npy` (0 none, 1 foreground, 2 background)
+/// and our `walk-ON-p.npy`. The leak is 0.03.
+///
+/// # Errors
+/// [`EvalError`].
+pub fn walk_times(subject: &Subject, folder: &Path, repeats: usize) -> Result<Vec<WalkTimes>, EvalError> {
+    let geometry = Geometry::of_scene(&subject.scene, GeometryOptions::default(), &Silent)?;
+    let (clustering, _) = cluster(&geometry, &ClusteringOptions::default(), &Silent)?;
+    let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact)?;
+    let at = |g: usize| subject.scene.position(g).unwrap_or(DVec3::ZERO);
+    let brush = |side: bool| -> Vec<usize> {
+        let first = subject.target.iter().position(|t| *t == side).map_or(DVec3::ZERO, at);
+        let radius = 0.05 * subject.scene.bounds.longest_edge();
+        (0..subject.scene.len()).filter(|&g| subject.target[g] == side && at(g).distance(first) < radius).collect()
+    };
+    let (green, red) = (brush(true), brush(false));
+    let own: Vec<usize> = (0..subject.scene.len()).collect();
+    let by_cluster: Vec<usize> = labels_of(&clustering);
+    let mut out = Vec::new();
+    for (on, network, node, solver) in [
+        ("clusters", graph.network(1.0, 1.0), &by_cluster, Solver::Gth),
+        ("gaussians", gaussian_network(&geometry, 1.0, 1.0), &own, Solver::Cg),
+    ] {
+        let mut seeds = vec![Seed::None; network.len()];
+        // Green last: a cluster that both hit is green here, on both sides of the comparison.
+        red.iter().for_each(|&g| seeds[node[g]] = Seed::Background);
+        green.iter().for_each(|&g| seeds[node[g]] = Seed::Foreground);
+        let algorithm = solver.with(Precision::F64);
+        let start = Instant::now();
+        let order = algorithm
+            .eliminates(network.len())
+            .then(|| minimum_degree(network.len(), |u| network.links(u).iter().map(|l| l.0)))
+            .filter(|_| solver == Solver::Gth);
+        let order_ms = 1e3 * start.elapsed().as_secs_f64();
+        let (solve_ms, p) = timed(&network, &seeds, &*algorithm, order.as_deref(), repeats)?;
+        hand_over(folder, on, &network, &seeds, &p)?;
+        out.push(WalkTimes {
+            on,
+            nodes: network.len(),
+            edges: (0..network.len() as u32).map(|u| network.links(u).len()).sum::<usize>() / 2,
+            solve_ms,
+            order_ms,
+            solver: if solver == Solver::Gth { "gth" } else { "cg" },
+        });
+    }
+    Ok(out)
+}
+
+fn labels_of(clustering: &Clustering) -> Vec<usize> {
+    clustering.labels.iter().map(|l| usize::try_from(*l).unwrap_or(0)).collect()
+}
+
+fn timed(
+    network: &Network,
+    seeds: &[Seed],
+    solver: &dyn SystemSolver,
+    order: Option<&[u32]>,
+    repeats: usize,
+) -> Result<(f64, Vec<f64>), EvalError> {
+    let problem = Problem { network, seeds, leak: 0.03, leaking: None };
+    let repeats = if network.len() > 2000 { 3 } else { repeats.max(1) };
+    let mut times = Vec::new();
+    let mut p = Vec::new();
+    for _ in 0..repeats {
+        let start = Instant::now();
+        let solved = solve(&problem, solver, order)
+            .map_err(|e| EvalError::Data { path: "walk".to_owned(), why: e.to_string() })?;
+        times.push(1e3 * start.elapsed().as_secs_f64());
+        p = solved.p;
+    }
+    times.sort_by(f64::total_cmp);
+    Ok((times[times.len() / 2], p))
+}
+
+fn hand_over(folder: &Path, on: &str, network: &Network, seeds: &[Seed], p: &[f64]) -> Result<(), EvalError> {
+    let mut edges: Vec<f64> = Vec::new();
+    for u in 0..network.len() as u32 {
+        for (v, w) in network.links(u).iter().filter(|l| l.0 > u) {
+            edges.extend([f64::from(u), f64::from(*v), w.scaled(0)]);
+        }
+    }
+    let number = |s: &Seed| match s {
+        Seed::None => 0,
+        Seed::Foreground => 1,
+        Seed::Background => 2,
+    };
+    let seeds: Vec<i32> = seeds.iter().map(number).collect();
+    let path = |what: &str| folder.join(format!("walk-{on}-{what}.npy"));
+    let (e, s, q) = (path("edges"), path("seeds"), path("p"));
+    write_array(&e, &[edges.len() / 3, 3], &edges).map_err(failed(&e))?;
+    write_labels(&s, &seeds).map_err(failed(&s))?;
+    write_array(&q, &[p.len()], p).map_err(failed(&q))
+}
+
+/// Processor seconds of this process, user and system.
+fn processor_seconds() -> f64 {
+    use nix::sys::resource::{UsageWho, getrusage};
+    use nix::sys::time::TimeValLike as _;
+    getrusage(UsageWho::RUSAGE_SELF)
+        .map_or(0.0, |u| (u.user_time().num_microseconds() + u.system_time().num_microseconds()) as f64 / 1e6)
+}
+
+/// Makes the peak start anew where the kernel lets it; returns what is resident now, in bytes.
+fn reset_peak() -> u64 {
+    // Without the right to do so the peak is that of the process so far, which is no less.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+    memory("VmRSS:")
+}
+
+/// A line of the kernel's account of this process, in bytes; 0 where there is none.
+#[must_use]
+pub fn memory(line: &str) -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let found = status.lines().find_map(|l| l.strip_prefix(line));
+    found.and_then(|l| l.trim().trim_end_matches("kB").trim().parse::<u64>().ok()).unwrap_or(0) * 1024
+}
