@@ -52,9 +52,9 @@ pub fn at_equal_number(geometry: &Geometry, options: &ClusteringOptions, wanted:
             break;
         }
         if found < wanted {
-            low = most
+            low = most;
         } else {
-            high = most
+            high = most;
         }
         let scaled = (most as f64 * wanted as f64 / found.max(1) as f64).round() as usize;
         let next = if scaled > low && scaled < high {
