@@ -182,33 +182,34 @@ impl<'a> GeodesicAssigner<'a> {
         let all: Vec<usize> = (0..centres.len()).collect();
         self.collect(centres, &kept.reach, &all, &mut assignment);
 
-        // Upper bounds where no search arrived: the label of a neighbour that has one, over the path through it.
-        let mut bound = assignment.cost.clone();
+        // Where no search arrived, an upper bound is the label of a neighbour that has one, over the path through it.
+        let mut lost: Vec<(u32, f64)> = Vec::new();
         if assignment.label.contains(&NONE) {
             let mut label = assignment.label.clone();
             let mut distance = self.distances(&kept.reach, &label);
             fill_unlabelled(self.graph, &mut distance, &mut label);
-            for v in 0..bound.len() {
-                if assignment.label[v] == NONE
-                    && let Some(c) = centres.get(label[v] as usize)
-                {
-                    bound[v] = self.metric.cost(distance[v], &self.rows[v], &c.feature);
+            for v in (0..).take(label.len()).filter(|&v| assignment.label[v as usize] == NONE) {
+                let at = v as usize;
+                if let Some(c) = centres.get(label[at] as usize) {
+                    lost.push((v, self.metric.cost(distance[at], &self.rows[at], &c.feature)));
                 }
             }
         }
-        let raised: Vec<u32> = (0..bound.len() as u32)
+        let higher =
+            |&(v, bound): &(u32, f64)| bound.is_finite() && self.metric.radius(bound) > kept.envelope[v as usize];
+        let mut raised: Vec<(u32, f64)> = (0..assignment.cost.len() as u32)
             .into_par_iter()
             .with_min_len(4096)
-            .filter(|&v| {
-                let bound = bound[v as usize];
-                bound.is_finite() && self.metric.radius(bound) > kept.envelope[v as usize]
-            })
+            .map(|v| (v, assignment.cost[v as usize]))
+            .filter(higher)
             .collect();
+        raised.extend(lost.into_iter().filter(higher));
         if !raised.is_empty() {
             let before = kept.envelope.clone();
-            for &v in &raised {
-                kept.envelope[v as usize] = self.metric.radius(bound[v as usize]);
+            for &(v, bound) in &raised {
+                kept.envelope[v as usize] = self.metric.radius(bound);
             }
+            let raised: Vec<u32> = raised.into_iter().map(|r| r.0).collect();
             raise_from(self.graph, &mut kept.envelope, &raised);
             let further = self.continue_searches(&mut kept, &before);
             self.collect(centres, &kept.reach, &further, &mut assignment);
@@ -244,6 +245,7 @@ impl<'a> GeodesicAssigner<'a> {
                             |v| envelope[v as usize] * SLACK,
                         );
                     });
+                    reached.shrink_to_fit();
                     reached.len() - had
                 })
             })
@@ -256,7 +258,10 @@ impl<'a> GeodesicAssigner<'a> {
         let found: Vec<Vec<(u32, f64)>> = which
             .par_iter()
             .map(|&j| {
-                self.pool.with(|s| s.reach(self.graph, sources[j], |v| (envelope[v as usize] * SLACK).min(self.window)))
+                let within = |v: u32| (envelope[v as usize] * SLACK).min(self.window);
+                let mut found = self.pool.with(|s| s.reach(self.graph, sources[j], within));
+                found.shrink_to_fit();
+                found
             })
             .collect();
         for (&j, found) in which.iter().zip(found) {

@@ -359,6 +359,8 @@ fn cluster_unit(
             break;
         }
         centres = next;
+        // The next round needs the room.
+        assignment = Assignment { label: Vec::new(), cost: Vec::new() };
     }
     add_rounds(objective, &sums);
     let mut label = assignment.label;

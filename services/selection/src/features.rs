@@ -118,22 +118,19 @@ struct Shape {
 #[must_use]
 pub fn features(unit: &BaseUnit, vertices: &Vertices, kind: FeatureKind) -> Features {
     let frame = Frame::of(DMat3::from_mat4(unit.transform));
-    let shapes: Vec<Shape> =
-        vertices.gaussian.par_iter().map(|&i| shape_of(unit, &frame, i as usize - unit.first)).collect();
-    let logs: Vec<f64> = shapes.iter().map(|s| s.log_mean_scale).filter(|x| x.is_finite()).collect();
-    let (median, spread) = robust_spread(logs);
-    let rows = shapes
+    // A shape is several times as large as a row: none is kept.
+    let (mut rows, log_mean_scales): (Vec<Row>, Vec<f64>) = vertices
+        .gaussian
         .par_iter()
-        .map(|s| {
-            let z = if s.log_mean_scale.is_finite() { (s.log_mean_scale - median) / spread } else { 0.0 };
-            let z = 0.5 * z.clamp(-4.0, 4.0);
+        .map(|&i| {
+            let s = shape_of(unit, &frame, i as usize - unit.first);
             let mut row = [0.0; WIDTH];
             match kind {
                 FeatureKind::Oriented => {
-                    fill(&mut row, &[&[z], &s.normal.to_array(), &vech(&s.covariance)]);
+                    fill(&mut row, &[&[0.0], &s.normal.to_array(), &vech(&s.covariance)]);
                 }
                 FeatureKind::Invariant => {
-                    fill(&mut row, &[&[z], &vech(&s.normal_projector), &vech(&s.covariance)]);
+                    fill(&mut row, &[&[0.0], &vech(&s.normal_projector), &vech(&s.covariance)]);
                 }
                 FeatureKind::Printed => {
                     let scale = s.log_mean_scale.exp();
@@ -142,9 +139,16 @@ pub fn features(unit: &BaseUnit, vertices: &Vertices, kind: FeatureKind) -> Feat
                     fill(&mut row, &[&[scale], &normal.to_array(), &s.axes.to_cols_array()]);
                 }
             }
-            row
+            (row, s.log_mean_scale)
         })
-        .collect();
+        .unzip();
+    if kind != FeatureKind::Printed {
+        let (median, spread) = robust_spread(log_mean_scales.iter().copied().filter(|x| x.is_finite()).collect());
+        rows.par_iter_mut().zip(&log_mean_scales).for_each(|(row, log)| {
+            let z = if log.is_finite() { (log - median) / spread } else { 0.0 };
+            row[0] = (0.5 * z.clamp(-4.0, 4.0)) as f32;
+        });
+    }
     Features { kind, rows }
 }
 

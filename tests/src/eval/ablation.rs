@@ -88,6 +88,7 @@ pub fn walk_variants() -> Vec<(String, With)> {
         ("walk".to_owned(), With::Walk(base())),
         ("walk, no features".to_owned(), With::Walk(WalkOptions { sigma_f: OFF, ..base() })),
         ("walk, no distance".to_owned(), With::Walk(WalkOptions { sigma_s: OFF, ..base() })),
+        ("walk, three green strokes".to_owned(), With::WalkOfThree(base())),
         ("walk on Gaussians".to_owned(), With::GaussianWalk(base())),
         ("clusters hit".to_owned(), With::Hits(Mode::Cluster)),
         ("Gaussians hit".to_owned(), With::Hits(Mode::Point)),

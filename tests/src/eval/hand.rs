@@ -38,6 +38,8 @@ pub struct Trial {
     pub green: Stroke,
     /// Background.
     pub red: Stroke,
+    /// Two more green ones, between any two places of the target.
+    pub more: [Stroke; 2],
 }
 
 /// Who draws on one subject.
@@ -100,7 +102,12 @@ impl<'a> Hand<'a> {
                 r.set_stream(1000 + k);
                 let green = self.stroke(Kind::Foreground, self.green, true, &mut r);
                 let red = self.stroke(Kind::Background, self.red, false, &mut r);
-                Trial { green, red }
+                let wanted: Vec<u32> =
+                    (0..self.position.len() as u32).filter(|&v| self.subject.target[v as usize]).collect();
+                let mut any = || wanted[r.random_range(0..wanted.len())];
+                let ends = [(any(), any()), (any(), any())];
+                let more = ends.map(|ends| self.stroke(Kind::Foreground, ends, true, &mut r));
+                Trial { green, red, more }
             })
             .collect()
     }

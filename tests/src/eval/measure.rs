@@ -169,6 +169,8 @@ pub struct WalkRow {
 pub enum With {
     /// Walks on clusters.
     Walk(WalkOptions),
+    /// The same with three green strokes instead of one.
+    WalkOfThree(WalkOptions),
     /// Walks on single Gaussians.
     GaussianWalk(WalkOptions),
     /// The clusters or Gaussians that are hit.
@@ -190,7 +192,7 @@ pub fn play(
     let scene = &subject.scene;
     let space = match with {
         With::GaussianWalk(options) => SelectionSpace::of_gaussians(scene, geometry, clustering, options),
-        With::Walk(options) => {
+        With::Walk(options) | With::WalkOfThree(options) => {
             let graph = ClusterGraph::new(geometry, clustering, options.form)?;
             SelectionSpace::of_clusters(scene, clustering, &graph, options)
         }
@@ -206,6 +208,9 @@ pub fn play(
         .par_iter()
         .map(|trial| {
             let mut session = SelectionSession::new(Arc::clone(&space));
+            if let With::WalkOfThree(_) = with {
+                trial.more.iter().try_for_each(|stroke| session.add_stroke(stroke.clone()).map(|_| ())).ok()?;
+            }
             let mut outcome = Vec::with_capacity(2);
             for stroke in [&trial.green, &trial.red] {
                 let mut stroke = stroke.clone();

@@ -44,7 +44,7 @@ const SOURCES: [Source; 2] = [
         stride: USizeVec3::ONE,
         margin: Some(4),
         points: &[(0.0, 0.0), (60.0, 0.01), (140.0, 0.05), (255.0, 0.10)],
-        targets: &[("brain left putamen", 1), ("brain right caudate", 4)],
+        targets: &[("left putamen", 1), ("right caudate", 4)],
     },
 ];
 

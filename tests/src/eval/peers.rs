@@ -2,6 +2,8 @@
 //!
 //! `tests/peers/compare.py` runs both sides one after the other and prints the table.
 
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -12,7 +14,7 @@ use sg_selection::cluster_graph::{ClusterGraph, GraphForm, gaussian_network};
 use sg_selection::clustering::{Clustering, ClusteringOptions, Level, cluster};
 use sg_selection::features::WIDTH;
 use sg_selection::geometry::{Geometry, GeometryOptions};
-use sg_selection::progress::Silent;
+use sg_selection::progress::{Progress, Silent, Stage};
 use sg_selection::seeds::voxel_seeds;
 use sg_selection::walk::ordering::minimum_degree;
 use sg_selection::walk::{Network, Precision, Problem, Seed, Solver, SystemSolver, solve};
@@ -33,13 +35,39 @@ pub struct ClusterTimes {
     /// Σ D after each round.
     pub objective: Vec<f64>,
     /// Seconds by stage, without reading and writing.
-    pub seconds: std::collections::BTreeMap<&'static str, f64>,
+    pub seconds: BTreeMap<&'static str, f64>,
     /// Processor seconds of it, user and system.
     pub cpu_seconds: f64,
     /// The most memory it held at once beyond the scene itself; 0 where the system does not tell.
     pub peak_bytes: u64,
     /// The same for each Gaussian.
     pub peak_bytes_per_gaussian: f64,
+    /// The same for each Gaussian, stage by stage.
+    pub stage_peak_bytes_per_gaussian: BTreeMap<&'static str, f64>,
+}
+
+/// Notes the peak of each stage: it is read and made to start anew whenever a stage tells of itself.
+#[derive(Default)]
+struct Peaks {
+    stage: Cell<Option<Stage>>,
+    bytes: RefCell<BTreeMap<&'static str, u64>>,
+}
+
+impl Peaks {
+    fn note(&self, next: Option<Stage>) {
+        let stage = self.stage.replace(next).map_or("before", Stage::name);
+        let peak = memory("VmHWM:");
+        let mut bytes = self.bytes.borrow_mut();
+        let entry = bytes.entry(stage).or_default();
+        *entry = peak.max(*entry);
+        reset_peak();
+    }
+}
+
+impl Progress for Peaks {
+    fn at(&self, stage: Stage, _: f64) {
+        self.note(Some(stage));
+    }
 }
 
 /// What our walk took.
@@ -81,9 +109,12 @@ pub fn cluster_times(subject: &Subject, level: Level, folder: &Path, export: boo
     let options = ClusteringOptions { level, ..ClusteringOptions::default() };
     let before = processor_seconds();
     let held = reset_peak();
-    let geometry = Geometry::of_scene(&subject.scene, GeometryOptions::default(), &Silent)?;
-    let (clustering, report) = cluster(&geometry, &options, &Silent)?;
-    let peak_bytes = memory("VmHWM:").saturating_sub(held);
+    let peaks = Peaks::default();
+    let geometry = Geometry::of_scene(&subject.scene, GeometryOptions::default(), &peaks)?;
+    let (clustering, report) = cluster(&geometry, &options, &peaks)?;
+    peaks.note(None);
+    let stages = peaks.bytes.into_inner();
+    let peak_bytes = stages.values().copied().max().unwrap_or(0).saturating_sub(held);
     let cpu_seconds = processor_seconds() - before;
     let gaussians = subject.scene.len();
     let path = folder.join("labels.npy");
@@ -118,6 +149,10 @@ pub fn cluster_times(subject: &Subject, level: Level, folder: &Path, export: boo
         cpu_seconds,
         peak_bytes,
         peak_bytes_per_gaussian: peak_bytes as f64 / gaussians.max(1) as f64,
+        stage_peak_bytes_per_gaussian: stages
+            .into_iter()
+            .map(|(stage, peak)| (stage, peak.saturating_sub(held) as f64 / gaussians.max(1) as f64))
+            .collect(),
     })
 }
 

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use plotters::coord::Shift;
 use plotters::prelude::{
-    BLACK, ChartBuilder, Color, DrawingArea, IntoDrawingArea, PathElement, RGBColor, Rectangle, SVGBackend,
-    SeriesLabelPosition, Text, WHITE,
+    BLACK, ChartBuilder, Color, DrawingArea, IntoDrawingArea, PathElement, RGBColor, Rectangle, SVGBackend, Text, WHITE,
 };
 use plotters::style::{IntoFont as _, TextStyle};
 
@@ -160,23 +159,22 @@ fn bars(
             .filter_map(|(i, s)| Some((i as f64 + 0.08 + width * k as f64, value(s, variant)?)))
             .filter(|(_, bar)| bar.height.is_finite())
             .collect();
-        chart
-            .draw_series(
-                found.iter().map(|(x, bar)| Rectangle::new([(*x, 0.0), (x + 0.9 * width, bar.height)], color.filled())),
-            )?
-            .label(variant.trim_start_matches("features ").trim_start_matches("graph ").to_owned())
-            .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 10, y + 5)], color.filled()));
+        chart.draw_series(
+            found.iter().map(|(x, bar)| Rectangle::new([(*x, 0.0), (x + 0.9 * width, bar.height)], color.filled())),
+        )?;
         chart.draw_series(found.iter().filter_map(|(x, bar)| {
             let spread = bar.spread?;
             let middle = x + 0.45 * width;
             Some(PathElement::new(vec![(middle, spread.p05), (middle, spread.p95)], BLACK.stroke_width(1)))
         }))?;
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::Coordinate(area.dim_in_pixel().0 as i32 - 210, 0))
-        .label_font(("sans-serif", 12))
-        .draw()?;
+    let left = area.dim_in_pixel().0 as i32 - 165;
+    for (k, variant) in variants.iter().enumerate() {
+        let top = 34 + 17 * k as i32;
+        area.draw(&Rectangle::new([(left, top), (left + 11, top + 11)], COLORS[k % COLORS.len()].filled()))?;
+        let label = variant.trim_start_matches("features ").trim_start_matches("graph ");
+        area.draw(&Text::new(label.to_owned(), (left + 17, top), ("sans-serif", 12)))?;
+    }
     Ok(())
 }
 
