@@ -8,7 +8,9 @@ use clap::{Parser, Subcommand};
 use sg_runtime::process::EXIT_FAILED;
 
 use crate::terminal::{self, Done, Failure};
-use crate::{chaos, children, contract, demo, metrics, others, remote, say, swap, up, watch};
+use crate::{
+    capture, certificates, chaos, children, contract, demo, join, metrics, others, remote, say, swap, up, watch,
+};
 
 /// Edit volumes by talking to them: starts the services, watches them, speaks to them.
 #[derive(Debug, Parser)]
@@ -68,6 +70,20 @@ enum Command {
         after_help = "Example: supergaussian swap agent-intent ./my-intent-agent --params '{\"language\": \"en\"}'"
     )]
     Swap(swap::SwapArgs),
+    /// Run services on this machine for a stack of another one
+    ///
+    /// The stack's launch file names this machine (`[node.gpu1]`), says where it listens (`[bus]`) and what runs here
+    /// (`on = "gpu1"`). Executables are looked up beside this program, then on PATH. Goes on until Ctrl-C, over restarts of
+    /// the stack; what runs here ends when the stack is away for longer than its lease.
+    #[command(
+        after_help = "Example: supergaussian join tls/lab.example.org:7447 --session headless --name gpu1 --authority authority.pem --certificate gpu1.pem --key gpu1-key.pem"
+    )]
+    Join(join::JoinArgs),
+    /// Make the certificates by which machines that share a stack know each other
+    #[command(
+        after_help = "Example: supergaussian certificates tls --home lab.example.org,10.0.0.1 --node gpu1 --node gpu2"
+    )]
+    Certificates(certificates::CertificatesArgs),
     /// Check a launch file
     #[command(after_help = "Example: supergaussian check launch/headless.toml")]
     Check(up::FileArgs),
@@ -92,6 +108,9 @@ enum Command {
         #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
         timeout: f64,
     },
+    /// Take one picture of the scene of the running stack
+    #[command(after_help = "Example: supergaussian capture selection.png --highlight --session headless")]
+    Capture(capture::CaptureArgs),
     /// Show every message of the conversation and of the scene, decoded, until Ctrl-C
     #[command(after_help = "Example: supergaussian watch --session headless")]
     Watch {
@@ -140,9 +159,12 @@ fn run(cli: Cli) -> Done {
         Command::Logs { follow, service } => remote::logs(session, service.as_deref(), follow),
         Command::Restart { service } => wait(remote::restart(session, &service)),
         Command::Swap(arguments) => wait(swap::swap(session, &arguments)),
+        Command::Join(arguments) => wait(join::join(session, &arguments)),
+        Command::Certificates(arguments) => certificates::certificates(&arguments),
         Command::Check(file) => up::check(&file),
         Command::Graph { file, dot } => up::graph(&file, dot),
         Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),
+        Command::Capture(arguments) => wait(capture::capture(session, &arguments)),
         Command::Watch { json, all } => wait(watch::watch(session, json, all)),
         Command::Chaos(arguments) => wait(chaos::chaos(arguments, session)),
         Command::Metrics { listen } => wait(metrics::metrics(session, listen)),

@@ -1,5 +1,8 @@
 //! The `supergaussian` command: starts and watches stacks, talks to them, and finds the executables of the other commands.
 
+mod arguments;
+mod capture;
+mod certificates;
 mod chaos;
 mod children;
 mod cli;
@@ -7,6 +10,7 @@ mod console;
 mod contract;
 mod decode;
 mod demo;
+mod join;
 mod leftovers;
 mod logs;
 mod metrics;

@@ -54,7 +54,8 @@ fn as_json(ps: &PsReply) -> serde_json::Value {
         serde_json::json!({
             "name": s.name, "role": s.role, "state": state(s), "pid": s.pid, "instance": s.instance,
             "restarts": s.restarts, "uptime_ms": s.uptime_ms, "memory_bytes": s.memory_bytes,
-            "start_ms": s.start_ms, "reason": s.reason, "executable": s.executable, "epoch": s.epoch,
+            "start_ms": s.start_ms, "reason": s.reason, "executable": s.executable, "epoch": s.epoch, "node": s.node,
+            "answer_ms": s.answer_ms, "answer_ms_p99": s.answer_ms_p99,
             "swap": s.swap.as_ref().map(|swap| serde_json::json!({
                 "number": swap.number, "state": swap_state(swap), "executable": swap.executable, "pid": swap.pid,
                 "instance": swap.instance, "reason": swap.reason,
@@ -68,19 +69,22 @@ fn as_json(ps: &PsReply) -> serde_json::Value {
 }
 
 fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
-    let head = ["SERVICE", "ROLE", "STATE", "PID", "UP", "RESTARTS", "MEMORY", "START", "WHY"];
+    // The times in which requests are answered: median / 99th percentile of the last minute.
+    let head = ["SERVICE", "ROLE", "ON", "STATE", "PID", "UP", "RESTARTS", "MEMORY", "START", "LATENCY", "WHY"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     let or_dash = |known: bool, text: String| if known { text } else { "-".to_owned() };
     rows.extend(ps.services.iter().map(|s| {
         vec![
             s.name.clone(),
             s.role.clone(),
+            if s.node.is_empty() { "here".to_owned() } else { s.node.clone() },
             state(s).to_owned(),
             or_dash(s.pid > 0, s.pid.to_string()),
             or_dash(s.pid > 0, time(s.uptime_ms as f64)),
             s.restarts.to_string(),
             or_dash(s.memory_bytes > 0, format!("{} MiB", s.memory_bytes >> 20)),
             or_dash(s.start_ms > 0, time(s.start_ms as f64)),
+            or_dash(s.answer_ms > 0.0, format!("{:.1} / {:.1} ms", s.answer_ms, s.answer_ms_p99)),
             why(s),
         ]
     }));

@@ -18,7 +18,8 @@ pub(crate) const FOLLOWED: Duration = Duration::from_secs(1800);
 pub(crate) struct SwapArgs {
     /// Name in the launch file
     service: String,
-    /// Executable: a path with a slash, or a name that is beside this program or on PATH
+    /// Executable: a path with a slash, or a name that is beside this program or on PATH; of a service on another machine, a
+    /// name there
     executable: String,
     /// Parameters of the newcomer, a JSON object; by default those that the service has now
     #[arg(long, value_name = "JSON")]
@@ -32,14 +33,18 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Done {
     {
         return Err(Failure::Input(format!("--params: {error}; write a JSON object")));
     }
-    let found = Search::here_then_path().find(executable, Path::new("")).map_err(Failure::Input)?;
     let (_, bus) = join(session).await?;
-    let request = SwapRequest {
-        service: service.clone(),
-        executable: found.display().to_string(),
-        params: params.clone().unwrap_or_default(),
-    };
     let before = services(&bus).await?.services.into_iter().find(|s| s.name == *service);
+    let found = match &before {
+        // On another machine it is looked for there.
+        Some(service) if !service.node.is_empty() => executable.clone(),
+        _ => {
+            let found = Search::here_then_path().find(executable, Path::new("")).map_err(Failure::Input)?;
+            found.display().to_string()
+        }
+    };
+    let request =
+        SwapRequest { service: service.clone(), executable: found, params: params.clone().unwrap_or_default() };
     let old = before.map_or(0, |s| s.pid);
     let began = Instant::now();
     let reply = bus.ask(&keys::SWAP, &request, &Context::root().deadline_in(ANSWER)).await.map_err(refused)?;

@@ -117,7 +117,8 @@ fn graphviz(file: &LaunchFile) -> Vec<String> {
 }
 
 fn table(file: &LaunchFile) -> Vec<String> {
-    let mut rows = vec![["SERVICE", "ROLE", "EXECUTABLE", "AFTER", "RESTART", "CRITICAL"].map(str::to_owned).to_vec()];
+    let mut rows =
+        vec![["SERVICE", "ROLE", "EXECUTABLE", "ON", "AFTER", "RESTART", "CRITICAL"].map(str::to_owned).to_vec()];
     rows.extend(file.services.iter().map(row));
     columns(&rows)
 }
@@ -134,6 +135,7 @@ fn row(service: &Service) -> Vec<String> {
         service.name.clone(),
         service.role.clone(),
         service.start.exec.clone(),
+        dash(service.start.node.clone().unwrap_or_default()),
         dash(service.after.join(", ")),
         restart.to_owned(),
         critical.to_owned(),

@@ -35,10 +35,22 @@ pub mod role {
     pub const SUPERVISOR: &str = "supervisor";
     /// A person at a terminal, or a script.
     pub const CLI: &str = "cli";
+    /// Another machine that has joined and runs services for the supervisor; it serves under its instance alone.
+    pub const NODE: &str = "node";
 
     /// All of them.
-    pub const ALL: [&str; 9] =
-        [SCENE, SELECTION, RENDER_VIEW, RENDER_CAPTURE, AGENT_CORE, AGENT_INTENT, AGENT_FUNCTION, SUPERVISOR, CLI];
+    pub const ALL: [&str; 10] = [
+        SCENE,
+        SELECTION,
+        RENDER_VIEW,
+        RENDER_CAPTURE,
+        AGENT_CORE,
+        AGENT_INTENT,
+        AGENT_FUNCTION,
+        SUPERVISOR,
+        CLI,
+        NODE,
+    ];
 }
 
 /// What goes first where messages wait for one another.
@@ -261,6 +273,10 @@ table! {
     SCENE_CHANGES: Ask<scene::ChangesRequest, scene::Changes> = (role::SCENE, "cmd/changes", SCENE_READERS);
     /// An accepted change, after it is durable.
     SCENE_EVENT: Stream<scene::Event> = (role::SCENE, "event/change") at Interactive;
+    /// Which files the geometry is read from.
+    SCENE_FILES: Ask<scene::FilesRequest, scene::Files> = (role::SCENE, "cmd/files", SCENE_READERS);
+    /// A part of one of those files.
+    SCENE_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::SCENE, "cmd/content", SCENE_READERS) at Background;
     /// The newest state, without masks.
     SCENE_STATE: Slot<scene::State> = (role::SCENE, "state");
 
@@ -271,10 +287,14 @@ table! {
 
     /// One picture.
     CAPTURE: Ask<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS) at Background;
+    /// A part of a picture that the capture process has drawn.
+    CAPTURE_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::RENDER_CAPTURE, "cmd/content", CLIENTS) at Background;
     /// What the capture process has drawn.
     CAPTURE_STATE: Slot<render::State> = (role::RENDER_CAPTURE, "state");
     /// A new picture of the shared viewpoint.
     VIEW_FRAME: Stream<render::Frame> = (role::RENDER_VIEW, "event/frame");
+    /// A part of a picture that the view process has drawn.
+    VIEW_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::RENDER_VIEW, "cmd/content", CLIENTS) at Background;
     /// What the view process has drawn.
     VIEW_STATE: Slot<render::State> = (role::RENDER_VIEW, "state");
 
@@ -317,8 +337,17 @@ table! {
     RELOAD: Ask<launch::ReloadRequest, launch::ReloadReply> = (role::SUPERVISOR, "cmd/reload", &[role::CLI]);
     /// Stops the stack.
     DOWN: Ask<launch::DownRequest, launch::DownReply> = (role::SUPERVISOR, "cmd/down", &[role::CLI]);
+    /// A machine that joined is there.
+    JOIN: Ask<launch::JoinRequest, launch::JoinReply> = (role::SUPERVISOR, "cmd/join", &[role::NODE]);
     /// A service changed its state.
     SERVICE: Stream<launch::ServiceEvent> = (role::SUPERVISOR, "event/service");
+
+    /// Starts a process on a node; asked under its instance, as the others.
+    NODE_START: Ask<launch::StartRequest, launch::StartReply> = (role::NODE, "cmd/start", &[role::SUPERVISOR]);
+    /// Asks a process on a node to stop, or ends it.
+    NODE_SIGNAL: Ask<launch::SignalRequest, launch::SignalReply> = (role::NODE, "cmd/signal", &[role::SUPERVISOR]);
+    /// What processes on a node log.
+    NODE_LOG: Stream<launch::LogLines> = (role::NODE, "event/log") at Background;
 }
 
 /// The key expression of a row for one role of one session.
@@ -331,6 +360,12 @@ pub fn key(session: &str, role: &str, name: &str) -> String {
 #[must_use]
 pub fn instance(instance: &str) -> String {
     format!("@instance/{instance}")
+}
+
+/// Instance of a machine that has joined; no service's can be equal, since their names have no `.`.
+#[must_use]
+pub fn node_instance(node: &str) -> String {
+    format!("node.{node}")
 }
 
 /// The key expression of an instance's liveliness token.

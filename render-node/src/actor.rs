@@ -117,15 +117,17 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         }
     };
     let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
-    let scene =
-        tokio::task::block_in_place(|| read_known(state.geometry())).map_err(|e| StartError::Input(e.to_string()))?;
+    let geometry = state.geometry();
+    let path = host.scene_path(&geometry.path, &geometry.hash).await?;
+    let scene = tokio::task::block_in_place(|| read_known(&path, &geometry.hash))
+        .map_err(|e| StartError::Input(e.to_string()))?;
     tracing::info!(gaussians = scene.len(), "scene read");
 
     let (newest, state) = watch::channel((Arc::new(state), Context::root()));
     tokio::spawn(follow(feed, newest));
-    let row = match host.role() {
-        role::RENDER_VIEW => &keys::VIEW_STATE,
-        role::RENDER_CAPTURE => &keys::CAPTURE_STATE,
+    let (row, content) = match host.role() {
+        role::RENDER_VIEW => (&keys::VIEW_STATE, &keys::VIEW_CONTENT),
+        role::RENDER_CAPTURE => (&keys::CAPTURE_STATE, &keys::CAPTURE_CONTENT),
         other => {
             return Err(StartError::Input(format!(
                 "role `{other}` is not one of a render node: use `{}` or `{}`",
@@ -144,6 +146,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         told,
         params,
     };
+    host.serve_content(content).await?;
     let mut pace = Pace::new(painter.params.frames_per_second);
     let (mailbox, _) = host.spawn(painter, QUEUE);
     if host.role() == role::RENDER_VIEW {
@@ -359,7 +362,7 @@ impl Painter {
         image.write_npy(&mut npy).map_err(|e| kept(&e))?;
         image.write_png(&mut png).map_err(|e| kept(&e))?;
         let (hash, npy_path) = self.blobs.put(&npy, "npy").map_err(|e| kept(&e))?;
-        let (_, png_path) = self.blobs.put(&png, "png").map_err(|e| kept(&e))?;
+        let (png_hash, png_path) = self.blobs.put(&png, "png").map_err(|e| kept(&e))?;
         Ok(proto::Frame {
             width: image.width,
             height: image.height,
@@ -377,6 +380,7 @@ impl Painter {
             render_ms: start.elapsed().as_secs_f64() * 1e3,
             coverage: covered(&image, look.background).0,
             units: Vec::new(),
+            png_hash,
         })
     }
 

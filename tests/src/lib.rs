@@ -2,7 +2,11 @@
 //! any program can be tried that is to fill a role; and the evaluation tables.
 
 pub mod conformance;
+pub mod conformance;
 pub mod eval;
+pub mod hosts;
+pub mod proxy;
+pub mod small_scene;
 pub mod small_scene;
 pub mod stack;
 
@@ -87,6 +91,22 @@ pub fn python() -> Result<Option<PathBuf>, String> {
         return Err("no Python with the packages of ops/python.sh, and SUPERGAUSSIAN_REQUIRE_TOOLS=1".to_owned());
     }
     Ok(None)
+}
+
+/// Two hosts that reach each other through this one alone, if this user may make network namespaces (`ip netns`, as root).
+/// Otherwise the caller skips, having said so; where `SUPERGAUSSIAN_REQUIRE_TOOLS=1` asks for every tool, that is a
+/// failure.
+///
+/// # Errors
+/// A line that says what is required and missing.
+pub fn two_hosts() -> Result<Option<[hosts::Host; 2]>, String> {
+    match hosts::Host::two() {
+        Ok(hosts) => Ok(Some(hosts)),
+        Err(reason) if std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1") => {
+            Err(format!("{reason}, and SUPERGAUSSIAN_REQUIRE_TOOLS=1"))
+        }
+        Err(_) => Ok(None),
+    }
 }
 
 /// Output of a process as text, for a failing test's message.

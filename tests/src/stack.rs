@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use sg_runtime::bus::{Bus, BusError, endpoint_of};
 
+use crate::hosts::Host;
 use crate::{Missing, command, said, small_scene};
 
 /// Name of its session.
@@ -44,10 +45,23 @@ impl Stack {
     /// # Errors
     /// As [`Stack::up`].
     pub fn up_in(settings: &[String], env: &[(&str, &str)]) -> Result<Self, String> {
+        let stack = Self::begin(settings, env, None)?;
+        stack.wait()?;
+        Ok(stack)
+    }
+
+    /// Begins to start every service of the headless launch file, on a host if one is given.
+    ///
+    /// # Errors
+    /// A line that says what is missing.
+    pub fn begin(settings: &[String], env: &[(&str, &str)], host: Option<&Host>) -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let scene = small_scene::write(folder.path()).map_err(|e| e.to_string())?;
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch/headless.toml");
         let mut up = command(&folder.path().join("run")).map_err(|e| e.to_string())?;
+        if let Some(host) = host {
+            up = host.on(&up, &[]);
+        }
         up.args(["up", "--session", SESSION]).arg(file);
         up.arg("--set").arg(format!("service.scene.params.scene={}", scene.display()));
         for setting in settings {
@@ -57,19 +71,37 @@ impl Stack {
         let log = std::fs::File::create(folder.path().join("up.log")).map_err(|e| e.to_string())?;
         let supervisor =
             up.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().map_err(|e| e.to_string())?;
-        let stack = Self { folder, supervisor };
+        Ok(Self { folder, supervisor })
+    }
+
+    /// Waits until every service is ready.
+    ///
+    /// # Errors
+    /// A line that says what did not get ready.
+    pub fn wait(&self) -> Result<(), String> {
         let begun = Instant::now();
         loop {
-            let services = stack.ps();
+            let services = self.ps();
             if !services.is_empty() && services.iter().all(|s| s["state"] == "READY") {
-                return Ok(stack);
+                return Ok(());
             }
             if begun.elapsed() > READY {
-                let log = std::fs::read_to_string(stack.folder.path().join("up.log")).unwrap_or_default();
-                return Err(format!("not ready within {} s: {services:?}\n{log}", READY.as_secs()));
+                return Err(format!("not ready within {} s: {services:?}\n{}", READY.as_secs(), self.log()));
             }
             std::thread::sleep(Duration::from_millis(50));
         }
+    }
+
+    /// What the supervisor has said.
+    #[must_use]
+    pub fn log(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("up.log")).unwrap_or_default()
+    }
+
+    /// The folder that holds all of it.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
     }
 
     /// The command `supergaussian`, which finds this stack.

@@ -21,9 +21,20 @@
 //! critical = true                     # its final failure stops the stack
 //! memory_mib = 4096                   # resident memory above which it is restarted, as after a failure; by default none
 //! env = { SUPERGAUSSIAN_LOG = "debug" }
+//! on = "gpu1"                         # the machine it runs on; by default the launcher's own
+//!
+//! [bus]                               # other machines: only where this table is, and only with certificates of both sides
+//! listen = "tls/0.0.0.0:7447"
+//! authority = "tls/authority.pem"     # from the file's folder; `supergaussian certificates` makes them
+//! certificate = "tls/home.pem"
+//! key = "tls/home-key.pem"
+//!
+//! [node.gpu1]                         # a machine that may join, known by its certificate: `supergaussian join`
+//! lease = 5                           # seconds without word from it, or to it, after which what it runs is over
 //! ```
 
 mod executables;
+mod machines;
 mod order;
 mod read;
 
@@ -42,6 +53,32 @@ pub struct LaunchFile {
     pub name: Option<String>,
     /// Services; each stands after those it comes after, otherwise in the order of the file.
     pub services: Vec<Service>,
+    /// Where other machines are listened to, where the file says so.
+    pub listen: Option<Listening>,
+    /// Machines that may join.
+    pub nodes: Vec<Node>,
+}
+
+/// Where other machines are listened to, and the files by which both sides know each other (PEM, absolute paths).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listening {
+    /// `tls/ADDRESS:PORT`.
+    pub endpoint: String,
+    /// Certificate of the authority that has signed those of both sides.
+    pub authority: PathBuf,
+    /// Certificate of this machine.
+    pub certificate: PathBuf,
+    /// Private key of this machine.
+    pub key: PathBuf,
+}
+
+/// A machine that may join.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Node {
+    /// Name: the common name of its certificate.
+    pub name: String,
+    /// Silence in either direction after which whatever it runs is over.
+    pub lease: Duration,
 }
 
 /// One service of a launch file.
@@ -73,6 +110,8 @@ pub struct Start {
     pub params: serde_json::Map<String, serde_json::Value>,
     /// Environment variables beside those of the launcher.
     pub env: Vec<(String, String)>,
+    /// Machine that it runs on, where it is not the launcher's own; then the executable is a name that is looked up there.
+    pub node: Option<String>,
 }
 
 /// When a process that ended is started again.
@@ -130,6 +169,11 @@ impl Default for Policy {
 }
 
 impl LaunchFile {
+    /// Roles that a node runs, in the order of the services.
+    pub fn roles_on<'a>(&'a self, node: &'a str) -> impl Iterator<Item = &'a Service> {
+        self.services.iter().filter(move |s| s.start.node.as_deref() == Some(node))
+    }
+
     /// Keeps only the named services; conditions on the others are taken as met.
     ///
     /// # Errors

@@ -6,7 +6,7 @@ use sg_proto::keys::role;
 
 use super::executables::Search;
 use super::order::{self, Edge};
-use super::{LaunchFile, Policy, Restart, Service, Start};
+use super::{LaunchFile, Policy, Restart, Service, Start, machines};
 use crate::document::{self, Node, Problem, Problems, Reader, Table, Value, suggestion};
 
 /// Version of the language.
@@ -81,10 +81,13 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
     }
     let defaults = top.table("defaults");
     let services = top.table("service");
+    let (bus, nodes) = (top.table("bus"), top.table("node"));
     if services.is_none_or(|t| t.entries.is_empty()) {
         top.problem(&start, "no service; add a table such as `[service.scene]`");
     }
     top.finish();
+    let listen = machines::listening(bus, path, problems);
+    let nodes = machines::nodes(nodes, listen.is_some(), problems);
 
     let mut base = Base::default();
     if let Some(defaults) = defaults {
@@ -109,7 +112,7 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
             let text = format!("service `{}`: use 1 to {MAX_SERVICE_NAME} letters, digits, `-` or `_`", entry.key);
             problems.push(Problem { place: entry.place.clone(), text });
         }
-        read.push(service(entry, table, &base, &mut edges, path, search, problems));
+        read.push(service(entry, table, &base, &nodes, &mut edges, path, search, problems));
     }
     duplicate_roles(&read, problems);
     let names: Vec<_> = entries.iter().map(|e| e.key.as_str()).collect();
@@ -125,13 +128,15 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
     });
     problems.extend(order::cycles(&names, &edges));
     order::sort(&mut read);
-    LaunchFile { name, services: read }
+    LaunchFile { name, services: read, listen, nodes }
 }
 
+#[allow(clippy::too_many_arguments, reason = "what one table may refer to")]
 fn service(
     entry: &document::Entry,
     table: &Table,
     base: &Base,
+    nodes: &[super::Node],
     edges: &mut Vec<Edge>,
     path: &Path,
     search: &Search,
@@ -139,8 +144,19 @@ fn service(
 ) -> Service {
     let mut reader = Reader::new(format!("[service.{}]", entry.key), table, problems);
     let exec = reader.string("exec");
+    let on = machines::on(&mut reader, nodes);
     let mut executable = None;
     match exec {
+        Some(name) if on.is_some() => {
+            if name.contains('/')
+                && let Some(place) = reader.node("exec").map(|n| n.place.clone())
+            {
+                let text =
+                    format!("`{name}`: a service on another machine is named without a path; it is looked for there");
+                reader.problem(&place, text);
+            }
+            executable = Some(name.into());
+        }
         None if reader.node("exec").is_none() => {
             reader.problem(&entry.place, format!("service `{}` has no `exec`", entry.key));
         }
@@ -155,9 +171,9 @@ fn service(
         },
     }
     let role = reader.string("role").unwrap_or(&entry.key).to_owned();
-    if !is_name(&role) || [role::SUPERVISOR, role::CLI].contains(&role.as_str()) {
+    if !is_name(&role) || [role::SUPERVISOR, role::CLI, role::NODE].contains(&role.as_str()) {
         let place = reader.node("role").map_or_else(|| entry.place.clone(), |n| n.place.clone());
-        let text = format!("role `{role}`: use letters, digits, `-` or `_`, and none of `supervisor`, `cli`");
+        let text = format!("role `{role}`: use letters, digits, `-` or `_`, and none of `supervisor`, `cli`, `node`");
         reader.problem(&place, text);
     }
     let params = reader.table("params").map(Table::to_json).unwrap_or_default();
@@ -181,7 +197,7 @@ fn service(
     Service {
         name: entry.key.clone(),
         role,
-        start: Start { exec, executable: executable.unwrap_or_default(), params, env: own.env },
+        start: Start { exec, executable: executable.unwrap_or_default(), params, env: own.env, node: on },
         after,
         policy: own.policy,
         place: entry.place.clone(),
@@ -269,7 +285,7 @@ fn duplicate_roles(services: &[Service], problems: &mut Vec<Problem>) {
     }
 }
 
-fn is_name(name: &str) -> bool {
+pub(super) fn is_name(name: &str) -> bool {
     (1..=MAX_SERVICE_NAME).contains(&name.len())
         && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
 }

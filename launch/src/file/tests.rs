@@ -158,7 +158,7 @@ fn every_mistake_is_told_in_one_line_with_its_place_and_a_remedy() {
         ),
         (
             "schema = 1\n[service.a]\nexec = \"worker\"\nrole = \"cli\"\n",
-            &["x.toml:4:8: role `cli`: use letters, digits, `-` or `_`, and none of `supervisor`, `cli`"],
+            &["x.toml:4:8: role `cli`: use letters, digits, `-` or `_`, and none of `supervisor`, `cli`, `node`"],
         ),
         (
             "schema = 1\n[service.\"a/b\"]\nexec = \"worker\"\nrole = \"r\"\n",
@@ -224,6 +224,56 @@ fn only_some_services_can_be_started() {
     assert_eq!(file.only(&["bb".to_owned()]).unwrap_err(), "--only bb: no such service; did you mean `b`?");
 }
 
+const MACHINES: &str = r#"schema = 1
+[bus]
+listen = "tls/0.0.0.0:7447"
+authority = "plain"
+certificate = "plain"
+key = "plain"
+[node.gpu1]
+lease = 3
+[service.scene]
+exec = "supergaussian-scene"
+[service.view]
+exec = "not-on-this-machine"
+role = "render-view"
+on = "gpu1"
+"#;
+
+#[test]
+fn services_may_run_on_other_machines() {
+    let bench = Bench::new();
+    let file = bench.read(MACHINES, &[]).unwrap();
+    let listen = file.listen.as_ref().unwrap();
+    assert_eq!((listen.endpoint.as_str(), listen.key.clone()), ("tls/0.0.0.0:7447", bench.folder.path().join("plain")));
+    assert_eq!(file.nodes, [crate::file::Node { name: "gpu1".into(), lease: Duration::from_secs(3) }]);
+    let view = &file.services[1].start;
+    assert_eq!((view.node.as_deref(), view.executable.as_path()), (Some("gpu1"), Path::new("not-on-this-machine")));
+    assert_eq!(file.roles_on("gpu1").map(|s| s.role.as_str()).collect::<Vec<_>>(), ["render-view"]);
+}
+
+#[test]
+fn other_machines_are_listened_to_by_tls_and_known_by_name() {
+    let bench = Bench::new();
+    let said = |set: &str| bench.complaints(MACHINES, &[set]);
+    let tcp = said("bus.listen=tcp/0.0.0.0:7447");
+    assert!(tcp[0].contains("by TLS only"), "{tcp:?}");
+    let portless = said("bus.listen=tls/lab");
+    assert!(portless[0].contains("write `tls/ADDRESS:PORT`"), "{portless:?}");
+    let missing = said("bus.key=none.pem");
+    assert!(missing[0].contains("none.pem: no such file; make it with `supergaussian certificates`"), "{missing:?}");
+    let unknown = said("service.view.on=gpu2");
+    assert!(unknown[0].contains("`on` names `gpu2`") && unknown[0].contains("did you mean `gpu1`?"), "{unknown:?}");
+    let path = said("service.view.exec=./view");
+    assert!(path[0].contains("named without a path"), "{path:?}");
+    let hasty = said("node.gpu1.lease=0.5");
+    assert!(hasty[0].contains("at least 2 seconds"), "{hasty:?}");
+    let nowhere = bench.complaints("schema = 1\n[node.a]\n[service.scene]\nexec = \"worker\"\n", &[]);
+    assert_eq!(nowhere, ["x.toml:2:7: node `a` has nowhere to join; add `[bus]` with `listen`"]);
+    let partly = bench.complaints("schema = 1\n[bus]\nlisten = \"tls/a:1\"\n[service.scene]\nexec = \"worker\"\n", &[]);
+    assert_eq!(partly.len(), 3, "{partly:?}");
+}
+
 #[test]
 fn the_shipped_file_is_a_good_one() {
     let path = Path::new("headless.toml");
@@ -239,7 +289,7 @@ fn the_shipped_file_is_a_good_one() {
     let mut roles: Vec<_> = file.services.iter().map(|s| s.role.as_str()).collect();
     roles.sort_unstable();
     let mut all: Vec<_> = role::ALL.to_vec();
-    all.retain(|r| !["supervisor", "cli"].contains(r));
+    all.retain(|r| !["supervisor", "cli", "node"].contains(r));
     all.sort_unstable();
     assert_eq!(roles, all);
     assert!(file.services.iter().all(|s| s.name == s.role), "services are called like their roles");

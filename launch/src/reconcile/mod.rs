@@ -17,6 +17,7 @@ mod start;
 mod stop;
 mod view;
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use sg_proto::launch;
@@ -92,6 +93,8 @@ pub enum Event {
         instance: String,
         /// Resident memory.
         memory_bytes: u64,
+        /// Milliseconds from the receipt of a request to its answer: median and 99th percentile.
+        answer_ms: (f64, f64),
     },
     /// An instance appeared on the bus (true) or left it.
     Seen {
@@ -99,6 +102,13 @@ pub enum Event {
         instance: String,
         /// Whether it is there.
         alive: bool,
+    },
+    /// A machine joined (true), or is away and what ran there is over.
+    Node {
+        /// Its name.
+        name: String,
+        /// Whether it is there.
+        present: bool,
     },
     /// These are the services from now on, each after those it comes after.
     Desire(Vec<Service>),
@@ -251,6 +261,8 @@ pub struct Reconciler {
     /// Last one granted.
     epoch: u64,
     jitter: Jitter,
+    /// Machines that have joined.
+    nodes: BTreeSet<String>,
 }
 
 impl Reconciler {
@@ -265,6 +277,7 @@ impl Reconciler {
             incarnations: 0,
             epoch,
             jitter: Jitter::new(seed),
+            nodes: BTreeSet::new(),
         }
     }
 
@@ -297,14 +310,21 @@ impl Reconciler {
             }
             Event::Seen { instance, alive: false } => {
                 if let Some((_, process)) = self.process_of(|p| p.instance == instance)
+                    // The way to another machine may be cut for a while; its lease says when that is too long.
+                    && process.start.node.is_none()
                     && let Stage::Ready { deadline, .. } = &mut process.stage
                 {
                     *deadline = (*deadline).min(now + AWAY_TIME);
                 }
             }
-            Event::Health { instance, memory_bytes } => {
+            Event::Node { name, present: true } => {
+                self.nodes.insert(name);
+            }
+            Event::Node { name, present: false } => self.node_away(&name, now, &mut actions),
+            Event::Health { instance, memory_bytes, answer_ms } => {
                 if let Some((at, process)) = self.process_of(|p| p.instance == instance) {
                     process.memory_bytes = memory_bytes;
+                    process.answer_ms = answer_ms;
                     self.postpone(at, now);
                     self.weigh(at, now, &mut actions);
                 }
@@ -354,7 +374,7 @@ impl Reconciler {
                     self.start_newcomer_if_due(index, now, actions);
                 }
                 // What waits now waits for something that will never be ready.
-                if !self.slots.iter().any(Slot::is_active) {
+                if !self.slots.iter().any(|s| s.is_active() || self.waits_for_node(s)) {
                     for index in 0..self.slots.len() {
                         self.retract(index, "the stack ended", now, actions);
                     }

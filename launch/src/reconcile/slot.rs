@@ -22,8 +22,9 @@ pub(super) struct Slot {
     pub(super) newcomer: Option<Process>,
     /// The newest swap.
     pub(super) swap: Option<Swap>,
-    /// Processes that served a role and that the system does not remove: until they are gone nobody else may serve it.
-    pub(super) lost: Vec<(Incarnation, String)>,
+    /// Processes that served a role and that the system does not remove, with the machine they are on: until they are gone
+    /// nobody else may serve it.
+    pub(super) lost: Vec<(Incarnation, String, Option<String>)>,
     /// Processes started so far.
     pub(super) processes: u32,
     /// Those among them that were started to serve at once.
@@ -65,6 +66,8 @@ pub(super) struct Process {
     pub(super) pid: Option<u32>,
     pub(super) started: Time,
     pub(super) memory_bytes: u64,
+    /// Milliseconds from the receipt of a request to its answer: median and 99th percentile.
+    pub(super) answer_ms: (f64, f64),
     /// Known once it is ready or stands by.
     pub(super) start_ms: Option<u64>,
     /// The swap that it is the newcomer of, until it is done.

@@ -2,8 +2,8 @@
 
 use sg_proto::launch::SwapState;
 
-use super::slot::{Process, Slot, Stage, State};
-use super::{Action, Incarnation, Reconciler, Spawn, Time};
+use super::slot::{Part, Process, Slot, Stage, State, Then};
+use super::{Action, Exit, Incarnation, Reconciler, Spawn, Time};
 use crate::file::Start;
 
 impl Reconciler {
@@ -17,7 +17,8 @@ impl Reconciler {
             _ => return,
         }
         let successor = slot.hands_over().then(|| "its successor".to_owned());
-        let missing = [self.unready(index), self.occupants(index), Vec::from_iter(successor)].concat();
+        let node = self.absent_node(&slot.service.start);
+        let missing = [self.unready(index), node, self.occupants(index), Vec::from_iter(successor)].concat();
         let Some(slot) = self.slots.get_mut(index) else { return };
         if !missing.is_empty() {
             let reason = format!("waits for {}", missing.join(", "));
@@ -48,7 +49,7 @@ impl Reconciler {
         if slot.newcomer.is_some() || slot.hands_over() {
             return;
         }
-        let missing = self.unready(index);
+        let missing = [self.unready(index), self.absent_node(&wish.start)].concat();
         let hopeless = self.slots.iter().any(|s| s.state == State::Failed && after(slot, s));
         let Some(slot) = self.slots.get_mut(index) else { return };
         if !missing.is_empty() {
@@ -104,6 +105,7 @@ impl Reconciler {
             pid: None,
             started: now,
             memory_bytes: 0,
+            answer_ms: (0.0, 0.0),
             start_ms: None,
             swap: None,
             stage: Stage::Starting { deadline: now + slot.service.policy.ready },
@@ -122,11 +124,50 @@ impl Reconciler {
             .collect()
     }
 
+    /// The machine that a process is to run on, in words, where it has not joined.
+    fn absent_node(&self, start: &Start) -> Vec<String> {
+        let absent = start.node.iter().filter(|node| !self.nodes.contains(*node));
+        absent.map(|node| format!("node `{node}`, which has not joined")).collect()
+    }
+
+    /// Whether a service waits for a machine that may yet join.
+    pub(super) fn waits_for_node(&self, slot: &Slot) -> bool {
+        slot.state == State::Waiting && !slot.removed && !self.absent_node(&slot.service.start).is_empty()
+    }
+
+    /// A machine is away: its lease is over, and with it every process that it ran. Nobody is to blame, so no failure is
+    /// counted; the services wait for it to come back.
+    pub(super) fn node_away(&mut self, name: &str, now: Time, actions: &mut Vec<Action>) {
+        self.nodes.remove(name);
+        for (index, part) in self.parts() {
+            let process = self.slots.get(index).and_then(|s| s.process(part));
+            let Some(process) = process.filter(|p| p.start.node.as_deref() == Some(name)) else { continue };
+            let incarnation = process.incarnation;
+            if part == Part::Main
+                && process.swap.is_none()
+                && let Some(process) = self.slots.get_mut(index).and_then(|s| s.process_mut(part))
+            {
+                // As if it had been asked to start again when it can. What looked like a failure was its machine's.
+                match &mut process.stage {
+                    Stage::Stopping { then: then @ Then::Fail(_), .. } => *then = Then::StartAgain,
+                    Stage::Stopping { .. } => {}
+                    stage => *stage = Stage::Stopping { deadline: now, kills: 0, then: Then::StartAgain },
+                }
+            }
+            let reason = format!("node `{name}` is away");
+            self.exited(incarnation, Exit { status: None, reason }, now, actions);
+        }
+        for slot in &mut self.slots {
+            slot.lost.retain(|(_, _, node)| node.as_deref() != Some(name));
+        }
+    }
+
     /// Who still serves the role of a service or may, in words: no second one may, and none before it is gone.
     pub(super) fn occupants(&self, index: usize) -> Vec<String> {
         let Some(slot) = self.slots.get(index) else { return Vec::new() };
         let role = &slot.service.role;
-        let has = |s: &Slot| s.main().is_some_and(|p| p.role == *role) || s.lost.iter().any(|(_, lost)| lost == role);
+        let has =
+            |s: &Slot| s.main().is_some_and(|p| p.role == *role) || s.lost.iter().any(|(_, lost, _)| lost == role);
         let others = self.slots.iter().enumerate().filter(|(i, s)| *i != index && has(s));
         others.map(|(_, s)| format!("the end of `{}`, which has the role", s.service.name)).collect()
     }

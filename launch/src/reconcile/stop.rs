@@ -34,7 +34,10 @@ impl Reconciler {
                 // A process that hangs would not hear the request either.
                 self.kill(at, now, actions);
             }
-            Stage::Stopping { kills, .. } if *kills < KILLS => self.kill(at, now, actions),
+            // What another machine runs is over with its lease at the latest: it is told again until then.
+            Stage::Stopping { kills, .. } if *kills < KILLS || process.start.node.is_some() => {
+                self.kill(at, now, actions);
+            }
             Stage::Stopping { .. } => self.lose(at, actions),
         }
     }
@@ -72,7 +75,7 @@ impl Reconciler {
         let Some(process) = self.slots.get_mut(index).and_then(|s| s.process_mut(part)) else { return };
         if let Stage::Stopping { deadline, kills, .. } = &mut process.stage {
             *deadline = now + KILL_TIME;
-            *kills += 1;
+            *kills = kills.saturating_add(1);
             actions.push(Action::Kill(process.incarnation));
         }
     }
@@ -82,11 +85,12 @@ impl Reconciler {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let Some(process) = slot.process(part) else { return };
         let (incarnation, pid, role) = (process.incarnation, process.pid.unwrap_or(0), process.role.clone());
+        let node = process.start.node.clone();
         actions.push(Action::Ended { service: index, incarnation, end: End::Lost });
         match part {
             Part::Newcomer => slot.newcomer = None,
             Part::Main => {
-                slot.lost.push((incarnation, role));
+                slot.lost.push((incarnation, role, node));
                 let reason = format!("process {pid} was killed but the system does not remove it");
                 slot.enter(State::Failed, reason, index, actions);
             }
@@ -97,7 +101,7 @@ impl Reconciler {
     pub(super) fn exited(&mut self, incarnation: Incarnation, exit: Exit, now: Time, actions: &mut Vec<Action>) {
         let Some(((index, part), _)) = self.process_of(|p| p.incarnation == incarnation) else {
             // One that was given up may be removed after all; it was counted when it was given up.
-            self.slots.iter_mut().for_each(|s| s.lost.retain(|(i, _)| *i != incarnation));
+            self.slots.iter_mut().for_each(|s| s.lost.retain(|(i, _, _)| *i != incarnation));
             return;
         };
         match part {

@@ -68,6 +68,9 @@ impl Slot {
             executable: self.service.start.executable.display().to_string(),
             epoch: self.epoch,
             swap: self.swap_view(),
+            node: process.map_or(&self.service.start, |p| &p.start).node.clone().unwrap_or_default(),
+            answer_ms: process.map_or(0.0, |p| p.answer_ms.0),
+            answer_ms_p99: process.map_or(0.0, |p| p.answer_ms.1),
         }
     }
 

@@ -7,10 +7,11 @@ use nix::sys::signal::Signal;
 use sg_launch::reconcile::{Action, Event, Exit, Incarnation, Spawn};
 use sg_proto::bus::PromoteRequest;
 use sg_proto::keys;
+use sg_runtime::bus::Link;
 use sg_runtime::context::Context;
-use sg_runtime::session::SessionDir;
 
 use super::Supervisor;
+use crate::arguments::Serving;
 use crate::children::{self, Order};
 use crate::console::{self, ServiceLog};
 use crate::logs::{self, LogFile};
@@ -20,7 +21,7 @@ impl Supervisor {
     /// Does what is wanted; what comes of it at once is returned.
     pub(super) async fn act(&mut self, action: Action) -> Option<Event> {
         match action {
-            Action::Spawn(spawn) => Some(self.spawn(*spawn)),
+            Action::Spawn(spawn) => self.spawn(*spawn),
             Action::Prove { incarnation, instance, role } => {
                 self.prove(incarnation, &instance, role);
                 None
@@ -44,16 +45,32 @@ impl Supervisor {
         }
     }
 
-    fn spawn(&mut self, spawn: Spawn) -> Event {
+    /// Starts a process; what becomes of one on another machine comes later.
+    fn spawn(&mut self, spawn: Spawn) -> Option<Event> {
+        if let Some(node) = spawn.start.node.clone() {
+            self.nodes.start(&self.bus, node, &spawn);
+            return None;
+        }
         let incarnation = spawn.incarnation;
+        let serving = Serving {
+            session: self.stack.session.name(),
+            role: &spawn.role,
+            instance: &spawn.instance,
+            link: &Link::from(&self.endpoint),
+            run_dir: self.stack.session.path(),
+            params: &serde_json::Value::Object(spawn.start.params.clone()).to_string(),
+            epoch: spawn.epoch,
+            standby: spawn.standby,
+            stop: spawn.stop,
+        };
         let order = Order {
             incarnation,
             executable: spawn.start.executable.clone(),
-            arguments: arguments(&spawn, &self.stack.session, &self.endpoint),
+            arguments: serving.arguments(),
             env: spawn.start.env.clone(),
         };
         let log = self.log(spawn.service);
-        match children::start(order, log, self.exit_sender.clone()) {
+        let event = match children::start(order, log, self.exit_sender.clone()) {
             Ok(pid) => {
                 self.pids.insert(incarnation, (pid, spawn.instance));
                 self.roster.add(pid);
@@ -63,7 +80,8 @@ impl Supervisor {
                 let reason = format!("{} cannot be started: {error}", spawn.start.executable.display());
                 Event::Exited { incarnation, exit: Exit { status: None, reason } }
             }
-        }
+        };
+        Some(event)
     }
 
     /// Where the lines of a service go; begun with its first process.
@@ -103,36 +121,13 @@ impl Supervisor {
     }
 
     fn signal(&self, incarnation: Incarnation, signal: Signal) -> Option<Event> {
+        if self.nodes.signal(&self.bus, incarnation, signal) {
+            return None;
+        }
         let (pid, _) = self.pids.get(&incarnation)?;
         if let Err(error) = children::signal(*pid, signal) {
             self.console.tell(format!("{signal} could not be sent to process {pid}: {error}"));
         }
         None
     }
-}
-
-/// The arguments of a service's process (`sg_runtime::process::ServeArgs`).
-fn arguments(spawn: &Spawn, session: &SessionDir, endpoint: &str) -> Vec<String> {
-    let params = serde_json::Value::Object(spawn.start.params.clone()).to_string();
-    let run_dir = session.path().display().to_string();
-    let supervisor = std::process::id().to_string();
-    let epoch = spawn.epoch.to_string();
-    // A little less than the time until the kill: what is left is for leaving.
-    let grace = spawn.stop.mul_f64(0.8).as_millis().to_string();
-    let mut arguments = vec!["serve".to_owned()];
-    for (name, value) in [
-        ("--session", session.name()),
-        ("--role", &spawn.role),
-        ("--instance", &spawn.instance),
-        ("--connect", endpoint),
-        ("--run-dir", &run_dir),
-        ("--params", &params),
-        ("--supervisor-pid", &supervisor),
-        ("--epoch", &epoch),
-        ("--grace-ms", &grace),
-    ] {
-        arguments.extend([name.to_owned(), value.to_owned()]);
-    }
-    arguments.extend(spawn.standby.then(|| "--standby".to_owned()));
-    arguments
 }

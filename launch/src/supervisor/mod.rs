@@ -1,6 +1,7 @@
 //! The supervisor's body: turns what [`sg_launch::reconcile`] wants into processes, and what happens into its events.
 
 mod act;
+mod nodes;
 mod requests;
 mod session_lock;
 mod told;
@@ -14,6 +15,7 @@ use sg_launch::file::LaunchFile;
 use sg_launch::reconcile::{Action, Event, Exit, Incarnation, Outcome, Reconciler, Time};
 use sg_proto::bus::{Health, Ready};
 use sg_proto::keys::{self, role};
+use sg_proto::launch::LogLines;
 use sg_runtime::bus::{Bus, Following, Liveliness, Serving};
 use sg_runtime::metrics;
 use sg_runtime::session::SessionDir;
@@ -23,6 +25,7 @@ use tokio::sync::mpsc;
 use crate::console::{Console, ServiceLog, Verbosity, Writer};
 use crate::leftovers::Roster;
 use crate::terminal::Failure;
+use nodes::{Nodes, Placed};
 pub(crate) use requests::Handle;
 use requests::{Request, serve};
 use session_lock::{forget, lock};
@@ -63,7 +66,11 @@ pub(crate) struct Supervisor {
     alive: mpsc::Receiver<Liveliness>,
     exits: mpsc::Receiver<(Incarnation, Exit)>,
     exit_sender: mpsc::Sender<(Incarnation, Exit)>,
-    /// Process id and instance of all that run.
+    /// Other machines and what runs on them.
+    nodes: Nodes,
+    placed: mpsc::Receiver<Placed>,
+    node_logs: Following<LogLines>,
+    /// Process id and instance of all that run on this machine.
     pids: HashMap<Incarnation, (u32, String)>,
     /// By service.
     logs: HashMap<String, ServiceLog>,
@@ -89,7 +96,8 @@ impl Supervisor {
         // A supervisor that died leaves its socket, and pictures that nobody will ask for.
         forget(&session)?;
         metrics::install(role::SUPERVISOR, session.name());
-        let bus = Bus::route(session.name(), role::SUPERVISOR, &session.socket()).await?;
+        let bus = Bus::route(session.name(), role::SUPERVISOR, &session.socket(), nodes::listen(&stack.file).as_ref())
+            .await?;
         let folder = session.logs();
         std::fs::create_dir_all(&folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;
 
@@ -99,6 +107,9 @@ impl Supervisor {
         let health = bus.follow(&keys::HEALTH, keys::ANY, CAPACITY).await?;
         let newcomers_ready = bus.follow(&keys::READY, STANDING_BY, CAPACITY).await?;
         let newcomers_health = bus.follow(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
+        let node_logs = bus.follow(&keys::NODE_LOG, STANDING_BY, CAPACITY).await?;
+        let (placed_sender, placed) = mpsc::channel(CAPACITY);
+        let nodes = Nodes::new(&stack.file.nodes, placed_sender);
         let alive = bus.watch_alive(CAPACITY).await?;
         let (exit_sender, exits) = mpsc::channel(CAPACITY);
         let (outcome_sender, outcomes) = mpsc::channel(CAPACITY);
@@ -126,6 +137,9 @@ impl Supervisor {
             alive,
             exits,
             exit_sender,
+            nodes,
+            placed,
+            node_logs,
             pids: HashMap::new(),
             logs: HashMap::new(),
             width,
@@ -178,7 +192,8 @@ impl Supervisor {
             }
             // Without a deadline only an event can change anything; an hour is as good as never.
             let deadline = self.mind.next_deadline().unwrap_or(self.now() + Duration::from_secs(3600));
-            let deadline = tokio::time::Instant::from_std(self.began + deadline);
+            let deadline = self.nodes.deadline().into_iter().chain([self.began + deadline]).min();
+            let deadline = tokio::time::Instant::from_std(deadline.unwrap_or_else(Instant::now));
             let event = tokio::select! {
                 Some((incarnation, exit)) = self.exits.recv() => self.gone(incarnation, exit),
                 Some((ready, _)) = self.ready.next() => serves(ready),
@@ -187,13 +202,22 @@ impl Supervisor {
                 Some((health, _)) = self.newcomers_health.next() => lives(health),
                 Some(event) = self.outcomes.recv() => event,
                 Some(seen) = self.alive.recv() => Event::Seen { instance: seen.instance, alive: seen.alive },
-                Some(request) = self.requests.recv() => self.answer(request),
+                Some(placed) = self.placed.recv() => self.nodes.placed(placed),
+                Some((heard, _)) = self.node_logs.next() => {
+                    self.heard_lines(&heard);
+                    Event::Tick
+                }
+                Some(request) = self.requests.recv() => {
+                    happened.extend(self.answer(request));
+                    continue;
+                }
                 _ = interrupt.recv() => self.asked_to_stop(),
                 _ = terminate.recv() => self.asked_to_stop(),
                 _ = hang_up.recv() => self.asked_to_stop(),
                 () = tokio::time::sleep_until(deadline) => Event::Tick,
             };
             happened.push_back(event);
+            happened.extend(self.leases());
         };
         self.close(outcome).await
     }
@@ -225,7 +249,8 @@ impl Supervisor {
 
     fn stands_by(&mut self, ready: Ready) -> Event {
         // Only of those that were started here: what others say of themselves would stay for ever.
-        if self.pids.values().any(|(_, instance)| *instance == ready.instance) {
+        let here = self.pids.values().any(|(_, instance)| *instance == ready.instance);
+        if here || self.nodes.is_of(&ready.instance) {
             self.newcomers.insert(ready.instance.clone(), ready.clone());
         }
         serves(ready)
@@ -245,5 +270,6 @@ fn serves(ready: Ready) -> Event {
 }
 
 fn lives(health: Health) -> Event {
-    Event::Health { instance: health.instance, memory_bytes: health.memory_bytes }
+    let answer_ms = (health.answer_ms, health.answer_ms_p99);
+    Event::Health { instance: health.instance, memory_bytes: health.memory_bytes, answer_ms }
 }

@@ -1,6 +1,7 @@
 //! What people ask of a supervisor, over the bus or in the same process.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use sg_launch::document::suggestion;
 use sg_launch::file::Start;
@@ -8,14 +9,15 @@ use sg_launch::reconcile::Event;
 use sg_proto::bus::MetricsReply;
 use sg_proto::keys;
 use sg_proto::launch::{
-    DownReply, PsReply, ReloadReply, ReloadRequest, RestartReply, Service as ServiceMessage, SwapReply, SwapRequest,
+    DownReply, JoinReply, JoinRequest, PsReply, ReloadReply, ReloadRequest, RestartReply, Service as ServiceMessage,
+    SwapReply, SwapRequest,
 };
 use sg_runtime::bus::{Bus, Serving};
 use sg_runtime::fault::Fault;
 use sg_runtime::metrics;
 use tokio::sync::{mpsc, oneshot};
 
-use super::{CAPACITY, Supervisor};
+use super::{CAPACITY, Supervisor, nodes};
 use crate::terminal::Failure;
 use crate::up;
 
@@ -24,6 +26,7 @@ pub(super) enum Request {
     Restart(String, oneshot::Sender<Result<RestartReply, Fault>>),
     Swap(SwapRequest, oneshot::Sender<Result<SwapReply, Fault>>),
     Reload(ReloadRequest, oneshot::Sender<Result<ReloadReply, Fault>>),
+    Join(JoinRequest, oneshot::Sender<Result<JoinReply, Fault>>),
     Down,
 }
 
@@ -40,8 +43,9 @@ impl Handle {
 }
 
 impl Supervisor {
-    pub(super) fn answer(&mut self, request: Request) -> Event {
-        match request {
+    /// Answers a request; what follows from it, in order.
+    pub(super) fn answer(&mut self, request: Request) -> Vec<Event> {
+        let event = match request {
             Request::Ps(reply) => {
                 let ps = PsReply {
                     session: self.stack.session.name().to_owned(),
@@ -73,8 +77,20 @@ impl Supervisor {
                 let _ = reply.send(answer);
                 event
             }
+            Request::Join(request, reply) => {
+                let (answer, events) = match self.nodes.hear(&request, Instant::now()) {
+                    Ok((answer, events)) => (Ok(answer), events),
+                    Err(fault) => (Err(fault), Vec::new()),
+                };
+                if events.iter().any(|e| matches!(e, Event::Node { present: true, .. })) {
+                    self.console.detail(format!("  node {} has joined, process {}", request.node, request.pid));
+                }
+                let _ = reply.send(answer);
+                return events;
+            }
             Request::Down => Event::Down,
-        }
+        };
+        vec![event]
     }
 
     /// A service by name, if there is anything to be done about it.
@@ -99,10 +115,20 @@ impl Supervisor {
             text => serde_json::from_str(text).map_err(|e| Fault::invalid(format!("parameters: {e}")))?,
         };
         let executable = PathBuf::from(&request.executable);
-        if !executable.is_absolute() {
-            return Err(Fault::invalid(format!("executable `{}` must be an absolute path", request.executable)));
+        match &kept.start.node {
+            None if !executable.is_absolute() => {
+                return Err(Fault::invalid(format!("executable `{}` must be an absolute path", request.executable)));
+            }
+            Some(node) if request.executable.contains('/') => {
+                return Err(Fault::invalid(format!(
+                    "`{}` runs on node `{node}`: name its executable without a path, it is looked for there",
+                    request.service
+                )));
+            }
+            _ => {}
         }
-        let start = Start { exec: request.executable.clone(), executable, params, env: kept.start.env.clone() };
+        let Start { env, node, .. } = kept.start.clone();
+        let start = Start { exec: request.executable.clone(), executable, params, env, node };
         Ok((self.mind.next_swap(service), Event::Swap { service, start }))
     }
 
@@ -113,6 +139,12 @@ impl Supervisor {
         }
         let path = PathBuf::from(&request.launch_file);
         let file = up::launch_file(&path, &request.overrides, &request.only).map_err(|f| Fault::invalid(f.text()))?;
+        // Who may do what on the bus was settled when it was opened.
+        if nodes::listen(&file) != nodes::listen(&self.stack.file) || file.nodes != self.stack.file.nodes {
+            return Err(Fault::precondition(
+                "what other machines run or may do has changed (`[bus]`, `[node.…]`, `on`); stop the stack and start it again",
+            ));
+        }
         let differences = self.mind.differences(&file.services);
         self.console.detail(format!("{}: read again", path.display()));
         self.stack.path = path;
@@ -160,6 +192,15 @@ pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result
         }
     });
     let sender = requests.clone();
+    let join = bus.serve(&keys::JOIN, CAPACITY, move |request, _| {
+        let sender = sender.clone();
+        async move {
+            let (reply, answer) = oneshot::channel();
+            sender.send(Request::Join(request, reply)).await.map_err(|_| stopping())?;
+            answer.await.map_err(|_| stopping())?
+        }
+    });
+    let sender = requests.clone();
     let down = bus.serve(&keys::DOWN, CAPACITY, move |_, _| {
         let sender = sender.clone();
         async move {
@@ -169,5 +210,5 @@ pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result
     });
     let counted = |_, _| std::future::ready(Ok(MetricsReply { text: metrics::render() }));
     let metrics = bus.serve(&keys::METRICS, CAPACITY, counted);
-    Ok(vec![ps.await?, restart.await?, swap.await?, reload.await?, down.await?, metrics.await?])
+    Ok(vec![ps.await?, restart.await?, swap.await?, reload.await?, join.await?, down.await?, metrics.await?])
 }

@@ -24,6 +24,10 @@ pub fn differ(before: &Frame, after: &Frame) -> Option<bool> {
     if !before.hash.is_empty() && before.hash == after.hash {
         return Some(false);
     }
+    if !before.png_hash.is_empty() && !after.png_hash.is_empty() {
+        return Some(before.png_hash != after.png_hash);
+    }
+    // A renderer that tells no hash of its PNG is on this machine, or cannot be compared.
     let read = |frame: &Frame| {
         let small = std::fs::metadata(&frame.png_path).is_ok_and(|m| m.len() <= MAX_PICTURE_BYTES);
         if small { std::fs::read(&frame.png_path).ok() } else { None }
@@ -287,6 +291,9 @@ mod tests {
         let frame = |hash: &str, png: &str| Frame { hash: hash.into(), png_path: png.into(), ..Frame::default() };
         assert_eq!(differ(&frame("a", ""), &frame("a", "")), Some(false));
         assert_eq!(differ(&frame("a", ""), &frame("b", "")), None);
+        let hashed = |hash: &str, png: &str| Frame { png_hash: png.into(), ..frame(hash, "") };
+        assert_eq!(differ(&hashed("a", "1"), &hashed("b", "1")), Some(false));
+        assert_eq!(differ(&hashed("a", "1"), &hashed("b", "2")), Some(true));
         let folder = std::env::temp_dir().join(format!("sg-agents-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let path = |name: &str, bytes: &[u8]| {

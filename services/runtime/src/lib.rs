@@ -12,6 +12,7 @@ pub mod fault;
 pub mod metrics;
 pub mod process;
 pub mod scene_feed;
+mod scene_files;
 pub mod session;
 pub mod telemetry;
 pub mod trace;

@@ -12,7 +12,8 @@ use nix::unistd::{Pid, getppid};
 use prost::{Message, Name};
 use serde::de::DeserializeOwned;
 use sg_proto::bus::{
-    CancelReply, CancelRequest, Code, Health, MetricsReply, Phase, PromoteReply, PromoteRequest, Ready,
+    CancelReply, CancelRequest, Code, ContentReply, ContentRequest, Health, MetricsReply, Phase, PromoteReply,
+    PromoteRequest, Ready,
 };
 use sg_proto::keys::{self, Ask};
 use sg_proto::limits::HEALTH_PERIOD;
@@ -21,10 +22,10 @@ use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::actor::{self, Actor, Exit, Mailbox, Observed, Running};
 use crate::blobs::Blobs;
-use crate::bus::{Alive, Bus, BusError, Serving};
+use crate::bus::{Alive, Bus, BusError, Certificates, Link, Serving};
 use crate::context::Context;
 use crate::fault::Fault;
-use crate::{metrics, telemetry, wire};
+use crate::{metrics, scene_files, telemetry, wire};
 
 /// Exit status of a process whose parameters or input are wrong: starting it again would not help.
 pub const EXIT_INPUT: u8 = 2;
@@ -46,6 +47,15 @@ pub struct ServeArgs {
     /// Endpoint of the session's router
     #[arg(long)]
     pub connect: String,
+    /// Certificate of the authority, where the router is on another machine (PEM)
+    #[arg(long, requires_all = ["certificate", "key"])]
+    pub authority: Option<PathBuf>,
+    /// Certificate of this machine (PEM)
+    #[arg(long, requires = "authority")]
+    pub certificate: Option<PathBuf>,
+    /// Private key of this machine (PEM)
+    #[arg(long, requires = "authority")]
+    pub key: Option<PathBuf>,
     /// Folder of the session (socket, logs, pictures)
     #[arg(long)]
     pub run_dir: PathBuf,
@@ -64,6 +74,18 @@ pub struct ServeArgs {
     /// Milliseconds to finish accepted work after a request to stop
     #[arg(long, default_value_t = 3000)]
     pub grace_ms: u64,
+}
+
+impl ServeArgs {
+    /// The way to the session's router.
+    #[must_use]
+    pub fn link(&self) -> Link {
+        let Self { authority, certificate, key, .. } = self;
+        let certificates = authority.clone().zip(certificate.clone()).zip(key.clone());
+        let certificates =
+            certificates.map(|((authority, certificate), key)| Certificates { authority, certificate, key });
+        Link { endpoint: self.connect.clone(), certificates }
+    }
 }
 
 /// Why a process could not begin to serve.
@@ -155,6 +177,29 @@ impl Host {
     #[must_use]
     pub fn blobs(&self) -> &Blobs {
         &self.inner.blobs
+    }
+
+    /// Where a file of the scene's geometry can be read on this machine: the path that its owner reads it from, or, where
+    /// the owner is on another machine, a copy that is fetched once and kept in this process's folder.
+    ///
+    /// # Errors
+    /// The scene's refusal; a file that could not be fetched whole or kept.
+    pub async fn scene_path(&self, path: &str, geometry_hash: &str) -> Result<PathBuf, StartError> {
+        if !self.inner.args.link().is_remote() {
+            return Ok(PathBuf::from(path));
+        }
+        Ok(scene_files::fetch(self.bus(), self.run_dir(), geometry_hash).await?)
+    }
+
+    /// Answers a row by which other machines read what this process has put into its [`Host::blobs`] or offers there.
+    ///
+    /// # Errors
+    /// As [`Bus::serve`].
+    pub async fn serve_content(&self, row: &Ask<ContentRequest, ContentReply>) -> Result<(), BusError> {
+        let blobs = self.blobs().clone();
+        let part =
+            move |request: ContentRequest, _| std::future::ready(tokio::task::block_in_place(|| blobs.part(&request)));
+        self.serve(row, 8, part).await
     }
 
     /// The parameters from the launch file.
@@ -274,6 +319,7 @@ impl Host {
     #[must_use]
     pub fn health(&self) -> Health {
         let counters = self.bus().counters();
+        let (answer_ms, answer_ms_p99) = counters.answer_ms();
         Health {
             role: self.role().to_owned(),
             instance: self.inner.args.instance.clone(),
@@ -288,6 +334,8 @@ impl Host {
             version: self.inner.version.to_owned(),
             schema_hash: wire::SCHEMA_HASH.clone(),
             epoch: self.bus().epoch(),
+            answer_ms,
+            answer_ms_p99,
         }
     }
 }
@@ -355,8 +403,8 @@ where
     };
     tokio::pin!(stop);
 
-    let ServeArgs { session, role, instance, epoch, standby, connect, .. } = &args;
-    let bus = Bus::connect_instance(session, role, instance, *epoch, *standby, connect).await?;
+    let ServeArgs { session, role, instance, epoch, standby, .. } = &args;
+    let bus = Bus::connect_instance(session, role, instance, *epoch, *standby, args.link()).await?;
     let blobs = Blobs::open(&args.run_dir.join("blobs")).map_err(|e| StartError::Failed(e.to_string()))?;
     let grace = Duration::from_millis(args.grace_ms);
     let (ends, mut ended) = mpsc::channel(16);

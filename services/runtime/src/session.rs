@@ -75,6 +75,17 @@ impl SessionDir {
         Ok(dir)
     }
 
+    /// The folder of what a machine runs that has joined a session of another one. It is no session of this machine's own.
+    ///
+    /// # Errors
+    /// As [`SessionDir::named`], for the session's name and the machine's.
+    pub fn on_node(session: &str, node: &str) -> Result<Self, SessionError> {
+        let (session, node) = (Self::named(session)?, Self::named(node)?);
+        // No session's name has a dot.
+        let path = run_root().join(format!("{}.{}", session.name, node.name));
+        Ok(Self { name: session.name, path })
+    }
+
     /// Makes the folder, readable by its owner alone, or checks that it is so.
     ///
     /// # Errors

@@ -10,18 +10,21 @@ use nix::sys::signal::Signal;
 use serde::Deserialize;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, State};
+use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, State};
 use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::blobs::{BlobError, Blobs};
 use sg_runtime::bus::{Bus, Owned};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{self, Host, ServeArgs, StartError};
 use sg_scene::LoadOptions;
+use sg_scene::files::files_of;
 use sg_scene::journal::JournalError;
 use sg_scene::model::Scene;
 use sg_scene::project::{Project, ProjectError};
 use tempfile::TempDir;
 use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::OnceCell;
 use tokio::task::block_in_place;
 
 /// Requests that may wait: a person's edits and a burst of brush strokes.
@@ -56,6 +59,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     let params: Params = host.params()?;
     let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
+    let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), told: OnceCell::new() });
     // Who stands by works on a project of its own: the role's belongs to whoever has the role.
     let (project, scratch) = if host.stands_by() {
         let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
@@ -90,7 +94,38 @@ async fn load(host: Host) -> Result<(), StartError> {
         async move { mailbox.ask(context.deadline, |reply| Message::Changes { request, context, reply }).await }
     })
     .await?;
+    let blobs = host.blobs().clone();
+    host.serve(&keys::SCENE_FILES, QUEUE, move |_: FilesRequest, _| {
+        let (files, blobs) = (Arc::clone(&files), blobs.clone());
+        async move { files.tell(&blobs).await }
+    })
+    .await?;
+    host.serve_content(&keys::SCENE_CONTENT).await?;
     Ok(())
+}
+
+/// The files of the geometry for readers on other machines; read once, when the first of them asks.
+struct FileList {
+    scene: Arc<Scene>,
+    path: String,
+    told: OnceCell<Files>,
+}
+
+impl FileList {
+    async fn tell(&self, blobs: &Blobs) -> Result<Files, Fault> {
+        let told = self.told.get_or_try_init(|| std::future::ready(block_in_place(|| self.list(blobs))));
+        told.await.cloned()
+    }
+
+    fn list(&self, blobs: &Blobs) -> Result<Files, Fault> {
+        let found = files_of(&self.scene, Path::new(&self.path)).map_err(|e| Fault::precondition(e.to_string()))?;
+        let offer = |name: String| {
+            let (hash, bytes) = blobs.offer(&found.folder.join(&name))?;
+            Ok(File { name, bytes, hash })
+        };
+        let files = found.names.into_iter().map(offer).collect::<Result<_, BlobError>>();
+        Ok(Files { open: found.open, files: files.map_err(|e| Fault::precondition(e.to_string()))? })
+    }
 }
 
 /// A write over the limit on the size of files becomes an error, as on a full disk, rather than the end of the process.

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::edit::Geometry;
 use crate::load::{LoadError, LoadOptions, load};
 use crate::model::Scene;
 
@@ -17,15 +16,14 @@ pub enum KnownError {
     Changed(PathBuf),
 }
 
-/// The scene that `geometry` names, checked against its content hash: what a reader draws or clusters is what the owner
-/// of the scene edits.
+/// The scene of a file, checked against the content hash that the owner of the scene tells ([`Scene::content_hash`],
+/// hexadecimal): what a reader draws or clusters is what the owner edits.
 ///
 /// # Errors
 /// [`KnownError`].
-pub fn read_known(geometry: &Geometry) -> Result<Scene, KnownError> {
-    let path = Path::new(&geometry.path);
+pub fn read_known(path: &Path, hash: &str) -> Result<Scene, KnownError> {
     let scene = load(path, &LoadOptions::default())?.scene;
-    if scene.content_hash().to_hex().as_str() != geometry.hash {
+    if scene.content_hash().to_hex().as_str() != hash {
         return Err(KnownError::Changed(path.to_owned()));
     }
     Ok(scene)

@@ -5,6 +5,7 @@ pub mod camera;
 pub mod census;
 mod content_hash;
 pub mod edit;
+pub mod files;
 pub mod format;
 pub mod journal;
 pub mod known;

@@ -204,11 +204,7 @@ fn load_unit(
 
 /// The palette of `palette_colors_chkpnt.pth`, or of the `.pth` with the PLY's own name, beside a PLY.
 fn palette_beside(ply: &Path) -> Result<Option<Vec3>, LoadError> {
-    let Some(path) =
-        [ply.with_file_name(palette::FILE_NAME), ply.with_extension("pth")].into_iter().find(|p| p.is_file())
-    else {
-        return Ok(None);
-    };
+    let Some(path) = palette_file(ply) else { return Ok(None) };
     let read = |source| LoadError::Read { path: path.clone(), source };
     let content = |problem| LoadError::Content { path: path.clone(), problem };
     let mut bytes = Vec::new();
@@ -219,4 +215,9 @@ fn palette_beside(ply: &Path) -> Result<Option<Vec3>, LoadError> {
         return Err(content(Problem::new("file", what, "a palette checkpoint is small: give --palette r,g,b")));
     }
     palette::read(&bytes).map(Some).map_err(content)
+}
+
+/// The file beside a PLY that holds its palette, where it does not hold it itself.
+pub(crate) fn palette_file(ply: &Path) -> Option<PathBuf> {
+    [ply.with_file_name(palette::FILE_NAME), ply.with_extension("pth")].into_iter().find(|p| p.is_file())
 }

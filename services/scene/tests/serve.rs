@@ -43,7 +43,7 @@ impl Stack {
     async fn open(gaussians: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         support::write_ply(&folder.path().join("spiral.ply"), gaussians);
-        let router = Bus::route("test", role::SUPERVISOR, &folder.path().join("bus.sock")).await.unwrap();
+        let router = Bus::route("test", role::SUPERVISOR, &folder.path().join("bus.sock"), None).await.unwrap();
         Self { folder, router, instance: 0 }
     }
 

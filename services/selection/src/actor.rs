@@ -4,7 +4,7 @@
 //! strokes back as well and a restart forgets nothing.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -95,7 +95,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     };
     let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
     let cache = ClusterCache::new(&params.cache.clone().unwrap_or_else(|| host.run_dir().join("clusters")));
-    let prepared = tokio::task::block_in_place(|| prepare(&state, &params, walk, &cache))?;
+    let geometry = state.geometry();
+    let path = host.scene_path(&geometry.path, &geometry.hash).await?;
+    let prepared = tokio::task::block_in_place(|| prepare(&path, &geometry.hash, &params, walk, &cache))?;
     tracing::info!(
         clusters = prepared.space.clusters(),
         from_cache = prepared.from_cache,
@@ -138,12 +140,13 @@ struct Prepared {
 
 /// Reads the geometry the scene speaks of and clusters it, or finds the clusters in the cache.
 fn prepare(
-    state: &EditState,
+    path: &Path,
+    hash: &str,
     params: &Params,
     walk: WalkOptions,
     cache: &ClusterCache,
 ) -> Result<Prepared, StartError> {
-    let scene = read_known(state.geometry()).map_err(|e| StartError::Input(e.to_string()))?;
+    let scene = read_known(path, hash).map_err(|e| StartError::Input(e.to_string()))?;
     let start = Instant::now();
     let geometry_options = GeometryOptions { neighbours: params.neighbours, ..GeometryOptions::default() };
     let options = ClusteringOptions {

@@ -57,7 +57,7 @@ impl<'a> Stage<'a> {
         let folder = tempfile::tempdir().map_err(|e| text(&e))?;
         let scene = small_scene::write(folder.path()).map_err(|e| text(&e))?;
         let socket = folder.path().join("bus.sock");
-        let router = Bus::route(SESSION, role::SUPERVISOR, &socket).await.map_err(|e| text(&e))?;
+        let router = Bus::route(SESSION, role::SUPERVISOR, &socket, None).await.map_err(|e| text(&e))?;
         let cli = Bus::connect(SESSION, role::CLI, &endpoint_of(&socket)).await.map_err(|e| text(&e))?;
         let mut stage = Self {
             candidate,

@@ -1,7 +1,8 @@
 //! What must hold for every stack: in simulated worlds of processes that behave in every way we could think of
-//! ([`world`]), in every order of events ([`orderings`]), and case by case ([`cases`], [`swaps`], [`reloads`]).
+//! ([`world`]), in every order of events ([`orderings`]), and case by case ([`cases`], [`swaps`], [`reloads`], [`nodes`]).
 
 mod cases;
+mod nodes;
 mod orderings;
 mod reloads;
 mod swaps;
@@ -21,8 +22,17 @@ fn exit(status: Option<i32>) -> Exit {
     Exit { status, reason: format!("{status:?}") }
 }
 
+/// Starts from this one on are on another machine.
+const ELSEWHERE: u32 = 3;
+const NODE: &str = "n";
+
 fn start(version: u32) -> Start {
-    Start { executable: format!("/v{version}").into(), ..Start::default() }
+    let node = (version >= ELSEWHERE).then(|| NODE.to_owned());
+    Start { executable: format!("/v{version}").into(), node, ..Start::default() }
+}
+
+fn node(present: bool) -> Event {
+    Event::Node { name: NODE.to_owned(), present }
 }
 
 /// The service `s<index>` in role `r<index>`, after these.

@@ -95,6 +95,8 @@ pub(super) struct World {
     pub(super) first_started: Vec<usize>,
     pub(super) asked_to_stop: Vec<usize>,
     wished: bool,
+    /// Whether the other machine is there.
+    present: bool,
     pub(super) finished: Option<Outcome>,
     /// Times at which the machine decided by itself to start a service again.
     automatic: BTreeMap<usize, Vec<Time>>,
@@ -119,6 +121,7 @@ impl World {
             first_started: Vec::new(),
             asked_to_stop: Vec::new(),
             wished: false,
+            present: false,
             finished: None,
             automatic: BTreeMap::new(),
             epochs: BTreeMap::new(),
@@ -166,6 +169,11 @@ impl World {
                 return;
             }
             Event::Down | Event::Kill => self.wished = true,
+            // Its lease is over, and so is what it ran.
+            Event::Node { present, .. } => {
+                self.present = *present;
+                self.alive.retain(|_, s| *present || s.start.node.is_none());
+            }
             Event::Restart { service } => {
                 self.automatic.remove(service);
             }
@@ -254,6 +262,7 @@ impl World {
             self.alive.values().find(|s| s.service == service && !s.serves && s.behaviour != Behaviour::Undead);
         assert!(!standby || standing.is_none(), "two newcomers: {standing:?}");
         assert!(!self.wished, "{service} started although the stack is to stop");
+        assert!(start.node.is_none() || self.present, "{service} started on a machine that is not there");
         for on in &self.stack.slots[service].service.after {
             let index = self.stack.kept(on).unwrap().0;
             assert_eq!(self.state(index).0, ServiceState::Ready, "{service} started before {on} is ready");
@@ -290,9 +299,9 @@ impl World {
                 self.later(delay * 2, Event::Exited { incarnation, exit: exit(Some(status)) });
             }
             Behaviour::Leave => self.later(delay * 2, Event::Seen { instance, alive: false }),
-            Behaviour::Greedy => self.later(delay * 3, Event::Health { instance, memory_bytes: TOO_MUCH }),
+            Behaviour::Greedy => self.later(delay * 3, health(instance, TOO_MUCH)),
             Behaviour::Hang | Behaviour::Crash(_) | Behaviour::Slow | Behaviour::Missing => {}
-            _ => self.later(delay + millis(500), Event::Health { instance, memory_bytes: 1 }),
+            _ => self.later(delay + millis(500), health(instance, 1)),
         }
     }
 
@@ -307,7 +316,7 @@ impl World {
             assert!(deadlines.iter().all(|d| *d > self.now), "{name} is overdue in {state:?}: {slot:?}");
             if self.finished.is_none() {
                 let known = slot.main().into_iter().chain(&slot.newcomer).map(|p| p.incarnation);
-                let known: BTreeSet<_> = known.chain(slot.lost.iter().map(|(i, _)| *i)).collect();
+                let known: BTreeSet<_> = known.chain(slot.lost.iter().map(|(i, _, _)| *i)).collect();
                 let mine = self.alive.iter().filter(|(_, s)| s.service == index && s.behaviour != Behaviour::Undead);
                 for (incarnation, process) in mine {
                     assert!(known.contains(incarnation), "{process:?} is forgotten");
@@ -353,6 +362,10 @@ impl World {
     }
 }
 
+fn health(instance: String, memory_bytes: u64) -> Event {
+    Event::Health { instance, memory_bytes, answer_ms: (0.0, 0.0) }
+}
+
 fn policies() -> impl Strategy<Value = Policy> {
     let restart = prop_oneof![Just(Restart::Always), Just(Restart::OnFailure), Just(Restart::Never)];
     let limit = prop_oneof![Just(None), Just(Some(TOO_MUCH / 2))];
@@ -374,7 +387,7 @@ fn policies() -> impl Strategy<Value = Policy> {
 
 /// Lists of services: some of six, with starts and roles of few kinds, each after some of those before it.
 fn plans() -> impl Strategy<Value = Vec<Service>> {
-    prop::collection::vec((policies(), any::<u8>(), 0..3_u32, 0..8_usize), 1..6).prop_map(|services| {
+    prop::collection::vec((policies(), any::<u8>(), 0..5_u32, 0..8_usize), 1..6).prop_map(|services| {
         let mut plan: Vec<Service> = Vec::new();
         for (i, (policy, bits, version, other)) in services.into_iter().enumerate() {
             let after: Vec<_> = (0..i).filter(|j| bits & (1 << j) != 0).collect();
@@ -404,8 +417,9 @@ fn behaviours() -> impl Strategy<Value = Vec<(Behaviour, Duration)>> {
 fn wishes() -> impl Strategy<Value = Vec<(u64, Event)>> {
     let wish = prop_oneof![
         2 => (0..6_usize).prop_map(|service| Event::Restart { service }),
-        4 => (0..6_usize, 0..3_u32).prop_map(|(service, version)| Event::Swap { service, start: start(version) }),
+        4 => (0..6_usize, 0..5_u32).prop_map(|(service, version)| Event::Swap { service, start: start(version) }),
         2 => plans().prop_map(Event::Desire),
+        3 => any::<bool>().prop_map(node),
     ];
     prop::collection::vec((0..20_000_u64, wish), 0..10)
 }
@@ -432,6 +446,8 @@ proptest! {
         world.run_until(millis(end));
         if world.finished.is_none() {
             world.give(if hurry { Event::Kill } else { Event::Down });
+            // What a machine runs is over with its lease at the latest.
+            world.later(millis(12_000), node(false));
         }
         // Each of six services may need its grace, and two kills that are waited for.
         let limit = world.now + millis(6 * 10_400);
@@ -450,7 +466,7 @@ proptest! {
         let count = plan.len();
         let behaviours = delays.into_iter().map(|ms| (Behaviour::Good, millis(ms))).collect();
         let mut world = World::new(plan, behaviours);
-        world.give(Event::Tick);
+        world.give(node(true));
         world.run_until(millis(5000));
         world.give(Event::Down);
         let limit = world.now + millis(5000);
@@ -470,7 +486,7 @@ proptest! {
     ) {
         let behaviours = delays.into_iter().map(|ms| (Behaviour::Good, millis(ms))).collect();
         let mut world = World::new(plans[0].0.clone(), behaviours);
-        world.give(Event::Tick);
+        world.give(node(true));
         for (plan, pause) in &plans {
             world.give(Event::Desire(plan.clone()));
             let until = world.now + millis(*pause);

@@ -3,6 +3,7 @@
 //! Every receive path is bounded: a request that finds its queue full is refused at once, a stream reader that falls
 //! behind loses the oldest messages, and both are counted.
 
+mod access;
 mod alive;
 mod ask;
 mod config;
@@ -12,15 +13,16 @@ mod serve;
 mod slot;
 mod stream;
 
+use std::collections::VecDeque;
 use std::future::Future;
 use std::path::Path;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 pub use alive::{Alive, Liveliness};
-pub use config::endpoint_of;
+pub use config::{Certificates, Guest, Link, Listen, TLS_PREFIX, endpoint_of};
 pub use raw::{Declared, Heard, Raw};
 pub use serve::Serving;
 pub use slot::Owned;
@@ -38,7 +40,14 @@ pub struct Counters {
     refused: AtomicU64,
     dropped: AtomicU64,
     answered: AtomicU64,
+    /// When the newest requests were answered, and how long after their receipt.
+    newest: Mutex<VecDeque<(Instant, Duration)>>,
 }
+
+/// Answers whose times are remembered …
+const ANSWERS: usize = 256;
+/// … and for how long.
+const ANSWER_AGE: Duration = Duration::from_secs(60);
 
 impl Counters {
     /// Messages refused because of their type, size, form, sender or epoch.
@@ -69,8 +78,25 @@ impl Counters {
         metrics::count(Metric::Dropped, &[("key", key)], count);
     }
 
-    fn answer(&self) {
+    /// Milliseconds from receipt to answer of the newest requests, at most 256 and of the last minute: median and 99th
+    /// percentile, both 0 where there were none.
+    #[must_use]
+    pub fn answer_ms(&self) -> (f64, f64) {
+        let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+        let recent = newest.iter().filter(|(at, _)| at.elapsed() < ANSWER_AGE);
+        let mut times: Vec<f64> = recent.map(|(_, time)| time.as_secs_f64() * 1e3).collect();
+        times.sort_by(f64::total_cmp);
+        // The smallest time that at least this share of all does not exceed.
+        let rank = |share: f64| ((share * times.len() as f64).ceil() as usize).saturating_sub(1);
+        let at = |share| times.get(rank(share)).copied().unwrap_or(0.0);
+        (at(0.5), at(0.99))
+    }
+
+    fn answer(&self, time: Duration) {
         self.answered.fetch_add(1, Ordering::Relaxed);
+        let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+        newest.truncate(ANSWERS - 1);
+        newest.push_front((Instant::now(), time));
     }
 }
 
@@ -126,9 +152,9 @@ impl Bus {
     /// Joins a session's bus as a client of the router that its supervisor embeds.
     ///
     /// # Errors
-    /// [`BusError::Open`] if the router does not answer within five seconds.
-    pub async fn connect(session: &str, role: &str, endpoint: &str) -> Result<Self, BusError> {
-        Self::open(session, role, endpoint, false, Place::of_role()).await
+    /// [`BusError::Open`] if the router does not answer within five seconds, or certificates can't be used.
+    pub async fn connect(session: &str, role: &str, link: impl Into<Link>) -> Result<Self, BusError> {
+        Self::join(session, role, link.into(), Place::of_role()).await
     }
 
     /// Joins a session's bus as one instance of a role, which it serves under this epoch; with `standby` it serves under its
@@ -142,29 +168,39 @@ impl Bus {
         instance: &str,
         epoch: u64,
         standby: bool,
-        endpoint: &str,
+        link: impl Into<Link>,
     ) -> Result<Self, BusError> {
-        Self::open(session, role, endpoint, false, Place::of_instance(instance, epoch, standby)).await
+        Self::join(session, role, link.into(), Place::of_instance(instance, epoch, standby)).await
     }
 
-    /// Opens a session's router on a unix socket; everybody else is a client of it.
+    /// Opens a session's router on a unix socket, and to other machines where `listen` says so; everybody else is a client
+    /// of it.
     ///
     /// # Errors
-    /// [`BusError::Open`] if the socket cannot be opened.
-    pub async fn route(session: &str, role: &str, socket: &Path) -> Result<Self, BusError> {
-        Self::open(session, role, &endpoint_of(socket), true, Place::of_role()).await
+    /// [`BusError::Open`] if the socket or the address cannot be opened, or certificates can't be used.
+    pub async fn route(session: &str, role: &str, socket: &Path, listen: Option<&Listen>) -> Result<Self, BusError> {
+        let endpoint = listen.map_or_else(|| endpoint_of(socket), |l| l.endpoint.clone());
+        let config = config::router(session, socket, listen);
+        Self::open(session, role, endpoint, config, Place::of_role()).await
+    }
+
+    fn join<'a>(session: &'a str, role: &'a str, link: Link, place: Place) -> Boxed<'a, Result<Self, BusError>> {
+        Box::pin(async move {
+            let config = config::client(&link);
+            Self::open(session, role, link.endpoint, config, place).await
+        })
     }
 
     fn open<'a>(
         session: &'a str,
         role: &'a str,
-        endpoint: &'a str,
-        router: bool,
+        endpoint: String,
+        config: Result<zenoh::Config, String>,
         place: Place,
     ) -> Boxed<'a, Result<Self, BusError>> {
         Box::pin(async move {
-            let fail = |reason: String| BusError::Open { session: session.into(), endpoint: endpoint.into(), reason };
-            let config = config::config(endpoint, router).map_err(&fail)?;
+            let fail = |reason: String| BusError::Open { session: session.into(), endpoint: endpoint.clone(), reason };
+            let config = config.map_err(&fail)?;
             let opening = tokio::time::timeout(CONNECT_TIMEOUT, zenoh::open(config));
             let zenoh = match opening.await {
                 Ok(Ok(zenoh)) => zenoh,
@@ -225,5 +261,20 @@ impl Bus {
             self.inner.counters.refuse(key);
         }
         outcome
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answer_times_are_of_the_newest_requests() {
+        let counters = Counters::default();
+        assert_eq!(counters.answer_ms(), (0.0, 0.0));
+        for ms in (1..=1000_u64).rev() {
+            counters.answer(Duration::from_millis(ms));
+        }
+        assert_eq!((counters.answered(), counters.answer_ms()), (1000, (128.0, 254.0)));
     }
 }

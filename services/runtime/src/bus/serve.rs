@@ -57,6 +57,7 @@ struct Admitted<Q> {
     request: Q,
     context: Context,
     ticket: Ticket,
+    received: Instant,
 }
 
 impl Bus {
@@ -84,7 +85,9 @@ impl Bus {
             }
             Ok((request, context)) => {
                 let ticket = bus.ticket(&context.id, &query);
-                if let Err(error) = sender.try_send(Admitted { query, request, context, ticket }) {
+                if let Err(error) =
+                    sender.try_send(Admitted { query, request, context, ticket, received: Instant::now() })
+                {
                     bus.inner.counters.drop(row.name, 1);
                     let (fault, admitted) = match error {
                         mpsc::error::TrySendError::Full(item) => (busy(row.name, capacity), item),
@@ -100,7 +103,7 @@ impl Bus {
 
         let bus = self.clone();
         let worker = tokio::spawn(async move {
-            while let Some(Admitted { query, request, context, ticket }) = queue.recv().await {
+            while let Some(Admitted { query, request, context, ticket, received }) = queue.recv().await {
                 let (begun, started) = (Instant::now(), SystemTime::now());
                 let context = context.entered();
                 let span = tracing::info_span!("serve", trace_id = context.trace_id(), key = row.name);
@@ -118,7 +121,7 @@ impl Bus {
                         outcome = handling => outcome,
                     }
                 };
-                bus.inner.counters.answer();
+                bus.inner.counters.answer(received.elapsed());
                 let code = outcome.as_ref().err().map(|f| f.code);
                 let labels = [("key", row.name), ("code", metrics::code(code))];
                 metrics::observe(Metric::ServeSeconds, &labels, begun.elapsed());

@@ -1,0 +1,56 @@
+//! The command line of a service's process (`sg_runtime::process::ServeArgs`).
+
+use std::path::Path;
+use std::time::Duration;
+
+use sg_runtime::bus::Link;
+
+/// What a service's process is told.
+#[derive(Debug)]
+pub(crate) struct Serving<'a> {
+    pub(crate) session: &'a str,
+    pub(crate) role: &'a str,
+    pub(crate) instance: &'a str,
+    pub(crate) link: &'a Link,
+    pub(crate) run_dir: &'a Path,
+    /// A JSON object.
+    pub(crate) params: &'a str,
+    pub(crate) epoch: u64,
+    pub(crate) standby: bool,
+    /// Time between the request to stop and the kill.
+    pub(crate) stop: Duration,
+}
+
+impl Serving<'_> {
+    /// The arguments; this process is the one that it dies with.
+    pub(crate) fn arguments(&self) -> Vec<String> {
+        let run_dir = self.run_dir.display().to_string();
+        let supervisor = std::process::id().to_string();
+        let epoch = self.epoch.to_string();
+        // A little less than the time until the kill: what is left is for leaving.
+        let grace = self.stop.mul_f64(0.8).as_millis().to_string();
+        let mut arguments = vec!["serve".to_owned()];
+        for (name, value) in [
+            ("--session", self.session),
+            ("--role", self.role),
+            ("--instance", self.instance),
+            ("--connect", self.link.endpoint.as_str()),
+            ("--run-dir", &run_dir),
+            ("--params", self.params),
+            ("--supervisor-pid", &supervisor),
+            ("--epoch", &epoch),
+            ("--grace-ms", &grace),
+        ] {
+            arguments.extend([name.to_owned(), value.to_owned()]);
+        }
+        if let Some(files) = &self.link.certificates {
+            for (name, path) in
+                [("--authority", &files.authority), ("--certificate", &files.certificate), ("--key", &files.key)]
+            {
+                arguments.extend([name.to_owned(), path.display().to_string()]);
+            }
+        }
+        arguments.extend(self.standby.then(|| "--standby".to_owned()));
+        arguments
+    }
+}

@@ -1,0 +1,63 @@
+//! The files of a scene whose owner is on another machine.
+
+use std::path::{Component, Path, PathBuf};
+use std::time::Duration;
+
+use sg_proto::keys;
+use sg_proto::scene::FilesRequest;
+
+use crate::blobs::{BlobError, fetch_to};
+use crate::bus::Bus;
+use crate::context::Context;
+use crate::fault::Fault;
+
+/// How long the owner may take to list its files, which it reads once for that, and to send a part of one.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Most files of one scene.
+const MAX_FILES: usize = 10_000;
+
+/// Fetches the files of a scene into a folder named after its geometry, those that are there already excepted. What is to
+/// be opened of it.
+///
+/// # Errors
+/// The scene's refusal; names that lead out of the folder; a file that could not be fetched whole or kept.
+pub(crate) async fn fetch(bus: &Bus, run_dir: &Path, geometry_hash: &str) -> Result<PathBuf, Fault> {
+    let context = Context::root().deadline_in(PATIENCE);
+    let listed = bus.ask(&keys::SCENE_FILES, &FilesRequest {}, &context).await?;
+    if listed.files.len() > MAX_FILES {
+        return Err(Fault::exhausted(format!("the scene has {} files; {MAX_FILES} at most", listed.files.len())));
+    }
+    let folder = run_dir.join("scenes").join(within(geometry_hash)?);
+    for file in &listed.files {
+        let path = folder.join(within(&file.name)?);
+        let is_there = std::fs::metadata(&path).is_ok_and(|m| m.len() == file.bytes);
+        if is_there {
+            continue;
+        }
+        let parent = path.parent().unwrap_or(&folder);
+        std::fs::create_dir_all(parent).map_err(|source| BlobError { path: parent.to_owned(), source })?;
+        fetch_to(bus, &keys::SCENE_CONTENT, &file.hash, &path, &context).await?;
+        tracing::info!(file = file.name, bytes = file.bytes, "fetched from the scene's machine");
+    }
+    Ok(if listed.open.is_empty() { folder } else { folder.join(within(&listed.open)?) })
+}
+
+/// A path that stays in the folder that it is put into.
+fn within(name: &str) -> Result<&Path, Fault> {
+    let path = Path::new(name);
+    let inside = !name.is_empty() && path.components().all(|c| matches!(c, Component::Normal(_)));
+    if inside { Ok(path) } else { Err(Fault::invalid(format!("`{name}` is no file name below the scene's folder"))) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stay_in_their_folder() {
+        assert!(within("a.ply").is_ok() && within("units/bone.ply").is_ok());
+        for bad in ["", "..", "../a", "/etc/passwd", "a/../../b", "."] {
+            assert!(within(bad).is_err(), "{bad}");
+        }
+    }
+}
