@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs on a Debian machine what `ops/check` needs and the machine lacks: a C compiler, git, cargo-nextest,
+# Installs on a Debian machine what `ops/check` needs and the machine lacks: a C compiler, git, `ip`, cargo-nextest,
 # cargo-deny, buf and the Python environment of the tests (ops/python.sh). Does nothing where everything is there; the
 # Rust toolchain itself comes from rustup.
 set -euo pipefail
@@ -16,6 +16,7 @@ fi
 packages=()
 have cc || packages+=(gcc libc6-dev)
 have git || packages+=(git)
+have ip || packages+=(iproute2)
 have npm || packages+=(nodejs npm)
 python3 -c 'import venv, ensurepip' 2>/dev/null || packages+=(python3 python3-venv)
 if ((${#packages[@]})); then

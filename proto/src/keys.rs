@@ -38,6 +38,9 @@ pub mod role {
     /// Another machine that has joined and runs services for the supervisor; it serves under its instance alone.
     pub const NODE: &str = "node";
 
+    /// Those that are no services: nobody starts them from a launch file, and the rows of every service are not theirs.
+    pub const NO_SERVICES: [&str; 3] = [SUPERVISOR, CLI, NODE];
+
     /// All of them.
     pub const ALL: [&str; 10] = [
         SCENE,

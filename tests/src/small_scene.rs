@@ -10,6 +10,12 @@ pub const SAC: [f64; 3] = [0.75, 0.5, 0.5];
 /// Radius of a stroke that stays within the sac, as a fraction of the box's longest edge.
 pub const STROKE: f64 = 0.12;
 
+/// The scene's `scene.toml` in a folder.
+#[must_use]
+pub fn path(folder: &Path) -> PathBuf {
+    folder.join("scene.toml")
+}
+
 /// Writes the scene into a folder and gives the path of its `scene.toml`.
 ///
 /// # Errors
@@ -17,7 +23,7 @@ pub const STROKE: f64 = 0.12;
 pub fn write(folder: &Path) -> std::io::Result<PathBuf> {
     std::fs::write(folder.join("body.ply"), ball(0.0))?;
     std::fs::write(folder.join("sac.ply"), ball(2.0))?;
-    let path = folder.join("scene.toml");
+    let path = path(folder);
     let units = [("body", "[0.8, 0.7, 0.6]"), ("sac", "[0.5, 0.5, 0.5]")];
     let units: String = units
         .iter()

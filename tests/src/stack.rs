@@ -56,22 +56,38 @@ impl Stack {
     /// A line that says what is missing.
     pub fn begin(settings: &[String], env: &[(&str, &str)], host: Option<&Host>) -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-        let scene = small_scene::write(folder.path()).map_err(|e| e.to_string())?;
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch/headless.toml");
+        small_scene::write(folder.path()).map_err(|e| e.to_string())?;
         let mut up = command(&folder.path().join("run")).map_err(|e| e.to_string())?;
         if let Some(host) = host {
             up = host.on(&up, &[]);
         }
-        up.args(["up", "--session", SESSION]).arg(file);
-        up.arg("--set").arg(format!("service.scene.params.scene={}", scene.display()));
-        for setting in settings {
-            up.args(["--set", setting]);
-        }
+        up.args(Self::arguments(folder.path(), settings));
         up.envs(env.iter().copied());
         let log = std::fs::File::create(folder.path().join("up.log")).map_err(|e| e.to_string())?;
         let supervisor =
             up.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().map_err(|e| e.to_string())?;
         Ok(Self { folder, supervisor })
+    }
+
+    fn arguments(folder: &Path, settings: &[String]) -> Vec<String> {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch/headless.toml").display().to_string();
+        let scene = format!("service.scene.params.scene={}", small_scene::path(folder).display());
+        let mut arguments: Vec<String> = ["up", "--session", SESSION].map(str::to_owned).to_vec();
+        arguments.push(file);
+        for setting in [&scene].into_iter().chain(settings) {
+            arguments.extend(["--set".to_owned(), setting.clone()]);
+        }
+        arguments
+    }
+
+    /// Reads the launch file again, with other settings, and waits until all is as it says: exit status, standard output,
+    /// and all it said for a failing test.
+    ///
+    /// # Errors
+    /// As [`Stack::command`].
+    pub fn up_again(&self, settings: &[String]) -> Result<(Option<i32>, String, String), Missing> {
+        let arguments = Self::arguments(self.folder.path(), settings);
+        self.run(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
     /// Waits until every service is ready.

@@ -17,7 +17,7 @@ const ANSWER: Duration = Duration::from_secs(20);
 
 /// Roles that are served by a process of their own.
 fn served() -> impl Iterator<Item = &'static str> {
-    role::ALL.into_iter().filter(|r| ![role::SUPERVISOR, role::CLI].contains(r))
+    role::ALL.into_iter().filter(|r| !role::NO_SERVICES.contains(r))
 }
 
 async fn refused(cli: &Bus, role: &str) -> u64 {

@@ -34,9 +34,9 @@ pub(super) fn describe(service: Option<&str>, json: bool) -> Done {
     Ok(())
 }
 
-/// People and the supervisor are not services: they have the rows that name them, not those of every service.
+/// People, the supervisor and nodes are not services: they have the rows that name them, not those of every service.
 fn is_of(row: &Row, role: &str) -> bool {
-    row.role == role || row.role == keys::ANY && ![role::CLI, role::SUPERVISOR].contains(&role)
+    row.role == role || row.role == keys::ANY && !role::NO_SERVICES.contains(&role)
 }
 
 fn short(name: &str) -> &str {

@@ -184,6 +184,34 @@ impl PointTree {
         best
     }
 
+    /// Squared distance from a place to the nearest point; infinite where there is no point.
+    #[must_use]
+    pub fn nearest_distance_squared(&self, p: &[f64; 3]) -> f64 {
+        let mut best = f64::INFINITY;
+        if self.is_empty() {
+            return best;
+        }
+        let mut stack = vec![(0.0, self.root())];
+        while let Some((bound, place)) = stack.pop() {
+            if bound >= best {
+                continue;
+            }
+            if let Some(children) = place.children() {
+                let mut near = children.map(|c| (self.boxes[c.node].point_distance_squared(p), c));
+                // The nearer child is searched first.
+                if near[0].0 < near[1].0 {
+                    near.swap(0, 1);
+                }
+                stack.extend(near);
+            } else {
+                for (q, _) in &self.points[place.start..place.end] {
+                    best = best.min(distance_squared(p, q));
+                }
+            }
+        }
+        best
+    }
+
     /// Which nodes hold points of one component only.
     #[must_use]
     pub fn node_components(&self, component: &[u32]) -> NodeComponents {

@@ -7,6 +7,7 @@
 mod agent_core;
 mod agent_function;
 mod agent_intent;
+mod content;
 mod everyone;
 mod process;
 mod question;

@@ -12,7 +12,7 @@ use sg_proto::scene::command::Action;
 use super::question::{Question, hold, refused_as, soon};
 use super::scene::named;
 use super::stage::{Stage, decode};
-use super::{Checks, Subject};
+use super::{Checks, Subject, content};
 use crate::Picture;
 
 pub(super) const ROLE: &str = role::RENDER_CAPTURE;
@@ -37,6 +37,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("shows at least the revision asked for", at_least(stage).await);
     checks.note("measures what units cover", measures(stage).await);
     checks.note("refuses pictures that cannot be", misfits(stage).await);
+    checks.note("sends its pictures to other machines", sends(stage).await);
 }
 
 async fn capture(stage: &Stage<'_>, request: &CaptureRequest) -> Result<Frame, String> {
@@ -53,6 +54,16 @@ async fn draws(stage: &Stage<'_>) -> Result<(), String> {
     hold(picture.pixels().count() == 48 * 32, || "another number of pixels in the file".to_owned())?;
     hold(Path::new(&frame.png_path).is_file(), || format!("{}: no file", frame.png_path))?;
     hold(frame.coverage > 0.0 && frame.camera.is_some(), || format!("coverage {}", frame.coverage))
+}
+
+async fn sends(stage: &Stage<'_>) -> Result<(), String> {
+    let frame = capture(stage, &small()).await?;
+    for (path, hash) in [(&frame.npy_path, &frame.hash), (&frame.png_path, &frame.png_hash)] {
+        let kept = std::fs::read(path).map_err(|e| format!("{path}: {e}"))?;
+        let sent = content::whole(stage, &keys::CAPTURE_CONTENT, hash).await?;
+        hold(sent == kept, || format!("{path}: other bytes are sent than are kept"))?;
+    }
+    content::unknown(stage, &keys::CAPTURE_CONTENT).await
 }
 
 async fn at_least(stage: &mut Stage<'_>) -> Result<(), String> {

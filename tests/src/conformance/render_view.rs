@@ -8,7 +8,7 @@ use sg_proto::scene::{Color, SetBackground};
 
 use super::question::{Question, hold, soon};
 use super::stage::{Stage, next_of};
-use super::{Checks, Subject};
+use super::{Checks, Subject, content};
 use crate::Picture;
 
 pub(super) const ROLE: &str = role::RENDER_VIEW;
@@ -46,7 +46,8 @@ async fn draws(stage: &mut Stage<'_>) -> Result<(), String> {
     })?;
     let corner = picture.pixels().next().copied().unwrap_or_default();
     hold((corner[0] - 0.125).abs() < 0.05, || format!("the picture's corner is {corner:?}, not the background"))?;
-    hold(std::path::Path::new(&frame.png_path).is_file(), || format!("{}: no file", frame.png_path))
+    hold(std::path::Path::new(&frame.png_path).is_file(), || format!("{}: no file", frame.png_path))?;
+    content::whole(stage, &keys::VIEW_CONTENT, &frame.hash).await.map(drop)
 }
 
 async fn newest(stage: &mut Stage<'_>) -> Result<(), String> {

@@ -4,12 +4,13 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Changes, ChangesRequest, Color, Command, CommandResult, SetBackground, SetColor, SetOpacity, State, Target, Undo,
+    Changes, ChangesRequest, Color, Command, CommandResult, FilesRequest, SetBackground, SetColor, SetOpacity, State,
+    Target, Undo,
 };
 
 use super::question::{Question, hold, refused_as, soon};
 use super::stage::{Stage, decode, next_of, text_of};
-use super::{Checks, Subject};
+use super::{Checks, Subject, content};
 
 pub(super) const ROLE: &str = role::SCENE;
 
@@ -44,7 +45,18 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("applies a command once", once(stage).await);
     checks.note("takes back what it is told to", undo(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
+    checks.note("sends its files to other machines", files(stage).await);
     checks.note("keeps what it acknowledged through kill -9", kept(stage).await);
+}
+
+async fn files(stage: &mut Stage<'_>) -> Result<(), String> {
+    let listed = stage.cli.ask(&keys::SCENE_FILES, &FilesRequest {}, &soon()).await.map_err(|f| f.to_string())?;
+    hold(listed.files.iter().any(|f| f.name == listed.open), || format!("`{}` is not among the files", listed.open))?;
+    for file in &listed.files {
+        let sent = content::whole(stage, &keys::SCENE_CONTENT, &file.hash).await?;
+        hold(sent.len() as u64 == file.bytes, || format!("{}: {} bytes were sent", file.name, sent.len()))?;
+    }
+    content::unknown(stage, &keys::SCENE_CONTENT).await
 }
 
 async fn change(stage: &mut Stage<'_>) -> Result<(), String> {

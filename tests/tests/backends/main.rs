@@ -71,6 +71,40 @@ fn one_agent_of_a_stack_thinks_with_a_program_in_python_and_falls_back_when_that
 }
 
 #[test]
+fn one_agent_of_a_running_stack_is_given_another_backend_and_nobody_else_notices() {
+    let Some(german) = Program::german("127.0.0.1:0") else { return };
+    let stack = Stack::up().unwrap();
+    let words = "verstecke das sac";
+    assert_eq!(say(&stack, words)["ok"], false, "the grammar speaks no German");
+    let pids = || -> Vec<(String, u64)> {
+        let pid = |s: &Value| (s["name"].as_str().unwrap().to_owned(), s["pid"].as_u64().unwrap());
+        stack.ps().iter().map(pid).collect()
+    };
+    let before = pids();
+
+    // The same file once more, with another table for one agent.
+    let agent = "agent-intent";
+    let (status, out, told) =
+        stack.up_again(&[set(agent, "backend", "grpc"), set(agent, "endpoint", &german.endpoint)]).unwrap();
+    assert_eq!(status, Some(0), "{told}");
+    assert!(out.lines().any(|l| l.starts_with(agent) && l.contains("swapped")), "{out}");
+    let changed = |now: &[(String, u64)]| -> Vec<String> {
+        before.iter().zip(now).filter(|(b, n)| b.1 != n.1).map(|(b, _)| b.0.clone()).collect()
+    };
+    let with_model = pids();
+    assert_eq!(changed(&with_model), [agent]);
+    let answer = say(&stack, words);
+    assert_eq!(answer["ok"], true, "{answer:#}");
+    assert_eq!(stage(&answer, "Intent")["backend"], "grpc");
+
+    // And back.
+    let (status, _, told) = stack.up_again(&[]).unwrap();
+    assert_eq!(status, Some(0), "{told}");
+    assert_eq!(changed(&pids()), [agent]);
+    assert_eq!(stage(&say(&stack, "show everything"), "Intent")["backend"], "grammar");
+}
+
+#[test]
 fn every_agent_thinks_with_its_own() {
     let folder = tempfile::tempdir().unwrap();
     let (Some(german), Some(llama)) = (Program::german("127.0.0.1:0"), Program::llama(folder.path())) else { return };

@@ -63,6 +63,9 @@ def clause(part, units):
         fields = {"act": "ACT_HIDE", "target": target}
     elif re.search(r"\bzeige?\b", part):
         fields = {"act": "ACT_SHOW", "target": target}
+    elif part in ("hilfe", "help"):
+        # "help" is what a supervisor asks an intent agent that is to take its role while the stack runs.
+        fields = {"act": "ACT_HELP"}
     elif "rückgängig" in part:
         fields = {"act": "ACT_UNDO", "amount": None}
     else:
