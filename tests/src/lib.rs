@@ -2,11 +2,9 @@
 //! any program can be tried that is to fill a role; and the evaluation tables.
 
 pub mod conformance;
-pub mod conformance;
 pub mod eval;
 pub mod hosts;
 pub mod proxy;
-pub mod small_scene;
 pub mod small_scene;
 pub mod stack;
 
