@@ -2,7 +2,7 @@
 //!
 //! From a scene to a mask:
 //! [`geometry`] (points, features, neighbour graph) → [`clustering`] (Super-Gaussians) → [`cluster_graph`] →
-//! [`space`] (what selections share) → [`session`] (strokes in, mask out). [`walk`] solves random walks on any weighted
+//! [`space`] (what selections share) → [`session`] (strokes in, mask out), which [`refinement`] sharpens. [`walk`] solves random walks on any weighted
 //! graph, [`strokes`] and [`brush`] say what was brushed over, [`metrics`] how well a mask agrees with a truth.
 
 #![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
@@ -22,6 +22,7 @@ pub mod metrics;
 pub mod neighbours;
 pub mod polyline;
 pub mod progress;
+pub mod refinement;
 pub mod seeds;
 pub mod session;
 pub mod shortest;

@@ -117,6 +117,56 @@ fn the_sac_of_a_vessel_is_selected_with_both_brushes_and_with_green_alone() {
     }
 }
 
+#[test]
+fn following_the_proposals_beats_strokes_at_random() {
+    // An oracle answers with the side most of a cluster's Gaussians are on.
+    let mut rows = Vec::new();
+    for seed in [1, 2] {
+        let (scene, truth) = vessel_and_sac(12_000, seed);
+        let made = made(&scene, &ClusteringOptions { max_clusters: 600, ..ClusteringOptions::default() });
+        let space = space(&scene, &made, WalkOptions::default());
+        let answer = |point: [f64; 3]| {
+            let stroke = |kind| Stroke { mode: Mode::Walk, kind, radius: 0.0, points: vec![point] };
+            let cluster = space.cluster_of(space.hits(&stroke(Kind::Foreground))[0]).unwrap();
+            let own = space.members(cluster);
+            let is_sac = 2 * own.iter().filter(|g| truth[**g as usize]).count() > own.len();
+            stroke(if is_sac { Kind::Foreground } else { Kind::Background })
+        };
+        for start in 0..4_u64 {
+            let mut r = generator(50 + start);
+            // The first stroke: a dab somewhere on the sac.
+            let sac: Vec<usize> = (0..truth.len()).filter(|&g| truth[g]).collect();
+            let first = normalized(&scene, &[scene.units[0].gaussians.position[sac[r.random_range(0..sac.len())]]])[0];
+            let play = |next: &mut dyn FnMut(&SelectionSession) -> Option<[f64; 3]>| {
+                let mut session = SelectionSession::new(Arc::clone(&space));
+                session.add_stroke(answer(first)).unwrap();
+                let mut reached = vec![iou(&session, &truth)];
+                for _ in 0..8 {
+                    if let Some(point) = next(&session) {
+                        session.add_stroke(answer(point)).unwrap();
+                    }
+                    reached.push(iou(&session, &truth));
+                }
+                reached
+            };
+            let proposed = play(&mut |s| s.proposals(1).first().map(|p| p.point));
+            let random = play(&mut |_| {
+                let g = r.random_range(0..truth.len());
+                Some(normalized(&scene, &[scene.units[0].gaussians.position[g]])[0])
+            });
+            rows.push((proposed, random));
+        }
+    }
+    let mean = |runs: &[Vec<f64>], at: usize| runs.iter().map(|r| r[at]).sum::<f64>() / runs.len() as f64;
+    let (proposed, random): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+    for at in 0..=8 {
+        let (proposed, random) = (mean(&proposed, at), mean(&random, at));
+        println!("after {at} more strokes: mean IoU proposed {proposed:.3}, random {random:.3}");
+    }
+    assert!(mean(&proposed, 8) > mean(&random, 8) + 0.05);
+    assert!(mean(&proposed, 4) > mean(&random, 4));
+}
+
 /// The scene turned and re-parametrised: same ellipsoids, other numbers.
 fn turned(scene: &Scene, q: DQuat) -> Scene {
     let mut other = scene.clone();

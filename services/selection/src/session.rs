@@ -5,12 +5,15 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
 use sg_scene::mask::Mask;
 
 use crate::brush::OpenStroke;
 use crate::space::{SelectionSpace, Walk};
 use crate::strokes::{Kind, MOST_STROKES, Mode, Stroke};
-use crate::walk::WalkError;
+use crate::walk::elimination::Elimination;
+use crate::walk::uncertainty::{Doubts, doubts, proposals};
+use crate::walk::{THRESHOLD, WalkError};
 
 /// A stroke could not be added; the selection is as it was before.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -21,9 +24,33 @@ pub enum SelectionError {
     /// There are as many strokes as a selection holds.
     #[error("a selection holds at most {MOST_STROKES} strokes; save it as a unit and start anew")]
     TooMany,
+    /// A number that p − q cannot be compared with.
+    #[error("the threshold is {0}; it must be at least -1 and below 1")]
+    Threshold(f64),
     /// The walk could not be solved.
     #[error(transparent)]
     Walk(#[from] WalkError),
+}
+
+/// Where a next stroke would tell most (see [`crate::walk::uncertainty`]).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Proposal {
+    /// The cluster.
+    pub cluster: usize,
+    /// Its middle in normalized coordinates of the scene's box: a walk stroke of radius 0 there seeds it.
+    pub point: [f64; 3],
+    /// Its Gaussians.
+    pub gaussians: usize,
+    /// Probability of foreground.
+    pub p: f64,
+    /// Probability of background.
+    pub q: f64,
+    /// 1 − |p − q|.
+    pub uncertainty: f64,
+    /// Expected Σ |Δp| over all Gaussians once this cluster is seeded.
+    pub expected_shift: f64,
+    /// Expected number of Gaussians that change sides once it is.
+    pub expected_change: f64,
 }
 
 /// A stroke and what it hit.
@@ -41,6 +68,9 @@ pub struct SelectionSession {
     drawn: Vec<Drawn>,
     foreground: Mask,
     background: Mask,
+    leak: f64,
+    threshold: f64,
+    elimination: Option<Elimination>,
     walk: Option<Walk>,
     walk_layer: Mask,
     mask: Mask,
@@ -52,6 +82,9 @@ impl SelectionSession {
     pub fn new(space: Arc<SelectionSpace>) -> Self {
         let empty = Mask::empty(space.gaussians());
         Self {
+            leak: space.options().leak,
+            threshold: THRESHOLD,
+            elimination: space.elimination().cloned(),
             space,
             drawn: Vec::new(),
             foreground: empty.clone(),
@@ -120,20 +153,121 @@ impl SelectionSession {
             let mut background = self.background.clone();
             let side = if drawn.stroke.kind == Kind::Foreground { &mut foreground } else { &mut background };
             drawn.hits.iter().for_each(|&g| side.set(g as usize, true));
-            let ones = |m: &Mask| m.ones().map(|g| g as u32).collect::<Vec<_>>().into_iter();
-            let walk = self.space.walk(ones(&foreground), ones(&background))?;
-            self.walk_layer = self.layer_of(&walk);
+            let walk = self.space.walk_again(&mut self.elimination, self.leak, ones(&foreground), ones(&background))?;
             (self.foreground, self.background, self.walk) = (foreground, background, Some(walk));
             self.drawn.push(drawn);
-            self.mask = self.walk_layer.clone();
-            for drawn in self.drawn.iter().filter(|d| d.stroke.mode != Mode::Walk) {
-                apply(&self.space, &mut self.mask, drawn);
-            }
+            self.lay();
         } else {
             apply(&self.space, &mut self.mask, &drawn);
             self.drawn.push(drawn);
         }
         Ok(hits)
+    }
+
+    /// Makes the mask from the walk's probabilities and the strokes that lie over them.
+    fn lay(&mut self) {
+        if let Some(walk) = &self.walk {
+            self.walk_layer = self.layer_of(walk);
+        }
+        self.mask = self.laid_over(self.walk_layer.clone());
+    }
+
+    /// The cluster and point strokes so far, in drawing order, over another layer than the walk's own.
+    #[must_use]
+    pub fn laid_over(&self, layer: Mask) -> Mask {
+        let mut mask = layer;
+        for drawn in self.drawn.iter().filter(|d| d.stroke.mode != Mode::Walk) {
+            apply(&self.space, &mut mask, drawn);
+        }
+        mask
+    }
+
+    /// Gaussians under the foreground brush of walk strokes.
+    #[must_use]
+    pub fn foreground(&self) -> &Mask {
+        &self.foreground
+    }
+
+    /// Gaussians under the background brush of walk strokes.
+    #[must_use]
+    pub fn background(&self) -> &Mask {
+        &self.background
+    }
+
+    /// ε of the leak.
+    #[must_use]
+    pub fn leak(&self) -> f64 {
+        self.leak
+    }
+
+    /// Walks again from the same strokes with another leak; the order and structure of the elimination are kept. Later
+    /// walks and undo use it, too. Under the farthest rule, which has no leak, nothing changes.
+    ///
+    /// # Errors
+    /// [`SelectionError`]; the selection is then as it was before.
+    pub fn set_leak(&mut self, leak: f64) -> Result<(), SelectionError> {
+        if !(leak >= 0.0 && leak.is_finite()) {
+            return Err(WalkError::Leak(leak).into());
+        }
+        if self.walk.is_some() {
+            let (foreground, background) = (ones(&self.foreground), ones(&self.background));
+            self.walk = Some(self.space.walk_again(&mut self.elimination, leak, foreground, background)?);
+            self.lay();
+        }
+        self.leak = leak;
+        Ok(())
+    }
+
+    /// The p − q that a selected node exceeds.
+    #[must_use]
+    pub fn threshold(&self) -> f64 {
+        self.threshold
+    }
+
+    /// Selects where p − q exceeds another number, from the probabilities at hand: nothing is solved. Later walks and undo
+    /// use it, too.
+    ///
+    /// # Errors
+    /// [`SelectionError::Threshold`]; the selection is then as it was before.
+    pub fn set_threshold(&mut self, threshold: f64) -> Result<(), SelectionError> {
+        if !(-1.0..1.0).contains(&threshold) {
+            return Err(SelectionError::Threshold(threshold));
+        }
+        self.threshold = threshold;
+        self.lay();
+        Ok(())
+    }
+
+    /// What the last walk leaves open, one entry a node. None without a walk, and where walks are not eliminated in f64.
+    #[must_use]
+    pub fn doubts(&self) -> Option<Doubts> {
+        let (walk, elimination) = (self.walk.as_ref()?, self.elimination.as_ref()?);
+        let active = self.space.active(&walk.units);
+        doubts(elimination, &walk.seeds, &walk.solution, &self.space.question(&active, self.threshold))
+    }
+
+    /// At most `count` places where a next stroke would tell most, best first and spread out. Empty without a walk, and
+    /// where walks are not eliminated in f64.
+    #[must_use]
+    pub fn proposals(&self, count: usize) -> Vec<Proposal> {
+        let (Some(walk), Some(elimination)) = (&self.walk, &self.elimination) else { return Vec::new() };
+        let active = self.space.active(&walk.units);
+        let question = self.space.question(&active, self.threshold);
+        proposals(elimination, &walk.seeds, &walk.solution, &question, count)
+            .into_iter()
+            .filter_map(|c| {
+                Some(Proposal {
+                    cluster: c.node,
+                    point: self.space.point(c.node)?,
+                    gaussians: self.space.members(c.node).len(),
+                    p: walk.solution.p[c.node],
+                    q: walk.solution.q[c.node],
+                    uncertainty: c.uncertainty,
+                    expected_shift: c.shift,
+                    expected_change: c.change,
+                })
+            })
+            .collect()
     }
 
     /// What the mask would be with this stroke added; nothing changes.
@@ -152,7 +286,10 @@ impl SelectionSession {
     /// [`SelectionError`] if an earlier walk can no longer be solved; the selection is then as it was before.
     pub fn undo(&mut self) -> Result<Option<Stroke>, SelectionError> {
         let Some((last, earlier)) = self.drawn.split_last() else { return Ok(None) };
-        let rebuilt = Self::replay(&self.space, earlier)?;
+        let mut blank = Self::new(Arc::clone(&self.space));
+        (blank.leak, blank.threshold) = (self.leak, self.threshold);
+        blank.elimination.clone_from(&self.elimination);
+        let rebuilt = blank.replay(earlier)?;
         let stroke = last.stroke.clone();
         *self = rebuilt;
         Ok(Some(stroke))
@@ -170,11 +307,12 @@ impl SelectionSession {
                 Ok(Drawn { stroke: stroke.clone(), hits: space.hits(stroke) })
             })
             .collect::<Result<Vec<_>, SelectionError>>()?;
-        Self::replay(space, &drawn)
+        Self::new(Arc::clone(space)).replay(&drawn)
     }
 
-    fn replay(space: &Arc<SelectionSpace>, drawn: &[Drawn]) -> Result<Self, SelectionError> {
-        let mut session = Self::new(Arc::clone(space));
+    /// Plays strokes on an empty selection.
+    fn replay(self, drawn: &[Drawn]) -> Result<Self, SelectionError> {
+        let mut session = self;
         let last_walk = drawn.iter().rposition(|d| d.stroke.mode == Mode::Walk);
         for (at, drawn) in drawn.iter().enumerate() {
             if drawn.stroke.mode == Mode::Walk && Some(at) != last_walk {
@@ -198,9 +336,13 @@ impl SelectionSession {
         Mask::from_fn(space.gaussians(), |g| {
             space
                 .node_of(g as u32)
-                .is_some_and(|node| walk.units[space.unit_of_node(node)] && walk.solution.is_selected(node))
+                .is_some_and(|node| walk.units[space.unit_of_node(node)] && walk.solution.leads(node, self.threshold))
         })
     }
+}
+
+fn ones(mask: &Mask) -> impl Iterator<Item = u32> + '_ {
+    mask.ones().map(|g| g as u32)
 }
 
 /// Lays a cluster or point stroke over a mask.
@@ -330,6 +472,54 @@ mod tests {
     }
 
     #[test]
+    fn leak_and_threshold_are_scrubbed_after_a_stroke() {
+        let (scene, _) = vessel_and_sac(6000, 3);
+        let (space, clustering) = made(&scene, 300, WalkOptions::default());
+        let mut session = SelectionSession::new(Arc::clone(&space));
+        let start = normalized(&scene, &[glam::Vec3::new(0.0, 0.0, 0.66)]);
+        session.set_threshold(0.5).unwrap();
+        session.set_threshold(THRESHOLD).unwrap();
+        assert!(session.mask().is_none() && session.doubts().is_none() && session.proposals(3).is_empty());
+        session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.03, start)).unwrap();
+        session.add_stroke(stroke(Mode::Point, Kind::Background, 0.02, vec![[0.5, 0.5, 0.9]])).unwrap();
+        // Another leak is what a space with that leak would have made of the strokes; a larger one selects less.
+        let mut last = scene.len();
+        for leak in [0.0003, 0.003, 0.03, 0.3, 0.03] {
+            session.set_leak(leak).unwrap();
+            let (other, _) = made(&scene, 300, WalkOptions { leak, ..WalkOptions::default() });
+            let strokes: Vec<Stroke> = session.strokes().cloned().collect();
+            let anew = SelectionSession::of_strokes(&other, &strokes).unwrap();
+            assert_eq!(anew.mask(), session.mask());
+            assert_eq!(anew.walk().unwrap().solution, session.walk().unwrap().solution);
+            if leak != 0.03 || last == scene.len() {
+                assert!(session.mask().count() <= last);
+                last = session.mask().count();
+            }
+        }
+        let mask = session.mask().clone();
+        let p = session.walk().unwrap().solution.clone();
+        let mut last = scene.len();
+        for threshold in [-0.9, -0.5, 0.0, 0.5, 0.9] {
+            session.set_threshold(threshold).unwrap();
+            for g in 0..scene.len() {
+                let c = clustering.labels[g] as usize;
+                if session.mask().get(g) {
+                    assert!(p.p[c] - p.q[c] > threshold);
+                }
+            }
+            assert!(session.mask().count() <= last);
+            last = session.mask().count();
+        }
+        session.set_threshold(THRESHOLD).unwrap();
+        assert_eq!(session.mask(), &mask);
+        for bad in [f64::NAN, 1.0, -1.5] {
+            assert!(session.set_threshold(bad).is_err());
+        }
+        assert!(session.set_leak(-1.0).is_err() && session.set_leak(f64::NAN).is_err());
+        assert_eq!((session.mask(), session.leak()), (&mask, 0.03));
+    }
+
+    #[test]
     fn degenerate_scenes_and_strokes_are_no_trouble() {
         let nan = [f32::NAN; 3];
         let scenes: Vec<Vec<[f32; 3]>> = vec![
@@ -438,6 +628,9 @@ mod tests {
                 let undone = session.undo().unwrap();
                 prop_assert_eq!(undone.as_ref(), Some(stroke));
                 prop_assert_eq!(session.mask(), mask);
+                let strokes: Vec<Stroke> = session.strokes().cloned().collect();
+                let anew = SelectionSession::of_strokes(&space, &strokes).unwrap();
+                prop_assert_eq!(session.walk().map(|w| &w.solution), anew.walk().map(|w| &w.solution));
             }
         }
     }

@@ -1,5 +1,7 @@
 //! Everything about a scene that selections share: made once, read by any number of sessions.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sg_scene::model::{Scene, SceneBox};
@@ -11,10 +13,11 @@ use crate::geometry::Geometry;
 use crate::neighbours::{Edge, Graph};
 use crate::shortest::nearest_source;
 use crate::strokes::Stroke;
+use crate::walk::elimination::Elimination;
+use crate::walk::multilevel::{Boundary, Multilevel, Quality};
 use crate::walk::ordering::minimum_degree;
-use crate::walk::{
-    Network, Precision, Problem, Seed, Solution, Solver, SystemSolver, WalkError, cg, gth, solve, system,
-};
+use crate::walk::uncertainty::Question;
+use crate::walk::{Network, Precision, Problem, Seed, Solution, Solver, SystemSolver, WalkError, gth, solve};
 
 /// Where a walk finds its background when the user has drawn none.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -84,19 +87,11 @@ const FARTHEST_SHARE: f64 = 0.05;
 /// Unknowns up to which a walk on Gaussians is eliminated; above it is iterated.
 const MOST_ELIMINATED: usize = 2000;
 
-/// Elimination for small systems, conjugate gradients for large ones: walks on single Gaussians.
-#[derive(Debug, Default)]
-struct BySize(cg::ConjugateGradients<f64>);
+/// Nodes up to which a walk that cannot be iterated is eliminated instead.
+const MOST_ELIMINATED_INSTEAD: usize = 20_000;
 
-impl SystemSolver for BySize {
-    fn solve(&self, system: &system::System) -> Result<(Vec<f64>, Vec<f64>), WalkError> {
-        if self.eliminates(system.len()) { gth::Gth64.solve(system) } else { self.0.solve(system) }
-    }
-
-    fn eliminates(&self, unknowns: usize) -> bool {
-        unknowns <= MOST_ELIMINATED
-    }
-}
+/// Estimated error in p of a walk on Gaussians that is iterated.
+pub const TOLERANCE: f64 = 1e-3;
 
 /// Members of groups, as one list with offsets.
 #[derive(Debug, Clone)]
@@ -150,10 +145,14 @@ pub struct WalkSummary {
 pub struct Walk {
     /// Probabilities.
     pub solution: Solution,
+    /// What each node was.
+    pub seeds: Vec<Seed>,
     /// Base units the walk took place in.
     pub units: Vec<bool>,
     /// Numbers about it.
     pub summary: WalkSummary,
+    /// How good the solution is, where it was iterated.
+    pub quality: Option<Quality>,
 }
 
 /// A scene made ready for selecting.
@@ -168,8 +167,16 @@ pub struct SelectionSpace {
     nodes: Vec<i32>,
     node_unit: Vec<u32>,
     units: usize,
-    network: Network,
+    network: Arc<Network>,
+    /// Gaussians of each cluster, where walks run on clusters.
+    mass: Vec<f64>,
+    /// Normalized position of each cluster's most central Gaussian, where walks run on clusters.
+    points: Vec<Option<[f64; 3]>>,
     order: Option<Vec<u32>>,
+    /// Where walks are eliminated in f64: the elimination, ready for its first walk.
+    elimination: Option<Elimination>,
+    /// Where walks run on many single Gaussians.
+    multilevel: Option<Multilevel>,
     solver: Box<dyn SystemSolver + Send + Sync>,
     options: WalkOptions,
     /// Path lengths and components for the farthest rule, where it is used.
@@ -208,19 +215,30 @@ impl SelectionSpace {
             labels: clustering.labels.clone(),
             node_unit: clustering.clusters.iter().map(|c| c.unit).collect(),
             units: scene.units.len(),
-            network,
+            mass: clustering.clusters.iter().map(|c| f64::from(c.size)).collect(),
+            points: clustering
+                .clusters
+                .iter()
+                .map(|c| scene.position(c.centre as usize).map(|p| scene.bounds.normalize(p).to_array()))
+                .collect(),
+            elimination: (options.solver == Solver::Gth && options.precision == Precision::F64)
+                .then(|| Elimination::new(&network, order.clone())),
+            network: Arc::new(network),
             order,
+            multilevel: None,
             solver,
             options,
             paths,
         }
     }
 
-    /// A space whose walks run on single Gaussians: exact elimination of small systems, conjugate gradients for those of
-    /// more than 2,000 unknowns. Cluster strokes still use the clusters.
+    /// A space whose walks run on single Gaussians: exact elimination up to 2,000 of them, above it the multilevel
+    /// iteration of [`crate::walk::multilevel`] to [`TOLERANCE`]. Cluster strokes still use the clusters.
     #[must_use]
     pub fn of_gaussians(scene: &Scene, geometry: &Geometry, clustering: &Clustering, options: WalkOptions) -> Self {
-        let network = gaussian_network(geometry, options.sigma_s, options.sigma_f);
+        let network = Arc::new(gaussian_network(geometry, options.sigma_s, options.sigma_f));
+        let multilevel =
+            (network.len() > MOST_ELIMINATED).then(|| Multilevel::new(Arc::clone(&network), Precision::F32));
         let n = scene.len();
         let mut nodes = vec![-1; n];
         let mut node_unit = vec![0; n];
@@ -250,9 +268,13 @@ impl SelectionSpace {
             nodes,
             node_unit,
             units: scene.units.len(),
+            mass: Vec::new(),
+            points: Vec::new(),
+            elimination: None,
             network,
             order: None,
-            solver: Box::new(BySize::default()),
+            multilevel,
+            solver: Box::new(gth::Gth64),
             options,
             paths,
         }
@@ -327,6 +349,40 @@ impl SelectionSpace {
         }
     }
 
+    /// The elimination that walks on clusters start from; none where they are not eliminated in f64.
+    #[must_use]
+    pub fn elimination(&self) -> Option<&Elimination> {
+        self.elimination.as_ref()
+    }
+
+    /// How walks are set up and solved.
+    #[must_use]
+    pub fn options(&self) -> &WalkOptions {
+        &self.options
+    }
+
+    /// The position of a cluster's most central Gaussian in normalized coordinates of the box: a walk stroke of radius 0
+    /// there seeds the cluster. None where it has no Gaussian, and where walks run on single Gaussians.
+    #[must_use]
+    pub fn point(&self, node: usize) -> Option<[f64; 3]> {
+        self.points.get(node).copied().flatten()
+    }
+
+    /// Nodes that take part in walks in these base units: those that have a Gaussian with a finite position.
+    #[must_use]
+    pub fn active(&self, units: &[bool]) -> Vec<bool> {
+        // Nodes without a Gaussian (labels may skip an id) and Gaussians without a finite position take no part.
+        let mut active = vec![false; self.network.len()];
+        for node in self.nodes.iter().filter_map(|&node| usize::try_from(node).ok()) {
+            active[node] = units[self.unit_of_node(node)];
+        }
+        active
+    }
+
+    pub(crate) fn question<'a>(&'a self, active: &'a [bool], threshold: f64) -> Question<'a> {
+        Question { mass: &self.mass, active, threshold }
+    }
+
     /// Walks from the Gaussians hit by the foreground and the background brush.
     ///
     /// A node hit by both goes with the majority of its hit Gaussians; at a tie it is unseeded. The walk takes place in
@@ -336,6 +392,21 @@ impl SelectionSpace {
     /// [`WalkError`] if the solver breaks down.
     pub fn walk(
         &self,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> Result<Walk, WalkError> {
+        self.walk_again(&mut self.elimination.clone(), self.options.leak, foreground, background)
+    }
+
+    /// The same with another leak than the space's own, on an elimination ([`SelectionSpace::elimination`]) that is kept
+    /// between walks: only what has changed since its last walk is done again. Without one the space's solver is used.
+    ///
+    /// # Errors
+    /// [`WalkError`] if the leak is none or the solver breaks down.
+    pub fn walk_again(
+        &self,
+        elimination: &mut Option<Elimination>,
+        leak: f64,
         foreground: impl Iterator<Item = u32>,
         background: impl Iterator<Item = u32>,
     ) -> Result<Walk, WalkError> {
@@ -364,12 +435,8 @@ impl SelectionSpace {
         }
         summary.seeds_foreground = seeds.iter().filter(|s| **s == Seed::Foreground).count();
         summary.seeds_background = seeds.iter().filter(|s| **s == Seed::Background).count();
-        // Nodes without a Gaussian (labels may skip an id) and Gaussians without a finite position take no part.
-        let mut active = vec![false; n];
-        for node in self.nodes.iter().filter_map(|&node| usize::try_from(node).ok()) {
-            active[node] = units[self.unit_of_node(node)];
-        }
-        let mut leak = self.options.leak;
+        let active = self.active(&units);
+        let mut leak = leak;
         match &self.paths {
             Some((graph, component)) => {
                 leak = 0.0;
@@ -383,10 +450,33 @@ impl SelectionSpace {
             }
             None => {}
         }
-        let problem = Problem { network: &self.network, seeds: &seeds, leak, leaking: Some(&active) };
-        let solution = solve(&problem, self.solver.as_ref(), self.order.as_deref())?;
+        let mut quality = None;
+        let solution = match (elimination, &self.multilevel) {
+            (Some(elimination), _) => elimination.solve(&seeds, leak, Some(&active))?,
+            (None, Some(multilevel)) => {
+                let known = Multilevel::known(&seeds);
+                match multilevel.solve(&Boundary { known: &known, leak, leaking: Some(&active) }, TOLERANCE) {
+                    Ok(answer) => {
+                        quality = Some(answer.quality);
+                        // The error of the iteration is far above that of the subtraction.
+                        let q = answer.p.iter().zip(&answer.reached).map(|(p, r)| if *r { 1.0 - p } else { 0.0 });
+                        Solution { q: q.collect(), p: answer.p, reached: answer.reached }
+                    }
+                    // Too ill-conditioned to iterate: exact where that is within reach.
+                    Err(WalkError::Breakdown { .. }) if n <= MOST_ELIMINATED_INSTEAD => {
+                        let problem = Problem { network: &self.network, seeds: &seeds, leak, leaking: Some(&active) };
+                        solve(&problem, self.solver.as_ref(), None)?
+                    }
+                    Err(e) => return Err(e),
+                }
+            }
+            (None, None) => {
+                let problem = Problem { network: &self.network, seeds: &seeds, leak, leaking: Some(&active) };
+                solve(&problem, self.solver.as_ref(), self.order.as_deref())?
+            }
+        };
         summary.unreached = (0..n).filter(|&node| active[node] && !solution.reached[node]).count();
-        Ok(Walk { solution, units, summary })
+        Ok(Walk { solution, seeds, units, summary, quality })
     }
 }
 

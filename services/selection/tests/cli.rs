@@ -139,6 +139,28 @@ fn clusters_are_written_reported_and_used_again() {
     for (g, &l) in labels[..n - 1].iter().enumerate() {
         assert!(mask.get(g) == (p[l as usize] > 0.5) || (p[l as usize] - 0.5).abs() < 1e-9);
     }
+    // Where to stroke next: clusters that are open, in the box, best first and each once.
+    succeed(at, &[&base[..], &["--proposals", "next.json", "--proposal-count", "5", "--leak", "0.001"]].concat());
+    let next = report(&std::fs::read_to_string(at.join("next.json")).unwrap());
+    let next = next["proposals"].as_array().unwrap();
+    assert_eq!(next.len(), 5);
+    for key in ["cluster", "gaussians", "p", "q", "uncertainty", "expected_shift", "expected_change"] {
+        assert!(next.iter().all(|n| n[key].is_number()), "a proposal lacks {key}");
+    }
+    let distinct: std::collections::BTreeSet<u64> = next.iter().map(|n| n["cluster"].as_u64().unwrap()).collect();
+    assert_eq!(distinct.len(), 5);
+    let most = next.iter().map(|n| n["expected_change"].as_f64().unwrap()).fold(0.0, f64::max);
+    assert!(next[0]["expected_change"].as_f64() == Some(most) && most > 0.0);
+    assert!(
+        next.iter().all(|n| n["point"].as_array().unwrap().iter().all(|x| (0.0..=1.0).contains(&x.as_f64().unwrap())))
+    );
+    refuse(at, 2, &[&base[..], &["--proposals", "x.json", "--method", "gaussian"]].concat(), &["--method cluster"]);
+    // Sharper at the boundary.
+    let r =
+        report(&succeed(at, &[&base[..], &["--truth", "truth.npy", "--leak", "0.001", "--json", "--refine"]].concat()));
+    assert!(r["iou"].as_f64().unwrap() > 0.9 && r["refined"]["band"].as_u64().unwrap() > 0, "{r}");
+    assert!(r["refined"]["estimate"].as_f64().unwrap() <= 1e-3 && r["stage_seconds"]["refine"].is_number(), "{r}");
+    refuse(at, 2, &[&base[..], &["--refine", "3", "--method", "gaussian"]].concat(), &["--method cluster"]);
     // Every form, and walks on single Gaussians.
     for extra in [
         ["--graph", "printed"],

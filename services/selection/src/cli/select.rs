@@ -15,12 +15,14 @@ use sg_selection::clustering::{Clustering, cluster};
 use sg_selection::geometry::Geometry;
 use sg_selection::metrics::Agreement;
 use sg_selection::progress::{Progress, Stage};
-use sg_selection::session::{SelectionError, SelectionSession};
-use sg_selection::space::{Background, SelectionSpace, WalkOptions, WalkSummary};
+use sg_selection::refinement::Refiner;
+use sg_selection::session::{Proposal, SelectionError, SelectionSession};
+use sg_selection::space::{Background, SelectionSpace, TOLERANCE, WalkOptions, WalkSummary};
 use sg_selection::strokes::{Mode, Strokes};
 use sg_selection::walk::WalkError;
+use sg_selection::walk::multilevel::Quality;
 
-use super::{Bar, Failure, deliver, named, read_scene};
+use super::{Bar, Failure, deliver, named, read_scene, write};
 
 /// What walks run on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -46,6 +48,17 @@ pub(crate) struct Arguments {
     /// The probabilities of the last walk to write, float64 (clusters,); (n,) for --method gaussian.
     #[arg(long, value_name = "FILE")]
     probabilities: Option<PathBuf>,
+    /// Where a next stroke would tell most after the last walk, to write as JSON: clusters, best first and spread out. Only
+    /// with --method cluster.
+    #[arg(long, value_name = "FILE")]
+    proposals: Option<PathBuf>,
+    /// How many proposals to make.
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "proposals")]
+    proposal_count: usize,
+    /// Solve the walk on single Gaussians within so many hops of the selection's boundary, with the walk on clusters
+    /// around them; 8 unless told. Only with --method cluster.
+    #[arg(long, value_name = "HOPS", num_args = 0..=1, default_missing_value = "8")]
+    refine: Option<usize>,
     /// The true selection to compare with, uint8 or bool (n,).
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
@@ -89,12 +102,33 @@ struct Report<'a> {
     selected: usize,
     #[serde(flatten)]
     walk: WalkSummary,
+    /// How good a walk on single Gaussians is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    iterated: Option<Quality>,
+    /// How good the refinement is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refined: Option<Band>,
     /// Playing all strokes.
     seconds: f64,
     /// What came before: reading, clusters, their graph.
     stage_seconds: BTreeMap<&'static str, f64>,
     #[serde(flatten)]
     agreement: Option<Agreement>,
+}
+
+/// The band that was solved on single Gaussians.
+#[derive(Serialize)]
+struct Band {
+    /// Its Gaussians.
+    band: usize,
+    #[serde(flatten)]
+    quality: Quality,
+}
+
+/// Where to stroke next.
+#[derive(Serialize)]
+struct Proposals {
+    proposals: Vec<Proposal>,
 }
 
 /// Seconds by stage.
@@ -129,6 +163,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ..WalkOptions::default()
     };
     options.check().map_err(|reason| Failure::input(format!("--{reason}")))?;
+    if arguments.method == Method::Gaussian && arguments.proposals.is_some() {
+        return Err(Failure::input("--proposals names clusters; use it with --method cluster"));
+    }
+    if arguments.method == Method::Gaussian && arguments.refine.is_some() {
+        return Err(Failure::input("--refine sharpens a walk on clusters; use it with --method cluster"));
+    }
     let strokes = Strokes::read(&arguments.strokes).map_err(Failure::input)?.strokes;
     let mut clock = Clock::default();
     let scene = clock.time("read", || read_scene(&arguments.scene))?.scene;
@@ -137,7 +177,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let uses_clusters = strokes.iter().any(|s| s.mode == Mode::Cluster);
     let made = space(arguments, &scene, options, uses_clusters, &bar, &mut clock);
     bar.finish();
-    let space = Arc::new(made?);
+    let (space, refiner) = made?;
+    let space = Arc::new(space);
 
     let start = Instant::now();
     let mut session = SelectionSession::new(Arc::clone(&space));
@@ -150,12 +191,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         })?;
     }
     let seconds = start.elapsed().as_secs_f64();
-    write_mask(&arguments.out, session.mask())?;
+    let refined = match (&refiner, arguments.refine) {
+        (Some(refiner), Some(hops)) => {
+            clock.time("refine", || refiner.refine(&session, hops, TOLERANCE)).map_err(SelectionError::from)?
+        }
+        _ => None,
+    };
+    let mask = refined.as_ref().map_or_else(|| session.mask(), |r| &r.mask);
+    write_mask(&arguments.out, mask)?;
     if let Some(file) = &arguments.probabilities {
         let p = session.walk().map_or_else(|| vec![0.0; space.nodes()], |w| w.solution.p.clone());
         write_array(file, &[p.len()], &p)?;
     }
-    let selected = session.mask().count();
+    if let Some(file) = &arguments.proposals {
+        let proposals = Proposals { proposals: session.proposals(arguments.proposal_count) };
+        let text = serde_json::to_string_pretty(&proposals).map_err(Failure::work)? + "\n";
+        write(file, text.as_bytes())?;
+    }
+    let selected = mask.count();
     eprintln!(
         "{selected} of {} Gaussians selected by {count} strokes in {:.1} ms: {}",
         scene.len(),
@@ -169,9 +222,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         clusters: space.clusters(),
         selected,
         walk: session.walk().map(|w| w.summary).unwrap_or_default(),
+        iterated: session.walk().and_then(|w| w.quality),
+        refined: refined.as_ref().map(|r| Band { band: r.band.iter().filter(|b| **b).count(), quality: r.quality }),
         seconds,
         stage_seconds: clock.0,
-        agreement: truth.map(|t| Agreement::of((0..scene.len()).map(|g| (session.mask().get(g), t.get(g))))),
+        agreement: truth.map(|t| Agreement::of((0..scene.len()).map(|g| (mask.get(g), t.get(g))))),
     };
     deliver(&report, arguments.report.as_ref(), arguments.json)
 }
@@ -183,19 +238,21 @@ fn space(
     uses_clusters: bool,
     bar: &Bar,
     clock: &mut Clock,
-) -> Result<SelectionSpace, Failure> {
+) -> Result<(SelectionSpace, Option<Refiner>), Failure> {
     let geometry_options = arguments.clustering.geometry()?;
     let clustering_options = arguments.clustering.options();
     let cached = arguments
         .cache
         .as_ref()
         .filter(|_| arguments.method == Method::Cluster && arguments.graph == GraphForm::Contact)
+        // Refining needs the neighbour graph, which is not kept.
+        .filter(|_| arguments.refine.is_none())
         .map(|folder| (ClusterCache::new(folder), key(scene, geometry_options, &clustering_options)));
     if let Some((cache, key)) = &cached {
         match clock.time("cache", || cache.load(key, scene.len())) {
             Found::Entry(entry) => {
                 let (clustering, graph) = *entry;
-                return Ok(SelectionSpace::of_clusters(scene, &clustering, &graph, options));
+                return Ok((SelectionSpace::of_clusters(scene, &clustering, &graph, options), None));
             }
             Found::Damaged(why) => eprintln!("warning: {why}; the clusters are made anew"),
             Found::Nothing => {}
@@ -216,7 +273,8 @@ fn space(
     };
     bar.at(Stage::ClusterGraph, 0.0);
     if arguments.method == Method::Gaussian {
-        return Ok(clock.time("graph", || SelectionSpace::of_gaussians(scene, &geometry, &clustering, options)));
+        let space = clock.time("graph", || SelectionSpace::of_gaussians(scene, &geometry, &clustering, options));
+        return Ok((space, None));
     }
     let graph =
         clock.time("graph", || ClusterGraph::new(&geometry, &clustering, options.form)).map_err(Failure::work)?;
@@ -225,5 +283,8 @@ fn space(
     {
         eprintln!("warning: {}: {e}; the clusters were not kept", cache.path(key).display());
     }
-    Ok(clock.time("order", || SelectionSpace::of_clusters(scene, &clustering, &graph, options)))
+    let refiner = arguments
+        .refine
+        .map(|_| clock.time("refiner", || Refiner::new(&geometry, &graph, options.sigma_s, options.sigma_f)));
+    Ok((clock.time("order", || SelectionSpace::of_clusters(scene, &clustering, &graph, options)), refiner))
 }

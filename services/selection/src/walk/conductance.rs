@@ -17,6 +17,9 @@ impl Conductance {
     /// No conductance.
     pub const ZERO: Self = Self { mantissa: 0.0, exponent: i64::MIN / 4 };
 
+    /// The unit.
+    pub const ONE: Self = Self { mantissa: 1.0, exponent: 0 };
+
     /// Exactly `x`, if it is finite and at least 0.
     #[must_use]
     pub fn new(x: f64) -> Option<Self> {

@@ -15,6 +15,10 @@ pub(super) trait Real: Copy + Add<Output = Self> + Mul<Output = Self> + Div<Outp
     const ZERO: Self;
     fn of(c: Conductance, shift: i64) -> Self;
     fn value(self) -> f64;
+
+    fn is_nothing(self) -> bool {
+        self.value() == 0.0
+    }
 }
 
 impl Real for f64 {
@@ -51,10 +55,14 @@ impl Real for Conductance {
     fn value(self) -> f64 {
         self.scaled(0)
     }
+
+    fn is_nothing(self) -> bool {
+        self.is_zero()
+    }
 }
 
 /// Powers of two that plain f64 may span: the product of two conductances and of a probability stay in range.
-const F64_RANGE: i64 = 300;
+pub(super) const F64_RANGE: i64 = 300;
 
 /// Elimination in f64; graphs that span too many powers of two for it get exponents of their own.
 #[derive(Debug, Clone, Copy)]

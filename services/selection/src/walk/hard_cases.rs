@@ -74,7 +74,7 @@ impl Real for Double {
 }
 
 /// The reference solver.
-struct Reference;
+pub(super) struct Reference;
 
 impl SystemSolver for Reference {
     fn solve(&self, system: &System) -> Result<(Vec<f64>, Vec<f64>), WalkError> {
@@ -87,27 +87,32 @@ impl SystemSolver for Reference {
     }
 }
 
-fn network(nodes: usize, edges: &[(u32, u32, f64)]) -> Network {
+pub(super) fn network(nodes: usize, edges: &[(u32, u32, f64)]) -> Network {
     Network::new(nodes, edges.iter().map(|&(u, v, w)| (u, v, Conductance::new(w).unwrap())))
 }
 
-fn seeded(nodes: usize, foreground: &[usize], background: &[usize]) -> Vec<Seed> {
+pub(super) fn seeded(nodes: usize, foreground: &[usize], background: &[usize]) -> Vec<Seed> {
     let mut seeds = vec![Seed::None; nodes];
     foreground.iter().for_each(|&u| seeds[u] = Seed::Foreground);
     background.iter().for_each(|&u| seeds[u] = Seed::Background);
     seeds
 }
 
-fn run(network: &Network, seeds: &[Seed], leak: f64, solver: &dyn SystemSolver) -> Result<Solution, WalkError> {
+pub(super) fn run(
+    network: &Network,
+    seeds: &[Seed],
+    leak: f64,
+    solver: &dyn SystemSolver,
+) -> Result<Solution, WalkError> {
     solve(&Problem { network, seeds, leak, leaking: None }, solver, None)
 }
 
-fn gth(network: &Network, seeds: &[Seed], leak: f64) -> Solution {
+pub(super) fn gth(network: &Network, seeds: &[Seed], leak: f64) -> Solution {
     run(network, seeds, leak, Solver::Gth.with(Precision::F64).as_ref()).unwrap()
 }
 
 /// Largest relative error over all entries of p and q.
-fn error(got: &Solution, want: &Solution) -> f64 {
+pub(super) fn error(got: &Solution, want: &Solution) -> f64 {
     let one = |(a, b): (&f64, &f64)| if a == b { 0.0 } else { ((a - b) / b).abs() };
     got.p.iter().zip(&want.p).chain(got.q.iter().zip(&want.q)).map(one).fold(0.0, f64::max)
 }
@@ -135,7 +140,7 @@ fn table_row(name: &str, network: &Network, seeds: &[Seed], leak: f64) -> f64 {
 }
 
 /// A connected random graph: a ring and chords, weights within a factor of ten.
-fn mesh(first: u32, n: u32, seed: u64) -> Vec<(u32, u32, f64)> {
+pub(super) fn mesh(first: u32, n: u32, seed: u64) -> Vec<(u32, u32, f64)> {
     let mut r = generator(seed);
     let mut edges: Vec<(u32, u32, f64)> =
         (0..n).map(|i| (first + i, first + (i + 1) % n, r.random_range(0.2..2.0))).collect();

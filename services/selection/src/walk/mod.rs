@@ -8,12 +8,20 @@
 pub mod cg;
 pub mod cholesky;
 pub mod conductance;
+pub mod elimination;
 pub mod gth;
+mod hierarchy;
+pub mod multilevel;
 pub mod ordering;
 pub mod system;
+pub mod uncertainty;
 
 #[cfg(test)]
+mod elimination_tests;
+#[cfg(test)]
 mod hard_cases;
+#[cfg(test)]
+mod multilevel_tests;
 
 use std::collections::VecDeque;
 
@@ -128,7 +136,13 @@ impl Solution {
     /// Whether a node is selected.
     #[must_use]
     pub fn is_selected(&self, node: usize) -> bool {
-        self.p[node] - self.q[node] > THRESHOLD
+        self.leads(node, THRESHOLD)
+    }
+
+    /// Whether p − q of a node exceeds `threshold`. A node that is not reached never does.
+    #[must_use]
+    pub fn leads(&self, node: usize, threshold: f64) -> bool {
+        self.reached[node] && self.p[node] - self.q[node] > threshold
     }
 }
 

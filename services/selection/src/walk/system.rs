@@ -131,7 +131,7 @@ impl System {
     /// Structure of the elimination of the unknowns in order.
     #[must_use]
     pub fn fill(&self) -> Fill {
-        Fill::of(self)
+        Fill::new(self.len(), |k| self.links(k).iter().map(|l| l.0))
     }
 }
 
@@ -144,18 +144,18 @@ pub struct Fill {
 }
 
 impl Fill {
-    fn of(system: &System) -> Self {
-        let n = system.len();
+    /// The structure of eliminating `n` unknowns in order; `neighbours` must be symmetric.
+    pub fn new<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32) -> I) -> Self {
         // An unknown passes its later neighbours on to the first of them (its parent in the elimination tree).
         let mut children: Vec<Vec<u32>> = vec![Vec::new(); n];
         let mut mark = vec![u32::MAX; n];
         let mut offsets = Vec::with_capacity(n + 1);
-        let mut rows: Vec<u32> = Vec::with_capacity(4 * system.links.len());
+        let mut rows: Vec<u32> = Vec::new();
         offsets.push(0);
         for k in (0..).take(n) {
             let start = rows.len();
             mark[k as usize] = k;
-            for &(j, _) in system.links(k) {
+            for j in neighbours(k) {
                 if j > k {
                     mark[j as usize] = k;
                     rows.push(j);
@@ -183,6 +183,12 @@ impl Fill {
     #[must_use]
     pub fn column(&self, k: usize) -> std::ops::Range<usize> {
         self.offsets[k]..self.offsets[k + 1]
+    }
+
+    /// The first later unknown an unknown is connected to: its parent in the elimination tree.
+    #[must_use]
+    pub fn parent(&self, k: usize) -> Option<u32> {
+        self.rows[self.column(k)].first().copied()
     }
 
     /// All entries, unknown after unknown.
