@@ -1,6 +1,6 @@
 //! An elimination that is kept between walks on one graph, so that a further stroke pays only for what it changes.
 //!
-//! All nodes are unknowns of one elimination in one order ([`Structure`]), whether they are seeded or not. Column k holds
+//! All nodes are unknowns of one elimination in one order (`Structure`), whether they are seeded or not. Column k holds
 //! the conductances from node k to later nodes at its turn, seeds among them, and to the two terminals. What a seed does
 //! is *not* to be eliminated: instead of passing its column on to every pair of its later neighbours it gives each of
 //! them its conductance as one to a terminal. So a node that becomes a seed, or ceases to be one, changes nothing before
