@@ -285,6 +285,8 @@ table! {
 
     /// Adds strokes and commits what they select.
     SELECTION_STROKES: Ask<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// A stroke is being drawn: what it would select so far.
+    SELECTION_SAMPLE: Ask<selection::SampleRequest, selection::SampleReply> = (role::SELECTION, "cmd/sample", &[role::CLI, role::RENDER_VIEW]) at Interactive;
     /// What is clustered.
     SELECTION_STATE: Slot<selection::State> = (role::SELECTION, "state");
 

@@ -217,7 +217,7 @@ async fn ask(bus: &Bus, role: &str) -> Result<(), Fault> {
                 radius: 0.05,
                 points: vec![0.816, 0.465, 0.435, 0.735, 0.465, 0.516],
             };
-            let request = StrokesRequest { strokes: vec![stroke], restart: true };
+            let request = StrokesRequest { strokes: vec![stroke], restart: true, steps: Vec::new() };
             bus.ask(&keys::SELECTION_STROKES, &request, &soon()).await.map(drop)
         }
         role::RENDER_VIEW => bus.newest(&keys::VIEW_STATE, &soon()).await.map(drop),

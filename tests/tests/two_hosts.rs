@@ -147,7 +147,7 @@ async fn brush(bus: &Bus) -> u64 {
         radius: small_scene::STROKE,
         points: vec![x - 0.05, y, z, x + 0.05, y, z],
     };
-    let request = StrokesRequest { strokes: vec![stroke], restart: true };
+    let request = StrokesRequest { strokes: vec![stroke], restart: true, steps: Vec::new() };
     let context = Context::root().deadline_in(Duration::from_secs(10));
     bus.ask(&keys::SELECTION_STROKES, &request, &context).await.unwrap().selected
 }

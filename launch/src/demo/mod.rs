@@ -251,6 +251,6 @@ pub(crate) fn check_strokes(steps: &[Step]) -> Done {
     Ok(())
 }
 
-fn read_strokes(file: &Path) -> Result<Vec<sg_proto::scene::Stroke>, Failure> {
+fn read_strokes(file: &Path) -> Result<Vec<sg_proto::scene::SelectionStep>, Failure> {
     strokes::parse(file, &read_text(file)?).map_err(|e| Failure::Input(e.to_string()))
 }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use sg_launch::script::Step;
+use sg_launch::strokes;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, Ask};
 use sg_proto::language::{Reply, Source, Utterance};
@@ -198,11 +199,12 @@ impl Player {
     }
 
     async fn brush(&mut self, file: &Path, restart: bool) -> Result<String, Failure> {
-        let strokes = read_strokes(file)?;
-        let count = strokes.len();
+        let steps = read_strokes(file)?;
+        let strokes: Vec<_> = steps.iter().filter_map(strokes::stroke_of).collect();
+        let (count, operations) = (strokes.len(), steps.len() - strokes.len());
         let walks = strokes.iter().any(|s| s.mode() == StrokeMode::Walk);
         let began = Instant::now();
-        let request = StrokesRequest { strokes, restart };
+        let request = StrokesRequest { restart, steps, ..StrokesRequest::default() };
         let context = self.context();
         let reply = self.ask(&keys::SELECTION_STROKES, &request, &context).await?;
         // The selection process names its command after the request.
@@ -220,8 +222,16 @@ impl Player {
             self.measured.walk.push(reply.walk_ms);
         }
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let plural = if count == 1 { "stroke" } else { "strokes" };
-        Ok(format!("brush {count} {plural} of {name}: {} Gaussians selected{walk}{picture}", thousands(reply.selected)))
+        let plural = |n: usize| if n == 1 { "" } else { "s" };
+        let further = match operations {
+            0 => String::new(),
+            n => format!(" and {n} operation{}", plural(n)),
+        };
+        Ok(format!(
+            "brush {count} stroke{}{further} of {name}: {} Gaussians selected{walk}{picture}",
+            plural(count),
+            thousands(reply.selected)
+        ))
     }
 
     async fn say(&mut self, text: &str) -> Result<String, Failure> {

@@ -11,27 +11,32 @@ use std::time::{Duration, Instant};
 use serde::Deserialize;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::scene::{Command, CommandResult, CommitSelection, StrokeKind, StrokeMode, command};
-use sg_proto::{scene as proto, selection};
+use sg_proto::scene::{Command, CommandResult, CommitSelection, command};
+use sg_proto::selection;
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::bus::{Bus, Owned};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
-use sg_scene::edit::wire::encode_mask;
+use sg_scene::edit::wire::{encode_mask, steps_of, strokes_alone};
 use sg_scene::edit::{EditState, Replica};
 use sg_scene::known::read_known;
+use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_selection::cache::{self, ClusterCache, Found};
 use sg_selection::cluster_graph::ClusterGraph;
 use sg_selection::clustering::{Clustering, ClusteringOptions, cluster};
 use sg_selection::geometry::{Geometry, GeometryOptions};
+use sg_selection::preview::Preview;
 use sg_selection::progress::Silent;
 use sg_selection::session::SelectionSession;
 use sg_selection::space::{SelectionSpace, WalkOptions};
-use sg_selection::strokes::{Kind, Mode, Stroke};
+use sg_selection::steps::Step;
+use sg_selection::surroundings::Surroundings;
 use tokio::sync::watch;
+
+use crate::wire;
 
 /// Requests that may wait while one is worked on.
 const QUEUE: usize = 8;
@@ -120,13 +125,20 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         bus: host.bus().clone(),
         session: SelectionSession::new(prepared.space),
         state,
+        open: None,
         answered: 0,
         last_walk_ms: 0.0,
     };
     let (mailbox, _) = host.spawn(selector, QUEUE);
-    host.serve(&keys::SELECTION_STROKES, QUEUE, move |request, context| {
+    let hand = mailbox.clone();
+    host.serve(&keys::SELECTION_SAMPLE, QUEUE, move |request, context: Context| {
+        let mailbox = hand.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Sample { request, reply }).await }
+    })
+    .await?;
+    host.serve(&keys::SELECTION_STROKES, QUEUE, move |request, context: Context| {
         let mailbox = mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Draw { request, context, reply }).await }
+        async move { mailbox.ask(context.deadline, |reply| Message::Draw { request, context, reply }).await }
     })
     .await?;
     Ok(())
@@ -146,7 +158,7 @@ fn prepare(
     walk: WalkOptions,
     cache: &ClusterCache,
 ) -> Result<Prepared, StartError> {
-    let scene = read_known(path, hash).map_err(|e| StartError::Input(e.to_string()))?;
+    let scene = Arc::new(read_known(path, hash).map_err(|e| StartError::Input(e.to_string()))?);
     let start = Instant::now();
     let geometry_options = GeometryOptions { neighbours: params.neighbours, ..GeometryOptions::default() };
     let options = ClusteringOptions {
@@ -169,7 +181,9 @@ fn prepare(
         }
     };
     let clustering_ms = start.elapsed().as_secs_f64() * 1e3;
-    let space = Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, walk));
+    let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, walk);
+    // Neighbours and features are made anew when an operation first needs them: the cache holds clusters alone.
+    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry_options)));
     Ok(Prepared { space, from_cache, clustering_ms })
 }
 
@@ -216,11 +230,20 @@ fn take(replica: &mut Replica, update: &Update) -> Result<(), String> {
     }
 }
 
-/// Strokes to be drawn.
-struct Draw {
-    request: selection::StrokesRequest,
-    context: Context,
-    reply: Reply<selection::StrokesReply>,
+/// What the selector is asked.
+enum Message {
+    /// Steps to be taken.
+    Draw { request: selection::StrokesRequest, context: Context, reply: Reply<selection::StrokesReply> },
+    /// Samples of a stroke that is being drawn.
+    Sample { request: selection::SampleRequest, reply: Reply<selection::SampleReply> },
+}
+
+/// A stroke that is being drawn.
+struct Open {
+    name: String,
+    /// Hash of the selection that it is drawn over.
+    over: String,
+    preview: Preview,
 }
 
 /// Turns strokes into selections, one request at a time.
@@ -228,6 +251,7 @@ struct Selector {
     bus: Bus,
     session: SelectionSession,
     state: watch::Receiver<Arc<EditState>>,
+    open: Option<Open>,
     answered: u64,
     last_walk_ms: f64,
 }
@@ -237,19 +261,19 @@ struct Selector {
 struct Seen {
     revision: u64,
     answered: u64,
-    strokes: usize,
+    steps: usize,
     last_walk_ms: f64,
 }
 
 impl fmt::Display for Seen {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { revision, answered, strokes, last_walk_ms } = self;
-        write!(f, "revision {revision}, {answered} requests, {strokes} strokes, last walk {last_walk_ms:.1} ms")
+        let Self { revision, answered, steps, last_walk_ms } = self;
+        write!(f, "revision {revision}, {answered} requests, {steps} steps, last walk {last_walk_ms:.1} ms")
     }
 }
 
 impl Actor for Selector {
-    type Message = Draw;
+    type Message = Message;
     type State = Seen;
 
     fn name(&self) -> &'static str {
@@ -260,16 +284,22 @@ impl Actor for Selector {
         Seen {
             revision: self.state.borrow().revision(),
             answered: self.answered,
-            strokes: self.session.strokes().len(),
+            steps: self.session.steps().len(),
             last_walk_ms: self.last_walk_ms,
         }
     }
 
-    async fn handle(&mut self, message: Draw) -> Result<(), String> {
-        let outcome = self.draw(&message.request, &message.context).await;
-        self.answered += 1;
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
         // An asker that has gone away misses only the answer: what was committed stays.
-        let _ = message.reply.send(outcome);
+        match message {
+            Message::Draw { request, context, reply } => {
+                let _ = reply.send(self.draw(&request, &context).await);
+            }
+            Message::Sample { request, reply } => {
+                let _ = reply.send(tokio::task::block_in_place(|| self.sample(&request)));
+            }
+        }
+        self.answered += 1;
         Ok(())
     }
 }
@@ -280,13 +310,15 @@ impl Selector {
         request: &selection::StrokesRequest,
         context: &Context,
     ) -> Result<selection::StrokesReply, Fault> {
-        let strokes: Vec<Stroke> = request.strokes.iter().map(decode).collect::<Result<_, _>>()?;
-        if strokes.is_empty() && !request.restart {
-            return Err(Fault::invalid("no strokes to draw; send at least one, or `restart` to begin anew"));
+        let gaussians = self.session.mask().len();
+        let steps = steps_of(&request.strokes, &[]).into_iter().chain(request.steps.iter().cloned());
+        let steps: Vec<Step> = steps.map(|step| wire::decode(&step, gaussians)).collect::<Result<_, _>>()?;
+        if steps.is_empty() && !request.restart {
+            return Err(Fault::invalid("no step to take; send at least one, or `restart` to begin anew"));
         }
         loop {
             let state = self.newest(context).await?;
-            tokio::task::block_in_place(|| self.play(&state, request, &strokes))?;
+            tokio::task::block_in_place(|| self.play(&state, request.restart, &steps))?;
             match self.commit(&state, context).await {
                 // Somebody else changed the selection in between: draw on top of theirs.
                 Err(fault)
@@ -309,36 +341,92 @@ impl Selector {
         }
     }
 
-    /// Brings the session to the strokes of the scene's selection, then draws the new ones; all or nothing.
-    fn play(
-        &mut self,
-        state: &EditState,
-        request: &selection::StrokesRequest,
-        strokes: &[Stroke],
-    ) -> Result<(), Fault> {
-        let before: Vec<Stroke> = if request.restart {
-            Vec::new()
+    /// The session of the scene's selection, which another hand may have changed.
+    fn present(&self, state: &EditState) -> Result<SelectionSession, Fault> {
+        let gaussians = self.session.mask().len();
+        let selection = state.selection();
+        let told = selection.steps().iter().map(|step| wire::decode(step, gaussians));
+        let mut steps: Vec<Step> = told.collect::<Result<_, _>>()?;
+        if steps.is_empty() && !selection.mask().is_none() {
+            // Selected by name, or by somebody who told no steps.
+            steps.push(Step::Given(Mask::clone(selection.mask())));
+        }
+        if self.session.steps().eq(&steps) {
+            return Ok(self.session.clone());
+        }
+        SelectionSession::of_steps(self.session.space(), &steps).map_err(|e| Fault::internal(e.to_string()))
+    }
+
+    /// Brings the session to the scene's selection, then takes the new steps; all or nothing.
+    fn play(&mut self, state: &EditState, restart: bool, steps: &[Step]) -> Result<(), Fault> {
+        let mut session = if restart {
+            SelectionSession::new(Arc::clone(self.session.space()))
         } else {
-            state.selection().strokes().iter().map(decode).collect::<Result<_, _>>()?
-        };
-        let mut session = if self.session.strokes().eq(&before) {
-            self.session.clone()
-        } else {
-            SelectionSession::of_strokes(self.session.space(), &before).map_err(|e| Fault::internal(e.to_string()))?
+            self.present(state)?
         };
         let start = Instant::now();
-        for stroke in strokes {
-            session.add_stroke(stroke.clone()).map_err(|e| Fault::invalid(e.to_string()))?;
+        for step in steps {
+            session.add_step(step.clone()).map_err(|e| Fault::invalid(e.to_string()))?;
         }
         self.last_walk_ms = start.elapsed().as_secs_f64() * 1e3;
         self.session = session;
+        // What comes of a stroke that was being drawn has been said by whoever drew it.
+        self.open = None;
         Ok(())
     }
 
+    /// Adds samples to the stroke that is being drawn and tells what it would select. Nothing is asked of anybody else: a
+    /// hand waits for it.
+    fn sample(&mut self, request: &selection::SampleRequest) -> Result<selection::SampleReply, Fault> {
+        let start = Instant::now();
+        let samples = request.samples.as_ref().ok_or_else(|| Fault::invalid("no samples; send some"))?;
+        let stroke = wire::decode_stroke(samples)?;
+        let state = Arc::clone(&self.state.borrow());
+        let over = state.selection().hash();
+        let goes_on = self.open.as_ref().is_some_and(|o| o.name == request.stroke && o.over == over);
+        if !goes_on {
+            let session = self.present(&state)?;
+            // Drawn before over another selection: the same stroke over this one.
+            let earlier = self.open.take().filter(|o| o.name == request.stroke);
+            let mut preview = Preview::begin(&session, &stroke).map_err(|e| Fault::invalid(e.to_string()))?;
+            if let Some(earlier) = earlier {
+                let points = earlier.preview.stroke().points.clone();
+                preview.extend(&points).map_err(|e| Fault::invalid(e.to_string()))?;
+            }
+            self.open = Some(Open { name: request.stroke.clone(), over: over.to_owned(), preview });
+            self.session = session;
+        }
+        let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;
+        let most = sg_proto::limits::MAX_STROKE_POINTS;
+        if open.preview.stroke().points.len() + stroke.points.len() > most {
+            return Err(Fault::exhausted(format!("a stroke of more than {most} points; begin another one")));
+        }
+        let changed = open.preview.extend(&stroke.points).map_err(|e| Fault::invalid(e.to_string()))?;
+        let mask = open.preview.mask();
+        let changed = if goes_on {
+            changed
+        } else {
+            // Against what is committed, since that is what whoever draws it shows.
+            let differs = |g: &usize| mask.get(*g) != state.selection().mask().get(*g);
+            (0..mask.len()).filter(differs).map(|g| g as u32).collect()
+        };
+        Ok(selection::SampleReply {
+            hits: open.preview.hits() as u64,
+            selected: mask.count() as u64,
+            changed: runs(&changed),
+            anew: !goes_on,
+            selection_hash: over.to_owned(),
+            preview_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
     async fn commit(&self, state: &EditState, context: &Context) -> Result<CommandResult, Fault> {
+        let steps: Vec<_> = self.session.steps().map(wire::encode).collect();
+        let alone = strokes_alone(&steps);
         let commit = CommitSelection {
             mask: Some(encode_mask(self.session.mask())),
-            strokes: self.session.strokes().map(encode).collect(),
+            steps: if alone.is_some() { Vec::new() } else { steps },
+            strokes: alone.unwrap_or_default(),
             expected_hash: state.selection().hash().to_owned(),
         };
         // The same request tried again is the same command: the scene returns its first result.
@@ -370,48 +458,28 @@ impl Selector {
     }
 }
 
-fn decode(stroke: &proto::Stroke) -> Result<Stroke, Fault> {
-    let mode = match stroke.mode() {
-        StrokeMode::Walk => Mode::Walk,
-        StrokeMode::Cluster => Mode::Cluster,
-        StrokeMode::Point => Mode::Point,
-        StrokeMode::Unspecified => return Err(Fault::invalid("a stroke names no mode: walk, cluster or point")),
-    };
-    let kind = match stroke.kind() {
-        StrokeKind::Foreground => Kind::Foreground,
-        StrokeKind::Background => Kind::Background,
-        StrokeKind::Toggle => Kind::Toggle,
-        StrokeKind::Unspecified => {
-            return Err(Fault::invalid("a stroke names no kind: foreground, background or toggle"));
+/// Ascending indices as runs: how many are passed over, how many are meant, and so on.
+fn runs(indices: &[u32]) -> Vec<u32> {
+    let mut runs: Vec<u32> = Vec::new();
+    let mut end = 0;
+    for &index in indices {
+        match runs.last_mut() {
+            Some(length) if index == end => *length += 1,
+            _ => runs.extend([index - end, 1]),
         }
-    };
-    let (points, rest) = stroke.points.as_chunks::<3>();
-    if !rest.is_empty() {
-        return Err(Fault::invalid("a stroke's points are not triples of x, y and z"));
+        end = index + 1;
     }
-    if points.len() > sg_proto::limits::MAX_STROKE_POINTS {
-        return Err(Fault::exhausted(format!(
-            "a stroke of {} points is over the limit of {}; send it in parts",
-            points.len(),
-            sg_proto::limits::MAX_STROKE_POINTS
-        )));
-    }
-    let stroke = Stroke { mode, kind, radius: stroke.radius, points: points.to_vec() };
-    stroke.check().map_err(Fault::invalid)?;
-    Ok(stroke)
+    runs
 }
 
-fn encode(stroke: &Stroke) -> proto::Stroke {
-    let mode = match stroke.mode {
-        Mode::Walk => StrokeMode::Walk,
-        Mode::Cluster => StrokeMode::Cluster,
-        Mode::Point => StrokeMode::Point,
-    };
-    let kind = match stroke.kind {
-        Kind::Foreground => StrokeKind::Foreground,
-        Kind::Background => StrokeKind::Background,
-        Kind::Toggle => StrokeKind::Toggle,
-    };
-    let points = stroke.points.as_flattened().to_vec();
-    proto::Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_pass_over_and_mean() {
+        assert_eq!(runs(&[]), [] as [u32; 0]);
+        assert_eq!(runs(&[0, 1, 2]), [0, 3]);
+        assert_eq!(runs(&[3, 4, 9, 10, 11, 20]), [3, 2, 4, 3, 8, 1]);
+    }
 }

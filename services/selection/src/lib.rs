@@ -2,7 +2,9 @@
 //!
 //! From a scene to a mask:
 //! [`geometry`] (points, features, neighbour graph) → [`clustering`] (Super-Gaussians) → [`cluster_graph`] →
-//! [`space`] (what selections share) → [`session`] (strokes in, mask out), which [`refinement`] sharpens. [`walk`] solves random walks on any weighted
+//! [`space`] (what selections share) → [`session`] (steps in, mask out; [`preview`] while a stroke is drawn), which
+//! [`refinement`] sharpens. A step is a stroke or one of the [`operations`], which look at the scene through
+//! [`surroundings`]. [`walk`] solves random walks on any weighted
 //! graph, [`strokes`] and [`brush`] say what was brushed over, [`metrics`] how well a mask agrees with a truth.
 
 #![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
@@ -20,14 +22,18 @@ pub mod greedy;
 pub mod merge;
 pub mod metrics;
 pub mod neighbours;
+pub mod operations;
 pub mod polyline;
+pub mod preview;
 pub mod progress;
 pub mod refinement;
 pub mod seeds;
 pub mod session;
 pub mod shortest;
 pub mod space;
+pub mod steps;
 pub mod strokes;
+pub mod surroundings;
 pub mod tree;
 pub mod vertices;
 pub mod walk;

@@ -2,6 +2,7 @@
 
 mod actor;
 mod cli;
+mod wire;
 
 use std::process::ExitCode;
 

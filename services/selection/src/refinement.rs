@@ -12,10 +12,10 @@ use sg_scene::mask::Mask;
 
 use crate::cluster_graph::{ClusterGraph, gaussian_network, typical};
 use crate::geometry::Geometry;
-use crate::session::SelectionSession;
+use crate::session::{SelectionError, SelectionSession};
 use crate::space::Background;
 use crate::walk::multilevel::{Boundary, Multilevel, Quality};
-use crate::walk::{Network, Precision, WalkError};
+use crate::walk::{Network, Precision};
 
 /// The graph of a scene's Gaussians, ready for refining selections.
 #[derive(Debug, Clone)]
@@ -61,13 +61,13 @@ impl Refiner {
     /// boundary, to an estimated error of `tolerance` in p. None if there was no walk.
     ///
     /// # Errors
-    /// [`WalkError`] if the walk in the band cannot be solved.
+    /// [`SelectionError`] if the walk in the band cannot be solved or a later step not be done over it.
     pub fn refine(
         &self,
         session: &SelectionSession,
         hops: usize,
         tolerance: f64,
-    ) -> Result<Option<Refined>, WalkError> {
+    ) -> Result<Option<Refined>, SelectionError> {
         let Some(walk) = session.walk() else { return Ok(None) };
         let space = session.space();
         let n = space.gaussians();
@@ -89,7 +89,7 @@ impl Refiner {
         let answer = self.multilevel.solve(&Boundary { known: &known, leak, leaking: None }, tolerance)?;
         let least = 0.5 * (1.0 + session.threshold());
         let layer = Mask::from_fn(n, |g| if band[g] { answer.reached[g] && answer.p[g] > least } else { selected[g] });
-        Ok(Some(Refined { mask: session.laid_over(layer), p: answer.p, band, quality: answer.quality }))
+        Ok(Some(Refined { mask: session.laid_over(layer)?, p: answer.p, band, quality: answer.quality }))
     }
 
     /// Gaussians within so many hops of one on the other side.

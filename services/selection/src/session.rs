@@ -1,7 +1,9 @@
-//! A selection in the making: strokes one after another, and the mask they amount to.
+//! A selection in the making: steps one after another, and the mask they amount to.
 //!
-//! Each walk stroke solves anew from all walk strokes so far and replaces the *walk layer*; then all cluster and point
-//! strokes are applied over it again in the order they were drawn. Foreground adds, background removes.
+//! Each walk stroke solves anew from all walk strokes so far and replaces the *walk layer*; then all other steps, strokes of
+//! clusters and points and operations, are done over it again in the order they were taken. Foreground adds, background
+//! removes. So a mask depends on the list of its steps alone, and a walk stroke counts as if it had come before all that is
+//! no walk stroke.
 
 use std::sync::Arc;
 
@@ -9,7 +11,9 @@ use serde::Serialize;
 use sg_scene::mask::Mask;
 
 use crate::brush::OpenStroke;
+use crate::geometry::GeometryError;
 use crate::space::{SelectionSpace, Walk};
+use crate::steps::Step;
 use crate::strokes::{Kind, MOST_STROKES, Mode, Stroke};
 use crate::walk::elimination::Elimination;
 use crate::walk::uncertainty::{Doubts, doubts, proposals};
@@ -30,6 +34,12 @@ pub enum SelectionError {
     /// The walk could not be solved.
     #[error(transparent)]
     Walk(#[from] WalkError),
+    /// The scene has no neighbours or features to operate by.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+    /// An operation in a space that was made without its scene.
+    #[error("operations need the scene itself, which this selection was made without")]
+    NoSurroundings,
 }
 
 /// Where a next stroke would tell most (see [`crate::walk::uncertainty`]).
@@ -53,14 +63,21 @@ pub struct Proposal {
     pub expected_change: f64,
 }
 
-/// A stroke and what it hit.
+/// A step and, for a stroke, what it hit.
 #[derive(Debug, Clone)]
 struct Drawn {
-    stroke: Stroke,
-    hits: Vec<u32>,
+    step: Step,
+    hits: Arc<[u32]>,
 }
 
-/// The state of a selection. It changes only through [`SelectionSession::add_stroke`] and its kin, and each of them
+impl Drawn {
+    /// The walk stroke that it is, if it is one.
+    fn walk(&self) -> Option<&Stroke> {
+        self.step.stroke().filter(|s| s.mode == Mode::Walk)
+    }
+}
+
+/// The state of a selection. It changes only through [`SelectionSession::add_step`] and its kin, and each of them
 /// either succeeds or leaves it as it was.
 #[derive(Debug, Clone)]
 pub struct SelectionSession {
@@ -113,9 +130,19 @@ impl SelectionSession {
         self.walk.as_ref()
     }
 
-    /// Strokes so far, in drawing order.
-    pub fn strokes(&self) -> impl ExactSizeIterator<Item = &Stroke> {
-        self.drawn.iter().map(|d| &d.stroke)
+    /// Steps so far, in the order they were taken.
+    pub fn steps(&self) -> impl ExactSizeIterator<Item = &Step> {
+        self.drawn.iter().map(|d| &d.step)
+    }
+
+    /// Takes a step. Returns how many Gaussians it hit, if it is a stroke.
+    ///
+    /// # Errors
+    /// [`SelectionError`]; the selection is then as it was before.
+    pub fn add_step(&mut self, step: Step) -> Result<usize, SelectionError> {
+        step.check().map_err(SelectionError::Stroke)?;
+        let hits = step.stroke().map(|stroke| self.space.hits(stroke)).unwrap_or_default();
+        self.add_drawn(Drawn { step, hits: hits.into() })
     }
 
     /// Plays a stroke. Returns how many Gaussians it hit.
@@ -123,9 +150,7 @@ impl SelectionSession {
     /// # Errors
     /// [`SelectionError`]; the selection is then as it was before.
     pub fn add_stroke(&mut self, stroke: Stroke) -> Result<usize, SelectionError> {
-        stroke.check().map_err(SelectionError::Stroke)?;
-        let hits = self.space.hits(&stroke);
-        self.add_drawn(Drawn { stroke, hits })
+        self.add_step(stroke.into())
     }
 
     /// Plays a stroke whose hits were gathered while it was drawn (see [`OpenStroke`]): the brush is not asked again.
@@ -140,7 +165,7 @@ impl SelectionSession {
             let (samples, _) = stroke.in_scene(self.space.bounds());
             hits = self.space.instead_of_nothing(&stroke, &samples);
         }
-        self.add_drawn(Drawn { stroke, hits })
+        self.add_drawn(Drawn { step: stroke.into(), hits: hits.into() })
     }
 
     fn add_drawn(&mut self, drawn: Drawn) -> Result<usize, SelectionError> {
@@ -148,38 +173,53 @@ impl SelectionSession {
             return Err(SelectionError::TooMany);
         }
         let hits = drawn.hits.len();
-        if drawn.stroke.mode == Mode::Walk {
-            let mut foreground = self.foreground.clone();
-            let mut background = self.background.clone();
-            let side = if drawn.stroke.kind == Kind::Foreground { &mut foreground } else { &mut background };
-            drawn.hits.iter().for_each(|&g| side.set(g as usize, true));
-            let walk = self.space.walk_again(&mut self.elimination, self.leak, ones(&foreground), ones(&background))?;
-            (self.foreground, self.background, self.walk) = (foreground, background, Some(walk));
-            self.drawn.push(drawn);
-            self.lay();
+        if let Some(kind) = drawn.walk().map(|s| s.kind) {
+            let mut next = self.clone();
+            next.drawn.push(drawn.clone());
+            next.seed(kind, &drawn.hits)?;
+            *self = next;
         } else {
-            apply(&self.space, &mut self.mask, &drawn);
+            let mut mask = self.mask.clone();
+            apply(&self.space, &mut mask, &drawn)?;
+            self.mask = mask;
             self.drawn.push(drawn);
         }
         Ok(hits)
     }
 
-    /// Makes the mask from the walk's probabilities and the strokes that lie over them.
-    fn lay(&mut self) {
+    /// Adds seeds to the walk, without a step of their own: for what is being drawn (see [`crate::preview`]). Returns what
+    /// would be selected.
+    ///
+    /// # Errors
+    /// [`SelectionError`]; then the session is of no further use.
+    pub(crate) fn seed(&mut self, kind: Kind, hits: &[u32]) -> Result<&Mask, SelectionError> {
+        let side = if kind == Kind::Foreground { &mut self.foreground } else { &mut self.background };
+        hits.iter().for_each(|&g| side.set(g as usize, true));
+        let (foreground, background) = (ones(&self.foreground), ones(&self.background));
+        self.walk = Some(self.space.walk_again(&mut self.elimination, self.leak, foreground, background)?);
+        self.lay()?;
+        Ok(&self.mask)
+    }
+
+    /// Makes the mask from the walk's probabilities and the steps that lie over them.
+    fn lay(&mut self) -> Result<(), SelectionError> {
         if let Some(walk) = &self.walk {
             self.walk_layer = self.layer_of(walk);
         }
-        self.mask = self.laid_over(self.walk_layer.clone());
+        self.mask = self.laid_over(self.walk_layer.clone())?;
+        Ok(())
     }
 
-    /// The cluster and point strokes so far, in drawing order, over another layer than the walk's own.
-    #[must_use]
-    pub fn laid_over(&self, layer: Mask) -> Mask {
+    /// All steps but walk strokes, in the order they were taken, over another layer than the walk's own.
+    ///
+    /// # Errors
+    /// [`SelectionError`] where an operation cannot be done.
+    pub fn laid_over(&self, layer: Mask) -> Result<Mask, SelectionError> {
         let mut mask = layer;
-        for drawn in self.drawn.iter().filter(|d| d.stroke.mode != Mode::Walk) {
-            apply(&self.space, &mut mask, drawn);
+        for drawn in self.drawn.iter().filter(|d| d.walk().is_none()) {
+            apply(&self.space, &mut mask, drawn)?;
         }
-        mask
+        Ok(mask)
     }
 
     /// Gaussians under the foreground brush of walk strokes.
@@ -209,12 +249,12 @@ impl SelectionSession {
         if !(leak >= 0.0 && leak.is_finite()) {
             return Err(WalkError::Leak(leak).into());
         }
-        if self.walk.is_some() {
-            let (foreground, background) = (ones(&self.foreground), ones(&self.background));
-            self.walk = Some(self.space.walk_again(&mut self.elimination, leak, foreground, background)?);
-            self.lay();
+        let mut next = self.clone();
+        next.leak = leak;
+        if next.walk.is_some() {
+            next.seed(Kind::Foreground, &[])?;
         }
-        self.leak = leak;
+        *self = next;
         Ok(())
     }
 
@@ -233,9 +273,12 @@ impl SelectionSession {
         if !(-1.0..1.0).contains(&threshold) {
             return Err(SelectionError::Threshold(threshold));
         }
-        self.threshold = threshold;
-        self.lay();
-        Ok(())
+        let before = std::mem::replace(&mut self.threshold, threshold);
+        let laid = self.lay();
+        if laid.is_err() {
+            self.threshold = before;
+        }
+        laid
     }
 
     /// What the last walk leaves open, one entry a node. None without a walk, and where walks are not eliminated in f64.
@@ -280,19 +323,19 @@ impl SelectionSession {
         Ok(session.mask)
     }
 
-    /// Takes the last stroke back and returns it.
+    /// Takes the last step back and returns it.
     ///
     /// # Errors
     /// [`SelectionError`] if an earlier walk can no longer be solved; the selection is then as it was before.
-    pub fn undo(&mut self) -> Result<Option<Stroke>, SelectionError> {
+    pub fn undo(&mut self) -> Result<Option<Step>, SelectionError> {
         let Some((last, earlier)) = self.drawn.split_last() else { return Ok(None) };
         let mut blank = Self::new(Arc::clone(&self.space));
         (blank.leak, blank.threshold) = (self.leak, self.threshold);
         blank.elimination.clone_from(&self.elimination);
         let rebuilt = blank.replay(earlier)?;
-        let stroke = last.stroke.clone();
+        let step = last.step.clone();
         *self = rebuilt;
-        Ok(Some(stroke))
+        Ok(Some(step))
     }
 
     /// The selection that a list of strokes amounts to: the same as playing them one by one, with one walk.
@@ -300,11 +343,20 @@ impl SelectionSession {
     /// # Errors
     /// [`SelectionError`].
     pub fn of_strokes(space: &Arc<SelectionSpace>, strokes: &[Stroke]) -> Result<Self, SelectionError> {
-        let drawn = strokes
+        Self::of_steps(space, &strokes.iter().cloned().map(Step::Stroke).collect::<Vec<_>>())
+    }
+
+    /// The selection that a list of steps amounts to: the same as taking them one by one, with one walk.
+    ///
+    /// # Errors
+    /// [`SelectionError`].
+    pub fn of_steps(space: &Arc<SelectionSpace>, steps: &[Step]) -> Result<Self, SelectionError> {
+        let drawn = steps
             .iter()
-            .map(|stroke| {
-                stroke.check().map_err(SelectionError::Stroke)?;
-                Ok(Drawn { stroke: stroke.clone(), hits: space.hits(stroke) })
+            .map(|step| {
+                step.check().map_err(SelectionError::Stroke)?;
+                let hits = step.stroke().map(|stroke| space.hits(stroke)).unwrap_or_default();
+                Ok(Drawn { step: step.clone(), hits: hits.into() })
             })
             .collect::<Result<Vec<_>, SelectionError>>()?;
         Self::new(Arc::clone(space)).replay(&drawn)
@@ -313,20 +365,25 @@ impl SelectionSession {
     /// Plays strokes on an empty selection.
     fn replay(self, drawn: &[Drawn]) -> Result<Self, SelectionError> {
         let mut session = self;
-        let last_walk = drawn.iter().rposition(|d| d.stroke.mode == Mode::Walk);
-        for (at, drawn) in drawn.iter().enumerate() {
-            if drawn.stroke.mode == Mode::Walk && Some(at) != last_walk {
-                // Only the last walk is seen; the others leave their seeds.
-                let side = if drawn.stroke.kind == Kind::Foreground {
-                    &mut session.foreground
-                } else {
-                    &mut session.background
+        if drawn.len() > MOST_STROKES {
+            return Err(SelectionError::TooMany);
+        }
+        let mut kind = None;
+        for drawn in drawn {
+            // One walk for all: only the last one is seen.
+            if let Some(stroke) = drawn.walk() {
+                let side = match stroke.kind {
+                    Kind::Foreground => &mut session.foreground,
+                    Kind::Background | Kind::Toggle => &mut session.background,
                 };
                 drawn.hits.iter().for_each(|&g| side.set(g as usize, true));
-                session.drawn.push(drawn.clone());
-            } else {
-                session.add_drawn(drawn.clone())?;
+                kind = Some(stroke.kind);
             }
+            session.drawn.push(drawn.clone());
+        }
+        match kind {
+            Some(kind) => session.seed(kind, &[]).map(drop)?,
+            None => session.lay()?,
         }
         Ok(session)
     }
@@ -345,12 +402,23 @@ fn ones(mask: &Mask) -> impl Iterator<Item = u32> + '_ {
     mask.ones().map(|g| g as u32)
 }
 
-/// Lays a cluster or point stroke over a mask.
-fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) {
-    match drawn.stroke.mode {
+/// Lays a step that is no walk stroke over a mask.
+fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) -> Result<(), SelectionError> {
+    let stroke = match &drawn.step {
+        Step::Stroke(stroke) => stroke,
+        Step::Operation(operation) => {
+            let surroundings = space.surroundings().ok_or(SelectionError::NoSurroundings)?;
+            return Ok(surroundings.apply(operation, mask)?);
+        }
+        Step::Given(given) => {
+            mask.union_with(given);
+            return Ok(());
+        }
+    };
+    match stroke.mode {
         Mode::Walk => {}
         Mode::Point => {
-            let add = drawn.stroke.kind == Kind::Foreground;
+            let add = stroke.kind == Kind::Foreground;
             drawn.hits.iter().for_each(|&g| mask.set(g as usize, add));
         }
         Mode::Cluster => {
@@ -359,7 +427,7 @@ fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) {
             clusters.dedup();
             for c in clusters {
                 let members = space.members(c);
-                let add = match drawn.stroke.kind {
+                let add = match stroke.kind {
                     Kind::Foreground => true,
                     Kind::Background => false,
                     Kind::Toggle => !members.iter().all(|&g| mask.get(g as usize)),
@@ -368,6 +436,7 @@ fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) {
             }
         }
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -487,7 +556,7 @@ mod tests {
         for leak in [0.0003, 0.003, 0.03, 0.3, 0.03] {
             session.set_leak(leak).unwrap();
             let (other, _) = made(&scene, 300, WalkOptions { leak, ..WalkOptions::default() });
-            let strokes: Vec<Stroke> = session.strokes().cloned().collect();
+            let strokes: Vec<Stroke> = session.steps().filter_map(|s| s.stroke().cloned()).collect();
             let anew = SelectionSession::of_strokes(&other, &strokes).unwrap();
             assert_eq!(anew.mask(), session.mask());
             assert_eq!(anew.walk().unwrap().solution, session.walk().unwrap().solution);
@@ -568,7 +637,7 @@ mod tests {
             stroke(Mode::Point, Kind::Foreground, 0.1, vec![[f64::INFINITY; 3]]),
         ] {
             assert!(session.add_stroke(bad).is_err());
-            assert_eq!((session.mask(), session.strokes().len()), (&before, 1));
+            assert_eq!((session.mask(), session.steps().len()), (&before, 1));
         }
     }
 
@@ -626,9 +695,9 @@ mod tests {
             prop_assert_eq!(replayed.mask(), session.mask());
             for (mask, stroke) in masks.iter().rev().skip(1).zip(strokes.iter().rev()) {
                 let undone = session.undo().unwrap();
-                prop_assert_eq!(undone.as_ref(), Some(stroke));
+                prop_assert_eq!(undone.as_ref().and_then(Step::stroke), Some(stroke));
                 prop_assert_eq!(session.mask(), mask);
-                let strokes: Vec<Stroke> = session.strokes().cloned().collect();
+                let strokes: Vec<Stroke> = session.steps().filter_map(|s| s.stroke().cloned()).collect();
                 let anew = SelectionSession::of_strokes(&space, &strokes).unwrap();
                 prop_assert_eq!(session.walk().map(|w| &w.solution), anew.walk().map(|w| &w.solution));
             }

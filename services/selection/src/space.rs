@@ -13,6 +13,7 @@ use crate::geometry::Geometry;
 use crate::neighbours::{Edge, Graph};
 use crate::shortest::nearest_source;
 use crate::strokes::Stroke;
+use crate::surroundings::Surroundings;
 use crate::walk::elimination::Elimination;
 use crate::walk::multilevel::{Boundary, Multilevel, Quality};
 use crate::walk::ordering::minimum_degree;
@@ -181,6 +182,7 @@ pub struct SelectionSpace {
     options: WalkOptions,
     /// Path lengths and components for the farthest rule, where it is used.
     paths: Option<(Graph, Vec<u32>)>,
+    surroundings: Option<Surroundings>,
 }
 
 impl std::fmt::Debug for SelectionSpace {
@@ -207,6 +209,7 @@ impl SelectionSpace {
             (Graph::from_edges(graph.clusters, edges), graph.component.clone())
         });
         Self {
+            surroundings: None,
             gaussians: scene.len(),
             bounds: scene.bounds,
             brush: Brush::of_scene(scene),
@@ -260,6 +263,7 @@ impl SelectionSpace {
             (Graph::from_edges(n, edges), component)
         });
         Self {
+            surroundings: None,
             gaussians: n,
             bounds: scene.bounds,
             brush: Brush::of_geometry(geometry),
@@ -278,6 +282,18 @@ impl SelectionSpace {
             options,
             paths,
         }
+    }
+
+    /// The same, with the scene around it, which operations need.
+    #[must_use]
+    pub fn with_surroundings(self, surroundings: Surroundings) -> Self {
+        Self { surroundings: Some(surroundings), ..self }
+    }
+
+    /// The scene, as operations look at it.
+    #[must_use]
+    pub fn surroundings(&self) -> Option<&Surroundings> {
+        self.surroundings.as_ref()
     }
 
     /// Number of Gaussians.

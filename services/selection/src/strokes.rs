@@ -1,6 +1,4 @@
-//! Brush strokes and their JSON file.
-
-use std::path::Path;
+//! Brush strokes.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -42,14 +40,6 @@ pub struct Stroke {
     pub radius: f64,
     /// Samples in normalized coordinates of the scene's box, 0 to 1 on each axis; they may lie outside.
     pub points: Vec<[f64; 3]>,
-}
-
-/// A file of strokes.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Strokes {
-    /// In the order they were drawn.
-    pub strokes: Vec<Stroke>,
 }
 
 /// The most samples of one stroke: at 90 a second, three hours without lifting the brush.
@@ -123,66 +113,5 @@ impl Stroke {
     pub fn in_scene(&self, bounds: &SceneBox) -> (Vec<DVec3>, f64) {
         let samples = self.points.iter().map(|p| bounds.denormalize(DVec3::from_array(*p))).collect();
         (samples, self.radius * bounds.longest_edge())
-    }
-}
-
-impl Strokes {
-    /// Reads and checks a file of strokes.
-    ///
-    /// # Errors
-    /// [`StrokeError`] names the file and the place in it.
-    pub fn read(path: &Path) -> Result<Self, StrokeError> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| StrokeError::Read { path: name.clone(), source })?;
-        Self::parse(&text, &name)
-    }
-
-    /// Parses and checks strokes; `path` names the source in errors.
-    ///
-    /// # Errors
-    /// [`StrokeError`].
-    pub fn parse(text: &str, path: &str) -> Result<Self, StrokeError> {
-        let path = path.to_owned();
-        let strokes: Self =
-            serde_json::from_str(text).map_err(|source| StrokeError::Parse { path: path.clone(), source })?;
-        if strokes.strokes.len() > MOST_STROKES {
-            return Err(StrokeError::TooMany { path, found: strokes.strokes.len() });
-        }
-        for (number, stroke) in strokes.strokes.iter().enumerate() {
-            stroke.check().map_err(|reason| StrokeError::Stroke { path: path.clone(), number, reason })?;
-        }
-        Ok(strokes)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_file_is_read_as_it_is_written() {
-        let text = r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.02,"points":[[0.1,0.2,0.3],[0.5,-0.5,1.5]]},
-            {"mode":"cluster","kind":"toggle","radius":0,"points":[[0,0,0]]}]}"#;
-        let strokes = Strokes::parse(text, "s.json").unwrap();
-        assert_eq!((strokes.strokes[0].mode, strokes.strokes[1].kind), (Mode::Walk, Kind::Toggle));
-        let again = serde_json::to_string(&strokes).unwrap();
-        assert_eq!(Strokes::parse(&again, "s.json").unwrap(), strokes);
-    }
-
-    #[test]
-    fn bad_strokes_are_named() {
-        let bad = [
-            (r#"{"strokes":[{"mode":"walk","kind":"toggle","radius":0.1,"points":[[0,0,0]]}]}"#, "toggle"),
-            (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":-1,"points":[[0,0,0]]}]}"#, "radius is -1"),
-            (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[]}]}"#, "0 points"),
-            (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0,0]]}]}"#, "line 1"),
-            (r#"{"strokes":[{"mode":"wander","kind":"foreground","radius":0.1,"points":[[0,0,0]]}]}"#, "wander"),
-            (r#"{"stroke":[]}"#, "stroke"),
-            ("{\n \"strokes\": [\n", "line 3"),
-        ];
-        for (text, part) in bad {
-            let message = Strokes::parse(text, "s.json").unwrap_err().to_string();
-            assert!(message.starts_with("s.json: ") && message.contains(part), "{message}");
-        }
     }
 }

@@ -20,7 +20,7 @@ fn stroke(mode: StrokeMode) -> Stroke {
 }
 
 fn strokes(mode: StrokeMode, restart: bool) -> StrokesRequest {
-    StrokesRequest { strokes: vec![stroke(mode)], restart }
+    StrokesRequest { strokes: vec![stroke(mode)], restart, steps: Vec::new() }
 }
 
 fn question(_id: &str) -> Question {
@@ -79,7 +79,7 @@ async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {
         ("a coordinate that is no number", Stroke { points: vec![f64::NAN; 3], ..good }),
     ] {
         let id = stage.new_id();
-        let request = StrokesRequest { strokes: vec![bad], restart: false };
+        let request = StrokesRequest { strokes: vec![bad], ..StrokesRequest::default() };
         let question = Question::of(&keys::SELECTION_STROKES, &request);
         refused_as(stage.put(&question, &id).await, wrong).map_err(|why| format!("{what}: {why}"))?;
     }

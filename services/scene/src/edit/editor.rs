@@ -148,7 +148,7 @@ impl Editor {
         let (before, after) = (snapshot_bytes(&self.state), snapshot_bytes(&next));
         if after > MAX_MESSAGE_BYTES && after > before {
             return Err(EditError::TooLarge {
-                what: "the scene's masks and strokes",
+                what: "the scene's masks and steps of selection",
                 bytes: after,
                 limit: MAX_MESSAGE_BYTES,
             });
@@ -243,9 +243,8 @@ impl Editor {
 /// At least as many bytes as a snapshot takes: readers must be able to get one.
 fn snapshot_bytes(state: &EditState) -> usize {
     let mask = state.count().div_ceil(8) + 64;
-    let strokes: usize = state.selection.strokes().iter().map(|s| 8 * s.points.len() + 32).sum();
     let names: usize = state.names().map(|(name, _)| name.len() + 128).sum();
-    mask * (state.units.len() + 1) + strokes + names + state.geometry.path.len() + (64 << 10)
+    mask * state.units.len() + 64 + state.selection.bytes() + names + state.geometry.path.len() + (64 << 10)
 }
 
 /// Whether an id can name a command: not empty, at most 128 bytes.

@@ -7,7 +7,7 @@ use super::state::Change;
 
 /// Most changes that can be taken back.
 pub(super) const MAX_ENTRIES: usize = 1000;
-/// Most bytes of masks and strokes that undo and redo hold on to; beyond it the oldest changes cannot be taken back.
+/// Most bytes of masks and steps that undo and redo hold on to; beyond it the oldest changes cannot be taken back.
 pub(super) const MAX_BYTES: usize = 256 << 20;
 
 /// One accepted command's values after and before.
@@ -24,14 +24,11 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// Bytes of masks and strokes, as if nothing were shared.
+    /// Bytes of masks and steps, as if nothing were shared.
     fn bytes(&self) -> usize {
         let of = |change: &Change| match change {
             Change::Unit(unit) => unit.mask.len().div_ceil(8),
-            Change::Selection(selection) => {
-                let points: usize = selection.strokes().iter().map(|s| s.points.len()).sum();
-                selection.mask().len().div_ceil(8) + 8 * points
-            }
+            Change::Selection(selection) => selection.bytes(),
             _ => 0,
         };
         self.forward.iter().chain(&self.backward).map(of).sum()

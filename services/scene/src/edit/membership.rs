@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use sg_proto::scene::selection_step::Step;
 use sg_proto::limits::{MAX_STROKE_POINTS, MAX_STROKES};
 use sg_proto::scene::{
-    CommitSelection, DeleteUnit, RenameUnit, SaveUnit, Select, SetOperation, Stroke, StrokeKind, StrokeMode,
+    CommitSelection, DeleteUnit, RenameUnit, SaveUnit, Select, SelectionStep, SetOperation, Stroke, StrokeKind,
+    StrokeMode,
 };
 
 use super::draft::Draft;
@@ -12,7 +14,7 @@ use super::error::EditError;
 use super::names::given;
 use super::number::malformed;
 use super::state::{Selection, Unit, UnitRef};
-use super::wire::decode_mask;
+use super::wire::{decode_mask, steps_of};
 use crate::mask::Mask;
 
 impl Draft<'_> {
@@ -25,15 +27,21 @@ impl Draft<'_> {
         let missing = || EditError::Malformed { field: FIELD, reason: "the mask is missing; send one".to_owned() };
         let mask = command.mask.as_ref().ok_or_else(missing)?;
         let mask = decode_mask(mask, self.state.count(), FIELD).map_err(|e| malformed(&e))?;
-        check_strokes(&command.strokes)?;
+        let steps = steps_of(&command.strokes, &command.steps);
+        check_steps(&steps, self.state.count())?;
         let count = mask.count();
-        self.state.selection = Selection::new(Arc::new(mask), command.strokes.clone().into());
+        let strokes = steps.iter().filter(|s| matches!(s.step, Some(Step::Stroke(_)))).count();
+        let operations = steps.iter().filter(|s| matches!(s.step, Some(Step::Operation(_)))).count();
+        self.state.selection = Selection::new(Arc::new(mask), steps.into());
         self.focus_on(Vec::new());
-        Ok(match command.strokes.len() {
-            0 => format!("selected {}", gaussians(count)),
-            1 => format!("selected {} with 1 stroke", gaussians(count)),
-            n => format!("selected {} with {n} strokes", gaussians(count)),
-        })
+        let number = |n: usize, what: &str| match n {
+            0 => None,
+            1 => Some(format!("1 {what}")),
+            n => Some(format!("{n} {what}s")),
+        };
+        let with: Vec<_> = number(strokes, "stroke").into_iter().chain(number(operations, "operation")).collect();
+        let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+        Ok(format!("selected {}{with}", gaussians(count)))
     }
 
     pub(super) fn select(&mut self, command: &Select) -> Result<String, EditError> {
@@ -162,10 +170,27 @@ impl Draft<'_> {
     }
 }
 
-/// Strokes are stored for those who made them; what they could not make sense of is refused here.
-fn check_strokes(strokes: &[Stroke]) -> Result<(), EditError> {
+/// Steps are stored for those who made them; what they could not make sense of is refused here.
+fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditError> {
+    const FIELD: &str = "commit_selection.steps";
+    for (i, step) in steps.iter().enumerate() {
+        match &step.step {
+            Some(Step::Stroke(_)) => {}
+            Some(Step::Operation(operation)) if operation.operation.is_some() => {}
+            Some(Step::Given(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
+            _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is none") }),
+        }
+    }
+    let strokes: Vec<Stroke> = steps
+        .iter()
+        .filter_map(|s| if let Some(Step::Stroke(stroke)) = &s.step { Some(stroke.clone()) } else { None })
+        .collect();
+    check_strokes(&strokes, steps.len())
+}
+
+fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
     const FIELD: &str = "commit_selection.strokes";
-    if strokes.len() > MAX_STROKES {
+    if steps > MAX_STROKES {
         let remedy = "clear the selection and begin again";
         return Err(EditError::TooMany { what: "strokes of one selection", limit: MAX_STROKES, remedy });
     }
@@ -228,7 +253,7 @@ mod tests {
             radius: 0.1,
             points: vec![0.0, 0.5, 1.0],
         };
-        assert_eq!(check_strokes(std::slice::from_ref(&good)), Ok(()));
+        assert_eq!(check_strokes(std::slice::from_ref(&good), 1), Ok(()));
         for bad in [
             Stroke { mode: 0, ..good.clone() },
             Stroke { mode: 9, ..good.clone() },
@@ -241,8 +266,8 @@ mod tests {
             Stroke { points: vec![0.0, 1.0, f64::INFINITY], ..good.clone() },
             Stroke { points: vec![0.0; 3 * MAX_STROKE_POINTS + 3], ..good.clone() },
         ] {
-            assert!(check_strokes(&[good.clone(), bad]).is_err());
+            assert!(check_strokes(&[good.clone(), bad], 2).is_err());
         }
-        assert!(check_strokes(&vec![good; MAX_STROKES + 1]).is_err());
+        assert!(check_strokes(&vec![good; MAX_STROKES + 1], MAX_STROKES + 1).is_err());
     }
 }

@@ -5,7 +5,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec3;
-use sg_proto::scene::Stroke;
+use sg_proto::prost::Message as _;
+use sg_proto::scene::SelectionStep;
 
 use crate::appearance::{Appearance, BaseAppearance, ShadingTerm, UnitAppearance};
 use crate::camera::Light;
@@ -69,16 +70,16 @@ impl Unit {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
     mask: Arc<Mask>,
-    strokes: Arc<[Stroke]>,
+    steps: Arc<[SelectionStep]>,
     hash: String,
 }
 
 impl Selection {
-    /// A selection and the strokes it was made from, oldest first (none where it was made otherwise).
+    /// A selection and the steps it was made in, oldest first (none where it was made otherwise).
     #[must_use]
-    pub fn new(mask: Arc<Mask>, strokes: Arc<[Stroke]>) -> Self {
+    pub fn new(mask: Arc<Mask>, steps: Arc<[SelectionStep]>) -> Self {
         let hash = mask_hash(&mask);
-        Self { mask, strokes, hash }
+        Self { mask, steps, hash }
     }
 
     /// The selected Gaussians.
@@ -87,10 +88,16 @@ impl Selection {
         &self.mask
     }
 
-    /// The strokes it was made from, oldest first.
+    /// The steps it was made in, oldest first.
     #[must_use]
-    pub fn strokes(&self) -> &Arc<[Stroke]> {
-        &self.strokes
+    pub fn steps(&self) -> &Arc<[SelectionStep]> {
+        &self.steps
+    }
+
+    /// At most how many bytes its mask and steps take, as if nothing were shared.
+    pub(crate) fn bytes(&self) -> usize {
+        let of = |step: &SelectionStep| 64 + step.encoded_len();
+        self.mask.len().div_ceil(8) + self.steps.iter().map(of).sum::<usize>()
     }
 
     /// [`mask_hash`] of its mask.

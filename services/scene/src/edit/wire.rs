@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use sg_proto::scene as proto;
+use sg_proto::scene::selection_step::Step;
 
 use super::state::{BaseLook, Change, EditState, Geometry, Selection, Unit};
 use crate::appearance::ShadingTerm;
@@ -279,14 +280,32 @@ fn encode_selection(selection: &Selection, with_mask: bool) -> proto::Selection 
         mask: with_mask.then(|| encode_mask(selection.mask())),
         count: selection.mask().count() as u64,
         hash: selection.hash().to_owned(),
-        strokes: if with_mask { selection.strokes().to_vec() } else { Vec::new() },
+        strokes: if with_mask { strokes_alone(selection.steps()).unwrap_or_default() } else { Vec::new() },
+        steps: if with_mask && strokes_alone(selection.steps()).is_none() { selection.steps().to_vec() } else { Vec::new() },
     }
 }
 
 fn decode_selection(selection: &proto::Selection, expected: usize) -> Result<Selection, WireError> {
     let mask = selection.mask.as_ref().ok_or(WireError::Missing("selection.mask"))?;
     let mask = decode_mask(mask, expected, "selection.mask")?;
-    Ok(Selection::new(Arc::new(mask), selection.strokes.clone().into()))
+    Ok(Selection::new(Arc::new(mask), steps_of(&selection.strokes, &selection.steps).into()))
+}
+
+/// The steps that a message tells: those, or strokes alone, as which readers know them that know no other steps.
+#[must_use]
+pub fn steps_of(strokes: &[proto::Stroke], steps: &[proto::SelectionStep]) -> Vec<proto::SelectionStep> {
+    let stroke = |s: &proto::Stroke| proto::SelectionStep { step: Some(Step::Stroke(s.clone())) };
+    if steps.is_empty() { strokes.iter().map(stroke).collect() } else { steps.to_vec() }
+}
+
+/// The strokes of steps that are strokes alone.
+#[must_use]
+pub fn strokes_alone(steps: &[proto::SelectionStep]) -> Option<Vec<proto::Stroke>> {
+    let stroke = |step: &proto::SelectionStep| match &step.step {
+        Some(Step::Stroke(stroke)) => Some(stroke.clone()),
+        _ => None,
+    };
+    steps.iter().map(stroke).collect()
 }
 
 /// A change as a message, with masks.

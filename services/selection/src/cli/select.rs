@@ -18,7 +18,9 @@ use sg_selection::progress::{Progress, Stage};
 use sg_selection::refinement::Refiner;
 use sg_selection::session::{Proposal, SelectionError, SelectionSession};
 use sg_selection::space::{Background, SelectionSpace, TOLERANCE, WalkOptions, WalkSummary};
-use sg_selection::strokes::{Mode, Strokes};
+use sg_selection::steps::{Step, Steps};
+use sg_selection::strokes::Mode;
+use sg_selection::surroundings::Surroundings;
 use sg_selection::walk::WalkError;
 use sg_selection::walk::multilevel::Quality;
 
@@ -169,22 +171,23 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.method == Method::Gaussian && arguments.refine.is_some() {
         return Err(Failure::input("--refine sharpens a walk on clusters; use it with --method cluster"));
     }
-    let strokes = Strokes::read(&arguments.strokes).map_err(Failure::input)?.strokes;
+    let steps = Steps::read(&arguments.strokes).map_err(Failure::input)?.strokes;
     let mut clock = Clock::default();
-    let scene = clock.time("read", || read_scene(&arguments.scene))?.scene;
+    let scene = Arc::new(clock.time("read", || read_scene(&arguments.scene))?.scene);
     let truth = arguments.truth.as_ref().map(|file| read_mask(file, scene.len())).transpose()?;
     let bar = Bar::new();
-    let uses_clusters = strokes.iter().any(|s| s.mode == Mode::Cluster);
+    let uses_clusters = steps.iter().filter_map(Step::stroke).any(|s| s.mode == Mode::Cluster);
     let made = space(arguments, &scene, options, uses_clusters, &bar, &mut clock);
     bar.finish();
     let (space, refiner) = made?;
-    let space = Arc::new(space);
+    let geometry = GeometryOptions { neighbours: arguments.neighbours, ..GeometryOptions::default() };
+    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry)));
 
     let start = Instant::now();
     let mut session = SelectionSession::new(Arc::clone(&space));
-    let count = strokes.len();
-    for (number, stroke) in strokes.into_iter().enumerate() {
-        session.add_stroke(stroke).map_err(|e| {
+    let count = steps.len();
+    for (number, step) in steps.into_iter().enumerate() {
+        session.add_step(step).map_err(|e| {
             let failure = Failure::from(e);
             let message = format!("{}: stroke {number}: {}", arguments.strokes.display(), failure.message);
             Failure { message, ..failure }
@@ -193,7 +196,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let seconds = start.elapsed().as_secs_f64();
     let refined = match (&refiner, arguments.refine) {
         (Some(refiner), Some(hops)) => {
-            clock.time("refine", || refiner.refine(&session, hops, TOLERANCE)).map_err(SelectionError::from)?
+            clock.time("refine", || refiner.refine(&session, hops, TOLERANCE))?
         }
         _ => None,
     };
@@ -210,7 +213,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let selected = mask.count();
     eprintln!(
-        "{selected} of {} Gaussians selected by {count} strokes in {:.1} ms: {}",
+        "{selected} of {} Gaussians selected in {count} steps in {:.1} ms: {}",
         scene.len(),
         1e3 * seconds,
         arguments.out.display()

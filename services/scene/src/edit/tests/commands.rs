@@ -259,7 +259,7 @@ fn a_committed_selection_must_fit_the_scene_and_follow_the_one_it_was_made_from(
     let empty = editor.state().selection().hash().to_owned();
     let applied = run(&mut editor, [with(mask.clone(), &empty, vec![stroke.clone()])]).unwrap();
     assert_eq!(applied.result.selection_hash, editor.state().selection().hash());
-    assert_eq!(editor.state().selection().strokes().len(), 1);
+    assert_eq!(editor.state().selection().steps().len(), 1);
     let moved = refused(&mut editor, with(mask.clone(), &empty, vec![]));
     assert_eq!((moved.code(), moved.details()), (Code::FailedPrecondition, vec![applied.result.selection_hash]));
     let other = Some(encode_mask(&Mask::empty(61)));
@@ -271,7 +271,7 @@ fn a_committed_selection_must_fit_the_scene_and_follow_the_one_it_was_made_from(
     assert_eq!(refused(&mut editor, with(mask, "", vec![dot])).code(), Code::InvalidArgument);
     // Undo takes strokes back as well.
     run(&mut editor, [undo(1)]);
-    assert_eq!((editor.state().selection().hash(), editor.state().selection().strokes().len()), (empty.as_str(), 0));
+    assert_eq!((editor.state().selection().hash(), editor.state().selection().steps().len()), (empty.as_str(), 0));
 }
 
 #[test]

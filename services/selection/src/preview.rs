@@ -1,0 +1,188 @@
+//! What a selection would be if the stroke that is being drawn ended now.
+//!
+//! Each new sample costs what it hits: point strokes look at their new hits, cluster strokes at the clusters hit for the
+//! first time, walk strokes solve again only what their new seeds change.
+
+use glam::DVec3;
+use sg_scene::mask::Mask;
+
+use crate::brush::OpenStroke;
+use crate::session::{SelectionError, SelectionSession};
+use crate::strokes::{Kind, Mode, Stroke};
+
+/// A stroke that is being drawn over a selection.
+#[derive(Debug, Clone)]
+pub struct Preview {
+    /// The selection under it, and for walks the seeds it has added.
+    session: SelectionSession,
+    stroke: Stroke,
+    open: OpenStroke,
+    /// Clusters hit, for cluster strokes.
+    seen: Vec<bool>,
+    mask: Mask,
+}
+
+impl Preview {
+    /// Begins a stroke without a sample; points that `stroke` has are not played.
+    ///
+    /// # Errors
+    /// [`SelectionError::Stroke`] for a stroke that makes no sense whatever its points.
+    pub fn begin(session: &SelectionSession, stroke: &Stroke) -> Result<Self, SelectionError> {
+        let bare = Stroke { points: vec![[0.0; 3]], ..stroke.clone() };
+        bare.check().map_err(SelectionError::Stroke)?;
+        let space = session.space();
+        let radius = stroke.radius * space.bounds().longest_edge();
+        Ok(Self {
+            open: OpenStroke::new(space.gaussians(), radius),
+            seen: vec![false; if stroke.mode == Mode::Cluster { space.clusters() } else { 0 }],
+            mask: session.mask().clone(),
+            stroke: Stroke { points: Vec::new(), ..stroke.clone() },
+            session: session.clone(),
+        })
+    }
+
+    /// Adds samples (normalized by the scene's box). Returns the Gaussians that are selected now and were not before it, or
+    /// the other way round, ascending.
+    ///
+    /// # Errors
+    /// [`SelectionError`]; the samples are then part of the stroke all the same.
+    pub fn extend(&mut self, samples: &[[f64; 3]]) -> Result<Vec<u32>, SelectionError> {
+        if let Some(at) = samples.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            return Err(SelectionError::Stroke(format!("sample {at} is not finite")));
+        }
+        let mut new = Vec::new();
+        for sample in samples {
+            let space = self.session.space();
+            let at = space.bounds().denormalize(DVec3::from_array(*sample));
+            new.extend_from_slice(self.open.extend(space.brush(), at));
+        }
+        self.stroke.points.extend_from_slice(samples);
+        let mut changed = match self.stroke.mode {
+            Mode::Point => self.flip(&new, self.stroke.kind == Kind::Foreground),
+            Mode::Cluster => self.clusters(&new),
+            Mode::Walk if new.is_empty() => Vec::new(),
+            Mode::Walk => {
+                let mask = self.session.seed(self.stroke.kind, &new)?;
+                let mut changed = mask.clone();
+                changed.subtract(&self.mask);
+                self.mask.subtract(&mask);
+                changed.union_with(&self.mask);
+                self.mask = mask;
+                changed.ones().map(|g| g as u32).collect()
+            }
+        };
+        changed.sort_unstable();
+        Ok(changed)
+    }
+
+    /// What would be selected.
+    #[must_use]
+    pub fn mask(&self) -> &Mask {
+        &self.mask
+    }
+
+    /// Gaussians hit so far.
+    #[must_use]
+    pub fn hits(&self) -> usize {
+        self.open.hits().len()
+    }
+
+    /// The stroke so far.
+    #[must_use]
+    pub fn stroke(&self) -> &Stroke {
+        &self.stroke
+    }
+
+    /// Sets some Gaussians; those that were otherwise.
+    fn flip(&mut self, gaussians: &[u32], selected: bool) -> Vec<u32> {
+        let otherwise = gaussians.iter().copied().filter(|&g| self.mask.get(g as usize) != selected);
+        let changed: Vec<u32> = otherwise.collect();
+        changed.iter().for_each(|&g| self.mask.set(g as usize, selected));
+        changed
+    }
+
+    fn clusters(&mut self, hits: &[u32]) -> Vec<u32> {
+        let space = std::sync::Arc::clone(self.session.space());
+        let mut changed = Vec::new();
+        for cluster in hits.iter().filter_map(|&g| space.cluster_of(g)) {
+            if std::mem::replace(&mut self.seen[cluster], true) {
+                continue;
+            }
+            let members = space.members(cluster);
+            let selected = match self.stroke.kind {
+                Kind::Foreground => true,
+                Kind::Background => false,
+                Kind::Toggle => !members.iter().all(|&g| self.mask.get(g as usize)),
+            };
+            changed.extend(self.flip(members, selected));
+        }
+        changed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::cluster_graph::{ClusterGraph, GraphForm};
+    use crate::clustering::{ClusteringOptions, cluster};
+    use crate::geometry::{Geometry, GeometryOptions};
+    use crate::progress::Silent;
+    use crate::space::{SelectionSpace, WalkOptions};
+    use crate::test_scenes::{point_scene, random_points};
+
+    fn space() -> Arc<SelectionSpace> {
+        let scene = point_scene(&random_points(1500, 3));
+        let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
+        let options = ClusteringOptions { max_clusters: 60, ..ClusteringOptions::default() };
+        let (clustering, _) = cluster(&geometry, &options, &Silent).unwrap();
+        let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
+        Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default()))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// Sample by sample, what is previewed is what the stroke so far would select, and what is told of is what
+        /// changed.
+        #[test]
+        fn a_preview_is_what_the_stroke_would_select(
+            before in prop::collection::vec((0..3_u8, 0..2_u8, prop::array::uniform3(0.0..1.0_f64)), 0..4),
+            drawn in 0..3_u8, kind in 0..3_u8, radius in 0.02..0.2_f64,
+            samples in prop::collection::vec(prop::array::uniform3(0.0..1.0_f64), 1..6),
+        ) {
+            let mode = |m: u8| [Mode::Walk, Mode::Cluster, Mode::Point][m as usize];
+            let mut session = SelectionSession::new(space());
+            for (m, k, at) in before {
+                let kind = [Kind::Foreground, Kind::Background][k as usize];
+                session.add_stroke(Stroke { mode: mode(m), kind, radius: 0.15, points: vec![at] }).unwrap();
+            }
+            let kinds = if mode(drawn) == Mode::Cluster { 3 } else { 2 };
+            let kind = [Kind::Foreground, Kind::Background, Kind::Toggle][kind as usize % kinds];
+            let stroke = Stroke { mode: mode(drawn), kind, radius, points: Vec::new() };
+            let mut preview = Preview::begin(&session, &stroke).unwrap();
+            let mut shown = session.mask().clone();
+            for sample in samples {
+                for g in preview.extend(&[sample]).unwrap() {
+                    shown.set(g as usize, !shown.get(g as usize));
+                }
+                prop_assert_eq!(&shown, preview.mask());
+                if preview.hits() > 0 {
+                    prop_assert_eq!(&session.preview(preview.stroke().clone()).unwrap(), preview.mask());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_is_refused() {
+        let session = SelectionSession::new(space());
+        let stroke = Stroke { mode: Mode::Point, kind: Kind::Foreground, radius: f64::NAN, points: Vec::new() };
+        assert!(Preview::begin(&session, &stroke).is_err());
+        let mut preview = Preview::begin(&session, &Stroke { radius: 0.1, ..stroke }).unwrap();
+        assert!(preview.extend(&[[0.5, f64::INFINITY, 0.5]]).is_err());
+    }
+}
