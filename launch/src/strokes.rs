@@ -184,10 +184,8 @@ mod tests {
              "camera": {"width": 64, "height": 48, "fx": 50, "fy": 50, "cx": 32, "cy": 24,
                         "world_to_camera": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], "background": [0, 0, 0]}}]}"#;
         let steps = parse(Path::new("a.json"), text).unwrap();
-        let operations: Vec<_> = steps
-            .iter()
-            .filter_map(|s| if let Some(Step::Operation(o)) = &s.step { Some(o) } else { None })
-            .collect();
+        let operations: Vec<_> =
+            steps.iter().filter_map(|s| if let Some(Step::Operation(o)) = &s.step { Some(o) } else { None }).collect();
         assert!(matches!(&operations[0].operation, Some(Operation::Grow(grow)) if grow.distance == 0.02));
         assert!(matches!(&operations[1].operation, Some(Operation::FillHoles(holes)) if holes.most == 50));
         assert_eq!(operations[2].combine(), sg_proto::scene::Combine::Intersect);

@@ -359,11 +359,8 @@ impl Selector {
 
     /// Brings the session to the scene's selection, then takes the new steps; all or nothing.
     fn play(&mut self, state: &EditState, restart: bool, steps: &[Step]) -> Result<(), Fault> {
-        let mut session = if restart {
-            SelectionSession::new(Arc::clone(self.session.space()))
-        } else {
-            self.present(state)?
-        };
+        let mut session =
+            if restart { SelectionSession::new(Arc::clone(self.session.space())) } else { self.present(state)? };
         let start = Instant::now();
         for step in steps {
             session.add_step(step.clone()).map_err(|e| Fault::invalid(e.to_string()))?;

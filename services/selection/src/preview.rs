@@ -65,9 +65,9 @@ impl Preview {
                 let mask = self.session.seed(self.stroke.kind, &new)?;
                 let mut changed = mask.clone();
                 changed.subtract(&self.mask);
-                self.mask.subtract(&mask);
+                self.mask.subtract(mask);
                 changed.union_with(&self.mask);
-                self.mask = mask;
+                self.mask = mask.clone();
                 changed.ones().map(|g| g as u32).collect()
             }
         };

@@ -161,7 +161,10 @@ mod tests {
     #[test]
     fn a_bad_step_is_named() {
         for (text, part) in [
-            ("{\"strokes\":[\n{\"operation\":\"grow\",\n\"distance\":-1}]}", "stroke 0 (counted from 0): the distance is -1"),
+            (
+                "{\"strokes\":[\n{\"operation\":\"grow\",\n\"distance\":-1}]}",
+                "stroke 0 (counted from 0): the distance is -1",
+            ),
             ("{\"strokes\":[\n{\"operation\":\"grwo\"}]}", "line 2"),
             ("{\"strokes\":[\n{\"mode\":\"wander\"}]}", "unknown variant `wander`"),
         ] {

@@ -92,7 +92,8 @@ impl Surroundings {
             }
             Operation::PieceAt { at } => {
                 let at = place(at);
-                let distance = |g: u32| self.scene.position(g as usize).map_or(f64::INFINITY, |p| p.distance_squared(at));
+                let distance =
+                    |g: u32| self.scene.position(g as usize).map_or(f64::INFINITY, |p| p.distance_squared(at));
                 let pieces = pieces(self.geometry()?, mask);
                 let near = |p: &Vec<u32>| {
                     p.iter().map(|g| (distance(*g), *g)).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))

@@ -102,11 +102,9 @@ fn decode_operation(operation: &proto::SelectionOperation) -> Result<Operation, 
         Kind::Sphere(sphere) => {
             Operation::Sphere { centre: place(&sphere.centre, "centre")?, radius: sphere.radius, combine }
         }
-        Kind::Plane(plane) => Operation::Plane {
-            point: place(&plane.point, "point")?,
-            normal: place(&plane.normal, "normal")?,
-            combine,
-        },
+        Kind::Plane(plane) => {
+            Operation::Plane { point: place(&plane.point, "point")?, normal: place(&plane.normal, "normal")?, combine }
+        }
         Kind::Lasso(lasso) => decode_lasso(lasso, combine)?,
         Kind::Range(range) => {
             let attribute = match range.attribute() {

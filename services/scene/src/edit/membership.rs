@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use sg_proto::scene::selection_step::Step;
 use sg_proto::limits::{MAX_STROKE_POINTS, MAX_STROKES};
+use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{
     CommitSelection, DeleteUnit, RenameUnit, SaveUnit, Select, SelectionStep, SetOperation, Stroke, StrokeKind,
     StrokeMode,

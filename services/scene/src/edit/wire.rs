@@ -281,7 +281,11 @@ fn encode_selection(selection: &Selection, with_mask: bool) -> proto::Selection 
         count: selection.mask().count() as u64,
         hash: selection.hash().to_owned(),
         strokes: if with_mask { strokes_alone(selection.steps()).unwrap_or_default() } else { Vec::new() },
-        steps: if with_mask && strokes_alone(selection.steps()).is_none() { selection.steps().to_vec() } else { Vec::new() },
+        steps: if with_mask && strokes_alone(selection.steps()).is_none() {
+            selection.steps().to_vec()
+        } else {
+            Vec::new()
+        },
     }
 }
 

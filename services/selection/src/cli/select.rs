@@ -180,7 +180,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let made = space(arguments, &scene, options, uses_clusters, &bar, &mut clock);
     bar.finish();
     let (space, refiner) = made?;
-    let geometry = GeometryOptions { neighbours: arguments.neighbours, ..GeometryOptions::default() };
+    let geometry = arguments.clustering.geometry()?;
     let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry)));
 
     let start = Instant::now();
@@ -195,9 +195,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let seconds = start.elapsed().as_secs_f64();
     let refined = match (&refiner, arguments.refine) {
-        (Some(refiner), Some(hops)) => {
-            clock.time("refine", || refiner.refine(&session, hops, TOLERANCE))?
-        }
+        (Some(refiner), Some(hops)) => clock.time("refine", || refiner.refine(&session, hops, TOLERANCE))?,
         _ => None,
     };
     let mask = refined.as_ref().map_or_else(|| session.mask(), |r| &r.mask);

@@ -6,6 +6,9 @@ use proptest::prelude::*;
 use super::*;
 use crate::test_scenes::{point_scene, random_points, random_unit};
 
+/// Whether a Gaussian of this index and centre is to be found.
+type Holds = Box<dyn Fn(usize, DVec3) -> bool>;
+
 fn surroundings(scene: Scene) -> Surroundings {
     Surroundings::new(Arc::new(scene), GeometryOptions::default())
 }
@@ -72,15 +75,14 @@ proptest! {
         let (min, max) = (std::array::from_fn(|k| a[k].min(b[k])), std::array::from_fn(|k| a[k].max(b[k])));
         let bounds = s.scene().bounds;
         let [min_at, max_at, at] = [min, max, a].map(|p| bounds.denormalize(DVec3::from_array(p)));
-        let mut camera = Camera::look_at(DVec3::new(0.0, 0.0, -6.0), DVec3::ZERO, DVec3::Y, 50.0, 100, 100);
-        camera.background = [0.0; 3];
+        let camera = Camera::look_at(DVec3::new(0.0, 0.0, -6.0), DVec3::ZERO, DVec3::Y, 50.0, 100, 100);
         let polygon = vec![[10.0, 20.0], [90.0, 15.0], [50.0, 50.0], [80.0, 95.0], [5.0, 70.0]];
-        let cases: Vec<(Operation, Box<dyn Fn(usize, DVec3) -> bool>)> = vec![
+        let cases: Vec<(Operation, Holds)> = vec![
             (Operation::Box { min, max, combine }, Box::new(move |_, p| p.cmpge(min_at).all() && p.cmple(max_at).all())),
             (Operation::Sphere { centre: a, radius, combine }, Box::new(move |_, p| p.distance(at) < radius * bounds.longest_edge())),
             (Operation::Plane { point: a, normal: b, combine }, Box::new(move |_, p| (p - at).dot(DVec3::from_array(b)) > 0.0)),
             (
-                Operation::Lasso { camera: Box::new(camera), polygon: polygon.clone(), near: 5.0, far: 6.5, combine },
+                Operation::Lasso { camera: Box::new(camera.clone()), polygon: polygon.clone(), near: 5.0, far: 6.5, combine },
                 Box::new(move |_, p| {
                     let q = camera.view().transform_point3(p);
                     let (x, y) = (camera.fx * q.x / q.z + camera.cx, camera.fy * q.y / q.z + camera.cy);
@@ -136,9 +138,8 @@ fn nothing_inverted_is_everything_that_has_a_place() {
 
 /// A lattice of 12³ points with unit spacing.
 fn lattice() -> Surroundings {
-    let points: Vec<[f32; 3]> = (0..12 * 12 * 12)
-        .map(|i| [(i % 12) as f32, (i / 12 % 12) as f32, (i / 144) as f32])
-        .collect();
+    let points: Vec<[f32; 3]> =
+        (0..12 * 12 * 12).map(|i| [(i % 12) as f32, (i / 12 % 12) as f32, (i / 144) as f32]).collect();
     surroundings(point_scene(&points))
 }
 
