@@ -254,7 +254,12 @@ fn a_committed_selection_must_fit_the_scene_and_follow_the_one_it_was_made_from(
     };
     let mask = Some(encode_mask(&Mask::from_fn(60, |i| i == 7)));
     let with = |mask, expected: &str, strokes| {
-        Action::CommitSelection(CommitSelection { mask, strokes, expected_hash: expected.to_owned(), steps: Vec::new() })
+        Action::CommitSelection(CommitSelection {
+            mask,
+            strokes,
+            expected_hash: expected.to_owned(),
+            steps: Vec::new(),
+        })
     };
     let empty = editor.state().selection().hash().to_owned();
     let applied = run(&mut editor, [with(mask.clone(), &empty, vec![stroke.clone()])]).unwrap();
