@@ -22,7 +22,7 @@ use sg_proto::selection::StrokesRequest;
 use sg_runtime::bus::{Bus, Following, endpoint_of};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
-use sg_tests::{command, said};
+use sg_tests::{command, made_scene};
 
 /// Services, and within which time each is to answer again, milliseconds.
 const SERVICES: [(&str, f64); 7] = [
@@ -70,7 +70,7 @@ fn main() {
     };
     let (rounds, gaussians) = (number("--rounds", 20), number("--gaussians", 170_000));
     let folder = tempfile::tempdir().unwrap();
-    let scene = made(folder.path(), gaussians);
+    let scene = made_scene::write(folder.path(), gaussians).unwrap();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     runtime.block_on(async {
         let mut stack = Stack::up(folder.path(), &scene).await;
@@ -97,30 +97,6 @@ fn main() {
             );
         }
     });
-}
-
-/// A made volume as Gaussians.
-fn made(folder: &Path, gaussians: u32) -> std::path::PathBuf {
-    let run = |arguments: &[&str]| {
-        let output = command(&folder.join("run")).unwrap().arg("fit").args(arguments).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
-    };
-    let (volume, scene) = (folder.join("volume"), folder.join("scene"));
-    let truth = run(&["phantom", "--size", "128", "--json", "--out", &volume.to_string_lossy()]);
-    let file = |key: &str| volume.join(truth[key].as_str().unwrap()).to_string_lossy().into_owned();
-    run(&[
-        &file("volume"),
-        "--transfer-function",
-        &file("transfer_function"),
-        "--initial-only",
-        "--gaussians",
-        &gaussians.to_string(),
-        "--json",
-        "--out",
-        &scene.to_string_lossy(),
-    ]);
-    scene.join("scene.toml")
 }
 
 impl Stack {

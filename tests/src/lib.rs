@@ -4,6 +4,7 @@
 pub mod conformance;
 pub mod eval;
 pub mod hosts;
+pub mod made_scene;
 pub mod proxy;
 pub mod small_scene;
 pub mod stack;

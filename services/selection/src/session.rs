@@ -445,8 +445,10 @@ mod tests {
     use crate::cluster_graph::{ClusterGraph, GraphForm};
     use crate::clustering::{Clustering, ClusteringOptions, cluster};
     use crate::geometry::{Geometry, GeometryOptions};
+    use crate::operations::{Combine, Operation};
     use crate::progress::Silent;
     use crate::space::WalkOptions;
+    use crate::surroundings::Surroundings;
     use crate::test_scenes::{normalized, point_scene, random_points, random_unit, vessel_and_sac};
     use proptest::prelude::*;
     use sg_scene::model::Scene;
@@ -456,7 +458,9 @@ mod tests {
         let clustering_options = ClusteringOptions { max_clusters: most, ..ClusteringOptions::default() };
         let (clustering, _) = cluster(&geometry, &clustering_options, &Silent).unwrap();
         let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
-        (Arc::new(SelectionSpace::of_clusters(scene, &clustering, &graph, options)), clustering)
+        let space = SelectionSpace::of_clusters(scene, &clustering, &graph, options);
+        let surroundings = Surroundings::with(Arc::new(scene.clone()), geometry);
+        (Arc::new(space.with_surroundings(surroundings)), clustering)
     }
 
     fn stroke(mode: Mode, kind: Kind, radius: f64, points: Vec<[f64; 3]>) -> Stroke {
@@ -490,6 +494,46 @@ mod tests {
         session.undo().unwrap();
         session.undo().unwrap();
         assert!(session.mask().is_none() && session.undo().unwrap().is_none());
+    }
+
+    #[test]
+    fn operations_count_in_their_order_and_a_walk_counts_before_them() {
+        let scene = point_scene(&random_points(4000, 4));
+        let (space, _) = made(&scene, 80, WalkOptions::default());
+        let walk = |x: f64| stroke(Mode::Walk, Kind::Foreground, 0.1, vec![[x, 0.5, 0.5]]);
+        let cut = Operation::Plane { point: [0.5; 3], normal: [0.0, 0.0, 1.0], combine: Combine::Intersect };
+        let grow = Operation::Grow { distance: 0.05 };
+        let of = |steps: &[Step]| SelectionSession::of_steps(&space, steps).unwrap().mask().clone();
+        let steps = |list: [Step; 3]| list;
+        let grown_then_cut = of(&steps([walk(0.3).into(), grow.clone().into(), cut.clone().into()]));
+        let cut_then_grown = of(&steps([walk(0.3).into(), cut.clone().into(), grow.clone().into()]));
+        assert!(grown_then_cut.is_subset_of(&cut_then_grown) && grown_then_cut != cut_then_grown);
+        // A walk stroke counts as if it had come first, wherever it stands among the others.
+        assert_eq!(of(&steps([grow.clone().into(), walk(0.3).into(), cut.clone().into()])), grown_then_cut);
+        assert_eq!(of(&steps([grow.into(), cut.into(), walk(0.3).into()])), grown_then_cut);
+        // What was given is added where it stands.
+        let mut given = Mask::empty(scene.len());
+        given.set(7, true);
+        let with = of(&[walk(0.3).into(), Step::Given(given.clone())]);
+        let mut wanted = of(&[walk(0.3).into()]);
+        wanted.union_with(&given);
+        assert_eq!(with, wanted);
+    }
+
+    #[test]
+    fn without_the_scene_an_operation_is_refused_and_nothing_is_lost() {
+        let scene = point_scene(&random_points(500, 5));
+        let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
+        let (clustering, _) = cluster(&geometry, &ClusteringOptions::default(), &Silent).unwrap();
+        let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
+        let space = Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default()));
+        let mut session = SelectionSession::new(space);
+        session.add_stroke(stroke(Mode::Point, Kind::Foreground, 0.2, vec![[0.5; 3]])).unwrap();
+        let before = session.mask().clone();
+        assert_eq!(session.add_step(Operation::Invert.into()), Err(SelectionError::NoSurroundings));
+        let bad = Operation::Grow { distance: -1.0 };
+        assert!(matches!(session.add_step(bad.into()), Err(SelectionError::Stroke(_))));
+        assert_eq!((session.mask(), session.steps().len()), (&before, 1));
     }
 
     #[test]
@@ -667,6 +711,41 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(30))]
+        #[test]
+        fn any_list_of_steps_replays_to_the_same_mask(
+            plan in prop::collection::vec((0..9_u8, 0.0..0.15_f64, prop::array::uniform3(0.0..1.0_f64)), 0..8)
+        ) {
+            let scene = point_scene(&random_points(500, 9));
+            let (space, _) = made(&scene, 40, WalkOptions::default());
+            let step = |(what, size, at): (u8, f64, [f64; 3])| -> Step {
+                match what {
+                    0 => stroke(Mode::Walk, Kind::Foreground, size, vec![at]).into(),
+                    1 => stroke(Mode::Walk, Kind::Background, size, vec![at]).into(),
+                    2 => stroke(Mode::Cluster, Kind::Toggle, size, vec![at]).into(),
+                    3 => stroke(Mode::Point, Kind::Background, size, vec![at]).into(),
+                    4 => Operation::Grow { distance: size }.into(),
+                    5 => Operation::Invert.into(),
+                    6 => Operation::PieceAt { at }.into(),
+                    7 => Operation::Sphere { centre: at, radius: 2.0 * size, combine: Combine::Add }.into(),
+                    _ => Operation::Similar { threshold: 10.0 * size, combine: Combine::Intersect }.into(),
+                }
+            };
+            let steps: Vec<Step> = plan.into_iter().map(step).collect();
+            let mut session = SelectionSession::new(Arc::clone(&space));
+            let mut masks = vec![session.mask().clone()];
+            for step in &steps {
+                session.add_step(step.clone()).unwrap();
+                masks.push(session.mask().clone());
+            }
+            let replayed = SelectionSession::of_steps(&space, &steps).unwrap();
+            prop_assert_eq!(replayed.mask(), session.mask());
+            for (mask, step) in masks.iter().rev().skip(1).zip(steps.iter().rev()) {
+                let undone = session.undo().unwrap();
+                prop_assert_eq!(undone.as_ref(), Some(step));
+                prop_assert_eq!(session.mask(), mask);
+            }
+        }
+
         #[test]
         fn any_list_of_strokes_replays_to_the_same_mask(
             plan in proptest::collection::vec((0..3_u8, 0..3_u8, 0.0..0.3_f64, proptest::collection::vec([0.0..1.0_f64, 0.0..1.0, 0.0..1.0], 1..4)), 0..8)

@@ -2,10 +2,16 @@
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::scene::{Stroke, StrokeKind, StrokeMode};
-use sg_proto::selection::{StrokesReply, StrokesRequest};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::selection_operation::Operation;
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{
+    Grow, InSphere, Invert, Select, SelectionOperation, SelectionStep, Stroke, StrokeKind, StrokeMode, Undo,
+};
+use sg_proto::selection::{SampleRequest, StrokesReply, StrokesRequest};
 
 use super::question::{Question, hold, refused_as, soon};
+use super::scene::named;
 use super::stage::{Stage, decode};
 use super::{Checks, Subject};
 use crate::small_scene::{GAUSSIANS, SAC, STROKE};
@@ -35,6 +41,8 @@ fn essence(payload: &[u8]) -> Result<String, String> {
 pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("knows the scene's geometry", geometry(stage).await);
     checks.note("commits what strokes select", commit(stage).await);
+    checks.note("takes operations among strokes", operations(stage).await);
+    checks.note("shows what a stroke would select while it is drawn", previews(stage).await);
     checks.note("refuses strokes that are none", misfits(stage).await);
     checks.note("goes on where it was after kill -9", goes_on(stage).await);
 }
@@ -63,6 +71,78 @@ async fn commit(stage: &Stage<'_>) -> Result<(), String> {
         hold(selection.count == reply.selected && selection.hash == reply.selection_hash, || {
             format!("{mode:?}: the scene has {} selected, the reply says {}", selection.count, reply.selected)
         })?;
+    }
+    Ok(())
+}
+
+async fn operations(stage: &mut Stage<'_>) -> Result<(), String> {
+    let all = draw(stage, &taken(vec![Operation::Invert(Invert {})], true)).await?;
+    hold(all.selected == 2 * GAUSSIANS as u64, || format!("{} selected where nothing was inverted", all.selected))?;
+    let near = InSphere { centre: SAC.to_vec(), radius: STROKE };
+    let sphere = draw(stage, &taken(vec![Operation::Sphere(near.clone())], true)).await?;
+    let point = Stroke { points: SAC.to_vec(), ..stroke(StrokeMode::Point) };
+    let tube = draw(stage, &StrokesRequest { strokes: vec![point], restart: true, steps: Vec::new() }).await?;
+    hold(sphere.selected == tube.selected && sphere.selected > 0, || {
+        format!("{} in a sphere, {} under a brush of one sample there", sphere.selected, tube.selected)
+    })?;
+    // Over the stroke that is there: grown, then inverted.
+    let grown = draw(stage, &taken(vec![Operation::Grow(Grow { distance: 0.05 })], false)).await?;
+    hold(grown.selected > tube.selected, || format!("{} grown to {}", tube.selected, grown.selected))?;
+    let others = draw(stage, &taken(vec![Operation::Invert(Invert {})], false)).await?;
+    hold(others.selected + grown.selected == GAUSSIANS as u64, || {
+        format!("{} and its inverse in the unit, {}, are not all of it", grown.selected, others.selected)
+    })?;
+    // Each is taken back alone.
+    stage.change(Action::Undo(Undo { steps: 1 })).await?;
+    let selection = stage.scene_state().await?.selection.unwrap_or_default();
+    hold(selection.hash == grown.selection_hash, || format!("{} selected after an undo", selection.count))?;
+    // What was selected by name is kept when a step follows.
+    stage.change(Action::Select(Select { target: named("body"), ..Select::default() })).await?;
+    let point = Stroke { points: SAC.to_vec(), ..stroke(StrokeMode::Point) };
+    let both = draw(stage, &StrokesRequest { strokes: vec![point], ..StrokesRequest::default() }).await?;
+    hold(both.selected == GAUSSIANS as u64 + tube.selected, || {
+        format!("{} selected: a unit by name and {} by a stroke", both.selected, tube.selected)
+    })
+}
+
+/// Steps that are operations.
+fn taken(operations: Vec<Operation>, restart: bool) -> StrokesRequest {
+    let step = |operation| SelectionStep {
+        step: Some(Step::Operation(SelectionOperation { operation: Some(operation), ..Default::default() })),
+    };
+    StrokesRequest { restart, steps: operations.into_iter().map(step).collect(), ..StrokesRequest::default() }
+}
+
+async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
+    for mode in [StrokeMode::Point, StrokeMode::Cluster, StrokeMode::Walk] {
+        draw(stage, &StrokesRequest { restart: true, ..StrokesRequest::default() }).await?;
+        let revision = stage.scene_state().await?.revision;
+        let mut shown = vec![false; 2 * GAUSSIANS];
+        let (name, whole) = (stage.new_id(), stroke(mode));
+        let mut newest = 0;
+        for sample in whole.points.chunks(3) {
+            let samples = Some(Stroke { points: sample.to_vec(), ..whole.clone() });
+            let request = SampleRequest { stroke: name.clone(), samples };
+            let reply = stage.cli.ask(&keys::SELECTION_SAMPLE, &request, &soon()).await;
+            let reply = reply.map_err(|f| format!("cmd/sample: {f}"))?;
+            if reply.anew {
+                shown.fill(false);
+            }
+            let mut at = 0;
+            for run in reply.changed.chunks(2) {
+                let (skipped, length) = (run[0] as usize, run.get(1).copied().unwrap_or(0) as usize);
+                at += skipped;
+                let changed = shown.get_mut(at..at + length).ok_or("a run beyond the scene")?;
+                changed.iter_mut().for_each(|s| *s = !*s);
+                at += length;
+            }
+            newest = reply.selected;
+            let count = shown.iter().filter(|s| **s).count() as u64;
+            hold(count == newest, || format!("{mode:?}: {count} shown, {newest} selected, it says"))?;
+        }
+        hold(stage.scene_state().await?.revision == revision, || "a preview changed the scene".to_owned())?;
+        let done = draw(stage, &strokes(mode, false)).await?;
+        hold(done.selected == newest, || format!("{mode:?}: {newest} previewed, {} selected", done.selected))?;
     }
     Ok(())
 }

@@ -147,14 +147,14 @@ fn lattice() -> Surroundings {
 fn holes_are_filled_up_to_a_size_and_pieces_are_told_apart() {
     let s = lattice();
     let at = |i: usize| s.scene().position(i).unwrap();
-    let (centre, far) = (DVec3::splat(4.0), DVec3::splat(10.0));
+    let (centre, far) = (DVec3::splat(5.0), DVec3::splat(10.0));
     let ball = |c: DVec3, r: f64| move |p: DVec3| p.distance(c) <= r;
     // A ball with a hole of one point in it, another of seven, and a small ball elsewhere.
-    let hole = ball(DVec3::new(5.0, 4.0, 4.0), 0.1);
-    let cave = ball(DVec3::new(2.0, 4.0, 4.0), 1.0);
+    let hole = ball(DVec3::new(5.0, 5.0, 8.0), 0.1);
+    let cave = ball(centre, 1.0);
     let mask = Mask::from_fn(s.scene().len(), |i| {
         let p = at(i);
-        (ball(centre, 3.3)(p) && !hole(p) && !cave(p)) || ball(far, 1.0)(p)
+        (ball(centre, 4.2)(p) && !hole(p) && !cave(p)) || ball(far, 1.0)(p)
     });
     let filled = done(&s, &Operation::FillHoles { most: 1 }, &mask);
     assert_eq!(filled.count(), mask.count() + 1);
