@@ -154,7 +154,10 @@ async fn reach(session: &str, name: &str, link: &Link) -> Bus {
             Err(error) => {
                 let text = error.to_string();
                 if text != told {
-                    terminal::tell(&format!("{text}; trying again every {} s", PAUSE.as_secs()));
+                    terminal::tell(&format!(
+                        "{text}; does the stack run, listen there, and know this machine's authority? trying again every {} s",
+                        PAUSE.as_secs()
+                    ));
                     told = text;
                 }
                 tokio::time::sleep(PAUSE).await;

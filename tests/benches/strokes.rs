@@ -12,7 +12,8 @@
 use std::time::{Duration, Instant};
 
 use sg_proto::keys::{self, role};
-use sg_proto::scene::{Stroke, StrokeKind, StrokeMode};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{Color, Command, SetBackground, Stroke, StrokeKind, StrokeMode};
 use sg_proto::selection::{SampleRequest, StrokesRequest};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
@@ -36,6 +37,8 @@ struct Measured {
     preview: Vec<f64>,
     /// From sending the whole stroke to the committed selection.
     end: Vec<f64>,
+    /// Of that, in the selection process: what the stroke hits, the walk, the mask.
+    step: Vec<f64>,
     /// Processor time of the selection process by the clock.
     cpu: Duration,
     clock: Duration,
@@ -56,17 +59,17 @@ fn main() {
         let bus = stack.join(role::CLI).await.unwrap();
         let clusters = bus.newest(&keys::SELECTION_STATE, &Context::root()).await.unwrap().clusters;
         println!("{gaussians} Gaussians, {clusters} Super-Gaussians, {strokes} strokes of {SAMPLES} samples at {PACE} a second; ms\n");
-        println!("| mode | sample to preview: median / p99 / most | of that in the process: median / p99 | end to committed selection: median / p99 | processor |");
-        println!("| --- | --- | --- | --- | --- |");
+        println!("| mode | sample to preview: median / p99 / most | of that in the process: median / p99 | end to committed selection: median / p99 | of that in the process: median / p99 | processor |");
+        println!("| --- | --- | --- | --- | --- | --- |");
         let mut histograms = Vec::new();
         for mode in [StrokeMode::Point, StrokeMode::Cluster, StrokeMode::Walk] {
             let mut measured = Measured::default();
             for number in 0..strokes {
                 draw(&bus, pid, mode, number, &mut measured).await;
             }
-            let Measured { sample, preview, end, cpu, clock } = &mut measured;
+            let Measured { sample, preview, end, step, cpu, clock } = &mut measured;
             println!(
-                "| {} | {:.2} / {:.2} / {:.2} | {:.2} / {:.2} | {:.1} / {:.1} | {:.0} % |",
+                "| {} | {:.2} / {:.2} / {:.2} | {:.2} / {:.2} | {:.1} / {:.1} | {:.1} / {:.1} | {:.0} % |",
                 mode.as_str_name().trim_start_matches("STROKE_MODE_").to_lowercase(),
                 at(sample, 0.5),
                 at(sample, 0.99),
@@ -75,10 +78,25 @@ fn main() {
                 at(preview, 0.99),
                 at(end, 0.5),
                 at(end, 0.99),
+                at(step, 0.5),
+                at(step, 0.99),
                 100.0 * cpu.as_secs_f64() / clock.as_secs_f64(),
             );
             histograms.push((mode, measured.sample));
         }
+        let mut alone = Vec::new();
+        for n in 0..50_u8 {
+            let color = Some(Color { red: f32::from(n) / 50.0, green: 0.5, blue: 0.5 });
+            let action = Some(Action::SetBackground(SetBackground { color }));
+            let context = context();
+            let command = Command { id: context.id.clone(), expected_revision: 0, action };
+            let sent = Instant::now();
+            bus.ask(&keys::SCENE_APPLY, &command, &context).await.unwrap();
+            alone.push(sent.elapsed().as_secs_f64() * 1e3);
+            // What the view draws of it is not to be in the way of the next.
+            tokio::time::sleep(Duration::from_millis(400)).await;
+        }
+        println!("\nOf a committed selection, what every durable change of the scene takes: {:.1} / {:.1}", at(&mut alone, 0.5), at(&mut alone, 0.99));
         println!("\nSamples by the time of their preview:\n");
         let bin = |k: usize| if BINS[k].is_finite() { format!("≤ {}", BINS[k]) } else { "more".to_owned() };
         println!("| mode | {} |", (0..BINS.len()).map(bin).collect::<Vec<_>>().join(" | "));
@@ -116,8 +134,9 @@ async fn draw(bus: &Bus, pid: u64, mode: StrokeMode, number: u32, measured: &mut
     measured.clock += began.elapsed();
     let request = StrokesRequest { strokes: vec![stroke(whole)], ..StrokesRequest::default() };
     let sent = Instant::now();
-    bus.ask(&keys::SELECTION_STROKES, &request, &context()).await.unwrap();
+    let reply = bus.ask(&keys::SELECTION_STROKES, &request, &context()).await.unwrap();
     measured.end.push(sent.elapsed().as_secs_f64() * 1e3);
+    measured.step.push(reply.walk_ms);
 }
 
 fn context() -> Context {

@@ -188,7 +188,11 @@ impl Host {
         if !self.inner.args.link().is_remote() {
             return Ok(PathBuf::from(path));
         }
-        Ok(scene_files::fetch(self.bus(), self.run_dir(), geometry_hash).await?)
+        scene_files::fetch(self.bus(), self.run_dir(), geometry_hash).await.map_err(|fault| match fault.code {
+            // The scene as it lies there cannot be had here: trying again would not help.
+            Code::FailedPrecondition | Code::InvalidArgument => StartError::Input(fault.message),
+            _ => fault.into(),
+        })
     }
 
     /// Answers a row by which other machines read what this process has put into its [`Host::blobs`] or offers there.

@@ -35,16 +35,31 @@ pub struct OutsideError {
 /// [`OutsideError`] for a unit's file that a `scene.toml` names by an absolute path or one that leads out of its folder.
 pub fn files_of(scene: &Scene, path: &Path) -> Result<SceneFiles, OutsideError> {
     let is_folder = path.is_dir();
-    let folder = if is_folder { path } else { path.parent().unwrap_or(Path::new("")) };
-    let opened = if is_folder { path.join("scene.toml") } else { path.to_owned() };
-    let units = scene.units.iter().filter_map(|u| u.file.clone());
+    let path = if is_folder { real(path) } else { real_place(path) };
+    let folder = if is_folder { path.as_path() } else { path.parent().unwrap_or(Path::new("")) };
+    let opened = if is_folder { path.join("scene.toml") } else { path.clone() };
+    let units = scene.units.iter().filter_map(|u| u.file.as_deref().map(real_place));
     let files = units.flat_map(|file| palette_file(&file).into_iter().chain([file]));
     let all = files.chain(opened.is_file().then_some(opened));
     let mut names = all.map(|file| below(folder, &file)).collect::<Result<Vec<_>, _>>()?;
     names.sort_unstable();
     names.dedup();
-    let open = if is_folder { String::new() } else { below(folder, path)? };
+    let open = if is_folder { String::new() } else { below(folder, &path)? };
     Ok(SceneFiles { folder: folder.to_owned(), open, names })
+}
+
+/// A folder by its own name, whatever it was called: files are named from where the process was started, or by links.
+fn real(folder: &Path) -> PathBuf {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned())
+}
+
+/// A file in its folder's own name; a file that is a link stays where the link is.
+fn real_place(file: &Path) -> PathBuf {
+    match (file.parent(), file.file_name()) {
+        (Some(folder), Some(name)) => real(folder).join(name),
+        _ => file.to_owned(),
+    }
 }
 
 fn below(folder: &Path, file: &Path) -> Result<String, OutsideError> {
@@ -85,6 +100,21 @@ mod tests {
             let copied = load(&copy.path().join(&files.open), &LoadOptions::default()).unwrap().scene;
             assert_eq!(copied.content_hash(), loaded.content_hash());
         }
+    }
+
+    #[test]
+    fn a_file_is_found_by_whatever_name_its_folder_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        let home = folder.path().join("home");
+        std::fs::create_dir(&home).unwrap();
+        save(&home.join("scene.toml"), &test_scene(&[("bone", 5)]), &SaveOptions::default()).unwrap();
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink(&home, &link).unwrap();
+        // Opened by one name, listed by another, as by a process that has another working folder.
+        let loaded = load(&link.join("../link/scene.toml"), &LoadOptions::default()).unwrap().scene;
+        let files = files_of(&loaded, &home.join("scene.toml")).unwrap();
+        assert_eq!((files.open.as_str(), files.names.len()), ("scene.toml", 2));
+        assert!(files.names.iter().all(|n| files.folder.join(n).is_file()));
     }
 
     #[test]

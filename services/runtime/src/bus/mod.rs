@@ -204,7 +204,7 @@ impl Bus {
             let opening = tokio::time::timeout(CONNECT_TIMEOUT, zenoh::open(config));
             let zenoh = match opening.await {
                 Ok(Ok(zenoh)) => zenoh,
-                Ok(Err(e)) => return Err(fail(e.to_string())),
+                Ok(Err(e)) => return Err(fail(without_source(&e.to_string()))),
                 Err(_) => return Err(fail(format!("no answer within {} s", CONNECT_TIMEOUT.as_secs()))),
             };
             crate::trace::start(role);
@@ -264,9 +264,34 @@ impl Bus {
     }
 }
 
+/// An error of the bus without the places in its source that it tells of.
+fn without_source(text: &str) -> String {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let mut kept: Vec<&str> = Vec::new();
+    for word in words {
+        let is_place = word
+            .trim_end_matches('.')
+            .rsplit_once(':')
+            .is_some_and(|(file, line)| file.ends_with(".rs") && line.chars().all(|c| c.is_ascii_digit()));
+        if is_place {
+            kept.pop_if(|before| *before == "at");
+        } else {
+            kept.push(word);
+        }
+    }
+    kept.join(" ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_of_the_bus_is_told_without_its_source() {
+        let told =
+            "Unable to connect to any of [x]!  at /home/a/net/orchestrator.rs:447. - Caused by refused at b.rs:7.";
+        assert_eq!(without_source(told), "Unable to connect to any of [x]! - Caused by refused");
+    }
 
     #[test]
     fn answer_times_are_of_the_newest_requests() {
