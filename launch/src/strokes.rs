@@ -81,6 +81,8 @@ struct StrokeEntry {
     kind: Kind,
     radius: f64,
     points: Vec<[f64; 3]>,
+    #[serde(default)]
+    pressure: Vec<f64>,
 }
 
 #[derive(Deserialize)]
@@ -139,6 +141,13 @@ fn message(stroke: StrokeEntry) -> Result<Stroke, String> {
     if matches!(stroke.kind, Kind::Toggle) && !matches!(stroke.mode, Mode::Cluster) {
         return Err("only a cluster stroke can toggle".to_owned());
     }
+    if !(stroke.pressure.is_empty() || stroke.pressure.len() == stroke.points.len()) {
+        let (found, points) = (stroke.pressure.len(), stroke.points.len());
+        return Err(format!("{found} entries of `pressure` for {points} points; there must be one a point, or none"));
+    }
+    if let Some(factor) = stroke.pressure.iter().find(|f| !(**f >= 0.0 && f.is_finite())) {
+        return Err(format!("a pressure of {factor} must be finite and at least 0"));
+    }
     let points: Vec<f64> = stroke.points.into_iter().flatten().collect();
     if points.iter().any(|x| !x.is_finite()) {
         return Err("a point is not finite".to_owned());
@@ -153,7 +162,8 @@ fn message(stroke: StrokeEntry) -> Result<Stroke, String> {
         Kind::Background => StrokeKind::Background,
         Kind::Toggle => StrokeKind::Toggle,
     };
-    Ok(Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points })
+    let (radius, pressure) = (stroke.radius, stroke.pressure);
+    Ok(Stroke { mode: mode.into(), kind: kind.into(), radius, points, pressure })
 }
 
 #[cfg(test)]
@@ -164,11 +174,12 @@ mod tests {
     fn strokes_are_read() {
         let text = r#"{"strokes": [
             {"mode": "walk", "kind": "foreground", "radius": 0.02, "points": [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]},
-            {"mode": "cluster", "kind": "toggle", "radius": 0.01, "points": [[1, 0, 0]]}]}"#;
+            {"mode": "cluster", "kind": "toggle", "radius": 0.01, "points": [[1, 0, 0]], "pressure": [0.5]}]}"#;
         let steps = parse(Path::new("a.json"), text).unwrap();
         let strokes: Vec<_> = steps.iter().filter_map(stroke_of).collect();
         assert_eq!((steps.len(), strokes.len()), (2, 2));
         assert_eq!(strokes[0].points, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
+        assert_eq!((&strokes[0].pressure[..], &strokes[1].pressure[..]), (&[][..], &[0.5][..]));
         assert_eq!((strokes[0].mode(), strokes[0].kind()), (StrokeMode::Walk, StrokeKind::Foreground));
         assert_eq!((strokes[1].mode(), strokes[1].kind()), (StrokeMode::Cluster, StrokeKind::Toggle));
     }
@@ -218,6 +229,16 @@ mod tests {
             (
                 one(r#"{"mode": "point", "kind": "toggle", "radius": 1, "points": [[0, 0, 0]]}"#),
                 "a.json: stroke 1: only a cluster stroke can toggle",
+            ),
+            (
+                one(
+                    r#"{"mode": "walk", "kind": "foreground", "radius": 1, "points": [[0, 0, 0]], "pressure": [1, 2]}"#,
+                ),
+                "a.json: stroke 1: 2 entries of `pressure` for 1 points; there must be one a point, or none",
+            ),
+            (
+                one(r#"{"mode": "walk", "kind": "foreground", "radius": 1, "points": [[0, 0, 0]], "pressure": [-1]}"#),
+                "a.json: stroke 1: a pressure of -1 must be finite and at least 0",
             ),
         ] {
             assert_eq!(parse(Path::new("a.json"), &text).unwrap_err().to_string(), expected);

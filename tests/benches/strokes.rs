@@ -120,8 +120,13 @@ async fn draw(bus: &Bus, pid: u64, mode: StrokeMode, number: u32, measured: &mut
     let (began, before) = (Instant::now(), cpu(pid));
     let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / PACE));
     let whole: Vec<f64> = (0..SAMPLES).flat_map(|k| hand(number, k)).collect();
-    let stroke =
-        |points: Vec<f64>| Stroke { mode: mode.into(), kind: StrokeKind::Foreground.into(), radius: RADIUS, points };
+    let stroke = |points: Vec<f64>| Stroke {
+        mode: mode.into(),
+        kind: StrokeKind::Foreground.into(),
+        radius: RADIUS,
+        points,
+        pressure: Vec::new(),
+    };
     for sample in whole.chunks(3) {
         beat.tick().await;
         let request = SampleRequest { stroke: name.clone(), samples: Some(stroke(sample.to_vec())) };

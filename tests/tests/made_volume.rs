@@ -85,7 +85,13 @@ fn direction(hand: &mut ChaCha8Rng) -> DVec3 {
 }
 
 fn stroke(kind: Kind, radius: f64, points: &[DVec3]) -> Stroke {
-    Stroke { mode: Mode::Walk, kind, radius, points: points.iter().map(DVec3::to_array).collect() }
+    Stroke {
+        mode: Mode::Walk,
+        kind,
+        radius,
+        points: points.iter().map(DVec3::to_array).collect(),
+        pressure: Vec::new(),
+    }
 }
 
 fn spread(mut values: Vec<f64>) -> (f64, f64, f64) {

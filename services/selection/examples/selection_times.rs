@@ -78,6 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         kind,
         radius: 0.03,
         points: vec![middle, middle.map(|x| x + shift)],
+        pressure: Vec::new(),
     };
     let mut walks = Vec::new();
     for i in 0..50 {

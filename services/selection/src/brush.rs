@@ -35,11 +35,22 @@ impl Brush {
     /// (scene frame, scene length unit), ascending. Time grows with the hits, not with the scene.
     #[must_use]
     pub fn hits(&self, samples: &[DVec3], radius: f64) -> Vec<u32> {
-        let polyline = Polyline::new(samples);
+        self.hits_of(&Polyline::new(samples), radius)
+    }
+
+    /// The same with a factor on the radius at each sample (finite, at least 0), such as from the pressure on a trigger:
+    /// those closer than the radius times its factor to a sample, or to the nearest point of a segment with the factor
+    /// that is linear between its ends. A sample that has no factor has 1.
+    #[must_use]
+    pub fn hits_pressed(&self, samples: &[DVec3], radius: f64, factors: &[f64]) -> Vec<u32> {
+        self.hits_of(&Polyline::pressed(samples, factors), radius)
+    }
+
+    fn hits_of(&self, polyline: &Polyline, radius: f64) -> Vec<u32> {
         let mut hits: Vec<u32> = self
             .units
             .iter()
-            .flat_map(|(index, tree)| tree.closer_than(&polyline, radius).into_iter().map(|v| index[v as usize]))
+            .flat_map(|(index, tree)| tree.closer_than(polyline, radius).into_iter().map(|v| index[v as usize]))
             .collect();
         hits.sort_unstable();
         hits
@@ -63,7 +74,8 @@ impl Brush {
 #[derive(Debug, Clone)]
 pub struct OpenStroke {
     radius: f64,
-    last: Option<DVec3>,
+    /// The last sample and its factor on the radius, if it was given one.
+    last: Option<(DVec3, Option<f64>)>,
     hits: Vec<u32>,
     seen: sg_scene::mask::Mask,
 }
@@ -77,15 +89,28 @@ impl OpenStroke {
 
     /// Adds a sample (scene frame); returns the Gaussians it hits that no earlier one did, ascending.
     pub fn extend(&mut self, brush: &Brush, sample: DVec3) -> &[u32] {
-        let from = self.last.unwrap_or(sample);
+        self.add(brush, sample, None)
+    }
+
+    /// The same with a factor on the radius at the sample, as in [`Brush::hits_pressed`].
+    pub fn extend_pressed(&mut self, brush: &Brush, sample: DVec3, factor: f64) -> &[u32] {
+        self.add(brush, sample, Some(factor))
+    }
+
+    fn add(&mut self, brush: &Brush, sample: DVec3, factor: Option<f64>) -> &[u32] {
+        let (from, old) = self.last.unwrap_or((sample, factor));
+        let factors = match (old, factor) {
+            (None, None) => Vec::new(),
+            _ => vec![old.unwrap_or(1.0), factor.unwrap_or(1.0)],
+        };
         let before = self.hits.len();
-        for g in brush.hits(&[from, sample], self.radius) {
+        for g in brush.hits_pressed(&[from, sample], self.radius, &factors) {
             if !self.seen.get(g as usize) {
                 self.seen.set(g as usize, true);
                 self.hits.push(g);
             }
         }
-        self.last = Some(sample);
+        self.last = Some((sample, factor));
         &self.hits[before..]
     }
 
@@ -101,6 +126,7 @@ mod tests {
     use super::*;
     use crate::test_scenes::{generator, point_scene, random_points, random_unit, segment_distance};
     use glam::DMat4;
+    use proptest::prelude::*;
     use rand::RngExt;
 
     #[test]
@@ -119,6 +145,123 @@ mod tests {
         grown.sort_unstable();
         assert_eq!(grown.len(), added);
         assert_eq!(grown, brush.hits(&samples, 0.05));
+    }
+
+    /// The definition: a ball at each sample, and along each segment the radius at the nearest point.
+    fn by_definition(p: DVec3, samples: &[DVec3], radius: f64, factors: &[f64]) -> bool {
+        let ball = |(s, f): (&DVec3, &f64)| (p - *s).length() < radius * f;
+        let segment = |(s, f): (&[DVec3], &[f64])| {
+            let length = (s[1] - s[0]).length();
+            let along = (p - s[0]).dot((s[1] - s[0]) / length) / length;
+            let along = if length > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
+            (p - s[0].lerp(s[1], along)).length() < radius * ((1.0 - along) * f[0] + along * f[1])
+        };
+        samples.iter().zip(factors).any(ball) || samples.windows(2).zip(factors.windows(2)).any(segment)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        #[test]
+        fn a_pressed_stroke_hits_what_its_definition_says(
+            n in 0..400_usize, seed in 0..100_u64, radius in 0.0..0.3_f64,
+            drawn in proptest::collection::vec(([-0.2..1.2_f64, -0.2..1.2, -0.2..1.2], 0.0..2.5_f64, 0..4_u8), 1..40)
+        ) {
+            let scene = point_scene(&random_points(n, seed));
+            let brush = Brush::of_scene(&scene);
+            let (mut samples, mut factors): (Vec<DVec3>, Vec<f64>) = (Vec::new(), Vec::new());
+            for (at, factor, odd) in drawn {
+                // Some stay where they are with another pressure, some have none at all.
+                samples.push(samples.last().copied().filter(|_| odd == 0).unwrap_or_else(|| DVec3::from_array(at)));
+                factors.push(if odd == 1 { 0.0 } else { factor });
+            }
+            let want: Vec<u32> = (0..n as u32)
+                .filter(|&g| by_definition(scene.position(g as usize).unwrap(), &samples, radius, &factors))
+                .collect();
+            prop_assert_eq!(&brush.hits_pressed(&samples, radius, &factors), &want);
+            let mut open = OpenStroke::new(n, radius);
+            for (s, f) in samples.iter().zip(&factors) {
+                open.extend_pressed(&brush, *s, *f);
+            }
+            let mut grown = open.hits().to_vec();
+            grown.sort_unstable();
+            prop_assert_eq!(&grown, &want);
+            let backwards: Vec<DVec3> = samples.iter().rev().copied().collect();
+            let pressure: Vec<f64> = factors.iter().rev().copied().collect();
+            prop_assert_eq!(&brush.hits_pressed(&backwards, radius, &pressure), &want);
+            // A factor of one is none.
+            prop_assert_eq!(
+                brush.hits_pressed(&samples, radius, &vec![1.0; samples.len()]),
+                brush.hits(&samples, radius)
+            );
+        }
+    }
+
+    #[test]
+    fn one_sample_repeated_samples_no_radius_and_outside_the_box() {
+        let scene = point_scene(&random_points(3000, 5));
+        let brush = Brush::of_scene(&scene);
+        let closer = |at: DVec3, radius: f64| -> Vec<u32> {
+            let near = |g: &u32| (scene.position(*g as usize).unwrap() - at).length() < radius;
+            (0..3000).filter(near).collect()
+        };
+        let at = DVec3::splat(0.5);
+        let ball = closer(at, 0.2);
+        assert!(ball.len() > 50);
+        assert_eq!(brush.hits(&[at], 0.2), ball);
+        assert_eq!(brush.hits_pressed(&[at], 0.1, &[2.0]), ball);
+        assert_eq!(brush.hits(&[at; 9], 0.2), ball);
+        // The same place with growing and falling pressure: the largest counts.
+        assert_eq!(brush.hits_pressed(&[at; 5], 0.1, &[0.0, 1.0, 2.0, 1.5, 0.0]), ball);
+        for samples in [vec![at], vec![DVec3::ZERO, DVec3::ONE]] {
+            assert!(brush.hits(&samples, 0.0).is_empty());
+            assert!(brush.hits_pressed(&samples, 0.2, &vec![0.0; samples.len()]).is_empty());
+            assert!(brush.hits_pressed(&samples, 0.0, &vec![9.0; samples.len()]).is_empty());
+        }
+        // Far outside: nothing, until a segment passes through or the pressure is enough to reach the box.
+        let (left, right) = (DVec3::new(-1e6, 0.5, 0.5), DVec3::new(1e6, 0.5, 0.5));
+        assert!(brush.hits(&[left], 0.1).is_empty() && brush.hits_pressed(&[left], 0.1, &[9e6]).is_empty());
+        let through = brush.hits_pressed(&[left, right], 0.1, &[0.0, 2.0]);
+        assert!(!through.is_empty());
+        // Half way the factor is 1, to 1e-6.
+        assert_eq!(through, brush.hits(&[left, right], 0.1));
+        assert_eq!(brush.hits_pressed(&[left], 0.1, &[1.1e7]).len(), 3000);
+    }
+
+    #[test]
+    fn a_hundred_thousand_samples_look_at_few_boxes() {
+        use crate::polyline::VISITS;
+        let scene = point_scene(&random_points(20_000, 6));
+        let brush = Brush::of_scene(&scene);
+        let counted = |many: usize, pressed: bool| {
+            // The same way through the scene, sampled ever more densely, trembling by a thousandth.
+            let samples: Vec<DVec3> = (0..many)
+                .map(|i| {
+                    let t = i as f64 / many as f64;
+                    let tremble = 1e-3 * (0.37 * i as f64).sin();
+                    DVec3::splat(0.5) + 0.3 * DVec3::new((9.0 * t).sin(), (7.0 * t).cos(), t + tremble)
+                })
+                .collect();
+            let factors: Vec<f64> = (0..many).map(|i| 1.0 + 0.5 * (20.0 * i as f64 / many as f64).sin()).collect();
+            VISITS.set(0);
+            let hits = brush.hits_pressed(&samples, 0.05, if pressed { &factors } else { &[] });
+            if pressed {
+                for g in (0..20_000).step_by(997) {
+                    let want = by_definition(scene.position(g as usize).unwrap(), &samples, 0.05, &factors);
+                    assert_eq!(hits.binary_search(&g).is_ok(), want);
+                }
+            }
+            (hits.len() as u64, VISITS.get())
+        };
+        for pressed in [false, true] {
+            let (few, many) = (counted(100, pressed), counted(100_000, pressed));
+            println!(
+                "pressed {pressed}: 100 samples {} hits, {} boxes; 100,000 samples {} hits, {} boxes",
+                few.0, few.1, many.0, many.1
+            );
+            // Segment by segment it would be 100,000 descents of some 40 boxes each, and as many looks at the same hits.
+            assert!(many.1 < 200_000 + 100 * many.0, "{many:?}");
+        }
     }
 
     #[test]

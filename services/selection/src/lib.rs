@@ -39,6 +39,8 @@ pub mod vertices;
 pub mod walk;
 
 #[cfg(test)]
+mod hard_scenes;
+#[cfg(test)]
 mod scenarios;
 #[cfg(test)]
 mod test_scenes;

@@ -7,12 +7,16 @@ use crate::tree::Bounds;
 /// Segments a leaf holds.
 const LEAF: usize = 4;
 
-/// A polyline in the scene frame. One sample is a point; repeated samples add nothing.
+/// A polyline in the scene frame, as thick as it is pressed. One sample is a point; repeated samples add nothing.
 #[derive(Debug, Clone)]
 pub struct Polyline {
     samples: Vec<DVec3>,
+    /// Factor on the tube's radius at each sample; none if it was made without.
+    factors: Vec<f64>,
     /// Boxes of runs of `LEAF · 2^level` segments, level after level, the last holds the root alone.
     levels: Vec<Vec<Bounds>>,
+    /// The largest factor of each run; none without factors.
+    largest: Vec<Vec<f64>>,
 }
 
 /// A run of consecutive segments.
@@ -26,8 +30,17 @@ impl Polyline {
     /// The polyline through finite samples, in order.
     #[must_use]
     pub fn new(samples: &[DVec3]) -> Self {
-        let mut samples = samples.to_vec();
-        samples.dedup();
+        Self::pressed(samples, &[])
+    }
+
+    /// The same with a factor (finite, at least 0) on the radius of its tube at each sample; a sample that has none has 1.
+    #[must_use]
+    pub fn pressed(samples: &[DVec3], factors: &[f64]) -> Self {
+        let pressed = !factors.is_empty();
+        let one = |i: usize| factors.get(i).copied().unwrap_or(1.0);
+        let mut pairs: Vec<(DVec3, f64)> = samples.iter().enumerate().map(|(i, s)| (*s, one(i))).collect();
+        pairs.dedup();
+        let (samples, mut factors): (Vec<DVec3>, Vec<f64>) = pairs.into_iter().unzip();
         let segments = samples.len().saturating_sub(1).max(usize::from(!samples.is_empty()));
         let mut levels: Vec<Vec<Bounds>> = Vec::new();
         let leaves: Vec<Bounds> = (0..segments.div_ceil(LEAF))
@@ -45,7 +58,19 @@ impl Polyline {
             let next = last.chunks(2).map(|c| c.iter().fold(Bounds::EMPTY, |b, o| b.union(o))).collect();
             levels.push(next);
         }
-        Self { samples, levels }
+        let mut largest: Vec<Vec<f64>> = Vec::new();
+        if pressed {
+            let most = |factors: &[f64]| factors.iter().copied().fold(0.0, f64::max);
+            let leaf = |i: usize| most(&factors[i * LEAF..(i * LEAF + LEAF + 1).min(factors.len())]);
+            largest.push((0..segments.div_ceil(LEAF)).map(leaf).collect());
+            while let Some(last) = largest.last().filter(|l| l.len() > 1) {
+                let next = last.chunks(2).map(most).collect();
+                largest.push(next);
+            }
+        } else {
+            factors.clear();
+        }
+        Self { samples, factors, levels, largest }
     }
 
     /// Whether there is no sample.
@@ -72,16 +97,23 @@ impl Polyline {
         (2 * part.index..(2 * part.index + 2).min(end)).map(move |index| Part { level, index })
     }
 
-    /// Those of the parts that are closer than the root of `limit` to a box, split until they are about as small as it.
+    /// The square of how far the tube of a radius reaches from a part at most.
+    fn limit(&self, part: Part, radius: f64) -> f64 {
+        let radius = self.largest.get(part.level).map_or(radius, |largest| radius * largest[part.index]);
+        radius * radius
+    }
+
+    /// Those of the parts whose tubes of a radius reach a box, split until they are about as small as it.
     #[must_use]
-    pub fn parts_near(&self, parts: &[Part], to: &Bounds, limit: f64) -> Vec<Part> {
+    pub fn parts_near(&self, parts: &[Part], to: &Bounds, radius: f64) -> Vec<Part> {
         let size = |b: &Bounds| (0..3).map(|a| b.max[a] - b.min[a]).fold(0.0, f64::max);
         let enough = size(to);
         let mut near = Vec::with_capacity(parts.len());
         let mut stack: Vec<Part> = parts.to_vec();
         while let Some(part) = stack.pop() {
+            visit();
             let own = self.bounds(part);
-            if own.distance_squared(to) >= limit {
+            if own.distance_squared(to) >= self.limit(part, radius) {
                 continue;
             }
             if part.level > 0 && size(own) > enough {
@@ -93,18 +125,22 @@ impl Polyline {
         near
     }
 
-    /// Whether the point is closer than the root of `limit` to one of the parts.
+    /// Whether the point is in the tube of a radius around one of the parts: closer than the radius to a sample, or to the
+    /// nearest point of a segment, each time the radius times the factor there, which between samples is linear.
+    ///
+    /// Where samples have no factors that is: closer than the radius to one of the parts.
     #[must_use]
-    pub fn is_closer_than(&self, parts: &[Part], p: &[f64; 3], limit: f64) -> bool {
+    pub fn is_closer_than(&self, parts: &[Part], p: &[f64; 3], radius: f64) -> bool {
         let at = DVec3::from_array(*p);
         let mut stack: Vec<Part> = parts.to_vec();
         while let Some(part) = stack.pop() {
-            if self.bounds(part).point_distance_squared(p) >= limit {
+            visit();
+            if self.bounds(part).point_distance_squared(p) >= self.limit(part, radius) {
                 continue;
             }
             if part.level > 0 {
                 stack.extend(self.halves(part));
-            } else if self.leaf_distance_squared(part.index, at) < limit {
+            } else if self.leaf_is_closer_than(part.index, at, radius) {
                 return true;
             }
         }
@@ -140,12 +176,44 @@ impl Polyline {
         best
     }
 
+    fn leaf_is_closer_than(&self, leaf: usize, p: DVec3, radius: f64) -> bool {
+        if self.factors.is_empty() {
+            return self.leaf_distance_squared(leaf, p) < radius * radius;
+        }
+        let run = leaf * LEAF..(leaf * LEAF + LEAF + 1).min(self.samples.len());
+        let (samples, factors) = (&self.samples[run.clone()], &self.factors[run]);
+        let within = |distance_squared: f64, factor: f64| distance_squared < (radius * factor) * (radius * factor);
+        let balls = || samples.iter().zip(factors).any(|(s, f)| within((p - *s).length_squared(), *f));
+        let between = |(s, f): (&[DVec3], &[f64])| {
+            let ab = s[1] - s[0];
+            let along = (p - s[0]).dot(ab) / ab.length_squared();
+            // At the ends, and where the samples are too close together to divide by their distance, the balls decide.
+            along > 0.0 && along < 1.0 && {
+                let factor = (f[0] + along * (f[1] - f[0])).clamp(f[0].min(f[1]), f[0].max(f[1]));
+                within((p - (s[0] + ab * along)).length_squared(), factor)
+            }
+        };
+        balls() || samples.windows(2).zip(factors.windows(2)).any(between)
+    }
+
     fn leaf_distance_squared(&self, leaf: usize, p: DVec3) -> f64 {
         let end = (leaf * LEAF + LEAF + 1).min(self.samples.len());
         let run = &self.samples[leaf * LEAF..end];
         let first = run.first().map_or(f64::INFINITY, |a| (p - *a).length_squared());
         run.windows(2).fold(first, |best, w| best.min(segment_distance_squared(p, w[0], w[1])))
     }
+}
+
+#[cfg(test)]
+thread_local! {
+    /// Boxes and leaves looked at by this thread, for tests of what a query costs.
+    pub(crate) static VISITS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}
+
+/// Counts one box or leaf that is looked at; does nothing outside tests.
+pub(crate) fn visit() {
+    #[cfg(test)]
+    VISITS.set(VISITS.get() + 1);
 }
 
 fn segment_distance_squared(p: DVec3, a: DVec3, b: DVec3) -> f64 {

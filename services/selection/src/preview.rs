@@ -158,11 +158,11 @@ mod tests {
             let mut session = SelectionSession::new(space());
             for (m, k, at) in before {
                 let kind = [Kind::Foreground, Kind::Background][k as usize];
-                session.add_stroke(Stroke { mode: mode(m), kind, radius: 0.15, points: vec![at] }).unwrap();
+                session.add_stroke(Stroke { mode: mode(m), kind, radius: 0.15, points: vec![at], pressure: Vec::new() }).unwrap();
             }
             let kinds = if mode(drawn) == Mode::Cluster { 3 } else { 2 };
             let kind = [Kind::Foreground, Kind::Background, Kind::Toggle][kind as usize % kinds];
-            let stroke = Stroke { mode: mode(drawn), kind, radius, points: Vec::new() };
+            let stroke = Stroke { mode: mode(drawn), kind, radius, points: Vec::new(), pressure: Vec::new() };
             let mut preview = Preview::begin(&session, &stroke).unwrap();
             let mut shown = session.mask().clone();
             for sample in samples {
@@ -180,7 +180,13 @@ mod tests {
     #[test]
     fn what_is_not_finite_is_refused() {
         let session = SelectionSession::new(space());
-        let stroke = Stroke { mode: Mode::Point, kind: Kind::Foreground, radius: f64::NAN, points: Vec::new() };
+        let stroke = Stroke {
+            mode: Mode::Point,
+            kind: Kind::Foreground,
+            radius: f64::NAN,
+            points: Vec::new(),
+            pressure: Vec::new(),
+        };
         assert!(Preview::begin(&session, &stroke).is_err());
         let mut preview = Preview::begin(&session, &Stroke { radius: 0.1, ..stroke }).unwrap();
         assert!(preview.extend(&[[0.5, f64::INFINITY, 0.5]]).is_err());

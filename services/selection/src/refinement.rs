@@ -51,7 +51,8 @@ impl Refiner {
         Self { network, multilevel, leak_factor: ratio * ratio }
     }
 
-    /// ε of a Gaussian where clusters leak `leak`.
+    /// ε of a Gaussian where clusters leak `leak`: ε·(h/H)². Walks of [`crate::space::SelectionSpace::of_gaussians`] take
+    /// theirs unscaled; with this one they reach as far as walks on clusters.
     #[must_use]
     pub fn leak(&self, leak: f64) -> f64 {
         leak * self.leak_factor
@@ -151,7 +152,9 @@ mod tests {
             let vessel = [-0.9, -0.3, 0.3, 0.9].map(|x| Vec3::new(x * HALF_LENGTH, 0.0, -0.12));
             for (kind, points) in [(Kind::Foreground, &sac[..]), (Kind::Background, &vessel)] {
                 let points = normalized(&scene, points);
-                session.add_stroke(Stroke { mode: Mode::Walk, kind, radius: 0.02, points }).unwrap();
+                session
+                    .add_stroke(Stroke { mode: Mode::Walk, kind, radius: 0.02, points, pressure: Vec::new() })
+                    .unwrap();
             }
             let iou = |mask: &Mask| Agreement::of((0..scene.len()).map(|g| (mask.get(g), truth[g]))).iou;
             assert_eq!(&refiner.refine(&session, 0, 1e-4).unwrap().unwrap().mask, session.mask());

@@ -33,7 +33,7 @@ fn space(scene: &Scene, made: &Made, options: WalkOptions) -> Arc<SelectionSpace
 }
 
 fn walk(scene: &Scene, kind: Kind, points: &[Vec3]) -> Stroke {
-    Stroke { mode: Mode::Walk, kind, radius: 0.03, points: normalized(scene, points) }
+    Stroke { mode: Mode::Walk, kind, radius: 0.03, points: normalized(scene, points), pressure: Vec::new() }
 }
 
 /// A green stroke over the sac, to and fro so many times, and a red one along the vessel that spares the neck, both
@@ -126,7 +126,8 @@ fn following_the_proposals_beats_strokes_at_random() {
         let made = made(&scene, &ClusteringOptions { max_clusters: 600, ..ClusteringOptions::default() });
         let space = space(&scene, &made, WalkOptions::default());
         let answer = |point: [f64; 3]| {
-            let stroke = |kind| Stroke { mode: Mode::Walk, kind, radius: 0.0, points: vec![point] };
+            let stroke =
+                |kind| Stroke { mode: Mode::Walk, kind, radius: 0.0, points: vec![point], pressure: Vec::new() };
             let cluster = space.cluster_of(space.hits(&stroke(Kind::Foreground))[0]).unwrap();
             let own = space.members(cluster);
             let is_sac = 2 * own.iter().filter(|g| truth[**g as usize]).count() > own.len();
@@ -245,7 +246,13 @@ fn a_green_stroke_on_one_wall_of_a_thin_shell_stays_there() {
     let mut session = SelectionSession::new(space);
     let arc: Vec<Vec3> = (0..30).map(|i| Quat::from_rotation_z(0.1 * i as f32) * Vec3::new(1.03, 0.0, 0.0)).collect();
     session
-        .add_stroke(Stroke { mode: Mode::Walk, kind: Kind::Foreground, radius: 0.02, points: normalized(&scene, &arc) })
+        .add_stroke(Stroke {
+            mode: Mode::Walk,
+            kind: Kind::Foreground,
+            radius: 0.02,
+            points: normalized(&scene, &arc),
+            pressure: Vec::new(),
+        })
         .unwrap();
     let agreement = Agreement::of((0..scene.len()).map(|g| (session.mask().get(g), outer[g])));
     println!("thin shell, green alone: precision {:.3}, recall {:.3}", agreement.precision, agreement.recall);

@@ -464,7 +464,7 @@ mod tests {
     }
 
     fn stroke(mode: Mode, kind: Kind, radius: f64, points: Vec<[f64; 3]>) -> Stroke {
-        Stroke { mode, kind, radius, points }
+        Stroke { mode, kind, radius, points, pressure: Vec::new() }
     }
 
     #[test]

@@ -139,6 +139,9 @@ pub struct WalkSummary {
     pub auto_background: usize,
     /// Nodes of the hit base units that no terminal reaches.
     pub unreached: usize,
+    /// Whether the iteration on single Gaussians did not come to the tolerance, so that they were eliminated instead:
+    /// exact, but slower. A line of the log says why.
+    pub eliminated_instead: bool,
 }
 
 /// A walk over the nodes of a space.
@@ -152,7 +155,8 @@ pub struct Walk {
     pub units: Vec<bool>,
     /// Numbers about it.
     pub summary: WalkSummary,
-    /// How good the solution is, where it was iterated.
+    /// How good the solution is, where it was iterated; none where it was eliminated, also instead of iterated
+    /// ([`WalkSummary::eliminated_instead`]).
     pub quality: Option<Quality>,
 }
 
@@ -237,6 +241,10 @@ impl SelectionSpace {
 
     /// A space whose walks run on single Gaussians: exact elimination up to 2,000 of them, above it the multilevel
     /// iteration of [`crate::walk::multilevel`] to [`TOLERANCE`]. Cluster strokes still use the clusters.
+    ///
+    /// ε of `options` is then what each *Gaussian* leaks, taken as it is: there need be no clusters here, so there is no
+    /// length H of a cluster's step to relate a Gaussian's h to, and the definition of the walk knows nothing but its own
+    /// nodes. A walk with the reach of one on clusters has ε·(h/H)², which [`crate::refinement::Refiner::leak`] gives.
     #[must_use]
     pub fn of_gaussians(scene: &Scene, geometry: &Geometry, clustering: &Clustering, options: WalkOptions) -> Self {
         let network = Arc::new(gaussian_network(geometry, options.sigma_s, options.sigma_f));
@@ -354,7 +362,7 @@ impl SelectionSpace {
     #[must_use]
     pub fn hits(&self, stroke: &Stroke) -> Vec<u32> {
         let (samples, radius) = stroke.in_scene(&self.bounds);
-        let hits = self.brush.hits(&samples, radius);
+        let hits = self.brush.hits_pressed(&samples, radius, &stroke.pressure);
         if hits.is_empty() { self.instead_of_nothing(stroke, &samples) } else { hits }
     }
 
@@ -479,7 +487,9 @@ impl SelectionSpace {
                         Solution { q: q.collect(), p: answer.p, reached: answer.reached }
                     }
                     // Too ill-conditioned to iterate: exact where that is within reach.
-                    Err(WalkError::Breakdown { .. }) if n <= MOST_ELIMINATED_INSTEAD => {
+                    Err(e @ WalkError::Breakdown { .. }) if n <= MOST_ELIMINATED_INSTEAD => {
+                        tracing::warn!(nodes = n, reason = %e, "a walk could not be iterated and is eliminated instead");
+                        summary.eliminated_instead = true;
                         let problem = Problem { network: &self.network, seeds: &seeds, leak, leaking: Some(&active) };
                         solve(&problem, self.solver.as_ref(), None)?
                     }
@@ -525,22 +535,4 @@ fn farthest(graph: &Graph, component: &[u32], active: &[bool], seeds: &mut [Seed
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_farthest_rule_has_a_quota_in_each_component() {
-        // A chain of 40 nodes, and one of 20 joined to its start by a bridge of length 100.
-        let chain = |from: u32, to: u32| (from + 1..to).map(|i| Edge { a: i - 1, b: i, length: 1.0 });
-        let bridge = Edge { a: 0, b: 40, length: 100.0 };
-        let graph = Graph::from_edges(60, chain(0, 40).chain(chain(40, 60)).chain([bridge]));
-        let component: Vec<u32> = (0..60).map(|i| u32::from(i >= 40)).collect();
-        let mut seeds = vec![Seed::None; 60];
-        seeds[10] = Seed::Foreground;
-        assert_eq!(farthest(&graph, &component, &[true; 60], &mut seeds), 3);
-        let chosen: Vec<usize> = (0..60).filter(|&i| seeds[i] == Seed::Background).collect();
-        assert_eq!(chosen, [38, 39, 59]);
-        let mut none = vec![Seed::None; 60];
-        assert_eq!(farthest(&graph, &component, &[true; 60], &mut none), 0);
-    }
-}
+mod tests;

@@ -133,11 +133,14 @@ mod tests {
     fn a_file_is_read_as_it_is_written() {
         use crate::strokes::{Kind, Mode};
         let text = r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.02,"points":[[0.1,0.2,0.3],[0.5,-0.5,1.5]]},
-            {"mode":"cluster","kind":"toggle","radius":0,"points":[[0,0,0]]}]}"#;
+            {"mode":"cluster","kind":"toggle","radius":0,"points":[[0,0,0]]},
+            {"mode":"point","kind":"background","radius":0.1,"points":[[0,0,0],[1,0,0]],"pressure":[0,2.5]}]}"#;
         let steps = Steps::parse(text, "s.json").unwrap();
         let strokes: Vec<_> = steps.strokes.iter().filter_map(Step::stroke).collect();
         assert_eq!((strokes[0].mode, strokes[1].kind), (Mode::Walk, Kind::Toggle));
+        assert_eq!((&strokes[0].pressure[..], &strokes[2].pressure[..]), (&[][..], &[0.0, 2.5][..]));
         let again = serde_json::to_string(&steps).unwrap();
+        assert_eq!(again.matches("pressure").count(), 1, "a stroke without is written as before");
         assert_eq!(Steps::parse(&again, "s.json").unwrap(), steps);
     }
 
@@ -148,6 +151,14 @@ mod tests {
             (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":-1,"points":[[0,0,0]]}]}"#, "radius is -1"),
             (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[]}]}"#, "0 points"),
             (r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0,0]]}]}"#, "line 1"),
+            (
+                r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0,0,0]],"pressure":[1,1]}]}"#,
+                "2 entries of `pressure` for 1 points",
+            ),
+            (
+                r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0,0,0]],"pressure":[-1]}]}"#,
+                "pressure at point 0 is -1",
+            ),
             (r#"{"strokes":[{"mode":"wander","kind":"foreground","radius":0.1,"points":[[0,0,0]]}]}"#, "wander"),
             (r#"{"stroke":[]}"#, "stroke"),
             ("{\n \"strokes\": [\n", "line 3"),

@@ -28,7 +28,8 @@ pub enum Kind {
     Toggle,
 }
 
-/// One stroke of the brush: the tube of all points closer than a radius to a polyline.
+/// One stroke of the brush: the tube of all points closer than a radius to a polyline, where it is pressed by as much
+/// thicker or thinner (see [`crate::brush::Brush::hits_pressed`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
@@ -40,6 +41,10 @@ pub struct Stroke {
     pub radius: f64,
     /// Samples in normalized coordinates of the scene's box, 0 to 1 on each axis; they may lie outside.
     pub points: Vec<[f64; 3]>,
+    /// Factor on the radius at each sample, such as from the pressure on a trigger: finite, at least 0; one a sample, or
+    /// none where it is 1 everywhere.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pressure: Vec<f64>,
 }
 
 /// The most samples of one stroke: at 90 a second, three hours without lifting the brush.
@@ -102,8 +107,19 @@ impl Stroke {
         if self.points.is_empty() || self.points.len() > MOST_POINTS {
             return Err(format!("it has {} points; 1 to {MOST_POINTS} are needed", self.points.len()));
         }
-        match self.points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            Some(at) => Err(format!("point {at} is not finite")),
+        if let Some(at) = self.points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            return Err(format!("point {at} is not finite"));
+        }
+        if !(self.pressure.is_empty() || self.pressure.len() == self.points.len()) {
+            let (found, points) = (self.pressure.len(), self.points.len());
+            return Err(format!(
+                "it has {found} entries of `pressure` for {points} points; one a point is needed, or none"
+            ));
+        }
+        match self.pressure.iter().position(|f| !(*f >= 0.0 && f.is_finite())) {
+            Some(at) => {
+                Err(format!("the pressure at point {at} is {}; it must be finite and at least 0", self.pressure[at]))
+            }
             None => Ok(()),
         }
     }

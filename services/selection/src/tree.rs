@@ -1,7 +1,7 @@
 //! A balanced tree of boxes over points, for the two questions a nearest-neighbour crate does not answer: which points
 //! are closer than r to a polyline, and which is the nearest point *of another component*.
 
-use crate::polyline::Polyline;
+use crate::polyline::{Polyline, visit};
 use crate::vertices::distance_squared;
 
 /// Points a leaf holds at most.
@@ -121,19 +121,22 @@ impl PointTree {
         Place { node: 0, height: self.height, start: 0, end: self.points.len() }
     }
 
-    /// The points closer than `radius` to the polyline, ascending.
+    /// The points in the tube of a radius around the polyline (see [`Polyline::is_closer_than`]), ascending.
     #[must_use]
     pub fn closer_than(&self, polyline: &Polyline, radius: f64) -> Vec<u32> {
-        let limit = radius * radius;
         let mut hits = Vec::new();
-        if self.is_empty() || polyline.is_empty() || limit.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+        if self.is_empty()
+            || polyline.is_empty()
+            || (radius * radius).partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater)
+        {
             return hits;
         }
         // Each place comes with the parts of the polyline that are near enough to matter to it.
         let mut stack = vec![(self.root(), vec![polyline.whole()])];
         while let Some((place, parts)) = stack.pop() {
             let own = &self.boxes[place.node];
-            let near = polyline.parts_near(&parts, own, limit);
+            visit();
+            let near = polyline.parts_near(&parts, own, radius);
             if near.is_empty() {
                 continue;
             }
@@ -144,7 +147,7 @@ impl PointTree {
                 hits.extend(
                     self.points[place.start..place.end]
                         .iter()
-                        .filter(|(p, _)| polyline.is_closer_than(&near, p, limit))
+                        .filter(|(p, _)| polyline.is_closer_than(&near, p, radius))
                         .map(|(_, i)| *i),
                 );
             }

@@ -57,7 +57,8 @@ pub(crate) fn decode_stroke(stroke: &proto::Stroke) -> Result<Stroke, Fault> {
         let text = format!("a stroke of {} points is over the limit of {most}; send it in parts", points.len());
         return Err(Fault::exhausted(text));
     }
-    let stroke = Stroke { mode, kind, radius: stroke.radius, points: points.to_vec() };
+    let (points, pressure) = (points.to_vec(), stroke.pressure.clone());
+    let stroke = Stroke { mode, kind, radius: stroke.radius, points, pressure };
     stroke.check().map_err(Fault::invalid)?;
     Ok(stroke)
 }
@@ -74,7 +75,8 @@ fn encode_stroke(stroke: &Stroke) -> proto::Stroke {
         strokes::Kind::Toggle => StrokeKind::Toggle,
     };
     let points = stroke.points.as_flattened().to_vec();
-    proto::Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points }
+    let pressure = stroke.pressure.clone();
+    proto::Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points, pressure }
 }
 
 fn decode_operation(operation: &proto::SelectionOperation) -> Result<Operation, Fault> {
@@ -222,6 +224,14 @@ mod tests {
                 kind: strokes::Kind::Toggle,
                 radius: 0.1,
                 points: vec![[0.1, 0.2, 0.3]],
+                pressure: Vec::new(),
+            }),
+            Step::Stroke(Stroke {
+                mode: Mode::Walk,
+                kind: strokes::Kind::Background,
+                radius: 0.1,
+                points: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
+                pressure: vec![0.5, 2.0],
             }),
             Step::Given(mask),
             Step::Operation(Operation::Invert),
@@ -262,6 +272,11 @@ mod tests {
             Some(Kind::Range(proto::InRange::default())),
         ] {
             assert!(decode(&operation(bad.clone()), 10).is_err(), "{bad:?}");
+        }
+        for pressure in [vec![1.0; 2], vec![-1.0], vec![f64::NAN], vec![f64::INFINITY]] {
+            let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
+            let stroke = proto::Stroke { mode, kind, radius: 0.1, points: vec![0.0; 3], pressure };
+            assert!(decode_stroke(&stroke).is_err(), "{stroke:?}");
         }
         let short = proto::SelectionStep { step: Some(Sent::Given(encode_mask(&Mask::empty(9)))) };
         assert!(decode(&short, 10).is_err());

@@ -54,7 +54,13 @@ fn a_trained_capture_is_clustered_and_walked_in() {
         let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default());
         let mut session = SelectionSession::new(Arc::new(space));
         let start = scene.bounds.normalize(scene.position(clustering.clusters[0].centre as usize).unwrap()).to_array();
-        let stroke = Stroke { mode: Mode::Walk, kind: Kind::Foreground, radius: 0.02, points: vec![start] };
+        let stroke = Stroke {
+            mode: Mode::Walk,
+            kind: Kind::Foreground,
+            radius: 0.02,
+            points: vec![start],
+            pressure: Vec::new(),
+        };
         assert!(session.add_stroke(stroke).unwrap() > 0);
         let walk = session.walk().unwrap();
         assert!(walk.summary.seeds_foreground > 0 && walk.summary.unreached == 0);

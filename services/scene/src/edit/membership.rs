@@ -217,6 +217,12 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
         if !stroke.points.iter().all(|x| x.is_finite()) {
             return wrong("the points must be finite");
         }
+        if !(stroke.pressure.is_empty() || 3 * stroke.pressure.len() == stroke.points.len()) {
+            return wrong("there must be one pressure a point, or none");
+        }
+        if !stroke.pressure.iter().all(|f| *f >= 0.0 && f.is_finite()) {
+            return wrong("the pressure must be finite and at least 0");
+        }
     }
     Ok(())
 }
@@ -252,6 +258,7 @@ mod tests {
             kind: StrokeKind::Toggle.into(),
             radius: 0.1,
             points: vec![0.0, 0.5, 1.0],
+            pressure: vec![0.5],
         };
         assert_eq!(check_strokes(std::slice::from_ref(&good), 1), Ok(()));
         for bad in [
@@ -262,9 +269,12 @@ mod tests {
             Stroke { radius: 0.0, ..good.clone() },
             Stroke { radius: f64::NAN, ..good.clone() },
             Stroke { points: vec![], ..good.clone() },
+            Stroke { pressure: vec![0.5; 2], ..good.clone() },
+            Stroke { pressure: vec![-0.5], ..good.clone() },
+            Stroke { pressure: vec![f64::INFINITY], ..good.clone() },
             Stroke { points: vec![0.0, 1.0], ..good.clone() },
             Stroke { points: vec![0.0, 1.0, f64::INFINITY], ..good.clone() },
-            Stroke { points: vec![0.0; 3 * MAX_STROKE_POINTS + 3], ..good.clone() },
+            Stroke { points: vec![0.0; 3 * MAX_STROKE_POINTS + 3], pressure: vec![], ..good.clone() },
         ] {
             assert!(check_strokes(&[good.clone(), bad], 2).is_err());
         }

@@ -76,7 +76,8 @@ pub(crate) struct Arguments {
     /// Factor on σ_f, the median feature distance of the graph's edges.
     #[arg(long, allow_negative_numbers = true, value_name = "Y", default_value_t = 1.0)]
     sigma_f: f64,
-    /// ε: what every unseeded cluster leaks to the background, in units of its degree.
+    /// ε: what every unseeded cluster leaks to the background, in units of its degree. With --method gaussian it is what every
+    /// Gaussian leaks, taken as it is; --refine scales it to the Gaussians' shorter steps.
     #[arg(long, allow_negative_numbers = true, value_name = "E", default_value_t = 0.03)]
     leak: f64,
     /// Where background comes from when none is drawn.
