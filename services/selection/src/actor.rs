@@ -33,6 +33,7 @@ use sg_selection::progress::Silent;
 use sg_selection::session::SelectionSession;
 use sg_selection::space::{SelectionSpace, WalkOptions};
 use sg_selection::steps::Step;
+use sg_selection::strokes::Stroke;
 use sg_selection::surroundings::Surroundings;
 use tokio::sync::watch;
 
@@ -387,8 +388,8 @@ impl Selector {
             let earlier = self.open.take().filter(|o| o.name == request.stroke);
             let mut preview = Preview::begin(&session, &stroke).map_err(|e| Fault::invalid(e.to_string()))?;
             if let Some(earlier) = earlier {
-                let points = earlier.preview.stroke().points.clone();
-                preview.extend(&points).map_err(|e| Fault::invalid(e.to_string()))?;
+                let Stroke { points, pressure, .. } = earlier.preview.stroke();
+                preview.extend(points, pressure).map_err(|e| Fault::invalid(e.to_string()))?;
             }
             self.open = Some(Open { name: request.stroke.clone(), over: over.to_owned(), preview });
             self.session = session;
@@ -398,7 +399,8 @@ impl Selector {
         if open.preview.stroke().points.len() + stroke.points.len() > most {
             return Err(Fault::exhausted(format!("a stroke of more than {most} points; begin another one")));
         }
-        let changed = open.preview.extend(&stroke.points).map_err(|e| Fault::invalid(e.to_string()))?;
+        let changed =
+            open.preview.extend(&stroke.points, &stroke.pressure).map_err(|e| Fault::invalid(e.to_string()))?;
         let mask = open.preview.mask();
         let changed = if goes_on {
             changed

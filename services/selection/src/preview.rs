@@ -28,7 +28,7 @@ impl Preview {
     /// # Errors
     /// [`SelectionError::Stroke`] for a stroke that makes no sense whatever its points.
     pub fn begin(session: &SelectionSession, stroke: &Stroke) -> Result<Self, SelectionError> {
-        let bare = Stroke { points: vec![[0.0; 3]], ..stroke.clone() };
+        let bare = Stroke { points: vec![[0.0; 3]], pressure: Vec::new(), ..stroke.clone() };
         bare.check().map_err(SelectionError::Stroke)?;
         let space = session.space();
         let radius = stroke.radius * space.bounds().longest_edge();
@@ -36,25 +36,35 @@ impl Preview {
             open: OpenStroke::new(space.gaussians(), radius),
             seen: vec![false; if stroke.mode == Mode::Cluster { space.clusters() } else { 0 }],
             mask: session.mask().clone(),
-            stroke: Stroke { points: Vec::new(), ..stroke.clone() },
+            stroke: Stroke { points: Vec::new(), pressure: Vec::new(), ..stroke.clone() },
             session: session.clone(),
         })
     }
 
-    /// Adds samples (normalized by the scene's box). Returns the Gaussians that are selected now and were not before it, or
-    /// the other way round, ascending.
+    /// Adds samples (normalized by the scene's box), with a factor on the radius at each of them or none. Returns the
+    /// Gaussians that are selected now and were not before it, or the other way round, ascending.
     ///
     /// # Errors
-    /// [`SelectionError`]; the samples are then part of the stroke all the same.
-    pub fn extend(&mut self, samples: &[[f64; 3]]) -> Result<Vec<u32>, SelectionError> {
-        if let Some(at) = samples.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(SelectionError::Stroke(format!("sample {at} is not finite")));
+    /// [`SelectionError`]; samples that make sense are then part of the stroke all the same.
+    pub fn extend(&mut self, samples: &[[f64; 3]], pressure: &[f64]) -> Result<Vec<u32>, SelectionError> {
+        let new = Stroke { points: samples.to_vec(), pressure: pressure.to_vec(), ..self.stroke.clone() };
+        new.check().map_err(SelectionError::Stroke)?;
+        // A stroke has a factor at every point or at none: what came without had the factor 1.
+        let pressed = !pressure.is_empty() || !self.stroke.pressure.is_empty();
+        if pressed {
+            self.stroke.pressure.resize(self.stroke.points.len(), 1.0);
         }
         let mut new = Vec::new();
-        for sample in samples {
+        for (k, sample) in samples.iter().enumerate() {
             let space = self.session.space();
             let at = space.bounds().denormalize(DVec3::from_array(*sample));
-            new.extend_from_slice(self.open.extend(space.brush(), at));
+            let factor = pressure.get(k).copied().unwrap_or(1.0);
+            let hits = match pressed {
+                true => self.open.extend_pressed(space.brush(), at, factor),
+                false => self.open.extend(space.brush(), at),
+            };
+            new.extend_from_slice(hits);
+            self.stroke.pressure.extend(pressed.then_some(factor));
         }
         self.stroke.points.extend_from_slice(samples);
         let mut changed = match self.stroke.mode {
@@ -151,8 +161,8 @@ mod tests {
         #[test]
         fn a_preview_is_what_the_stroke_would_select(
             before in prop::collection::vec((0..3_u8, 0..2_u8, prop::array::uniform3(0.0..1.0_f64)), 0..4),
-            drawn in 0..3_u8, kind in 0..3_u8, radius in 0.02..0.2_f64,
-            samples in prop::collection::vec(prop::array::uniform3(0.0..1.0_f64), 1..6),
+            drawn in 0..3_u8, kind in 0..3_u8, radius in 0.02..0.2_f64, pressed in any::<bool>(),
+            samples in prop::collection::vec((prop::array::uniform3(0.0..1.0_f64), 0.0..2.0_f64), 1..6),
         ) {
             let mode = |m: u8| [Mode::Walk, Mode::Cluster, Mode::Point][m as usize];
             let mut session = SelectionSession::new(space());
@@ -165,8 +175,9 @@ mod tests {
             let stroke = Stroke { mode: mode(drawn), kind, radius, points: Vec::new(), pressure: Vec::new() };
             let mut preview = Preview::begin(&session, &stroke).unwrap();
             let mut shown = session.mask().clone();
-            for sample in samples {
-                for g in preview.extend(&[sample]).unwrap() {
+            for (sample, factor) in samples {
+                let factor = if pressed { vec![factor] } else { Vec::new() };
+                for g in preview.extend(&[sample], &factor).unwrap() {
                     shown.set(g as usize, !shown.get(g as usize));
                 }
                 prop_assert_eq!(&shown, preview.mask());
@@ -189,6 +200,8 @@ mod tests {
         };
         assert!(Preview::begin(&session, &stroke).is_err());
         let mut preview = Preview::begin(&session, &Stroke { radius: 0.1, ..stroke }).unwrap();
-        assert!(preview.extend(&[[0.5, f64::INFINITY, 0.5]]).is_err());
+        assert!(preview.extend(&[[0.5, f64::INFINITY, 0.5]], &[]).is_err());
+        assert!(preview.extend(&[[0.5; 3]], &[-1.0]).is_err());
+        assert!(preview.extend(&[[0.5; 3]], &[1.0, 1.0]).is_err());
     }
 }
