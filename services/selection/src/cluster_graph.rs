@@ -195,7 +195,7 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Length
         .map(|(&i, centre)| match centre {
             Some(v) => pool.with(|search: &mut Search| {
                 let own = i as i32;
-                search.reach(graph, *v, |w| if label[w as usize] == own { f64::INFINITY } else { -1.0 })
+                search.reach(&graph, *v, |w| if label[w as usize] == own { f64::INFINITY } else { -1.0 })
             }),
             None => Vec::new(),
         })

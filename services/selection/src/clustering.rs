@@ -368,13 +368,13 @@ fn cluster_unit(
         if label.contains(&NONE) {
             // Components without a seed go to the nearest cluster over the bridges.
             let mut distance: Vec<f64> = label.iter().map(|&l| if l == NONE { f64::INFINITY } else { 0.0 }).collect();
-            fill_unlabelled(unit.joined(), &mut distance, &mut label);
+            fill_unlabelled(&unit.joined(), &mut distance, &mut label);
         }
         if options.merge {
             // Where clusters are meant to differ in size, a small one is no splinter.
             let share = if options.adaptive { LEAST_SHARE / 4.0 } else { LEAST_SHARE };
             let least = (share * n as f64 / count as f64) as usize;
-            merge_pieces(unit.joined(), rows, &unit.vertices.gaussian, &label, least.max(1), options.max_clusters)
+            merge_pieces(&unit.joined(), rows, &unit.vertices.gaussian, &label, least.max(1), options.max_clusters)
         } else {
             (label, count)
         }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use sg_scene::model::Scene;
 
-use crate::bridges::bridges;
+use crate::bridges::{Joined, both_ways, bridges_between};
 use crate::features::{FeatureKind, Features, features};
 use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph};
 use crate::progress::{Progress, Stage};
@@ -65,17 +65,15 @@ pub struct UnitGeometry {
     pub component: Vec<u32>,
     /// Number of components.
     pub components: usize,
-    /// The neighbour graph with the bridges that join its components: connected.
-    pub joined: Option<Graph>,
-    /// Those bridges.
+    /// The shortest edges that join the components, both directions of each, ascending.
     pub bridges: Vec<Edge>,
 }
 
 impl UnitGeometry {
-    /// The connected graph: the neighbour graph itself where it is in one piece.
+    /// The connected graph: the neighbour graph with the bridges.
     #[must_use]
-    pub fn joined(&self) -> &Graph {
-        self.joined.as_ref().unwrap_or(&self.graph)
+    pub fn joined(&self) -> Joined<'_> {
+        Joined::new(&self.graph, &self.bridges)
     }
 }
 
@@ -134,13 +132,14 @@ impl Geometry {
             let graph = neighbour_graph(&vertices, options.neighbours)
                 .map_err(|source| GeometryError::Graph { unit: unit.name.clone(), source })?;
             let (component, components) = graph.components();
-            let bridges = bridges(&vertices, &graph);
-            let joined = (!bridges.is_empty()).then(|| graph.with_edges(&bridges));
+            let between =
+                if components > 1 { bridges_between(&vertices, component.clone(), components) } else { Vec::new() };
+            let bridges = both_ways(&between);
             out.graph_seconds += start.elapsed().as_secs_f64();
             if progress.cancelled() {
                 return Err(GeometryError::Cancelled);
             }
-            out.units.push(UnitGeometry { vertices, features, graph, component, components, joined, bridges });
+            out.units.push(UnitGeometry { vertices, features, graph, component, components, bridges });
         }
         progress.at(Stage::Features, 1.0);
         progress.at(Stage::Graph, 1.0);

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
 use crate::features::{Row, WIDTH};
-use crate::neighbours::Graph;
+use crate::neighbours::Adjacency;
 
 /// A connected set of vertices of one label, or what became of it.
 struct Piece {
@@ -29,7 +29,7 @@ impl Piece {
 /// (smaller is earlier). On a connected graph no more than `most` are left.
 #[must_use]
 pub fn merge_pieces(
-    graph: &Graph,
+    graph: &impl Adjacency,
     rows: &[Row],
     rank: &[u32],
     label: &[u32],
@@ -60,8 +60,8 @@ pub fn merge_pieces(
     number(&of, &mut pieces, rank)
 }
 
-fn split(graph: &Graph, rows: &[Row], label: &[u32]) -> (Vec<u32>, Vec<Piece>) {
-    let n = graph.len();
+fn split(graph: &impl Adjacency, rows: &[Row], label: &[u32]) -> (Vec<u32>, Vec<Piece>) {
+    let n = graph.vertices();
     let mut of = vec![u32::MAX; n];
     let mut pieces: Vec<Piece> = Vec::new();
     let mut stack = Vec::new();
@@ -78,7 +78,7 @@ fn split(graph: &Graph, rows: &[Row], label: &[u32]) -> (Vec<u32>, Vec<Piece>) {
             for (sum, x) in piece.sum.iter_mut().zip(&rows[v as usize]) {
                 *sum += f64::from(*x);
             }
-            for (w, _) in graph.neighbours(v) {
+            for (w, _) in graph.around(v) {
                 if of[w as usize] == u32::MAX && label[w as usize] == label[v as usize] {
                     of[w as usize] = id;
                     stack.push(w);
@@ -87,11 +87,14 @@ fn split(graph: &Graph, rows: &[Row], label: &[u32]) -> (Vec<u32>, Vec<Piece>) {
         }
         pieces.push(piece);
     }
-    for e in graph.edges() {
-        let (a, b) = (of[e.a as usize], of[e.b as usize]);
-        if a != b {
-            pieces[a as usize].neighbours.insert(b);
-            pieces[b as usize].neighbours.insert(a);
+    for v in (0..).take(n) {
+        let a = of[v as usize];
+        for (w, _) in graph.around(v) {
+            let b = of[w as usize];
+            if w > v && a != b {
+                pieces[a as usize].neighbours.insert(b);
+                pieces[b as usize].neighbours.insert(a);
+            }
         }
     }
     (of, pieces)
@@ -151,7 +154,7 @@ fn number(of: &[u32], pieces: &mut [Piece], rank: &[u32]) -> (Vec<u32>, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::neighbours::Edge;
+    use crate::neighbours::{Edge, Graph};
     use proptest::prelude::*;
 
     fn path(n: u32) -> Graph {

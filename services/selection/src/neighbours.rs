@@ -31,6 +31,26 @@ pub struct Edge {
     pub length: f64,
 }
 
+/// What searches walk over: vertices, numbered from 0, and lengths of the edges between them.
+pub trait Adjacency: Sync {
+    /// Number of vertices.
+    fn vertices(&self) -> usize;
+
+    /// Neighbours of a vertex, ascending, with the lengths of the edges to them.
+    fn around(&self, v: u32) -> impl Iterator<Item = (u32, f64)> + '_;
+}
+
+impl Adjacency for Graph {
+    fn vertices(&self) -> usize {
+        self.len()
+    }
+
+    #[inline]
+    fn around(&self, v: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
+        self.neighbours(v)
+    }
+}
+
 /// The graph could not be made.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GraphError {
@@ -61,6 +81,7 @@ impl Graph {
     }
 
     /// Neighbours of a vertex with the lengths of the edges to them.
+    #[inline]
     pub fn neighbours(&self, v: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
         let row = self.offsets[v as usize] as usize..self.offsets[v as usize + 1] as usize;
         self.targets[row.clone()].iter().copied().zip(self.lengths[row].iter().copied())
@@ -159,29 +180,34 @@ fn nearest_lists(vertices: &Vertices, k: usize) -> Result<Vec<u32>, GraphError> 
     let tree: ImmutableKdTree<f64, 3> =
         ImmutableKdTree::new_from_slice(&turned).map_err(|e| GraphError::Tree(e.to_string()))?;
 
+    // Each block of runs writes its own part of the lists.
     const BLOCK: usize = 512;
-    let blocks: Vec<Vec<u32>> = turned
-        .par_chunks(BLOCK)
-        .enumerate()
-        .map(|(block, queries)| {
-            let mut lists = Vec::with_capacity(queries.len() * k);
-            let mut others: Vec<(f64, u32, u32)> = Vec::new();
-            for (query, run) in queries.iter().zip(block * BLOCK..) {
-                let members = runs[run]..runs[run + 1];
-                let mates = members.len() - 1;
-                others.clear();
-                if mates < k {
-                    nearest_others(&tree, vertices, &runs, query, run, k - mates, &mut others);
-                }
-                for v in members.clone() {
-                    lists.extend(members.clone().filter(|&m| m != v).take(k));
-                    lists.extend(others.iter().take(k.saturating_sub(mates)).map(|o| o.2));
-                }
+    let mut lists = vec![0_u32; vertices.len() * k];
+    let mut parts: Vec<&mut [u32]> = Vec::with_capacity(turned.len().div_ceil(BLOCK));
+    let mut rest = lists.as_mut_slice();
+    for block in (0..turned.len()).step_by(BLOCK) {
+        let members = runs[(block + BLOCK).min(turned.len())] - runs[block];
+        let (part, after) = rest.split_at_mut(members as usize * k);
+        parts.push(part);
+        rest = after;
+    }
+    turned.par_chunks(BLOCK).zip(parts).enumerate().for_each(|(block, (queries, part))| {
+        let mut rows = part.chunks_exact_mut(k);
+        let mut others: Vec<(f64, u32, u32)> = Vec::new();
+        for (query, run) in queries.iter().zip(block * BLOCK..) {
+            let members = runs[run]..runs[run + 1];
+            let mates = members.len() - 1;
+            others.clear();
+            if mates < k {
+                nearest_others(&tree, vertices, &runs, query, run, k - mates, &mut others);
             }
-            lists
-        })
-        .collect();
-    Ok(blocks.concat())
+            for (v, row) in members.clone().zip(&mut rows) {
+                let found = members.clone().filter(|&m| m != v).chain(others.iter().map(|o| o.2));
+                row.iter_mut().zip(found).for_each(|(to, w)| *to = w);
+            }
+        }
+    });
+    Ok(lists)
 }
 
 /// At least the `need` nearest vertices outside the run, as (squared distance, scene-wide index, vertex), ascending.
@@ -266,25 +292,27 @@ fn symmetric_union(vertices: &Vertices, forward: &[u32], k: usize) -> Graph {
     });
     // The slots were filled in the order of the threads; sorted rows are the same for any number of them.
     let mut targets: Vec<u32> = slots.into_iter().map(AtomicU32::into_inner).collect();
-    let mut rows: Vec<&mut [u32]> = Vec::with_capacity(n);
-    let mut rest = targets.as_mut_slice();
-    for v in 0..n {
-        let (head, tail) = rest.split_at_mut((offsets[v + 1] - offsets[v]) as usize);
-        rows.push(head);
-        rest = tail;
+    let mut lengths = vec![0.0_f64; edges];
+    const BLOCK: usize = 1024;
+    let mut parts: Vec<(&[u32], &mut [u32], &mut [f64])> = Vec::with_capacity(n.div_ceil(BLOCK));
+    let (mut targets_left, mut lengths_left) = (targets.as_mut_slice(), lengths.as_mut_slice());
+    for first in (0..n).step_by(BLOCK) {
+        let rows = &offsets[first..=(first + BLOCK).min(n)];
+        let size = (rows[rows.len() - 1] - rows[0]) as usize;
+        let (own_targets, more_targets) = targets_left.split_at_mut(size);
+        let (own_lengths, more_lengths) = lengths_left.split_at_mut(size);
+        parts.push((rows, own_targets, own_lengths));
+        (targets_left, lengths_left) = (more_targets, more_lengths);
     }
-    rows.par_iter_mut().for_each(|r| r.sort_unstable());
-    drop(rows);
-    let lengths: Vec<f64> = (0..n)
-        .into_par_iter()
-        .with_min_len(256)
-        .flat_map_iter(|v| {
-            let own = &vertices.position[v];
-            targets[offsets[v] as usize..offsets[v + 1] as usize]
-                .iter()
-                .map(|&w| distance_squared(own, &vertices.position[w as usize]).sqrt())
-        })
-        .collect();
+    parts.into_par_iter().enumerate().for_each(|(block, (rows, targets, lengths))| {
+        for (row, own) in rows.windows(2).zip(&vertices.position[block * BLOCK..]) {
+            let row = (row[0] - rows[0]) as usize..(row[1] - rows[0]) as usize;
+            targets[row.clone()].sort_unstable();
+            for (length, &w) in lengths[row.clone()].iter_mut().zip(&targets[row]) {
+                *length = distance_squared(own, &vertices.position[w as usize]).sqrt();
+            }
+        }
+    });
     Graph { offsets, targets, lengths }
 }
 

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use crate::neighbours::Graph;
+use crate::neighbours::{Adjacency, Graph};
 
 /// No vertex, no label.
 pub const NONE: u32 = u32::MAX;
@@ -17,9 +17,9 @@ pub const NONE: u32 = u32::MAX;
 /// Distance to the nearest source and which it is, for every vertex; infinity and [`NONE`] where no source is reachable.
 /// Ties go to the source that stands first in the slice.
 #[must_use]
-pub fn nearest_source(graph: &Graph, sources: &[u32]) -> (Vec<f64>, Vec<u32>) {
-    let mut distance = vec![f64::INFINITY; graph.len()];
-    let mut label = vec![NONE; graph.len()];
+pub fn nearest_source(graph: &impl Adjacency, sources: &[u32]) -> (Vec<f64>, Vec<u32>) {
+    let mut distance = vec![f64::INFINITY; graph.vertices()];
+    let mut label = vec![NONE; graph.vertices()];
     let mut heap = BinaryHeap::new();
     for (j, &v) in (0..).zip(sources) {
         if label[v as usize] == NONE {
@@ -34,11 +34,11 @@ pub fn nearest_source(graph: &Graph, sources: &[u32]) -> (Vec<f64>, Vec<u32>) {
 
 /// Lets the vertices without a label take (distance, label) from their labelled neighbours and on from there; labelled
 /// vertices keep theirs.
-pub fn fill_unlabelled(graph: &Graph, distance: &mut [f64], label: &mut [u32]) {
+pub fn fill_unlabelled(graph: &impl Adjacency, distance: &mut [f64], label: &mut [u32]) {
     let mut heap = BinaryHeap::new();
     let empty: Vec<u32> = (0..).zip(&*label).filter(|(_, l)| **l == NONE).map(|(v, _)| v).collect();
     for &v in &empty {
-        for (w, length) in graph.neighbours(v) {
+        for (w, length) in graph.around(v) {
             let through = (distance[w as usize] + length, label[w as usize]);
             if through.1 != NONE
                 && empty.binary_search(&w).is_err()
@@ -54,12 +54,12 @@ pub fn fill_unlabelled(graph: &Graph, distance: &mut [f64], label: &mut [u32]) {
     spread(graph, distance, label, heap);
 }
 
-fn spread(graph: &Graph, distance: &mut [f64], label: &mut [u32], mut heap: BinaryHeap<Reverse<(u64, u32, u32)>>) {
+fn spread(graph: &impl Adjacency, distance: &mut [f64], label: &mut [u32], mut heap: BinaryHeap<Reverse<(u64, u32, u32)>>) {
     while let Some(Reverse((bits, j, v))) = heap.pop() {
         if (bits, j) != (distance[v as usize].to_bits(), label[v as usize]) {
             continue;
         }
-        for (w, length) in graph.neighbours(v) {
+        for (w, length) in graph.around(v) {
             let through = (f64::from_bits(bits) + length, j);
             if through < (distance[w as usize], label[w as usize]) {
                 (distance[w as usize], label[w as usize]) = through;
@@ -125,8 +125,8 @@ impl Search {
 
     /// Vertices reached from `source` over vertices whose distance is at most `bound(vertex)`, with their distances, in
     /// the order they were settled. The source itself is always reached.
-    pub fn reach(&mut self, graph: &Graph, source: u32, bound: impl Fn(u32) -> f64) -> Vec<(u32, f64)> {
-        self.start(graph.len());
+    pub fn reach(&mut self, graph: &impl Adjacency, source: u32, bound: impl Fn(u32) -> f64) -> Vec<(u32, f64)> {
+        self.start(graph.vertices());
         self.offer(source, 0.0);
         let mut reached = Vec::new();
         self.run(graph, &mut reached, bound);
@@ -137,17 +137,17 @@ impl Search {
     /// bound, in another order. `doorstep` tells the vertices that may have a neighbour with a higher bound.
     pub fn reach_further(
         &mut self,
-        graph: &Graph,
+        graph: &impl Adjacency,
         reached: &mut Vec<(u32, f64)>,
         doorstep: impl Fn(u32) -> bool,
         bound: impl Fn(u32) -> f64,
     ) {
-        self.start(graph.len());
+        self.start(graph.vertices());
         for &(v, distance) in &*reached {
             self.marks[v as usize] = Mark { distance, turn: self.turn + 1 };
         }
         for &(v, d) in reached.iter().filter(|r| doorstep(r.0)) {
-            for (w, length) in graph.neighbours(v) {
+            for (w, length) in graph.around(v) {
                 if d + length <= bound(w) {
                     self.offer(w, d + length);
                 }
@@ -161,7 +161,7 @@ impl Search {
         }
     }
 
-    fn run(&mut self, graph: &Graph, reached: &mut Vec<(u32, f64)>, bound: impl Fn(u32) -> f64) {
+    fn run(&mut self, graph: &impl Adjacency, reached: &mut Vec<(u32, f64)>, bound: impl Fn(u32) -> f64) {
         while let Some(Reverse((bits, v))) = self.heap.pop() {
             let d = f64::from_bits(bits);
             let mark = self.marks[v as usize];
@@ -171,7 +171,7 @@ impl Search {
             if mark.turn == self.turn {
                 reached.push((v, d));
             }
-            for (w, length) in graph.neighbours(v) {
+            for (w, length) in graph.around(v) {
                 if d + length <= bound(w) {
                     self.offer(w, d + length);
                 }
