@@ -8,9 +8,14 @@
 //! at i as soon as d_j(i) > P(i): if the shortest path from j to k passes i, then
 //! d_j(k) = d_j(i) + d(i,k) > P(i) + d(i,k) ≥ r(k), so D_j(k) > U(k) and nothing is lost.
 //!
-//! From round to round most sources stay where they are. Their searches are kept: any envelope that is pointwise at
-//! least P serves, and P ≤ G holds as soon as r ≤ G does everywhere, because G, an envelope itself, falls no faster than
-//! distance grows. Only sources that moved search again, and those that a risen envelope lets reach further go on.
+//! Any envelope that is pointwise at least P serves, and P ≤ G holds as soon as r ≤ G does everywhere, because G, an
+//! envelope itself, falls no faster than distance grows. So the first round starts from a constant G: all sources search
+//! that far, side by side, the least D found is the U, and where it asks for more G is raised and the searches that it
+//! lets reach further go on. From round to round most sources stay where they are. Their searches are kept: only sources
+//! that moved search again.
+
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -23,6 +28,15 @@ const SLACK: f64 = 1.0 + 1e-12;
 
 /// Searches done before their results are offered.
 const BATCH: usize = 128;
+
+/// The constant envelope of the first round, in cells: most costs lie below its square while m is about one half.
+const FIRST_REACH: f64 = 0.85;
+
+/// Of this many vertices one may ask for a higher envelope before all searches start anew in batches.
+const FEW: usize = 8;
+
+/// An envelope that must rise is raised by this factor more, so that it need not rise again in the next round.
+const MARGIN: f64 = 1.05;
 
 /// Vertices that kept searches may hold, for each vertex of the graph.
 const MOST_KEPT: usize = 12;
@@ -85,11 +99,47 @@ impl Assignment {
             self.cost.par_chunks(4096).map(|c| c.iter().filter(|x| x.is_finite()).sum::<f64>()).collect();
         blocks.iter().sum()
     }
+}
 
-    fn offer(&mut self, v: u32, cost: f64, label: u32) {
+/// Vertices that share a lock stand next to each other.
+const STRIPE: usize = 64;
+
+/// An assignment to which several threads offer at once. The least (D, index) is the same in whatever order they come.
+struct Offers {
+    label: Vec<AtomicU32>,
+    cost: Vec<AtomicU64>,
+    stripes: Vec<Mutex<()>>,
+}
+
+impl Offers {
+    fn to(assignment: Assignment) -> Self {
+        let stripes = (0..assignment.label.len().div_ceil(STRIPE)).map(|_| Mutex::new(())).collect();
+        Self {
+            label: assignment.label.into_iter().map(AtomicU32::new).collect(),
+            cost: assignment.cost.into_iter().map(|c| AtomicU64::new(c.to_bits())).collect(),
+            stripes,
+        }
+    }
+
+    #[inline]
+    fn offer(&self, v: u32, cost: f64, label: u32) {
         let at = v as usize;
-        if (cost, label) < (self.cost[at], self.label[at]) {
-            (self.cost[at], self.label[at]) = (cost, label);
+        // Costs only fall, so what is worse now stays worse.
+        if cost > f64::from_bits(self.cost[at].load(Ordering::Relaxed)) {
+            return;
+        }
+        let _held = self.stripes[at / STRIPE].lock().unwrap_or_else(PoisonError::into_inner);
+        let best = f64::from_bits(self.cost[at].load(Ordering::Relaxed));
+        if (cost, label) < (best, self.label[at].load(Ordering::Relaxed)) {
+            self.cost[at].store(cost.to_bits(), Ordering::Relaxed);
+            self.label[at].store(label, Ordering::Relaxed);
+        }
+    }
+
+    fn into_assignment(self) -> Assignment {
+        Assignment {
+            label: self.label.into_iter().map(AtomicU32::into_inner).collect(),
+            cost: self.cost.into_iter().map(|c| f64::from_bits(c.into_inner())).collect(),
         }
     }
 }
@@ -132,15 +182,21 @@ impl<'a> GeodesicAssigner<'a> {
     /// The centre of least D for each vertex, ties to the smaller index. Without a window the result is the exact
     /// minimum over all centres; with one it is exact over the sources within it, else the graph-nearest source.
     pub fn assign(&mut self, centres: &[Centre]) -> Assignment {
-        match self.kept.take() {
-            Some(kept) if kept.sources.len() == centres.len() && self.window.is_infinite() => {
-                self.assign_again(centres, kept)
-            }
-            _ => self.assign_first(centres),
+        if self.window.is_finite() {
+            return self.assign_windowed(centres);
         }
+        let kept = match self.kept.take() {
+            Some(kept) if kept.sources.len() == centres.len() => kept,
+            _ => Kept {
+                sources: vec![NONE; centres.len()],
+                reach: vec![Vec::new(); centres.len()],
+                envelope: vec![FIRST_REACH * self.metric.cell; self.graph.len()],
+            },
+        };
+        self.assign_from(centres, kept)
     }
 
-    fn assign_first(&mut self, centres: &[Centre]) -> Assignment {
+    fn assign_windowed(&mut self, centres: &[Centre]) -> Assignment {
         let sources: Vec<u32> = centres.iter().map(|c| c.source).collect();
         let (distance, label) = nearest_source(self.graph, &sources);
         let cost: Vec<f64> = distance
@@ -154,33 +210,41 @@ impl<'a> GeodesicAssigner<'a> {
         let mut envelope: Vec<f64> =
             cost.iter().map(|&c| if c.is_finite() { self.metric.radius(c) } else { 0.0 }).collect();
         raise_to_envelope(self.graph, &mut envelope);
-        let all: Vec<usize> = (0..centres.len()).collect();
-        let mut reach = vec![Vec::new(); centres.len()];
-        let mut assignment = Assignment { label, cost };
-        // In batches, so that searches that reach far (large m) are forgotten before memory runs out.
-        let mut kept = Some(0);
-        for batch in all.chunks(BATCH) {
-            self.search(batch, &sources, &envelope, &mut reach);
-            self.collect(centres, &reach, batch, &mut assignment);
-            let held: usize = batch.iter().map(|&j| reach[j].len()).sum();
-            kept = kept.map(|k| k + held).filter(|&k| k <= MOST_KEPT * self.graph.len());
-            if kept.is_none() {
-                reach.iter_mut().for_each(|r| *r = Vec::new());
-            }
-        }
-        self.kept = kept.map(|_| Kept { sources, reach, envelope });
-        assignment
+        let mut kept = Kept { sources, reach: vec![Vec::new(); centres.len()], envelope };
+        self.search_in_batches(centres, &mut kept, Assignment { label, cost }).0
     }
 
-    fn assign_again(&mut self, centres: &[Centre], mut kept: Kept) -> Assignment {
+    /// Searches from all sources anew, in batches, so that searches that reach far (large m) are forgotten before memory
+    /// runs out; returns whether none was.
+    fn search_in_batches(
+        &mut self,
+        centres: &[Centre],
+        kept: &mut Kept,
+        mut assignment: Assignment,
+    ) -> (Assignment, bool) {
+        let all: Vec<usize> = (0..centres.len()).collect();
+        kept.reach.iter_mut().for_each(|r| *r = Vec::new());
+        let mut held = Some(0);
+        for batch in all.chunks(BATCH) {
+            self.search(batch, &kept.sources, &kept.envelope, &mut kept.reach);
+            assignment = self.collect(centres, &kept.reach, batch, assignment);
+            let more: usize = batch.iter().map(|&j| kept.reach[j].len()).sum();
+            held = held.map(|h| h + more).filter(|&h| h <= MOST_KEPT * self.graph.len());
+            if held.is_none() {
+                kept.reach.iter_mut().for_each(|r| *r = Vec::new());
+            }
+        }
+        (assignment, held.is_some())
+    }
+
+    fn assign_from(&mut self, centres: &[Centre], mut kept: Kept) -> Assignment {
         let moved: Vec<usize> = (0..centres.len()).filter(|&j| kept.sources[j] != centres[j].source).collect();
         for &j in &moved {
             kept.sources[j] = centres[j].source;
         }
         self.search(&moved, &kept.sources, &kept.envelope, &mut kept.reach);
-        let mut assignment = Assignment::none(self.graph.len());
         let all: Vec<usize> = (0..centres.len()).collect();
-        self.collect(centres, &kept.reach, &all, &mut assignment);
+        let mut assignment = self.collect(centres, &kept.reach, &all, Assignment::none(self.graph.len()));
 
         // Where no search arrived, an upper bound is the label of a neighbour that has one, over the path through it.
         let mut lost: Vec<(u32, f64)> = Vec::new();
@@ -206,13 +270,22 @@ impl<'a> GeodesicAssigner<'a> {
         raised.extend(lost.into_iter().filter(higher));
         if !raised.is_empty() {
             let before = kept.envelope.clone();
+            let many = raised.len() > self.graph.len() / FEW;
+            let margin = if many { 1.0 } else { MARGIN };
             for &(v, bound) in &raised {
-                kept.envelope[v as usize] = self.metric.radius(bound);
+                kept.envelope[v as usize] = margin * self.metric.radius(bound);
             }
             let raised: Vec<u32> = raised.into_iter().map(|r| r.0).collect();
             raise_from(self.graph, &mut kept.envelope, &raised);
+            if many {
+                drop(before);
+                let (assignment, complete) = self.search_in_batches(centres, &mut kept, assignment);
+                self.kept = complete.then_some(kept);
+                return assignment;
+            }
             let further = self.continue_searches(&mut kept, &before);
-            self.collect(centres, &kept.reach, &further, &mut assignment);
+            drop(before);
+            assignment = self.collect(centres, &kept.reach, &further, assignment);
         }
         let held: usize = kept.reach.iter().map(Vec::len).sum();
         self.kept = (held <= MOST_KEPT * self.graph.len()).then_some(kept);
@@ -270,22 +343,22 @@ impl<'a> GeodesicAssigner<'a> {
         }
     }
 
-    /// Offers every pair that the given searches reached; costs are computed in parallel, offers are made in order.
-    fn collect(&self, centres: &[Centre], reach: &[Vec<(u32, f64)>], which: &[usize], assignment: &mut Assignment) {
-        for batch in which.chunks(BATCH) {
-            let costs: Vec<Vec<f64>> = batch
-                .par_iter()
-                .map(|&j| {
-                    let feature = &centres[j].feature;
-                    reach[j].iter().map(|&(v, d)| self.metric.cost(d, &self.rows[v as usize], feature)).collect()
-                })
-                .collect();
-            for (&j, costs) in batch.iter().zip(&costs) {
-                for (&(v, _), &cost) in reach[j].iter().zip(costs) {
-                    assignment.offer(v, cost, j as u32);
-                }
+    /// Offers every pair that the given searches reached.
+    fn collect(
+        &self,
+        centres: &[Centre],
+        reach: &[Vec<(u32, f64)>],
+        which: &[usize],
+        assignment: Assignment,
+    ) -> Assignment {
+        let offers = Offers::to(assignment);
+        which.par_iter().for_each(|&j| {
+            let feature = &centres[j].feature;
+            for &(v, d) in &reach[j] {
+                offers.offer(v, self.metric.cost(d, &self.rows[v as usize], feature), j as u32);
             }
-        }
+        });
+        offers.into_assignment()
     }
 
     /// Path lengths that belong to the labels; infinite where there is none.
@@ -313,13 +386,20 @@ mod tests {
     use proptest::prelude::*;
     use rand::RngExt;
 
+    fn offer(out: &mut Assignment, v: u32, cost: f64, label: u32) {
+        let at = v as usize;
+        if (cost, label) < (out.cost[at], out.label[at]) {
+            (out.cost[at], out.label[at]) = (cost, label);
+        }
+    }
+
     /// The definition: the least D over all centres, by a full search from each.
     fn brute(graph: &Graph, rows: &[Row], metric: Metric, centres: &[Centre]) -> Assignment {
         let mut out = Assignment::none(graph.len());
         let mut search = Search::default();
         for (j, c) in (0..).zip(centres) {
             for (v, d) in search.reach(graph, c.source, |_| f64::INFINITY) {
-                out.offer(v, metric.cost(d, &rows[v as usize], &c.feature), j);
+                offer(&mut out, v, metric.cost(d, &rows[v as usize], &c.feature), j);
             }
         }
         out
@@ -399,7 +479,7 @@ mod tests {
             for (j, c) in (0..).zip(&centres) {
                 for (v, d) in search.reach(&graph, c.source, |_| f64::INFINITY) {
                     if d <= window || nearest[v as usize] == j {
-                        want.offer(v, metric.cost(d, &rows[v as usize], &c.feature), j);
+                        offer(&mut want, v, metric.cost(d, &rows[v as usize], &c.feature), j);
                     }
                 }
             }

@@ -14,7 +14,6 @@ use crate::assignment::{Assignment, Centre, GeodesicAssigner, Metric};
 use crate::euclidean::assign_straight;
 use crate::features::{FeatureKind, Row, WIDTH};
 use crate::geometry::{Geometry, GeometryError, UnitGeometry};
-use crate::greedy::grow;
 use crate::merge::merge_pieces;
 use crate::neighbours::GraphError;
 use crate::progress::{Progress, Stage};
@@ -44,7 +43,7 @@ pub enum Level {
     Exact,
     /// The least D over centres within 2S, else the nearest one.
     Windowed,
-    /// One greedy pass.
+    /// The least D over all centres in two rounds.
     Fast,
 }
 
@@ -70,7 +69,7 @@ pub struct ClusteringOptions {
     pub level: Level,
     /// Given seeds; none means the voxel grid.
     pub seeds: Option<GivenSeeds>,
-    /// Exactly this many rounds; none means up to ten, ending when the objective improves by less than a thousandth.
+    /// Exactly this many rounds; none means up to ten (two at the fast level), ending when the objective improves by less than a thousandth.
     pub rounds: Option<usize>,
     /// Whether small pieces are merged; without it labels are the positions of the seeds.
     pub merge: bool,
@@ -95,6 +94,8 @@ impl Default for ClusteringOptions {
 }
 
 const MOST_ROUNDS: usize = 10;
+/// The second round knows the features of whole clusters, the first one those of single Gaussians: most is won there.
+const FAST_ROUNDS: usize = 2;
 const LEAST_IMPROVEMENT: f64 = 1e-3;
 
 /// Clusters could not be made.
@@ -336,13 +337,13 @@ fn cluster_unit(
         .map(|&s| Centre { source: s, position: unit.vertices.position[s as usize], feature: rows[s as usize] })
         .collect();
     let mut assigner = GeodesicAssigner::new(&unit.graph, rows, metric, window);
-    let rounds = if options.level == Level::Fast { 1 } else { options.rounds.unwrap_or(MOST_ROUNDS) };
+    let most = if options.level == Level::Fast { FAST_ROUNDS } else { MOST_ROUNDS };
+    let rounds = options.rounds.unwrap_or(most);
     let mut sums: Vec<f64> = Vec::new();
     let mut assignment = Assignment { label: Vec::new(), cost: Vec::new() };
     for round in 0..rounds {
-        assignment = clock.time(Stage::Assignment, || match (options.method, options.level) {
-            (Method::Geodesic, Level::Fast) => Ok(grow(&unit.graph, rows, metric, &centres)),
-            (Method::Geodesic, _) => Ok(assigner.assign(&centres)),
+        assignment = clock.time(Stage::Assignment, || match options.method {
+            Method::Geodesic => Ok(assigner.assign(&centres)),
             _ => assign_straight(&unit.vertices.position, rows, metric, window, &centres),
         })?;
         sums.push(assignment.objective());
@@ -363,6 +364,7 @@ fn cluster_unit(
         assignment = Assignment { label: Vec::new(), cost: Vec::new() };
     }
     add_rounds(objective, &sums);
+    drop(assigner);
     let mut label = assignment.label;
     let out = clock.time(Stage::Merge, || {
         if label.contains(&NONE) {

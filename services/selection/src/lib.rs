@@ -18,7 +18,6 @@ pub mod clustering;
 pub mod euclidean;
 pub mod features;
 pub mod geometry;
-pub mod greedy;
 pub mod merge;
 pub mod metrics;
 pub mod neighbours;

@@ -172,18 +172,29 @@ impl Search {
                 reached.push((v, d));
             }
             for (w, length) in graph.around(v) {
-                if d + length <= bound(w) {
-                    self.offer(w, d + length);
-                }
+                self.offer_within(w, d + length, &bound);
             }
         }
     }
 
     fn offer(&mut self, v: u32, distance: f64) {
+        self.offer_within(v, distance, |_| f64::INFINITY);
+    }
+
+    #[inline]
+    fn offer_within(&mut self, v: u32, distance: f64, bound: impl Fn(u32) -> f64) {
+        // Most offers are no shorter than what is known: the bound is looked up for the others alone.
         let mark = &mut self.marks[v as usize];
         if mark.turn < self.turn {
+            if distance > bound(v) {
+                return;
+            }
             *mark = Mark { distance, turn: self.turn };
         } else if distance < mark.distance {
+            // A way that is shorter than one within the bound; what a continued search was given may lie beyond it.
+            if mark.turn > self.turn && distance > bound(v) {
+                return;
+            }
             mark.distance = distance;
         } else {
             return;
