@@ -30,7 +30,7 @@ const SLACK: f64 = 1.0 + 1e-12;
 const BATCH: usize = 128;
 
 /// The constant envelope of the first round, in cells: most costs lie below its square while m is about one half.
-const FIRST_REACH: f64 = 0.85;
+const FIRST_REACH: f64 = 0.8;
 
 /// Of this many vertices one may ask for a higher envelope before all searches start anew in batches.
 const FEW: usize = 8;
@@ -144,11 +144,24 @@ impl Offers {
     }
 }
 
+/// A vertex that a search reached and how far it is: twelve bytes, since there are several of them for each vertex.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, packed(4))]
+struct Reached {
+    vertex: u32,
+    distance: f64,
+}
+
+/// In memory of just the size.
+fn packed(reached: &[(u32, f64)]) -> Vec<Reached> {
+    reached.iter().map(|&(vertex, distance)| Reached { vertex, distance }).collect()
+}
+
 /// The searches of the last round, and what they are complete for.
 #[derive(Debug)]
 struct Kept {
     sources: Vec<u32>,
-    reach: Vec<Vec<(u32, f64)>>,
+    reach: Vec<Vec<Reached>>,
     envelope: Vec<f64>,
 }
 
@@ -306,19 +319,15 @@ impl<'a> GeodesicAssigner<'a> {
             .map(|reached| {
                 let stopped = reached
                     .iter()
-                    .filter(|r| doorstep[r.0 as usize])
-                    .any(|&(v, d)| self.graph.neighbours(v).any(|(w, length)| enters(d + length, w)));
+                    .filter(|r| doorstep[r.vertex as usize])
+                    .any(|r| self.graph.neighbours(r.vertex).any(|(w, length)| enters(r.distance + length, w)));
                 stopped.then(|| {
                     let had = reached.len();
-                    self.pool.with(|s| {
-                        s.reach_further(
-                            self.graph,
-                            reached,
-                            |v| doorstep[v as usize],
-                            |v| envelope[v as usize] * SLACK,
-                        );
+                    *reached = self.pool.with(|s| {
+                        let before = reached.iter().map(|r| (r.vertex, r.distance));
+                        let within = |v: u32| envelope[v as usize] * SLACK;
+                        packed(s.reach_further(self.graph, before, |v| doorstep[v as usize], within))
                     });
-                    reached.shrink_to_fit();
                     reached.len() - had
                 })
             })
@@ -327,14 +336,13 @@ impl<'a> GeodesicAssigner<'a> {
         (0..settled.len()).filter(|&j| settled[j].is_some()).collect()
     }
 
-    fn search(&mut self, which: &[usize], sources: &[u32], envelope: &[f64], reach: &mut [Vec<(u32, f64)>]) {
-        let found: Vec<Vec<(u32, f64)>> = which
+    fn search(&mut self, which: &[usize], sources: &[u32], envelope: &[f64], reach: &mut [Vec<Reached>]) {
+        which.iter().for_each(|&j| reach[j] = Vec::new());
+        let found: Vec<Vec<Reached>> = which
             .par_iter()
             .map(|&j| {
                 let within = |v: u32| (envelope[v as usize] * SLACK).min(self.window);
-                let mut found = self.pool.with(|s| s.reach(self.graph, sources[j], within));
-                found.shrink_to_fit();
-                found
+                self.pool.with(|s| packed(s.reach(self.graph, sources[j], within)))
             })
             .collect();
         for (&j, found) in which.iter().zip(found) {
@@ -347,27 +355,28 @@ impl<'a> GeodesicAssigner<'a> {
     fn collect(
         &self,
         centres: &[Centre],
-        reach: &[Vec<(u32, f64)>],
+        reach: &[Vec<Reached>],
         which: &[usize],
         assignment: Assignment,
     ) -> Assignment {
         let offers = Offers::to(assignment);
         which.par_iter().for_each(|&j| {
             let feature = &centres[j].feature;
-            for &(v, d) in &reach[j] {
-                offers.offer(v, self.metric.cost(d, &self.rows[v as usize], feature), j as u32);
+            for r in &reach[j] {
+                let cost = self.metric.cost(r.distance, &self.rows[r.vertex as usize], feature);
+                offers.offer(r.vertex, cost, j as u32);
             }
         });
         offers.into_assignment()
     }
 
     /// Path lengths that belong to the labels; infinite where there is none.
-    fn distances(&self, reach: &[Vec<(u32, f64)>], label: &[u32]) -> Vec<f64> {
+    fn distances(&self, reach: &[Vec<Reached>], label: &[u32]) -> Vec<f64> {
         let mut distance = vec![f64::INFINITY; label.len()];
         for (j, reach) in (0..).zip(reach) {
-            for &(v, d) in reach {
-                if label[v as usize] == j {
-                    distance[v as usize] = d;
+            for r in reach {
+                if label[r.vertex as usize] == j {
+                    distance[r.vertex as usize] = r.distance;
                 }
             }
         }
@@ -398,7 +407,7 @@ mod tests {
         let mut out = Assignment::none(graph.len());
         let mut search = Search::default();
         for (j, c) in (0..).zip(centres) {
-            for (v, d) in search.reach(graph, c.source, |_| f64::INFINITY) {
+            for &(v, d) in search.reach(graph, c.source, |_| f64::INFINITY) {
                 offer(&mut out, v, metric.cost(d, &rows[v as usize], &c.feature), j);
             }
         }
@@ -477,7 +486,7 @@ mod tests {
             let mut want = Assignment::none(n);
             let mut search = Search::default();
             for (j, c) in (0..).zip(&centres) {
-                for (v, d) in search.reach(&graph, c.source, |_| f64::INFINITY) {
+                for &(v, d) in search.reach(&graph, c.source, |_| f64::INFINITY) {
                     if d <= window || nearest[v as usize] == j {
                         offer(&mut want, v, metric.cost(d, &rows[v as usize], &c.feature), j);
                     }

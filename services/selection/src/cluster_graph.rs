@@ -195,7 +195,7 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Length
         .map(|(&i, centre)| match centre {
             Some(v) => pool.with(|search: &mut Search| {
                 let own = i as i32;
-                search.reach(&graph, *v, |w| if label[w as usize] == own { f64::INFINITY } else { -1.0 })
+                search.reach(&graph, *v, |w| if label[w as usize] == own { f64::INFINITY } else { -1.0 }).to_vec()
             }),
             None => Vec::new(),
         })
@@ -243,7 +243,7 @@ fn all_pairs(contacts: &Lengths, clusters: usize, ids: &[u32]) -> Lengths {
     let pool = SearchPool::default();
     ids.par_iter()
         .flat_map_iter(|&u| {
-            let mut found = pool.with(|s| s.reach(&graph, u, |_| f64::INFINITY));
+            let mut found = pool.with(|s| s.reach(&graph, u, |_| f64::INFINITY).to_vec());
             found.sort_unstable_by_key(|f| f.0);
             found.into_iter().filter(move |f| f.0 > u).map(move |(v, d)| (u, v, d))
         })

@@ -14,6 +14,17 @@ use crate::neighbours::{Adjacency, Graph};
 /// No vertex, no label.
 pub const NONE: u32 = u32::MAX;
 
+/// Entries of queues are single numbers, which compare faster than tuples: the bits of a distance (ascending as distances
+/// at least zero do), then whose it is.
+fn entry(distance: f64, j: u32, v: u32) -> u128 {
+    u128::from(distance.to_bits()) << 64 | u128::from(j) << 32 | u128::from(v)
+}
+
+/// Distance, j and v of an entry.
+fn parts(entry: u128) -> (f64, u32, u32) {
+    (f64::from_bits((entry >> 64) as u64), (entry >> 32) as u32, entry as u32)
+}
+
 /// Distance to the nearest source and which it is, for every vertex; infinity and [`NONE`] where no source is reachable.
 /// Ties go to the source that stands first in the slice.
 #[must_use]
@@ -25,7 +36,7 @@ pub fn nearest_source(graph: &impl Adjacency, sources: &[u32]) -> (Vec<f64>, Vec
         if label[v as usize] == NONE {
             distance[v as usize] = 0.0;
             label[v as usize] = j;
-            heap.push(Reverse((0, j, v)));
+            heap.push(Reverse(entry(0.0, j, v)));
         }
     }
     spread(graph, &mut distance, &mut label, heap);
@@ -48,22 +59,23 @@ pub fn fill_unlabelled(graph: &impl Adjacency, distance: &mut [f64], label: &mut
             }
         }
         if label[v as usize] != NONE {
-            heap.push(Reverse((distance[v as usize].to_bits(), label[v as usize], v)));
+            heap.push(Reverse(entry(distance[v as usize], label[v as usize], v)));
         }
     }
     spread(graph, distance, label, heap);
 }
 
-fn spread(graph: &impl Adjacency, distance: &mut [f64], label: &mut [u32], mut heap: BinaryHeap<Reverse<(u64, u32, u32)>>) {
-    while let Some(Reverse((bits, j, v))) = heap.pop() {
-        if (bits, j) != (distance[v as usize].to_bits(), label[v as usize]) {
+fn spread(graph: &impl Adjacency, distance: &mut [f64], label: &mut [u32], mut heap: BinaryHeap<Reverse<u128>>) {
+    while let Some(Reverse(first)) = heap.pop() {
+        let (d, j, v) = parts(first);
+        if (d, j) != (distance[v as usize], label[v as usize]) {
             continue;
         }
         for (w, length) in graph.around(v) {
-            let through = (f64::from_bits(bits) + length, j);
+            let through = (d + length, j);
             if through < (distance[w as usize], label[w as usize]) {
                 (distance[w as usize], label[w as usize]) = through;
-                heap.push(Reverse((through.0.to_bits(), j, w)));
+                heap.push(Reverse(entry(through.0, j, w)));
             }
         }
     }
@@ -82,124 +94,115 @@ pub fn raise_to_envelope(graph: &Graph, radius: &mut [f64]) {
 
 /// The same where only the given vertices can lift others: what else is in `radius` is an envelope already.
 pub fn raise_from(graph: &Graph, radius: &mut [f64], lifting: &[u32]) {
-    let mut heap: BinaryHeap<(u64, u32)> = lifting.iter().map(|&v| (radius[v as usize].to_bits(), v)).collect();
-    while let Some((bits, v)) = heap.pop() {
-        let r = f64::from_bits(bits);
+    let mut heap: BinaryHeap<u128> = lifting.iter().map(|&v| entry(radius[v as usize], 0, v)).collect();
+    while let Some(first) = heap.pop() {
+        let (r, _, v) = parts(first);
         if r < radius[v as usize] {
             continue;
         }
         for (w, length) in graph.neighbours(v) {
             if r - length > radius[w as usize] {
                 radius[w as usize] = r - length;
-                heap.push(((r - length).to_bits(), w));
+                heap.push(entry(r - length, 0, w));
             }
         }
     }
-}
-
-/// What a search knows of a vertex.
-#[derive(Debug, Clone, Copy, Default)]
-struct Mark {
-    distance: f64,
-    turn: u32,
 }
 
 /// Memory of one search, reused from search to search.
 #[derive(Debug, Default)]
 pub struct Search {
-    marks: Vec<Mark>,
+    /// What is known of a vertex holds if its turn is this search's.
+    distance: Vec<f64>,
+    turns: Vec<u32>,
     turn: u32,
-    heap: BinaryHeap<Reverse<(u64, u32)>>,
+    heap: BinaryHeap<Reverse<u128>>,
+    reached: Vec<(u32, f64)>,
 }
 
 impl Search {
-    /// Marks of this search are `turn` (found by it) and `turn + 1` (given to it); all others are older.
+    /// Turns of this search are `turn` (found by it) and `turn + 1` (given to it); all others are older.
     fn start(&mut self, vertices: usize) {
-        if self.marks.len() != vertices || self.turn >= u32::MAX - 3 {
-            self.marks = vec![Mark::default(); vertices];
+        if self.turns.len() != vertices || self.turn >= u32::MAX - 3 {
+            self.distance = vec![0.0; vertices];
+            self.turns = vec![0; vertices];
             self.turn = 0;
         }
         self.turn += 2;
         self.heap.clear();
+        self.reached.clear();
     }
 
     /// Vertices reached from `source` over vertices whose distance is at most `bound(vertex)`, with their distances, in
     /// the order they were settled. The source itself is always reached.
-    pub fn reach(&mut self, graph: &impl Adjacency, source: u32, bound: impl Fn(u32) -> f64) -> Vec<(u32, f64)> {
+    pub fn reach(&mut self, graph: &impl Adjacency, source: u32, bound: impl Fn(u32) -> f64) -> &[(u32, f64)] {
         self.start(graph.vertices());
-        self.offer(source, 0.0);
-        let mut reached = Vec::new();
-        self.run(graph, &mut reached, bound);
-        reached
+        self.offer(source, 0.0, |_| f64::INFINITY);
+        self.run(graph, bound);
+        &self.reached
     }
 
-    /// Continues a search whose bound has risen: `reached` becomes what [`Search::reach`] would return under the new
-    /// bound, in another order. `doorstep` tells the vertices that may have a neighbour with a higher bound.
+    /// Continues a search whose bound has risen: what [`Search::reach`] would return under the new bound, in another
+    /// order, where `before` is what it returned under the old one. `doorstep` tells the vertices that may have a
+    /// neighbour with a higher bound.
     pub fn reach_further(
         &mut self,
         graph: &impl Adjacency,
-        reached: &mut Vec<(u32, f64)>,
+        before: impl Iterator<Item = (u32, f64)>,
         doorstep: impl Fn(u32) -> bool,
         bound: impl Fn(u32) -> f64,
-    ) {
+    ) -> &[(u32, f64)] {
         self.start(graph.vertices());
-        for &(v, distance) in &*reached {
-            self.marks[v as usize] = Mark { distance, turn: self.turn + 1 };
+        self.reached.extend(before);
+        let had = self.reached.len();
+        for &(v, distance) in &self.reached {
+            self.distance[v as usize] = distance;
+            self.turns[v as usize] = self.turn + 1;
         }
-        for &(v, d) in reached.iter().filter(|r| doorstep(r.0)) {
-            for (w, length) in graph.around(v) {
-                if d + length <= bound(w) {
-                    self.offer(w, d + length);
+        for i in 0..had {
+            let (v, d) = self.reached[i];
+            if doorstep(v) {
+                for (w, length) in graph.around(v) {
+                    self.offer(w, d + length, &bound);
                 }
             }
         }
-        let before = reached.len();
-        self.run(graph, reached, bound);
+        self.run(graph, bound);
         // A way through newly entered vertices may be shorter for one that was reached before.
-        for (v, d) in &mut reached[..before] {
-            *d = self.marks[*v as usize].distance;
+        for (v, d) in &mut self.reached[..had] {
+            *d = self.distance[*v as usize];
         }
+        &self.reached
     }
 
-    fn run(&mut self, graph: &impl Adjacency, reached: &mut Vec<(u32, f64)>, bound: impl Fn(u32) -> f64) {
-        while let Some(Reverse((bits, v))) = self.heap.pop() {
-            let d = f64::from_bits(bits);
-            let mark = self.marks[v as usize];
-            if d > mark.distance {
+    fn run(&mut self, graph: &impl Adjacency, bound: impl Fn(u32) -> f64) {
+        while let Some(Reverse(first)) = self.heap.pop() {
+            let (d, _, v) = parts(first);
+            if d > self.distance[v as usize] {
                 continue;
             }
-            if mark.turn == self.turn {
-                reached.push((v, d));
+            if self.turns[v as usize] == self.turn {
+                self.reached.push((v, d));
             }
             for (w, length) in graph.around(v) {
-                self.offer_within(w, d + length, &bound);
+                self.offer(w, d + length, &bound);
             }
         }
-    }
-
-    fn offer(&mut self, v: u32, distance: f64) {
-        self.offer_within(v, distance, |_| f64::INFINITY);
     }
 
     #[inline]
-    fn offer_within(&mut self, v: u32, distance: f64, bound: impl Fn(u32) -> f64) {
+    fn offer(&mut self, v: u32, distance: f64, bound: impl Fn(u32) -> f64) {
         // Most offers are no shorter than what is known: the bound is looked up for the others alone.
-        let mark = &mut self.marks[v as usize];
-        if mark.turn < self.turn {
-            if distance > bound(v) {
-                return;
-            }
-            *mark = Mark { distance, turn: self.turn };
-        } else if distance < mark.distance {
-            // A way that is shorter than one within the bound; what a continued search was given may lie beyond it.
-            if mark.turn > self.turn && distance > bound(v) {
-                return;
-            }
-            mark.distance = distance;
-        } else {
+        let at = v as usize;
+        let known = self.turns[at] >= self.turn;
+        if (known && distance >= self.distance[at]) || distance > bound(v) {
             return;
         }
-        self.heap.push(Reverse((distance.to_bits(), v)));
+        self.distance[at] = distance;
+        if !known {
+            self.turns[at] = self.turn;
+        }
+        self.heap.push(Reverse(entry(distance, 0, v)));
     }
 }
 
@@ -274,7 +277,7 @@ mod tests {
                 } else {
                     prop_assert_eq!((distance[v], label[v]), (f64::INFINITY, NONE));
                 }
-                let mut all = search.reach(&graph, v as u32, |_| f64::INFINITY);
+                let mut all = search.reach(&graph, v as u32, |_| f64::INFINITY).to_vec();
                 all.sort_unstable_by_key(|a| a.0);
                 let want: Vec<(u32, f64)> = (0..).zip(&d[v]).filter(|(_, d)| d.is_finite()).map(|(w, &d)| (w, d)).collect();
                 prop_assert_eq!(all, want);
@@ -299,9 +302,10 @@ mod tests {
             let first = |v: u32| f64::from((v * 31 + low * 17) % 7);
             let second = |v: u32| first(v) + f64::from((v * 13 + low) % 4);
             let mut search = Search::default();
-            let mut continued = search.reach(&graph, source, first);
-            search.reach_further(&graph, &mut continued, |v| graph.neighbours(v).any(|(w, _)| second(w) > first(w)), second);
-            let mut anew = search.reach(&graph, source, second);
+            let before = search.reach(&graph, source, first).to_vec();
+            let doorstep = |v| graph.neighbours(v).any(|(w, _)| second(w) > first(w));
+            let mut continued = search.reach_further(&graph, before.into_iter(), doorstep, second).to_vec();
+            let mut anew = search.reach(&graph, source, second).to_vec();
             continued.sort_unstable_by_key(|r| r.0);
             anew.sort_unstable_by_key(|r| r.0);
             prop_assert_eq!(continued, anew);

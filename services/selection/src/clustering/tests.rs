@@ -72,7 +72,7 @@ fn a_vessel_is_clustered_by_every_method_and_level() {
             assert!(r.objective.windows(2).all(|w| w[1] < 1.01 * w[0]), "{:?}", r.objective);
         }
         if level == Level::Fast {
-            assert!(last < 1.4 * exact, "greedy {last} against {exact}");
+            assert!(last < 1.15 * exact, "two rounds {last} against {exact}");
         }
     }
 }
@@ -97,7 +97,7 @@ fn given_seeds_and_one_round_are_the_definition() {
     let mut best = vec![(f64::INFINITY, 0); 1500];
     let mut search = Search::default();
     for (j, &s) in seeds.iter().enumerate() {
-        for (v, d) in search.reach(&unit.graph, vertex(s), |_| f64::INFINITY) {
+        for &(v, d) in search.reach(&unit.graph, vertex(s), |_| f64::INFINITY) {
             let f = crate::features::distance_squared(
                 &unit.features.rows[v as usize],
                 &unit.features.rows[vertex(s) as usize],
