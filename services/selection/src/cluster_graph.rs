@@ -337,7 +337,7 @@ mod tests {
         );
         let mut search = Search::default();
         for l in &printed.units[0] {
-            let along = search.reach(&graph, l.u, |_| f64::INFINITY).into_iter().find(|r| r.0 == l.v).unwrap().1;
+            let along = search.reach(&graph, l.u, |_| f64::INFINITY).iter().find(|r| r.0 == l.v).unwrap().1;
             assert!((along - l.length).abs() <= 1e-12 * l.length, "{along} against {}", l.length);
         }
     }
