@@ -18,6 +18,7 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{Command, SetBackground, SetVisibility, Target};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
+use sg_tests::bench::{argument, processor_time};
 use sg_tests::stack::Stack;
 
 /// Pictures a second that the view is to draw.
@@ -37,11 +38,7 @@ struct While {
 }
 
 fn main() {
-    let number = |name: &str, otherwise: u64| {
-        let mut arguments = std::env::args().skip_while(|a| a != name).skip(1);
-        arguments.next().map_or(otherwise, |text| text.parse().unwrap())
-    };
-    let (time, rounds) = (Duration::from_secs(number("--seconds", 10)), number("--rounds", 5));
+    let (time, rounds) = (Duration::from_secs(argument("--seconds", 10).into()), argument("--rounds", 5));
     let settings = [
         // One pixel of a scene that is hidden: nothing is rasterised.
         "service.render-view.params.width=1".to_owned(),
@@ -127,10 +124,10 @@ async fn change(bus: &Bus, action: Action) {
 }
 
 async fn measured(bus: &Bus, pid: u64, time: Duration, changes: &dyn Fn() -> u64) -> While {
-    let (begun, cpu, drawn, changed) = (Instant::now(), cpu(pid), frames(bus).await, changes());
+    let (begun, before, drawn, changed) = (Instant::now(), processor_time(pid), frames(bus).await, changes());
     tokio::time::sleep(time).await;
     let seconds = begun.elapsed().as_secs_f64();
-    let (used, pictures) = (self::cpu(pid) - cpu, (frames(bus).await - drawn) as f64);
+    let (used, pictures) = (processor_time(pid) - before, (frames(bus).await - drawn) as f64);
     While {
         cpu_us: used.as_secs_f64() * 1e6 / pictures,
         pictures_a_second: pictures / seconds,
@@ -141,13 +138,4 @@ async fn measured(bus: &Bus, pid: u64, time: Duration, changes: &dyn Fn() -> u64
 async fn frames(bus: &Bus) -> u64 {
     let state: State = bus.newest(&keys::VIEW_STATE, &Context::root()).await.unwrap();
     state.frames
-}
-
-/// Processor time that all threads of a process have used, to the nanosecond.
-fn cpu(pid: u64) -> Duration {
-    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap().flatten();
-    let used = |path: std::path::PathBuf| -> Option<u64> {
-        std::fs::read_to_string(path.join("schedstat")).ok()?.split_whitespace().next()?.parse().ok()
-    };
-    Duration::from_nanos(threads.filter_map(|t| used(t.path())).sum())
 }

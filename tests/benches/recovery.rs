@@ -22,6 +22,7 @@ use sg_proto::selection::StrokesRequest;
 use sg_runtime::bus::{Bus, Following, endpoint_of};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
+use sg_tests::bench::{argument, quantile};
 use sg_tests::{command, made_scene};
 
 /// Services, and within which time each is to answer again, milliseconds.
@@ -64,11 +65,7 @@ struct Round {
 }
 
 fn main() {
-    let number = |name: &str, otherwise: u32| {
-        let mut arguments = std::env::args().skip_while(|a| a != name).skip(1);
-        arguments.next().map_or(otherwise, |text| text.parse().unwrap())
-    };
-    let (rounds, gaussians) = (number("--rounds", 20), number("--gaussians", 170_000));
+    let (rounds, gaussians) = (argument("--rounds", 20), argument("--gaussians", 170_000));
     let folder = tempfile::tempdir().unwrap();
     let scene = made_scene::write(folder.path(), gaussians).unwrap();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
@@ -84,9 +81,7 @@ fn main() {
             }
             let of = |what: fn(&Round) -> f64| {
                 let mut list: Vec<f64> = measured.iter().map(what).collect();
-                list.sort_by(f64::total_cmp);
-                let at = |share: f64| list[((share * list.len() as f64).ceil() as usize).max(1) - 1];
-                format!("{:.0} / {:.0}", at(0.5), at(0.99))
+                format!("{:.0} / {:.0}", quantile(&mut list, 0.5), quantile(&mut list, 0.99))
             };
             println!(
                 "| {service} | {} (≤ {NOTICED:.0}) | {} | {} (≤ {aim:.0}) | {} |",

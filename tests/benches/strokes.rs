@@ -17,6 +17,7 @@ use sg_proto::scene::{Color, Command, SetBackground, Stroke, StrokeKind, StrokeM
 use sg_proto::selection::{SampleRequest, StrokesRequest};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
+use sg_tests::bench::{argument, processor_time, quantile};
 use sg_tests::made_scene;
 use sg_tests::stack::Stack;
 
@@ -45,11 +46,7 @@ struct Measured {
 }
 
 fn main() {
-    let number = |name: &str, otherwise: u32| {
-        let mut arguments = std::env::args().skip_while(|a| a != name).skip(1);
-        arguments.next().map_or(otherwise, |text| text.parse().unwrap())
-    };
-    let (gaussians, strokes) = (number("--gaussians", 170_000), number("--strokes", 10));
+    let (gaussians, strokes) = (argument("--gaussians", 170_000), argument("--strokes", 10));
     let folder = tempfile::tempdir().unwrap();
     let scene = made_scene::write(folder.path(), gaussians).unwrap();
     let stack = Stack::up_with(&[format!("service.scene.params.scene={}", scene.display())]).unwrap();
@@ -71,15 +68,15 @@ fn main() {
             println!(
                 "| {} | {:.2} / {:.2} / {:.2} | {:.2} / {:.2} | {:.1} / {:.1} | {:.1} / {:.1} | {:.0} % |",
                 mode.as_str_name().trim_start_matches("STROKE_MODE_").to_lowercase(),
-                at(sample, 0.5),
-                at(sample, 0.99),
-                at(sample, 1.0),
-                at(preview, 0.5),
-                at(preview, 0.99),
-                at(end, 0.5),
-                at(end, 0.99),
-                at(step, 0.5),
-                at(step, 0.99),
+                quantile(sample, 0.5),
+                quantile(sample, 0.99),
+                quantile(sample, 1.0),
+                quantile(preview, 0.5),
+                quantile(preview, 0.99),
+                quantile(end, 0.5),
+                quantile(end, 0.99),
+                quantile(step, 0.5),
+                quantile(step, 0.99),
                 100.0 * cpu.as_secs_f64() / clock.as_secs_f64(),
             );
             histograms.push((mode, measured.sample));
@@ -96,7 +93,7 @@ fn main() {
             // What the view draws of it is not to be in the way of the next.
             tokio::time::sleep(Duration::from_millis(400)).await;
         }
-        println!("\nOf a committed selection, what every durable change of the scene takes: {:.1} / {:.1}", at(&mut alone, 0.5), at(&mut alone, 0.99));
+        println!("\nOf a committed selection, what every durable change of the scene takes: {:.1} / {:.1}", quantile(&mut alone, 0.5), quantile(&mut alone, 0.99));
         println!("\nSamples by the time of their preview:\n");
         let bin = |k: usize| if BINS[k].is_finite() { format!("≤ {}", BINS[k]) } else { "more".to_owned() };
         println!("| mode | {} |", (0..BINS.len()).map(bin).collect::<Vec<_>>().join(" | "));
@@ -117,7 +114,7 @@ async fn draw(bus: &Bus, pid: u64, mode: StrokeMode, number: u32, measured: &mut
     let restart = StrokesRequest { restart: true, ..StrokesRequest::default() };
     bus.ask(&keys::SELECTION_STROKES, &restart, &context()).await.unwrap();
     let name = format!("{mode:?}-{number}");
-    let (began, before) = (Instant::now(), cpu(pid));
+    let (began, before) = (Instant::now(), processor_time(pid));
     let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / PACE));
     let whole: Vec<f64> = (0..SAMPLES).flat_map(|k| hand(number, k)).collect();
     let stroke = |points: Vec<f64>| Stroke {
@@ -135,7 +132,7 @@ async fn draw(bus: &Bus, pid: u64, mode: StrokeMode, number: u32, measured: &mut
         measured.sample.push(sent.elapsed().as_secs_f64() * 1e3);
         measured.preview.push(reply.preview_ms);
     }
-    measured.cpu += cpu(pid) - before;
+    measured.cpu += processor_time(pid) - before;
     measured.clock += began.elapsed();
     let request = StrokesRequest { strokes: vec![stroke(whole)], ..StrokesRequest::default() };
     let sent = Instant::now();
@@ -153,19 +150,4 @@ fn hand(number: u32, sample: usize) -> [f64; 3] {
     let (t, phase) = (sample as f64 / SAMPLES as f64, f64::from(number) * 0.7);
     let wave = |k: f64, shift: f64| 0.5 + 0.25 * (std::f64::consts::TAU * t * k + phase + shift).sin();
     [wave(1.0, 0.0), wave(0.7, 1.0), wave(1.3, 2.0)]
-}
-
-/// The smallest value that at least this share of all does not exceed.
-fn at(list: &mut [f64], share: f64) -> f64 {
-    list.sort_by(f64::total_cmp);
-    list[((share * list.len() as f64).ceil() as usize).max(1) - 1]
-}
-
-/// Processor time that all threads of a process have used, to the nanosecond.
-fn cpu(pid: u64) -> Duration {
-    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap().flatten();
-    let used = |path: std::path::PathBuf| -> Option<u64> {
-        std::fs::read_to_string(path.join("schedstat")).ok()?.split_whitespace().next()?.parse().ok()
-    };
-    Duration::from_nanos(threads.filter_map(|t| used(t.path())).sum())
 }

@@ -1,6 +1,7 @@
 //! What the tests that cross process boundaries share: the built command, real data, pictures; conformance, with which
 //! any program can be tried that is to fill a role; and the evaluation tables.
 
+pub mod bench;
 pub mod conformance;
 pub mod eval;
 pub mod hosts;

@@ -288,8 +288,7 @@ mod tests {
 
     #[test]
     fn an_error_of_the_bus_is_told_without_its_source() {
-        let told =
-            "Unable to connect to any of [x]!  at /home/a/net/orchestrator.rs:447. - Caused by refused at b.rs:7.";
+        let told = "Unable to connect to any of [x]!  at src/net/orchestrator.rs:447. - Caused by refused at b.rs:7.";
         assert_eq!(without_source(told), "Unable to connect to any of [x]! - Caused by refused");
     }
 

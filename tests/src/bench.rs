@@ -1,0 +1,54 @@
+//! What the benches share: their arguments, what a process has used, how a list is told in one number.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// The number behind `--name` on the command line, else another one.
+///
+/// # Panics
+/// What stands there is no number.
+#[must_use]
+#[allow(clippy::expect_used, reason = "a bench that was asked for something else than numbers has nothing to measure")]
+pub fn argument(name: &str, otherwise: u32) -> u32 {
+    let mut behind = std::env::args().skip_while(|a| a != name).skip(1);
+    behind.next().map_or(otherwise, |text| text.parse().expect("a number"))
+}
+
+/// The smallest value that at least this share of all does not exceed, 0 of none. Sorts the list.
+pub fn quantile(list: &mut [f64], share: f64) -> f64 {
+    list.sort_by(f64::total_cmp);
+    let rank = (share * list.len() as f64).ceil() as usize;
+    list.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
+}
+
+/// Processor time that all threads of a process have used so far, to the nanosecond; 0 for one that is gone.
+#[must_use]
+pub fn processor_time(pid: u64) -> Duration {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    let used = |path: PathBuf| -> Option<u64> {
+        std::fs::read_to_string(path.join("schedstat")).ok()?.split_whitespace().next()?.parse().ok()
+    };
+    Duration::from_nanos(threads.filter_map(|t| used(t.path())).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quantile_is_a_value_of_the_list() {
+        let mut list = [3.0, 1.0, 2.0, 4.0];
+        assert_eq!([0.0, 0.25, 0.5, 0.99, 1.0].map(|share| quantile(&mut list, share)), [1.0, 1.0, 2.0, 4.0, 4.0]);
+        assert_eq!(quantile(&mut [], 0.5), 0.0);
+    }
+
+    #[test]
+    fn time_is_used_while_one_works() {
+        let (pid, before) = (u64::from(std::process::id()), processor_time(u64::from(std::process::id())));
+        let mut x = 1.0_f64;
+        while processor_time(pid) == before {
+            (0..100_000).for_each(|_| x = std::hint::black_box(x.sqrt() + 1.0));
+        }
+        assert_eq!(processor_time(u64::MAX), Duration::ZERO);
+    }
+}
