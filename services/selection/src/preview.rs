@@ -47,7 +47,9 @@ impl Preview {
     /// # Errors
     /// [`SelectionError`]; samples that make sense are then part of the stroke all the same.
     pub fn extend(&mut self, samples: &[[f64; 3]], pressure: &[f64]) -> Result<Vec<u32>, SelectionError> {
-        let new = Stroke { points: samples.to_vec(), pressure: pressure.to_vec(), ..self.stroke.clone() };
+        // Not the stroke so far, which grows with every sample.
+        let Stroke { mode, kind, radius, .. } = self.stroke;
+        let new = Stroke { mode, kind, radius, points: samples.to_vec(), pressure: pressure.to_vec() };
         new.check().map_err(SelectionError::Stroke)?;
         // A stroke has a factor at every point or at none: what came without had the factor 1.
         let pressed = !pressure.is_empty() || !self.stroke.pressure.is_empty();
@@ -119,11 +121,7 @@ impl Preview {
                 continue;
             }
             let members = space.members(cluster);
-            let selected = match self.stroke.kind {
-                Kind::Foreground => true,
-                Kind::Background => false,
-                Kind::Toggle => !members.iter().all(|&g| self.mask.get(g as usize)),
-            };
+            let selected = self.stroke.kind.selects(members, &self.mask);
             changed.extend(self.flip(members, selected));
         }
         changed

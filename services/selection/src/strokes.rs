@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
 
 /// What a stroke selects with.
@@ -26,6 +27,17 @@ pub enum Kind {
     Background,
     /// Removes a cluster that is wholly selected, adds it otherwise. Cluster mode only.
     Toggle,
+}
+
+impl Kind {
+    /// Whether a cluster of these Gaussians is selected once a stroke has hit it.
+    pub(crate) fn selects(self, members: &[u32], mask: &Mask) -> bool {
+        match self {
+            Self::Foreground => true,
+            Self::Background => false,
+            Self::Toggle => !members.iter().all(|&g| mask.get(g as usize)),
+        }
+    }
 }
 
 /// One stroke of the brush: the tube of all points closer than a radius to a polyline, where it is pressed by as much
