@@ -2,7 +2,8 @@
 
 use std::time::Instant;
 
-use sg_scene::appearance::Appearance;
+use glam::DVec3;
+use sg_scene::appearance::{Appearance, HalfSpace};
 use sg_scene::camera::{Camera, CameraError};
 use sg_scene::model::{ColumnLength, Scene};
 
@@ -64,6 +65,20 @@ pub enum RenderError {
         /// Gaussians in the scene.
         expected: usize,
     },
+    /// Colours of another scene.
+    #[error("there are colours for {found} Gaussians, the scene has {expected}; make them from this scene")]
+    Colors {
+        /// Colours given.
+        found: usize,
+        /// Gaussians in the scene.
+        expected: usize,
+    },
+    /// A clip that is not finite.
+    #[error("clip {index}: a normal or an offset is not finite, or a normal is zero")]
+    Clip {
+        /// Which clip, from 0.
+        index: usize,
+    },
     /// A background that is not finite.
     #[error("the background colour is not finite")]
     Background,
@@ -112,6 +127,13 @@ fn check(scene: &Scene, appearance: &Appearance, camera: &Camera) -> Result<(), 
     }
     if appearance.base.len() != scene.units.len() {
         return Err(RenderError::BaseUnits { found: appearance.base.len(), expected: scene.units.len() });
+    }
+    if let Some(colors) = appearance.colors.as_ref().filter(|c| c.len() != scene.len()) {
+        return Err(RenderError::Colors { found: colors.len(), expected: scene.len() });
+    }
+    let usable = |s: &HalfSpace| s.normal.is_finite() && s.normal != DVec3::ZERO && s.offset.is_finite();
+    if let Some(index) = appearance.clips.iter().position(|clip| !clip.sides.iter().all(usable)) {
+        return Err(RenderError::Clip { index });
     }
     let masks = appearance.units.iter().enumerate().map(|(k, u)| (format!("editable unit {k}"), &u.mask));
     let overlay = appearance.overlay.iter().map(|o| ("the overlay".to_owned(), &o.mask));

@@ -13,6 +13,8 @@ pub struct Report {
     pub dropped_non_finite: usize,
     /// Gaussians of hidden units.
     pub hidden: usize,
+    /// Gaussians that a clip plane or box takes away.
+    pub clipped: usize,
     /// Gaussians of opacity 0.
     pub transparent: usize,
     /// Gaussians whose centre is not in front of the near plane.
@@ -45,6 +47,7 @@ pub struct StageSeconds {
 pub(crate) enum Culled {
     NotFinite,
     Hidden,
+    Clipped,
     Transparent,
     Near,
     Outside,
@@ -55,6 +58,7 @@ impl Report {
         let counter = match culled {
             Culled::NotFinite => &mut self.dropped_non_finite,
             Culled::Hidden => &mut self.hidden,
+            Culled::Clipped => &mut self.clipped,
             Culled::Transparent => &mut self.transparent,
             Culled::Near => &mut self.culled_near,
             Culled::Outside => &mut self.culled_outside,
@@ -66,6 +70,7 @@ impl Report {
         self.drawn += other.drawn;
         self.dropped_non_finite += other.dropped_non_finite;
         self.hidden += other.hidden;
+        self.clipped += other.clipped;
         self.transparent += other.transparent;
         self.culled_near += other.culled_near;
         self.culled_outside += other.culled_outside;

@@ -144,6 +144,9 @@ impl<'a> UnitShader<'a> {
         if !self.base.visible {
             return Err(Culled::Hidden);
         }
+        if self.appearance.clips.iter().any(|clip| !clip.keeps(position)) {
+            return Err(Culled::Clipped);
+        }
         let mut replaced = None;
         let mut factor = f64::from(self.base.opacity);
         for edit in self.appearance.units.iter().filter(|u| u.mask.get(global)) {
@@ -156,9 +159,11 @@ impl<'a> UnitShader<'a> {
         let replaced = replaced.map(Vec3::as_dvec3);
         let logit = self.unit.gaussians.opacity_logit.get(i).copied().unwrap_or(f32::NAN);
         let mut opacity = (factor / (1.0 + (-f64::from(logit)).exp())).clamp(0.0, 1.0);
-        let mut color = match &self.unit.gaussians.shading {
-            Some(columns) => self.lit(columns, i, position, replaced),
-            None => self.unlit(i, position, replaced),
+        let shown = self.appearance.colors.as_ref().map(|colors| colors.get(global).map(|c| c.as_dvec3()));
+        let mut color = match (shown, &self.unit.gaussians.shading) {
+            (Some(color), _) => color.filter(|c| c.is_finite()).map(|c| c.max(DVec3::ZERO)),
+            (None, Some(columns)) => self.lit(columns, i, position, replaced),
+            (None, None) => self.unlit(i, position, replaced),
         }
         .ok_or(Culled::NotFinite)?;
         if let Some(overlay) = self.appearance.overlay.as_ref().filter(|o| o.mask.get(global)) {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::camera::Light;
 use crate::mask::Mask;
@@ -23,6 +23,53 @@ pub struct Appearance {
     pub background: Vec3,
     /// Which part of the shading is shown.
     pub term: ShadingTerm,
+    /// A Gaussian is drawn only where every one of these keeps its centre.
+    pub clips: Vec<Clip>,
+    /// Colours shown in place of the shaded ones, one a Gaussian by scene-wide index, at least 0: views of structure and of
+    /// attributes. Opacities and what is hidden stay, and the overlay is drawn over them.
+    pub colors: Option<Arc<[Vec3]>>,
+}
+
+/// The half-space n·p ≥ offset of the scene frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HalfSpace {
+    /// Its inward normal n, of any length but zero.
+    pub normal: DVec3,
+    /// The least n·p inside.
+    pub offset: f64,
+}
+
+/// A clip plane or box: which Gaussians are drawn by where their centres lie.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clip {
+    /// What it encloses is what all of these do: one for a plane, six for a box.
+    pub sides: Vec<HalfSpace>,
+    /// Whether what it encloses is drawn, or all else.
+    pub keep_inside: bool,
+}
+
+impl Clip {
+    /// Keeps what lies on the side of the plane through `point` that `normal` points to.
+    #[must_use]
+    pub fn plane(point: DVec3, normal: DVec3) -> Self {
+        Self { sides: vec![HalfSpace { normal, offset: normal.dot(point) }], keep_inside: true }
+    }
+
+    /// Keeps what lies in the box between two corners, along the scene's axes, or all else.
+    #[must_use]
+    pub fn between(min: DVec3, max: DVec3, keep_inside: bool) -> Self {
+        let sides = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| {
+            let low = HalfSpace { normal: axis, offset: axis.dot(min) };
+            [low, HalfSpace { normal: -axis, offset: -axis.dot(max) }]
+        });
+        Self { sides: sides.collect(), keep_inside }
+    }
+
+    /// Whether a centre at `point` of the scene frame is drawn.
+    #[must_use]
+    pub fn keeps(&self, point: DVec3) -> bool {
+        self.sides.iter().all(|s| s.normal.dot(point) >= s.offset) == self.keep_inside
+    }
 }
 
 /// Live settings of one base unit.
@@ -96,6 +143,8 @@ impl Appearance {
             light: Light::default(),
             background: Vec3::ZERO,
             term: ShadingTerm::Full,
+            clips: Vec::new(),
+            colors: None,
         }
     }
 }

@@ -287,6 +287,8 @@ impl EditState {
             light: self.light,
             background: self.background,
             term: self.term,
+            clips: Vec::new(),
+            colors: None,
         }
     }
 }
