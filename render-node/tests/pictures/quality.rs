@@ -5,22 +5,26 @@ use sg_render_node::render::Quality::{Exact, Fast, Standard};
 use sg_render_node::render::render;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
 
 use crate::scenes::{Blob, cloud, fog, scene, side_view, surface};
 
-/// Checks both promises and prints what was measured.
-pub(crate) fn keeps_its_promises(name: &str, blobs: &[Blob], camera: &Camera) {
+fn keeps_its_promises(name: &str, blobs: &[Blob], camera: &Camera) {
     let scene = scene(blobs);
-    let mut appearance = Appearance::of(&scene);
-    appearance.background = camera.background();
-    let exact = render(&scene, &appearance, camera, Exact).unwrap();
+    let appearance = Appearance { background: camera.background(), ..Appearance::of(&scene) };
+    promises_are_kept(name, &scene, &appearance, camera);
+}
+
+/// Checks both promises and prints what was measured.
+pub(crate) fn promises_are_kept(name: &str, scene: &Scene, appearance: &Appearance, camera: &Camera) {
+    let exact = render(scene, appearance, camera, Exact).unwrap();
     assert!(exact.image.rgba.iter().all(|x| x.is_finite()), "{name}");
     for (quality, decibel, coverage) in [(Standard, 50.0, 0.01), (Fast, 40.0, 0.03)] {
-        let got = render(&scene, &appearance, camera, quality).unwrap();
+        let got = render(scene, appearance, camera, quality).unwrap();
         assert!(got.image.rgba.iter().all(|x| x.is_finite()), "{name}");
         let d = Difference::between(&got.image, &exact.image).unwrap();
         println!(
-            "{name:24} {quality:?}: {:.1} dB, footprint {:.1} dB, coverage {:.4} %, max {:.4}, {:.3} % above 2/255",
+            "{name:40} {quality:?}: {:.1} dB, footprint {:.1} dB, coverage {:.4} %, max {:.4}, {:.3} % above 2/255",
             d.psnr_db,
             d.footprint_psnr_db,
             100.0 * d.coverage_error,
