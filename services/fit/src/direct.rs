@@ -354,6 +354,7 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
         }),
         harmonics: None,
         extra: Vec::new(),
+        antialiased: false,
     };
     BaseUnit {
         name,

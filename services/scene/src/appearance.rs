@@ -28,6 +28,21 @@ pub struct Appearance {
     /// Colours shown in place of the shaded ones, one a Gaussian by scene-wide index, at least 0: views of structure and of
     /// attributes. Opacities and what is hidden stay, and the overlay is drawn over them.
     pub colors: Option<Arc<[Vec3]>>,
+    /// What becomes of the opacity where a Gaussian is widened to the size of a pixel.
+    pub filter: PixelFilter,
+}
+
+/// What becomes of the opacity of a Gaussian where it is widened to the size of a pixel.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum PixelFilter {
+    /// Of each base unit, what its file says that it was trained for; plain where it says nothing.
+    #[default]
+    FromFile,
+    /// It stays, as in 3DGS: what is thinner than a pixel gains in sum.
+    Plain,
+    /// It falls by as much as the area grows, √(det S / det(S + 0.3 px²·I)), as in Mip-Splatting (Yu et al. 2024) and 3DGS'
+    /// `antialiasing`: what is thinner than a pixel fades.
+    Compensated,
 }
 
 /// The half-space n·p ≥ offset of the scene frame.
@@ -145,6 +160,7 @@ impl Appearance {
             term: ShadingTerm::Full,
             clips: Vec::new(),
             colors: None,
+            filter: PixelFilter::FromFile,
         }
     }
 }

@@ -28,6 +28,8 @@ pub struct Gaussians {
     pub harmonics: Option<Harmonics>,
     /// Columns of the file that nothing here interprets; written back unchanged.
     pub extra: Vec<ExtraColumn>,
+    /// Whether they were trained with a pixel filter that compensates the opacity ([`crate::appearance::PixelFilter`]).
+    pub antialiased: bool,
 }
 
 /// Editable Blinn-Phong attributes, *as used* (after any activation of the file's convention).

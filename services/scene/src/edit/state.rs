@@ -8,7 +8,7 @@ use glam::Vec3;
 use sg_proto::prost::Message as _;
 use sg_proto::scene::SelectionStep;
 
-use crate::appearance::{Appearance, BaseAppearance, ShadingTerm, UnitAppearance};
+use crate::appearance::{Appearance, BaseAppearance, PixelFilter, ShadingTerm, UnitAppearance};
 use crate::camera::Light;
 use crate::mask::Mask;
 use crate::model::{Scene, SceneBox};
@@ -289,6 +289,7 @@ impl EditState {
             term: self.term,
             clips: Vec::new(),
             colors: None,
+            filter: PixelFilter::FromFile,
         }
     }
 }

@@ -91,7 +91,8 @@ pub(crate) fn read(chunks: &Table<'_>, vertices: &Table<'_>, sh: Option<&Table<'
     };
     let harmonics = Some(Harmonics { degree, dc, rest });
     let extra = vertices.extra(|name| WORDS.contains(&name) || is_known(name));
-    Ok(Gaussians { position, rotation, log_scale, opacity_logit, shading: None, harmonics, extra })
+    let shading = None;
+    Ok(Gaussians { position, rotation, log_scale, opacity_logit, shading, harmonics, extra, antialiased: false })
 }
 
 fn read_harmonics(sh: &Table<'_>, n: usize) -> Result<(u8, Vec<[f32; 3]>), Problem> {

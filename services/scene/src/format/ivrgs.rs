@@ -60,6 +60,7 @@ pub(crate) fn read(table: &Table<'_>) -> Result<Gaussians, Problem> {
         shading: Some(shading),
         harmonics,
         extra: table.extra(|name| PROPERTIES.contains(&name) || kept_harmonics && is_harmonic(name)),
+        antialiased: false,
     })
 }
 

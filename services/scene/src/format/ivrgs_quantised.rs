@@ -65,6 +65,7 @@ pub(crate) fn read(table: &Table<'_>, centres: &Table<'_>) -> Result<Gaussians, 
         shading: Some(shading),
         harmonics: None,
         extra: table.extra(|name| PROPERTIES.contains(&name)),
+        antialiased: false,
     })
 }
 

@@ -76,6 +76,7 @@ fn permute(g: &Gaussians, order: &[usize]) -> Gaussians {
         shading: g.shading.as_ref().map(shading),
         harmonics: g.harmonics.as_ref().map(harmonics),
         extra: g.extra.iter().map(extra).collect(),
+        antialiased: g.antialiased,
     }
 }
 

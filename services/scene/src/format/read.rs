@@ -24,6 +24,7 @@ pub(crate) fn read_ply(
     let file = PlyFile::parse(bytes)?;
     let comments = UnitComments::parse(&file.comments, warnings);
     let (mut gaussians, format, used) = read_elements(&file, warnings)?;
+    gaussians.antialiased = file.comments.iter().any(|c| says_antialiased(c));
     warn_of_the_rest(&file, used, warnings);
     let Some(stored) = &mut gaussians.shading else {
         return Ok(Decoded { gaussians, format, convention: Convention::Ours, comments });
@@ -100,13 +101,10 @@ fn warn_of_the_rest(file: &PlyFile, used: &[&str], warnings: &mut Vec<Warning>) 
         let message = format!("{} bytes after the last element are not read", file.trailing);
         warnings.push(Warning::new(WarningCode::Ignored, message));
     }
-    let filtered = file.comments.iter().any(|c| {
-        let words: Vec<_> = c.split_ascii_whitespace().collect();
-        matches!(words.as_slice(), ["SplatRenderMode:", "mip"] | ["antialiased", "1"])
-    });
-    if filtered {
-        let message =
-            "the scene was trained with the antialiasing of Mip-Splatting; it is drawn with the plain 0.3 pixel filter";
-        warnings.push(Warning::new(WarningCode::Shading, message));
-    }
+}
+
+/// The comment of Brush and of our own files, or Postshot's.
+fn says_antialiased(comment: &str) -> bool {
+    let words: Vec<_> = comment.split_ascii_whitespace().collect();
+    matches!(words.as_slice(), ["SplatRenderMode:", "mip"] | ["antialiased", "1"])
 }

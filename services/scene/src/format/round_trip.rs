@@ -92,6 +92,7 @@ prop_compose! {
                 ints("f32", ExtraValues::F32(take(1).to_vec())),
                 ints("f64", ExtraValues::F64(wide.iter().map(|&x| f64::from_bits(x)).collect())),
             ],
+            antialiased: n % 2 == 1,
         }
     }
 }

@@ -31,6 +31,7 @@ pub(crate) fn harmonic(n: usize, degree: u8, seed: u64) -> Gaussians {
             name: "state".to_owned(),
             values: ExtraValues::U8((0..n).map(|i| (i % 7) as u8).collect()),
         }],
+        antialiased: seed % 2 == 1,
     }
 }
 

@@ -48,7 +48,16 @@ pub(crate) fn read(table: &Table<'_>, warnings: &mut Vec<Warning>) -> Result<Gau
     };
     let harmonics = read_harmonics(table)?;
     let extra = table.extra(is_known);
-    Ok(Gaussians { position, rotation, log_scale, opacity_logit, shading: None, harmonics: Some(harmonics), extra })
+    Ok(Gaussians {
+        position,
+        rotation,
+        log_scale,
+        opacity_logit,
+        shading: None,
+        harmonics: Some(harmonics),
+        extra,
+        antialiased: false,
+    })
 }
 
 /// Reads `f_dc_*` and `f_rest_*`.

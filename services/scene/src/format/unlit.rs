@@ -66,7 +66,12 @@ pub(crate) fn with_harmonics(g: &Gaussians) -> Cow<'_, Gaussians> {
 }
 
 fn concatenate(parts: &[Cow<'_, Gaussians>], warnings: &mut Vec<Warning>) -> Gaussians {
-    let mut out = Gaussians::default();
+    let antialiased = !parts.is_empty() && parts.iter().all(|p| p.antialiased);
+    if !antialiased && parts.iter().any(|p| p.antialiased) {
+        let message = "only some of the units were trained with a compensated pixel filter: the file does not say so";
+        warnings.push(Warning::new(WarningCode::Lossy, message));
+    }
+    let mut out = Gaussians { antialiased, ..Gaussians::default() };
     let degree = parts.iter().filter_map(|p| p.harmonics.as_ref()).map(|h| h.degree).max().unwrap_or_default();
     let mut harmonics = Harmonics { degree, ..Harmonics::default() };
     let terms = harmonics.rest_per_gaussian();

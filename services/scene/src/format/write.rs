@@ -61,9 +61,14 @@ pub(crate) fn three_dgs_columns(out: &mut impl Write, g: &Gaussians) -> Result<(
     vertex(out, &unlit::with_harmonics(g))
 }
 
+/// What other programs write and read, too.
+fn filter_comment(g: &Gaussians) -> Vec<String> {
+    if g.antialiased { vec!["SplatRenderMode: mip".to_owned()] } else { Vec::new() }
+}
+
 fn vertex(out: &mut impl Write, g: &Gaussians) -> Result<(), WriteProblem> {
     let element = OutElement { name: "vertex", rows: g.len(), properties: three_dgs::properties(g) };
-    Ok(ply::write(out, &[], &[element])?)
+    Ok(ply::write(out, &filter_comment(g), &[element])?)
 }
 
 /// Writes a scene's Gaussians as a compressed PLY, in Morton order if asked.
@@ -80,7 +85,7 @@ pub(crate) fn compressed(
         warnings.push(Warning::new(WarningCode::Reordered, message));
     }
     let packed = Packed::new(&flat, warnings);
-    Ok(ply::write(out, &[], &packed.elements(&flat))?)
+    Ok(ply::write(out, &filter_comment(&flat), &packed.elements(&flat))?)
 }
 
 /// What a unit's file says beside its columns.
@@ -115,10 +120,11 @@ pub(crate) fn editable(
         }
         Cow::Owned(stored)
     };
-    let comments = match alone {
+    let mut comments = match alone {
         Alone::Yes(bounds) => UnitComments::of_unit(unit, convention, bounds),
         Alone::No => UnitComments::of_columns(unit, convention),
     };
+    comments.extend(filter_comment(&unit.gaussians));
     if format == Format::IvrGsQuantised {
         if unit.gaussians.harmonics.is_some() {
             let message = format!("unit `{}`: its harmonics are not kept", unit.name);
