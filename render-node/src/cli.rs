@@ -7,16 +7,20 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use glam::Vec3;
+use glam::{DVec2, DVec3, Vec3};
 use serde::Serialize;
 use sg_render_node::image::ImageFormat;
-use sg_render_node::render::{Quality, Rendered, render};
+use sg_render_node::outline::{OutlineStyle, draw_outlines};
+use sg_render_node::pick;
+use sg_render_node::render::{Options, Projection, Quality, Rendered, render};
 use sg_render_node::report::Report;
 use sg_render_node::view;
-use sg_scene::appearance::{Appearance, Overlay};
+use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm};
 use sg_scene::camera::Camera;
 use sg_scene::load::{LoadOptions, load};
 use sg_scene::model::{Convention, Scene, ShadingModel};
+
+mod show;
 
 /// Exit status for arguments or input that are wrong.
 const WRONG_INPUT: u8 = 2;
@@ -58,6 +62,52 @@ pub(crate) struct Picture {
     /// Palette colour of every base unit with shading columns, each 0 to 1, instead of the one in the files.
     #[arg(long, value_name = "R,G,B", value_parser = color)]
     palette: Option<Vec3>,
+    /// What a pixel sees of a Gaussian: an ellipse, as 3DGS; or the Gaussian along the pixel's own ray, which stays the same
+    /// however the camera turns.
+    #[arg(long, value_enum, default_value_t = ProjectionName::Affine)]
+    projection: ProjectionName,
+    /// What becomes of the opacity where Gaussians are widened to a pixel: what the file was trained for, nothing, or as much
+    /// less as they grow (Mip-Splatting).
+    #[arg(long, value_enum, default_value_t = FilterName::FromFile)]
+    filter: FilterName,
+    /// Which part of the shading is drawn.
+    #[arg(long, value_enum, default_value_t = TermName::Full)]
+    term: TermName,
+    /// Keep only Gaussians whose centres lie on the side of the plane through P that N points to, scene frame. Can be given
+    /// several times.
+    #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    clip_plane: Vec<[f64; 6]>,
+    /// Keep only Gaussians whose centres lie in the box between two corners, scene frame. Can be given several times.
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    clip_box: Vec<[f64; 6]>,
+    /// Leave out Gaussians whose centres lie in the box between two corners, scene frame. Can be given several times.
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    cut_box: Vec<[f64; 6]>,
+    /// Colours that say something in place of the shaded ones; the first two need --clusters.
+    #[arg(long, value_enum, conflicts_with = "term")]
+    show: Option<show::Shown>,
+    /// Super-Gaussians as `supergaussian selection cluster` writes them: `.npy`, int32 (n,), -1 for none.
+    #[arg(long, value_name = "LABELS.npy")]
+    clusters: Option<PathBuf>,
+    /// Seed of the random colours of `--show clusters`.
+    #[arg(long, requires = "show", default_value_t = 1)]
+    seed: u64,
+    /// Colours of numbers.
+    #[arg(long, value_enum, requires = "show", default_value_t = show::MapName::Viridis)]
+    color_map: show::MapName,
+    /// Numbers at the ends of the colour map [default: those that 2 % of the Gaussians lie below and above].
+    #[arg(long, requires = "show", value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Draw lines of so many pixels where the Super-Gaussian in front changes.
+    #[arg(long, requires = "clusters", value_name = "PIXELS", num_args = 0..=1, default_missing_value = "1",
+        value_parser = clap::value_parser!(u32).range(1..=64))]
+    outlines: Option<u32>,
+    /// Colour of the outlines, each 0 to 1.
+    #[arg(long, requires = "outlines", value_name = "R,G,B", default_value = "1,1,1", value_parser = color)]
+    outline_color: Vec3,
+    /// Also say which Gaussian is in front at these pixel coordinates, and where.
+    #[arg(long, value_name = "X,Y", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    pick: Option<[f64; 2]>,
     /// Gaussians to highlight: `.npy`, uint8 (n,), 0 or 1.
     #[arg(long)]
     mask: Option<PathBuf>,
@@ -91,6 +141,29 @@ enum QualityName {
     Fast,
 }
 
+#[derive(Debug, Clone, Copy, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum ProjectionName {
+    Affine,
+    PerRay,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum FilterName {
+    FromFile,
+    Plain,
+    Compensated,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum TermName {
+    Full,
+    Normal,
+    Ambient,
+    Diffuse,
+    Specular,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ShadingName {
     Paper,
@@ -112,8 +185,14 @@ struct PictureReport<'a> {
     out: &'a Path,
     backend: &'static str,
     quality: QualityName,
+    projection: ProjectionName,
     threads: usize,
     camera: &'a Camera,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    legend: Option<show::LegendReport>,
+    /// Absent unless asked for; null where nothing is in front.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pick: Option<Option<show::HitReport>>,
     #[serde(flatten)]
     report: Report,
 }
@@ -157,6 +236,25 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     appearance.light = camera.light;
     appearance.background = camera.background();
     appearance.overlay = read_overlay(picture, &scene)?;
+    appearance.clips = clips(picture);
+    appearance.filter = match picture.filter {
+        FilterName::FromFile => PixelFilter::FromFile,
+        FilterName::Plain => PixelFilter::Plain,
+        FilterName::Compensated => PixelFilter::Compensated,
+    };
+    appearance.term = match picture.term {
+        TermName::Full => ShadingTerm::Full,
+        TermName::Normal => ShadingTerm::Normal,
+        TermName::Ambient => ShadingTerm::Ambient,
+        TermName::Diffuse => ShadingTerm::Diffuse,
+        TermName::Specular => ShadingTerm::Specular,
+    };
+    let labels = picture.clusters.as_deref().map(|path| show::read_labels(path, &scene)).transpose()?;
+    let legend = show::colors(picture, &scene, labels.as_deref(), &mut appearance)?;
+    let projection = match picture.projection {
+        ProjectionName::Affine => Projection::Affine,
+        ProjectionName::PerRay => Projection::PerRay,
+    };
     let quality = match picture.quality {
         QualityName::Exact => Quality::Exact,
         QualityName::Standard => Quality::Standard,
@@ -165,7 +263,19 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     let backend = match picture.backend {
         BackendName::Auto | BackendName::Cpu => "cpu",
     };
-    let Rendered { image, report } = render(&scene, &appearance, &camera, quality).map_err(Failure::input)?;
+    let options = Options { quality, projection };
+    let Rendered { mut image, report } = render(&scene, &appearance, &camera, options).map_err(Failure::input)?;
+    if let (Some(width), Some(labels)) = (picture.outlines, &labels) {
+        let (front, _) =
+            pick::front_ids(&scene, &appearance, &camera, projection, pick::SURFACE).map_err(Failure::input)?;
+        let style = OutlineStyle { color: picture.outline_color, width };
+        draw_outlines(&mut image, &front, labels, style).map_err(Failure::work)?;
+    }
+    let hit = picture
+        .pick
+        .map(|at| pick::pick(&scene, &appearance, &camera, projection, DVec2::from_array(at), pick::SURFACE))
+        .transpose()
+        .map_err(Failure::input)?;
     image.save(&picture.out).map_err(Failure::work)?;
     if report.dropped_non_finite > 0 {
         eprintln!("warning: {} Gaussians with NaN or infinite attributes were left out", report.dropped_non_finite);
@@ -183,13 +293,22 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         report.seconds.bin,
         report.seconds.raster
     );
+    if let Some(legend) = &legend {
+        eprintln!("{legend}");
+    }
+    if let Some(hit) = &hit {
+        eprintln!("{}", show::HitReport::line(hit.as_ref()));
+    }
     if picture.json {
         let report = PictureReport {
             out: &picture.out,
             backend,
             quality: picture.quality,
+            projection: picture.projection,
             threads: rayon::current_num_threads(),
             camera: &camera,
+            legend,
+            pick: hit.map(|hit| hit.map(show::HitReport::from)),
             report,
         };
         println!("{}", serde_json::to_string_pretty(&report).map_err(Failure::work)?);
@@ -230,6 +349,29 @@ fn read_overlay(picture: &Picture, scene: &Scene) -> Result<Option<Overlay>, Fai
     }))
 }
 
+fn clips(picture: &Picture) -> Vec<Clip> {
+    let halves = |n: &[f64; 6]| (DVec3::new(n[0], n[1], n[2]), DVec3::new(n[3], n[4], n[5]));
+    let planes = picture.clip_plane.iter().map(halves).map(|(point, normal)| Clip::plane(point, normal));
+    let between = |keep_inside: bool| {
+        move |n: &[f64; 6]| {
+            let (a, b) = halves(n);
+            Clip::between(a.min(b), a.max(b), keep_inside)
+        }
+    };
+    let boxes = picture.clip_box.iter().map(between(true)).chain(picture.cut_box.iter().map(between(false)));
+    planes.chain(boxes).collect()
+}
+
+/// So many finite numbers between commas.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let one = |part: &str| {
+        let number = part.trim().parse().ok().filter(|x: &f64| x.is_finite());
+        number.ok_or_else(|| format!("`{part}` is no finite number"))
+    };
+    let numbers: Vec<f64> = text.split(',').map(one).collect::<Result<_, _>>()?;
+    <[f64; N]>::try_from(numbers).map_err(|n| format!("{} numbers; {N} are needed, with commas between them", n.len()))
+}
+
 fn color(text: &str) -> Result<Vec3, String> {
     let numbers: Vec<f32> = text.split(',').map(|part| share(part.trim())).collect::<Result<_, _>>()?;
     match numbers.as_slice() {
@@ -260,5 +402,7 @@ mod tests {
         assert_eq!(factor("3"), Ok(3.0));
         assert!(factor("-1").is_err() && factor("inf").is_err() && factor("NaN").is_err());
         assert!(share("NaN").is_err());
+        assert_eq!(numbers("-1, 2.5"), Ok([-1.0, 2.5]));
+        assert!(numbers::<2>("1").is_err() && numbers::<2>("1,2,3").is_err() && numbers::<1>("inf").is_err());
     }
 }

@@ -8,7 +8,7 @@
 
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -25,8 +25,8 @@ pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera) ->
     let began = Instant::now();
     let (all, mut report) = project(scene, appearance, camera, Ok);
     let background = appearance.background.as_dvec3();
-    let brightest = all.iter().fold(background.abs().max_element().max(1.0), |m, p| m.max(p.color.max_element()));
-    let faintest = (-33.0_f64).exp2() / (all.len().max(1) as f64 * brightest);
+    let brightest = all.iter().fold(0.0, |m: f64, p| m.max(p.color.max_element()));
+    let faintest = faintest(all.len(), brightest, appearance.background);
     let size = picture_size(camera.width, camera.height);
     let mut splats = Vec::with_capacity(all.len());
     for projected in all {
@@ -59,8 +59,14 @@ struct Splat {
     radius: f64,
 }
 
+/// δ for so many Gaussians, the greatest component of whose colours is `brightest`.
+pub(crate) fn faintest(count: usize, brightest: f64, background: Vec3) -> f64 {
+    let brightest = background.as_dvec3().abs().max_element().max(1.0).max(brightest);
+    (-33.0_f64).exp2() / (count.max(1) as f64 * brightest)
+}
+
 /// Standard deviations at which a Gaussian of peak `opacity` has faded to `faintest`.
-fn radius(opacity: f64, faintest: f64) -> f64 {
+pub(crate) fn radius(opacity: f64, faintest: f64) -> f64 {
     (2.0 * (opacity / faintest).ln()).max(0.0).sqrt()
 }
 

@@ -61,10 +61,6 @@ impl ImageFormat {
 }
 
 impl Image {
-    pub(crate) fn black(width: u32, height: u32) -> Self {
-        Self { width, height, rgba: vec![0.0; 4 * width as usize * height as usize] }
-    }
-
     /// The pixel at column `x` and row `y`; `None` outside.
     #[must_use]
     pub fn pixel(&self, x: u32, y: u32) -> Option<[f32; 4]> {

@@ -4,17 +4,23 @@
 //! f64; `exact` then blends in f64 and is the reference, `standard` and `fast` blend in f32 with cut-offs of known error.
 //! [`metrics`] says how far a picture is from the reference, [`view`] where to look from.
 
+pub mod attributes;
+pub mod color_map;
 mod depth;
 mod exact;
 pub mod harmonics;
 pub mod image;
 pub mod metrics;
+pub mod outline;
+mod per_ray;
+pub mod pick;
 mod project;
 mod raster;
 pub mod render;
 pub mod report;
 pub mod shading;
 mod standard;
+pub mod structure;
 mod tiles;
 pub mod view;
 

@@ -7,12 +7,12 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
-use sg_scene::appearance::Appearance;
+use sg_scene::appearance::{Appearance, PixelFilter};
 use sg_scene::camera::Camera;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::report::{Culled, Report};
-use crate::shading::UnitShader;
+use crate::shading::{Look, UnitShader};
 
 /// Variance in px² that is added to each picture axis, so that nothing is thinner than a pixel (3DGS).
 pub const DILATION: f64 = 0.3;
@@ -79,6 +79,28 @@ pub(crate) struct Projected {
     pub(crate) opacity: f64,
 }
 
+/// One shaded Gaussian before the camera.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Placed {
+    /// Centre relative to the eye, in view axes.
+    pub(crate) center: DVec3,
+    /// Rows of view · transform · rotation · scale: the covariance in view axes is this times its transpose.
+    pub(crate) rows: [DVec3; 3],
+    /// Colour, and opacity without any compensation of the dilation.
+    pub(crate) look: Look,
+    /// Whether the dilation takes as much opacity as it adds area.
+    pub(crate) compensated: bool,
+}
+
+/// √(det S / det(S + εI)) for S = m·mᵀ: what a dilation by ε takes of the opacity so that it adds none in sum (the 2D filter
+/// of Mip-Splatting, Yu et al. 2024).
+pub(crate) fn compensation(m: [DVec3; 2], dilation: f64) -> f64 {
+    let [m0, m1] = m;
+    let det = m0.cross(m1).length_squared();
+    let dilated = det + dilation * (m0.length_squared() + m1.length_squared()) + dilation * dilation;
+    if dilated.is_finite() { (det / dilated).sqrt() } else { 1.0 }
+}
+
 /// Gaussians handled by one task. Only the order of results matters, and they are put together in order.
 const CHUNK: usize = 4096;
 
@@ -90,12 +112,52 @@ pub(crate) fn project<T: Send>(
     camera: &Camera,
     keep: impl Fn(Projected) -> Result<T, Culled> + Sync,
 ) -> (Vec<T>, Report) {
+    each(scene, appearance, camera, |unit, i| unit.project(i).and_then(&keep))
+}
+
+/// [`project`] with the scene-wide index of each Gaussian.
+pub(crate) fn project_indexed<T: Send>(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    keep: impl Fn(u32, Projected) -> Result<T, Culled> + Sync,
+) -> (Vec<T>, Report) {
+    each(scene, appearance, camera, |unit, i| unit.project(i).and_then(|p| keep(unit.index(i), p)))
+}
+
+/// Places and shades all Gaussians in index order, behind the eye as well; `keep` is told the scene-wide index.
+pub(crate) fn place<T: Send>(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    keep: impl Fn(u32, Placed) -> Result<T, Culled> + Sync,
+) -> (Vec<T>, Report) {
+    each(scene, appearance, camera, |unit, i| unit.place(i).and_then(|p| keep(unit.index(i), p)))
+}
+
+/// Places and shades one Gaussian by its scene-wide index; `None` where it is not drawn or not there.
+pub(crate) fn place_one(scene: &Scene, appearance: &Appearance, camera: &Camera, index: u32) -> Option<Placed> {
+    let at = scene.units.iter().position(|unit| unit.range().contains(&(index as usize)))?;
+    let (unit, base, eye) = (scene.units.get(at)?, appearance.base.get(at)?, camera.eye());
+    let shader = UnitShader::new(unit, *base, appearance, eye);
+    UnitProjector::new(unit, shader, appearance, camera, eye).place(index as usize - unit.first).ok()
+}
+
+/// What `one` makes of every Gaussian, in index order.
+fn each<T: Send>(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    one: impl Fn(&UnitProjector, usize) -> Result<T, Culled> + Sync,
+) -> (Vec<T>, Report) {
     let eye = camera.eye();
     let units: Vec<UnitProjector> = scene
         .units
         .iter()
         .zip(&appearance.base)
-        .map(|(unit, base)| UnitProjector::new(unit, UnitShader::new(unit, *base, appearance, eye), camera, eye))
+        .map(|(unit, base)| {
+            UnitProjector::new(unit, UnitShader::new(unit, *base, appearance, eye), appearance, camera, eye)
+        })
         .collect();
     let tasks: Vec<(&UnitProjector, Range<usize>)> = units
         .iter()
@@ -110,7 +172,7 @@ pub(crate) fn project<T: Send>(
             let mut kept = Vec::with_capacity(range.len());
             let mut counts = Report::default();
             for i in range {
-                match unit.project(i).and_then(&keep) {
+                match one(unit, i) {
                     Ok(item) => kept.push(item),
                     Err(culled) => counts.count(culled),
                 }
@@ -137,10 +199,11 @@ struct UnitProjector<'a> {
     local_to_view: DMat3,
     focal: DVec2,
     principal: DVec2,
+    compensated: bool,
 }
 
 impl<'a> UnitProjector<'a> {
-    fn new(unit: &'a BaseUnit, shader: UnitShader<'a>, camera: &Camera, eye: DVec3) -> Self {
+    fn new(unit: &'a BaseUnit, shader: UnitShader<'a>, appearance: &Appearance, camera: &Camera, eye: DVec3) -> Self {
         let scene_to_view = DMat3::from_mat4(camera.view());
         Self {
             unit,
@@ -150,10 +213,20 @@ impl<'a> UnitProjector<'a> {
             local_to_view: scene_to_view * DMat3::from_mat4(unit.transform),
             focal: DVec2::new(camera.fx, camera.fy),
             principal: DVec2::new(camera.cx, camera.cy),
+            compensated: match appearance.filter {
+                PixelFilter::FromFile => unit.gaussians.antialiased,
+                PixelFilter::Plain => false,
+                PixelFilter::Compensated => true,
+            },
         }
     }
 
-    fn project(&self, i: usize) -> Result<Projected, Culled> {
+    /// Scene-wide index of the unit's Gaussian `i`.
+    fn index(&self, i: usize) -> u32 {
+        (self.unit.first + i) as u32
+    }
+
+    fn place(&self, i: usize) -> Result<Placed, Culled> {
         let gaussians = &self.unit.gaussians;
         let (Some(position), Some(log_scale), Some(rotation)) =
             (gaussians.position.get(i), gaussians.log_scale.get(i), gaussians.rotation.get(i))
@@ -169,18 +242,27 @@ impl<'a> UnitProjector<'a> {
         let look = self.shader.look(i, in_scene)?;
         // Relative to the eye first: far from the origin, what rounding there is moves all Gaussians alike and keeps their order.
         let center = self.scene_to_view * (in_scene - self.eye);
+        let axes = DMat3::from_quat(gaussians.unit_rotation(i));
+        let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
+        let DMat3 { x_axis, y_axis, z_axis } = (self.local_to_view * axes).transpose();
+        Ok(Placed { center, rows: [x_axis, y_axis, z_axis], look, compensated: self.compensated })
+    }
+
+    fn project(&self, i: usize) -> Result<Projected, Culled> {
+        let Placed { center, rows: [x, y, z], look, compensated } = self.place(i)?;
         if center.z <= NEAR {
             return Err(Culled::Near);
         }
-        let axes = DMat3::from_quat(gaussians.unit_rotation(i));
-        let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
-        // Rows of Jacobian · view · transform · rotation · scale.
-        let rows = (self.local_to_view * axes).transpose();
         let slope = center.truncate() / center.z;
         let pixels = self.focal / center.z;
-        let m = [pixels.x * (rows.x_axis - slope.x * rows.z_axis), pixels.y * (rows.y_axis - slope.y * rows.z_axis)];
+        // Rows of the Jacobian times those.
+        let m = [pixels.x * (x - slope.x * z), pixels.y * (y - slope.y * z)];
         let ellipse = Ellipse::of(self.focal * slope + self.principal, m).ok_or(Culled::NotFinite)?;
-        Ok(Projected { ellipse, depth: center.z, color: look.color, opacity: look.opacity })
+        let opacity = if compensated { look.opacity * compensation(m, DILATION) } else { look.opacity };
+        if opacity == 0.0 {
+            return Err(Culled::Transparent);
+        }
+        Ok(Projected { ellipse, depth: center.z, color: look.color, opacity })
     }
 }
 

@@ -9,23 +9,38 @@ use crate::project::Ellipse;
 use crate::report::Report;
 use crate::tiles::{Grid, TILE, TileRow};
 
-/// Composited RGB and A = 1 − transmittance of one tile, row major.
-pub(crate) type TilePixels = [[f32; 4]; TILE * TILE];
+/// One tile, row major.
+pub(crate) type TileOf<P> = [P; TILE * TILE];
 
-/// Draws `splats`, which are in depth order.
-///
-/// `level` gives the ellipse and the radius in standard deviations within which a Gaussian counts; `tile` blends the listed
-/// Gaussians over the tile whose first pixel is `[x, y]`. A tile depends on nothing but its own list, so the picture is the
-/// same for any number of threads.
+/// Composited RGB and A = 1 − transmittance of one tile.
+pub(crate) type TilePixels = TileOf<[f32; 4]>;
+
+/// Draws `splats`, which are in depth order, as [`paint`] does.
 pub(crate) fn draw<T: Sync>(
-    [width, height]: [u32; 2],
+    size: [u32; 2],
     splats: &[T],
     level: impl Fn(&T) -> (Ellipse, f64) + Sync,
     tile: impl Fn([usize; 2], &[u32]) -> TilePixels + Sync,
     report: &mut Report,
 ) -> Image {
+    let [width, height] = size;
+    Image { width, height, rgba: paint(size, splats, level, tile, report).into_flattened() }
+}
+
+/// Makes each pixel from the Gaussians that may touch it; pixels in row order.
+///
+/// `level` gives the ellipse and the radius in standard deviations within which a Gaussian counts; `tile` blends the listed
+/// Gaussians over the tile whose first pixel is `[x, y]`. A tile depends on nothing but its own list, so the picture is the
+/// same for any number of threads.
+pub(crate) fn paint<T: Sync, P: Copy + Default + Send + Sync>(
+    [width, height]: [u32; 2],
+    splats: &[T],
+    level: impl Fn(&T) -> (Ellipse, f64) + Sync,
+    tile: impl Fn([usize; 2], &[u32]) -> TileOf<P> + Sync,
+    report: &mut Report,
+) -> Vec<P> {
     let grid = Grid::of(width, height);
-    let mut image = Image::black(width, height);
+    let mut pixels = vec![P::default(); width as usize * height as usize];
     let began = Instant::now();
     let batches = grid.batches(splats, &level);
     report.seconds.bin += began.elapsed().as_secs_f64();
@@ -35,33 +50,32 @@ pub(crate) fn draw<T: Sync>(
         report.seconds.bin += began.elapsed().as_secs_f64();
         report.tile_pairs += rows.iter().map(TileRow::pairs).sum::<u64>();
         let began = Instant::now();
-        image
-            .rgba
-            .par_chunks_mut(4 * TILE * width as usize)
+        pixels
+            .par_chunks_mut(TILE * width as usize)
             .enumerate()
             .skip(batch.rows.start)
             .zip(&rows)
             .for_each(|((row, pixels), tiles)| draw_row(row, pixels, width as usize, tiles, &tile));
         report.seconds.raster += began.elapsed().as_secs_f64();
     }
-    image
+    pixels
 }
 
-fn draw_row(
+fn draw_row<P: Copy + Send>(
     row: usize,
-    pixels: &mut [f32],
+    pixels: &mut [P],
     width: usize,
     tiles: &TileRow,
-    tile: &(impl Fn([usize; 2], &[u32]) -> TilePixels + Sync),
+    tile: &(impl Fn([usize; 2], &[u32]) -> TileOf<P> + Sync),
 ) {
     let tiles: Vec<(usize, &[u32])> = tiles.tiles().collect();
-    let done: Vec<(usize, TilePixels)> =
+    let done: Vec<(usize, TileOf<P>)> =
         tiles.into_par_iter().map(|(column, list)| (column * TILE, tile([column * TILE, row * TILE], list))).collect();
     for (x, finished) in done {
-        for (line, from) in pixels.chunks_mut(width * 4).zip(finished.chunks(TILE)) {
-            let to = line.get_mut(x * 4..).unwrap_or_default();
-            for (to, from) in to.chunks_exact_mut(4).zip(from) {
-                to.copy_from_slice(from);
+        for (line, from) in pixels.chunks_mut(width).zip(finished.chunks(TILE)) {
+            let to = line.get_mut(x..).unwrap_or_default();
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = *from;
             }
         }
     }

@@ -10,7 +10,7 @@ use sg_scene::model::{ColumnLength, Scene};
 use crate::image::Image;
 use crate::report::Report;
 use crate::standard::Limits;
-use crate::{exact, standard};
+use crate::{exact, per_ray, standard};
 
 /// How much error a picture may have against [`Quality::Exact`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -22,6 +22,33 @@ pub enum Quality {
     Standard,
     /// At least 40 dB over the frame and over the footprint, coverage error at most 3 %.
     Fast,
+}
+
+/// What a pixel sees of a Gaussian, and what orders Gaussians.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Projection {
+    /// As 3DGS: each Gaussian becomes an ellipse on the picture, affinely at its centre, and all are ordered by the view z of
+    /// their centres. Turning the camera changes what is seen along one and the same ray.
+    #[default]
+    Affine,
+    /// Each Gaussian is evaluated along each pixel's ray, and ordered there by where on the ray it is densest. Turning the
+    /// camera changes nothing. Gaussians beside and behind the eye count where they reach the ray; there is no near plane.
+    PerRay,
+}
+
+/// How to draw. A [`Quality`] alone stands for it with everything else at its default.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Options {
+    /// How exact.
+    pub quality: Quality,
+    /// How Gaussians are projected and ordered. Each has its own reference.
+    pub projection: Projection,
+}
+
+impl From<Quality> for Options {
+    fn from(quality: Quality) -> Self {
+        Self { quality, ..Self::default() }
+    }
 }
 
 /// A picture and what making it took.
@@ -79,6 +106,15 @@ pub enum RenderError {
         /// Which clip, from 0.
         index: usize,
     },
+    /// A level of accumulated opacity that there is not.
+    #[error("a front surface at an accumulated opacity of {level}; give a level above 0 and at most 1")]
+    Level {
+        /// The level.
+        level: f64,
+    },
+    /// A ray without a direction.
+    #[error("the ray has no direction")]
+    Ray,
     /// A background that is not finite.
     #[error("the background colour is not finite")]
     Background,
@@ -101,20 +137,26 @@ pub fn render(
     scene: &Scene,
     appearance: &Appearance,
     camera: &Camera,
-    quality: Quality,
+    options: impl Into<Options>,
 ) -> Result<Rendered, RenderError> {
     check(scene, appearance, camera)?;
     let began = Instant::now();
-    let (image, mut report) = match quality {
-        Quality::Exact => exact::render(scene, appearance, camera),
-        Quality::Standard => standard::render(scene, appearance, camera, Limits::STANDARD),
-        Quality::Fast => standard::render(scene, appearance, camera, Limits::FAST),
+    let Options { quality, projection } = options.into();
+    let (image, mut report) = match (projection, quality) {
+        (Projection::Affine, Quality::Exact) => exact::render(scene, appearance, camera),
+        (Projection::Affine, Quality::Standard) => standard::render(scene, appearance, camera, Limits::STANDARD),
+        (Projection::Affine, Quality::Fast) => standard::render(scene, appearance, camera, Limits::FAST),
+        (Projection::PerRay, Quality::Exact) => per_ray::exact::render(scene, appearance, camera),
+        (Projection::PerRay, Quality::Standard) => {
+            per_ray::fast::render::<64>(scene, appearance, camera, Limits::STANDARD)
+        }
+        (Projection::PerRay, Quality::Fast) => per_ray::fast::render::<32>(scene, appearance, camera, Limits::FAST),
     };
     report.seconds.total = began.elapsed().as_secs_f64();
     Ok(Rendered { image, report })
 }
 
-fn check(scene: &Scene, appearance: &Appearance, camera: &Camera) -> Result<(), RenderError> {
+pub(crate) fn check(scene: &Scene, appearance: &Appearance, camera: &Camera) -> Result<(), RenderError> {
     camera.check("camera")?;
     if !appearance.background.is_finite() {
         return Err(RenderError::Background);

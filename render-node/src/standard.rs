@@ -31,11 +31,11 @@ use crate::tiles::{TILE, picture_size};
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     /// α below this is not drawn …
-    cut: f64,
+    pub(crate) cut: f64,
     /// … unless it is above opacity / ratio.
-    ratio: f64,
+    pub(crate) ratio: f64,
     /// Transmittance at which a row of a tile is finished.
-    stop: f32,
+    pub(crate) stop: f32,
 }
 
 impl Limits {
@@ -113,7 +113,7 @@ impl Splat {
 }
 
 /// Vectors in a row of a tile.
-const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 const HALVES: usize = TILE / LANES;
 
 /// One row of pixels while it is blended.
@@ -222,7 +222,7 @@ const EXP2: [f32; 6] =
     [0.001_339_086_3, 0.009_676_032, 0.055_503_57, 0.240_221_07, std::f32::consts::LN_2, 1.000_000_1];
 
 /// 2^x for x ≤ 1, relative error below 3e-7; below 2⁻¹²⁶ it stays there.
-fn exp2(x: f32x8) -> f32x8 {
+pub(crate) fn exp2(x: f32x8) -> f32x8 {
     // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low bits, from where it is shifted to the exponent.
     const ROUND: f32 = 12_582_912.0;
     let x = x.fast_max(f32x8::splat(-126.0));

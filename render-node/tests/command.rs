@@ -110,6 +110,59 @@ fn a_mask_highlights() {
 }
 
 #[test]
+fn planes_and_boxes_clip() {
+    let folder = folder();
+    let at = folder.path();
+    let base = ["row.ply", "--camera", "camera.json", "--json", "--out"];
+    // Centres lie at x = −1, −¾, … 1 and z = 0, ⅛, … 1.
+    for (arguments, clipped) in [
+        (vec!["--clip-plane", "0,0,0,1,0,0"], 4),
+        (vec!["--clip-plane", "0.1,0,0,-1,0,0", "--clip-plane", "-0.6,0,0,2,0,0"], 6),
+        (vec!["--clip-box", "-2,-1,0.5,0.3,1,2"], 7),
+        (vec!["--clip-box", "0.3,1,2,-2,-1,0.5"], 7),
+        (vec!["--cut-box", "-2,-1,0.5,0.3,1,2"], 2),
+    ] {
+        let report = good(at, &[&base[..], &["clipped.npy"], &arguments].concat());
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["clipped"], clipped, "{arguments:?}");
+        assert_eq!(report["drawn"], 9 - clipped, "{arguments:?}");
+    }
+}
+
+#[test]
+fn clusters_and_attributes_are_shown_outlined_and_picked() {
+    let folder = folder();
+    let at = folder.path();
+    sg_scene::npy::write_labels(&at.join("labels.npy"), &[0, 0, 0, 1, 1, 1, 7, -1, -1]).unwrap();
+    let base = ["row.ply", "--camera", "camera.json", "--json", "--out"];
+    let with = |out: &str, more: &[&str]| -> (serde_json::Value, Vec<f32>) {
+        let report = good(at, &[&base[..], &[out], more].concat());
+        (serde_json::from_str(&report).unwrap(), pixels(&at.join(out)).1)
+    };
+    let labels = ["--clusters", "labels.npy"];
+    let (_, first) = with("a.npy", &[&["--show", "clusters"], &labels[..]].concat());
+    let (_, again) = with("b.npy", &[&["--show", "clusters"], &labels[..]].concat());
+    let (_, other) = with("c.npy", &[&["--show", "clusters", "--seed", "2"], &labels[..]].concat());
+    assert_eq!(first, again, "a seed gives its colours");
+    assert_ne!(first, other);
+    let (_, axis) = with("d.npy", &[&["--show", "first-component", "--color-map", "cividis"], &labels[..]].concat());
+    let pixel = |numbers: &[f32], x: usize| -> Vec<f32> { numbers[4 * (80 * 20 + x)..][..4].to_vec() };
+    assert!(pixel(&axis, 29)[2] > pixel(&axis, 29)[0] && pixel(&axis, 44)[0] > 0.5, "blue to yellow along x");
+    let (report, _) = with("e.npy", &["--show", "scale", "--range", "0.01,1"]);
+    assert_eq!((&report["legend"]["low"], &report["legend"]["high"]), (&0.01.into(), &1.0.into()));
+    let (_, lined) = with("f.npy", &[&["--outlines", "2", "--outline-color", "1,0,1"], &labels[..]].concat());
+    let lines = lined.chunks(4).filter(|p| *p == [1.0, 0.0, 1.0, 1.0]).count();
+    assert!((30..1500).contains(&lines), "{lines}");
+    // The first, at (−1, 0, 0), is seen at x = 40 − 34.64/3.
+    let (report, _) = with("g.npy", &["--pick", "28.5,20", "--projection", "per-ray"]);
+    assert_eq!(report["pick"]["gaussian"], 0);
+    assert!((report["pick"]["depth"].as_f64().unwrap() - 3.0).abs() < 0.02, "{report}");
+    let (report, _) = with("g.npy", &["--pick", "1,1"]);
+    assert!(report["pick"].is_null() && report.get("pick").is_some());
+    assert!(with("h.npy", &[]).0.get("pick").is_none());
+}
+
+#[test]
 fn what_is_wrong_is_said_in_one_line() {
     let folder = folder();
     let at = folder.path();
@@ -124,6 +177,11 @@ fn what_is_wrong_is_said_in_one_line() {
         (vec!["row.ply", "--camera", "broken.json", "--out", "c.png"], 2, "widht"),
         ([&base[..], &["c.png", "--mask", "short.npy"]].concat(), 2, "short.npy"),
         ([&base[..], &["none/c.png"]].concat(), 1, "none/c.png"),
+        ([&base[..], &["c.png", "--clip-plane", "0,0,0,0,0,0"]].concat(), 2, "normal"),
+        ([&base[..], &["c.png", "--show", "clusters"]].concat(), 2, "--clusters"),
+        ([&base[..], &["c.png", "--clusters", "short.npy"]].concat(), 2, "short.npy"),
+        ([&base[..], &["c.png", "--show", "scale", "--range", "0,1"]].concat(), 2, "above 0"),
+        ([&base[..], &["c.png", "--show", "normal"]].concat(), 2, "normal"),
     ] {
         let output = run(at, &arguments);
         let line = String::from_utf8(output.stderr).unwrap();
@@ -134,6 +192,12 @@ fn what_is_wrong_is_said_in_one_line() {
     for arguments in [
         [&base[..], &["c.png", "--backend", "gpu"]].concat(),
         [&base[..], &["c.png", "--mask-mix", "1"]].concat(),
+        [&base[..], &["c.png", "--clip-plane", "0,0,0,1,0"]].concat(),
+        [&base[..], &["c.png", "--clip-box", "0,0,0,1,0,nan"]].concat(),
+        [&base[..], &["c.png", "--show", "taste"]].concat(),
+        [&base[..], &["c.png", "--term", "fog"]].concat(),
+        [&base[..], &["c.png", "--outlines"]].concat(),
+        [&base[..], &["c.png", "--pick", "3"]].concat(),
         [&base[..], &["c.png", "--width", "9"]].concat(),
         vec!["row.ply"],
     ] {

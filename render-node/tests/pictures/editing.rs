@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use sg_render_node::render::Quality::{Exact, Fast, Standard};
-use sg_render_node::render::{RenderError, render};
-use sg_scene::appearance::{Appearance, Overlay, ShadingTerm, UnitAppearance};
+use sg_render_node::render::{Options, Projection, RenderError, render};
+use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm, UnitAppearance};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::mask::Mask;
 use sg_scene::model::{Harmonics, Scene, ShadingModel};
@@ -160,6 +160,120 @@ fn the_overlay_comes_after_shading() {
 }
 
 #[test]
+fn clips_take_away_what_they_do_not_keep() {
+    let at = |x: f32, z: f32| Blob { position: Vec3::new(x, 0.0, z), ..Blob::default() };
+    let row = [at(-0.5, 2.0), at(0.0, 2.0), at(0.5, 2.0), at(0.5, 4.0)];
+    let scene = scene(&row);
+    let camera = camera(20.0, 33, 33);
+    let through = |blobs: &[Blob]| {
+        let kept = crate::scenes::scene(blobs);
+        render(&kept, &Appearance::of(&kept), &camera, Exact).unwrap().image
+    };
+    let plane = |x: f64, normal: f64| Clip::plane(DVec3::new(x, 9.0, -7.0), DVec3::new(normal, 0.0, 0.0));
+    let box_of = |inside| Clip::between(DVec3::new(-0.6, -1.0, 1.0), DVec3::new(0.1, 1.0, 3.0), inside);
+    for (clips, kept) in [
+        (vec![plane(0.25, 1.0)], vec![2, 3]),
+        (vec![plane(0.25, -30.0)], vec![0, 1]),
+        // A centre on the plane is kept.
+        (vec![plane(0.5, 1.0)], vec![2, 3]),
+        (vec![plane(-0.25, 1.0), plane(0.25, -1.0)], vec![1]),
+        (vec![box_of(true)], vec![0, 1]),
+        (vec![box_of(false)], vec![2, 3]),
+        (vec![box_of(true), plane(-0.25, 1.0)], vec![1]),
+        (vec![box_of(true), box_of(false)], vec![]),
+    ] {
+        let mut appearance = Appearance::of(&scene);
+        appearance.clips = clips;
+        for quality in [Exact, Standard, Fast] {
+            let drawn = render(&scene, &appearance, &camera, quality).unwrap();
+            assert_eq!(
+                (drawn.report.clipped, drawn.report.drawn),
+                (4 - kept.len(), kept.len()),
+                "{quality:?} {kept:?}"
+            );
+        }
+        let blobs: Vec<Blob> = kept.iter().map(|k| row[*k]).collect();
+        assert_eq!(render(&scene, &appearance, &camera, Exact).unwrap().image, through(&blobs), "{kept:?}");
+    }
+    // What is hidden is counted as hidden.
+    let mut appearance = Appearance::of(&scene);
+    appearance.clips = vec![plane(0.25, 1.0)];
+    appearance.units = vec![UnitAppearance { visible: false, ..edit(&[true, false, true, false], None, 1.0) }];
+    let report = render(&scene, &appearance, &camera, Exact).unwrap().report;
+    assert_eq!((report.hidden, report.clipped, report.drawn), (1, 2, 1));
+}
+
+/// A clip speaks of the scene frame, whatever the unit's transform.
+#[test]
+fn clips_are_in_the_scene_frame() {
+    let mut moved = unit("moved", &[Blob::default()]);
+    moved.transform = DMat4::from_translation(DVec3::new(3.0, 0.0, 0.0));
+    let scene = Scene::compose(vec![moved], None);
+    let mut appearance = Appearance::of(&scene);
+    let clipped =
+        |appearance: &Appearance| render(&scene, appearance, &camera(80.0, 9, 9), Exact).unwrap().report.clipped;
+    appearance.clips = vec![Clip::plane(DVec3::new(2.0, 0.0, 0.0), DVec3::X)];
+    assert_eq!(clipped(&appearance), 0);
+    appearance.clips = vec![Clip::plane(DVec3::new(2.0, 0.0, 0.0), DVec3::NEG_X)];
+    assert_eq!(clipped(&appearance), 1);
+}
+
+#[test]
+fn shown_colours_take_the_place_of_shading() {
+    let scene = lit(ShadingModel::Paper);
+    let mut appearance = Appearance::of(&scene);
+    appearance.colors = Some(Arc::new([Vec3::new(0.25, 0.5, 2.0)]));
+    for term in [ShadingTerm::Full, ShadingTerm::Normal, ShadingTerm::Specular] {
+        appearance.term = term;
+        close(&color(&scene, &appearance), &[0.25, 0.5, 2.0]);
+    }
+    // A unit's colour is not shown, its opacity is; the overlay lies over all.
+    appearance.units = vec![edit(&[true], Some(Vec3::X), 0.5)];
+    close(&middle(&scene, &appearance), &[0.0625, 0.125, 0.5, 0.25]);
+    let mask = Arc::new(Mask::from_fn(1, |_| true));
+    appearance.overlay = Some(Overlay { mask, color: Vec3::ONE, mix: 0.5, opacity: 2.0 });
+    close(&color(&scene, &appearance), &[0.625, 0.75, 1.5]);
+    close(&middle(&scene, &appearance)[3..], &[0.5]);
+    appearance.units = vec![UnitAppearance { visible: false, ..edit(&[true], None, 1.0) }];
+    assert_eq!(middle(&scene, &appearance), [0.0; 4]);
+    // What is not finite is dropped and counted, whatever is shown.
+    appearance.units.clear();
+    appearance.colors = Some(Arc::new([Vec3::new(f32::NAN, 0.0, 0.0)]));
+    let report = render(&scene, &appearance, &camera(80.0, 9, 9), Exact).unwrap().report;
+    assert_eq!((report.dropped_non_finite, report.drawn), (1, 0));
+}
+
+#[test]
+fn a_compensated_filter_takes_what_the_dilation_adds() {
+    // σ = 0.1 at depth 2 with f = 2: 0.01 px²; √(0.01²/(0.01 + 0.3)²) of the opacity is left.
+    let blob = Blob { log_scale: Vec3::splat(0.1_f32.ln()), logit: logit(0.5), ..Blob::default() };
+    let mut scene = scene(&[blob]);
+    let camera = camera(2.0, 33, 33);
+    let alpha = |scene: &Scene, filter, options: Options| {
+        let appearance = Appearance { filter, ..Appearance::of(scene) };
+        render(scene, &appearance, &camera, options).unwrap().image.pixel(16, 16).unwrap()[3]
+    };
+    let want = 0.5 * 0.01 / 0.31;
+    for quality in [Exact, Standard, Fast] {
+        for projection in [Projection::Affine, Projection::PerRay] {
+            let alpha = |scene: &Scene, filter| alpha(scene, filter, Options { quality, projection });
+            close(&[alpha(&scene, PixelFilter::Plain)], &[0.5]);
+            close(&[alpha(&scene, PixelFilter::FromFile)], &[0.5]);
+            close(&[alpha(&scene, PixelFilter::Compensated)], &[want]);
+            scene.units[0].gaussians.antialiased = true;
+            close(&[alpha(&scene, PixelFilter::FromFile)], &[want]);
+            close(&[alpha(&scene, PixelFilter::Plain)], &[0.5]);
+            scene.units[0].gaussians.antialiased = false;
+        }
+    }
+    // Of no size, there is nothing to see of it.
+    let point = crate::scenes::scene(&[Blob { log_scale: Vec3::splat(f32::NEG_INFINITY), ..blob }]);
+    let appearance = Appearance { filter: PixelFilter::Compensated, ..Appearance::of(&point) };
+    let report = render(&point, &appearance, &camera, Exact).unwrap().report;
+    assert_eq!((report.transparent, report.drawn), (1, 0));
+}
+
+#[test]
 fn masks_count_through_the_base_units() {
     let left = Blob { position: Vec3::new(-0.5, 0.0, 2.0), color: Vec3::X, ..Blob::default() };
     let right = Blob { position: Vec3::new(0.5, 0.0, 2.0), color: Vec3::X, ..Blob::default() };
@@ -245,7 +359,17 @@ fn parts_that_do_not_belong_together_are_refused() {
     appearance.units.clear();
     appearance.base.clear();
     assert!(matches!(render(&scene, &appearance, &camera, Exact), Err(RenderError::BaseUnits { .. })));
-    let appearance = Appearance::of(&scene);
+    let mut appearance = Appearance::of(&scene);
+    appearance.colors = Some(Arc::new([Vec3::ONE; 3]));
+    let error = render(&scene, &appearance, &camera, Exact).unwrap_err();
+    assert!(matches!(error, RenderError::Colors { found: 3, expected: 1 }), "{error}");
+    appearance.colors = None;
+    for normal in [DVec3::ZERO, DVec3::new(f64::NAN, 0.0, 1.0)] {
+        appearance.clips = vec![Clip::plane(DVec3::ZERO, DVec3::X), Clip::plane(DVec3::ZERO, normal)];
+        let error = render(&scene, &appearance, &camera, Exact).unwrap_err();
+        assert!(matches!(error, RenderError::Clip { index: 1 }), "{error}");
+    }
+    appearance.clips.clear();
     let broken = Camera { fx: f64::NAN, ..camera.clone() };
     assert!(matches!(render(&scene, &appearance, &broken, Exact), Err(RenderError::Camera(_))));
     let mut short = scene.clone();

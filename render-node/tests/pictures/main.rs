@@ -7,5 +7,8 @@ mod closed_form;
 mod editing;
 mod hard_cases;
 mod oracle;
+mod per_ray;
+mod picking;
 mod quality;
 mod scenes;
+mod structure;

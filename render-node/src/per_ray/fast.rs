@@ -1,0 +1,250 @@
+//! The fast path of the view-consistent mode: rays in f32 eight at a time, with the cut-offs of [`crate::standard`].
+//!
+//! Gaussians come in one order for a tile of 16 × 16 pixels, by depth on the ray that sees each best within the tile, and are
+//! put in order again on each ray within a window of so many layers. A Gaussian that lies deeper on a ray than that many others
+//! which come after it is blended too early; where long thin Gaussians cross at random that happens.
+//!
+//! What is linear in the pixel is evaluated in f64 at a tile's first pixel and narrowed there, so that f32 holds only
+//! differences within the tile.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use glam::{DVec2, Vec3};
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
+use wide::f32x8;
+
+use super::{Linear, Pinhole, RaySplat, splats};
+use crate::image::Image;
+use crate::project::Ellipse;
+use crate::raster::{TilePixels, draw};
+use crate::report::{Culled, Report};
+use crate::standard::{LANES, Limits, exp2};
+use crate::tiles::TILE;
+
+/// Draws a checked scene; on each ray `WINDOW` layers are put in order.
+pub(crate) fn render<const WINDOW: usize>(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    limits: Limits,
+) -> (Image, Report) {
+    let began = Instant::now();
+    let pinhole = Pinhole::of(camera);
+    let (splats, mut report) = splats(scene, appearance, camera, |s| Ray::of(&s, limits, &pinhole));
+    report.seconds.preprocess = began.elapsed().as_secs_f64();
+    let background = appearance.background;
+    let image = draw(
+        [camera.width, camera.height],
+        &splats,
+        |s| (s.reach, 1.0),
+        |corner, list| tile::<WINDOW>(&splats, list, corner, limits.stop, background),
+        &mut report,
+    );
+    (image, report)
+}
+
+/// A Gaussian ready to blend: α = 2^(log₂o − fall·s/(a² + s)).
+#[derive(Debug, Clone, Copy)]
+struct Ray {
+    toward: Linear,
+    across: Linear,
+    over: Linear,
+    depth_scale: f64,
+    /// Level 1 holds all pixels that are drawn.
+    reach: Ellipse,
+    /// ½·log₂e·|u|².
+    fall: f32,
+    log_opacity: f32,
+    /// log₂ of the opacity over the cut.
+    range: f32,
+    color: Vec3,
+}
+
+impl Ray {
+    fn of(splat: &RaySplat, limits: Limits, pinhole: &Pinhole) -> Result<Self, Culled> {
+        let range = (splat.opacity / limits.cut).max(limits.ratio).log2();
+        let radius = (range * (2.0 * std::f64::consts::LN_2)).sqrt();
+        let reach = splat.reach(radius, pinhole).filter(|e| e.reaches(1.0, pinhole.size)).ok_or(Culled::Outside)?;
+        let color = splat.color.as_vec3();
+        if !color.is_finite() {
+            return Err(Culled::NotFinite);
+        }
+        Ok(Self {
+            toward: splat.toward,
+            across: splat.across,
+            over: splat.over,
+            depth_scale: splat.depth_scale,
+            reach,
+            // Beyond this nothing but its centre would be drawn, and infinity times zero is not a number.
+            fall: (0.5 * std::f64::consts::LOG2_E * splat.eye_squared).min(1e30) as f32,
+            log_opacity: splat.opacity.log2() as f32,
+            range: range as f32,
+            color,
+        })
+    }
+
+    /// Depth on the ray through the pixel of a tile that lies nearest to the Gaussian's middle.
+    fn depth(&self, first: DVec2) -> f32 {
+        let pixel = self.reach.center.clamp(first, first + (TILE - 1) as f64);
+        let a = self.toward.at(pixel).max(0.0);
+        let (u, v) = (self.across.at(pixel), self.over.at(pixel));
+        (self.depth_scale * (a / (a * a + u * u + v * v))) as f32
+    }
+}
+
+/// A Gaussian over one tile, everything relative to the tile's first pixel.
+struct Narrow {
+    /// a at the first pixel, per column, per row.
+    toward: [f32; 3],
+    across: [f32; 3],
+    /// V at the first pixel and per row.
+    over: [f32; 2],
+    depth_scale: f32,
+    fall: f32,
+    peak: f32,
+    cut: f32,
+    color: Vec3,
+    /// Rows that it may touch.
+    rows: Range<usize>,
+}
+
+impl Narrow {
+    fn of(splat: &Ray, first: DVec2) -> Self {
+        let at = |l: &Linear| [l.at(first) as f32, l.per_x as f32, l.per_y as f32];
+        let [v, _, v_per_row] = at(&splat.over);
+        // Rows within the level, at least; the casts saturate.
+        let dy = first.y - splat.reach.center.y;
+        let tall = splat.reach.over_rows;
+        Self {
+            toward: at(&splat.toward),
+            across: at(&splat.across),
+            over: [v, v_per_row],
+            depth_scale: splat.depth_scale as f32,
+            fall: splat.fall,
+            peak: splat.log_opacity,
+            cut: splat.log_opacity - splat.range,
+            color: splat.color,
+            rows: (-dy - tall).max(0.0) as usize..((tall - dy).max(-1.0) + 1.0) as usize,
+        }
+    }
+
+    /// Depths and opacities along eight rays of a row of the tile, from a column on; `None` where it is drawn on none.
+    fn meet(&self, row: usize, column: usize) -> Option<([f32; LANES], [f32; LANES])> {
+        let (row, column) = (row as f32, column as f32);
+        let lanes = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let along = |[at, per_column, per_row]: [f32; 3]| {
+            lanes * f32x8::splat(per_column) + f32x8::splat(at + per_row * row + per_column * column)
+        };
+        let (a, u) = (along(self.toward), along(self.across));
+        let [v, v_per_row] = self.over;
+        let v = v + v_per_row * row;
+        let s = u * u + f32x8::splat(v * v);
+        let inverse = f32x8::ONE / (a * a + s);
+        let ahead = a.simd_gt(f32x8::ZERO);
+        let power = f32x8::splat(self.peak) - f32x8::splat(self.fall) * ahead.select(s * inverse, f32x8::ONE);
+        let drawn = power.simd_ge(f32x8::splat(self.cut));
+        if !drawn.any() {
+            return None;
+        }
+        let alpha = exp2(power).fast_min(f32x8::ONE) & drawn;
+        let depth = (f32x8::splat(self.depth_scale) * a * inverse) & ahead;
+        Some((depth.to_array(), alpha.to_array()))
+    }
+}
+
+/// What lies along one ray: the nearest are blended, up to `WINDOW` wait in order of depth.
+#[derive(Clone, Copy)]
+struct Pixel<const WINDOW: usize> {
+    /// A ring, sorted by depth: depth, opacity, place in the tile's list.
+    waiting: [(f32, f32, u32); WINDOW],
+    first: usize,
+    count: usize,
+    transmittance: f32,
+    color: Vec3,
+}
+
+impl<const WINDOW: usize> Pixel<WINDOW> {
+    const CLEAR: Self =
+        Self { waiting: [(0.0, 0.0, 0); WINDOW], first: 0, count: 0, transmittance: 1.0, color: Vec3::ZERO };
+
+    /// Takes one more layer up, behind those of equal depth; blends the nearest where there is no room.
+    fn push(&mut self, depth: f32, alpha: f32, item: u32, list: &[Narrow]) {
+        if self.count == WINDOW {
+            self.pop(list);
+        }
+        let mut place = self.count;
+        while place > 0 {
+            let before = self.waiting[(self.first + place - 1) % WINDOW];
+            if before.0 <= depth {
+                break;
+            }
+            self.waiting[(self.first + place) % WINDOW] = before;
+            place -= 1;
+        }
+        self.waiting[(self.first + place) % WINDOW] = (depth, alpha, item);
+        self.count += 1;
+    }
+
+    /// Blends the nearest layer.
+    fn pop(&mut self, list: &[Narrow]) {
+        let (_, alpha, item) = self.waiting[self.first];
+        self.first = (self.first + 1) % WINDOW;
+        self.count -= 1;
+        let weight = alpha * self.transmittance;
+        self.color += weight * list.get(item as usize).map_or(Vec3::ZERO, |n| n.color);
+        self.transmittance -= weight;
+    }
+}
+
+fn tile<const WINDOW: usize>(
+    splats: &[Ray],
+    list: &[u32],
+    [x0, y0]: [usize; 2],
+    stop: f32,
+    background: Vec3,
+) -> TilePixels {
+    let first = DVec2::new(x0 as f64 + 0.5, y0 as f64 + 0.5);
+    // Depths are at least 0, so that their bits order as they do; ties by index.
+    let mut order: Vec<u64> = list
+        .iter()
+        .filter_map(|k| Some(u64::from(splats.get(*k as usize)?.depth(first).to_bits()) << 32 | u64::from(*k)))
+        .collect();
+    order.sort_unstable();
+    let list: Vec<Narrow> = order
+        .into_iter()
+        .filter_map(|key| splats.get(key as u32 as usize))
+        .map(|splat| Narrow::of(splat, first))
+        .collect();
+    let mut pixels = [[0.0; 4]; TILE * TILE];
+    for (row, out) in pixels.chunks_mut(TILE).enumerate() {
+        let mut line = [Pixel::<WINDOW>::CLEAR; TILE];
+        for (item, splat) in list.iter().enumerate() {
+            // Asking whether a row is finished is dear: ask once for several Gaussians.
+            if item % 16 == 0 && line.iter().all(|p| p.transmittance < stop) {
+                break;
+            }
+            if !splat.rows.contains(&row) {
+                continue;
+            }
+            for (half, pixels) in line.chunks_mut(LANES).enumerate() {
+                let Some((depths, alphas)) = splat.meet(row, half * LANES) else { continue };
+                for ((pixel, depth), alpha) in pixels.iter_mut().zip(depths).zip(alphas) {
+                    if alpha > 0.0 && pixel.transmittance >= stop {
+                        pixel.push(depth, alpha, item as u32, &list);
+                    }
+                }
+            }
+        }
+        for (pixel, out) in line.iter_mut().zip(out) {
+            while pixel.count > 0 {
+                pixel.pop(&list);
+            }
+            let over = pixel.color + pixel.transmittance * background;
+            *out = [over.x, over.y, over.z, 1.0 - pixel.transmittance];
+        }
+    }
+    pixels
+}

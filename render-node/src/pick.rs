@@ -1,0 +1,219 @@
+//! What is in front: the Gaussian at a pixel or along a ray, and at every pixel of a picture.
+//!
+//! The *front surface* lies where the opacity accumulated from the eye first reaches a level, ½ for what a person takes for a
+//! surface. The Gaussian that carries it there is hit. Order and opacities are those of the exact picture, so that nothing
+//! is hit that hidden units, clips or opacity 0 take out of it.
+
+use std::time::Instant;
+
+use glam::{DVec2, DVec3};
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
+
+use crate::exact::radius;
+use crate::per_ray::exact::{Layer, bounded, layers_at};
+use crate::per_ray::{self, RaySplat};
+use crate::project::{DILATION, NEAR, Projected, place_one, project_indexed};
+use crate::raster::{TileOf, paint};
+use crate::render::{Projection, RenderError, check};
+use crate::report::{Culled, Report};
+use crate::tiles::{TILE, picture_size};
+
+/// Accumulated opacity at which a surface is taken to begin.
+pub const SURFACE: f64 = 0.5;
+
+/// The front surface along one ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Scene-wide index of the Gaussian that carries the accumulated opacity to the level.
+    pub gaussian: u32,
+    /// View z of [`Self::point`], above 0, in the scene's length unit.
+    pub depth: f64,
+    /// Where on the ray that Gaussian is densest, in the scene frame.
+    pub point: DVec3,
+}
+
+/// The front Gaussian of every pixel.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FrontIds {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Scene-wide index of the front Gaussian of each pixel, rows from the top; `None` where the level is not reached.
+    pub ids: Vec<Option<u32>>,
+}
+
+impl FrontIds {
+    /// The front Gaussian at column `x` and row `y`; `None` outside as well.
+    #[must_use]
+    pub fn at(&self, x: u32, y: u32) -> Option<u32> {
+        if x >= self.width {
+            return None;
+        }
+        self.ids.get(y as usize * self.width as usize + x as usize).copied().flatten()
+    }
+}
+
+/// The front surface at pixel coordinates `at` of a camera (the first pixel's centre at (0.5, 0.5), any place between pixels
+/// or outside the picture): where the accumulated opacity first reaches `level`; `None` where it never does.
+///
+/// # Errors
+/// [`RenderError`] as for a picture, and for a level that is not above 0 and at most 1.
+pub fn pick(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    projection: Projection,
+    at: DVec2,
+    level: f64,
+) -> Result<Option<Hit>, RenderError> {
+    check(scene, appearance, camera)?;
+    check_level(level)?;
+    let mut layers = match projection {
+        Projection::Affine => {
+            let layer = |index, p: Projected| {
+                let alpha = alpha(&p, at);
+                if alpha > 0.0 { Ok(Layer { depth: p.depth, alpha, item: index }) } else { Err(Culled::Outside) }
+            };
+            project_indexed(scene, appearance, camera, layer).0
+        }
+        Projection::PerRay => {
+            let layer = |splat: RaySplat| {
+                let meeting = splat.meet(at);
+                let alpha = splat.alpha(meeting);
+                if alpha > 0.0 {
+                    Ok(Layer { depth: meeting.depth, alpha, item: splat.index })
+                } else {
+                    Err(Culled::Outside)
+                }
+            };
+            per_ray::splats(scene, appearance, camera, layer).0
+        }
+    };
+    layers.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+    let Some(gaussian) = front(&layers, level) else { return Ok(None) };
+    let Some(splat) =
+        place_one(scene, appearance, camera, gaussian).and_then(|placed| per_ray::splat(gaussian, &placed, camera))
+    else {
+        return Ok(None);
+    };
+    // An ellipse may reach where its Gaussian lies behind the eye.
+    let depth = splat.meet(at).depth.max(NEAR);
+    let point = camera.view().inverse().transform_point3(depth * per_ray::ray(camera, at));
+    Ok(Some(Hit { gaussian, depth, point }))
+}
+
+/// The front surface along the half-line from `origin` in `direction` (of any length, scene frame), evaluated per ray.
+///
+/// `spread` is the angle in radians that the ray stands for, at least 1e-6: what is thinner is widened to it, as a picture
+/// widens to the size of a pixel, of which it is √0.3. The depth of the hit is its distance from the origin.
+///
+/// # Errors
+/// [`RenderError`] as for [`pick`], and where the ray has no direction.
+pub fn pick_ray(
+    scene: &Scene,
+    appearance: &Appearance,
+    origin: DVec3,
+    direction: DVec3,
+    spread: f64,
+    level: f64,
+) -> Result<Option<Hit>, RenderError> {
+    let direction = direction.try_normalize().ok_or(RenderError::Ray)?;
+    let up = direction.any_orthonormal_vector();
+    let focal = DILATION.sqrt() / spread.max(1e-6);
+    let camera = Camera::look_at(origin, origin + direction, up, 90.0, 1, 1);
+    let camera = Camera { fx: focal, fy: focal, cx: 0.5, cy: 0.5, ..camera };
+    pick(scene, appearance, &camera, Projection::PerRay, DVec2::splat(0.5), level)
+}
+
+/// The front Gaussian of every pixel, by the same rules as [`pick`].
+///
+/// # Errors
+/// [`RenderError`] as for [`pick`].
+pub fn front_ids(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    projection: Projection,
+    level: f64,
+) -> Result<(FrontIds, Report), RenderError> {
+    check(scene, appearance, camera)?;
+    check_level(level)?;
+    let began = Instant::now();
+    let (ids, mut report) = match projection {
+        Projection::Affine => affine_ids(scene, appearance, camera, level),
+        Projection::PerRay => {
+            let (bounded, mut report) = bounded(scene, appearance, camera);
+            let tile = |[x0, y0]: [usize; 2], list: &[u32]| -> TileOf<Option<u32>> {
+                let mut layers = Vec::with_capacity(list.len());
+                std::array::from_fn(|k| {
+                    let pixel = DVec2::new((x0 + k % TILE) as f64 + 0.5, (y0 + k / TILE) as f64 + 0.5);
+                    layers_at(&bounded, list, pixel, &mut layers);
+                    front(&layers, level).and_then(|item| bounded.get(item as usize)).map(|b| b.splat.index)
+                })
+            };
+            let ids = paint([camera.width, camera.height], &bounded, |b| (b.reach, 1.0), tile, &mut report);
+            (ids, report)
+        }
+    };
+    report.seconds.total = began.elapsed().as_secs_f64();
+    Ok((FrontIds { width: camera.width, height: camera.height, ids }, report))
+}
+
+fn check_level(level: f64) -> Result<(), RenderError> {
+    if level > 0.0 && level <= 1.0 { Ok(()) } else { Err(RenderError::Level { level }) }
+}
+
+/// The item that carries the accumulated opacity to the level.
+fn front(layers: &[Layer], level: f64) -> Option<u32> {
+    let mut transmittance = 1.0;
+    layers.iter().find_map(|layer| {
+        transmittance *= 1.0 - layer.alpha;
+        (1.0 - transmittance >= level).then_some(layer.item)
+    })
+}
+
+fn alpha(p: &Projected, at: DVec2) -> f64 {
+    let (e, d) = (&p.ellipse, at - p.ellipse.center);
+    let (u, v) = ((d.x - e.slope * d.y) / e.along_row, d.y / e.over_rows);
+    (p.opacity * (-0.5 * (u * u + v * v)).exp()).min(1.0)
+}
+
+/// α that is left out where many Gaussians are looked at in every pixel: a million of them move the accumulated opacity by
+/// 1e-10.
+const FAINTEST: f64 = 1e-16;
+
+fn affine_ids(scene: &Scene, appearance: &Appearance, camera: &Camera, level: f64) -> (Vec<Option<u32>>, Report) {
+    let size = picture_size(camera.width, camera.height);
+    let (mut splats, mut report) = project_indexed(scene, appearance, camera, |index, p| {
+        let radius = radius(p.opacity, FAINTEST);
+        if p.ellipse.reaches(radius, size) { Ok((index, p, radius)) } else { Err(Culled::Outside) }
+    });
+    splats.sort_by(|a, b| a.1.depth.total_cmp(&b.1.depth));
+    let tile = |[x0, y0]: [usize; 2], list: &[u32]| -> TileOf<Option<u32>> {
+        let mut transmittance = [1.0_f64; TILE * TILE];
+        let mut ids = [None; TILE * TILE];
+        let mut open = TILE * TILE;
+        for (index, p, radius) in list.iter().filter_map(|k| splats.get(*k as usize)) {
+            for (k, (t, id)) in transmittance.iter_mut().zip(&mut ids).enumerate().filter(|(_, (_, id))| id.is_none()) {
+                let pixel = DVec2::new((x0 + k % TILE) as f64 + 0.5, (y0 + k / TILE) as f64 + 0.5);
+                if (pixel.y - p.ellipse.center.y).abs() > radius * p.ellipse.over_rows {
+                    continue;
+                }
+                *t *= 1.0 - alpha(p, pixel);
+                if 1.0 - *t >= level {
+                    *id = Some(*index);
+                    open -= 1;
+                }
+            }
+            if open == 0 {
+                break;
+            }
+        }
+        ids
+    };
+    let ids = paint([camera.width, camera.height], &splats, |s| (s.1.ellipse, s.2), tile, &mut report);
+    (ids, report)
+}
