@@ -287,6 +287,8 @@ table! {
     SELECTION_STROKES: Ask<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]) at Interactive;
     /// A stroke is being drawn: what it would select so far.
     SELECTION_SAMPLE: Ask<selection::SampleRequest, selection::SampleReply> = (role::SELECTION, "cmd/sample", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// What strokes select that are being committed, ahead of the scene's own word.
+    SELECTION_PREVIEW: Stream<selection::Preview> = (role::SELECTION, "event/preview") at Interactive;
     /// What is clustered.
     SELECTION_STATE: Slot<selection::State> = (role::SELECTION, "state");
 

@@ -38,6 +38,10 @@ const MEASURE_PIXELS: u32 = 256;
 /// Most units whose coverage one request measures.
 const MEASURE_UNITS: usize = 64;
 
+/// How far behind everything else the threads that draw stand, steps of the scheduler's scale: a hand that waits for a few
+/// microseconds of another process is not to wait for a picture.
+const NICE: i32 = 10;
+
 /// Fastest steady pace of the view.
 const MAX_FRAMES_PER_SECOND: f64 = 240.0;
 
@@ -142,6 +146,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         blobs: host.blobs().clone(),
         scene,
         state: state.clone(),
+        pool: pool()?,
         owned: host.bus().own(row, told).await?,
         told,
         params,
@@ -174,6 +179,17 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         .await?;
     }
     Ok(())
+}
+
+/// The threads that draw, as many as there are cores.
+fn pool() -> Result<rayon::ThreadPool, StartError> {
+    let lowered = |_| {
+        if let Err(error) = rustix::process::setpriority_process(None, NICE) {
+            tracing::warn!(%error, "drawing goes at the priority of everything else");
+        }
+    };
+    let pool = rayon::ThreadPoolBuilder::new().thread_name(|k| format!("draws-{k}")).start_handler(lowered).build();
+    pool.map_err(|e| StartError::Failed(format!("threads to draw with: {e}")))
 }
 
 /// When the view draws although nothing changed.
@@ -227,6 +243,8 @@ struct Painter {
     blobs: Blobs,
     scene: Scene,
     state: watch::Receiver<(Arc<EditState>, Context)>,
+    /// All of a picture is made in it, so that none of that work keeps a hand waiting.
+    pool: rayon::ThreadPool,
     owned: Owned<proto::State>,
     told: proto::State,
     params: Params,
@@ -288,7 +306,7 @@ impl Painter {
             ..proto::CaptureRequest::default()
         };
         let state = Arc::clone(&self.state.borrow().0);
-        let frame = match tokio::task::block_in_place(|| self.draw(&state, &request)) {
+        let frame = match self.work(|| self.draw(&state, &request)) {
             Ok(frame) => frame,
             Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
         };
@@ -310,9 +328,9 @@ impl Painter {
                 }
             }
         };
-        let mut frame = tokio::task::block_in_place(|| self.draw(&state, request))?;
+        let mut frame = self.work(|| self.draw(&state, request))?;
         if request.measure_units {
-            frame.units = tokio::task::block_in_place(|| self.measure(&state, request))?;
+            frame.units = self.work(|| self.measure(&state, request))?;
         }
         self.tell(&frame, context).await;
         Ok(frame)
@@ -329,6 +347,11 @@ impl Painter {
         if let Err(fault) = self.owned.set(self.told, &context.next()).await {
             tracing::warn!(%fault, "the state could not be published");
         }
+    }
+
+    /// Does something on the threads that draw, and waits for it.
+    fn work<T: Send>(&self, what: impl FnOnce() -> T + Send) -> T {
+        tokio::task::block_in_place(|| self.pool.install(what))
     }
 
     fn draw(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<proto::Frame, Fault> {

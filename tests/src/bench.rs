@@ -24,11 +24,23 @@ pub fn quantile(list: &mut [f64], share: f64) -> f64 {
 /// Processor time that all threads of a process have used so far, to the nanosecond; 0 for one that is gone.
 #[must_use]
 pub fn processor_time(pid: u64) -> Duration {
+    schedule(pid, 0)
+}
+
+/// How long the threads of a process have stood ready to run so far and waited for a core, to the nanosecond; 0 for one that
+/// is gone.
+#[must_use]
+pub fn waiting_time(pid: u64) -> Duration {
+    schedule(pid, 1)
+}
+
+/// Sum over a process's threads of one of the numbers that `/proc/PID/task/TID/schedstat` tells in nanoseconds.
+fn schedule(pid: u64, column: usize) -> Duration {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
-    let used = |path: PathBuf| -> Option<u64> {
-        std::fs::read_to_string(path.join("schedstat")).ok()?.split_whitespace().next()?.parse().ok()
+    let told = |path: PathBuf| -> Option<u64> {
+        std::fs::read_to_string(path.join("schedstat")).ok()?.split_whitespace().nth(column)?.parse().ok()
     };
-    Duration::from_nanos(threads.filter_map(|t| used(t.path())).sum())
+    Duration::from_nanos(threads.filter_map(|t| told(t.path())).sum())
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
 use sg_scene::edit::wire::{encode_mask, steps_of, strokes_alone};
-use sg_scene::edit::{EditState, Replica};
+use sg_scene::edit::{EditState, Replica, Selection};
 use sg_scene::known::read_known;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
@@ -28,7 +28,7 @@ use sg_selection::cache::{self, ClusterCache, Found};
 use sg_selection::cluster_graph::ClusterGraph;
 use sg_selection::clustering::{Clustering, ClusteringOptions, cluster};
 use sg_selection::geometry::{Geometry, GeometryOptions};
-use sg_selection::preview::Preview;
+use sg_selection::preview::{Preview, differing};
 use sg_selection::progress::Silent;
 use sg_selection::session::SelectionSession;
 use sg_selection::space::{SelectionSpace, WalkOptions};
@@ -297,7 +297,7 @@ impl Actor for Selector {
                 let _ = reply.send(self.draw(&request, &context).await);
             }
             Message::Sample { request, reply } => {
-                let _ = reply.send(tokio::task::block_in_place(|| self.sample(&request)));
+                let _ = reply.send(self.sample(&request));
             }
         }
         self.answered += 1;
@@ -317,17 +317,42 @@ impl Selector {
         if steps.is_empty() && !request.restart {
             return Err(Fault::invalid("no step to take; send at least one, or `restart` to begin anew"));
         }
+        // At first on what is known here, if the scene is still at that revision: a hand does not wait for a question whose
+        // answer is hardly ever news. Revision 0 would mean any.
+        let mut state = Arc::clone(&self.state.borrow());
+        let mut only_at = state.revision();
         loop {
-            let state = self.newest(context).await?;
+            if only_at == 0 {
+                state = self.newest(context).await?;
+            }
             tokio::task::block_in_place(|| self.play(&state, request.restart, &steps))?;
-            match self.commit(&state, context).await {
+            let committed = state.selection();
+            self.show(self.session.mask(), committed, context).await;
+            match self.commit(&state, only_at, context).await {
+                Ok(result) => return Ok(self.reply(&result)),
                 // Somebody else changed the selection in between: draw on top of theirs.
                 Err(fault)
                     if matches!(fault.code, Code::Aborted | Code::FailedPrecondition)
                         && !context.remaining().is_zero() => {}
-                Err(fault) => return Err(fault),
-                Ok(result) => return Ok(self.reply(&result)),
+                Err(fault) => {
+                    self.show(committed.mask(), committed, context).await;
+                    return Err(fault);
+                }
             }
+            only_at = 0;
+        }
+    }
+
+    /// Tells what will be selected, for whoever shows it before it is durable.
+    async fn show(&self, mask: &Mask, committed: &Selection, context: &Context) {
+        let preview = selection::Preview {
+            selected: mask.count() as u64,
+            changed: runs(&differing(committed.mask(), mask)),
+            selection_hash: committed.hash().to_owned(),
+        };
+        // Nobody need see it: what counts is what the scene tells.
+        if let Err(fault) = self.bus.publish(&keys::SELECTION_PREVIEW, &preview, &context.next()).await {
+            tracing::warn!(%fault, "a preview could not be told");
         }
     }
 
@@ -374,7 +399,7 @@ impl Selector {
     }
 
     /// Adds samples to the stroke that is being drawn and tells what it would select. Nothing is asked of anybody else: a
-    /// hand waits for it.
+    /// hand waits for it. A further sample costs less than to hand what else this thread has to do to another one first.
     fn sample(&mut self, request: &selection::SampleRequest) -> Result<selection::SampleReply, Fault> {
         let start = Instant::now();
         let samples = request.samples.as_ref().ok_or_else(|| Fault::invalid("no samples; send some"))?;
@@ -383,7 +408,7 @@ impl Selector {
         let over = state.selection().hash();
         let goes_on = self.open.as_ref().is_some_and(|o| o.name == request.stroke && o.over == over);
         if !goes_on {
-            let session = self.present(&state)?;
+            let session = tokio::task::block_in_place(|| self.present(&state))?;
             // Drawn before over another selection: the same stroke over this one.
             let earlier = self.open.take().filter(|o| o.name == request.stroke);
             let mut preview = Preview::begin(&session, &stroke).map_err(|e| Fault::invalid(e.to_string()))?;
@@ -406,8 +431,7 @@ impl Selector {
             changed
         } else {
             // Against what is committed, since that is what whoever draws it shows.
-            let differs = |g: &usize| mask.get(*g) != state.selection().mask().get(*g);
-            (0..mask.len()).filter(differs).map(|g| g as u32).collect()
+            differing(state.selection().mask(), mask)
         };
         Ok(selection::SampleReply {
             hits: open.preview.hits() as u64,
@@ -419,7 +443,8 @@ impl Selector {
         })
     }
 
-    async fn commit(&self, state: &EditState, context: &Context) -> Result<CommandResult, Fault> {
+    /// Commits the session's selection over that of `state`, at revision `only_at` of the scene alone unless that is 0.
+    async fn commit(&self, state: &EditState, only_at: u64, context: &Context) -> Result<CommandResult, Fault> {
         let steps: Vec<_> = self.session.steps().map(wire::encode).collect();
         let alone = strokes_alone(&steps);
         let commit = CommitSelection {
@@ -431,7 +456,7 @@ impl Selector {
         // The same request tried again is the same command: the scene returns its first result.
         let id = format!("strokes-{}", context.id);
         let action = Some(command::Action::CommitSelection(commit));
-        let command = Command { id: id.clone(), expected_revision: 0, action };
+        let command = Command { id: id.clone(), expected_revision: only_at, action };
         self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id).within(Duration::from_secs(10))).await
     }
 

@@ -75,12 +75,9 @@ impl Preview {
             Mode::Walk if new.is_empty() => Vec::new(),
             Mode::Walk => {
                 let mask = self.session.seed(self.stroke.kind, &new)?;
-                let mut changed = mask.clone();
-                changed.subtract(&self.mask);
-                self.mask.subtract(mask);
-                changed.union_with(&self.mask);
+                let changed = differing(&self.mask, mask);
                 self.mask = mask.clone();
-                changed.ones().map(|g| g as u32).collect()
+                changed
             }
         };
         changed.sort_unstable();
@@ -126,6 +123,16 @@ impl Preview {
         }
         changed
     }
+}
+
+/// Gaussians that one of two masks of the same length has and the other has not, ascending.
+#[must_use]
+pub fn differing(one: &Mask, other: &Mask) -> Vec<u32> {
+    let (mut either, mut both) = (one.clone(), one.clone());
+    either.union_with(other);
+    both.intersect_with(other);
+    either.subtract(&both);
+    either.ones().map(|g| g as u32).collect()
 }
 
 #[cfg(test)]
@@ -184,6 +191,13 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn masks_differ_where_one_alone_is_set() {
+        let of = |set: &[usize]| Mask::from_fn(130, |g| set.contains(&g));
+        assert_eq!(differing(&of(&[0, 5, 64, 129]), &of(&[5, 63, 129])), [0, 63, 64]);
+        assert_eq!(differing(&of(&[7]), &of(&[7])), [0_u32; 0]);
     }
 
     #[test]

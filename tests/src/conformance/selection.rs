@@ -43,6 +43,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("commits what strokes select", commit(stage).await);
     checks.note("takes operations among strokes", operations(stage).await);
     checks.note("shows what a stroke would select while it is drawn", previews(stage).await);
+    checks.note("tells what strokes select when they end", told(stage).await);
     checks.note("refuses strokes that are none", misfits(stage).await);
     checks.note("goes on where it was after kill -9", goes_on(stage).await);
 }
@@ -128,14 +129,7 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
             if reply.anew {
                 shown.fill(false);
             }
-            let mut at = 0;
-            for run in reply.changed.chunks(2) {
-                let (skipped, length) = (run[0] as usize, run.get(1).copied().unwrap_or(0) as usize);
-                at += skipped;
-                let changed = shown.get_mut(at..at + length).ok_or("a run beyond the scene")?;
-                changed.iter_mut().for_each(|s| *s = !*s);
-                at += length;
-            }
+            flip(&mut shown, &reply.changed)?;
             newest = reply.selected;
             let count = shown.iter().filter(|s| **s).count() as u64;
             hold(count == newest, || format!("{mode:?}: {count} shown, {newest} selected, it says"))?;
@@ -145,6 +139,35 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
         hold(done.selected == newest, || format!("{mode:?}: {newest} previewed, {} selected", done.selected))?;
     }
     Ok(())
+}
+
+/// Takes runs of Gaussians, passed over and meant in turn, for otherwise than they were.
+fn flip(shown: &mut [bool], runs: &[u32]) -> Result<(), String> {
+    let mut at = 0;
+    for run in runs.chunks(2) {
+        let (skipped, length) = (run[0] as usize, run.get(1).copied().unwrap_or(0) as usize);
+        at += skipped;
+        let changed = shown.get_mut(at..at + length).ok_or("a run beyond the scene")?;
+        changed.iter_mut().for_each(|s| *s = !*s);
+        at += length;
+    }
+    Ok(())
+}
+
+async fn told(stage: &Stage<'_>) -> Result<(), String> {
+    let empty = draw(stage, &StrokesRequest { restart: true, ..StrokesRequest::default() }).await?;
+    let heard = stage.cli.follow(&keys::SELECTION_PREVIEW, ROLE, 64).await;
+    let mut heard = heard.map_err(|e| e.to_string())?;
+    let done = draw(stage, &strokes(StrokeMode::Point, false)).await?;
+    let next = tokio::time::timeout(soon().remaining(), heard.next()).await;
+    let (preview, _) = next.ok().flatten().ok_or("event/preview: nothing was told")?;
+    let mut shown = vec![false; 2 * GAUSSIANS];
+    flip(&mut shown, &preview.changed)?;
+    let count = shown.iter().filter(|s| **s).count() as u64;
+    hold(preview.selection_hash == empty.selection_hash, || "a preview over another selection".to_owned())?;
+    hold(count == preview.selected && count == done.selected, || {
+        format!("{count} shown, {} said, {} selected", preview.selected, done.selected)
+    })
 }
 
 async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {

@@ -5,6 +5,7 @@
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -16,12 +17,19 @@ use sg_selection::features::WIDTH;
 use sg_selection::geometry::{Geometry, GeometryOptions};
 use sg_selection::progress::{Progress, Silent, Stage};
 use sg_selection::seeds::voxel_seeds;
+use sg_selection::walk::multilevel::{Boundary, Multilevel};
 use sg_selection::walk::ordering::minimum_degree;
-use sg_selection::walk::{Network, Precision, Problem, Seed, Solver, SystemSolver, solve};
+use sg_selection::walk::{Network, Precision, Problem, Seed, Solver, WalkError, solve};
 
 use super::EvalError;
 use super::shapes::shape;
 use super::subject::Subject;
+
+/// ε of the walks.
+const LEAK: f64 = 0.03;
+
+/// Times that a walk on single Gaussians is solved.
+const FEW: usize = 5;
 
 /// What our clustering took.
 #[derive(Debug, Clone, Serialize)]
@@ -70,7 +78,7 @@ impl Progress for Peaks {
     }
 }
 
-/// What our walk took.
+/// What our walks took on one graph.
 #[derive(Debug, Clone, Serialize)]
 pub struct WalkTimes {
     /// Clusters or Gaussians.
@@ -79,12 +87,21 @@ pub struct WalkTimes {
     pub nodes: usize,
     /// Edges.
     pub edges: usize,
-    /// Median milliseconds of a solution, the elimination order known where there is one.
-    pub solve_ms: f64,
-    /// Milliseconds of the elimination order, made once a scene.
-    pub order_ms: f64,
-    /// Solver.
+    /// One entry a way of solving.
+    pub solvers: Vec<SolverTimes>,
+}
+
+/// What one way of solving took, milliseconds.
+#[derive(Debug, Clone, Serialize)]
+pub struct SolverTimes {
+    /// Which.
     pub solver: &'static str,
+    /// By the clock, what is made once a scene: an elimination order, levels.
+    pub setup_ms: f64,
+    /// By the clock, the median of a solution.
+    pub solve_ms: f64,
+    /// Processor time of a solution, on average.
+    pub solve_cpu_ms: f64,
 }
 
 /// Makes the scene that both sides work on.
@@ -158,7 +175,7 @@ pub fn cluster_times(subject: &Subject, level: Level, folder: &Path, export: boo
 
 /// Solves a walk on clusters and one on single Gaussians, from a ball around the deepest of the target to one far from
 /// it, and writes each system as `walk-ON-edges.npy` (u, v, w), `walk-ON-seeds.npy` (0 none, 1 foreground, 2 background)
-/// and our `walk-ON-p.npy`. The leak is 0.03.
+/// and our `walk-ON-p.npy`, one row a way of solving. The leak is 0.03.
 ///
 /// # Errors
 /// [`EvalError`].
@@ -175,34 +192,54 @@ pub fn walk_times(subject: &Subject, folder: &Path, repeats: usize) -> Result<Ve
     let (green, red) = (brush(true), brush(false));
     let own: Vec<usize> = (0..subject.scene.len()).collect();
     let by_cluster: Vec<usize> = labels_of(&clustering);
-    let mut out = Vec::new();
-    for (on, network, node, solver) in [
-        ("clusters", graph.network(1.0, 1.0), &by_cluster, Solver::Gth),
-        ("gaussians", gaussian_network(&geometry, 1.0, 1.0), &own, Solver::Cg),
-    ] {
-        let mut seeds = vec![Seed::None; network.len()];
+    let seeded = |nodes: usize, node: &[usize]| {
+        let mut seeds = vec![Seed::None; nodes];
         // Green last: a cluster that both hit is green here, on both sides of the comparison.
         red.iter().for_each(|&g| seeds[node[g]] = Seed::Background);
         green.iter().for_each(|&g| seeds[node[g]] = Seed::Foreground);
-        let algorithm = solver.with(Precision::F64);
+        seeds
+    };
+    let failed = |e: WalkError| EvalError::Data { path: "walk".to_owned(), why: e.to_string() };
+    let mut out = Vec::new();
+
+    let network = graph.network(1.0, 1.0);
+    let seeds = seeded(network.len(), &by_cluster);
+    let algorithm = Solver::Gth.with(Precision::F64);
+    let start = Instant::now();
+    let order = minimum_degree(network.len(), |u| network.links(u).iter().map(|l| l.0));
+    let setup_ms = 1e3 * start.elapsed().as_secs_f64();
+    let problem = Problem { network: &network, seeds: &seeds, leak: LEAK, leaking: None };
+    let eliminate = || solve(&problem, &*algorithm, Some(&order)).map(|s| s.p);
+    let (times, p) = timed("elimination f64", setup_ms, repeats, eliminate).map_err(failed)?;
+    hand_over(folder, "clusters", &network, &seeds, &[p])?;
+    out.push(WalkTimes::of("clusters", &network, vec![times]));
+
+    let network = Arc::new(gaussian_network(&geometry, 1.0, 1.0));
+    let seeds = seeded(network.len(), &own);
+    let known = Multilevel::known(&seeds);
+    let (mut solvers, mut found) = (Vec::new(), Vec::new());
+    for (name, precision, tolerance) in
+        [("multilevel 1e-3", Precision::F32, 1e-3), ("multilevel 1e-9", Precision::F64, 1e-9)]
+    {
         let start = Instant::now();
-        let order = algorithm
-            .eliminates(network.len())
-            .then(|| minimum_degree(network.len(), |u| network.links(u).iter().map(|l| l.0)))
-            .filter(|_| solver == Solver::Gth);
-        let order_ms = 1e3 * start.elapsed().as_secs_f64();
-        let (solve_ms, p) = timed(&network, &seeds, &*algorithm, order.as_deref(), repeats)?;
-        hand_over(folder, on, &network, &seeds, &p)?;
-        out.push(WalkTimes {
-            on,
-            nodes: network.len(),
-            edges: (0..network.len() as u32).map(|u| network.links(u).len()).sum::<usize>() / 2,
-            solve_ms,
-            order_ms,
-            solver: if solver == Solver::Gth { "gth" } else { "cg" },
-        });
+        let levels = Multilevel::new(Arc::clone(&network), precision);
+        let setup_ms = 1e3 * start.elapsed().as_secs_f64();
+        let iterate =
+            || levels.solve(&Boundary { known: &known, leak: LEAK, leaking: None }, tolerance).map(|answer| answer.p);
+        let (times, p) = timed(name, setup_ms, FEW, iterate).map_err(failed)?;
+        solvers.push(times);
+        found.push(p);
     }
+    hand_over(folder, "gaussians", &network, &seeds, &found)?;
+    out.push(WalkTimes::of("gaussians", &network, solvers));
     Ok(out)
+}
+
+impl WalkTimes {
+    fn of(on: &'static str, network: &Network, solvers: Vec<SolverTimes>) -> Self {
+        let ends: usize = (0..network.len() as u32).map(|u| network.links(u).len()).sum();
+        Self { on, nodes: network.len(), edges: ends / 2, solvers }
+    }
 }
 
 fn labels_of(clustering: &Clustering) -> Vec<usize> {
@@ -210,28 +247,25 @@ fn labels_of(clustering: &Clustering) -> Vec<usize> {
 }
 
 fn timed(
-    network: &Network,
-    seeds: &[Seed],
-    solver: &dyn SystemSolver,
-    order: Option<&[u32]>,
+    solver: &'static str,
+    setup_ms: f64,
     repeats: usize,
-) -> Result<(f64, Vec<f64>), EvalError> {
-    let problem = Problem { network, seeds, leak: 0.03, leaking: None };
-    let repeats = if network.len() > 2000 { 3 } else { repeats.max(1) };
-    let mut times = Vec::new();
-    let mut p = Vec::new();
+    mut walk: impl FnMut() -> Result<Vec<f64>, WalkError>,
+) -> Result<(SolverTimes, Vec<f64>), WalkError> {
+    let repeats = repeats.max(1);
+    let (mut times, mut p) = (Vec::new(), Vec::new());
+    let used = processor_seconds();
     for _ in 0..repeats {
         let start = Instant::now();
-        let solved = solve(&problem, solver, order)
-            .map_err(|e| EvalError::Data { path: "walk".to_owned(), why: e.to_string() })?;
+        p = walk()?;
         times.push(1e3 * start.elapsed().as_secs_f64());
-        p = solved.p;
     }
+    let solve_cpu_ms = 1e3 * (processor_seconds() - used) / repeats as f64;
     times.sort_by(f64::total_cmp);
-    Ok((times[times.len() / 2], p))
+    Ok((SolverTimes { solver, setup_ms, solve_ms: times[times.len() / 2], solve_cpu_ms }, p))
 }
 
-fn hand_over(folder: &Path, on: &str, network: &Network, seeds: &[Seed], p: &[f64]) -> Result<(), EvalError> {
+fn hand_over(folder: &Path, on: &str, network: &Network, seeds: &[Seed], p: &[Vec<f64>]) -> Result<(), EvalError> {
     let mut edges: Vec<f64> = Vec::new();
     for u in 0..network.len() as u32 {
         for (v, w) in network.links(u).iter().filter(|l| l.0 > u) {
@@ -248,7 +282,7 @@ fn hand_over(folder: &Path, on: &str, network: &Network, seeds: &[Seed], p: &[f6
     let (e, s, q) = (path("edges"), path("seeds"), path("p"));
     write_array(&e, &[edges.len() / 3, 3], &edges).map_err(failed(&e))?;
     write_labels(&s, &seeds).map_err(failed(&s))?;
-    write_array(&q, &[p.len()], p).map_err(failed(&q))
+    write_array(&q, &[p.len(), network.len()], &p.concat()).map_err(failed(&q))
 }
 
 /// Processor seconds of this process, user and system.
