@@ -119,18 +119,19 @@ def main():
             for c in clusters
         ],
     )
+    taken = lambda r, what: f"{r[what + '_ms']:.2f} ({r[what + '_cpu_ms']:.2f})"
     rows = []
     for s in solved:
         own, theirs = s["ours"], s["theirs"]
         name = f"{own['on']} ({own['nodes']:,} nodes, {own['edges']:,} edges)"
         for o, off in zip(own["solvers"], theirs["ours_largest_differences"]):
-            rows.append([name, f"ours, {o['solver']}", f"{o['setup_ms']:.2f}", f"{o['solve_ms']:.2f} ({o['solve_cpu_ms']:.2f})", f"{off:.0e}", ""])
+            rows.append([name, f"ours, {o['solver']}", taken(o, "setup"), taken(o, "solve"), f"{off:.0e}", ""])
         for p in theirs["peers"]:
-            rows.append([name, p["solver"], f"{p['setup_ms']:.2f}", f"{p['solve_ms']:.2f} ({p['solve_cpu_ms']:.2f})", f"{p['largest_difference']:.0e}",
+            rows.append([name, p["solver"], taken(p, "setup"), taken(p, "solve"), f"{p['largest_difference']:.0e}",
                          f"{p['largest_relative_difference']:.0e}"])
         if "left_out" in theirs:
             print(theirs["left_out"] + "\n")
-    table(["walk on", "solver", "set-up ms", "solve ms (processor)", "largest |p − reference|", "relative"], rows)
+    table(["walk on", "solver", "set-up ms (processor)", "solve ms (processor)", "largest |p − reference|", "relative"], rows)
 
 
 if __name__ == "__main__":

@@ -317,6 +317,21 @@ impl Selector {
         if steps.is_empty() && !request.restart {
             return Err(Fault::invalid("no step to take; send at least one, or `restart` to begin anew"));
         }
+        let outcome = self.take(request.restart, &steps, context).await;
+        if outcome.is_err() {
+            let state = Arc::clone(&self.state.borrow());
+            self.show(state.selection().mask(), state.selection(), context).await;
+        }
+        outcome
+    }
+
+    /// Takes steps over the scene's selection, tells what comes of it, and commits that.
+    async fn take(
+        &mut self,
+        restart: bool,
+        steps: &[Step],
+        context: &Context,
+    ) -> Result<selection::StrokesReply, Fault> {
         // At first on what is known here, if the scene is still at that revision: a hand does not wait for a question whose
         // answer is hardly ever news. Revision 0 would mean any.
         let mut state = Arc::clone(&self.state.borrow());
@@ -325,21 +340,14 @@ impl Selector {
             if only_at == 0 {
                 state = self.newest(context).await?;
             }
-            tokio::task::block_in_place(|| self.play(&state, request.restart, &steps))?;
-            let committed = state.selection();
-            self.show(self.session.mask(), committed, context).await;
+            tokio::task::block_in_place(|| self.play(&state, restart, steps))?;
+            self.show(self.session.mask(), state.selection(), context).await;
             match self.commit(&state, only_at, context).await {
                 Ok(result) => return Ok(self.reply(&result)),
-                // Somebody else changed the selection in between: draw on top of theirs.
-                Err(fault)
-                    if matches!(fault.code, Code::Aborted | Code::FailedPrecondition)
-                        && !context.remaining().is_zero() => {}
-                Err(fault) => {
-                    self.show(committed.mask(), committed, context).await;
-                    return Err(fault);
-                }
+                // Somebody else changed the scene in between: on top of theirs, until the time has run out.
+                Err(fault) if matches!(fault.code, Code::Aborted | Code::FailedPrecondition) => only_at = 0,
+                Err(fault) => return Err(fault),
             }
-            only_at = 0;
         }
     }
 
