@@ -8,6 +8,7 @@ pub mod attributes;
 pub mod color_map;
 mod depth;
 mod exact;
+pub mod gpu;
 pub mod harmonics;
 pub mod image;
 pub mod metrics;

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use sg_scene::appearance::{Appearance, HalfSpace};
+use sg_scene::appearance::{Appearance, Clip, HalfSpace};
 use sg_scene::camera::{Camera, CameraError};
 use sg_scene::model::{ColumnLength, Scene};
 
@@ -13,7 +13,7 @@ use crate::standard::Limits;
 use crate::{exact, per_ray, standard};
 
 /// How much error a picture may have against [`Quality::Exact`].
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
     /// The reference: f64, no cut-off that a picture could show.
     Exact,
@@ -100,8 +100,8 @@ pub enum RenderError {
         /// Gaussians in the scene.
         expected: usize,
     },
-    /// A clip that is not finite.
-    #[error("clip {index}: a normal or an offset is not finite, or a normal is zero")]
+    /// A clip that encloses nothing.
+    #[error("clip {index} has no side, or one whose normal is zero or that is not finite")]
     Clip {
         /// Which clip, from 0.
         index: usize,
@@ -157,31 +157,47 @@ pub fn render(
 }
 
 pub(crate) fn check(scene: &Scene, appearance: &Appearance, camera: &Camera) -> Result<(), RenderError> {
-    camera.check("camera")?;
-    if !appearance.background.is_finite() {
-        return Err(RenderError::Background);
-    }
+    check_scene(scene)?;
+    check_look([scene.len(), scene.units.len()], appearance, camera)
+}
+
+/// Checks what stays the same from picture to picture.
+pub(crate) fn check_scene(scene: &Scene) -> Result<(), RenderError> {
     if u32::try_from(scene.len()).is_err() {
         return Err(RenderError::TooMany { found: scene.len() });
     }
     for unit in &scene.units {
         unit.gaussians.check_lengths().map_err(|source| RenderError::Columns { unit: unit.name.clone(), source })?;
     }
-    if appearance.base.len() != scene.units.len() {
-        return Err(RenderError::BaseUnits { found: appearance.base.len(), expected: scene.units.len() });
+    Ok(())
+}
+
+/// Checks what may change, for a scene of so many Gaussians in so many base units.
+pub(crate) fn check_look(
+    [gaussians, base_units]: [usize; 2],
+    appearance: &Appearance,
+    camera: &Camera,
+) -> Result<(), RenderError> {
+    camera.check("camera")?;
+    if !appearance.background.is_finite() {
+        return Err(RenderError::Background);
     }
-    if let Some(colors) = appearance.colors.as_ref().filter(|c| c.len() != scene.len()) {
-        return Err(RenderError::Colors { found: colors.len(), expected: scene.len() });
+    if appearance.base.len() != base_units {
+        return Err(RenderError::BaseUnits { found: appearance.base.len(), expected: base_units });
+    }
+    if let Some(colors) = appearance.colors.as_ref().filter(|c| c.len() != gaussians) {
+        return Err(RenderError::Colors { found: colors.len(), expected: gaussians });
     }
     let usable = |s: &HalfSpace| s.normal.is_finite() && s.normal != DVec3::ZERO && s.offset.is_finite();
-    if let Some(index) = appearance.clips.iter().position(|clip| !clip.sides.iter().all(usable)) {
+    let broken = |c: &Clip| c.sides.is_empty() || !c.sides.iter().all(usable);
+    if let Some(index) = appearance.clips.iter().position(broken) {
         return Err(RenderError::Clip { index });
     }
     let masks = appearance.units.iter().enumerate().map(|(k, u)| (format!("editable unit {k}"), &u.mask));
     let overlay = appearance.overlay.iter().map(|o| ("the overlay".to_owned(), &o.mask));
     for (what, mask) in masks.chain(overlay) {
-        if mask.len() != scene.len() {
-            return Err(RenderError::Mask { what, found: mask.len(), expected: scene.len() });
+        if mask.len() != gaussians {
+            return Err(RenderError::Mask { what, found: mask.len(), expected: gaussians });
         }
     }
     Ok(())

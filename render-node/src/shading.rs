@@ -96,10 +96,10 @@ pub(crate) struct UnitShader<'a> {
 
 /// Normals of an affinely transformed surface: the inverse transpose up to length, in a form that a singular transform
 /// does not break.
-struct NormalTransform(DMat3);
+pub(crate) struct NormalTransform(DMat3);
 
 impl NormalTransform {
-    fn of(linear: DMat3) -> Self {
+    pub(crate) fn of(linear: DMat3) -> Self {
         // The cofactor matrix is det·A⁻ᵀ: finite for every A; a mirror's sign is taken out again.
         let DMat3 { x_axis: a, y_axis: b, z_axis: c } = linear;
         let cofactor = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
@@ -107,7 +107,7 @@ impl NormalTransform {
     }
 
     /// Keeps the normal's length: a reader may have stored less than unit length where a file says nearly nothing.
-    fn apply(&self, normal: DVec3) -> DVec3 {
+    pub(crate) fn apply(&self, normal: DVec3) -> DVec3 {
         (self.0 * normal).normalize_or_zero() * normal.length()
     }
 }

@@ -58,6 +58,12 @@ impl Mask {
         self.len == 0
     }
 
+    /// Words of 64 Gaussians each, the first Gaussian in the least significant bit; bits past the end are zero.
+    #[must_use]
+    pub fn words(&self) -> &[u64] {
+        &self.words
+    }
+
     /// Whether Gaussian `i` is selected; false past the end.
     #[must_use]
     pub fn get(&self, i: usize) -> bool {

@@ -1,0 +1,181 @@
+//! A graphics device: which one, what it allows, and whether it is still there.
+
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::GpuError;
+
+/// Longest wait for a device's answer. A software device compiles its shaders at their first use, which takes it seconds, and
+/// a minute on a busy machine.
+pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Which devices will do.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Wanted {
+    /// A graphics card, else whatever there is.
+    #[default]
+    Any,
+    /// A graphics card.
+    Hardware,
+    /// A device made of processor cores (such as lavapipe).
+    Software,
+}
+
+/// An open device. Clones share it.
+#[derive(Clone)]
+pub struct Gpu {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+    fault: Arc<Mutex<Option<GpuError>>>,
+}
+
+impl fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Gpu").field("name", &self.info.name).field("kind", &self.info.device_type).finish()
+    }
+}
+
+impl Gpu {
+    /// Opens a device through Vulkan.
+    ///
+    /// # Errors
+    /// [`GpuError::NoDevice`] where none will do, [`GpuError::Refused`] where it cannot be opened.
+    pub fn open(wanted: Wanted) -> Result<Self, GpuError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        let instance = wgpu::Instance::new(descriptor);
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        let software = |a: &wgpu::Adapter| a.get_info().device_type == wgpu::DeviceType::Cpu;
+        let adapter = adapters
+            .into_iter()
+            .filter(|a| match wanted {
+                Wanted::Any => true,
+                Wanted::Hardware => !software(a),
+                Wanted::Software => software(a),
+            })
+            .min_by_key(|a| match a.get_info().device_type {
+                wgpu::DeviceType::DiscreteGpu => 0,
+                wgpu::DeviceType::VirtualGpu => 1,
+                wgpu::DeviceType::IntegratedGpu => 2,
+                wgpu::DeviceType::Other => 3,
+                wgpu::DeviceType::Cpu => 4,
+            })
+            .ok_or(GpuError::NoDevice { wanted })?;
+        let info = adapter.get_info();
+        let useful = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::FLOAT32_BLENDABLE | wgpu::Features::MULTIVIEW;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("supergaussian"),
+            required_features: adapter.features() & useful,
+            required_limits: adapter.limits(),
+            ..wgpu::DeviceDescriptor::default()
+        }))
+        .map_err(|e| GpuError::Refused { device: info.name.clone(), reason: e.to_string() })?;
+        let fault = Arc::new(Mutex::new(None));
+        let keep = |fault: &Arc<Mutex<Option<GpuError>>>, error: GpuError| {
+            let mut kept = fault.lock().unwrap_or_else(PoisonError::into_inner);
+            // What broke first is the cause; a lost device outranks what followed from it.
+            if kept.is_none() || matches!(error, GpuError::Lost { .. }) {
+                *kept = Some(error);
+            }
+        };
+        let (lost, name) = (Arc::clone(&fault), info.name.clone());
+        device.set_device_lost_callback(move |_, reason| {
+            keep(&lost, GpuError::Lost { device: name.clone(), reason });
+        });
+        let (broken, name) = (Arc::clone(&fault), info.name.clone());
+        device.on_uncaptured_error(Arc::new(move |error| {
+            let device = name.clone();
+            let reason = error.to_string();
+            keep(
+                &broken,
+                match error {
+                    wgpu::Error::OutOfMemory { .. } => GpuError::Memory { device, reason },
+                    _ => GpuError::Failed { device, reason },
+                },
+            );
+        }));
+        Ok(Self { device, queue, info, fault })
+    }
+
+    /// The device's own name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.info.name
+    }
+
+    /// Whether the device is made of processor cores.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Gives the device up as a driver's reset would: whoever draws with it is told that it is lost.
+    pub fn lose(&self) {
+        self.device.destroy();
+    }
+
+    /// What broke since this was last asked.
+    pub(super) fn check(&self) -> Result<(), GpuError> {
+        match self.fault.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits for all work handed in so far, at most [`PATIENCE`].
+    pub(super) fn wait(&self) -> Result<(), GpuError> {
+        let waited = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
+        self.check()?;
+        waited.map(drop).map_err(|e| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() })
+    }
+
+    /// Most bytes of one buffer that a shader can reach.
+    pub(super) fn largest_binding(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    pub(super) fn has(&self, feature: wgpu::Features) -> bool {
+        self.device.features().contains(feature)
+    }
+
+    /// A buffer that shaders read and write; never of no length, so that it can always be bound.
+    pub(super) fn storage(&self, label: &str, bytes: u64) -> wgpu::Buffer {
+        self.buffer(label, bytes, wgpu::BufferUsages::STORAGE)
+    }
+
+    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.max(256).next_multiple_of(16),
+            usage: usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// The bytes of buffers once all work handed in so far is done. Not for the loop that draws.
+    pub(super) fn read(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
+        self.queue.submit([encoder.finish()]);
+        self.mapped(&staging)
+    }
+
+    /// The bytes of a buffer that can be mapped, once all work handed in so far is done.
+    pub(super) fn mapped(&self, staging: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
+        staging.map_async(wgpu::MapMode::Read, .., |_| ());
+        self.wait()?;
+        let failed = |e: &dyn fmt::Display| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
+        let bytes = staging.get_mapped_range(..).map_err(|e| failed(&e))?.to_vec();
+        staging.unmap();
+        Ok(bytes)
+    }
+}

@@ -1,0 +1,259 @@
+//! What edits change, on the device: small tables whole, masks as the words that differ.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3, Vec4};
+use sg_scene::appearance::{Appearance, ShadingTerm};
+use sg_scene::camera::LightMode;
+use sg_scene::mask::Mask;
+
+use super::device::Gpu;
+use super::uniform::{Edit, Side, Unit, with};
+
+/// Unchanged words between two changed ones that are uploaded with them rather than apart.
+const GAP: usize = 64;
+
+/// A look on the device.
+pub(super) struct Look {
+    pub(super) units: wgpu::Buffer,
+    pub(super) edits: wgpu::Buffer,
+    pub(super) masks: wgpu::Buffer,
+    pub(super) sides: wgpu::Buffer,
+    pub(super) colors: wgpu::Buffer,
+    pub(super) now: Now,
+    /// What the masks' buffer holds, slot by slot: units, then the highlight.
+    held: Vec<Arc<Mask>>,
+    shown: Option<Arc<[Vec3]>>,
+    table: Vec<Unit>,
+    edit_table: Vec<Edit>,
+    side_table: Vec<Side>,
+    words: usize,
+    /// Counts every time that a buffer was replaced, and what refers to it has to be bound anew.
+    pub(super) generation: u64,
+    /// Bytes uploaded by the newest change.
+    pub(super) uploaded: u64,
+}
+
+/// What of a look the shaders are specialised on or told in the frame's uniform.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Now {
+    pub(super) edits: u32,
+    pub(super) sides: u32,
+    pub(super) overlay: bool,
+    pub(super) colors: bool,
+    pub(super) directional: bool,
+    pub(super) term: u32,
+    pub(super) overlay_color: Vec4,
+    pub(super) background: Vec4,
+    pub(super) light: Vec4,
+}
+
+impl Look {
+    pub(super) fn new(gpu: &Gpu, gaussians: usize, units: &[Unit]) -> Self {
+        Self {
+            units: gpu.storage("units", size_of_val(units) as u64),
+            edits: gpu.storage("edits", 0),
+            masks: gpu.storage("masks", 0),
+            sides: gpu.storage("sides", 0),
+            colors: gpu.storage("colours", 0),
+            now: Now::default(),
+            held: Vec::new(),
+            shown: None,
+            table: Vec::new(),
+            edit_table: Vec::new(),
+            side_table: Vec::new(),
+            words: gaussians.div_ceil(64) * 2,
+            generation: 0,
+            uploaded: 0,
+        }
+    }
+
+    /// Words of 32 Gaussians in one mask.
+    pub(super) fn mask_words(&self) -> u32 {
+        self.words as u32
+    }
+
+    /// Brings the device to `appearance`; what is there already is not uploaded again.
+    pub(super) fn set(&mut self, gpu: &Gpu, scene_units: &[Unit], origin: DVec3, appearance: &Appearance) {
+        self.uploaded = 0;
+        let light = &appearance.light;
+        let table: Vec<Unit> = scene_units
+            .iter()
+            .zip(&appearance.base)
+            .map(|(unit, base)| {
+                let [ka, kd, ks, shininess] = base.multipliers;
+                Unit {
+                    palette: with(base.palette, base.opacity),
+                    multipliers: Vec4::new(ka * light.ka, kd * light.kd, ks * light.ks, shininess * light.shininess),
+                    kind: [unit.kind[0], unit.kind[1], u32::from(base.visible), 0],
+                    ..*unit
+                }
+            })
+            .collect();
+        if table != self.table {
+            gpu.queue.write_buffer(&self.units, 0, bytemuck::cast_slice(&table));
+            self.uploaded += size_of_val(table.as_slice()) as u64;
+            self.table = table;
+        }
+        let edits: Vec<Edit> = appearance
+            .units
+            .iter()
+            .map(|u| Edit {
+                color: with(u.color.unwrap_or(Vec3::ZERO), u.opacity),
+                kind: [u32::from(u.color.is_some()), u32::from(u.visible), 0, 0],
+            })
+            .collect();
+        let mut generation = self.generation;
+        if edits != self.edit_table {
+            self.uploaded += upload(gpu, &mut self.edits, "edits", bytemuck::cast_slice(&edits), &mut generation);
+            self.edit_table = edits;
+        }
+        let sides = sides(appearance, origin);
+        if sides != self.side_table {
+            self.uploaded += upload(gpu, &mut self.sides, "sides", bytemuck::cast_slice(&sides), &mut generation);
+            self.side_table = sides;
+        }
+        self.generation = generation;
+        self.set_masks(gpu, appearance);
+        self.set_colors(gpu, appearance);
+        let direction = Vec3::from_array(light.direction).as_dvec3().normalize_or_zero().as_vec3();
+        let overlay = appearance.overlay.as_ref();
+        self.now = Now {
+            edits: appearance.units.len() as u32,
+            sides: self.side_table.len() as u32,
+            overlay: overlay.is_some(),
+            colors: appearance.colors.is_some(),
+            directional: light.mode == LightMode::Direction,
+            term: match appearance.term {
+                ShadingTerm::Full => 0,
+                ShadingTerm::Normal => 1,
+                ShadingTerm::Ambient => 2,
+                ShadingTerm::Diffuse => 3,
+                ShadingTerm::Specular => 4,
+            },
+            overlay_color: overlay.map_or(Vec4::ZERO, |o| with(o.color, o.mix)),
+            background: with(appearance.background, overlay.map_or(1.0, |o| o.opacity)),
+            light: with(direction, 0.0),
+        };
+    }
+
+    fn set_masks(&mut self, gpu: &Gpu, appearance: &Appearance) {
+        let wanted: Vec<&Arc<Mask>> =
+            appearance.units.iter().map(|u| &u.mask).chain(appearance.overlay.iter().map(|o| &o.mask)).collect();
+        let slot = 4 * self.words as u64;
+        if self.masks.size() < slot * wanted.len() as u64 {
+            // Room for twice as many: a session makes units one after another.
+            self.masks = gpu.storage("masks", slot * 2 * wanted.len() as u64);
+            self.held.clear();
+            self.generation += 1;
+        }
+        for (k, mask) in wanted.iter().enumerate() {
+            let old = self.held.get(k);
+            if old.is_some_and(|old| Arc::ptr_eq(old, mask)) {
+                continue;
+            }
+            let old = old.map(|m| m.words()).unwrap_or_default();
+            for changed in changed_ranges(old, mask.words()) {
+                if let Some(words) = mask.words().get(changed.clone()) {
+                    let bytes: &[u8] = bytemuck::cast_slice(words);
+                    gpu.queue.write_buffer(&self.masks, slot * k as u64 + 8 * changed.start as u64, bytes);
+                    self.uploaded += bytes.len() as u64;
+                }
+            }
+        }
+        self.held = wanted.into_iter().cloned().collect();
+    }
+
+    fn set_colors(&mut self, gpu: &Gpu, appearance: &Appearance) {
+        let same = match (&self.shown, &appearance.colors) {
+            (Some(old), Some(new)) => Arc::ptr_eq(old, new),
+            (_, None) => true,
+            (None, Some(_)) => false,
+        };
+        if same {
+            return;
+        }
+        if let Some(colors) = &appearance.colors {
+            let safe: Vec<Vec3> = colors.iter().map(|c| c.max(Vec3::ZERO)).collect();
+            self.uploaded +=
+                upload(gpu, &mut self.colors, "colours", bytemuck::cast_slice(&safe), &mut self.generation);
+        }
+        self.shown.clone_from(&appearance.colors);
+    }
+}
+
+/// Writes a table, into a larger buffer where the one there is too small. Bytes written.
+fn upload(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: &[u8], generation: &mut u64) -> u64 {
+    if buffer.size() < bytes.len() as u64 {
+        *buffer = gpu.storage(label, 2 * bytes.len() as u64);
+        *generation += 1;
+    }
+    gpu.queue.write_buffer(buffer, 0, bytes);
+    bytes.len() as u64
+}
+
+fn sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
+    let mut all = Vec::new();
+    for (index, clip) in appearance.clips.iter().enumerate() {
+        for (k, side) in clip.sides.iter().enumerate() {
+            // Of unit length: f32 rounds products of long normals away.
+            let length = side.normal.length();
+            let normal = side.normal / length;
+            let offset = side.offset / length - normal.dot(origin);
+            let last = k + 1 == clip.sides.len();
+            all.push(Side {
+                plane: with(normal.as_vec3(), offset as f32),
+                kind: [index as u32, u32::from(clip.keep_inside), u32::from(last), 0],
+            });
+        }
+    }
+    all
+}
+
+/// Ranges of words in which two masks differ, near ones joined. Words that the old one lacks differ.
+fn changed_ranges(old: &[u64], new: &[u64]) -> Vec<std::ops::Range<usize>> {
+    let mut ranges: Vec<std::ops::Range<usize>> = Vec::new();
+    for (k, word) in new.iter().enumerate() {
+        if old.get(k) == Some(word) {
+            continue;
+        }
+        match ranges.last_mut() {
+            Some(range) if k - range.end <= GAP => range.end = k + 1,
+            _ => ranges.push(k..k + 1),
+        }
+    }
+    ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn ranges_cover_every_change_and_little_else(
+            old in proptest::collection::vec(0_u64..2, 0..400), flips in proptest::collection::vec(0_usize..400, 0..6),
+        ) {
+            let mut new = old.clone();
+            for k in flips {
+                if let Some(word) = new.get_mut(k) {
+                    *word ^= 1;
+                }
+            }
+            let ranges = changed_ranges(&old, &new);
+            let mut applied = old.clone();
+            for r in &ranges {
+                applied[r.clone()].copy_from_slice(&new[r.clone()]);
+                prop_assert!(old[r.start] != new[r.start] && old[r.end - 1] != new[r.end - 1]);
+            }
+            prop_assert_eq!(applied, new);
+        }
+    }
+
+    #[test]
+    fn a_new_mask_is_uploaded_whole() {
+        assert_eq!(changed_ranges(&[], &[0, 0, 1]), vec![0..3]);
+        assert_eq!(changed_ranges(&[1; 500], &[1; 500]), vec![]);
+    }
+}

@@ -1,0 +1,158 @@
+//! The kernels of a picture, specialised on what a scene and its look have.
+
+use std::collections::HashMap;
+
+use super::columns::Columns;
+use super::device::Gpu;
+use super::kernel::{Kernel, module};
+use super::look::Now;
+use super::sort::Sort;
+
+/// What projecting and shading is specialised on: a scene without highlights, masks or harmonics runs no line of theirs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Needs {
+    lit: bool,
+    highlights: bool,
+    degree: i32,
+    half: bool,
+    term: u32,
+    directional: bool,
+    masks: bool,
+    overlay: bool,
+    colors: bool,
+    clips: bool,
+}
+
+impl Needs {
+    pub(super) fn of(columns: &Columns, now: &Now) -> Self {
+        let Columns { lit, highlights, degree, half, .. } = *columns;
+        let &Now { edits, sides, overlay, colors, directional, term, .. } = now;
+        Self { lit, highlights, degree, half, term, directional, masks: edits > 0, overlay, colors, clips: sides > 0 }
+    }
+}
+
+/// Marking and projecting for one set of needs.
+pub(super) struct Specialised {
+    pub(super) mark: Kernel,
+    pub(super) project: Kernel,
+}
+
+/// All that draws.
+pub(super) struct Passes {
+    cull: wgpu::ShaderModule,
+    projection: wgpu::ShaderModule,
+    specialised: HashMap<Needs, Specialised>,
+    pub(super) sum_blocks: Kernel,
+    pub(super) list: Kernel,
+    pub(super) depth_sort: Sort,
+    pub(super) pair_sort: Sort,
+    pub(super) touch: Kernel,
+    pub(super) sum_touched: Kernel,
+    pub(super) open_window: Kernel,
+    pub(super) list_pairs: Kernel,
+    pub(super) clear_lists: Kernel,
+    pub(super) find_ends: Kernel,
+    pub(super) blend: Kernel,
+    pub(super) quads: [wgpu::RenderPipeline; 2],
+    pub(super) compose_tiles: [wgpu::RenderPipeline; 2],
+    pub(super) compose_quads: [wgpu::RenderPipeline; 2],
+    /// What quadrilaterals are blended in: f32 where the device can.
+    pub(super) blend_format: wgpu::TextureFormat,
+}
+
+/// What finished pictures are kept in.
+pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+impl Passes {
+    pub(super) fn new(gpu: &Gpu, columns: &Columns) -> Self {
+        let list = module(gpu, "list", include_str!("shaders/list.wgsl"));
+        let tiles = module(gpu, "tiles", include_str!("shaders/tiles.wgsl"));
+        let quads = module(gpu, "quads", include_str!("shaders/quads.wgsl"));
+        let compose = module(gpu, "compose", include_str!("shaders/compose.wgsl"));
+        let counts = [("BLOCKS", f64::from(columns.blocks)), ("PARTS", columns.parts.len() as f64)];
+        let blend_format = if gpu.has(wgpu::Features::FLOAT32_BLENDABLE) {
+            wgpu::TextureFormat::Rgba32Float
+        } else {
+            wgpu::TextureFormat::Rgba16Float
+        };
+        let under = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let under = wgpu::BlendState { color: under, alpha: under };
+        let drawing = |module, [vertex, fragment]: [&str; 2], topology, format, blend| {
+            [0.0, 1.0].map(|view| {
+                let constants = [("VIEW", view)];
+                let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+                gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                    label: Some(fragment),
+                    layout: None,
+                    vertex: wgpu::VertexState {
+                        module,
+                        entry_point: Some(vertex),
+                        compilation_options: options.clone(),
+                        buffers: &[],
+                    },
+                    primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+                    depth_stencil: None,
+                    multisample: wgpu::MultisampleState::default(),
+                    fragment: Some(wgpu::FragmentState {
+                        module,
+                        entry_point: Some(fragment),
+                        compilation_options: options,
+                        targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
+                    }),
+                    multiview_mask: None,
+                    cache: None,
+                })
+            })
+        };
+        let (strip, triangles) = (wgpu::PrimitiveTopology::TriangleStrip, wgpu::PrimitiveTopology::TriangleList);
+        let tile = |entry| Kernel::new(gpu, &tiles, entry, &[]);
+        Self {
+            cull: module(gpu, "cull", include_str!("shaders/cull.wgsl")),
+            projection: module(gpu, "project", include_str!("shaders/project.wgsl")),
+            specialised: HashMap::new(),
+            sum_blocks: Kernel::new(gpu, &list, "sum_blocks", &counts),
+            list: Kernel::new(gpu, &list, "list", &[]),
+            depth_sort: Sort::new(gpu, 0),
+            pair_sort: Sort::new(gpu, 2),
+            touch: tile("touch"),
+            sum_touched: tile("sum_touched"),
+            open_window: tile("open_window"),
+            list_pairs: tile("list_pairs"),
+            clear_lists: tile("clear_lists"),
+            find_ends: tile("find_ends"),
+            blend: tile("blend"),
+            quads: drawing(&quads, ["corner", "blend"], strip, blend_format, Some(under)),
+            compose_tiles: drawing(&compose, ["cover", "from_tiles"], triangles, PICTURE, None),
+            compose_quads: drawing(&compose, ["cover", "from_quads"], triangles, PICTURE, None),
+            blend_format,
+        }
+    }
+
+    /// The kernels for these needs, made when they are first needed.
+    pub(super) fn specialised(&mut self, gpu: &Gpu, needs: Needs) -> &Specialised {
+        let (cull, projection) = (&self.cull, &self.projection);
+        self.specialised.entry(needs).or_insert_with(|| {
+            let flag = |on: bool| f64::from(u8::from(on));
+            let mark = [("MASKS", flag(needs.masks)), ("CLIPS", flag(needs.clips))];
+            let project = [
+                ("LIT", flag(needs.lit)),
+                ("DEGREE", f64::from(needs.degree)),
+                ("HIGHLIGHTS", flag(needs.highlights)),
+                ("TERM", f64::from(needs.term)),
+                ("DIRECTIONAL", flag(needs.directional)),
+                ("MASKS", flag(needs.masks)),
+                ("OVERLAY", flag(needs.overlay)),
+                ("COLORS", flag(needs.colors)),
+                ("HALF", flag(needs.half)),
+            ];
+            Specialised {
+                mark: Kernel::new(gpu, cull, "mark", &mark),
+                project: Kernel::new(gpu, projection, "project", &project),
+            }
+        })
+    }
+}

@@ -1,0 +1,435 @@
+//! One scene on one device: cameras in, pictures out.
+
+use glam::{DMat3, DVec3, Vec4};
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
+
+use super::GpuError;
+use super::columns::{BLOCK, Columns};
+use super::device::Gpu;
+use super::look::Look;
+use super::passes::{Needs, Passes};
+pub use super::timing::PassSeconds;
+use super::timing::{Span, Timing};
+use super::uniform::{FrameUniform, ViewUniform};
+use super::work::{Canvas, Ordering, PART_DISPATCHES, Quads, Tiles, Work, tile_count};
+use crate::image::Image;
+use crate::project::NEAR;
+use crate::render::{Quality, check_look, check_scene};
+use crate::standard::Limits;
+
+/// How splats are blended.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Rasterizer {
+    /// Lists for each 16 × 16 tile, blended by compute shaders.
+    #[default]
+    Tiles,
+    /// A quadrilateral for each splat, blended by the fixed function.
+    Quads,
+}
+
+/// How pictures are made.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Settings {
+    /// `Exact` is for the CPU alone; here it means `Standard`.
+    pub quality: Quality,
+    /// How splats are blended.
+    pub rasterizer: Rasterizer,
+    /// Whether both eyes see the colours of the eye between them, which spares one of two evaluations of the shading.
+    pub shared_shading: bool,
+}
+
+/// What drawing did.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Drawn {
+    /// Gaussians that may reach a picture.
+    pub listed: u32,
+    /// Pairs of a Gaussian and a tile, all views; 0 with quadrilaterals.
+    pub tile_pairs: u32,
+    /// Time of the device in each pass, where it can measure it.
+    pub seconds: Option<PassSeconds>,
+}
+
+/// Forward axes of two eyes that differ by less share one order: by view depth it is then the same for both.
+const PARALLEL: f64 = 1e-6;
+
+/// Fewest and most pairs of a Gaussian and a tile that are listed at once. More are blended in windows.
+const PAIRS: [u64; 2] = [1 << 20, 1 << 23];
+
+/// Most windows of one picture.
+const WINDOWS: u64 = 64;
+
+/// Draws one scene on one device.
+pub struct Renderer {
+    gpu: Gpu,
+    columns: Columns,
+    look: Look,
+    passes: Passes,
+    frame: wgpu::Buffer,
+    timing: Timing,
+    work: Work,
+    canvas: Canvas,
+    bound: Bound,
+    pairs: u64,
+    told: Drawn,
+}
+
+/// Passes bound to the buffers of now; what is `None` is bound when it is next needed.
+#[derive(Default)]
+struct Bound {
+    needs: Option<(Needs, u64)>,
+    ordering: Option<Ordering>,
+    quads: Option<Quads>,
+    tiles: Option<Tiles>,
+}
+
+impl Renderer {
+    /// Uploads a scene.
+    ///
+    /// # Errors
+    /// [`GpuError`] for a scene that makes no picture, too little memory, or a device that does not answer.
+    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, GpuError> {
+        Self::with_half(gpu, scene, false)
+    }
+
+    /// Uploads a scene, with shading columns and harmonics in half precision (2⁻¹¹ of each) where `half`.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn with_half(gpu: &Gpu, scene: &Scene, half: bool) -> Result<Self, GpuError> {
+        check_scene(scene)?;
+        let columns = Columns::upload(gpu, scene, half);
+        gpu.check()?;
+        let look = Look::new(gpu, columns.len, &columns.units);
+        let passes = Passes::new(gpu, &columns);
+        let work = Work::new(gpu, &columns, 1);
+        let renderer = Self {
+            look,
+            passes,
+            frame: gpu.buffer("frame", size_of::<FrameUniform>() as u64, wgpu::BufferUsages::UNIFORM),
+            timing: Timing::new(gpu),
+            work,
+            canvas: Canvas::new(gpu, [1, 1], 1),
+            bound: Bound::default(),
+            pairs: 0,
+            told: Drawn::default(),
+            columns,
+            gpu: gpu.clone(),
+        };
+        gpu.wait()?;
+        Ok(renderer)
+    }
+
+    /// The device that draws.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Bytes that the scene's columns take on the device.
+    #[must_use]
+    pub fn column_bytes(&self) -> u64 {
+        self.columns.bytes
+    }
+
+    /// Gaussians with a NaN or infinite attribute, which are drawn nowhere.
+    #[must_use]
+    pub fn dropped_non_finite(&self) -> usize {
+        self.columns.non_finite
+    }
+
+    /// Bytes that the newest change of the look sent to the device.
+    #[must_use]
+    pub fn look_bytes(&self) -> u64 {
+        self.look.uploaded
+    }
+
+    /// Draws and reads the pictures back, one for each camera. For single pictures and tests: it waits for the device.
+    ///
+    /// # Errors
+    /// [`GpuError`].
+    pub fn picture(
+        &mut self,
+        cameras: &[Camera],
+        appearance: &Appearance,
+        settings: Settings,
+    ) -> Result<(Vec<Image>, Drawn), GpuError> {
+        loop {
+            self.draw(cameras, appearance, settings)?;
+            let (drawn, complete) = self.finish()?;
+            if complete {
+                let images = self.canvas.pictures.iter().map(|picture| self.read(picture)).collect::<Result<_, _>>()?;
+                return Ok((images, drawn));
+            }
+        }
+    }
+
+    /// Waits until the newest picture is drawn: what drawing did, and whether all of it is in the picture. Where it is not,
+    /// the next one makes room.
+    ///
+    /// # Errors
+    /// [`GpuError`].
+    pub fn finish(&mut self) -> Result<(Drawn, bool), GpuError> {
+        self.gpu.wait()?;
+        self.learn()?;
+        let room = self.bound.tiles.as_ref().map_or(u64::MAX, |t| t.capacity * t.windows.len() as u64);
+        Ok((self.told, self.pairs <= room))
+    }
+
+    /// Hands a picture of each camera (one, or two eyes of one size) to the device and does not wait for it. Without a
+    /// selection, units or colours of its own a scene pays nothing for them.
+    ///
+    /// # Errors
+    /// [`GpuError::Input`] and [`GpuError::Views`] for what makes no picture, [`GpuError::TooMany`] when an earlier picture
+    /// was found to hold more than fits, and whatever the device has reported since the last call.
+    pub fn draw(&mut self, cameras: &[Camera], appearance: &Appearance, settings: Settings) -> Result<(), GpuError> {
+        let first = cameras.first().ok_or_else(|| GpuError::Views("no camera was given".to_owned()))?;
+        let size = [first.width, first.height];
+        if cameras.len() > 2 || cameras.iter().any(|c| [c.width, c.height] != size) {
+            return Err(GpuError::Views("one camera or two of one size are drawn together".to_owned()));
+        }
+        let largest = self.gpu.device.limits().max_texture_dimension_2d;
+        if size.iter().any(|s| *s > largest) {
+            let [width, height] = size;
+            return Err(GpuError::Views(format!(
+                "{} draws pictures of at most {largest} pixels each way, not {width} x {height}",
+                self.gpu.name()
+            )));
+        }
+        for camera in cameras {
+            check_look([self.columns.len, self.columns.units.len()], appearance, camera)?;
+        }
+        self.gpu.check()?;
+        // Whatever has been answered meanwhile; nothing is waited for.
+        let _ = self.gpu.device.poll(wgpu::PollType::Poll);
+        self.learn()?;
+        self.look.set(&self.gpu, &self.columns.units, self.columns.origin, appearance);
+        if self.canvas.size != size || self.canvas.pictures.len() != cameras.len() {
+            self.canvas = Canvas::new(&self.gpu, size, cameras.len());
+            self.bound.quads = None;
+            self.bound.tiles = None;
+        }
+        let forward = |c: &Camera| DMat3::from_mat4(c.view()).row(2);
+        let together = cameras.iter().all(|c| (forward(c) - forward(first)).abs().max_element() <= PARALLEL);
+        if together {
+            self.draw_together(cameras, 0, settings);
+        } else {
+            for (k, camera) in cameras.iter().enumerate() {
+                self.draw_together(std::slice::from_ref(camera), k, settings);
+            }
+        }
+        self.gpu.check()
+    }
+
+    /// Draws views that share one order into the pictures from `first` on.
+    fn draw_together(&mut self, cameras: &[Camera], first: usize, settings: Settings) {
+        let views = cameras.len() as u32;
+        if !self.work.serves(views) {
+            self.work = Work::new(&self.gpu, &self.columns, views);
+            self.bound = Bound::default();
+        }
+        self.bind(settings.rasterizer);
+        self.write_frame(cameras, settings);
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.timing.begin();
+        self.encode_order(&mut encoder);
+        match settings.rasterizer {
+            Rasterizer::Tiles => self.encode_tiles(&mut encoder, views),
+            Rasterizer::Quads => self.encode_quads(&mut encoder),
+        }
+        self.encode_compose(&mut encoder, first, settings.rasterizer);
+        let asked = self.timing.ask(&mut encoder, &self.work.totals);
+        self.gpu.queue.submit([encoder.finish()]);
+        if asked {
+            self.timing.await_answer();
+        }
+    }
+
+    fn bind(&mut self, rasterizer: Rasterizer) {
+        let needs = Needs::of(&self.columns, &self.look.now);
+        let key = Some((needs, self.look.generation));
+        let Self { gpu, columns, look, passes, frame, work, canvas, bound, .. } = self;
+        if bound.needs != key {
+            bound.needs = key;
+            bound.ordering = None;
+        }
+        let ordering =
+            bound.ordering.get_or_insert_with(|| Ordering::bind(gpu, frame, (columns, look, work), passes, needs));
+        let order = (&*work, &ordering.depths);
+        match rasterizer {
+            Rasterizer::Quads => {
+                bound.quads.get_or_insert_with(|| Quads::bind(gpu, frame, order, passes, canvas.size));
+            }
+            Rasterizer::Tiles => {
+                let capacity = (self.pairs + self.pairs / 4)
+                    .next_power_of_two()
+                    .clamp(PAIRS[0], PAIRS[1])
+                    .min(gpu.largest_binding() / 4);
+                let windows = self.pairs.div_ceil(capacity).clamp(1, WINDOWS) as u32;
+                let fits = |t: &Tiles| t.capacity >= capacity && t.windows.len() >= windows as usize;
+                if !bound.tiles.as_ref().is_some_and(fits) {
+                    // Freed first: both at once may not fit.
+                    bound.tiles = None;
+                    bound.tiles = Some(Tiles::bind(gpu, frame, order, passes, canvas.size, (capacity, windows)));
+                }
+            }
+        }
+    }
+
+    /// Takes in what the device has answered.
+    fn learn(&mut self) -> Result<(), GpuError> {
+        let Some(([listed, marked, _, pairs], seconds)) = self.timing.answer() else { return Ok(()) };
+        let device = || self.gpu.name().to_owned();
+        if marked > listed {
+            return Err(GpuError::TooMany { device: device(), found: marked.into(), capacity: self.work.capacity });
+        }
+        let most = PAIRS[1] * WINDOWS;
+        if u64::from(pairs) > most {
+            let reason = format!(
+                "{pairs} pairs of Gaussians and tiles are more than the {most} of one picture; draw it with quadrilaterals"
+            );
+            return Err(GpuError::Failed { device: device(), reason });
+        }
+        self.pairs = pairs.into();
+        self.told = Drawn { listed, tile_pairs: pairs, seconds };
+        Ok(())
+    }
+
+    fn write_frame(&self, cameras: &[Camera], settings: Settings) {
+        let Limits { cut, ratio, stop } = match settings.quality {
+            Quality::Exact | Quality::Standard => Limits::STANDARD,
+            Quality::Fast => Limits::FAST,
+        };
+        let origin = self.columns.origin;
+        let mut views = [ViewUniform::default(); 2];
+        for (view, camera) in views.iter_mut().zip(cameras) {
+            *view = ViewUniform::of(camera, origin);
+        }
+        let between = cameras.iter().map(|c| c.eye()).sum::<DVec3>() / cameras.len() as f64 - origin;
+        let shares = settings.shared_shading && cameras.len() > 1;
+        let now = &self.look.now;
+        let uniform = FrameUniform {
+            views,
+            shading_eye: between.as_vec3().extend(f32::from(u8::from(shares))),
+            light: now.light,
+            overlay: now.overlay_color,
+            background: now.background,
+            limits: Vec4::new(cut as f32, ratio as f32, stop, NEAR as f32),
+            size: self.canvas.size,
+            tiles: tile_count(self.canvas.size),
+            view_count: cameras.len() as u32,
+            capacity: self.work.capacity as u32,
+            pair_capacity: self.bound.tiles.as_ref().map_or(0, |t| t.capacity as u32),
+            edits: now.edits,
+            mask_words: self.look.mask_words(),
+            clips: now.sides,
+            spare: [0; 2],
+        };
+        self.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
+    }
+
+    fn encode_order(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        let Self { gpu, columns, passes, timing, work, bound, .. } = self;
+        let Bound { needs: Some((needs, _)), ordering: Some(ordering), .. } = bound else { return };
+        {
+            let mut pass = timing.compute(encoder, Span::List);
+            let kernels = passes.specialised(gpu, *needs);
+            let blocks = |count: u32| [count.div_ceil(BLOCK as u32), 1, 1];
+            for (group, p) in ordering.mark.iter().zip(&columns.parts) {
+                kernels.mark.run(&mut pass, group, blocks(p.part.count));
+            }
+            passes.sum_blocks.run(&mut pass, &ordering.sum_blocks, [1, 1, 1]);
+            for (group, p) in ordering.list.iter().zip(&columns.parts) {
+                passes.list.run(&mut pass, group, blocks(p.part.count));
+            }
+        }
+        {
+            let mut pass = timing.compute(encoder, Span::Project);
+            let kernels = passes.specialised(gpu, *needs);
+            for (group, at) in ordering.project.iter().zip((PART_DISPATCHES..).step_by(3)) {
+                kernels.project.run_counted(&mut pass, group, &work.dispatches, at);
+            }
+        }
+        let mut pass = timing.compute(encoder, Span::Sort);
+        passes.depth_sort.run(&mut pass, &ordering.depths, &work.dispatches, 0);
+    }
+
+    fn encode_tiles(&mut self, encoder: &mut wgpu::CommandEncoder, views: u32) {
+        let Self { passes, timing, work, bound, canvas, .. } = self;
+        let Some(tiles) = &bound.tiles else { return };
+        let [across, down] = tile_count(canvas.size);
+        for (k, window) in tiles.windows.iter().enumerate() {
+            {
+                let mut pass = timing.compute(encoder, Span::Bin);
+                if k == 0 {
+                    passes.touch.run_counted(&mut pass, &tiles.touch, &work.dispatches, 3);
+                    passes.sum_touched.run(&mut pass, &tiles.sum_touched, [1, 1, 1]);
+                }
+                passes.open_window.run(&mut pass, &window.open, [1, 1, 1]);
+                passes.list_pairs.run_counted(&mut pass, &window.list, &work.dispatches, 3);
+                passes.pair_sort.run(&mut pass, &tiles.sorting, &tiles.dispatches, 0);
+                passes.clear_lists.run(&mut pass, &tiles.clear_lists, [tiles.clear_groups, 1, 1]);
+                passes.find_ends.run_counted(&mut pass, &tiles.find_ends, &tiles.dispatches, 3);
+            }
+            let mut pass = timing.compute(encoder, Span::Blend);
+            passes.blend.run(&mut pass, &window.blend, [across, down, views]);
+        }
+    }
+
+    fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        let Self { passes, timing, work, bound, .. } = self;
+        let Some(quads) = &bound.quads else { return };
+        for (k, (group, pipeline)) in quads.draw.iter().zip(&passes.quads).enumerate() {
+            let Some(target) = quads.target(k) else { continue };
+            let mut pass = timing.drawing(encoder, Span::Blend, &target);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.draw_indirect(&work.dispatches, 24);
+        }
+    }
+
+    fn encode_compose(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize, rasterizer: Rasterizer) {
+        let Self { passes, timing, bound, canvas, .. } = self;
+        let (groups, pipelines) = match (rasterizer, &bound.quads, &bound.tiles) {
+            (Rasterizer::Quads, Some(quads), _) => (&quads.compose, &passes.compose_quads),
+            (Rasterizer::Tiles, _, Some(tiles)) => (&tiles.compose, &passes.compose_tiles),
+            _ => return,
+        };
+        for ((group, pipeline), picture) in groups.iter().zip(pipelines).zip(canvas.pictures.iter().skip(first)) {
+            let target = picture.create_view(&wgpu::TextureViewDescriptor::default());
+            let mut pass = timing.drawing(encoder, Span::Compose, &target);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.draw(0..3, 0..1);
+        }
+    }
+
+    fn read(&self, picture: &wgpu::Texture) -> Result<Image, GpuError> {
+        let [width, height] = self.canvas.size;
+        let row = (16 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let staging = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("picture"),
+            size: u64::from(row) * u64::from(height),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(
+            picture.as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &staging,
+                layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+            },
+            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        );
+        self.gpu.queue.submit([encoder.finish()]);
+        let bytes = self.gpu.mapped(&staging)?;
+        let rgba = bytes
+            .chunks_exact(row as usize)
+            .flat_map(|line| line.get(..16 * width as usize).unwrap_or_default())
+            .copied()
+            .collect::<Vec<u8>>();
+        Ok(Image { width, height, rgba: bytemuck::pod_collect_to_vec(&rgba) })
+    }
+}

@@ -1,0 +1,84 @@
+// What every pass knows of a picture. Mirrors `FrameUniform` of frame.rs word for word.
+
+struct View {
+    // Rows of the rotation from the scene's frame to the camera's (x right, y down, z forward).
+    right: vec4<f32>,
+    down: vec4<f32>,
+    forward: vec4<f32>,
+    // Where the eye is, relative to the origin that the centres are stored against.
+    eye: vec4<f32>,
+    // Focal lengths and principal point, pixels.
+    lens: vec4<f32>,
+}
+
+struct Frame {
+    views: array<View, 2>,
+    // Eye that colours are shaded for where they are shared; w is 1 where they are.
+    shading_eye: vec4<f32>,
+    // Towards the light, of unit length or zero; unused for a headlight.
+    light: vec4<f32>,
+    // Highlight: colour, and its share.
+    overlay: vec4<f32>,
+    // Background colour, and the highlight's factor on the opacity.
+    background: vec4<f32>,
+    // Least alpha that is drawn, its ratio to a faint opacity, transmittance at which a pixel is finished, near plane.
+    limits: vec4<f32>,
+    size: vec2<u32>,
+    tiles: vec2<u32>,
+    view_count: u32,
+    // Gaussians that may be visible at once.
+    capacity: u32,
+    // Pairs of a Gaussian and a tile that are listed at once.
+    pair_capacity: u32,
+    // Editable units with a mask.
+    edits: u32,
+    // Words of one mask.
+    mask_words: u32,
+    clips: u32,
+    spare: vec2<u32>,
+}
+
+// One stretch of a long job: Gaussians of one set of buffers, or pairs of one window.
+struct Part {
+    // First Gaussian by scene-wide index, or first pair.
+    first: u32,
+    count: u32,
+    // Index of the part, and of its first block of Gaussians.
+    index: u32,
+    block: u32,
+}
+
+// A base unit.
+struct Unit {
+    // Columns of the linear part of its transform; w of the first is its greatest stretch.
+    x: vec4<f32>,
+    y: vec4<f32>,
+    z: vec4<f32>,
+    // Columns of the inverse, for the direction that its harmonics are seen from.
+    ix: vec4<f32>,
+    iy: vec4<f32>,
+    iz: vec4<f32>,
+    // Palette colour, and the factor on the opacity.
+    palette: vec4<f32>,
+    // Factors on ka, kd, ks and the exponent.
+    multipliers: vec4<f32>,
+    // Shading model (0 paper, 1 as iVR-GS trains, 2 as its viewer draws), look (0 palette, 1 lit, 2 harmonics), visible.
+    kind: vec4<u32>,
+}
+
+// An editable unit: its colour, and the factor on the opacity; kind: whether the colour counts, whether it is visible.
+struct Edit {
+    color: vec4<f32>,
+    kind: vec4<u32>,
+}
+
+// A half-space: its normal and the least product, relative to the centres' origin. kind: number of its clip, whether the
+// clip keeps its inside, whether it is the clip's last side.
+struct Side {
+    plane: vec4<f32>,
+    kind: vec4<u32>,
+}
+
+fn is_finite(x: f32) -> bool {
+    return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
+}

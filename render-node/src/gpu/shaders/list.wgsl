@@ -1,0 +1,106 @@
+// From marked Gaussians to a list of them in index order, and how much work that makes for the passes after it.
+
+override BLOCKS: u32 = 1u;
+override PARTS: u32 = 1u;
+
+const WORDS: u32 = 32u;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> part: Part;
+@group(0) @binding(2) var<storage, read> bits: array<u32>;
+@group(0) @binding(3) var<storage, read_write> blocks: array<u32>;
+// For each part: its first place in the list, and its length.
+@group(0) @binding(4) var<storage, read_write> stretches: array<vec2<u32>>;
+// Listed, marked, pairs in this window, pairs in all.
+@group(0) @binding(5) var<storage, read_write> totals: array<u32>;
+// Dispatches of the sort and of the tiles' lists, the quadrilaterals' draw, then a dispatch for each part.
+@group(0) @binding(6) var<storage, read_write> dispatches: array<u32>;
+@group(0) @binding(7) var<storage, read_write> listed: array<u32>;
+@group(0) @binding(8) var<storage, read> parts: array<Part>;
+
+var<workgroup> sums: array<u32, 256>;
+
+@compute @workgroup_size(256)
+fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
+    let each = (BLOCKS + 255u) / 256u;
+    let first = lane * each;
+    let last = min(first + each, BLOCKS);
+    var sum = 0u;
+    for (var k = first; k < last; k++) {
+        sum += blocks[k];
+    }
+    sums[lane] = sum;
+    workgroupBarrier();
+    for (var step = 1u; step < 256u; step <<= 1u) {
+        var more = 0u;
+        if lane >= step {
+            more = sums[lane - step];
+        }
+        workgroupBarrier();
+        sums[lane] += more;
+        workgroupBarrier();
+    }
+    var running = sums[lane] - sum;
+    for (var k = first; k < last; k++) {
+        let count = blocks[k];
+        blocks[k] = running;
+        running += count;
+    }
+    storageBarrier();
+    if lane == 0u {
+        let marked = sums[255];
+        let count = min(marked, frame.capacity);
+        totals[0] = count;
+        totals[1] = marked;
+        dispatches[0] = (count + 4095u) / 4096u;
+        dispatches[1] = 1u;
+        dispatches[2] = 1u;
+        dispatches[3] = (count * frame.view_count + 1023u) / 1024u;
+        dispatches[4] = 1u;
+        dispatches[5] = 1u;
+        dispatches[6] = 4u;
+        dispatches[7] = count;
+        dispatches[8] = 0u;
+        dispatches[9] = 0u;
+        for (var p = 0u; p < PARTS; p++) {
+            let from = min(blocks[parts[p].block], count);
+            var to = count;
+            if p + 1u < PARTS {
+                to = min(blocks[parts[p + 1u].block], count);
+            }
+            stretches[p] = vec2(from, to - from);
+            dispatches[10u + 3u * p] = (to - from + 63u) / 64u;
+            dispatches[11u + 3u * p] = 1u;
+            dispatches[12u + 3u * p] = 1u;
+        }
+    }
+}
+
+var<workgroup> held: array<u32, WORDS>;
+var<workgroup> before: array<u32, WORDS>;
+
+@compute @workgroup_size(256)
+fn list(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let block = part.block + group.x;
+    if lane < WORDS {
+        held[lane] = bits[block * WORDS + lane];
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        var running = blocks[block];
+        for (var k = 0u; k < WORDS; k++) {
+            before[k] = running;
+            running += countOneBits(held[k]);
+        }
+    }
+    workgroupBarrier();
+    for (var k = 0u; k < 4u; k++) {
+        let at = k * 256u + lane;
+        let word = held[at >> 5u];
+        let bit = 1u << (at & 31u);
+        let to = before[at >> 5u] + countOneBits(word & (bit - 1u));
+        if (word & bit) != 0u && to < frame.capacity {
+            listed[to] = part.first + group.x * 1024u + at;
+        }
+    }
+}

@@ -1,0 +1,48 @@
+// Blends splats as quadrilaterals, near to far: what is drawn first keeps its share (target alpha is 1 - transmittance).
+
+override VIEW: u32 = 0u;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> splats: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> order: array<u32>;
+
+struct Corner {
+    @builtin(position) position: vec4<f32>,
+    // Centre, slope, per column.
+    @location(0) @interpolate(flat) ellipse: vec4<f32>,
+    // Per row, log2 of the opacity, range.
+    @location(1) @interpolate(flat) level: vec3<f32>,
+    @location(2) @interpolate(flat) color: vec3<f32>,
+}
+
+@vertex
+fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
+    let at = 3u * (VIEW * frame.capacity + order[instance]);
+    let a = splats[at];
+    let b = splats[at + 1u];
+    var out: Corner;
+    out.ellipse = a;
+    out.level = b.xyz;
+    out.color = splats[at + 2u].xyz;
+    // The level is a disc in (u, v); the square around it is a parallelogram of pixels, with half a pixel to spare.
+    let reach = sqrt(max(b.z, 0.0));
+    let sign = vec2(f32(vertex & 1u) * 2.0 - 1.0, f32(vertex >> 1u) * 2.0 - 1.0);
+    let dy = sign.y * (reach / b.x);
+    let dx = sign.x * (reach / a.w) + a.z * dy;
+    let ndc = (a.xy + vec2(dx, dy)) / vec2<f32>(frame.size) * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
+    out.position = select(vec4(ndc, 0.5, 1.0), vec4(-2.0, -2.0, 0.5, 1.0), b.z < 0.0);
+    return out;
+}
+
+@fragment
+fn blend(in: Corner) -> @location(0) vec4<f32> {
+    let d = in.position.xy - in.ellipse.xy;
+    let u = (d.x - in.ellipse.z * d.y) * in.ellipse.w;
+    let v = d.y * in.level.x;
+    let below = u * u + v * v;
+    if below > in.level.z {
+        discard;
+    }
+    let alpha = min(exp2(in.level.y - below), 1.0);
+    return vec4(in.color * alpha, alpha);
+}

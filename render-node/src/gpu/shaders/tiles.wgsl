@@ -1,0 +1,316 @@
+// Blends splats tile by tile: lists which splats touch which 16 x 16 tile in depth order, then blends each tile's list.
+//
+// Lists longer than the buffer holds are made and blended in windows of the depth order, front to back: what a pixel has
+// collected so far is kept between them.
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> part: Part;
+@group(0) @binding(2) var<storage, read> splats: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> order: array<u32>;
+@group(0) @binding(4) var<storage, read_write> totals: array<u32>;
+// Tiles touched by each of the depth order's splats (all views of one before the next), and sums of 1024 of them.
+@group(0) @binding(5) var<storage, read_write> touched: array<u32>;
+@group(0) @binding(6) var<storage, read_write> sums: array<u32>;
+@group(0) @binding(7) var<storage, read_write> pair_tiles: array<u32>;
+@group(0) @binding(8) var<storage, read_write> pair_splats: array<u32>;
+// Dispatches: the pairs' sort, the pairs' ends.
+@group(0) @binding(9) var<storage, read_write> dispatches: array<u32>;
+// First pair and end of each tile's list.
+@group(0) @binding(10) var<storage, read_write> lists: array<vec2<u32>>;
+// Composited colour and transmittance of each pixel, view after view.
+@group(0) @binding(11) var<storage, read_write> pixels: array<vec4<f32>>;
+
+const TILE: f32 = 16.0;
+
+// Pixels by which a level is taken to reach further, so that rounding here costs no pixel that blending would draw.
+const MARGIN: f32 = 0.01;
+
+struct Extent {
+    center: vec2<f32>,
+    slope: f32,
+    // Half sizes of the level along a row through its centre, and over the rows.
+    along: f32,
+    tall: f32,
+    // Its greatest half width, and the row offset where it reaches furthest right.
+    wide: f32,
+    tip: f32,
+    first_row: u32,
+    end_row: u32,
+}
+
+fn pixel_range(low: f32, high: f32, size: u32) -> vec2<u32> {
+    let limit = f32(size);
+    let first = clamp(ceil(low - 0.5), 0.0, limit);
+    let end = clamp(floor(high - 0.5) + 1.0, 0.0, limit);
+    return vec2(u32(first), u32(end));
+}
+
+fn extent(at: u32) -> Extent {
+    let a = splats[at];
+    let b = splats[at + 1u];
+    var e: Extent;
+    e.center = a.xy;
+    e.slope = a.z;
+    if b.z < 0.0 {
+        return e;
+    }
+    let reach = sqrt(b.z);
+    e.along = reach / a.w;
+    e.tall = reach / b.x;
+    e.wide = length(vec2(e.along, e.slope * e.tall));
+    e.tip = e.slope * e.tall * e.tall / e.wide;
+    let rows = pixel_range(a.y - e.tall - MARGIN, a.y + e.tall + MARGIN, frame.size.y);
+    if rows.x < rows.y {
+        e.first_row = rows.x / 16u;
+        e.end_row = (rows.y + 15u) / 16u;
+    }
+    return e;
+}
+
+// Tile columns that the level touches in one row of tiles: the twin of Grid::columns_touched in tiles.rs.
+fn columns(e: Extent, row: u32) -> vec2<u32> {
+    let top = max(f32(row * 16u) + 0.5 - e.center.y, -e.tall);
+    let bottom = min(f32(min((row + 1u) * 16u, frame.size.y)) - 0.5 - e.center.y, e.tall);
+    if top > bottom {
+        return vec2(0u);
+    }
+    let right = clamp(e.tip, top, bottom);
+    let left = clamp(-e.tip, top, bottom);
+    let half_right = e.along * sqrt(max(1.0 - (right / e.tall) * (right / e.tall), 0.0));
+    let half_left = e.along * sqrt(max(1.0 - (left / e.tall) * (left / e.tall), 0.0));
+    let low = e.center.x + e.slope * left - half_left - MARGIN;
+    let high = e.center.x + e.slope * right + half_right + MARGIN;
+    let range = pixel_range(low, high, frame.size.x);
+    if range.x >= range.y {
+        return vec2(0u);
+    }
+    return vec2(range.x / 16u, (range.y + 15u) / 16u);
+}
+
+// Where the splat of an item lies in the list of splats; an item is a place in the depth order and a view.
+fn splat_of(item: u32) -> u32 {
+    return 3u * ((item % frame.view_count) * frame.capacity + order[item / frame.view_count]);
+}
+
+var<workgroup> partial: array<u32, 256>;
+
+@compute @workgroup_size(256)
+fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let items = totals[0] * frame.view_count;
+    var sum = 0u;
+    for (var k = 0u; k < 4u; k++) {
+        let item = group.x * 1024u + lane * 4u + k;
+        if item < items {
+            let e = extent(splat_of(item));
+            var tiles = 0u;
+            for (var row = e.first_row; row < e.end_row; row++) {
+                let span = columns(e, row);
+                tiles += span.y - span.x;
+            }
+            touched[item] = tiles;
+            sum += tiles;
+        }
+    }
+    partial[lane] = sum;
+    workgroupBarrier();
+    for (var half = 128u; half > 0u; half >>= 1u) {
+        if lane < half {
+            partial[lane] += partial[lane + half];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        sums[group.x] = partial[0];
+    }
+}
+
+@compute @workgroup_size(256)
+fn sum_touched(@builtin(local_invocation_index) lane: u32) {
+    let n = (totals[0] * frame.view_count + 1023u) / 1024u;
+    let each = (n + 255u) / 256u;
+    let first = lane * each;
+    let last = min(first + each, n);
+    var sum = 0u;
+    for (var k = first; k < last; k++) {
+        sum += sums[k];
+    }
+    partial[lane] = sum;
+    workgroupBarrier();
+    for (var step = 1u; step < 256u; step <<= 1u) {
+        var more = 0u;
+        if lane >= step {
+            more = partial[lane - step];
+        }
+        workgroupBarrier();
+        partial[lane] += more;
+        workgroupBarrier();
+    }
+    var running = partial[lane] - sum;
+    for (var k = first; k < last; k++) {
+        let count = sums[k];
+        sums[k] = running;
+        running += count;
+    }
+    if lane == 255u {
+        totals[3] = partial[255];
+    }
+}
+
+// How many pairs the window holds, and the work that makes.
+@compute @workgroup_size(1)
+fn open_window() {
+    let all = totals[3];
+    let count = min(all - min(all, part.first), frame.pair_capacity);
+    totals[2] = count;
+    dispatches[0] = (count + 4095u) / 4096u;
+    dispatches[1] = 1u;
+    dispatches[2] = 1u;
+    dispatches[3] = (count + 1023u) / 1024u;
+    dispatches[4] = 1u;
+    dispatches[5] = 1u;
+}
+
+@compute @workgroup_size(256)
+fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let items = totals[0] * frame.view_count;
+    let first = group.x * 1024u + lane * 4u;
+    var sum = 0u;
+    for (var k = 0u; k < 4u; k++) {
+        if first + k < items {
+            sum += touched[first + k];
+        }
+    }
+    partial[lane] = sum;
+    workgroupBarrier();
+    for (var step = 1u; step < 256u; step <<= 1u) {
+        var more = 0u;
+        if lane >= step {
+            more = partial[lane - step];
+        }
+        workgroupBarrier();
+        partial[lane] += more;
+        workgroupBarrier();
+    }
+    var to = sums[group.x] + partial[lane] - sum;
+    let begin = part.first;
+    let end = begin + frame.pair_capacity;
+    let per_view = frame.tiles.x * frame.tiles.y;
+    for (var k = 0u; k < 4u; k++) {
+        let item = first + k;
+        if item >= items {
+            break;
+        }
+        let count = touched[item];
+        if count > 0u && to < end && to + count > begin {
+            let splat = splat_of(item);
+            let e = extent(splat);
+            let base = (item % frame.view_count) * per_view;
+            var place = to;
+            for (var row = e.first_row; row < e.end_row; row++) {
+                let span = columns(e, row);
+                for (var column = span.x; column < span.y; column++) {
+                    if place >= begin && place < end {
+                        pair_tiles[place - begin] = base + row * frame.tiles.x + column;
+                        pair_splats[place - begin] = splat;
+                    }
+                    place++;
+                }
+            }
+        }
+        to += count;
+    }
+}
+
+@compute @workgroup_size(256)
+fn clear_lists(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < frame.tiles.x * frame.tiles.y * frame.view_count {
+        lists[id.x] = vec2(0u);
+    }
+}
+
+// The sorted pairs are bound in the place of the unsorted ones.
+@compute @workgroup_size(256)
+fn find_ends(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    for (var k = 0u; k < 4u; k++) {
+        let i = group.x * 1024u + k * 256u + lane;
+        if i < totals[2] {
+            let tile = pair_tiles[i];
+            if i == 0u || pair_tiles[i - 1u] != tile {
+                lists[tile].x = i;
+            }
+            if i + 1u == totals[2] || pair_tiles[i + 1u] != tile {
+                lists[tile].y = i + 1u;
+            }
+        }
+    }
+}
+
+var<workgroup> ellipses: array<vec4<f32>, 256>;
+var<workgroup> levels: array<vec4<f32>, 256>;
+var<workgroup> colors: array<vec4<f32>, 256>;
+var<workgroup> unfinished: atomic<u32>;
+var<workgroup> list: vec2<u32>;
+var<workgroup> left: u32;
+
+@compute @workgroup_size(16, 16)
+fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32) {
+    let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
+    let at = vec2(group.x * 16u + local.x, group.y * 16u + local.y);
+    let within = all(at < frame.size);
+    let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
+    let center = vec2<f32>(at) + 0.5;
+    var color = vec3(0.0);
+    var transmittance = 1.0;
+    if within && part.index > 0u {
+        color = pixels[pixel].xyz;
+        transmittance = pixels[pixel].w;
+    }
+    if lane == 0u {
+        list = lists[tile];
+    }
+    let range = workgroupUniformLoad(&list);
+    let stop = frame.limits.z;
+    for (var first = range.x; first < range.y; first += 256u) {
+        if lane == 0u {
+            atomicStore(&unfinished, 0u);
+        }
+        workgroupBarrier();
+        if within && transmittance >= stop {
+            atomicAdd(&unfinished, 1u);
+        }
+        let mine = first + lane;
+        if mine < range.y {
+            let splat = pair_splats[mine];
+            ellipses[lane] = splats[splat];
+            levels[lane] = splats[splat + 1u];
+            colors[lane] = splats[splat + 2u];
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            left = atomicLoad(&unfinished);
+        }
+        if workgroupUniformLoad(&left) == 0u {
+            break;
+        }
+        let n = min(range.y - first, 256u);
+        for (var k = 0u; k < n; k++) {
+            let e = ellipses[k];
+            let l = levels[k];
+            let d = center - e.xy;
+            let u = (d.x - e.z * d.y) * e.w;
+            let v = d.y * l.x;
+            let below = u * u + v * v;
+            if below <= l.z && transmittance >= stop {
+                let alpha = min(exp2(l.y - below), 1.0);
+                let weight = alpha * transmittance;
+                color += weight * colors[k].xyz;
+                transmittance -= weight;
+            }
+        }
+        workgroupBarrier();
+    }
+    if within {
+        pixels[pixel] = vec4(color, transmittance);
+    }
+}

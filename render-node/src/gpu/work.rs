@@ -1,0 +1,317 @@
+//! The buffers that pictures are made in, and how the passes are bound to them.
+
+use super::columns::Columns;
+use super::device::Gpu;
+use super::look::Look;
+use super::passes::{Needs, PICTURE, Passes};
+use super::sort::{Pairs, Sorting};
+use super::uniform::Part;
+use crate::tiles::TILE;
+
+/// Bytes of a splat.
+const SPLAT: u64 = 48;
+
+/// Words of the dispatches before those of the parts.
+pub(super) const PART_DISPATCHES: u64 = 10;
+
+/// Buffers whose size the scene decides.
+pub(super) struct Work {
+    /// Gaussians that can be listed at once.
+    pub(super) capacity: u64,
+    views: u32,
+    bits: wgpu::Buffer,
+    blocks: wgpu::Buffer,
+    stretches: wgpu::Buffer,
+    pub(super) totals: wgpu::Buffer,
+    pub(super) dispatches: wgpu::Buffer,
+    listed: wgpu::Buffer,
+    splats: wgpu::Buffer,
+    depths: Pairs,
+}
+
+impl Work {
+    /// For as many views; the capacity is the whole scene's unless a binding's limit is in the way.
+    pub(super) fn new(gpu: &Gpu, columns: &Columns, views: u32) -> Self {
+        let capacity = (columns.len as u64).min(gpu.largest_binding() / (SPLAT * u64::from(views))).max(1);
+        let blocks = u64::from(columns.blocks);
+        let parts = columns.parts.len() as u64;
+        Self {
+            capacity,
+            views,
+            bits: gpu.storage("bits", 128 * blocks),
+            blocks: gpu.storage("blocks", 4 * blocks),
+            stretches: gpu.storage("stretches", 8 * parts),
+            totals: gpu.storage("totals", 16),
+            dispatches: gpu.buffer(
+                "dispatches",
+                4 * (PART_DISPATCHES + 3 * parts),
+                wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE,
+            ),
+            listed: gpu.storage("listed", 4 * capacity),
+            splats: gpu.storage("splats", SPLAT * capacity * u64::from(views)),
+            depths: Pairs::new(gpu, "depths", capacity),
+        }
+    }
+
+    pub(super) fn serves(&self, views: u32) -> bool {
+        self.views == views
+    }
+}
+
+/// What the pictures' size decides.
+pub(super) struct Canvas {
+    pub(super) size: [u32; 2],
+    pub(super) pictures: Vec<wgpu::Texture>,
+}
+
+impl Canvas {
+    pub(super) fn new(gpu: &Gpu, size: [u32; 2], views: usize) -> Self {
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+        Self { size, pictures: (0..views).map(|_| texture(gpu, size, PICTURE, usage)).collect() }
+    }
+}
+
+fn texture(
+    gpu: &Gpu,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("picture"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// Passes up to the depth order, bound.
+pub(super) struct Ordering {
+    pub(super) mark: Vec<wgpu::BindGroup>,
+    pub(super) sum_blocks: wgpu::BindGroup,
+    pub(super) list: Vec<wgpu::BindGroup>,
+    pub(super) project: Vec<wgpu::BindGroup>,
+    pub(super) depths: Sorting,
+}
+
+impl Ordering {
+    pub(super) fn bind(
+        gpu: &Gpu,
+        frame: &wgpu::Buffer,
+        (columns, look, work): (&Columns, &Look, &Work),
+        passes: &mut Passes,
+        needs: Needs,
+    ) -> Self {
+        let depths = passes.depth_sort.bind(gpu, &work.totals, &work.depths, u32::BITS);
+        let sum_blocks = passes.sum_blocks.bind(
+            gpu,
+            &[
+                (0, frame),
+                (3, &work.blocks),
+                (4, &work.stretches),
+                (5, &work.totals),
+                (6, &work.dispatches),
+                (8, &columns.part_table),
+            ],
+        );
+        let list = columns.parts.iter().map(|p| {
+            let buffers = [(0, frame), (1, &p.uniform), (2, &work.bits), (3, &work.blocks), (7, &work.listed)];
+            passes.list.bind(gpu, &buffers)
+        });
+        let list = list.collect();
+        let kernels = passes.specialised(gpu, needs);
+        let mark = columns.parts.iter().map(|p| {
+            kernels.mark.bind(
+                gpu,
+                &[
+                    (0, frame),
+                    (1, &p.uniform),
+                    (2, &p.centers),
+                    (3, &p.shapes),
+                    (4, &look.units),
+                    (5, &look.edits),
+                    (6, &look.masks),
+                    (7, &look.sides),
+                    (8, &work.bits),
+                    (9, &work.blocks),
+                ],
+            )
+        });
+        let project = columns.parts.iter().map(|p| {
+            kernels.project.bind(
+                gpu,
+                &[
+                    (0, frame),
+                    (1, &p.uniform),
+                    (2, &p.centers),
+                    (3, &p.shapes),
+                    (4, &look.units),
+                    (5, &look.edits),
+                    (6, &look.masks),
+                    (7, &p.surfaces),
+                    (8, &p.harmonics),
+                    (9, &look.colors),
+                    (10, &work.stretches),
+                    (11, &work.listed),
+                    (12, &work.splats),
+                    (13, &work.depths.keys[0]),
+                    (14, &work.depths.values[0]),
+                ],
+            )
+        });
+        Self { mark: mark.collect(), sum_blocks, list, project: project.collect(), depths }
+    }
+}
+
+/// Quadrilaterals, bound.
+pub(super) struct Quads {
+    blended: Vec<wgpu::Texture>,
+    pub(super) draw: Vec<wgpu::BindGroup>,
+    pub(super) compose: Vec<wgpu::BindGroup>,
+}
+
+impl Quads {
+    pub(super) fn bind(
+        gpu: &Gpu,
+        frame: &wgpu::Buffer,
+        (work, order): (&Work, &Sorting),
+        passes: &Passes,
+        size: [u32; 2],
+    ) -> Self {
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+        let blended: Vec<wgpu::Texture> =
+            (0..work.views).map(|_| texture(gpu, size, passes.blend_format, usage)).collect();
+        let values = &work.depths.values[order.result()];
+        let draw = passes.quads.iter().take(blended.len()).map(|pipeline| {
+            let buffers = [(0, frame), (1, &work.splats), (2, values)];
+            group(gpu, pipeline, &buffers.map(|(at, b)| (at, b.as_entire_binding())))
+        });
+        let compose = passes.compose_quads.iter().zip(&blended).map(|(pipeline, texture)| {
+            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+            group(gpu, pipeline, &[(0, frame.as_entire_binding()), (2, wgpu::BindingResource::TextureView(&view))])
+        });
+        let (draw, compose) = (draw.collect(), compose.collect());
+        Self { blended, draw, compose }
+    }
+
+    pub(super) fn target(&self, view: usize) -> Option<wgpu::TextureView> {
+        Some(self.blended.get(view)?.create_view(&wgpu::TextureViewDescriptor::default()))
+    }
+}
+
+fn group(
+    gpu: &Gpu,
+    pipeline: &wgpu::RenderPipeline,
+    resources: &[(u32, wgpu::BindingResource<'_>)],
+) -> wgpu::BindGroup {
+    let entries: Vec<wgpu::BindGroupEntry> = resources
+        .iter()
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
+        .collect();
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &entries,
+    })
+}
+
+/// Tiles, bound.
+pub(super) struct Tiles {
+    pub(super) capacity: u64,
+    pub(super) touch: wgpu::BindGroup,
+    pub(super) sum_touched: wgpu::BindGroup,
+    pub(super) windows: Vec<Window>,
+    pub(super) clear_lists: wgpu::BindGroup,
+    pub(super) find_ends: wgpu::BindGroup,
+    pub(super) sorting: Sorting,
+    /// Dispatches of the pairs' sort and of their ends.
+    pub(super) dispatches: wgpu::Buffer,
+    pub(super) compose: Vec<wgpu::BindGroup>,
+    pub(super) clear_groups: u32,
+}
+
+/// One window of pairs.
+pub(super) struct Window {
+    pub(super) open: wgpu::BindGroup,
+    pub(super) list: wgpu::BindGroup,
+    pub(super) blend: wgpu::BindGroup,
+}
+
+impl Tiles {
+    pub(super) fn bind(
+        gpu: &Gpu,
+        frame: &wgpu::Buffer,
+        (work, order): (&Work, &Sorting),
+        passes: &Passes,
+        [width, height]: [u32; 2],
+        (capacity, windows): (u64, u32),
+    ) -> Self {
+        let views = work.views;
+        let items = work.capacity * u64::from(views);
+        let tiles = views * tile_count([width, height]).iter().product::<u32>();
+        let pixels = u64::from(views) * u64::from(width) * u64::from(height);
+        let touched = gpu.storage("touched", 4 * items);
+        let sums = gpu.storage("touched, summed", 4 * items.div_ceil(1024));
+        let pairs = Pairs::new(gpu, "pairs", capacity);
+        let dispatches = gpu.buffer("pair dispatches", 24, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE);
+        let lists = gpu.storage("lists", 8 * u64::from(tiles));
+        let pixels = gpu.storage("pixels", 16 * pixels);
+        let values = &work.depths.values[order.result()];
+        // The last key is the number of tiles less one.
+        let bits = u32::BITS - tiles.saturating_sub(1).leading_zeros();
+        let sorting = passes.pair_sort.bind(gpu, &work.totals, &pairs, bits.max(1));
+        let (keys, splats) = (&pairs.keys[sorting.result()], &pairs.values[sorting.result()]);
+        let windows = (0..windows).map(|index| {
+            let first = (capacity * u64::from(index)) as u32;
+            let part = gpu.buffer("window", 16, wgpu::BufferUsages::UNIFORM);
+            gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&Part { first, index, ..Part::default() }));
+            Window {
+                open: passes.open_window.bind(gpu, &[(0, frame), (1, &part), (4, &work.totals), (9, &dispatches)]),
+                list: passes.list_pairs.bind(
+                    gpu,
+                    &[
+                        (0, frame),
+                        (1, &part),
+                        (2, &work.splats),
+                        (3, values),
+                        (4, &work.totals),
+                        (5, &touched),
+                        (6, &sums),
+                        (7, &pairs.keys[0]),
+                        (8, &pairs.values[0]),
+                    ],
+                ),
+                blend: passes
+                    .blend
+                    .bind(gpu, &[(0, frame), (1, &part), (2, &work.splats), (8, splats), (10, &lists), (11, &pixels)]),
+            }
+        });
+        let compose =
+            passes.compose_tiles.iter().take(views as usize).map(|pipeline| {
+                group(gpu, pipeline, &[(0, frame.as_entire_binding()), (1, pixels.as_entire_binding())])
+            });
+        Self {
+            capacity,
+            touch: passes
+                .touch
+                .bind(gpu, &[(0, frame), (2, &work.splats), (3, values), (4, &work.totals), (5, &touched), (6, &sums)]),
+            sum_touched: passes.sum_touched.bind(gpu, &[(0, frame), (4, &work.totals), (6, &sums)]),
+            windows: windows.collect(),
+            clear_lists: passes.clear_lists.bind(gpu, &[(0, frame), (10, &lists)]),
+            find_ends: passes.find_ends.bind(gpu, &[(4, &work.totals), (7, keys), (10, &lists)]),
+            sorting,
+            dispatches,
+            compose: compose.collect(),
+            clear_groups: tiles.div_ceil(256),
+        }
+    }
+}
+
+/// Tiles across and down.
+pub(super) fn tile_count([width, height]: [u32; 2]) -> [u32; 2] {
+    [width.div_ceil(TILE as u32), height.div_ceil(TILE as u32)]
+}
