@@ -1,8 +1,7 @@
 //! A scene's columns on the device, uploaded once.
 //!
 //! What a column costs is paid only by scenes that have it: shading columns, harmonics of the degree there is. Centres are
-//! stored relative to the middle of the scene, after the units' transforms in f64, so that coordinates far from the origin
-//! lose nothing that the file holds.
+//! stored after the units' transforms in f64, and relative to the middle of a scene that lies far from the origin.
 
 use glam::{DMat3, DVec3, Vec3, Vec4};
 use half::f16;
@@ -60,7 +59,7 @@ struct Row {
 impl Columns {
     /// Uploads; `half` stores shading columns and harmonics in half precision.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene, half: bool) -> Self {
-        let origin = middle(scene);
+        let origin = origin(scene);
         let lit = scene.units.iter().any(|u| u.gaussians.shading.is_some());
         let degree = scene
             .units
@@ -163,14 +162,18 @@ impl Columns {
     }
 }
 
-/// The middle of the finite centres, scene frame.
-fn middle(scene: &Scene) -> DVec3 {
+/// What centres are stored relative to: nothing where they are stored as the file has them, exactly; the middle of the
+/// finite centres (scene frame, rounded as they are) where they lie so far from the origin that f32 would lose what the file
+/// holds once the units' transforms have moved them.
+fn origin(scene: &Scene) -> DVec3 {
     let (low, high) = (0..scene.len())
         .into_par_iter()
         .filter_map(|i| scene.position(i).filter(|p| p.is_finite()))
         .fold(|| (DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
         .reduce(|| (DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    if low.is_finite() && high.is_finite() { 0.5 * (low + high) } else { DVec3::ZERO }
+    let middle = 0.5 * (low + high);
+    let far = middle.is_finite() && middle.abs().max_element() > 16.0 * (high - low).max_element();
+    if far { middle.as_vec3().as_dvec3() } else { DVec3::ZERO }
 }
 
 fn unit_index(scene: &Scene, i: usize) -> u32 {

@@ -156,6 +156,7 @@ impl Gpu {
     }
 
     /// The bytes of buffers once all work handed in so far is done. Not for the loop that draws.
+    #[cfg(test)]
     pub(super) fn read(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
         let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),

@@ -71,11 +71,13 @@ impl ViewUniform {
     /// A camera against the origin that centres are stored relative to. The difference is taken in f64.
     pub(super) fn of(camera: &Camera, origin: DVec3) -> Self {
         let turn = DMat3::from_mat4(camera.view()).transpose();
-        let eye = (camera.eye() - origin).as_vec3();
+        let exact = camera.eye() - origin;
+        let eye = exact.as_vec3();
+        let left = (exact - eye.as_dvec3()).as_vec3();
         Self {
-            right: turn.x_axis.as_vec3().extend(0.0),
-            down: turn.y_axis.as_vec3().extend(0.0),
-            forward: turn.z_axis.as_vec3().extend(0.0),
+            right: turn.x_axis.as_vec3().extend(left.x),
+            down: turn.y_axis.as_vec3().extend(left.y),
+            forward: turn.z_axis.as_vec3().extend(left.z),
             eye: eye.extend(0.0),
             lens: Vec4::new(camera.fx as f32, camera.fy as f32, camera.cx as f32, camera.cy as f32),
         }

@@ -5,6 +5,7 @@
 mod cases;
 mod closed_form;
 mod editing;
+mod gpu;
 mod hard_cases;
 mod oracle;
 mod per_ray;

@@ -64,7 +64,7 @@ fn may_reach(i: u32) -> bool {
     let radius = sqrt(2.0 * log(max(1.0 / frame.limits.x, frame.limits.y)));
     for (var v = 0u; v < frame.view_count; v++) {
         let view = frame.views[v];
-        let from_eye = center.xyz - view.eye.xyz;
+        let from_eye = away_from_eye(view, center.xyz);
         let at = vec3(dot(view.right.xyz, from_eye), dot(view.down.xyz, from_eye), dot(view.forward.xyz, from_eye));
         if at.z <= frame.limits.w {
             continue;
@@ -74,7 +74,8 @@ fn may_reach(i: u32) -> bool {
         let stretch = view.lens.xy / at.z * sqrt(1.0 + slope * slope);
         let half = radius * (stretch * size + 0.55) + 0.5;
         let pixel = view.lens.xy * slope + view.lens.zw;
-        if all(pixel + half >= vec2(0.0)) && all(pixel - half <= vec2<f32>(frame.size)) {
+        // Asked this way round, what is not a number stays: projecting says what it is.
+        if !(any(pixel + half < vec2(0.0)) || any(pixel - half > vec2<f32>(frame.size))) {
             return true;
         }
     }

@@ -1,7 +1,8 @@
 // What every pass knows of a picture. Mirrors `FrameUniform` of frame.rs word for word.
 
 struct View {
-    // Rows of the rotation from the scene's frame to the camera's (x right, y down, z forward).
+    // Rows of the rotation from the scene's frame to the camera's (x right, y down, z forward). Their fourth numbers are what
+    // f32 leaves of the eye's coordinates.
     right: vec4<f32>,
     down: vec4<f32>,
     forward: vec4<f32>,
@@ -77,6 +78,11 @@ struct Edit {
 struct Side {
     plane: vec4<f32>,
     kind: vec4<u32>,
+}
+
+// The eye is subtracted in two steps: first what may cancel, which is exact, then the rest.
+fn away_from_eye(view: View, at: vec3<f32>) -> vec3<f32> {
+    return (at - view.eye.xyz) - vec3(view.right.w, view.down.w, view.forward.w);
 }
 
 fn is_finite(x: f32) -> bool {

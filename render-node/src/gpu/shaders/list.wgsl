@@ -63,13 +63,13 @@ fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
         dispatches[8] = 0u;
         dispatches[9] = 0u;
         for (var p = 0u; p < PARTS; p++) {
-            let from = min(blocks[parts[p].block], count);
-            var to = count;
+            let begin = min(blocks[parts[p].block], count);
+            var end = count;
             if p + 1u < PARTS {
-                to = min(blocks[parts[p + 1u].block], count);
+                end = min(blocks[parts[p + 1u].block], count);
             }
-            stretches[p] = vec2(from, to - from);
-            dispatches[10u + 3u * p] = (to - from + 63u) / 64u;
+            stretches[p] = vec2(begin, end - begin);
+            dispatches[10u + 3u * p] = (end - begin + 63u) / 64u;
             dispatches[11u + 3u * p] = 1u;
             dispatches[12u + 3u * p] = 1u;
         }

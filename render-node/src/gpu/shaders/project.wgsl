@@ -176,6 +176,14 @@ fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     return v + q.w * t + cross(q.xyz, t);
 }
 
+fn in_scene(unit: Unit, v: vec3<f32>) -> vec3<f32> {
+    return unit.x.xyz * v.x + unit.y.xyz * v.y + unit.z.xyz * v.z;
+}
+
+fn largest(v: vec3<f32>) -> f32 {
+    return max(max(abs(v.x), abs(v.y)), abs(v.z));
+}
+
 @compute @workgroup_size(64)
 fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     let stretch = stretches[part.index];
@@ -215,13 +223,11 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
 
-    // Axes of the Gaussian, each as long as its standard deviation, in the scene's frame.
-    var ax = shape.x * turned(rotation, vec3(1.0, 0.0, 0.0));
-    var ay = shape.y * turned(rotation, vec3(0.0, 1.0, 0.0));
-    var az = shape.z * turned(rotation, vec3(0.0, 0.0, 1.0));
-    ax = unit.x.xyz * ax.x + unit.y.xyz * ax.y + unit.z.xyz * ax.z;
-    ay = unit.x.xyz * ay.x + unit.y.xyz * ay.y + unit.z.xyz * ay.z;
-    az = unit.x.xyz * az.x + unit.y.xyz * az.y + unit.z.xyz * az.z;
+    // Axes of the Gaussian in the scene's frame, the longest of unit length: whatever they are, no square leaves f32.
+    let longest = max(max(max(shape.x, shape.y), shape.z), 1e-30);
+    let ax = in_scene(unit, (shape.x / longest) * turned(rotation, vec3(1.0, 0.0, 0.0)));
+    let ay = in_scene(unit, (shape.y / longest) * turned(rotation, vec3(0.0, 1.0, 0.0)));
+    let az = in_scene(unit, (shape.z / longest) * turned(rotation, vec3(0.0, 0.0, 1.0)));
 
     var shared_color = vec3(0.0);
     let shares = frame.shading_eye.w == 1.0;
@@ -233,23 +239,29 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     var drawn = false;
     for (var v = 0u; v < frame.view_count; v++) {
         let view = frame.views[v];
-        let from_eye = center.xyz - view.eye.xyz;
+        let from_eye = away_from_eye(view, center.xyz);
         let at = vec3(dot(view.right.xyz, from_eye), dot(view.down.xyz, from_eye), dot(view.forward.xyz, from_eye));
         let slope = at.xy / at.z;
         let pixels = view.lens.xy / at.z;
         let row_x = vec3(dot(view.right.xyz, ax), dot(view.right.xyz, ay), dot(view.right.xyz, az));
         let row_y = vec3(dot(view.down.xyz, ax), dot(view.down.xyz, ay), dot(view.down.xyz, az));
         let row_z = vec3(dot(view.forward.xyz, ax), dot(view.forward.xyz, ay), dot(view.forward.xyz, az));
-        let m0 = pixels.x * (row_x - slope.x * row_z);
-        let m1 = pixels.y * (row_y - slope.y * row_z);
-        // Where project.rs forms the determinant, this divides by its root first: squares of squares leave f32.
-        let c = dot(m1, m1) + DILATION;
+        // In units of `size` pixels, so that all below is of order one.
+        var m0 = pixels.x * (row_x - slope.x * row_z);
+        var m1 = pixels.y * (row_y - slope.y * row_z);
+        let most = max(max(largest(m0), largest(m1)), 1e-30);
+        let size = clamp(longest * most, 1.0, 1e15);
+        let shrunk = min(longest * most, 1.0) / most;
+        m0 *= shrunk;
+        m1 *= shrunk;
+        let dilation = DILATION / (size * size);
+        let c = dot(m1, m1) + dilation;
         let root = sqrt(c);
         let across = cross(m0, m1) / root;
-        let variance = dot(across, across) + DILATION * (dot(m0, m0) + dot(m1, m1) + DILATION) / c;
+        let variance = dot(across, across) + dilation * (dot(m0, m0) + dot(m1, m1) + dilation) / c;
         let ellipse_slope = dot(m0, m1) / c;
-        let per_column = SCALE / sqrt(variance);
-        let per_row = SCALE / root;
+        let per_column = SCALE / (size * sqrt(variance));
+        let per_row = SCALE / (size * root);
         let pixel = view.lens.xy * slope + view.lens.zw;
         var range = log2(max(opacity / frame.limits.x, frame.limits.y));
         var color = shared_color;

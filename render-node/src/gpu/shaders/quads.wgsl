@@ -6,6 +6,9 @@ override VIEW: u32 = 0u;
 @group(0) @binding(1) var<storage, read> splats: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> order: array<u32>;
 
+// Pixels beyond which a quadrilateral is cut to the picture.
+const FAR: f32 = 8192.0;
+
 struct Corner {
     @builtin(position) position: vec4<f32>,
     // Centre, slope, per column.
@@ -29,7 +32,15 @@ fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
     let sign = vec2(f32(vertex & 1u) * 2.0 - 1.0, f32(vertex >> 1u) * 2.0 - 1.0);
     let dy = sign.y * (reach / b.x);
     let dx = sign.x * (reach / a.w) + a.z * dy;
-    let ndc = (a.xy + vec2(dx, dy)) / vec2<f32>(frame.size) * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
+    // One that reaches far out of the picture is drawn as the picture's part of its bounding box: rasterizers lose what they
+    // cannot clip exactly.
+    let half = vec2(length(vec2(reach / a.w, a.z * (reach / b.x))), reach / b.x);
+    let size = vec2<f32>(frame.size);
+    var at_corner = a.xy + vec2(dx, dy);
+    if max(half.x, half.y) > FAR {
+        at_corner = clamp(a.xy + sign * half, vec2(-1.0), size + 1.0);
+    }
+    let ndc = at_corner / size * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     out.position = select(vec4(ndc, 0.5, 1.0), vec4(-2.0, -2.0, 0.5, 1.0), b.z < 0.0);
     return out;
 }
