@@ -6,6 +6,7 @@ mod cases;
 mod closed_form;
 mod editing;
 mod gpu;
+mod gpu_state;
 mod hard_cases;
 mod oracle;
 mod per_ray;

@@ -245,72 +245,41 @@ fn find_ends(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
 }
 
-var<workgroup> ellipses: array<vec4<f32>, 256>;
-var<workgroup> levels: array<vec4<f32>, 256>;
-var<workgroup> colors: array<vec4<f32>, 256>;
-var<workgroup> unfinished: atomic<u32>;
-var<workgroup> list: vec2<u32>;
-var<workgroup> left: u32;
-
+// Every pixel walks its tile's list by itself: the lanes of a tile read the same splat at the same time, which a graphics
+// card serves from its nearest cache, and a device made of processor cores does not have to stop 256 lanes at barriers.
 @compute @workgroup_size(16, 16)
-fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32) {
+fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
     let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
     let at = vec2(group.x * 16u + local.x, group.y * 16u + local.y);
-    let within = all(at < frame.size);
+    if any(at >= frame.size) {
+        return;
+    }
     let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
     let center = vec2<f32>(at) + 0.5;
     var color = vec3(0.0);
     var transmittance = 1.0;
-    if within && part.index > 0u {
+    if part.index > 0u {
         color = pixels[pixel].xyz;
         transmittance = pixels[pixel].w;
     }
-    if lane == 0u {
-        list = lists[tile];
-    }
-    let range = workgroupUniformLoad(&list);
+    let range = lists[tile];
     let stop = frame.limits.z;
-    for (var first = range.x; first < range.y; first += 256u) {
-        if lane == 0u {
-            atomicStore(&unfinished, 0u);
-        }
-        workgroupBarrier();
-        if within && transmittance >= stop {
-            atomicAdd(&unfinished, 1u);
-        }
-        let mine = first + lane;
-        if mine < range.y {
-            let splat = pair_splats[mine];
-            ellipses[lane] = splats[splat];
-            levels[lane] = splats[splat + 1u];
-            colors[lane] = splats[splat + 2u];
-        }
-        workgroupBarrier();
-        if lane == 0u {
-            left = atomicLoad(&unfinished);
-        }
-        if workgroupUniformLoad(&left) == 0u {
+    for (var k = range.x; k < range.y; k++) {
+        if transmittance < stop {
             break;
         }
-        let n = min(range.y - first, 256u);
-        for (var k = 0u; k < n; k++) {
-            let e = ellipses[k];
-            let l = levels[k];
-            let d = center - e.xy;
-            let u = (d.x - e.z * d.y) * e.w;
-            let v = d.y * l.x;
-            let below = u * u + v * v;
-            if below <= l.z && transmittance >= stop {
-                let alpha = min(exp2(l.y - below), 1.0);
-                let weight = alpha * transmittance;
-                color += weight * colors[k].xyz;
-                transmittance -= weight;
-            }
+        let splat = pair_splats[k];
+        let e = splats[splat];
+        let l = splats[splat + 1u];
+        let d = center - e.xy;
+        let u = (d.x - e.z * d.y) * e.w;
+        let v = d.y * l.x;
+        let below = u * u + v * v;
+        if below <= l.z {
+            let weight = min(exp2(l.y - below), 1.0) * transmittance;
+            color += weight * splats[splat + 2u].xyz;
+            transmittance -= weight;
         }
-        workgroupBarrier();
     }
-    if within {
-        pixels[pixel] = vec4(color, transmittance);
-    }
+    pixels[pixel] = vec4(color, transmittance);
 }

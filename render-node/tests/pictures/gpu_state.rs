@@ -1,0 +1,200 @@
+//! What a renderer on a graphics device keeps between pictures: looks, eyes, sizes, windows, the device itself.
+
+use std::sync::Arc;
+
+use glam::{DMat4, DQuat, DVec3, Vec3};
+use sg_render_node::gpu::Gpu;
+use sg_render_node::gpu::{GpuError, Rasterizer, Renderer, Settings, Wanted};
+use sg_render_node::image::Image;
+use sg_render_node::metrics::Difference;
+use sg_render_node::render::Quality::{Exact, Standard};
+use sg_render_node::render::render;
+use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
+use sg_scene::camera::Camera;
+use sg_scene::mask::Mask;
+
+use crate::gpu::device;
+use crate::scenes::{Blob, cloud, scene, side_view, surface};
+
+const BOTH: [Rasterizer; 2] = [Rasterizer::Tiles, Rasterizer::Quads];
+
+fn with(rasterizer: Rasterizer) -> Settings {
+    Settings { rasterizer, ..Settings::default() }
+}
+
+/// The camera with its eye moved to its right, and turned about its own vertical.
+fn eye(camera: &Camera, right: f64, turn: f64) -> Camera {
+    let moved = DMat4::from_quat(DQuat::from_rotation_y(turn))
+        * DMat4::from_translation(DVec3::new(-right, 0.0, 0.0))
+        * camera.view();
+    Camera { world_to_camera: moved.transpose().to_cols_array(), ..camera.clone() }
+}
+
+fn decibel(image: &Image, want: &Image) -> f64 {
+    Difference::between(image, want).unwrap().footprint_psnr_db
+}
+
+#[test]
+fn two_eyes_see_what_each_sees_alone() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(&surface(8000, 3));
+    let appearance = Appearance::of(&scene);
+    let middle = side_view(160, 120, 50.0);
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    for rasterizer in BOTH {
+        // Parallel axes share an order, canted ones have one each.
+        for turn in [0.0, 0.1] {
+            let eyes = [eye(&middle, -0.03, turn), eye(&middle, 0.03, -turn)];
+            let (pair, _) = renderer.picture(&eyes, &appearance, with(rasterizer)).unwrap();
+            for (camera, image) in eyes.iter().zip(&pair) {
+                let (alone, _) = renderer.picture(std::slice::from_ref(camera), &appearance, with(rasterizer)).unwrap();
+                let largest = Difference::between(image, &alone[0]).unwrap().max_error;
+                assert!(largest < 2e-5, "{rasterizer:?}, turned {turn}: {largest}");
+            }
+            assert!(decibel(&pair[0], &pair[1]) < 40.0, "the eyes see different pictures");
+        }
+    }
+}
+
+/// Many Gaussians at one depth: their order is the scene's, for both eyes and from picture to picture.
+#[test]
+fn equal_depths_keep_their_order_in_both_eyes() {
+    let Some(gpu) = device() else { return };
+    let mut blobs = cloud(3000, 21);
+    for blob in &mut blobs {
+        blob.position.z = 3.0;
+        blob.logit = 3.0;
+    }
+    let scene = scene(&blobs);
+    let appearance = Appearance::of(&scene);
+    let front = Camera::look_at(DVec3::ZERO, DVec3::Z, DVec3::NEG_Y, 50.0, 120, 90);
+    let eyes = [eye(&front, -0.03, 0.0), eye(&front, 0.03, 0.0)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    for rasterizer in BOTH {
+        let (first, _) = renderer.picture(&eyes, &appearance, with(rasterizer)).unwrap();
+        let (again, _) = renderer.picture(&eyes, &appearance, with(rasterizer)).unwrap();
+        assert_eq!(first, again, "the same picture to the last bit");
+        for (camera, image) in eyes.iter().zip(&first) {
+            let exact = render(&scene, &appearance, camera, Exact).unwrap().image;
+            assert!(decibel(image, &exact) > 60.0);
+        }
+    }
+}
+
+#[test]
+fn shading_shared_by_both_eyes_is_an_approximation_of_known_error() {
+    let Some(gpu) = device() else { return };
+    let mut scene = scene(&surface(8000, 5));
+    let unit = &mut scene.units[0];
+    if let Some(shading) = &mut unit.gaussians.shading {
+        for (n, p) in shading.normal.iter_mut().zip(&unit.gaussians.position) {
+            *n = (*p - 3.0 * Vec3::Z).normalize();
+        }
+        shading.diffuse.fill(0.5);
+        shading.ambient.fill(0.3);
+        shading.specular.fill(0.4);
+        shading.shininess.fill(30.0);
+    }
+    let appearance = Appearance::of(&scene);
+    let middle = side_view(160, 120, 50.0);
+    let eyes = [eye(&middle, -0.03, 0.0), eye(&middle, 0.03, 0.0)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let (own, _) = renderer.picture(&eyes, &appearance, Settings::default()).unwrap();
+    let shared = Settings { shared_shading: true, ..Settings::default() };
+    let (shared, _) = renderer.picture(&eyes, &appearance, shared).unwrap();
+    for k in 0..2 {
+        let d = Difference::between(&shared[k], &own[k]).unwrap();
+        println!("eye {k}: shared shading {:.1} dB, max {:.4}", d.footprint_psnr_db, d.max_error);
+        assert!(d.footprint_psnr_db > 35.0 && d.max_error > 0.0 && d.coverage_error < 1e-6, "{d:?}");
+    }
+}
+
+/// A stroke that changes k Gaussians sends words of the mask, never the mask or the scene.
+#[test]
+fn a_change_of_a_selection_sends_the_words_that_changed() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(&cloud(20_000, 6));
+    let camera = [side_view(96, 64, 40.0)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let mut look = Appearance::of(&scene);
+    let picture = |renderer: &mut Renderer, look: &Appearance| {
+        let (images, _) = renderer.picture(&camera, look, Settings::default()).unwrap();
+        let exact = render(&scene, look, &camera[0], Standard).unwrap().image;
+        assert!(decibel(&images[0], &exact) > 70.0);
+        renderer.look_bytes()
+    };
+    picture(&mut renderer, &look);
+    assert_eq!(picture(&mut renderer, &look), 0, "nothing changed, nothing is sent");
+    let highlight = |mask: Mask| Overlay { mask: Arc::new(mask), color: Vec3::X, mix: 0.7, opacity: 1.0 };
+    let mut mask = Mask::from_fn(20_000, |i| i % 3 == 0);
+    look.overlay = Some(highlight(mask.clone()));
+    assert_eq!(picture(&mut renderer, &look), 8 * 20_000_u64.div_ceil(64), "the whole mask once");
+    mask.set(1, true);
+    mask.set(19_999, true);
+    look.overlay = Some(highlight(mask.clone()));
+    assert_eq!(picture(&mut renderer, &look), 16, "two words");
+    // A unit takes the first slot; the highlight moves behind it.
+    let unit = |color| UnitAppearance { mask: Arc::new(mask.clone()), color, opacity: 0.5, visible: true };
+    look.units = vec![unit(Some(Vec3::Y))];
+    picture(&mut renderer, &look);
+    look.units = vec![UnitAppearance { visible: false, ..unit(None) }];
+    assert!(picture(&mut renderer, &look) <= 8 * 20_000_u64.div_ceil(64) + 64, "a table, and a mask of another place");
+    look.units.clear();
+    look.overlay = None;
+    picture(&mut renderer, &look);
+}
+
+/// More pairs than are listed at once: the picture is the same in windows.
+#[test]
+fn pairs_beyond_the_list_are_blended_in_windows() {
+    let Some(gpu) = device() else { return };
+    let blobs: Vec<Blob> =
+        cloud(3000, 8).iter().map(|b| Blob { log_scale: Vec3::splat(0.3), logit: -5.0, ..*b }).collect();
+    let scene = scene(&blobs);
+    let appearance = Appearance::of(&scene);
+    // Each covers nearly all of 1024 tiles: three times what the first list holds.
+    let camera = [side_view(512, 512, 60.0)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let (images, drawn) = renderer.picture(&camera, &appearance, Settings::default()).unwrap();
+    assert!(drawn.tile_pairs > 2 << 20, "{drawn:?}");
+    let want = render(&scene, &appearance, &camera[0], Standard).unwrap().image;
+    assert!(decibel(&images[0], &want) > 60.0);
+}
+
+#[test]
+fn a_lost_device_is_told_and_a_new_one_draws_the_same() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(&cloud(2000, 9));
+    let appearance = Appearance::of(&scene);
+    let camera = [side_view(64, 48, 40.0)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let (before, _) = renderer.picture(&camera, &appearance, Settings::default()).unwrap();
+    gpu.lose();
+    let error = renderer.picture(&camera, &appearance, Settings::default()).unwrap_err();
+    assert!(matches!(error, GpuError::Lost { .. }), "{error}");
+    assert!(error.to_string().contains("has to be opened again"));
+    drop(renderer);
+    let gpu = Gpu::open(Wanted::Any).unwrap();
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let (after, _) = renderer.picture(&camera, &appearance, Settings::default()).unwrap();
+    assert_eq!(before, after);
+}
+
+#[test]
+fn what_makes_no_picture_is_refused_in_words() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(&cloud(10, 9));
+    let appearance = Appearance::of(&scene);
+    let camera = side_view(64, 48, 40.0);
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let mut refused = |cameras: &[Camera], look: &Appearance| {
+        renderer.picture(cameras, look, Settings::default()).unwrap_err().to_string()
+    };
+    assert!(refused(&[], &appearance).contains("no camera"));
+    let other = Camera { width: 65, ..camera.clone() };
+    assert!(refused(&[camera.clone(), other], &appearance).contains("one size"));
+    let lost = Appearance { background: Vec3::NAN, ..appearance.clone() };
+    assert!(refused(std::slice::from_ref(&camera), &lost).contains("background"));
+    // And it still draws.
+    assert!(renderer.picture(&[camera], &appearance, Settings::default()).is_ok());
+}
