@@ -17,7 +17,7 @@ mod uniform;
 mod work;
 
 pub use device::{Gpu, Wanted};
-pub use renderer::{Drawn, PassSeconds, Rasterizer, Renderer, Settings};
+pub use renderer::{Drawn, Options, PassSeconds, Rasterizer, Renderer, Settings};
 
 /// What a device did not do.
 #[derive(Debug, thiserror::Error)]

@@ -51,11 +51,26 @@ pub struct Drawn {
     pub seconds: Option<PassSeconds>,
 }
 
+/// What a renderer may use of its device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// Whether shading columns and harmonics are stored in half precision (2⁻¹¹ of each number).
+    pub half: bool,
+    /// Most pairs of a Gaussian and a tile that are listed at once, 16 bytes each; more are blended in windows.
+    pub listed_pairs: u32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { half: false, listed_pairs: 1 << 23 }
+    }
+}
+
 /// Forward axes of two eyes that differ by less share one order: by view depth it is then the same for both.
 const PARALLEL: f64 = 1e-6;
 
-/// Fewest and most pairs of a Gaussian and a tile that are listed at once. More are blended in windows.
-const PAIRS: [u64; 2] = [1 << 20, 1 << 23];
+/// Pairs of a Gaussian and a tile that there is room for before any picture has been drawn.
+const FIRST_PAIRS: u64 = 1 << 20;
 
 /// Most windows of one picture.
 const WINDOWS: u64 = 64;
@@ -72,6 +87,9 @@ pub struct Renderer {
     canvas: Canvas,
     bound: Bound,
     pairs: u64,
+    listed_pairs: u64,
+    /// Whether the picture that the device was last asked about is made of tiles.
+    tiled: bool,
     told: Drawn,
 }
 
@@ -90,16 +108,16 @@ impl Renderer {
     /// # Errors
     /// [`GpuError`] for a scene that makes no picture, too little memory, or a device that does not answer.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, GpuError> {
-        Self::with_half(gpu, scene, false)
+        Self::with_options(gpu, scene, Options::default())
     }
 
-    /// Uploads a scene, with shading columns and harmonics in half precision (2⁻¹¹ of each) where `half`.
+    /// Uploads a scene for a renderer with limits of its own.
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn with_half(gpu: &Gpu, scene: &Scene, half: bool) -> Result<Self, GpuError> {
+    pub fn with_options(gpu: &Gpu, scene: &Scene, options: Options) -> Result<Self, GpuError> {
         check_scene(scene)?;
-        let columns = Columns::upload(gpu, scene, half);
+        let columns = Columns::upload(gpu, scene, options.half);
         gpu.check()?;
         let look = Look::new(gpu, columns.len, &columns.units);
         let passes = Passes::new(gpu, &columns);
@@ -113,6 +131,8 @@ impl Renderer {
             canvas: Canvas::new(gpu, [1, 1], 1),
             bound: Bound::default(),
             pairs: 0,
+            listed_pairs: u64::from(options.listed_pairs).clamp(1024, gpu.largest_binding() / 4),
+            tiled: false,
             told: Drawn::default(),
             columns,
             gpu: gpu.clone(),
@@ -242,6 +262,7 @@ impl Renderer {
         let asked = self.timing.ask(&mut encoder, &self.work.totals);
         self.gpu.queue.submit([encoder.finish()]);
         if asked {
+            self.tiled = settings.rasterizer == Rasterizer::Tiles;
             self.timing.await_answer();
         }
     }
@@ -262,10 +283,9 @@ impl Renderer {
                 bound.quads.get_or_insert_with(|| Quads::bind(gpu, frame, order, passes, canvas.size));
             }
             Rasterizer::Tiles => {
-                let capacity = (self.pairs + self.pairs / 4)
-                    .next_power_of_two()
-                    .clamp(PAIRS[0], PAIRS[1])
-                    .min(gpu.largest_binding() / 4);
+                let most = self.listed_pairs;
+                let wanted = (self.pairs + self.pairs / 4).next_power_of_two();
+                let capacity = wanted.clamp(FIRST_PAIRS.min(most), most);
                 let windows = self.pairs.div_ceil(capacity).clamp(1, WINDOWS) as u32;
                 let fits = |t: &Tiles| t.capacity >= capacity && t.windows.len() >= windows as usize;
                 if !bound.tiles.as_ref().is_some_and(fits) {
@@ -284,14 +304,17 @@ impl Renderer {
         if marked > listed {
             return Err(GpuError::TooMany { device: device(), found: marked.into(), capacity: self.work.capacity });
         }
-        let most = PAIRS[1] * WINDOWS;
+        let pairs = if self.tiled { pairs } else { 0 };
+        let most = self.listed_pairs * WINDOWS;
         if u64::from(pairs) > most {
             let reason = format!(
                 "{pairs} pairs of Gaussians and tiles are more than the {most} of one picture; draw it with quadrilaterals"
             );
             return Err(GpuError::Failed { device: device(), reason });
         }
-        self.pairs = pairs.into();
+        if self.tiled {
+            self.pairs = pairs.into();
+        }
         self.told = Drawn { listed, tile_pairs: pairs, seconds };
         Ok(())
     }

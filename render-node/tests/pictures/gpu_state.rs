@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, Vec3};
-use sg_render_node::gpu::Gpu;
-use sg_render_node::gpu::{GpuError, Rasterizer, Renderer, Settings, Wanted};
+use sg_render_node::gpu::{Gpu, GpuError, Options, Rasterizer, Renderer, Settings, Wanted};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::Quality::{Exact, Standard};
@@ -13,8 +12,9 @@ use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
 
+use crate::cases;
 use crate::gpu::device;
-use crate::scenes::{Blob, cloud, scene, side_view, surface};
+use crate::scenes::{cloud, scene, side_view, surface};
 
 const BOTH: [Rasterizer; 2] = [Rasterizer::Tiles, Rasterizer::Quads];
 
@@ -148,17 +148,39 @@ fn a_change_of_a_selection_sends_the_words_that_changed() {
 #[test]
 fn pairs_beyond_the_list_are_blended_in_windows() {
     let Some(gpu) = device() else { return };
-    let blobs: Vec<Blob> =
-        cloud(3000, 8).iter().map(|b| Blob { log_scale: Vec3::splat(0.3), logit: -5.0, ..*b }).collect();
-    let scene = scene(&blobs);
+    let scene = scene(&cloud(3000, 8));
     let appearance = Appearance::of(&scene);
-    // Each covers nearly all of 1024 tiles: three times what the first list holds.
-    let camera = [side_view(512, 512, 60.0)];
-    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
-    let (images, drawn) = renderer.picture(&camera, &appearance, Settings::default()).unwrap();
-    assert!(drawn.tile_pairs > 2 << 20, "{drawn:?}");
-    let want = render(&scene, &appearance, &camera[0], Standard).unwrap().image;
-    assert!(decibel(&images[0], &want) > 60.0);
+    let middle = side_view(160, 120, 60.0);
+    let eyes = [eye(&middle, -0.03, 0.0), eye(&middle, 0.03, 0.0)];
+    let (whole, _) = Renderer::new(&gpu, &scene).unwrap().picture(&eyes, &appearance, Settings::default()).unwrap();
+    let options = Options { listed_pairs: 1024, ..Options::default() };
+    let mut renderer = Renderer::with_options(&gpu, &scene, options).unwrap();
+    let (windows, drawn) = renderer.picture(&eyes, &appearance, Settings::default()).unwrap();
+    assert!(drawn.tile_pairs > 10 * 1024, "{drawn:?}");
+    assert_eq!(windows, whole);
+    let huge = [side_view(1024, 768, 30.0)];
+    let refused = renderer.picture(&huge, &appearance, Settings::default()).unwrap_err();
+    assert!(refused.to_string().contains("draw it with quadrilaterals"), "{refused}");
+}
+
+/// Half precision halves what shading columns and harmonics take, and its error is far below the levels' promise.
+#[test]
+fn half_precision_is_worth_its_error() {
+    let Some(gpu) = device() else { return };
+    for case in cases::all().iter().filter(|c| ["paper", "harmonics of degree 3"].contains(&c.name)) {
+        let picture = |half| {
+            let options = Options { half, ..Options::default() };
+            let mut renderer = Renderer::with_options(&gpu, &case.scene, options).unwrap();
+            let cameras = std::slice::from_ref(&case.camera);
+            let (mut images, _) = renderer.picture(cameras, &case.appearance, Settings::default()).unwrap();
+            (images.remove(0), renderer.column_bytes())
+        };
+        let ((full, bytes), (half, fewer)) = (picture(false), picture(true));
+        println!("{}: {bytes} bytes to {fewer}, {:.1} dB", case.name, decibel(&half, &full));
+        assert!(decibel(&half, &full) > 60.0);
+        let shapes = 48 * case.scene.len() as u64;
+        assert!(2 * (fewer - shapes) <= bytes - shapes + 8);
+    }
 }
 
 #[test]
