@@ -11,7 +11,7 @@ use sg_proto::keys::{self, role};
 use sg_proto::{limits, render as proto};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::FOOTPRINT;
-use sg_render_node::render::{Quality, Rendered, render};
+use sg_render_node::render::{Options, Projection, Quality, Rendered, render};
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, Owned};
@@ -19,7 +19,7 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
-use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
+use sg_scene::appearance::{Appearance, Clip, HalfSpace, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::edit::wire::encode_color;
 use sg_scene::edit::{EditState, Replica};
@@ -41,6 +41,9 @@ const MEASURE_UNITS: usize = 64;
 /// How far behind everything else the threads that draw stand, steps of the scheduler's scale: a hand that waits for a few
 /// microseconds of another process is not to wait for a picture.
 const NICE: i32 = 10;
+
+/// Most clips of a request, and most sides of each.
+const MAX_CLIPS: usize = 64;
 
 /// Fastest steady pace of the view.
 const MAX_FRAMES_PER_SECOND: f64 = 240.0;
@@ -357,6 +360,7 @@ impl Painter {
     fn draw(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<proto::Frame, Fault> {
         let start = Instant::now();
         let camera = self.camera(state, request)?;
+        let projection = projection(request);
         let mut look = if request.only_units.is_empty() {
             state.appearance()
         } else {
@@ -374,12 +378,13 @@ impl Painter {
                 opacity: 1.0,
             });
         }
+        look.clips = clips(request)?;
         let quality = match request.quality() {
             proto::Quality::Exact => Quality::Exact,
             proto::Quality::Unspecified | proto::Quality::Standard => Quality::Standard,
             proto::Quality::Fast => Quality::Fast,
         };
-        let Rendered { image, .. } = self.render(&look, &camera, quality)?;
+        let Rendered { image, .. } = self.render(&look, &camera, Options { quality, projection })?;
         let kept = |e: &dyn fmt::Display| Fault::exhausted(e.to_string());
         let (mut npy, mut png) = (Vec::new(), Vec::new());
         image.write_npy(&mut npy).map_err(|e| kept(&e))?;
@@ -407,8 +412,8 @@ impl Painter {
         })
     }
 
-    fn render(&self, look: &Appearance, camera: &Camera, quality: Quality) -> Result<Rendered, Fault> {
-        render(&self.scene, look, camera, quality).map_err(|e| Fault::invalid(e.to_string()))
+    fn render(&self, look: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, Fault> {
+        render(&self.scene, look, camera, options).map_err(|e| Fault::invalid(e.to_string()))
     }
 
     fn camera(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
@@ -441,18 +446,43 @@ impl Painter {
         let (sx, sy) = (f64::from(width) / f64::from(full.width), f64::from(height) / f64::from(full.height));
         let camera =
             Camera { width, height, fx: full.fx * sx, fy: full.fy * sy, cx: full.cx * sx, cy: full.cy * sy, ..full };
+        let clips = clips(request)?;
+        let options = Options { quality: Quality::Fast, projection: projection(request) };
         let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());
         let base = state.base_units().iter().map(|b| b.name.clone());
         base.chain(saved)
             .take(MEASURE_UNITS)
             .map(|unit| {
-                let look = alone(state, std::slice::from_ref(&unit))?;
-                let Rendered { image, .. } = self.render(&look, &camera, Quality::Fast)?;
+                let look = Appearance { clips: clips.clone(), ..alone(state, std::slice::from_ref(&unit))? };
+                let Rendered { image, .. } = self.render(&look, &camera, options)?;
                 let (share, color) = covered(&image, look.background);
                 Ok(proto::UnitCoverage { unit, share, mean_color: color.map(encode_color) })
             })
             .collect()
     }
+}
+
+fn projection(request: &proto::CaptureRequest) -> Projection {
+    match request.projection() {
+        proto::Projection::Unspecified | proto::Projection::Affine => Projection::Affine,
+        proto::Projection::PerRay => Projection::PerRay,
+    }
+}
+
+/// The clips of a request; whether their numbers make sense is the renderer's to say.
+fn clips(request: &proto::CaptureRequest) -> Result<Vec<Clip>, Fault> {
+    if request.clips.len() > MAX_CLIPS || request.clips.iter().any(|clip| clip.sides.len() > MAX_CLIPS) {
+        return Err(Fault::invalid(format!("at most {MAX_CLIPS} clips of at most {MAX_CLIPS} sides each")));
+    }
+    let side = |side: &proto::HalfSpace| match side.normal.as_slice() {
+        &[x, y, z] => Ok(HalfSpace { normal: DVec3::new(x, y, z), offset: side.offset }),
+        other => Err(Fault::invalid(format!("a clip's normal takes three numbers, not {}", other.len()))),
+    };
+    let clip = |clip: &proto::Clip| {
+        let sides = clip.sides.iter().map(side).collect::<Result<_, _>>()?;
+        Ok(Clip { sides, keep_inside: !clip.cut })
+    };
+    request.clips.iter().map(clip).collect()
 }
 
 /// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one

@@ -148,9 +148,9 @@ pub fn render(
         (Projection::Affine, Quality::Fast) => standard::render(scene, appearance, camera, Limits::FAST),
         (Projection::PerRay, Quality::Exact) => per_ray::exact::render(scene, appearance, camera),
         (Projection::PerRay, Quality::Standard) => {
-            per_ray::fast::render::<64>(scene, appearance, camera, Limits::STANDARD)
+            per_ray::fast::render::<256>(scene, appearance, camera, Limits::STANDARD)
         }
-        (Projection::PerRay, Quality::Fast) => per_ray::fast::render::<32>(scene, appearance, camera, Limits::FAST),
+        (Projection::PerRay, Quality::Fast) => per_ray::fast::render::<64>(scene, appearance, camera, Limits::FAST),
     };
     report.seconds.total = began.elapsed().as_secs_f64();
     Ok(Rendered { image, report })

@@ -1,8 +1,9 @@
 //! The fast path of the view-consistent mode: rays in f32 eight at a time, with the cut-offs of [`crate::standard`].
 //!
 //! Gaussians come in one order for a tile of 16 × 16 pixels, by depth on the ray that sees each best within the tile, and are
-//! put in order again on each ray within a window of so many layers. A Gaussian that lies deeper on a ray than that many others
-//! which come after it is blended too early; where long thin Gaussians cross at random that happens.
+//! put in order again on each ray: a layer waits until none that is still to come can lie before it, or until there is no
+//! room for more that wait. A Gaussian that lies deeper on a ray than so many others which come after it is then blended too
+//! early; where long thin Gaussians cross at random that happens.
 //!
 //! What is linear in the pixel is evaluated in f64 at a tile's first pixel and narrowed there, so that f32 holds only
 //! differences within the tile.
@@ -88,7 +89,20 @@ impl Ray {
 
     /// Depth on the ray through the pixel of a tile that lies nearest to the Gaussian's middle.
     fn depth(&self, first: DVec2) -> f32 {
-        let pixel = self.reach.center.clamp(first, first + (TILE - 1) as f64);
+        self.depth_at(self.reach.center.clamp(first, first + (TILE - 1) as f64))
+    }
+
+    /// About the least depth on rays of the tile: that at the corners of what it may touch there.
+    fn nearest(&self, first: DVec2) -> f32 {
+        let half = self.reach.half_size(1.0);
+        let last = first + (TILE - 1) as f64;
+        let low = (self.reach.center - half).clamp(first, last);
+        let high = (self.reach.center + half).clamp(first, last);
+        let corners = [low, DVec2::new(high.x, low.y), DVec2::new(low.x, high.y), high];
+        corners.into_iter().map(|corner| self.depth_at(corner)).fold(self.depth(first), f32::min)
+    }
+
+    fn depth_at(&self, pixel: DVec2) -> f32 {
         let a = self.toward.at(pixel).max(0.0);
         let (u, v) = (self.across.at(pixel), self.over.at(pixel));
         (self.depth_scale * (a / (a * a + u * u + v * v))) as f32
@@ -107,6 +121,8 @@ struct Narrow {
     peak: f32,
     cut: f32,
     color: Vec3,
+    /// Least depth of this one and of all that come after it.
+    nearest: f32,
     /// Rows that it may touch.
     rows: Range<usize>,
 }
@@ -127,6 +143,7 @@ impl Narrow {
             peak: splat.log_opacity,
             cut: splat.log_opacity - splat.range,
             color: splat.color,
+            nearest: splat.nearest(first),
             rows: (-dy - tall).max(0.0) as usize..((tall - dy).max(-1.0) + 1.0) as usize,
         }
     }
@@ -170,6 +187,11 @@ impl<const WINDOW: usize> Pixel<WINDOW> {
     const CLEAR: Self =
         Self { waiting: [(0.0, 0.0, 0); WINDOW], first: 0, count: 0, transmittance: 1.0, color: Vec3::ZERO };
 
+    /// Nothing in front of the background again.
+    fn clear(&mut self) {
+        (self.first, self.count, self.transmittance, self.color) = (0, 0, 1.0, Vec3::ZERO);
+    }
+
     /// Takes one more layer up, behind those of equal depth; blends the nearest where there is no room.
     fn push(&mut self, depth: f32, alpha: f32, item: u32, list: &[Narrow]) {
         if self.count == WINDOW {
@@ -186,6 +208,13 @@ impl<const WINDOW: usize> Pixel<WINDOW> {
         }
         self.waiting[(self.first + place) % WINDOW] = (depth, alpha, item);
         self.count += 1;
+    }
+
+    /// Blends all layers before a depth.
+    fn pop_before(&mut self, depth: f32, list: &[Narrow]) {
+        while self.count > 0 && self.waiting[self.first].0 < depth {
+            self.pop(list);
+        }
     }
 
     /// Blends the nearest layer.
@@ -213,18 +242,26 @@ fn tile<const WINDOW: usize>(
         .filter_map(|k| Some(u64::from(splats.get(*k as usize)?.depth(first).to_bits()) << 32 | u64::from(*k)))
         .collect();
     order.sort_unstable();
-    let list: Vec<Narrow> = order
+    let mut list: Vec<Narrow> = order
         .into_iter()
         .filter_map(|key| splats.get(key as u32 as usize))
         .map(|splat| Narrow::of(splat, first))
         .collect();
+    list.iter_mut().rev().fold(f32::INFINITY, |least, n| {
+        n.nearest = n.nearest.min(least);
+        n.nearest
+    });
     let mut pixels = [[0.0; 4]; TILE * TILE];
+    let mut line = [Pixel::<WINDOW>::CLEAR; TILE];
     for (row, out) in pixels.chunks_mut(TILE).enumerate() {
-        let mut line = [Pixel::<WINDOW>::CLEAR; TILE];
+        line.iter_mut().for_each(Pixel::clear);
         for (item, splat) in list.iter().enumerate() {
-            // Asking whether a row is finished is dear: ask once for several Gaussians.
-            if item % 16 == 0 && line.iter().all(|p| p.transmittance < stop) {
-                break;
+            // Once for several Gaussians: what lies before all that come is blended, and a row may be finished.
+            if item % 8 == 0 {
+                line.iter_mut().for_each(|p| p.pop_before(splat.nearest, &list));
+                if line.iter().all(|p| p.transmittance < stop) {
+                    break;
+                }
             }
             if !splat.rows.contains(&row) {
                 continue;

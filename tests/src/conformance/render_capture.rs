@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::render::{CaptureRequest, Frame, Quality};
+use sg_proto::render::{CaptureRequest, Clip, Frame, HalfSpace, Quality};
 use sg_proto::scene::SetVisibility;
 use sg_proto::scene::command::Action;
 
@@ -36,6 +36,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("draws what was asked for", draws(stage).await);
     checks.note("shows at least the revision asked for", at_least(stage).await);
     checks.note("measures what units cover", measures(stage).await);
+    checks.note("keeps to clips", clips(stage).await);
     checks.note("refuses pictures that cannot be", misfits(stage).await);
     checks.note("sends its pictures to other machines", sends(stage).await);
 }
@@ -91,11 +92,25 @@ async fn measures(stage: &Stage<'_>) -> Result<(), String> {
     hold(frame.coverage < whole.coverage, || "one unit alone covers as much as both".to_owned())
 }
 
+async fn clips(stage: &Stage<'_>) -> Result<(), String> {
+    // Everything has x ≥ −1e9, and nothing has x ≤ −1e9.
+    let side = |x: f64| HalfSpace { normal: vec![x, 0.0, 0.0], offset: x * -1e9 };
+    let whole = capture(stage, &small()).await?;
+    for (x, cut, coverage) in [(1.0, false, whole.coverage), (1.0, true, 0.0), (-1.0, false, 0.0)] {
+        let clips = vec![Clip { sides: vec![side(x)], cut }];
+        let frame = capture(stage, &CaptureRequest { clips, ..small() }).await?;
+        hold(frame.coverage == coverage, || format!("coverage {} instead of {coverage}", frame.coverage))?;
+    }
+    Ok(())
+}
+
 async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {
     let wrong = &[Code::InvalidArgument, Code::OutOfRange][..];
+    let nowhere = Clip { sides: vec![HalfSpace { normal: vec![0.0; 3], offset: 0.0 }], cut: false };
     for (what, request, codes) in [
         ("no width", CaptureRequest { width: 0, ..small() }, wrong),
         ("too high", CaptureRequest { height: 1 << 20, ..small() }, wrong),
+        ("a clip of no direction", CaptureRequest { clips: vec![nowhere], ..small() }, wrong),
         ("an unknown unit", CaptureRequest { only_units: vec!["none".to_owned()], ..small() }, &[Code::NotFound]),
         ("a camera of nothing", CaptureRequest { camera: Some(sg_proto::render::Camera::default()), ..small() }, wrong),
     ] {
