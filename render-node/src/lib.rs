@@ -2,7 +2,11 @@
 //!
 //! [`render::render`] draws one picture of a scene on the CPU. Every Gaussian is shaded ([`shading`]) and projected once in
 //! f64; `exact` then blends in f64 and is the reference, `standard` and `fast` blend in f32 with cut-offs of known error.
-//! [`metrics`] says how far a picture is from the reference, [`view`] where to look from.
+//! [`render::Projection::PerRay`] is the same for a head that turns. [`metrics`] says how far a picture is from the reference,
+//! [`view`] where to look from, [`pick`] what is in front.
+//!
+//! What a Gaussian is like or belongs to can be shown in place of its shading: [`structure`] colours clusters, [`attributes`]
+//! maps numbers and directions, [`outline`] draws lines where the cluster in front changes.
 
 pub mod attributes;
 pub mod color_map;

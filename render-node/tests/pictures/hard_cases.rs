@@ -1,16 +1,18 @@
 //! The promises on every case of the list, and what else is known of the hard ones.
 
-use glam::{DVec3, Vec3};
+use glam::{DMat4, DVec3, Vec3};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::Quality::{self, Exact, Fast, Standard};
 use sg_render_node::render::render;
 use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
 
 use crate::cases::{self, FAR};
 use crate::oracle;
 use crate::quality::promises_are_kept;
-use crate::scenes::{Blob, camera, draw, logit, scene};
+use crate::scenes::{Blob, camera, draw, logit, scene, unit};
 
 const LEVELS: [Quality; 3] = [Exact, Standard, Fast];
 
@@ -155,6 +157,42 @@ fn no_gaussian_leaves_the_background() {
             assert_eq!((drawn.image.pixels().len(), drawn.report.drawn), (33 * 20, 0));
         }
     }
-    let none = sg_scene::model::Scene::compose(vec![], None);
+    let none = Scene::compose(vec![], None);
     assert_eq!(draw(&none, &camera(80.0, 1, 1), Standard).image.rgba, [0.0; 4]);
+}
+
+/// So many small Gaussians in a cube before the camera, without columns that nothing needs.
+fn crowd(n: usize) -> Scene {
+    let mut one = unit("crowd", &[]);
+    let place = |k: usize, step: f64| ((k as f64 * step).fract() - 0.5) as f32;
+    let g = &mut one.gaussians;
+    g.shading = None;
+    // A lattice that fills a cube evenly (Roberts 2018).
+    g.position = (0..n)
+        .map(|k| Vec3::new(place(k, 0.819_172_513), place(k, 0.671_043_607), 3.0 + place(k, 0.549_700_478)))
+        .collect();
+    g.rotation = vec![[1.0, 0.0, 0.0, 0.0]; n];
+    g.log_scale = vec![Vec3::splat(2e-3_f32.ln()); n];
+    g.opacity_logit = vec![logit(0.2); n];
+    one.palette = Vec3::new(0.2, 0.6, 0.9);
+    Scene::compose(vec![one], None)
+}
+
+#[test]
+#[ignore = "takes a minute and 6 GB"]
+fn ten_million_in_stereo_and_twenty_million() {
+    let eye = |x: f64| Camera { cx: 320.0 + 100.0 * x, ..camera(600.0, 640, 640) };
+    let shifted = |x: f64| Camera {
+        world_to_camera: DMat4::from_translation(DVec3::new(-x, 0.0, 0.0)).transpose().to_cols_array(),
+        ..eye(x)
+    };
+    for (n, eyes) in [(10_000_000, vec![-0.032, 0.032]), (20_000_000, vec![0.0])] {
+        let scene = crowd(n);
+        for x in eyes {
+            let drawn = draw(&scene, &shifted(x), Standard);
+            println!("{n} at {x}: {:?}", drawn.report);
+            assert!(drawn.report.drawn == n && drawn.image.rgba.iter().all(|v| v.is_finite()));
+            assert!(alpha(&drawn.image, 320, 320) > 0.99);
+        }
+    }
 }
