@@ -11,7 +11,7 @@ use sg_proto::keys::{self, role};
 use sg_proto::{limits, render as proto};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::FOOTPRINT;
-use sg_render_node::render::{Options, Projection, Quality, Rendered, render};
+use sg_render_node::render::{Options, Quality, Rendered, render};
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, Owned};
@@ -19,7 +19,7 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
-use sg_scene::appearance::{Appearance, Clip, HalfSpace, Overlay, UnitAppearance};
+use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::edit::wire::encode_color;
 use sg_scene::edit::{EditState, Replica};
@@ -28,6 +28,10 @@ use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior};
+
+mod asked;
+
+use asked::{clips, projection};
 
 /// Pictures that may be asked for while one is drawn.
 const QUEUE: usize = 8;
@@ -41,9 +45,6 @@ const MEASURE_UNITS: usize = 64;
 /// How far behind everything else the threads that draw stand, steps of the scheduler's scale: a hand that waits for a few
 /// microseconds of another process is not to wait for a picture.
 const NICE: i32 = 10;
-
-/// Most clips of a request, and most sides of each.
-const MAX_CLIPS: usize = 64;
 
 /// Fastest steady pace of the view.
 const MAX_FRAMES_PER_SECOND: f64 = 240.0;
@@ -460,29 +461,6 @@ impl Painter {
             })
             .collect()
     }
-}
-
-fn projection(request: &proto::CaptureRequest) -> Projection {
-    match request.projection() {
-        proto::Projection::Unspecified | proto::Projection::Affine => Projection::Affine,
-        proto::Projection::PerRay => Projection::PerRay,
-    }
-}
-
-/// The clips of a request; whether their numbers make sense is the renderer's to say.
-fn clips(request: &proto::CaptureRequest) -> Result<Vec<Clip>, Fault> {
-    if request.clips.len() > MAX_CLIPS || request.clips.iter().any(|clip| clip.sides.len() > MAX_CLIPS) {
-        return Err(Fault::invalid(format!("at most {MAX_CLIPS} clips of at most {MAX_CLIPS} sides each")));
-    }
-    let side = |side: &proto::HalfSpace| match side.normal.as_slice() {
-        &[x, y, z] => Ok(HalfSpace { normal: DVec3::new(x, y, z), offset: side.offset }),
-        other => Err(Fault::invalid(format!("a clip's normal takes three numbers, not {}", other.len()))),
-    };
-    let clip = |clip: &proto::Clip| {
-        let sides = clip.sides.iter().map(side).collect::<Result<_, _>>()?;
-        Ok(Clip { sides, keep_inside: !clip.cut })
-    };
-    request.clips.iter().map(clip).collect()
 }
 
 /// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one
