@@ -9,14 +9,18 @@ use glam::{DVec3, Vec3};
 use serde::Deserialize;
 use sg_proto::keys::{self, role};
 use sg_proto::{limits, render as proto};
+use sg_render_node::backend::{Backend, Engine};
+use sg_render_node::gpu::{GpuError, Rasterizer};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::FOOTPRINT;
-use sg_render_node::render::{Options, Quality, Rendered, render};
+use sg_render_node::render::{Options, Quality, Rendered};
+use sg_render_node::report::StageSeconds;
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, Owned};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
+use sg_runtime::metrics::{self, Metric};
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
 use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
@@ -25,7 +29,6 @@ use sg_scene::edit::wire::encode_color;
 use sg_scene::edit::{EditState, Replica};
 use sg_scene::known::read_known;
 use sg_scene::mask::Mask;
-use sg_scene::model::Scene;
 use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior};
 
@@ -59,6 +62,10 @@ struct Params {
     height: u32,
     /// Quality of the view's pictures: `exact`, `standard` or `fast`.
     quality: QualityName,
+    /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
+    backend: Backend,
+    /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
+    rasterizer: Option<Rasterizer>,
     /// Pictures a second that the view draws although nothing changes, for whoever records or mirrors it; 0 draws only
     /// what changed.
     frames_per_second: f64,
@@ -82,6 +89,8 @@ impl Default for Params {
             width: 640,
             height: 640,
             quality: QualityName::Standard,
+            backend: Backend::Auto,
+            rasterizer: None,
             frames_per_second: 0.0,
             // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
             highlight_color: [0.337, 0.706, 0.914],
@@ -129,7 +138,14 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let path = host.scene_path(&geometry.path, &geometry.hash).await?;
     let scene = tokio::task::block_in_place(|| read_known(&path, &geometry.hash))
         .map_err(|e| StartError::Input(e.to_string()))?;
-    tracing::info!(gaussians = scene.len(), "scene read");
+    let gaussians = scene.len() as u64;
+    let (backend, rasterizer) = (params.backend, params.rasterizer);
+    let mut engine = tokio::task::block_in_place(|| Engine::new(scene, backend, rasterizer))
+        .map_err(|e| StartError::Failed(e.to_string()))?;
+    if let Some(trouble) = engine.take_trouble() {
+        tracing::warn!("{trouble}");
+    }
+    tracing::info!(gaussians, engine = engine.name(), "scene read");
 
     let (newest, state) = watch::channel((Arc::new(state), Context::root()));
     tokio::spawn(follow(feed, newest));
@@ -144,14 +160,14 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
             )));
         }
     };
-    let told = proto::State { gaussians: scene.len() as u64, ..proto::State::default() };
+    let told = proto::State { gaussians, engine: engine.name(), ..proto::State::default() };
     let painter = Painter {
         bus: host.bus().clone(),
         blobs: host.blobs().clone(),
-        scene,
+        engine,
         state: state.clone(),
-        pool: pool()?,
-        owned: host.bus().own(row, told).await?,
+        pool: Arc::new(pool()?),
+        owned: host.bus().own(row, told.clone()).await?,
         told,
         params,
     };
@@ -245,10 +261,10 @@ enum Message {
 struct Painter {
     bus: Bus,
     blobs: Blobs,
-    scene: Scene,
+    engine: Engine,
     state: watch::Receiver<(Arc<EditState>, Context)>,
     /// All of a picture is made in it, so that none of that work keeps a hand waiting.
-    pool: rayon::ThreadPool,
+    pool: Arc<rayon::ThreadPool>,
     owned: Owned<proto::State>,
     told: proto::State,
     params: Params,
@@ -260,8 +276,11 @@ struct Seen(proto::State);
 
 impl fmt::Display for Seen {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let proto::State { revision, frames, skipped_revisions, render_ms, .. } = self.0;
-        write!(f, "revision {revision}, {frames} pictures, {skipped_revisions} skipped, newest {render_ms:.0} ms")
+        let proto::State { revision, frames, skipped_revisions, render_ms, engine, .. } = &self.0;
+        write!(
+            f,
+            "revision {revision}, {frames} pictures, {skipped_revisions} skipped, newest {render_ms:.0} ms, drawn by {engine}"
+        )
     }
 }
 
@@ -274,7 +293,7 @@ impl Actor for Painter {
     }
 
     fn state(&self) -> Seen {
-        Seen(self.told)
+        Seen(self.told.clone())
     }
 
     async fn handle(&mut self, message: Message) -> Result<(), String> {
@@ -310,7 +329,7 @@ impl Painter {
             ..proto::CaptureRequest::default()
         };
         let state = Arc::clone(&self.state.borrow().0);
-        let frame = match self.work(|| self.draw(&state, &request)) {
+        let frame = match self.work(|painter| painter.draw(&state, &request)) {
             Ok(frame) => frame,
             Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
         };
@@ -332,9 +351,9 @@ impl Painter {
                 }
             }
         };
-        let mut frame = self.work(|| self.draw(&state, request))?;
+        let mut frame = self.work(|painter| painter.draw(&state, request))?;
         if request.measure_units {
-            frame.units = self.work(|| self.measure(&state, request))?;
+            frame.units = self.work(|painter| painter.measure(&state, request))?;
         }
         self.tell(&frame, context).await;
         Ok(frame)
@@ -348,17 +367,18 @@ impl Painter {
         self.told.revision = frame.revision;
         self.told.frames += 1;
         self.told.render_ms = frame.render_ms;
-        if let Err(fault) = self.owned.set(self.told, &context.next()).await {
+        if let Err(fault) = self.owned.set(self.told.clone(), &context.next()).await {
             tracing::warn!(%fault, "the state could not be published");
         }
     }
 
     /// Does something on the threads that draw, and waits for it.
-    fn work<T: Send>(&self, what: impl FnOnce() -> T + Send) -> T {
-        tokio::task::block_in_place(|| self.pool.install(what))
+    fn work<T: Send>(&mut self, what: impl FnOnce(&mut Self) -> T + Send) -> T {
+        let pool = Arc::clone(&self.pool);
+        tokio::task::block_in_place(|| pool.install(|| what(self)))
     }
 
-    fn draw(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<proto::Frame, Fault> {
+    fn draw(&mut self, state: &EditState, request: &proto::CaptureRequest) -> Result<proto::Frame, Fault> {
         let start = Instant::now();
         let camera = self.camera(state, request)?;
         let projection = projection(request);
@@ -413,8 +433,20 @@ impl Painter {
         })
     }
 
-    fn render(&self, look: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, Fault> {
-        render(&self.scene, look, camera, options).map_err(|e| Fault::invalid(e.to_string()))
+    fn render(&mut self, look: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, Fault> {
+        let drawn = self.engine.draw(look, camera, options).map_err(|e| match e {
+            GpuError::Input(_) | GpuError::Views(_) => Fault::invalid(e.to_string()),
+            _ => Fault::exhausted(e.to_string()),
+        })?;
+        if let Some(trouble) = self.engine.take_trouble() {
+            tracing::warn!("{trouble}; the cores draw");
+            self.told.engine = self.engine.name();
+        }
+        let StageSeconds { preprocess, sort, bin, raster, .. } = drawn.report.seconds;
+        for (pass, seconds) in [("preprocess", preprocess), ("sort", sort), ("bin", bin), ("raster", raster)] {
+            metrics::observe(Metric::PassSeconds, &[("pass", pass)], Duration::from_secs_f64(seconds.max(0.0)));
+        }
+        Ok(drawn)
     }
 
     fn camera(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
@@ -438,7 +470,11 @@ impl Painter {
 
     /// What each unit covers of the picture when it is drawn alone; nothing where it is hidden. Derived units are left out:
     /// a person did not make them.
-    fn measure(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<Vec<proto::UnitCoverage>, Fault> {
+    fn measure(
+        &mut self,
+        state: &EditState,
+        request: &proto::CaptureRequest,
+    ) -> Result<Vec<proto::UnitCoverage>, Fault> {
         let scale =
             f64::from(MEASURE_PIXELS) / f64::from(request.width.max(request.height)).max(f64::from(MEASURE_PIXELS));
         let small = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);

@@ -9,10 +9,12 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 use glam::{DVec2, DVec3, Vec3};
 use serde::Serialize;
+use sg_render_node::backend::{Backend, Engine};
+use sg_render_node::gpu::{GpuError, Rasterizer};
 use sg_render_node::image::ImageFormat;
 use sg_render_node::outline::{OutlineStyle, draw_outlines};
 use sg_render_node::pick;
-use sg_render_node::render::{Options, Projection, Quality, Rendered, render};
+use sg_render_node::render::{Options, Projection, Quality, Rendered};
 use sg_render_node::report::Report;
 use sg_render_node::view;
 use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm};
@@ -50,6 +52,9 @@ pub(crate) struct Picture {
     /// What draws.
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
+    /// How a graphics device blends.
+    #[arg(long, value_enum, default_value_t = RasterizerName::Tiles)]
+    rasterizer: RasterizerName,
     /// Error against the reference: none; ≥ 50 dB; ≥ 40 dB.
     #[arg(long, value_enum, default_value_t = QualityName::Standard)]
     quality: QualityName,
@@ -127,10 +132,20 @@ pub(crate) struct Picture {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum BackendName {
-    /// The fastest there is.
+    /// A graphics card where there is one, else the cores.
     Auto,
     /// All cores of this machine.
     Cpu,
+    /// A graphics device of any kind, software ones too.
+    Gpu,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum RasterizerName {
+    /// Lists for each 16 × 16 tile, in compute shaders.
+    Tiles,
+    /// A quadrilateral for each Gaussian, in the fixed function.
+    Quads,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum, Serialize)]
@@ -183,7 +198,7 @@ enum ConventionName {
 #[derive(Debug, Serialize)]
 struct PictureReport<'a> {
     out: &'a Path,
-    backend: &'static str,
+    backend: String,
     quality: QualityName,
     projection: ProjectionName,
     threads: usize,
@@ -261,19 +276,33 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         QualityName::Fast => Quality::Fast,
     };
     let backend = match picture.backend {
-        BackendName::Auto | BackendName::Cpu => "cpu",
+        BackendName::Auto => Backend::Auto,
+        BackendName::Cpu => Backend::Cpu,
+        BackendName::Gpu => Backend::Gpu,
     };
-    let options = Options { quality, projection };
-    let Rendered { mut image, report } = render(&scene, &appearance, &camera, options).map_err(Failure::input)?;
+    let rasterizer = match picture.rasterizer {
+        RasterizerName::Tiles => Rasterizer::Tiles,
+        RasterizerName::Quads => Rasterizer::Quads,
+    };
+    let mut engine = Engine::new(scene, backend, Some(rasterizer)).map_err(Failure::work)?;
+    let drawn = engine.draw(&appearance, &camera, Options { quality, projection });
+    let Rendered { mut image, report } = drawn.map_err(|e| match e {
+        GpuError::Input(_) => Failure::input(e),
+        _ => Failure::work(e),
+    })?;
+    if let Some(trouble) = engine.take_trouble() {
+        eprintln!("warning: {trouble}");
+    }
+    let scene = engine.scene();
     if let (Some(width), Some(labels)) = (picture.outlines, &labels) {
         let (front, _) =
-            pick::front_ids(&scene, &appearance, &camera, projection, pick::SURFACE).map_err(Failure::input)?;
+            pick::front_ids(scene, &appearance, &camera, projection, pick::SURFACE).map_err(Failure::input)?;
         let style = OutlineStyle { color: picture.outline_color, width };
         draw_outlines(&mut image, &front, labels, style).map_err(Failure::work)?;
     }
     let hit = picture
         .pick
-        .map(|at| pick::pick(&scene, &appearance, &camera, projection, DVec2::from_array(at), pick::SURFACE))
+        .map(|at| pick::pick(scene, &appearance, &camera, projection, DVec2::from_array(at), pick::SURFACE))
         .transpose()
         .map_err(Failure::input)?;
     image.save(&picture.out).map_err(Failure::work)?;
@@ -302,7 +331,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     if picture.json {
         let report = PictureReport {
             out: &picture.out,
-            backend,
+            backend: engine.name(),
             quality: picture.quality,
             projection: picture.projection,
             threads: rayon::current_num_threads(),

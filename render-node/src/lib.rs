@@ -9,6 +9,7 @@
 //! maps numbers and directions, [`outline`] draws lines where the cluster in front changes.
 
 pub mod attributes;
+pub mod backend;
 pub mod color_map;
 mod depth;
 mod exact;

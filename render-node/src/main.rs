@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use sg_runtime::process::{self, ServeArgs};
 
-/// Draws one picture of a scene on the CPU.
+/// Draws one picture of a scene.
 #[derive(Debug, Parser)]
 #[command(
     name = "supergaussian-render-node",

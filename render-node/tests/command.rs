@@ -190,7 +190,7 @@ fn what_is_wrong_is_said_in_one_line() {
         assert!(line.len() == 1 && line[0].starts_with("error: ") && line[0].contains(want), "{line:?}");
     }
     for arguments in [
-        [&base[..], &["c.png", "--backend", "gpu"]].concat(),
+        [&base[..], &["c.png", "--backend", "abacus"]].concat(),
         [&base[..], &["c.png", "--mask-mix", "1"]].concat(),
         [&base[..], &["c.png", "--clip-plane", "0,0,0,1,0"]].concat(),
         [&base[..], &["c.png", "--clip-box", "0,0,0,1,0,nan"]].concat(),

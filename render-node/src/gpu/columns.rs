@@ -193,7 +193,7 @@ fn unit(unit: &BaseUnit) -> Unit {
         sg_scene::model::ShadingModel::IvrgsTrain => 1,
         sg_scene::model::ShadingModel::IvrgsViewer => 2,
     };
-    Unit { kind: [model, look, 1, 0], ..Unit::of_transform(unit.transform) }
+    Unit { kind: [model, look, 1, u32::from(unit.gaussians.antialiased)], ..Unit::of_transform(unit.transform) }
 }
 
 fn row(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Row {

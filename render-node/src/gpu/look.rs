@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3, Vec4};
-use sg_scene::appearance::{Appearance, ShadingTerm};
+use sg_scene::appearance::{Appearance, PixelFilter, ShadingTerm};
 use sg_scene::camera::LightMode;
 use sg_scene::mask::Mask;
 
@@ -77,6 +77,11 @@ impl Look {
     pub(super) fn set(&mut self, gpu: &Gpu, scene_units: &[Unit], origin: DVec3, appearance: &Appearance) {
         self.uploaded = 0;
         let light = &appearance.light;
+        let compensated = |unit: &Unit| match appearance.filter {
+            PixelFilter::FromFile => unit.kind[3],
+            PixelFilter::Plain => 0,
+            PixelFilter::Compensated => 1,
+        };
         let table: Vec<Unit> = scene_units
             .iter()
             .zip(&appearance.base)
@@ -85,7 +90,7 @@ impl Look {
                 Unit {
                     palette: with(base.palette, base.opacity),
                     multipliers: Vec4::new(ka * light.ka, kd * light.kd, ks * light.ks, shininess * light.shininess),
-                    kind: [unit.kind[0], unit.kind[1], u32::from(base.visible), 0],
+                    kind: [unit.kind[0], unit.kind[1], u32::from(base.visible), compensated(unit)],
                     ..*unit
                 }
             })

@@ -20,7 +20,8 @@ use crate::render::{Quality, check_look, check_scene};
 use crate::standard::Limits;
 
 /// How splats are blended.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Rasterizer {
     /// Lists for each 16 × 16 tile, blended by compute shaders.
     #[default]
@@ -145,6 +146,12 @@ impl Renderer {
     #[must_use]
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// Gaussians in the scene.
+    #[must_use]
+    pub fn gaussians(&self) -> usize {
+        self.columns.len
     }
 
     /// Bytes that the scene's columns take on the device.

@@ -31,6 +31,8 @@ pub enum Metric {
     ActorHandled,
     /// Messages an actor's full mailbox turned away, by actor.
     ActorDropped,
+    /// Time of one pass of a picture, by pass: that of the graphics device where one draws.
+    PassSeconds,
     /// Resident memory of the process.
     MemoryBytes,
     /// Age of the process.
@@ -53,7 +55,7 @@ const BUCKETS: [f64; 16] = [5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02
 
 impl Metric {
     /// All of them.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::AskSeconds,
         Self::Retries,
         Self::ServeSeconds,
@@ -63,6 +65,7 @@ impl Metric {
         Self::ActorQueued,
         Self::ActorHandled,
         Self::ActorDropped,
+        Self::PassSeconds,
         Self::MemoryBytes,
         Self::UptimeSeconds,
         Self::ServiceRestarts,
@@ -82,6 +85,7 @@ impl Metric {
             Self::ActorQueued => "supergaussian_actor_queued",
             Self::ActorHandled => "supergaussian_actor_handled_total",
             Self::ActorDropped => "supergaussian_actor_dropped_total",
+            Self::PassSeconds => "supergaussian_pass_seconds",
             Self::MemoryBytes => "supergaussian_memory_bytes",
             Self::UptimeSeconds => "supergaussian_uptime_seconds",
             Self::ServiceRestarts => "supergaussian_service_restarts_total",
@@ -102,6 +106,7 @@ impl Metric {
             Self::ActorQueued => (Kind::Gauge, Unit::Count, "Messages waiting in an actor's mailbox"),
             Self::ActorHandled => (Kind::Counter, Unit::Count, "Messages an actor has handled"),
             Self::ActorDropped => (Kind::Counter, Unit::Count, "Messages an actor's full mailbox turned away"),
+            Self::PassSeconds => (Kind::Histogram, Unit::Seconds, "One pass of a picture"),
             Self::MemoryBytes => (Kind::Gauge, Unit::Bytes, "Resident memory"),
             Self::UptimeSeconds => (Kind::Gauge, Unit::Seconds, "Age of the process"),
             Self::ServiceRestarts => (Kind::Counter, Unit::Count, "Starts of a service after its first"),

@@ -63,7 +63,8 @@ struct Unit {
     palette: vec4<f32>,
     // Factors on ka, kd, ks and the exponent.
     multipliers: vec4<f32>,
-    // Shading model (0 paper, 1 as iVR-GS trains, 2 as its viewer draws), look (0 palette, 1 lit, 2 harmonics), visible.
+    // Shading model (0 paper, 1 as iVR-GS trains, 2 as its viewer draws), look (0 palette, 1 lit, 2 harmonics), visible,
+    // whether the dilation takes as much opacity as it adds area.
     kind: vec4<u32>,
 }
 

@@ -263,7 +263,14 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         let per_column = SCALE / (size * sqrt(variance));
         let per_row = SCALE / (size * root);
         let pixel = view.lens.xy * slope + view.lens.zw;
-        var range = log2(max(opacity / frame.limits.x, frame.limits.y));
+        var seen = opacity;
+        if unit.kind.w == 1u {
+            // The dilation takes as much opacity as it adds area: compensation() of project.rs.
+            let whole = cross(m0, m1);
+            let area = dot(whole, whole);
+            seen *= sqrt(area / (area + dilation * (dot(m0, m0) + dot(m1, m1) + dilation)));
+        }
+        var range = log2(max(seen / frame.limits.x, frame.limits.y));
         var color = shared_color;
         if !shares {
             color = color_of(i, global, unit, replaced, given, center.xyz, view.eye.xyz);
@@ -273,7 +280,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         let reach = sqrt(range);
         let half = vec2(reach * length(vec2(1.0 / per_column, ellipse_slope / per_row)), reach / per_row);
-        let usable = opacity > 0.0 && at.z > frame.limits.w && is_finite(pixel.x) && is_finite(pixel.y)
+        let usable = seen > 0.0 && at.z > frame.limits.w && is_finite(pixel.x) && is_finite(pixel.y)
             && is_finite(variance) && is_finite(ellipse_slope) && is_finite(c)
             && is_finite(color.x) && is_finite(color.y) && is_finite(color.z);
         let inside = all(pixel + half >= vec2(0.0)) && all(pixel - half <= vec2<f32>(frame.size));
@@ -287,7 +294,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         let to = 3u * (v * frame.capacity + j);
         splats[to] = vec4(pixel, ellipse_slope, per_column);
-        splats[to + 1u] = vec4(per_row, log2(max(opacity, 1e-30)), range, at.z);
+        splats[to + 1u] = vec4(per_row, log2(max(seen, 1e-30)), range, at.z);
         splats[to + 2u] = vec4(color, 0.0);
     }
     keys[j] = select(0xffffffffu, bitcast<u32>(depth), drawn);

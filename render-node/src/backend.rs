@@ -1,0 +1,214 @@
+//! What draws a scene: all cores of this machine, or a graphics device, chosen once and kept through the device's loss.
+
+use std::time::Instant;
+
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
+
+use crate::gpu::{Drawn, Gpu, GpuError, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
+use crate::render::{Options, Projection, Quality, Rendered, render};
+use crate::report::{Report, StageSeconds};
+use crate::view;
+
+/// What is to draw.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Backend {
+    /// A graphics card where there is one, else the cores: a device that is made of cores is slower than they are.
+    #[default]
+    Auto,
+    /// All cores of this machine.
+    Cpu,
+    /// A graphics device of any kind.
+    Gpu,
+}
+
+/// Pictures that each rasterizer draws when one is chosen; the last is timed, after shaders were compiled and lists grew.
+const TRIALS: usize = 3;
+
+/// Edge of those pictures in pixels.
+const TRIAL_SIZE: u32 = 768;
+
+/// A scene and what draws it.
+pub struct Engine {
+    scene: Scene,
+    wanted: Wanted,
+    device: Option<OnDevice>,
+    /// Whether the cores draw where the device cannot.
+    falls_back: bool,
+    /// Why the cores draw although a device was there.
+    trouble: Option<GpuError>,
+}
+
+struct OnDevice {
+    renderer: Renderer,
+    rasterizer: Rasterizer,
+}
+
+impl Engine {
+    /// Chooses what draws `scene`. With a device, `rasterizer` or the faster of the two in a trial of the scene's first view.
+    ///
+    /// # Errors
+    /// [`GpuError`] where a device was asked for and none will do. With [`Backend::Auto`] the cores draw then.
+    pub fn new(scene: Scene, backend: Backend, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
+        let wanted = match backend {
+            Backend::Cpu => return Ok(Self::on_cores(scene)),
+            Backend::Auto => Wanted::Hardware,
+            Backend::Gpu => Wanted::Any,
+        };
+        let opened = Gpu::open(wanted).and_then(|gpu| OnDevice::new(&gpu, &scene, rasterizer));
+        match opened {
+            Ok(device) => {
+                let falls_back = backend == Backend::Auto;
+                Ok(Self { device: Some(device), wanted, falls_back, trouble: None, scene })
+            }
+            Err(GpuError::NoDevice { .. }) if backend == Backend::Auto => Ok(Self::on_cores(scene)),
+            Err(error) if backend == Backend::Auto => Ok(Self { trouble: Some(error), ..Self::on_cores(scene) }),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn on_cores(scene: Scene) -> Self {
+        Self { scene, wanted: Wanted::Any, device: None, falls_back: true, trouble: None }
+    }
+
+    /// What is drawn.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What draws: `cpu`, or the device's name and the rasterizer.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.device.as_ref().map_or_else(
+            || "cpu".to_owned(),
+            |d| format!("{}, {}", d.renderer.gpu().name(), format!("{:?}", d.rasterizer).to_lowercase()),
+        )
+    }
+
+    /// Draws one picture. The reference and the view-consistent projection are drawn by the cores, whatever draws the rest.
+    /// A lost device is opened again and the scene uploaded anew; where that fails, or the device has not enough room, the
+    /// cores take over if they may.
+    ///
+    /// # Errors
+    /// [`GpuError::Input`] for what makes no picture, the rest for a device that fails where the cores may not take over.
+    pub fn draw(
+        &mut self,
+        appearance: &Appearance,
+        camera: &Camera,
+        options: impl Into<Options>,
+    ) -> Result<Rendered, GpuError> {
+        let options = options.into();
+        let for_cores = options.quality == Quality::Exact || options.projection == Projection::PerRay;
+        if for_cores || self.device.is_none() {
+            return Ok(render(&self.scene, appearance, camera, options)?);
+        }
+        match self.draw_on_device(appearance, camera, options.quality) {
+            Err(GpuError::Input(error)) => Err(error.into()),
+            Err(error) if self.falls_back => {
+                if !matches!(error, GpuError::TooMany { .. }) {
+                    self.device = None;
+                }
+                self.trouble = Some(error);
+                Ok(render(&self.scene, appearance, camera, options)?)
+            }
+            outcome => outcome,
+        }
+    }
+
+    fn draw_on_device(
+        &mut self,
+        appearance: &Appearance,
+        camera: &Camera,
+        quality: Quality,
+    ) -> Result<Rendered, GpuError> {
+        let Some(device) = &mut self.device else {
+            return Err(GpuError::NoDevice { wanted: self.wanted });
+        };
+        match device.draw(appearance, camera, quality) {
+            Err(GpuError::Lost { .. }) => {
+                let rasterizer = device.rasterizer;
+                let gpu = Gpu::open(self.wanted)?;
+                *device = OnDevice::new(&gpu, &self.scene, Some(rasterizer))?;
+                device.draw(appearance, camera, quality)
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// Why the cores have drawn in place of a device, if that is news.
+    pub fn take_trouble(&mut self) -> Option<GpuError> {
+        self.trouble.take()
+    }
+
+    /// Gives the device up as a driver's reset would; nothing happens where the cores draw.
+    pub fn lose_device(&self) {
+        if let Some(device) = &self.device {
+            device.renderer.gpu().lose();
+        }
+    }
+}
+
+impl OnDevice {
+    fn new(gpu: &Gpu, scene: &Scene, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
+        let mut renderer = Renderer::new(gpu, scene)?;
+        let rasterizer = match rasterizer {
+            Some(given) => given,
+            None => faster(&mut renderer, scene)?,
+        };
+        Ok(Self { renderer, rasterizer })
+    }
+
+    fn draw(&mut self, appearance: &Appearance, camera: &Camera, quality: Quality) -> Result<Rendered, GpuError> {
+        let began = Instant::now();
+        let settings = Settings { quality, rasterizer: self.rasterizer, shared_shading: false };
+        let (mut images, drawn) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
+        let report = self.report(&drawn, began);
+        match images.pop() {
+            Some(image) => Ok(Rendered { image, report }),
+            None => Err(GpuError::Views("the device made no picture".to_owned())),
+        }
+    }
+
+    fn report(&self, drawn: &Drawn, began: Instant) -> Report {
+        let PassSeconds { list, project, sort, bin, blend, compose } = drawn.seconds.unwrap_or_default();
+        let gaussians = self.renderer.gaussians();
+        let dropped_non_finite = self.renderer.dropped_non_finite();
+        Report {
+            gaussians,
+            drawn: drawn.listed as usize,
+            dropped_non_finite,
+            culled_outside: gaussians - dropped_non_finite - drawn.listed as usize,
+            tile_pairs: drawn.tile_pairs.into(),
+            seconds: StageSeconds {
+                preprocess: list + project,
+                sort,
+                bin,
+                raster: blend + compose,
+                total: began.elapsed().as_secs_f64(),
+            },
+            ..Report::default()
+        }
+    }
+}
+
+/// The rasterizer that draws a scene's first view faster on this device.
+fn faster(renderer: &mut Renderer, scene: &Scene) -> Result<Rasterizer, GpuError> {
+    let camera = [view::default_view(scene, TRIAL_SIZE, TRIAL_SIZE)];
+    let look = Appearance::of(scene);
+    let mut seconds = |rasterizer| -> Result<f64, GpuError> {
+        let settings = Settings { rasterizer, ..Settings::default() };
+        let mut newest = f64::INFINITY;
+        for _ in 0..TRIALS {
+            let began = Instant::now();
+            renderer.draw(&camera, &look, settings)?;
+            renderer.finish()?;
+            newest = began.elapsed().as_secs_f64();
+        }
+        Ok(newest)
+    };
+    let (tiles, quads) = (seconds(Rasterizer::Tiles)?, seconds(Rasterizer::Quads)?);
+    Ok(if quads < tiles { Rasterizer::Quads } else { Rasterizer::Tiles })
+}
