@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use glam::{DVec3, Vec3};
 use serde::Deserialize;
 use sg_proto::keys::{self, role};
+use sg_proto::selection::Preview;
 use sg_proto::{limits, render as proto};
 use sg_render_node::backend::{Backend, Engine};
 use sg_render_node::gpu::{GpuError, Rasterizer};
@@ -33,6 +34,7 @@ use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior};
 
 mod asked;
+mod preview;
 
 use asked::{clips, projection};
 
@@ -169,8 +171,10 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         pool: Arc::new(pool()?),
         owned: host.bus().own(row, told.clone()).await?,
         told,
+        shown: preview::follow(host.bus()).await?,
         params,
     };
+    let mut shown = painter.shown.clone();
     host.serve_content(content).await?;
     let mut pace = Pace::new(painter.params.frames_per_second);
     let (mailbox, _) = host.spawn(painter, QUEUE);
@@ -182,6 +186,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
                 // Newest value: revisions that pass while a picture is drawn are skipped, and counted.
                 tokio::select! {
                     changed = state.changed() => if changed.is_err() { break },
+                    changed = shown.changed() => if changed.is_err() { break },
                     () = pace.due() => {}
                 }
                 let context = state.borrow_and_update().1.clone();
@@ -267,6 +272,8 @@ struct Painter {
     pool: Arc<rayon::ThreadPool>,
     owned: Owned<proto::State>,
     told: proto::State,
+    /// What will be selected as soon as it is durable.
+    shown: watch::Receiver<Option<Preview>>,
     params: Params,
 }
 
@@ -329,7 +336,8 @@ impl Painter {
             ..proto::CaptureRequest::default()
         };
         let state = Arc::clone(&self.state.borrow().0);
-        let frame = match self.work(|painter| painter.draw(&state, &request)) {
+        let highlighted = preview::highlighted(&state, self.shown.borrow_and_update().as_ref());
+        let frame = match self.work(|painter| painter.draw(&state, &request, highlighted)) {
             Ok(frame) => frame,
             Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
         };
@@ -351,7 +359,8 @@ impl Painter {
                 }
             }
         };
-        let mut frame = self.work(|painter| painter.draw(&state, request))?;
+        let selected = Arc::clone(state.selection().mask());
+        let mut frame = self.work(|painter| painter.draw(&state, request, selected))?;
         if request.measure_units {
             frame.units = self.work(|painter| painter.measure(&state, request))?;
         }
@@ -378,7 +387,13 @@ impl Painter {
         tokio::task::block_in_place(|| pool.install(|| what(self)))
     }
 
-    fn draw(&mut self, state: &EditState, request: &proto::CaptureRequest) -> Result<proto::Frame, Fault> {
+    /// Draws a picture of a state, with `selected` highlighted where the request asks for that.
+    fn draw(
+        &mut self,
+        state: &EditState,
+        request: &proto::CaptureRequest,
+        selected: Arc<Mask>,
+    ) -> Result<proto::Frame, Fault> {
         let start = Instant::now();
         let camera = self.camera(state, request)?;
         let projection = projection(request);
@@ -391,9 +406,9 @@ impl Painter {
             look.units.iter_mut().take(others).for_each(|unit| unit.visible = true);
             look
         };
-        if request.highlight_selection && !state.selection().mask().is_none() {
+        if request.highlight_selection && !selected.is_none() {
             look.overlay = Some(Overlay {
-                mask: Arc::clone(state.selection().mask()),
+                mask: selected,
                 color: Vec3::from_array(self.params.highlight_color),
                 mix: self.params.highlight_mix,
                 opacity: 1.0,

@@ -1,0 +1,66 @@
+//! What will be selected, shown before it is durable.
+
+use std::sync::Arc;
+
+use sg_proto::keys::{self, role};
+use sg_proto::selection::Preview;
+use sg_runtime::bus::{Bus, BusError};
+use sg_scene::edit::EditState;
+use sg_scene::mask::Mask;
+use tokio::sync::watch;
+
+/// Previews that may wait; only the newest is drawn.
+const WAITING: usize = 4;
+
+/// The newest preview, for as long as the bus is there.
+pub(super) async fn follow(bus: &Bus) -> Result<watch::Receiver<Option<Preview>>, BusError> {
+    let mut told = bus.follow(&keys::SELECTION_PREVIEW, role::SELECTION, WAITING).await?;
+    let (newest, previews) = watch::channel(None);
+    tokio::spawn(async move {
+        while let Some((preview, _)) = told.next().await {
+            newest.send_replace(Some(preview));
+        }
+    });
+    Ok(previews)
+}
+
+/// What a view highlights: the preview where it speaks of the selection that is there, else that selection.
+pub(super) fn highlighted(state: &EditState, preview: Option<&Preview>) -> Arc<Mask> {
+    let committed = state.selection();
+    match preview.filter(|p| p.selection_hash == committed.hash() && !p.changed.is_empty()) {
+        Some(preview) => Arc::new(changed(committed.mask(), &preview.changed)),
+        None => Arc::clone(committed.mask()),
+    }
+}
+
+/// A mask with the Gaussians of `runs` turned over: how many are passed over, how many differ, and so on.
+fn changed(mask: &Mask, runs: &[u32]) -> Mask {
+    let mut mask = mask.clone();
+    let mut at = 0_usize;
+    for run in runs.chunks(2) {
+        if let &[passed, differ] = run {
+            let first = at.saturating_add(passed as usize).min(mask.len());
+            at = first.saturating_add(differ as usize).min(mask.len());
+            for i in first..at {
+                mask.set(i, !mask.get(i));
+            }
+        }
+    }
+    mask
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_turn_over_what_differs() {
+        let mask = Mask::from_fn(20, |i| i < 5);
+        let got = changed(&mask, &[3, 4, 9, 2]);
+        assert_eq!(got.ones().collect::<Vec<_>>(), [0, 1, 2, 5, 6, 16, 17]);
+        assert_eq!(changed(&mask, &[]), mask);
+        // What reaches past the end, or has no length, does no harm.
+        assert_eq!(changed(&mask, &[18, 40, 3]).ones().count(), 7);
+        assert_eq!(changed(&mask, &[u32::MAX, u32::MAX]), mask);
+    }
+}
