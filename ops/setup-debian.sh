@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs on a Debian machine what `ops/check` needs and the machine lacks: a C compiler, git, `ip`, cargo-nextest,
-# cargo-deny, buf and the Python environment of the tests (ops/python.sh). Does nothing where everything is there; the
+# Installs on a Debian machine what `ops/check` needs and the machine lacks: a C compiler, git, `ip`, a Vulkan driver made
+# of processor cores (lavapipe), cargo-nextest, cargo-deny, buf and the Python environment of the tests (ops/python.sh). Does nothing where everything is there; the
 # Rust toolchain itself comes from rustup.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -18,6 +18,9 @@ have cc || packages+=(gcc libc6-dev)
 have git || packages+=(git)
 have ip || packages+=(iproute2)
 have npm || packages+=(nodejs npm)
+# A graphics card's own driver, if there is one, stays what is used; tests need any.
+compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || packages+=(mesa-vulkan-drivers)
+ldconfig -p | grep -q 'libvulkan\.so\.1' || packages+=(libvulkan1)
 python3 -c 'import venv, ensurepip' 2>/dev/null || packages+=(python3 python3-venv)
 if ((${#packages[@]})); then
     as_root=()

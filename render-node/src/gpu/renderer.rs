@@ -270,7 +270,7 @@ impl Renderer {
         self.gpu.queue.submit([encoder.finish()]);
         if asked {
             self.tiled = settings.rasterizer == Rasterizer::Tiles;
-            self.timing.await_answer();
+            self.timing.expect_answer();
         }
     }
 

@@ -171,7 +171,7 @@ impl Timing {
     }
 
     /// To be called once what was asked is handed in.
-    pub(super) fn await_answer(&self) {
+    pub(super) fn expect_answer(&self) {
         self.state.store(ASKED, Ordering::Release);
         let state = Arc::clone(&self.state);
         self.staging.map_async(wgpu::MapMode::Read, .., move |outcome| {
