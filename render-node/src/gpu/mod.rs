@@ -84,6 +84,7 @@ pub enum GpuError {
 
 /// The device that tests draw with: `None`, said loudly, on a machine without one, unless it is required.
 #[cfg(test)]
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
 pub(crate) fn test_device() -> Option<Gpu> {
     match Gpu::open(Wanted::Any) {
         Ok(gpu) => Some(gpu),

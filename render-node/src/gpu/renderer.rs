@@ -336,7 +336,7 @@ impl Renderer {
         for (view, camera) in views.iter_mut().zip(cameras) {
             *view = ViewUniform::of(camera, origin);
         }
-        let between = cameras.iter().map(|c| c.eye()).sum::<DVec3>() / cameras.len() as f64 - origin;
+        let between = cameras.iter().map(Camera::eye).sum::<DVec3>() / cameras.len() as f64 - origin;
         let shares = settings.shared_shading && cameras.len() > 1;
         let now = &self.look.now;
         let uniform = FrameUniform {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use rand::RngExt;
-use sg_scene::appearance::{Appearance, Clip, Overlay, ShadingTerm, UnitAppearance};
+use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm, UnitAppearance};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::mask::Mask;
 use sg_scene::model::{Harmonics, Scene, ShadingModel};
@@ -117,6 +117,7 @@ fn looks() -> Vec<Case> {
                 Clip::between(DVec3::new(-0.3, -0.9, 2.0), DVec3::new(0.2, 0.1, 3.1), false),
             ];
         }),
+        model("compensated filter", ShadingModel::Paper).with(|a| a.filter = PixelFilter::Compensated),
         model("shown colours", ShadingModel::Paper).with(|a| {
             a.colors = Some((0..3000).map(|i| Vec3::new(i as f32 / 3000.0, 0.5, (i % 7) as f32 / 7.0)).collect());
             a.units = overlapping_units();
