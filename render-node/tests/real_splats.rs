@@ -5,6 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
+use sg_render_node::gpu::{Gpu, Rasterizer, Renderer, Settings, Wanted};
+use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::{Quality, render};
 use sg_render_node::view;
@@ -22,6 +24,16 @@ fn data() -> Option<PathBuf> {
     folder
 }
 
+/// A graphics device: `None`, said loudly, on a machine without one, unless it is required.
+fn device() -> Option<Gpu> {
+    let opened = Gpu::open(Wanted::Any);
+    if let Err(error) = &opened {
+        assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");
+        println!("SKIPPED on a graphics device: {error}");
+    }
+    opened.ok()
+}
+
 /// Loads a scene, unpacked to a temporary place where it is stored as `.zst`.
 fn scene(path: &Path) -> Scene {
     if path.extension().is_some_and(|e| e == "zst") {
@@ -37,8 +49,10 @@ fn scene(path: &Path) -> Scene {
 #[test]
 fn every_level_keeps_its_promise_from_all_sides() {
     let Some(data) = data() else { return };
+    let gpu = device();
     for name in ["donut_fused.ply", "biker.compressed.ply", "playbot_lod3_31000.ply.zst"] {
         let scene = scene(&data.join("splats").join(name));
+        let mut device = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
         let mut appearance = Appearance::of(&scene);
         appearance.background = Vec3::ONE;
         let front = view::default_view(&scene, 344, 368);
@@ -47,25 +61,37 @@ fn every_level_keeps_its_promise_from_all_sides() {
         for (right, up, closer) in [(0.0, 0.0, 1.0), (120.0, 25.0, 1.0), (200.0, -40.0, 3.0)] {
             let camera = view::dolly(&view::orbit(&front, middle, right, up), middle, closer);
             let exact = render(&scene, &appearance, &camera, Quality::Exact).unwrap().image;
-            for (quality, decibel, coverage) in [(Quality::Standard, 50.0, 0.01), (Quality::Fast, 40.0, 0.03)] {
+            for quality in [Quality::Standard, Quality::Fast] {
                 let drawn = render(&scene, &appearance, &camera, quality).unwrap();
-                assert!(drawn.image.rgba.iter().all(|x| x.is_finite()));
-                let d = Difference::between(&drawn.image, &exact).unwrap();
-                println!(
-                    "{name} {right}°: {quality:?} {:.1} dB, footprint {:.1} dB, coverage {:.4} %, max {:.4}, {:.4} % above 2/255; {:.0} ms",
-                    d.psnr_db,
-                    d.footprint_psnr_db,
-                    100.0 * d.coverage_error,
-                    d.max_error,
-                    100.0 * d.footprint_share_above_2_of_255,
-                    1e3 * drawn.report.seconds.total,
-                );
-                assert!(d.psnr_db >= decibel && d.footprint_psnr_db >= decibel, "{d:?}");
-                assert!(d.coverage_error <= coverage, "{d:?}");
-                assert!(quality != Quality::Standard || d.footprint_share_above_2_of_255 <= 1e-3, "{d:?}");
+                held(&format!("{name} {right}°: cores"), quality, &drawn.image, &exact);
+                for rasterizer in [Rasterizer::Tiles, Rasterizer::Quads] {
+                    if let Some(device) = &mut device {
+                        let settings = Settings { quality, rasterizer, ..Settings::default() };
+                        let cameras = std::slice::from_ref(&camera);
+                        let (images, _) = device.picture(cameras, &appearance, settings).unwrap();
+                        held(&format!("{name} {right}°: {rasterizer:?}"), quality, &images[0], &exact);
+                    }
+                }
             }
         }
     }
+}
+
+fn held(what: &str, quality: Quality, image: &Image, exact: &Image) {
+    let (decibel, coverage) = if quality == Quality::Standard { (50.0, 0.01) } else { (40.0, 0.03) };
+    assert!(image.rgba.iter().all(|x| x.is_finite()));
+    let d = Difference::between(image, exact).unwrap();
+    println!(
+        "{what}, {quality:?} {:.1} dB, footprint {:.1} dB, coverage {:.4} %, max {:.4}, {:.4} % above 2/255",
+        d.psnr_db,
+        d.footprint_psnr_db,
+        100.0 * d.coverage_error,
+        d.max_error,
+        100.0 * d.footprint_share_above_2_of_255,
+    );
+    assert!(d.psnr_db >= decibel && d.footprint_psnr_db >= decibel, "{d:?}");
+    assert!(d.coverage_error <= coverage, "{d:?}");
+    assert!(quality != Quality::Standard || d.footprint_share_above_2_of_255 <= 1e-3, "{d:?}");
 }
 
 /// The robot hovers over its patch of ground and looks at the camera with blue eyes.

@@ -1,10 +1,13 @@
 //! What is asked of the role that draws the shared viewpoint whenever the scene changes.
 
+use std::time::Duration;
+
 use prost::Message as _;
 use sg_proto::bus::{Health, StatusRequest};
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, SetBackground};
+use sg_proto::selection::Preview;
 
 use super::question::{Question, hold, soon};
 use super::stage::{Stage, next_of};
@@ -27,6 +30,7 @@ fn essence(payload: &[u8]) -> Result<String, String> {
 pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("draws a changed scene", draws(stage).await);
     checks.note("shows the newest of many changes", newest(stage).await);
+    checks.note("shows what is selected before it is durable", previews(stage).await);
     checks.note("draws again after kill -9", again(stage).await);
 }
 
@@ -59,6 +63,30 @@ async fn newest(stage: &mut Stage<'_>) -> Result<(), String> {
     next_of(&mut frames, "event/frame of the last of 12 changes", |f, _| f.revision >= revision).await?;
     let state = stage.cli.newest(&keys::VIEW_STATE, &soon()).await.map_err(|f| f.to_string())?;
     hold(state.revision >= revision && state.frames > 0 && state.gaussians > 0, || format!("{state:?}"))
+}
+
+/// A preview of the selection is drawn; taken back, the picture is the one before. One of another selection is not drawn.
+async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
+    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let revision = stage.change(background(0.4)).await?.revision;
+    let (before, _) = next_of(&mut frames, "event/frame of the change", |f, _| f.revision >= revision).await?;
+    let state = stage.scene_state().await?;
+    let selection = stage.join(role::SELECTION).await?;
+    // So that who listens is known to everybody on the way.
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let tell = async |changed: Vec<u32>, hash: &str| {
+        let preview = Preview { selected: 1, changed, selection_hash: hash.to_owned() };
+        selection.publish(&keys::SELECTION_PREVIEW, &preview, &soon()).await.map_err(|f| f.to_string())
+    };
+    let (all, selected) = (state.count as u32, state.selection.unwrap_or_default());
+    let hash = selected.hash.as_str();
+    for (changed, hash, shown) in [(vec![0, all], hash, true), (vec![], hash, false), (vec![0, all], "another", false)]
+    {
+        tell(changed, hash).await?;
+        let (frame, _) = next_of(&mut frames, "event/frame of a preview", |_, _| true).await?;
+        hold((frame.hash != before.hash) == shown, || format!("shown: {}, not {shown}", frame.hash != before.hash))?;
+    }
+    Ok(())
 }
 
 async fn again(stage: &mut Stage<'_>) -> Result<(), String> {
