@@ -15,6 +15,9 @@ use crate::shading::NormalTransform;
 /// Gaussians that are counted together when they are listed.
 pub(super) const BLOCK: usize = 1024;
 
+/// Bytes behind the last Gaussian of a column.
+const PADDING: u64 = 16;
+
 /// Words of the shading columns of one Gaussian in full and in half precision.
 const SURFACE: [usize; 2] = [10, 5];
 
@@ -73,7 +76,8 @@ impl Columns {
         let harmonic_bytes = coefficients * if half { 2 } else { 4 };
         // The largest column decides how many Gaussians share a binding; whole blocks, so that parts begin at one.
         let widest = 32.max(4 * surface_words).max(harmonic_bytes) as u64;
-        let most = (gpu.largest_binding() / widest) as usize / BLOCK * BLOCK;
+        // A word behind each column is read together with its last one.
+        let most = ((gpu.largest_binding() - PADDING) / widest) as usize / BLOCK * BLOCK;
         let mut columns = Self {
             parts: Vec::new(),
             part_table: gpu.storage("parts", 0),
@@ -124,7 +128,7 @@ impl Columns {
             block: self.blocks,
         };
         let upload = |label: &str, words: &[u8]| {
-            let buffer = gpu.storage(label, words.len() as u64 + 8);
+            let buffer = gpu.storage(label, words.len() as u64 + PADDING);
             gpu.queue.write_buffer(&buffer, 0, words);
             buffer
         };

@@ -13,7 +13,7 @@ use super::passes::{Needs, Passes};
 pub use super::timing::PassSeconds;
 use super::timing::{Span, Timing};
 use super::uniform::{FrameUniform, ViewUniform};
-use super::work::{Canvas, Ordering, PART_DISPATCHES, Quads, Tiles, Work, tile_count};
+use super::work::{Canvas, Ordering, PART_DISPATCHES, Quads, STRETCH, Tiles, Work, tile_count};
 use crate::image::Image;
 use crate::project::NEAR;
 use crate::render::{Quality, check_look, check_scene};
@@ -89,6 +89,8 @@ pub struct Renderer {
     bound: Bound,
     pairs: u64,
     listed_pairs: u64,
+    /// Splats of the longest list of a tile.
+    longest: u32,
     /// Whether the picture that the device was last asked about is made of tiles.
     tiled: bool,
     told: Drawn,
@@ -133,6 +135,7 @@ impl Renderer {
             bound: Bound::default(),
             pairs: 0,
             listed_pairs: u64::from(options.listed_pairs).clamp(1024, gpu.largest_binding() / 4),
+            longest: 0,
             tiled: false,
             told: Drawn::default(),
             columns,
@@ -200,8 +203,8 @@ impl Renderer {
     pub fn finish(&mut self) -> Result<(Drawn, bool), GpuError> {
         self.gpu.wait()?;
         self.learn()?;
-        let room = self.bound.tiles.as_ref().map_or(u64::MAX, |t| t.capacity * t.windows.len() as u64);
-        Ok((self.told, self.pairs <= room))
+        let complete = |t: &Tiles| self.pairs <= t.capacity * t.windows.len() as u64 && t.blends(self.longest);
+        Ok((self.told, self.bound.tiles.as_ref().is_none_or(complete)))
     }
 
     /// Hands a picture of each camera (one, or two eyes of one size) to the device and does not wait for it. Without a
@@ -266,7 +269,7 @@ impl Renderer {
             Rasterizer::Quads => self.encode_quads(&mut encoder),
         }
         self.encode_compose(&mut encoder, first, settings.rasterizer);
-        let asked = self.timing.ask(&mut encoder, &self.work.totals);
+        let asked = self.timing.ask(&mut encoder, &self.work.totals, &self.work.longest);
         self.gpu.queue.submit([encoder.finish()]);
         if asked {
             self.tiled = settings.rasterizer == Rasterizer::Tiles;
@@ -294,11 +297,13 @@ impl Renderer {
                 let wanted = (self.pairs + self.pairs / 4).next_power_of_two();
                 let capacity = wanted.clamp(FIRST_PAIRS.min(most), most);
                 let windows = self.pairs.div_ceil(capacity).clamp(1, WINDOWS) as u32;
-                let fits = |t: &Tiles| t.capacity >= capacity && t.windows.len() >= windows as usize;
+                let stretches = self.longest.div_ceil(STRETCH).max(1);
+                let fits = |t: &Tiles| t.holds(capacity, windows) && t.blends(self.longest);
                 if !bound.tiles.as_ref().is_some_and(fits) {
                     // Freed first: both at once may not fit.
                     bound.tiles = None;
-                    bound.tiles = Some(Tiles::bind(gpu, frame, order, passes, canvas.size, (capacity, windows)));
+                    bound.tiles =
+                        Some(Tiles::bind(gpu, frame, order, passes, canvas.size, (capacity, windows, stretches)));
                 }
             }
         }
@@ -306,7 +311,7 @@ impl Renderer {
 
     /// Takes in what the device has answered.
     fn learn(&mut self) -> Result<(), GpuError> {
-        let Some(([listed, marked, _, pairs], seconds)) = self.timing.answer() else { return Ok(()) };
+        let Some(([listed, marked, _, pairs, longest], seconds)) = self.timing.answer() else { return Ok(()) };
         let device = || self.gpu.name().to_owned();
         if marked > listed {
             return Err(GpuError::TooMany { device: device(), found: marked.into(), capacity: self.work.capacity });
@@ -321,6 +326,7 @@ impl Renderer {
         }
         if self.tiled {
             self.pairs = pairs.into();
+            self.longest = longest;
         }
         self.told = Drawn { listed, tile_pairs: pairs, seconds };
         Ok(())
@@ -401,9 +407,12 @@ impl Renderer {
                 passes.pair_sort.run(&mut pass, &tiles.sorting, &tiles.dispatches, 0);
                 passes.clear_lists.run(&mut pass, &tiles.clear_lists, [tiles.clear_groups, 1, 1]);
                 passes.find_ends.run_counted(&mut pass, &tiles.find_ends, &tiles.dispatches, 3);
+                passes.longest.run(&mut pass, &tiles.longest, [tiles.clear_groups, 1, 1]);
             }
             let mut pass = timing.compute(encoder, Span::Blend);
-            passes.blend.run(&mut pass, &window.blend, [across, down, views]);
+            for stretch in &window.blend {
+                passes.blend.run(&mut pass, stretch, [across, down, views]);
+            }
         }
     }
 

@@ -72,8 +72,8 @@ pub(super) struct Timing {
     period: f64,
 }
 
-/// Words of totals in front of the times.
-const TOTALS: u64 = 16;
+/// Bytes of totals, and the longest list behind them, in front of the times.
+const TOTALS: u64 = 32;
 
 impl Timing {
     pub(super) fn new(gpu: &Gpu) -> Self {
@@ -156,11 +156,17 @@ impl Timing {
     }
 
     /// Has the totals and times of what was encoded copied, unless the last answer is still under way. Whether it has.
-    pub(super) fn ask(&mut self, encoder: &mut wgpu::CommandEncoder, totals: &wgpu::Buffer) -> bool {
+    pub(super) fn ask(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        totals: &wgpu::Buffer,
+        longest: &wgpu::Buffer,
+    ) -> bool {
         if self.state.load(Ordering::Acquire) != IDLE {
             return false;
         }
-        encoder.copy_buffer_to_buffer(totals, 0, &self.staging, 0, TOTALS);
+        encoder.copy_buffer_to_buffer(totals, 0, &self.staging, 0, 16);
+        encoder.copy_buffer_to_buffer(longest, 0, &self.staging, 16, 4);
         let count = 2 * self.spans.len() as u32;
         if let (Some(queries), true) = (&self.queries, count > 0) {
             encoder.resolve_query_set(queries, 0..count, &self.resolved, 0);
@@ -180,7 +186,7 @@ impl Timing {
     }
 
     /// The newest answer, if one has arrived: the totals, and the times where the device can tell.
-    pub(super) fn answer(&self) -> Option<([u32; 4], Option<PassSeconds>)> {
+    pub(super) fn answer(&self) -> Option<([u32; 5], Option<PassSeconds>)> {
         match self.state.load(Ordering::Acquire) {
             THERE => {
                 let parsed = self.staging.get_mapped_range(..).ok().map(|bytes| self.parse(&bytes));
@@ -196,8 +202,8 @@ impl Timing {
         }
     }
 
-    fn parse(&self, bytes: &[u8]) -> ([u32; 4], Option<PassSeconds>) {
-        let mut totals = [0; 4];
+    fn parse(&self, bytes: &[u8]) -> ([u32; 5], Option<PassSeconds>) {
+        let mut totals = [0; 5];
         for (total, word) in totals.iter_mut().zip(bytes.chunks_exact(4)) {
             *total = word.try_into().map(u32::from_le_bytes).unwrap_or_default();
         }

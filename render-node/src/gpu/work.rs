@@ -8,8 +8,8 @@ use super::sort::{Pairs, Sorting};
 use super::uniform::Part;
 use crate::tiles::TILE;
 
-/// Bytes of a splat.
-const SPLAT: u64 = 48;
+/// Bytes of each of the three vectors of a splat.
+const VECTOR: u64 = 16;
 
 /// Words of the dispatches before those of the parts.
 pub(super) const PART_DISPATCHES: u64 = 10;
@@ -23,16 +23,19 @@ pub(super) struct Work {
     blocks: wgpu::Buffer,
     stretches: wgpu::Buffer,
     pub(super) totals: wgpu::Buffer,
+    /// Splats of the longest list of a tile.
+    pub(super) longest: wgpu::Buffer,
     pub(super) dispatches: wgpu::Buffer,
     listed: wgpu::Buffer,
-    splats: wgpu::Buffer,
+    /// Ellipses, levels, tints.
+    splats: [wgpu::Buffer; 3],
     depths: Pairs,
 }
 
 impl Work {
     /// For as many views; the capacity is the whole scene's unless a binding's limit is in the way.
     pub(super) fn new(gpu: &Gpu, columns: &Columns, views: u32) -> Self {
-        let capacity = (columns.len as u64).min(gpu.largest_binding() / (SPLAT * u64::from(views))).max(1);
+        let capacity = (columns.len as u64).min(gpu.largest_binding() / (VECTOR * u64::from(views))).max(1);
         let blocks = u64::from(columns.blocks);
         let parts = columns.parts.len() as u64;
         Self {
@@ -42,13 +45,15 @@ impl Work {
             blocks: gpu.storage("blocks", 4 * blocks),
             stretches: gpu.storage("stretches", 8 * parts),
             totals: gpu.storage("totals", 16),
+            longest: gpu.storage("longest list", 4),
             dispatches: gpu.buffer(
                 "dispatches",
                 4 * (PART_DISPATCHES + 3 * parts),
                 wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE,
             ),
             listed: gpu.storage("listed", 4 * capacity),
-            splats: gpu.storage("splats", SPLAT * capacity * u64::from(views)),
+            splats: ["ellipses", "levels", "tints"]
+                .map(|label| gpu.storage(label, VECTOR * capacity * u64::from(views))),
             depths: Pairs::new(gpu, "depths", capacity),
         }
     }
@@ -141,6 +146,7 @@ impl Ordering {
                 ],
             )
         });
+        let [ellipses, levels, tints] = &work.splats;
         let project = columns.parts.iter().map(|p| {
             kernels.project.bind(
                 gpu,
@@ -157,9 +163,11 @@ impl Ordering {
                     (9, &look.colors),
                     (10, &work.stretches),
                     (11, &work.listed),
-                    (12, &work.splats),
-                    (13, &work.depths.keys[0]),
-                    (14, &work.depths.values[0]),
+                    (12, ellipses),
+                    (13, levels),
+                    (14, tints),
+                    (15, &work.depths.keys[0]),
+                    (16, &work.depths.values[0]),
                 ],
             )
         });
@@ -187,7 +195,8 @@ impl Quads {
             (0..work.views).map(|_| texture(gpu, size, passes.blend_format, usage)).collect();
         let values = &work.depths.values[order.result()];
         let draw = passes.quads.iter().take(blended.len()).map(|pipeline| {
-            let buffers = [(0, frame), (1, &work.splats), (2, values)];
+            let [ellipses, levels, tints] = &work.splats;
+            let buffers = [(0, frame), (1, ellipses), (2, values), (3, levels), (4, tints)];
             group(gpu, pipeline, &buffers.map(|(at, b)| (at, b.as_entire_binding())))
         });
         let compose = passes.compose_quads.iter().zip(&blended).map(|(pipeline, texture)| {
@@ -227,6 +236,7 @@ pub(super) struct Tiles {
     pub(super) windows: Vec<Window>,
     pub(super) clear_lists: wgpu::BindGroup,
     pub(super) find_ends: wgpu::BindGroup,
+    pub(super) longest: wgpu::BindGroup,
     pub(super) sorting: Sorting,
     /// Dispatches of the pairs' sort and of their ends.
     pub(super) dispatches: wgpu::Buffer,
@@ -238,56 +248,91 @@ pub(super) struct Tiles {
 pub(super) struct Window {
     pub(super) open: wgpu::BindGroup,
     pub(super) list: wgpu::BindGroup,
-    pub(super) blend: wgpu::BindGroup,
+    /// Stretches of the lists, one after another.
+    pub(super) blend: Vec<wgpu::BindGroup>,
 }
 
+/// Splats of one tile that are blended by one dispatch: STRETCH of tiles.wgsl.
+pub(super) const STRETCH: u32 = 32_768;
+
 impl Tiles {
+    /// Whether so many windows of so many pairs fit.
+    pub(super) fn holds(&self, capacity: u64, windows: u32) -> bool {
+        self.capacity >= capacity && self.windows.len() >= windows as usize
+    }
+
+    /// Whether a list of so many splats is blended to its end.
+    pub(super) fn blends(&self, longest: u32) -> bool {
+        let stretches = self.windows.first().map_or(0, |w| w.blend.len() as u64);
+        u64::from(longest) <= stretches * u64::from(STRETCH)
+    }
+
     pub(super) fn bind(
         gpu: &Gpu,
         frame: &wgpu::Buffer,
         (work, order): (&Work, &Sorting),
         passes: &Passes,
         [width, height]: [u32; 2],
-        (capacity, windows): (u64, u32),
+        (capacity, windows, stretches): (u64, u32, u32),
     ) -> Self {
         let views = work.views;
         let items = work.capacity * u64::from(views);
         let tiles = views * tile_count([width, height]).iter().product::<u32>();
         let pixels = u64::from(views) * u64::from(width) * u64::from(height);
         let touched = gpu.storage("touched", 4 * items);
-        let sums = gpu.storage("touched, summed", 4 * items.div_ceil(1024));
+        let sums = gpu.storage("touched, summed", 4 * items.div_ceil(256));
         let pairs = Pairs::new(gpu, "pairs", capacity);
         let dispatches = gpu.buffer("pair dispatches", 24, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE);
         let lists = gpu.storage("lists", 8 * u64::from(tiles));
         let pixels = gpu.storage("pixels", 16 * pixels);
         let values = &work.depths.values[order.result()];
+        let [ellipses, levels, tints] = &work.splats;
         // The last key is the number of tiles less one.
         let bits = u32::BITS - tiles.saturating_sub(1).leading_zeros();
         let sorting = passes.pair_sort.bind(gpu, &work.totals, &pairs, bits.max(1));
         let (keys, splats) = (&pairs.keys[sorting.result()], &pairs.values[sorting.result()]);
+        let blend = |window: u32, stretch: u32| {
+            let part = gpu.buffer("stretch", 16, wgpu::BufferUsages::UNIFORM);
+            // What was blended before is gone on with from the second on.
+            let index = window + stretch;
+            let told = Part { index, block: stretch * STRETCH, ..Part::default() };
+            gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&told));
+            let buffers = [
+                (0, frame),
+                (1, &part),
+                (2, ellipses),
+                (8, splats),
+                (10, &lists),
+                (11, &pixels),
+                (12, levels),
+                (13, tints),
+            ];
+            passes.blend.bind(gpu, &buffers)
+        };
         let windows = (0..windows).map(|index| {
             let first = (capacity * u64::from(index)) as u32;
             let part = gpu.buffer("window", 16, wgpu::BufferUsages::UNIFORM);
             gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&Part { first, index, ..Part::default() }));
             Window {
-                open: passes.open_window.bind(gpu, &[(0, frame), (1, &part), (4, &work.totals), (9, &dispatches)]),
+                open: passes
+                    .open_window
+                    .bind(gpu, &[(0, frame), (1, &part), (4, &work.totals), (9, &dispatches), (14, &work.longest)]),
                 list: passes.list_pairs.bind(
                     gpu,
                     &[
                         (0, frame),
                         (1, &part),
-                        (2, &work.splats),
+                        (2, ellipses),
                         (3, values),
                         (4, &work.totals),
                         (5, &touched),
                         (6, &sums),
                         (7, &pairs.keys[0]),
                         (8, &pairs.values[0]),
+                        (12, levels),
                     ],
                 ),
-                blend: passes
-                    .blend
-                    .bind(gpu, &[(0, frame), (1, &part), (2, &work.splats), (8, splats), (10, &lists), (11, &pixels)]),
+                blend: (0..stretches).map(|stretch| blend(index, stretch)).collect(),
             }
         });
         let compose =
@@ -296,12 +341,14 @@ impl Tiles {
             });
         Self {
             capacity,
-            touch: passes
-                .touch
-                .bind(gpu, &[(0, frame), (2, &work.splats), (3, values), (4, &work.totals), (5, &touched), (6, &sums)]),
+            touch: passes.touch.bind(
+                gpu,
+                &[(0, frame), (2, ellipses), (3, values), (4, &work.totals), (5, &touched), (6, &sums), (12, levels)],
+            ),
             sum_touched: passes.sum_touched.bind(gpu, &[(0, frame), (4, &work.totals), (6, &sums)]),
             windows: windows.collect(),
             clear_lists: passes.clear_lists.bind(gpu, &[(0, frame), (10, &lists)]),
+            longest: passes.longest.bind(gpu, &[(0, frame), (10, &lists), (14, &work.longest)]),
             find_ends: passes.find_ends.bind(gpu, &[(4, &work.totals), (7, keys), (10, &lists)]),
             sorting,
             dispatches,

@@ -8,13 +8,13 @@ use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::Quality::{Exact, Standard};
 use sg_render_node::render::render;
-use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
+use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
 
 use crate::cases;
 use crate::gpu::device;
-use crate::scenes::{cloud, scene, side_view, surface};
+use crate::scenes::{camera, cloud, crowd, scene, side_view, surface};
 
 const BOTH: [Rasterizer; 2] = [Rasterizer::Tiles, Rasterizer::Quads];
 
@@ -219,4 +219,62 @@ fn what_makes_no_picture_is_refused_in_words() {
     assert!(refused(std::slice::from_ref(&camera), &lost).contains("background"));
     // And it still draws.
     assert!(renderer.picture(&[camera], &appearance, Settings::default()).is_ok());
+}
+
+/// A column of 20 million is longer than one binding of a software device, and a picture of all of them more than it can list.
+#[test]
+#[ignore = "takes a minute and 8 GB"]
+fn ten_and_twenty_million_are_drawn_or_refused_in_words() {
+    let Some(gpu) = device() else { return };
+    let front = camera(600.0, 640, 640);
+    for (n, eyes) in [(20_000_000, vec![0.0]), (10_000_000, vec![-0.032, 0.032])] {
+        let scene = crowd(n);
+        let cameras: Vec<Camera> = eyes.iter().map(|x| eye(&front, *x, 0.0)).collect();
+        let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+        println!("{n}: {} bytes of columns", renderer.column_bytes());
+        let mut look = Appearance::of(&scene);
+        let began = std::time::Instant::now();
+        match renderer.picture(&cameras, &look, with(Rasterizer::Quads)) {
+            Ok((images, drawn)) => {
+                println!("{n}: all drawn in {:?}: {drawn:?}", began.elapsed());
+                assert!(images.iter().all(|i| i.rgba.iter().all(|x| x.is_finite())));
+            }
+            Err(error) => {
+                println!("{error}");
+                assert!(matches!(error, GpuError::TooMany { .. }), "{error}");
+            }
+        }
+        look.clips = vec![Clip::plane(DVec3::new(0.3, 0.0, 0.0), DVec3::X)];
+        let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+        let (images, drawn) = renderer.picture(&cameras, &look, Settings::default()).unwrap();
+        println!("{n}: a part: {drawn:?}");
+        for (camera, image) in cameras.iter().zip(&images) {
+            let want = render(&scene, &look, camera, Standard).unwrap().image;
+            println!("{n}: {:.1} dB from the cores' picture", decibel(image, &want));
+            assert!(decibel(image, &want) > 60.0);
+        }
+    }
+}
+
+/// A software device leaves a loop after 65,535 rounds: a tile with a longer list is blended in stretches.
+#[test]
+fn a_hundred_thousand_layers_are_all_blended() {
+    let Some(gpu) = device() else { return };
+    let mut scene = crowd(100_000);
+    let g = &mut scene.units[0].gaussians;
+    for (k, p) in g.position.iter_mut().enumerate() {
+        *p = Vec3::new(0.0, 0.0, 2.0 + 1e-5 * k as f32);
+    }
+    // Fainter in all than any level stops at, and the farthest fifth widest.
+    g.opacity_logit.fill(-11.0);
+    g.log_scale.iter_mut().skip(80_000).for_each(|s| *s = Vec3::splat(-1.5));
+    let look = Appearance::of(&scene);
+    let view = [camera(60.0, 16, 16)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let want = render(&scene, &look, &view[0], Exact).unwrap().image;
+    for rasterizer in BOTH {
+        let (images, _) = renderer.picture(&view, &look, with(rasterizer)).unwrap();
+        println!("{rasterizer:?}: {:.1} dB", decibel(&images[0], &want));
+        assert!(decibel(&images[0], &want) > 50.0);
+    }
 }

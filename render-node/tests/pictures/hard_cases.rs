@@ -12,7 +12,7 @@ use sg_scene::model::Scene;
 use crate::cases::{self, FAR};
 use crate::oracle;
 use crate::quality::promises_are_kept;
-use crate::scenes::{Blob, camera, draw, logit, scene, unit};
+use crate::scenes::{Blob, camera, crowd, draw, logit, scene};
 
 const LEVELS: [Quality; 3] = [Exact, Standard, Fast];
 
@@ -159,23 +159,6 @@ fn no_gaussian_leaves_the_background() {
     }
     let none = Scene::compose(vec![], None);
     assert_eq!(draw(&none, &camera(80.0, 1, 1), Standard).image.rgba, [0.0; 4]);
-}
-
-/// So many small Gaussians in a cube before the camera, without columns that nothing needs.
-fn crowd(n: usize) -> Scene {
-    let mut one = unit("crowd", &[]);
-    let place = |k: usize, step: f64| ((k as f64 * step).fract() - 0.5) as f32;
-    let g = &mut one.gaussians;
-    g.shading = None;
-    // A lattice that fills a cube evenly (Roberts 2018).
-    g.position = (0..n)
-        .map(|k| Vec3::new(place(k, 0.819_172_513), place(k, 0.671_043_607), 3.0 + place(k, 0.549_700_478)))
-        .collect();
-    g.rotation = vec![[1.0, 0.0, 0.0, 0.0]; n];
-    g.log_scale = vec![Vec3::splat(2e-3_f32.ln()); n];
-    g.opacity_logit = vec![logit(0.2); n];
-    one.palette = Vec3::new(0.2, 0.6, 0.9);
-    Scene::compose(vec![one], None)
 }
 
 #[test]

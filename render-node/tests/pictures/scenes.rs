@@ -164,3 +164,20 @@ pub(crate) fn side_view(width: u32, height: u32, fov_y_degrees: f64) -> Camera {
 pub(crate) fn around_the_eye(blobs: Vec<Blob>) -> Vec<Blob> {
     blobs.into_iter().map(|b| Blob { position: b.position - 3.0 * Vec3::Z, ..b }).collect()
 }
+
+/// So many small Gaussians in a cube before the camera, without columns that nothing needs.
+pub(crate) fn crowd(n: usize) -> Scene {
+    let mut one = unit("crowd", &[]);
+    let place = |k: usize, step: f64| ((k as f64 * step).fract() - 0.5) as f32;
+    let g = &mut one.gaussians;
+    g.shading = None;
+    // A lattice that fills a cube evenly (Roberts 2018).
+    g.position = (0..n)
+        .map(|k| Vec3::new(place(k, 0.819_172_513), place(k, 0.671_043_607), 3.0 + place(k, 0.549_700_478)))
+        .collect();
+    g.rotation = vec![[1.0, 0.0, 0.0, 0.0]; n];
+    g.log_scale = vec![Vec3::splat(2e-3_f32.ln()); n];
+    g.opacity_logit = vec![logit(0.2); n];
+    one.palette = Vec3::new(0.2, 0.6, 0.9);
+    Scene::compose(vec![one], None)
+}

@@ -18,6 +18,11 @@ const WORDS: u32 = 32u;
 @group(0) @binding(7) var<storage, read_write> listed: array<u32>;
 @group(0) @binding(8) var<storage, read> parts: array<Part>;
 
+// Workgroups for so many items; what is beyond the most that can be dispatched is a second item for some of them.
+fn groups(items: u32, each: u32) -> u32 {
+    return min((items + each - 1u) / each, 65535u);
+}
+
 var<workgroup> sums: array<u32, 256>;
 
 @compute @workgroup_size(256)
@@ -55,7 +60,7 @@ fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
         dispatches[0] = (count + 4095u) / 4096u;
         dispatches[1] = 1u;
         dispatches[2] = 1u;
-        dispatches[3] = (count * frame.view_count + 1023u) / 1024u;
+        dispatches[3] = groups(count * frame.view_count, 256u);
         dispatches[4] = 1u;
         dispatches[5] = 1u;
         dispatches[6] = 4u;
@@ -69,7 +74,7 @@ fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
                 end = min(blocks[parts[p + 1u].block], count);
             }
             stretches[p] = vec2(begin, end - begin);
-            dispatches[10u + 3u * p] = (end - begin + 63u) / 64u;
+            dispatches[10u + 3u * p] = groups(end - begin, 64u);
             dispatches[11u + 3u * p] = 1u;
             dispatches[12u + 3u * p] = 1u;
         }

@@ -1,7 +1,8 @@
 // Projects and shades each listed Gaussian: the f32 twin of project.rs and shading.rs.
 //
-// A splat is three vectors: centre x, y, slope, per column; per row, log2 of the opacity, log2 of the opacity over the cut
-// (below 0: not drawn), depth; colour, and 0. See standard.rs for the form.
+// A splat is three vectors. Ellipse: centre x, y, slope, per column. Level: per row, log2 of the opacity, log2 of the opacity
+// over the cut (below 0: not drawn), depth. Tint: colour, and 0. See standard.rs for the form. They lie in three buffers, so
+// that a binding's limit is reached by three times as many.
 
 override LIT: bool = false;
 override DEGREE: i32 = -1;
@@ -26,9 +27,11 @@ override HALF: bool = false;
 @group(0) @binding(9) var<storage, read> colors: array<u32>;
 @group(0) @binding(10) var<storage, read> stretches: array<vec2<u32>>;
 @group(0) @binding(11) var<storage, read> listed: array<u32>;
-@group(0) @binding(12) var<storage, read_write> splats: array<vec4<f32>>;
-@group(0) @binding(13) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(14) var<storage, read_write> order: array<u32>;
+@group(0) @binding(12) var<storage, read_write> ellipses: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read_write> levels: array<vec4<f32>>;
+@group(0) @binding(14) var<storage, read_write> tints: array<vec4<f32>>;
+@group(0) @binding(15) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(16) var<storage, read_write> order: array<u32>;
 
 const DILATION: f32 = 0.3;
 // sqrt(log2(e) / 2)
@@ -185,12 +188,14 @@ fn largest(v: vec3<f32>) -> f32 {
 }
 
 @compute @workgroup_size(64)
-fn project(@builtin(global_invocation_id) id: vec3<u32>) {
+fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let stretch = stretches[part.index];
-    if id.x >= stretch.y {
-        return;
+    for (var k = id.x; k < stretch.y; k += 64u * groups.x) {
+        project_one(stretch.x + k);
     }
-    let j = stretch.x + id.x;
+}
+
+fn project_one(j: u32) {
     let global = listed[j];
     let i = global - part.first;
     let center = centers[i];
@@ -292,10 +297,10 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         } else {
             range = -1.0;
         }
-        let to = 3u * (v * frame.capacity + j);
-        splats[to] = vec4(pixel, ellipse_slope, per_column);
-        splats[to + 1u] = vec4(per_row, log2(max(seen, 1e-30)), range, at.z);
-        splats[to + 2u] = vec4(color, 0.0);
+        let to = v * frame.capacity + j;
+        ellipses[to] = vec4(pixel, ellipse_slope, per_column);
+        levels[to] = vec4(per_row, log2(max(seen, 1e-30)), range, at.z);
+        tints[to] = vec4(color, 0.0);
     }
     keys[j] = select(0xffffffffu, bitcast<u32>(depth), drawn);
     order[j] = j;

@@ -3,7 +3,9 @@
 override VIEW: u32 = 0u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> splats: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> ellipses: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> levels: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> tints: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> order: array<u32>;
 
 // Pixels beyond which a quadrilateral is cut to the picture.
@@ -20,13 +22,13 @@ struct Corner {
 
 @vertex
 fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
-    let at = 3u * (VIEW * frame.capacity + order[instance]);
-    let a = splats[at];
-    let b = splats[at + 1u];
+    let at = VIEW * frame.capacity + order[instance];
+    let a = ellipses[at];
+    let b = levels[at];
     var out: Corner;
     out.ellipse = a;
     out.level = b.xyz;
-    out.color = splats[at + 2u].xyz;
+    out.color = tints[at].xyz;
     // The level is a disc in (u, v), and the square around it a parallelogram of pixels. (An octagon has a sixth less to
     // fill, and was twice as slow for splats of some hundred pixels.)
     let reach = sqrt(max(b.z, 0.0));

@@ -5,10 +5,10 @@
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> part: Part;
-@group(0) @binding(2) var<storage, read> splats: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> ellipses: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> order: array<u32>;
 @group(0) @binding(4) var<storage, read_write> totals: array<u32>;
-// Tiles touched by each of the depth order's splats (all views of one before the next), and sums of 1024 of them.
+// Tiles touched by each of the depth order's splats (all views of one before the next), and sums of 256 of them.
 @group(0) @binding(5) var<storage, read_write> touched: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sums: array<u32>;
 @group(0) @binding(7) var<storage, read_write> pair_tiles: array<u32>;
@@ -20,7 +20,9 @@
 // Composited colour and transmittance of each pixel, view after view.
 @group(0) @binding(11) var<storage, read_write> pixels: array<vec4<f32>>;
 
-const TILE: f32 = 16.0;
+@group(0) @binding(14) var<storage, read_write> longest_list: atomic<u32>;
+@group(0) @binding(12) var<storage, read> levels: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read> tints: array<vec4<f32>>;
 
 // Pixels by which a level is taken to reach further, so that rounding here costs no pixel that blending would draw.
 const MARGIN: f32 = 0.01;
@@ -46,8 +48,8 @@ fn pixel_range(low: f32, high: f32, size: u32) -> vec2<u32> {
 }
 
 fn extent(at: u32) -> Extent {
-    let a = splats[at];
-    let b = splats[at + 1u];
+    let a = ellipses[at];
+    let b = levels[at];
     var e: Extent;
     e.center = a.xy;
     e.slope = a.z;
@@ -89,44 +91,44 @@ fn columns(e: Extent, row: u32) -> vec2<u32> {
 
 // Where the splat of an item lies in the list of splats; an item is a place in the depth order and a view.
 fn splat_of(item: u32) -> u32 {
-    return 3u * ((item % frame.view_count) * frame.capacity + order[item / frame.view_count]);
+    return (item % frame.view_count) * frame.capacity + order[item / frame.view_count];
 }
 
 var<workgroup> partial: array<u32, 256>;
 
 @compute @workgroup_size(256)
-fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32) {
     let items = totals[0] * frame.view_count;
-    var sum = 0u;
-    for (var k = 0u; k < 4u; k++) {
-        let item = group.x * 1024u + lane * 4u + k;
+    for (var block = group.x; block * 256u < items; block += groups.x) {
+        let item = block * 256u + lane;
+        var tiles = 0u;
         if item < items {
             let e = extent(splat_of(item));
-            var tiles = 0u;
             for (var row = e.first_row; row < e.end_row; row++) {
                 let span = columns(e, row);
                 tiles += span.y - span.x;
             }
             touched[item] = tiles;
-            sum += tiles;
         }
-    }
-    partial[lane] = sum;
-    workgroupBarrier();
-    for (var half = 128u; half > 0u; half >>= 1u) {
-        if lane < half {
-            partial[lane] += partial[lane + half];
+        partial[lane] = tiles;
+        workgroupBarrier();
+        for (var half = 128u; half > 0u; half >>= 1u) {
+            if lane < half {
+                partial[lane] += partial[lane + half];
+            }
+            workgroupBarrier();
+        }
+        if lane == 0u {
+            sums[block] = partial[0];
         }
         workgroupBarrier();
-    }
-    if lane == 0u {
-        sums[group.x] = partial[0];
     }
 }
 
 @compute @workgroup_size(256)
 fn sum_touched(@builtin(local_invocation_index) lane: u32) {
-    let n = (totals[0] * frame.view_count + 1023u) / 1024u;
+    let n = (totals[0] * frame.view_count + 255u) / 256u;
     let each = (n + 255u) / 256u;
     let first = lane * each;
     let last = min(first + each, n);
@@ -159,6 +161,9 @@ fn sum_touched(@builtin(local_invocation_index) lane: u32) {
 // How many pairs the window holds, and the work that makes.
 @compute @workgroup_size(1)
 fn open_window() {
+    if part.index == 0u {
+        atomicStore(&longest_list, 0u);
+    }
     let all = totals[3];
     let count = min(all - min(all, part.first), frame.pair_capacity);
     totals[2] = count;
@@ -171,41 +176,34 @@ fn open_window() {
 }
 
 @compute @workgroup_size(256)
-fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32) {
     let items = totals[0] * frame.view_count;
-    let first = group.x * 1024u + lane * 4u;
-    var sum = 0u;
-    for (var k = 0u; k < 4u; k++) {
-        if first + k < items {
-            sum += touched[first + k];
-        }
-    }
-    partial[lane] = sum;
-    workgroupBarrier();
-    for (var step = 1u; step < 256u; step <<= 1u) {
-        var more = 0u;
-        if lane >= step {
-            more = partial[lane - step];
-        }
-        workgroupBarrier();
-        partial[lane] += more;
-        workgroupBarrier();
-    }
-    var to = sums[group.x] + partial[lane] - sum;
     let begin = part.first;
     let end = begin + frame.pair_capacity;
     let per_view = frame.tiles.x * frame.tiles.y;
-    for (var k = 0u; k < 4u; k++) {
-        let item = first + k;
-        if item >= items {
-            break;
+    for (var block = group.x; block * 256u < items; block += groups.x) {
+        let item = block * 256u + lane;
+        var count = 0u;
+        if item < items {
+            count = touched[item];
         }
-        let count = touched[item];
-        if count > 0u && to < end && to + count > begin {
+        partial[lane] = count;
+        workgroupBarrier();
+        for (var step = 1u; step < 256u; step <<= 1u) {
+            var more = 0u;
+            if lane >= step {
+                more = partial[lane - step];
+            }
+            workgroupBarrier();
+            partial[lane] += more;
+            workgroupBarrier();
+        }
+        var place = sums[block] + partial[lane] - count;
+        if count > 0u && place < end && place + count > begin {
             let splat = splat_of(item);
             let e = extent(splat);
             let base = (item % frame.view_count) * per_view;
-            var place = to;
             for (var row = e.first_row; row < e.end_row; row++) {
                 let span = columns(e, row);
                 for (var column = span.x; column < span.y; column++) {
@@ -217,7 +215,7 @@ fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
                 }
             }
         }
-        to += count;
+        workgroupBarrier();
     }
 }
 
@@ -245,6 +243,29 @@ fn find_ends(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
 }
 
+var<workgroup> most: atomic<u32>;
+
+// The longest list of any tile in any window so far.
+@compute @workgroup_size(256)
+fn longest(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    if lane == 0u {
+        atomicStore(&most, 0u);
+    }
+    workgroupBarrier();
+    if id.x < frame.tiles.x * frame.tiles.y * frame.view_count {
+        let list = lists[id.x];
+        atomicMax(&most, list.y - list.x);
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        atomicMax(&longest_list, atomicLoad(&most));
+    }
+}
+
+// Splats of one tile that are blended by one dispatch: a device made of processor cores gives up a loop after 65,535 rounds,
+// without a word.
+const STRETCH: u32 = 32768u;
+
 // Every pixel walks its tile's list by itself: the lanes of a tile read the same splat at the same time, which a graphics
 // card serves from its nearest cache, and a device made of processor cores does not have to stop 256 lanes at barriers.
 @compute @workgroup_size(16, 16)
@@ -262,22 +283,24 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
         color = pixels[pixel].xyz;
         transmittance = pixels[pixel].w;
     }
-    let range = lists[tile];
+    let list = lists[tile];
+    let first = list.x + part.block;
+    let last = min(list.y, first + STRETCH);
     let stop = frame.limits.z;
-    for (var k = range.x; k < range.y; k++) {
+    for (var k = first; k < last; k++) {
         if transmittance < stop {
             break;
         }
         let splat = pair_splats[k];
-        let e = splats[splat];
-        let l = splats[splat + 1u];
+        let e = ellipses[splat];
+        let l = levels[splat];
         let d = center - e.xy;
         let u = (d.x - e.z * d.y) * e.w;
         let v = d.y * l.x;
         let below = u * u + v * v;
         if below <= l.z {
             let weight = min(exp2(l.y - below), 1.0) * transmittance;
-            color += weight * splats[splat + 2u].xyz;
+            color += weight * tints[splat].xyz;
             transmittance -= weight;
         }
     }
