@@ -73,6 +73,9 @@ const PARALLEL: f64 = 1e-6;
 /// Pairs of a Gaussian and a tile that there is room for before any picture has been drawn.
 const FIRST_PAIRS: u64 = 1 << 20;
 
+/// Most tiles of a picture on a software device, which leaves a loop over the tiles of one Gaussian after 65,535 rounds.
+const SOFTWARE_TILES: u32 = 60_000;
+
 /// Most windows of one picture.
 const WINDOWS: u64 = 64;
 
@@ -224,6 +227,14 @@ impl Renderer {
             let [width, height] = size;
             return Err(GpuError::Views(format!(
                 "{} draws pictures of at most {largest} pixels each way, not {width} x {height}",
+                self.gpu.name()
+            )));
+        }
+        let tiles: u32 = tile_count(size).iter().product();
+        if settings.rasterizer == Rasterizer::Tiles && self.gpu.is_software() && tiles > SOFTWARE_TILES {
+            return Err(GpuError::Views(format!(
+                "{} can list at most {SOFTWARE_TILES} tiles of 16 x 16 pixels for one Gaussian, not {tiles}; draw the picture \
+                 with quadrilaterals",
                 self.gpu.name()
             )));
         }

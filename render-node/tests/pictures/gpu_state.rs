@@ -217,6 +217,10 @@ fn what_makes_no_picture_is_refused_in_words() {
     assert!(refused(&[camera.clone(), other], &appearance).contains("one size"));
     let lost = Appearance { background: Vec3::NAN, ..appearance.clone() };
     assert!(refused(std::slice::from_ref(&camera), &lost).contains("background"));
+    if gpu.is_software() {
+        let large = Camera { width: 8192, height: 4096, ..camera.clone() };
+        assert!(refused(&[large], &appearance).contains("with quadrilaterals"));
+    }
     // And it still draws.
     assert!(renderer.picture(&[camera], &appearance, Settings::default()).is_ok());
 }
