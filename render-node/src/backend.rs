@@ -196,6 +196,9 @@ impl OnDevice {
 
 /// The rasterizer that draws a scene's first view faster on this device.
 fn faster(renderer: &mut Renderer, scene: &Scene) -> Result<Rasterizer, GpuError> {
+    if !renderer.blends_quads() {
+        return Ok(Rasterizer::Tiles);
+    }
     let camera = [view::default_view(scene, TRIAL_SIZE, TRIAL_SIZE)];
     let look = Appearance::of(scene);
     let mut seconds = |rasterizer| -> Result<f64, GpuError> {

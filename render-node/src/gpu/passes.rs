@@ -54,14 +54,13 @@ pub(super) struct Passes {
     pub(super) find_ends: Kernel,
     pub(super) longest: Kernel,
     pub(super) blend: Kernel,
-    pub(super) quads: [wgpu::RenderPipeline; 2],
+    /// Nothing on a device that cannot blend f32: in half precision a thousand faint layers lose a fifth of their coverage.
+    pub(super) quads: Option<[wgpu::RenderPipeline; 2]>,
     pub(super) compose_tiles: [wgpu::RenderPipeline; 2],
     pub(super) compose_quads: [wgpu::RenderPipeline; 2],
-    /// What quadrilaterals are blended in: f32 where the device can.
-    pub(super) blend_format: wgpu::TextureFormat,
 }
 
-/// What finished pictures are kept in.
+/// What quadrilaterals are blended in and finished pictures are kept in.
 pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 impl Passes {
@@ -71,11 +70,6 @@ impl Passes {
         let quads = module(gpu, "quads", include_str!("shaders/quads.wgsl"));
         let compose = module(gpu, "compose", include_str!("shaders/compose.wgsl"));
         let counts = [("BLOCKS", f64::from(columns.blocks)), ("PARTS", columns.parts.len() as f64)];
-        let blend_format = if gpu.has(wgpu::Features::FLOAT32_BLENDABLE) {
-            wgpu::TextureFormat::Rgba32Float
-        } else {
-            wgpu::TextureFormat::Rgba16Float
-        };
         let under = wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
             dst_factor: wgpu::BlendFactor::One,
@@ -127,10 +121,11 @@ impl Passes {
             find_ends: tile("find_ends"),
             longest: tile("longest"),
             blend: tile("blend"),
-            quads: drawing(&quads, ["corner", "blend"], strip, blend_format, Some(under)),
+            quads: gpu
+                .has(wgpu::Features::FLOAT32_BLENDABLE)
+                .then(|| drawing(&quads, ["corner", "blend"], strip, PICTURE, Some(under))),
             compose_tiles: drawing(&compose, ["cover", "from_tiles"], triangles, PICTURE, None),
             compose_quads: drawing(&compose, ["cover", "from_quads"], triangles, PICTURE, None),
-            blend_format,
         }
     }
 

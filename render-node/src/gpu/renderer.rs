@@ -160,6 +160,12 @@ impl Renderer {
         self.columns.len
     }
 
+    /// Whether the device can draw with [`Rasterizer::Quads`].
+    #[must_use]
+    pub fn blends_quads(&self) -> bool {
+        self.passes.quads.is_some()
+    }
+
     /// Bytes that the scene's columns take on the device.
     #[must_use]
     pub fn column_bytes(&self) -> u64 {
@@ -229,6 +235,9 @@ impl Renderer {
                 "{} draws pictures of at most {largest} pixels each way, not {width} x {height}",
                 self.gpu.name()
             )));
+        }
+        if settings.rasterizer == Rasterizer::Quads && !self.blends_quads() {
+            return Err(GpuError::Views(format!("{} cannot blend in f32; draw with tiles", self.gpu.name())));
         }
         let tiles: u32 = tile_count(size).iter().product();
         if settings.rasterizer == Rasterizer::Tiles && self.gpu.is_software() && tiles > SOFTWARE_TILES {
@@ -430,7 +439,7 @@ impl Renderer {
     fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder) {
         let Self { passes, timing, work, bound, .. } = self;
         let Some(quads) = &bound.quads else { return };
-        for (k, (group, pipeline)) in quads.draw.iter().zip(&passes.quads).enumerate() {
+        for (k, (group, pipeline)) in quads.draw.iter().zip(passes.quads.iter().flatten()).enumerate() {
             let Some(target) = quads.target(k) else { continue };
             let mut pass = timing.drawing(encoder, Span::Blend, &target);
             pass.set_pipeline(pipeline);

@@ -191,10 +191,9 @@ impl Quads {
         size: [u32; 2],
     ) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended: Vec<wgpu::Texture> =
-            (0..work.views).map(|_| texture(gpu, size, passes.blend_format, usage)).collect();
+        let blended: Vec<wgpu::Texture> = (0..work.views).map(|_| texture(gpu, size, PICTURE, usage)).collect();
         let values = &work.depths.values[order.result()];
-        let draw = passes.quads.iter().take(blended.len()).map(|pipeline| {
+        let draw = passes.quads.iter().flatten().take(blended.len()).map(|pipeline| {
             let [ellipses, levels, tints] = &work.splats;
             let buffers = [(0, frame), (1, ellipses), (2, values), (3, levels), (4, tints)];
             group(gpu, pipeline, &buffers.map(|(at, b)| (at, b.as_entire_binding())))
