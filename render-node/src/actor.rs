@@ -6,12 +6,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
-use serde::Deserialize;
 use sg_proto::keys::{self, role};
 use sg_proto::selection::Preview;
 use sg_proto::{limits, render as proto};
-use sg_render_node::backend::{Backend, Engine};
-use sg_render_node::gpu::{GpuError, Rasterizer};
+use sg_render_node::backend::Engine;
+use sg_render_node::gpu::GpuError;
 use sg_render_node::image::Image;
 use sg_render_node::metrics::FOOTPRINT;
 use sg_render_node::render::{Options, Quality, Rendered};
@@ -34,9 +33,11 @@ use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior};
 
 mod asked;
+mod params;
 mod preview;
 
 use asked::{clips, projection};
+use params::{Params, QualityName};
 
 /// Pictures that may be asked for while one is drawn.
 const QUEUE: usize = 8;
@@ -50,75 +51,6 @@ const MEASURE_UNITS: usize = 64;
 /// How far behind everything else the threads that draw stand, steps of the scheduler's scale: a hand that waits for a few
 /// microseconds of another process is not to wait for a picture.
 const NICE: i32 = 10;
-
-/// Fastest steady pace of the view.
-const MAX_FRAMES_PER_SECOND: f64 = 240.0;
-
-/// Parameters in the launch file.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Params {
-    /// Width of the view's pictures, pixels.
-    width: u32,
-    /// Height of the view's pictures, pixels.
-    height: u32,
-    /// Quality of the view's pictures: `exact`, `standard` or `fast`.
-    quality: QualityName,
-    /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
-    backend: Backend,
-    /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
-    rasterizer: Option<Rasterizer>,
-    /// Pictures a second that the view draws although nothing changes, for whoever records or mirrors it; 0 draws only
-    /// what changed.
-    frames_per_second: f64,
-    /// Colour of a highlighted selection.
-    highlight_color: [f32; 3],
-    /// Share of that colour, 0 to 1.
-    highlight_mix: f32,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum QualityName {
-    Exact,
-    Standard,
-    Fast,
-}
-
-impl Default for Params {
-    fn default() -> Self {
-        Self {
-            width: 640,
-            height: 640,
-            quality: QualityName::Standard,
-            backend: Backend::Auto,
-            rasterizer: None,
-            frames_per_second: 0.0,
-            // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
-            highlight_color: [0.337, 0.706, 0.914],
-            highlight_mix: 0.6,
-        }
-    }
-}
-
-impl Params {
-    fn check(&self) -> Result<(), String> {
-        let side = 1..=limits::MAX_PICTURE_PIXELS;
-        if !side.contains(&self.width) || !side.contains(&self.height) {
-            return Err(format!("a picture of {} x {} pixels; 1 to {} each", self.width, self.height, side.end()));
-        }
-        if !(0.0..=MAX_FRAMES_PER_SECOND).contains(&self.frames_per_second) {
-            return Err(format!(
-                "frames_per_second = {}; 0 for pictures of changes alone, else up to {MAX_FRAMES_PER_SECOND}",
-                self.frames_per_second
-            ));
-        }
-        if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
-            return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());
-        }
-        Ok(())
-    }
-}
 
 /// Loads and begins to serve.
 ///

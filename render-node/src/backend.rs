@@ -7,7 +7,7 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use crate::gpu::{Drawn, Gpu, GpuError, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
-use crate::render::{Options, Projection, Quality, Rendered, render};
+use crate::render::{Options, Quality, Rendered, render};
 use crate::report::{Report, StageSeconds};
 use crate::view;
 
@@ -101,8 +101,7 @@ impl Engine {
         options: impl Into<Options>,
     ) -> Result<Rendered, GpuError> {
         let options = options.into();
-        let for_cores = options.quality == Quality::Exact || options.projection == Projection::PerRay;
-        if for_cores || self.device.is_none() {
+        if !options.drawn_by_devices() || self.device.is_none() {
             return Ok(render(&self.scene, appearance, camera, options)?);
         }
         match self.draw_on_device(appearance, camera, options.quality) {

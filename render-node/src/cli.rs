@@ -275,17 +275,23 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         QualityName::Standard => Quality::Standard,
         QualityName::Fast => Quality::Fast,
     };
+    let options = Options { quality, projection };
     let backend = match picture.backend {
+        // No device has to be opened for what it does not draw.
+        _ if !options.drawn_by_devices() => Backend::Cpu,
         BackendName::Auto => Backend::Auto,
         BackendName::Cpu => Backend::Cpu,
         BackendName::Gpu => Backend::Gpu,
     };
+    if matches!(picture.backend, BackendName::Gpu) && backend == Backend::Cpu {
+        eprintln!("warning: `exact` and `per-ray` are drawn by the cores, not by a graphics device");
+    }
     let rasterizer = match picture.rasterizer {
         RasterizerName::Tiles => Rasterizer::Tiles,
         RasterizerName::Quads => Rasterizer::Quads,
     };
     let mut engine = Engine::new(scene, backend, Some(rasterizer)).map_err(Failure::work)?;
-    let drawn = engine.draw(&appearance, &camera, Options { quality, projection });
+    let drawn = engine.draw(&appearance, &camera, options);
     let Rendered { mut image, report } = drawn.map_err(|e| match e {
         GpuError::Input(_) => Failure::input(e),
         _ => Failure::work(e),

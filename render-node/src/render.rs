@@ -45,6 +45,14 @@ pub struct Options {
     pub projection: Projection,
 }
 
+impl Options {
+    /// Whether graphics devices draw so; the reference and the view-consistent projection are for the cores.
+    #[must_use]
+    pub fn drawn_by_devices(self) -> bool {
+        self.quality != Quality::Exact && self.projection == Projection::Affine
+    }
+}
+
 impl From<Quality> for Options {
     fn from(quality: Quality) -> Self {
         Self { quality, ..Self::default() }

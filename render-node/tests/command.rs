@@ -1,6 +1,6 @@
 //! `supergaussian render` as a person types it.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test fails by panicking and says what it skips")]
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -54,6 +54,32 @@ fn folder() -> tempfile::TempDir {
     };
     std::fs::write(folder.path().join("camera.json"), serde_json::to_string(&camera).unwrap()).unwrap();
     folder
+}
+
+/// Both rasterizers of a graphics device give the cores' picture.
+#[test]
+fn a_graphics_device_draws_the_same() {
+    let folder = folder();
+    let at = folder.path();
+    good(at, &["row.ply", "--camera", "camera.json", "--out", "cores.npy", "--backend", "cpu"]);
+    let (_, want) = pixels(&at.join("cores.npy"));
+    for rasterizer in ["tiles", "quads"] {
+        let arguments = ["row.ply", "--camera", "camera.json", "--out", "device.npy", "--backend", "gpu"];
+        let output = run(at, &[&arguments[..], &["--rasterizer", rasterizer, "--json"]].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.code() == Some(1) && said.contains("no Vulkan device") {
+            assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{said}");
+            eprintln!("SKIPPED: {said}");
+            return;
+        }
+        assert!(output.status.success(), "{said}");
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(report["backend"].as_str().unwrap().ends_with(rasterizer), "{}", report["backend"]);
+        let (_, got) = pixels(&at.join("device.npy"));
+        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-4), "{rasterizer}");
+    }
+    let exact = run(at, &["row.ply", "--out", "e.npy", "--backend", "gpu", "--quality", "exact", "--width", "8"]);
+    assert!(String::from_utf8_lossy(&exact.stderr).contains("drawn by the cores"));
 }
 
 #[test]

@@ -86,7 +86,10 @@ pub struct Renderer {
     look: Look,
     passes: Passes,
     frame: wgpu::Buffer,
-    timing: Timing,
+    /// One for each picture that is handed in by itself: canted eyes are two.
+    timings: [Timing; 2],
+    /// Which of them the picture that is being recorded is timed by.
+    timed: usize,
     work: Work,
     canvas: Canvas,
     bound: Bound,
@@ -132,7 +135,8 @@ impl Renderer {
             look,
             passes,
             frame: gpu.buffer("frame", size_of::<FrameUniform>() as u64, wgpu::BufferUsages::UNIFORM),
-            timing: Timing::new(gpu),
+            timings: [Timing::new(gpu), Timing::new(gpu)],
+            timed: 0,
             work,
             canvas: Canvas::new(gpu, [1, 1], 1),
             bound: Bound::default(),
@@ -282,18 +286,19 @@ impl Renderer {
         self.bind(settings.rasterizer);
         self.write_frame(cameras, settings);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.timing.begin();
+        self.timed = first;
+        self.timings[first].begin();
         self.encode_order(&mut encoder);
         match settings.rasterizer {
             Rasterizer::Tiles => self.encode_tiles(&mut encoder, views),
             Rasterizer::Quads => self.encode_quads(&mut encoder),
         }
         self.encode_compose(&mut encoder, first, settings.rasterizer);
-        let asked = self.timing.ask(&mut encoder, &self.work.totals, &self.work.longest);
+        let asked = self.timings[first].ask(&mut encoder, &self.work.totals, &self.work.longest);
         self.gpu.queue.submit([encoder.finish()]);
         if asked {
             self.tiled = settings.rasterizer == Rasterizer::Tiles;
-            self.timing.expect_answer();
+            self.timings[first].expect_answer();
         }
     }
 
@@ -331,24 +336,43 @@ impl Renderer {
 
     /// Takes in what the device has answered.
     fn learn(&mut self) -> Result<(), GpuError> {
-        let Some(([listed, marked, _, pairs, longest], seconds)) = self.timing.answer() else { return Ok(()) };
-        let device = || self.gpu.name().to_owned();
-        if marked > listed {
-            return Err(GpuError::TooMany { device: device(), found: marked.into(), capacity: self.work.capacity });
+        let mut told: Option<Drawn> = None;
+        let mut most_found = 0;
+        for timing in &self.timings {
+            let Some((totals, seconds)) = timing.answer() else { continue };
+            let [listed, marked, _, pairs, longest] = totals;
+            let pairs = if self.tiled { pairs } else { 0 };
+            most_found = most_found.max(marked);
+            // Where eyes have an order each, there has to be room for the one that needs more.
+            let before = told.unwrap_or_default();
+            if self.tiled {
+                let earlier = if told.is_some() { (self.pairs, self.longest) } else { (0, 0) };
+                self.pairs = u64::from(pairs).max(earlier.0);
+                self.longest = longest.max(earlier.1);
+            }
+            told = Some(Drawn {
+                listed: before.listed.max(listed),
+                tile_pairs: before.tile_pairs.saturating_add(pairs),
+                seconds: match (before.seconds, seconds) {
+                    (Some(a), Some(b)) => Some(a.plus(&b)),
+                    (a, b) => a.or(b),
+                },
+            });
         }
-        let pairs = if self.tiled { pairs } else { 0 };
+        let Some(told) = told else { return Ok(()) };
+        let device = || self.gpu.name().to_owned();
+        if u64::from(most_found) > self.work.capacity {
+            return Err(GpuError::TooMany { device: device(), found: most_found.into(), capacity: self.work.capacity });
+        }
         let most = self.listed_pairs * WINDOWS;
-        if u64::from(pairs) > most {
+        if self.tiled && self.pairs > most {
+            let pairs = self.pairs;
             let reason = format!(
                 "{pairs} pairs of Gaussians and tiles are more than the {most} of one picture; draw it with quadrilaterals"
             );
             return Err(GpuError::Failed { device: device(), reason });
         }
-        if self.tiled {
-            self.pairs = pairs.into();
-            self.longest = longest;
-        }
-        self.told = Drawn { listed, tile_pairs: pairs, seconds };
+        self.told = told;
         Ok(())
     }
 
@@ -386,7 +410,8 @@ impl Renderer {
     }
 
     fn encode_order(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        let Self { gpu, columns, passes, timing, work, bound, .. } = self;
+        let Self { gpu, columns, passes, timings, timed, work, bound, .. } = self;
+        let timing = &mut timings[*timed];
         let Bound { needs: Some((needs, _)), ordering: Some(ordering), .. } = bound else { return };
         {
             let mut pass = timing.compute(encoder, Span::List);
@@ -412,7 +437,8 @@ impl Renderer {
     }
 
     fn encode_tiles(&mut self, encoder: &mut wgpu::CommandEncoder, views: u32) {
-        let Self { passes, timing, work, bound, canvas, .. } = self;
+        let Self { passes, timings, timed, work, bound, canvas, .. } = self;
+        let timing = &mut timings[*timed];
         let Some(tiles) = &bound.tiles else { return };
         let [across, down] = tile_count(canvas.size);
         for (k, window) in tiles.windows.iter().enumerate() {
@@ -437,7 +463,8 @@ impl Renderer {
     }
 
     fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        let Self { passes, timing, work, bound, .. } = self;
+        let Self { passes, timings, timed, work, bound, .. } = self;
+        let timing = &mut timings[*timed];
         let Some(quads) = &bound.quads else { return };
         for (k, (group, pipeline)) in quads.draw.iter().zip(passes.quads.iter().flatten()).enumerate() {
             let Some(target) = quads.target(k) else { continue };
@@ -449,7 +476,8 @@ impl Renderer {
     }
 
     fn encode_compose(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize, rasterizer: Rasterizer) {
-        let Self { passes, timing, bound, canvas, .. } = self;
+        let Self { passes, timings, timed, bound, canvas, .. } = self;
+        let timing = &mut timings[*timed];
         let (groups, pipelines) = match (rasterizer, &bound.quads, &bound.tiles) {
             (Rasterizer::Quads, Some(quads), _) => (&quads.compose, &passes.compose_quads),
             (Rasterizer::Tiles, _, Some(tiles)) => (&tiles.compose, &passes.compose_tiles),

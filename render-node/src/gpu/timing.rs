@@ -40,6 +40,18 @@ impl PassSeconds {
         self.list + self.project + self.sort + self.bin + self.blend + self.compose
     }
 
+    /// Two pictures together.
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        Self {
+            list: self.list + other.list,
+            project: self.project + other.project,
+            sort: self.sort + other.sort,
+            bin: self.bin + other.bin,
+            blend: self.blend + other.blend,
+            compose: self.compose + other.compose,
+        }
+    }
+
     fn add(&mut self, span: Span, seconds: f64) {
         *match span {
             Span::List => &mut self.list,

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, Vec3};
+use sg_render_node::backend::{Backend, Engine};
 use sg_render_node::gpu::{Gpu, GpuError, Options, Rasterizer, Renderer, Settings, Wanted};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
@@ -151,13 +152,16 @@ fn pairs_beyond_the_list_are_blended_in_windows() {
     let scene = scene(&cloud(3000, 8));
     let appearance = Appearance::of(&scene);
     let middle = side_view(160, 120, 60.0);
-    let eyes = [eye(&middle, -0.03, 0.0), eye(&middle, 0.03, 0.0)];
-    let (whole, _) = Renderer::new(&gpu, &scene).unwrap().picture(&eyes, &appearance, Settings::default()).unwrap();
     let options = Options { listed_pairs: 1024, ..Options::default() };
     let mut renderer = Renderer::with_options(&gpu, &scene, options).unwrap();
-    let (windows, drawn) = renderer.picture(&eyes, &appearance, Settings::default()).unwrap();
-    assert!(drawn.tile_pairs > 10 * 1024, "{drawn:?}");
-    assert_eq!(windows, whole);
+    // Canted eyes have an order and lists each.
+    for turn in [0.0, 0.2] {
+        let eyes = [eye(&middle, -0.03, turn), eye(&middle, 0.03, -turn)];
+        let (whole, _) = Renderer::new(&gpu, &scene).unwrap().picture(&eyes, &appearance, Settings::default()).unwrap();
+        let (windows, drawn) = renderer.picture(&eyes, &appearance, Settings::default()).unwrap();
+        assert!(drawn.tile_pairs > 10 * 1024, "{drawn:?}");
+        assert_eq!(windows, whole);
+    }
     let huge = [side_view(1024, 768, 30.0)];
     let refused = renderer.picture(&huge, &appearance, Settings::default()).unwrap_err();
     assert!(refused.to_string().contains("draw it with quadrilaterals"), "{refused}");
@@ -200,6 +204,31 @@ fn a_lost_device_is_told_and_a_new_one_draws_the_same() {
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();
     let (after, _) = renderer.picture(&camera, &appearance, Settings::default()).unwrap();
     assert_eq!(before, after);
+}
+
+/// What draws outlives its device, draws the reference on the cores, and does without a device where none is asked for.
+#[test]
+fn an_engine_opens_a_lost_device_again() {
+    if device().is_none() {
+        return;
+    }
+    let scene = scene(&cloud(2000, 9));
+    let look = Appearance::of(&scene);
+    let view = side_view(64, 48, 40.0);
+    let mut engine = Engine::new(scene.clone(), Backend::Gpu, None).unwrap();
+    assert!(engine.name().ends_with("tiles") || engine.name().ends_with("quads"), "{}", engine.name());
+    let before = engine.draw(&look, &view, Standard).unwrap();
+    assert!(before.report.drawn > 0 && before.report.gaussians == 2000);
+    engine.lose_device();
+    let after = engine.draw(&look, &view, Standard).unwrap();
+    assert_eq!(before.image, after.image);
+    assert!(engine.take_trouble().is_none(), "a device came back");
+    let reference = render(&scene, &look, &view, Exact).unwrap().image;
+    assert_eq!(engine.draw(&look, &view, Exact).unwrap().image, reference);
+    let mut cores = Engine::new(scene.clone(), Backend::Cpu, Some(Rasterizer::Quads)).unwrap();
+    assert_eq!(cores.name(), "cpu");
+    let want = render(&scene, &look, &view, Standard).unwrap().image;
+    assert_eq!(cores.draw(&look, &view, Standard).unwrap().image, want);
 }
 
 #[test]

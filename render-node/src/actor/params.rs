@@ -1,0 +1,76 @@
+//! What a launch file says to a render process.
+
+use serde::Deserialize;
+use sg_proto::limits;
+use sg_render_node::backend::Backend;
+use sg_render_node::gpu::Rasterizer;
+
+/// Fastest steady pace of the view.
+const MAX_FRAMES_PER_SECOND: f64 = 240.0;
+
+/// Parameters in the launch file.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Params {
+    /// Width of the view's pictures, pixels.
+    pub(super) width: u32,
+    /// Height of the view's pictures, pixels.
+    pub(super) height: u32,
+    /// Quality of the view's pictures: `exact`, `standard` or `fast`.
+    pub(super) quality: QualityName,
+    /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
+    pub(super) backend: Backend,
+    /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
+    pub(super) rasterizer: Option<Rasterizer>,
+    /// Pictures a second that the view draws although nothing changes, for whoever records or mirrors it; 0 draws only
+    /// what changed.
+    pub(super) frames_per_second: f64,
+    /// Colour of a highlighted selection.
+    pub(super) highlight_color: [f32; 3],
+    /// Share of that colour, 0 to 1.
+    pub(super) highlight_mix: f32,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum QualityName {
+    Exact,
+    Standard,
+    Fast,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            width: 640,
+            height: 640,
+            quality: QualityName::Standard,
+            backend: Backend::Auto,
+            rasterizer: None,
+            frames_per_second: 0.0,
+            // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
+            highlight_color: [0.337, 0.706, 0.914],
+            highlight_mix: 0.6,
+        }
+    }
+}
+
+impl Params {
+    /// In words, what cannot be.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let side = 1..=limits::MAX_PICTURE_PIXELS;
+        if !side.contains(&self.width) || !side.contains(&self.height) {
+            return Err(format!("a picture of {} x {} pixels; 1 to {} each", self.width, self.height, side.end()));
+        }
+        if !(0.0..=MAX_FRAMES_PER_SECOND).contains(&self.frames_per_second) {
+            return Err(format!(
+                "frames_per_second = {}; 0 for pictures of changes alone, else up to {MAX_FRAMES_PER_SECOND}",
+                self.frames_per_second
+            ));
+        }
+        if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
+            return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());
+        }
+        Ok(())
+    }
+}
