@@ -3,13 +3,16 @@
 use super::device::Gpu;
 
 /// Declarations that every shader begins with.
-pub(super) const FRAME: &str = include_str!("shaders/frame.wgsl");
+const FRAME: &str = include_str!("shaders/frame.wgsl");
+
+/// A sum over a workgroup, for whoever calls it.
+const SCAN: &str = include_str!("shaders/scan.wgsl");
 
 /// A shader module: the common declarations, then the text.
 pub(super) fn module(gpu: &Gpu, label: &str, text: &str) -> wgpu::ShaderModule {
     gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(label),
-        source: wgpu::ShaderSource::Wgsl(format!("{FRAME}\n{text}").into()),
+        source: wgpu::ShaderSource::Wgsl(format!("{FRAME}\n{SCAN}\n{text}").into()),
     })
 }
 

@@ -198,6 +198,9 @@ impl Renderer {
         appearance: &Appearance,
         settings: Settings,
     ) -> Result<(Vec<Image>, Drawn), GpuError> {
+        // An answer about an earlier picture must not be taken for one about this.
+        self.gpu.wait()?;
+        self.learn()?;
         loop {
             self.draw(cameras, appearance, settings)?;
             let (drawn, complete) = self.finish()?;

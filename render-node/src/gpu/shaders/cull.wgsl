@@ -83,7 +83,6 @@ fn may_reach(i: u32) -> bool {
 }
 
 var<workgroup> words: array<atomic<u32>, WORDS>;
-var<workgroup> before: array<u32, WORDS>;
 
 @compute @workgroup_size(256)
 fn mark(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {

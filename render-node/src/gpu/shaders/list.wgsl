@@ -23,8 +23,6 @@ fn groups(items: u32, each: u32) -> u32 {
     return min((items + each - 1u) / each, 65535u);
 }
 
-var<workgroup> sums: array<u32, 256>;
-
 @compute @workgroup_size(256)
 fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
     let each = (BLOCKS + 255u) / 256u;
@@ -34,18 +32,7 @@ fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
     for (var k = first; k < last; k++) {
         sum += blocks[k];
     }
-    sums[lane] = sum;
-    workgroupBarrier();
-    for (var step = 1u; step < 256u; step <<= 1u) {
-        var more = 0u;
-        if lane >= step {
-            more = sums[lane - step];
-        }
-        workgroupBarrier();
-        sums[lane] += more;
-        workgroupBarrier();
-    }
-    var running = sums[lane] - sum;
+    var running = sum_up_to(lane, sum) - sum;
     for (var k = first; k < last; k++) {
         let count = blocks[k];
         blocks[k] = running;
@@ -53,7 +40,7 @@ fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
     }
     storageBarrier();
     if lane == 0u {
-        let marked = sums[255];
+        let marked = scanned[255];
         let count = min(marked, frame.capacity);
         totals[0] = count;
         totals[1] = marked;

@@ -47,8 +47,6 @@ fn count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     }
 }
 
-var<workgroup> sums: array<u32, LANES>;
-
 @compute @workgroup_size(256)
 fn scan(@builtin(local_invocation_index) lane: u32) {
     let n = DIGITS * blocks();
@@ -59,24 +57,15 @@ fn scan(@builtin(local_invocation_index) lane: u32) {
     for (var k = first; k < last; k++) {
         sum += counts[k];
     }
-    sums[lane] = sum;
-    workgroupBarrier();
-    for (var step = 1u; step < LANES; step <<= 1u) {
-        var more = 0u;
-        if lane >= step {
-            more = sums[lane - step];
-        }
-        workgroupBarrier();
-        sums[lane] += more;
-        workgroupBarrier();
-    }
-    var running = sums[lane] - sum;
+    var running = sum_up_to(lane, sum) - sum;
     for (var k = first; k < last; k++) {
         let count = counts[k];
         counts[k] = running;
         running += count;
     }
 }
+
+var<workgroup> sums: array<u32, LANES>;
 
 // By digit, then by lane.
 var<workgroup> places: array<u32, BLOCK>;

@@ -94,8 +94,6 @@ fn splat_of(item: u32) -> u32 {
     return (item % frame.view_count) * frame.capacity + order[item / frame.view_count];
 }
 
-var<workgroup> partial: array<u32, 256>;
-
 @compute @workgroup_size(256)
 fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32) {
@@ -111,16 +109,9 @@ fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
             }
             touched[item] = tiles;
         }
-        partial[lane] = tiles;
-        workgroupBarrier();
-        for (var half = 128u; half > 0u; half >>= 1u) {
-            if lane < half {
-                partial[lane] += partial[lane + half];
-            }
-            workgroupBarrier();
-        }
-        if lane == 0u {
-            sums[block] = partial[0];
+        let through = sum_up_to(lane, tiles);
+        if lane == 255u {
+            sums[block] = through;
         }
         workgroupBarrier();
     }
@@ -136,25 +127,14 @@ fn sum_touched(@builtin(local_invocation_index) lane: u32) {
     for (var k = first; k < last; k++) {
         sum += sums[k];
     }
-    partial[lane] = sum;
-    workgroupBarrier();
-    for (var step = 1u; step < 256u; step <<= 1u) {
-        var more = 0u;
-        if lane >= step {
-            more = partial[lane - step];
-        }
-        workgroupBarrier();
-        partial[lane] += more;
-        workgroupBarrier();
-    }
-    var running = partial[lane] - sum;
+    var running = sum_up_to(lane, sum) - sum;
     for (var k = first; k < last; k++) {
         let count = sums[k];
         sums[k] = running;
         running += count;
     }
     if lane == 255u {
-        totals[3] = partial[255];
+        totals[3] = scanned[255];
     }
 }
 
@@ -188,18 +168,7 @@ fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
         if item < items {
             count = touched[item];
         }
-        partial[lane] = count;
-        workgroupBarrier();
-        for (var step = 1u; step < 256u; step <<= 1u) {
-            var more = 0u;
-            if lane >= step {
-                more = partial[lane - step];
-            }
-            workgroupBarrier();
-            partial[lane] += more;
-            workgroupBarrier();
-        }
-        var place = sums[block] + partial[lane] - count;
+        var place = sums[block] + sum_up_to(lane, count) - count;
         if count > 0u && place < end && place + count > begin {
             let splat = splat_of(item);
             let e = extent(splat);

@@ -1,0 +1,20 @@
+// A sum over the lanes of one workgroup of 256.
+
+var<workgroup> scanned: array<u32, 256>;
+
+// The values of all lanes up to this one, added up. All lanes have to call it, with a barrier between two calls; the last
+// lane's answer, the sum of all, then stands in scanned[255].
+fn sum_up_to(lane: u32, value: u32) -> u32 {
+    scanned[lane] = value;
+    workgroupBarrier();
+    for (var step = 1u; step < 256u; step <<= 1u) {
+        var more = 0u;
+        if lane >= step {
+            more = scanned[lane - step];
+        }
+        workgroupBarrier();
+        scanned[lane] += more;
+        workgroupBarrier();
+    }
+    return scanned[lane];
+}
