@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::color_map::ColorMap;
+use crate::shading::NormalTransform;
 
 /// What is shown of a Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,11 +106,8 @@ pub fn attribute_colors(
         },
         Attribute::Normal => |unit, i| {
             let normal = unit.gaussians.shading.as_ref()?.normal.get(i)?.as_dvec3();
-            let DMat3 { x_axis: a, y_axis: b, z_axis: c } = DMat3::from_mat4(unit.transform);
-            // The inverse transpose up to length and sign.
-            let turned = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b)) * normal;
-            let side = if a.dot(b.cross(c)) < 0.0 { -1.0 } else { 1.0 };
-            turned.try_normalize().map(|n| 0.5 * (side * n + 1.0))
+            let turned = NormalTransform::of(DMat3::from_mat4(unit.transform)).apply(normal);
+            turned.try_normalize().map(|n| 0.5 * (n + 1.0))
         },
         Attribute::PrincipalAxis => |unit, i| {
             let axes = axes(unit, i)?.map(|a| (a.length_squared(), a));

@@ -42,6 +42,20 @@ pub struct Applied {
     pub history: HistoryMove,
 }
 
+impl EditState {
+    /// This state as it would be after an action, for a display that shows a change while it is being made. What history
+    /// knows is not known here: undo, redo and reset are refused or change nothing.
+    ///
+    /// # Errors
+    /// [`EditError`] as the scene's owner would refuse the action.
+    pub fn after(&self, scene: &Arc<Scene>, action: Action) -> Result<Self, EditError> {
+        let next_unit = self.units.keys().next_back().map_or(1, |last| last + 1);
+        let editor = Editor { next_unit, ..Editor::new(Arc::clone(scene), self.clone()) };
+        let command = Command { id: "draft".to_owned(), expected_revision: 0, action: Some(action) };
+        Ok(editor.carried_out(&command)?.0)
+    }
+}
+
 impl Editor {
     /// The owner of a state as a scene is opened; `initial` is [`EditState::of_scene`] of it.
     #[must_use]

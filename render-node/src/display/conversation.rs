@@ -1,0 +1,66 @@
+//! What was said, what was done about it, what was answered.
+
+/// Turns that are kept.
+const TURNS: usize = 64;
+
+/// Lines of one turn that are kept.
+const ENTRIES: usize = 128;
+
+/// A conversation, oldest turn first.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Conversation {
+    /// At most 64 turns.
+    pub turns: Vec<Turn>,
+}
+
+/// One thing said and what came of it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Turn {
+    /// Id of the conversation's request, as every stage of it carries it.
+    pub id: String,
+    /// The words.
+    pub said: String,
+    /// What was understood and done, as it happened.
+    pub entries: Vec<Entry>,
+    /// The answer, when there is one, and whether everything was done.
+    pub answer: Option<(String, bool)>,
+}
+
+/// What happened within a turn.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Entry {
+    /// What an agent understood or decided to do.
+    Command(String),
+    /// What came of a command or a question, and whether it was done.
+    Result(String, bool),
+}
+
+impl Conversation {
+    /// Begins a turn.
+    pub fn say(&mut self, id: impl Into<String>, said: impl Into<String>) {
+        if self.turns.len() >= TURNS {
+            self.turns.remove(0);
+        }
+        self.turns.push(Turn { id: id.into(), said: said.into(), ..Turn::default() });
+    }
+
+    /// The turn of this id that was begun last.
+    pub fn turn(&mut self, id: &str) -> Option<&mut Turn> {
+        self.turns.iter_mut().rev().find(|t| t.id == id)
+    }
+
+    /// Whether something said has no answer yet.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        self.turns.last().is_some_and(|t| t.answer.is_none())
+    }
+}
+
+impl Turn {
+    /// Adds a line; of a turn with too many the rest is left out.
+    pub fn add(&mut self, entry: Entry) {
+        if self.entries.len() < ENTRIES {
+            self.entries.push(entry);
+        }
+    }
+}
