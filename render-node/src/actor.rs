@@ -37,7 +37,7 @@ mod params;
 mod preview;
 
 use asked::{clips, projection};
-use params::{Params, QualityName};
+use params::Params;
 
 /// Pictures that may be asked for while one is drawn.
 const QUEUE: usize = 8;
@@ -259,9 +259,9 @@ impl Painter {
             width: self.params.width,
             height: self.params.height,
             quality: match self.params.quality {
-                QualityName::Exact => proto::Quality::Exact,
-                QualityName::Standard => proto::Quality::Standard,
-                QualityName::Fast => proto::Quality::Fast,
+                Quality::Exact => proto::Quality::Exact,
+                Quality::Standard => proto::Quality::Standard,
+                Quality::Fast => proto::Quality::Fast,
             }
             .into(),
             highlight_selection: true,

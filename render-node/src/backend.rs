@@ -33,7 +33,6 @@ const TRIAL_SIZE: u32 = 768;
 /// A scene and what draws it.
 pub struct Engine {
     scene: Scene,
-    wanted: Wanted,
     device: Option<OnDevice>,
     /// Whether the cores draw where the device cannot.
     falls_back: bool,
@@ -42,6 +41,7 @@ pub struct Engine {
 }
 
 struct OnDevice {
+    wanted: Wanted,
     renderer: Renderer,
     rasterizer: Rasterizer,
 }
@@ -57,11 +57,10 @@ impl Engine {
             Backend::Auto => Wanted::Hardware,
             Backend::Gpu => Wanted::Any,
         };
-        let opened = Gpu::open(wanted).and_then(|gpu| OnDevice::new(&gpu, &scene, rasterizer));
-        match opened {
+        match OnDevice::open(wanted, &scene, rasterizer) {
             Ok(device) => {
                 let falls_back = backend == Backend::Auto;
-                Ok(Self { device: Some(device), wanted, falls_back, trouble: None, scene })
+                Ok(Self { device: Some(device), falls_back, trouble: None, scene })
             }
             Err(GpuError::NoDevice { .. }) if backend == Backend::Auto => Ok(Self::on_cores(scene)),
             Err(error) if backend == Backend::Auto => Ok(Self { trouble: Some(error), ..Self::on_cores(scene) }),
@@ -70,7 +69,7 @@ impl Engine {
     }
 
     fn on_cores(scene: Scene) -> Self {
-        Self { scene, wanted: Wanted::Any, device: None, falls_back: true, trouble: None }
+        Self { scene, device: None, falls_back: true, trouble: None }
     }
 
     /// What is drawn.
@@ -101,10 +100,9 @@ impl Engine {
         options: impl Into<Options>,
     ) -> Result<Rendered, GpuError> {
         let options = options.into();
-        if !options.drawn_by_devices() || self.device.is_none() {
-            return Ok(render(&self.scene, appearance, camera, options)?);
-        }
-        match self.draw_on_device(appearance, camera, options.quality) {
+        let device = self.device.as_mut().filter(|_| options.drawn_by_devices());
+        let Some(device) = device else { return Ok(render(&self.scene, appearance, camera, options)?) };
+        match device.draw_or_reopen(&self.scene, appearance, camera, options.quality) {
             Err(GpuError::Input(error)) => Err(error.into()),
             Err(error) if self.falls_back => {
                 if !matches!(error, GpuError::TooMany { .. }) {
@@ -112,26 +110,6 @@ impl Engine {
                 }
                 self.trouble = Some(error);
                 Ok(render(&self.scene, appearance, camera, options)?)
-            }
-            outcome => outcome,
-        }
-    }
-
-    fn draw_on_device(
-        &mut self,
-        appearance: &Appearance,
-        camera: &Camera,
-        quality: Quality,
-    ) -> Result<Rendered, GpuError> {
-        let Some(device) = &mut self.device else {
-            return Err(GpuError::NoDevice { wanted: self.wanted });
-        };
-        match device.draw(appearance, camera, quality) {
-            Err(GpuError::Lost { .. }) => {
-                let rasterizer = device.rasterizer;
-                let gpu = Gpu::open(self.wanted)?;
-                *device = OnDevice::new(&gpu, &self.scene, Some(rasterizer))?;
-                device.draw(appearance, camera, quality)
             }
             outcome => outcome,
         }
@@ -151,13 +129,30 @@ impl Engine {
 }
 
 impl OnDevice {
-    fn new(gpu: &Gpu, scene: &Scene, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
-        let mut renderer = Renderer::new(gpu, scene)?;
+    fn open(wanted: Wanted, scene: &Scene, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
+        let mut renderer = Renderer::new(&Gpu::open(wanted)?, scene)?;
         let rasterizer = match rasterizer {
             Some(given) => given,
             None => faster(&mut renderer, scene)?,
         };
-        Ok(Self { renderer, rasterizer })
+        Ok(Self { wanted, renderer, rasterizer })
+    }
+
+    /// Draws; on a device opened anew where this one was lost.
+    fn draw_or_reopen(
+        &mut self,
+        scene: &Scene,
+        appearance: &Appearance,
+        camera: &Camera,
+        quality: Quality,
+    ) -> Result<Rendered, GpuError> {
+        match self.draw(appearance, camera, quality) {
+            Err(GpuError::Lost { .. }) => {
+                *self = Self::open(self.wanted, scene, Some(self.rasterizer))?;
+                self.draw(appearance, camera, quality)
+            }
+            outcome => outcome,
+        }
     }
 
     fn draw(&mut self, appearance: &Appearance, camera: &Camera, quality: Quality) -> Result<Rendered, GpuError> {

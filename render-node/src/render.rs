@@ -13,7 +13,8 @@ use crate::standard::Limits;
 use crate::{exact, per_ray, standard};
 
 /// How much error a picture may have against [`Quality::Exact`].
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Quality {
     /// The reference: f64, no cut-off that a picture could show.
     Exact,

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
-use sg_render_node::gpu::{Gpu, Rasterizer, Renderer, Settings, Wanted};
+use sg_render_node::gpu::{Rasterizer, Renderer, Settings};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::{Quality, render};
@@ -13,6 +13,10 @@ use sg_render_node::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::load::{LoadOptions, load};
 use sg_scene::model::Scene;
+
+mod support;
+
+use support::device;
 
 fn data() -> Option<PathBuf> {
     let folder = std::env::var_os("SUPERGAUSSIAN_DATA").map(PathBuf::from);
@@ -22,16 +26,6 @@ fn data() -> Option<PathBuf> {
         println!("SKIPPED: real splats; set SUPERGAUSSIAN_DATA to the folder of the real data");
     }
     folder
-}
-
-/// A graphics device: `None`, said loudly, on a machine without one, unless it is required.
-fn device() -> Option<Gpu> {
-    let opened = Gpu::open(Wanted::Any);
-    if let Err(error) = &opened {
-        assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");
-        println!("SKIPPED on a graphics device: {error}");
-    }
-    opened.ok()
 }
 
 /// Loads a scene, unpacked to a temporary place where it is stored as `.zst`.

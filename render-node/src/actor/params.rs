@@ -4,6 +4,7 @@ use serde::Deserialize;
 use sg_proto::limits;
 use sg_render_node::backend::Backend;
 use sg_render_node::gpu::Rasterizer;
+use sg_render_node::render::Quality;
 
 /// Fastest steady pace of the view.
 const MAX_FRAMES_PER_SECOND: f64 = 240.0;
@@ -17,7 +18,7 @@ pub(super) struct Params {
     /// Height of the view's pictures, pixels.
     pub(super) height: u32,
     /// Quality of the view's pictures: `exact`, `standard` or `fast`.
-    pub(super) quality: QualityName,
+    pub(super) quality: Quality,
     /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
     pub(super) backend: Backend,
     /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
@@ -31,20 +32,12 @@ pub(super) struct Params {
     pub(super) highlight_mix: f32,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum QualityName {
-    Exact,
-    Standard,
-    Fast,
-}
-
 impl Default for Params {
     fn default() -> Self {
         Self {
             width: 640,
             height: 640,
-            quality: QualityName::Standard,
+            quality: Quality::Standard,
             backend: Backend::Auto,
             rasterizer: None,
             frames_per_second: 0.0,

@@ -115,9 +115,12 @@ impl Columns {
         let rows: Vec<Row> = range
             .clone()
             .into_par_iter()
-            .map(|i| match scene.locate(i) {
-                Some((unit, local)) => row(unit, local, self.origin, unit_index(scene, i)),
-                None => Row { center: Vec4::ZERO, shape: [Vec4::ZERO; 2], surface: [0.0; 10], finite: false },
+            .map(|i| {
+                let index = unit_index(scene, i);
+                match scene.units.get(index as usize) {
+                    Some(unit) => row(unit, i - unit.first, self.origin, index),
+                    None => Row::nothing(index),
+                }
             })
             .collect();
         self.non_finite += rows.iter().filter(|r| !r.finite).count();
@@ -231,12 +234,7 @@ fn row(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Row {
         && opacity.is_finite()
         && surface.is_some_and(|s| s.iter().all(|x| x.is_finite()));
     if !finite {
-        return Row {
-            center: Vec4::ZERO,
-            shape: [Vec4::W, Vec4::from((Vec3::ZERO, f32::from_bits(index)))],
-            surface: [0.0; 10],
-            finite,
-        };
+        return Row::nothing(index);
     }
     let q = g.unit_rotation(i);
     let rotation = Vec4::new(q.x as f32, q.y as f32, q.z as f32, q.w as f32);
@@ -245,6 +243,14 @@ fn row(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Row {
         shape: [rotation, scale.extend(f32::from_bits(index))],
         surface: surface.unwrap_or([0.0; 10]),
         finite,
+    }
+}
+
+impl Row {
+    /// What no pass draws.
+    fn nothing(index: u32) -> Self {
+        let shape = [Vec4::W, Vec3::ZERO.extend(f32::from_bits(index))];
+        Self { center: Vec4::ZERO, shape, surface: [0.0; 10], finite: false }
     }
 }
 

@@ -8,7 +8,7 @@ use sg_scene::camera::LightMode;
 use sg_scene::mask::Mask;
 
 use super::device::Gpu;
-use super::uniform::{Edit, Side, Unit, with};
+use super::uniform::{Edit, Side, Unit};
 
 /// Unchanged words between two changed ones that are uploaded with them rather than apart.
 const GAP: usize = 64;
@@ -88,7 +88,7 @@ impl Look {
             .map(|(unit, base)| {
                 let [ka, kd, ks, shininess] = base.multipliers;
                 Unit {
-                    palette: with(base.palette, base.opacity),
+                    palette: base.palette.extend(base.opacity),
                     multipliers: Vec4::new(ka * light.ka, kd * light.kd, ks * light.ks, shininess * light.shininess),
                     kind: [unit.kind[0], unit.kind[1], u32::from(base.visible), compensated(unit)],
                     ..*unit
@@ -104,7 +104,7 @@ impl Look {
             .units
             .iter()
             .map(|u| Edit {
-                color: with(u.color.unwrap_or(Vec3::ZERO), u.opacity),
+                color: u.color.unwrap_or(Vec3::ZERO).extend(u.opacity),
                 kind: [u32::from(u.color.is_some()), u32::from(u.visible), 0, 0],
             })
             .collect();
@@ -136,9 +136,9 @@ impl Look {
                 ShadingTerm::Diffuse => 3,
                 ShadingTerm::Specular => 4,
             },
-            overlay_color: overlay.map_or(Vec4::ZERO, |o| with(o.color, o.mix)),
-            background: with(appearance.background, overlay.map_or(1.0, |o| o.opacity)),
-            light: with(direction, 0.0),
+            overlay_color: overlay.map_or(Vec4::ZERO, |o| o.color.extend(o.mix)),
+            background: appearance.background.extend(overlay.map_or(1.0, |o| o.opacity)),
+            light: direction.extend(0.0),
         };
     }
 
@@ -207,7 +207,7 @@ fn sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
             let offset = side.offset / length - normal.dot(origin);
             let last = k + 1 == clip.sides.len();
             all.push(Side {
-                plane: with(normal.as_vec3(), offset as f32),
+                plane: normal.as_vec3().extend(offset as f32),
                 kind: [index as u32, u32::from(clip.keep_inside), u32::from(last), 0],
             });
         }

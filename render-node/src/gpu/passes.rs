@@ -106,8 +106,12 @@ impl Passes {
         let (strip, triangles) = (wgpu::PrimitiveTopology::TriangleStrip, wgpu::PrimitiveTopology::TriangleList);
         let tile = |entry| Kernel::new(gpu, &tiles, entry, &[]);
         Self {
-            cull: module(gpu, "cull", include_str!("shaders/cull.wgsl")),
-            projection: module(gpu, "project", include_str!("shaders/project.wgsl")),
+            cull: module(gpu, "cull", concat!(include_str!("shaders/scene.wgsl"), include_str!("shaders/cull.wgsl"))),
+            projection: module(
+                gpu,
+                "project",
+                concat!(include_str!("shaders/scene.wgsl"), include_str!("shaders/project.wgsl")),
+            ),
             specialised: HashMap::new(),
             sum_blocks: Kernel::new(gpu, &list, "sum_blocks", &counts),
             list: Kernel::new(gpu, &list, "list", &[]),

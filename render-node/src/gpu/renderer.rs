@@ -88,8 +88,6 @@ pub struct Renderer {
     frame: wgpu::Buffer,
     /// One for each picture that is handed in by itself: canted eyes are two.
     timings: [Timing; 2],
-    /// Which of them the picture that is being recorded is timed by.
-    timed: usize,
     work: Work,
     canvas: Canvas,
     bound: Bound,
@@ -136,7 +134,6 @@ impl Renderer {
             passes,
             frame: gpu.buffer("frame", size_of::<FrameUniform>() as u64, wgpu::BufferUsages::UNIFORM),
             timings: [Timing::new(gpu), Timing::new(gpu)],
-            timed: 0,
             work,
             canvas: Canvas::new(gpu, [1, 1], 1),
             bound: Bound::default(),
@@ -289,12 +286,11 @@ impl Renderer {
         self.bind(settings.rasterizer);
         self.write_frame(cameras, settings);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.timed = first;
         self.timings[first].begin();
-        self.encode_order(&mut encoder);
+        self.encode_order(&mut encoder, first);
         match settings.rasterizer {
-            Rasterizer::Tiles => self.encode_tiles(&mut encoder, views),
-            Rasterizer::Quads => self.encode_quads(&mut encoder),
+            Rasterizer::Tiles => self.encode_tiles(&mut encoder, first, views),
+            Rasterizer::Quads => self.encode_quads(&mut encoder, first),
         }
         self.encode_compose(&mut encoder, first, settings.rasterizer);
         let asked = self.timings[first].ask(&mut encoder, &self.work.totals, &self.work.longest);
@@ -339,30 +335,28 @@ impl Renderer {
 
     /// Takes in what the device has answered.
     fn learn(&mut self) -> Result<(), GpuError> {
-        let mut told: Option<Drawn> = None;
-        let mut most_found = 0;
-        for timing in &self.timings {
-            let Some((totals, seconds)) = timing.answer() else { continue };
-            let [listed, marked, _, pairs, longest] = totals;
-            let pairs = if self.tiled { pairs } else { 0 };
-            most_found = most_found.max(marked);
-            // Where eyes have an order each, there has to be room for the one that needs more.
-            let before = told.unwrap_or_default();
-            if self.tiled {
-                let earlier = if told.is_some() { (self.pairs, self.longest) } else { (0, 0) };
-                self.pairs = u64::from(pairs).max(earlier.0);
-                self.longest = longest.max(earlier.1);
-            }
-            told = Some(Drawn {
-                listed: before.listed.max(listed),
-                tile_pairs: before.tile_pairs.saturating_add(pairs),
-                seconds: match (before.seconds, seconds) {
-                    (Some(a), Some(b)) => Some(a.plus(&b)),
-                    (a, b) => a.or(b),
-                },
-            });
+        let answers: Vec<_> = self.timings.iter().filter_map(Timing::answer).collect();
+        if answers.is_empty() {
+            return Ok(());
         }
-        let Some(told) = told else { return Ok(()) };
+        let (mut told, mut most_found) = (Drawn::default(), 0);
+        if self.tiled {
+            (self.pairs, self.longest) = (0, 0);
+        }
+        for ([listed, marked, _, pairs, longest], seconds) in answers {
+            // Where eyes have an order each, there has to be room for the one that needs more.
+            told.listed = told.listed.max(listed);
+            most_found = most_found.max(marked);
+            if self.tiled {
+                told.tile_pairs = told.tile_pairs.saturating_add(pairs);
+                self.pairs = self.pairs.max(pairs.into());
+                self.longest = self.longest.max(longest);
+            }
+            told.seconds = match (told.seconds, seconds) {
+                (Some(a), Some(b)) => Some(a.plus(&b)),
+                (a, b) => a.or(b),
+            };
+        }
         let device = || self.gpu.name().to_owned();
         if u64::from(most_found) > self.work.capacity {
             return Err(GpuError::TooMany { device: device(), found: most_found.into(), capacity: self.work.capacity });
@@ -412,9 +406,9 @@ impl Renderer {
         self.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
     }
 
-    fn encode_order(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        let Self { gpu, columns, passes, timings, timed, work, bound, .. } = self;
-        let timing = &mut timings[*timed];
+    fn encode_order(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize) {
+        let Self { gpu, columns, passes, timings, work, bound, .. } = self;
+        let timing = &mut timings[first];
         let Bound { needs: Some((needs, _)), ordering: Some(ordering), .. } = bound else { return };
         {
             let mut pass = timing.compute(encoder, Span::List);
@@ -439,9 +433,9 @@ impl Renderer {
         passes.depth_sort.run(&mut pass, &ordering.depths, &work.dispatches, 0);
     }
 
-    fn encode_tiles(&mut self, encoder: &mut wgpu::CommandEncoder, views: u32) {
-        let Self { passes, timings, timed, work, bound, canvas, .. } = self;
-        let timing = &mut timings[*timed];
+    fn encode_tiles(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize, views: u32) {
+        let Self { passes, timings, work, bound, canvas, .. } = self;
+        let timing = &mut timings[first];
         let Some(tiles) = &bound.tiles else { return };
         let [across, down] = tile_count(canvas.size);
         for (k, window) in tiles.windows.iter().enumerate() {
@@ -465,9 +459,9 @@ impl Renderer {
         }
     }
 
-    fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        let Self { passes, timings, timed, work, bound, .. } = self;
-        let timing = &mut timings[*timed];
+    fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize) {
+        let Self { passes, timings, work, bound, .. } = self;
+        let timing = &mut timings[first];
         let Some(quads) = &bound.quads else { return };
         for (k, (group, pipeline)) in quads.draw.iter().zip(passes.quads.iter().flatten()).enumerate() {
             let Some(target) = quads.target(k) else { continue };
@@ -479,8 +473,8 @@ impl Renderer {
     }
 
     fn encode_compose(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize, rasterizer: Rasterizer) {
-        let Self { passes, timings, timed, bound, canvas, .. } = self;
-        let timing = &mut timings[*timed];
+        let Self { passes, timings, bound, canvas, .. } = self;
+        let timing = &mut timings[first];
         let (groups, pipelines) = match (rasterizer, &bound.quads, &bound.tiles) {
             (Rasterizer::Quads, Some(quads), _) => (&quads.compose, &passes.compose_quads),
             (Rasterizer::Tiles, _, Some(tiles)) => (&tiles.compose, &passes.compose_tiles),

@@ -1,7 +1,7 @@
 //! What shaders are told of a picture: the layouts of frame.wgsl, word for word.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DMat4, DVec3, Vec3, Vec4};
+use glam::{DMat3, DMat4, DVec3, Vec4};
 use sg_scene::camera::Camera;
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -99,9 +99,4 @@ impl Unit {
         columns_of_linear[0].w = if linear == DMat3::IDENTITY { 1.0 } else { stretch as f32 };
         Self { linear: columns_of_linear, inverse: columns(inverse), ..Self::default() }
     }
-}
-
-/// A colour with a fourth number.
-pub(super) fn with(color: Vec3, w: f32) -> Vec4 {
-    color.extend(w)
 }

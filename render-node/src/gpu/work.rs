@@ -1,7 +1,8 @@
 //! The buffers that pictures are made in, and how the passes are bound to them.
 
-use super::columns::Columns;
+use super::columns::{Columns, PartColumns};
 use super::device::Gpu;
+use super::kernel::Kernel;
 use super::look::Look;
 use super::passes::{Needs, PICTURE, Passes};
 use super::sort::{Pairs, Sorting};
@@ -71,24 +72,21 @@ pub(super) struct Canvas {
 
 impl Canvas {
     pub(super) fn new(gpu: &Gpu, size: [u32; 2], views: usize) -> Self {
-        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
-        Self { size, pictures: (0..views).map(|_| texture(gpu, size, PICTURE, usage)).collect() }
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC;
+        Self { size, pictures: (0..views).map(|_| texture(gpu, size, usage)).collect() }
     }
 }
 
-fn texture(
-    gpu: &Gpu,
-    [width, height]: [u32; 2],
-    format: wgpu::TextureFormat,
-    usage: wgpu::TextureUsages,
-) -> wgpu::Texture {
+fn texture(gpu: &Gpu, [width, height]: [u32; 2], usage: wgpu::TextureUsages) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("picture"),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format,
+        format: PICTURE,
         usage,
         view_formats: &[],
     })
@@ -129,47 +127,38 @@ impl Ordering {
         });
         let list = list.collect();
         let kernels = passes.specialised(gpu, needs);
-        let mark = columns.parts.iter().map(|p| {
-            kernels.mark.bind(
-                gpu,
-                &[
-                    (0, frame),
-                    (1, &p.uniform),
-                    (2, &p.centers),
-                    (3, &p.shapes),
-                    (4, &look.units),
-                    (5, &look.edits),
-                    (6, &look.masks),
-                    (7, &look.sides),
-                    (8, &work.bits),
-                    (9, &work.blocks),
-                ],
-            )
-        });
+        // What scene.wgsl names, and what a pass names beside it.
+        let of_scene = |kernel: &Kernel, p: &PartColumns, own: &[(u32, &wgpu::Buffer)]| {
+            let scene = [
+                (0, frame),
+                (1, &p.uniform),
+                (2, &p.centers),
+                (3, &p.shapes),
+                (4, &look.units),
+                (5, &look.edits),
+                (6, &look.masks),
+            ];
+            kernel.bind(gpu, &[&scene, own].concat())
+        };
+        let mark = columns
+            .parts
+            .iter()
+            .map(|p| of_scene(&kernels.mark, p, &[(7, &look.sides), (8, &work.bits), (9, &work.blocks)]));
         let [ellipses, levels, tints] = &work.splats;
         let project = columns.parts.iter().map(|p| {
-            kernels.project.bind(
-                gpu,
-                &[
-                    (0, frame),
-                    (1, &p.uniform),
-                    (2, &p.centers),
-                    (3, &p.shapes),
-                    (4, &look.units),
-                    (5, &look.edits),
-                    (6, &look.masks),
-                    (7, &p.surfaces),
-                    (8, &p.harmonics),
-                    (9, &look.colors),
-                    (10, &work.stretches),
-                    (11, &work.listed),
-                    (12, ellipses),
-                    (13, levels),
-                    (14, tints),
-                    (15, &work.depths.keys[0]),
-                    (16, &work.depths.values[0]),
-                ],
-            )
+            let own = [
+                (7, &p.surfaces),
+                (8, &p.harmonics),
+                (9, &look.colors),
+                (10, &work.stretches),
+                (11, &work.listed),
+                (12, ellipses),
+                (13, levels),
+                (14, tints),
+                (15, &work.depths.keys[0]),
+                (16, &work.depths.values[0]),
+            ];
+            of_scene(&kernels.project, p, &own)
         });
         Self { mark: mark.collect(), sum_blocks, list, project: project.collect(), depths }
     }
@@ -191,7 +180,7 @@ impl Quads {
         size: [u32; 2],
     ) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended: Vec<wgpu::Texture> = (0..work.views).map(|_| texture(gpu, size, PICTURE, usage)).collect();
+        let blended: Vec<wgpu::Texture> = (0..work.views).map(|_| texture(gpu, size, usage)).collect();
         let values = &work.depths.values[order.result()];
         let draw = passes.quads.iter().flatten().take(blended.len()).map(|pipeline| {
             let [ellipses, levels, tints] = &work.splats;

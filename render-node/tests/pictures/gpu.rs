@@ -1,23 +1,12 @@
 //! The graphics device against the reference: every case, both rasterizers, both levels.
 
-use sg_render_node::gpu::{Gpu, Rasterizer, Renderer, Settings, Wanted};
+use sg_render_node::gpu::{Rasterizer, Renderer, Settings};
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::Quality::{Exact, Fast, Standard};
 use sg_render_node::render::render;
 
 use crate::cases;
-
-/// The device that tests draw with: `None`, said loudly, on a machine without one, unless it is required.
-pub(crate) fn device() -> Option<Gpu> {
-    match Gpu::open(Wanted::Any) {
-        Ok(gpu) => Some(gpu),
-        Err(error) => {
-            assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");
-            println!("SKIPPED: {error}");
-            None
-        }
-    }
-}
+use crate::support::device;
 
 #[test]
 fn every_case_on_the_device() {

@@ -14,8 +14,8 @@ use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
 
 use crate::cases;
-use crate::gpu::device;
 use crate::scenes::{camera, cloud, crowd, scene, side_view, surface};
+use crate::support::device;
 
 const BOTH: [Rasterizer; 2] = [Rasterizer::Tiles, Rasterizer::Quads];
 

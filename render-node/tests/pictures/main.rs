@@ -14,3 +14,5 @@ mod picking;
 mod quality;
 mod scenes;
 mod structure;
+#[path = "../support/mod.rs"]
+mod support;

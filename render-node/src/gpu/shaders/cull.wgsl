@@ -3,27 +3,18 @@
 // The order of the list is the order of the scene, so that Gaussians of equal depth keep their order in every picture. No
 // workgroup waits for another: block counts are written by one pass and summed by the next.
 
-override MASKS: bool = false;
 override CLIPS: bool = false;
 
 const BLOCK: u32 = 1024u;
 const WORDS: u32 = 32u;
 
-@group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<uniform> part: Part;
-@group(0) @binding(2) var<storage, read> centers: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> shapes: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> units: array<Unit>;
-@group(0) @binding(5) var<storage, read> edits: array<Edit>;
-@group(0) @binding(6) var<storage, read> masks: array<u32>;
 @group(0) @binding(7) var<storage, read> sides: array<Side>;
 @group(0) @binding(8) var<storage, read_write> bits: array<u32>;
 @group(0) @binding(9) var<storage, read_write> blocks: array<u32>;
 
 fn hidden(global: u32) -> bool {
     for (var k = 0u; k < frame.edits; k++) {
-        let word = masks[k * frame.mask_words + (global >> 5u)];
-        if edits[k].kind.y == 0u && ((word >> (global & 31u)) & 1u) == 1u {
+        if edits[k].kind.y == 0u && in_mask(k, global) {
             return true;
         }
     }

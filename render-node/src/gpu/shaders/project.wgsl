@@ -9,19 +9,11 @@ override DEGREE: i32 = -1;
 override HIGHLIGHTS: bool = true;
 override TERM: u32 = 0u;
 override DIRECTIONAL: bool = false;
-override MASKS: bool = false;
 override OVERLAY: bool = false;
 override COLORS: bool = false;
 // Half precision of the shading columns and the harmonics.
 override HALF: bool = false;
 
-@group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<uniform> part: Part;
-@group(0) @binding(2) var<storage, read> centers: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> shapes: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> units: array<Unit>;
-@group(0) @binding(5) var<storage, read> edits: array<Edit>;
-@group(0) @binding(6) var<storage, read> masks: array<u32>;
 @group(0) @binding(7) var<storage, read> surfaces: array<u32>;
 @group(0) @binding(8) var<storage, read> harmonics: array<u32>;
 @group(0) @binding(9) var<storage, read> colors: array<u32>;
@@ -209,8 +201,7 @@ fn project_one(j: u32) {
     var highlighted = false;
     if MASKS {
         for (var k = 0u; k < frame.edits; k++) {
-            let word = masks[k * frame.mask_words + (global >> 5u)];
-            if ((word >> (global & 31u)) & 1u) == 1u {
+            if in_mask(k, global) {
                 opacity *= edits[k].color.w;
                 if edits[k].kind.x == 1u {
                     replaced = true;
@@ -221,8 +212,7 @@ fn project_one(j: u32) {
     }
     opacity = clamp(opacity, 0.0, 1.0);
     if OVERLAY {
-        let word = masks[frame.edits * frame.mask_words + (global >> 5u)];
-        highlighted = ((word >> (global & 31u)) & 1u) == 1u;
+        highlighted = in_mask(frame.edits, global);
         if highlighted {
             opacity = clamp(opacity * frame.background.w, 0.0, 1.0);
         }
