@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Installs on a Debian machine what `ops/check` needs and the machine lacks: a C compiler, git, `ip`, a Vulkan driver made
-# of processor cores (lavapipe), cargo-nextest, cargo-deny, buf and the Python environment of the tests (ops/python.sh). Does nothing where everything is there; the
-# Rust toolchain itself comes from rustup.
+# of processor cores (lavapipe), a display without a screen (Xvfb) and what presses its keys (xdotool), cargo-nextest,
+# cargo-deny, buf, the Python environment of the tests (ops/python.sh) and their OpenXR runtime (ops/monado.sh). Does nothing
+# where everything is there; the Rust toolchain itself comes from rustup.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 . ops/tools.sh
@@ -17,6 +18,8 @@ packages=()
 have cc || packages+=(gcc libc6-dev)
 have git || packages+=(git)
 have ip || packages+=(iproute2)
+have Xvfb || packages+=(xvfb)
+have xdotool || packages+=(xdotool)
 have npm || packages+=(nodejs npm)
 # A graphics card's own driver, if there is one, stays what is used; tests need any.
 compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || packages+=(mesa-vulkan-drivers)
@@ -58,5 +61,6 @@ fi
 link "$buf_root/node_modules/.bin/buf"
 
 ops/python.sh
+ops/monado.sh
 
 echo "setup-debian: $(rustc --version); $(cargo nextest --version | head -n 1); $(cargo deny --version); buf $(buf --version); $("$SUPERGAUSSIAN_PYTHON" --version)"

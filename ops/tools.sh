@@ -23,3 +23,10 @@ python_packages=(
     xllamacpp==2026.10.11549
 )
 export SUPERGAUSSIAN_PYTHON=${SUPERGAUSSIAN_PYTHON:-$python_dir/bin/python}
+
+# The OpenXR runtime that tests of the headset run under, with everything it needs (ops/monado.sh). SUPERGAUSSIAN_MONADO
+# names another folder with the same program `run` in it.
+monado_dir=$cache_dir/monado
+monado_suite=trixie
+monado_packages=(monado-service libopenxr1-monado libopenxr-loader1 libvulkan1 mesa-vulkan-drivers)
+export SUPERGAUSSIAN_MONADO=${SUPERGAUSSIAN_MONADO:-$monado_dir}

@@ -10,6 +10,10 @@ use super::GpuError;
 /// a minute on a busy machine.
 pub(super) const PATIENCE: Duration = Duration::from_secs(120);
 
+/// Features that pictures are made faster or timed with; none is needed.
+pub const USEFUL: wgpu::Features =
+    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::MULTIVIEW);
+
 /// Which devices will do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Wanted {
@@ -76,15 +80,29 @@ impl Gpu {
                 wgpu::DeviceType::Cpu => 4,
             })
             .ok_or(GpuError::NoDevice { wanted })?;
+        Self::of_adapter(&adapter)
+    }
+
+    /// Opens the device of an adapter that was chosen elsewhere, as a window does that has to be shown on it.
+    ///
+    /// # Errors
+    /// [`GpuError::Refused`] where it cannot be opened.
+    pub fn of_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let info = adapter.get_info();
-        let useful = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::FLOAT32_BLENDABLE | wgpu::Features::MULTIVIEW;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("supergaussian"),
-            required_features: adapter.features() & useful,
+            required_features: adapter.features() & USEFUL,
             required_limits: adapter.limits(),
             ..wgpu::DeviceDescriptor::default()
         }))
         .map_err(|e| GpuError::Refused { device: info.name.clone(), reason: e.to_string() })?;
+        Ok(Self::of_device(device, queue, info))
+    }
+
+    /// A device that was opened elsewhere, as a headset's runtime has to, with as many of [`USEFUL`] as it has and all
+    /// its limits. It must not have been given a handler of lost devices or errors before.
+    #[must_use]
+    pub fn of_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
         let fault = Arc::new(Mutex::new(None));
         let keep = |fault: &Arc<Mutex<Option<GpuError>>>, error: GpuError| {
             let mut kept = fault.lock().unwrap_or_else(PoisonError::into_inner);
@@ -109,7 +127,19 @@ impl Gpu {
                 },
             );
         }));
-        Ok(Self { device, queue, info, fault })
+        Self { device, queue, info, fault }
+    }
+
+    /// The device itself, for whoever draws beside the renderer.
+    #[must_use]
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// Where work for the device is handed in. What is handed in first is done first.
+    #[must_use]
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
     }
 
     /// The device's own name.
@@ -130,7 +160,10 @@ impl Gpu {
     }
 
     /// What broke since this was last asked.
-    pub(super) fn check(&self) -> Result<(), GpuError> {
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`], [`GpuError::Memory`] or [`GpuError::Failed`], each once.
+    pub fn check(&self) -> Result<(), GpuError> {
         match self.fault.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(error) => Err(error),
             None => Ok(()),

@@ -10,13 +10,15 @@ mod device;
 mod kernel;
 mod look;
 mod passes;
+mod present;
 mod renderer;
 mod sort;
 mod timing;
 mod uniform;
 mod work;
 
-pub use device::{Gpu, Wanted};
+pub use device::{Gpu, USEFUL, Wanted};
+pub use present::Present;
 pub use renderer::{Drawn, Options, PassSeconds, Rasterizer, Renderer, Settings};
 
 /// What a device did not do.

@@ -208,6 +208,13 @@ impl Renderer {
         }
     }
 
+    /// The newest pictures where they lie on the device, one for each camera of [`Self::draw`] in its order: f32 RGBA, as an
+    /// [`Image`] is. What is handed to the device later reads them complete; the next draw writes them anew.
+    #[must_use]
+    pub fn pictures(&self) -> &[wgpu::Texture] {
+        &self.canvas.pictures
+    }
+
     /// Waits until the newest picture is drawn: what drawing did, and whether all of it is in the picture. Where it is not,
     /// the next one makes room.
     ///

@@ -11,6 +11,7 @@ mod hard_cases;
 mod oracle;
 mod per_ray;
 mod picking;
+mod present;
 mod quality;
 mod scenes;
 mod structure;

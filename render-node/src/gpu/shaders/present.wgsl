@@ -1,0 +1,42 @@
+// Puts a picture onto a surface or a headset's image: its numbers as they are, whatever the target does to them.
+
+// Whether the target takes what is written for linear light and stores it by the sRGB curve.
+override CURVED: bool = false;
+
+@group(0) @binding(0) var picture: texture_2d<f32>;
+
+struct Covered {
+    @builtin(position) position: vec4<f32>,
+    // 0 to 1 across and down the area that is drawn to.
+    @location(0) at: vec2<f32>,
+}
+
+@vertex
+fn cover(@builtin(vertex_index) vertex: u32) -> Covered {
+    let corner = vec2(f32(vertex & 1u) * 2.0, f32(vertex >> 1u) * 2.0);
+    return Covered(vec4(corner.x * 2.0 - 1.0, 1.0 - corner.y * 2.0, 0.5, 1.0), corner);
+}
+
+fn pixel(at: vec2<i32>, size: vec2<i32>) -> vec3<f32> {
+    return textureLoad(picture, clamp(at, vec2(0), size - 1), 0).xyz;
+}
+
+@fragment
+fn present(in: Covered) -> @location(0) vec4<f32> {
+    let size = vec2<i32>(textureDimensions(picture));
+    var at = in.at * vec2<f32>(size) - 0.5;
+    // A picture of the target's own size is copied, however the coordinate was rounded.
+    let whole = round(at);
+    at = select(at, whole, abs(at - whole) < vec2(1.0 / 256.0));
+    let low = vec2<i32>(floor(at));
+    let part = at - floor(at);
+    // Numbers in f32 are not filtered by every device.
+    let above = mix(pixel(low, size), pixel(low + vec2(1, 0), size), part.x);
+    let below = mix(pixel(low + vec2(0, 1), size), pixel(low + vec2(1, 1), size), part.x);
+    var color = clamp(mix(above, below, part.y), vec3(0.0), vec3(1.0));
+    if CURVED {
+        let power = pow((color + 0.055) / 1.055, vec3(2.4));
+        color = select(power, color / 12.92, color <= vec3(0.04045));
+    }
+    return vec4(color, 1.0);
+}
