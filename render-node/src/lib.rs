@@ -15,6 +15,7 @@ mod depth;
 pub mod display;
 mod exact;
 pub mod gpu;
+pub mod hands;
 pub mod harmonics;
 pub mod image;
 pub mod metrics;

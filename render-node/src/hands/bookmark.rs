@@ -1,0 +1,54 @@
+//! Placements to come back to.
+
+use super::placement::Placement;
+
+/// Most that are kept; the oldest makes room.
+pub const MOST_BOOKMARKS: usize = 32;
+
+/// A placement with a name.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Bookmark {
+    /// What it is called.
+    pub name: String,
+    /// Where the scene stands.
+    pub placement: Placement,
+}
+
+/// Placements with names, in the order they were made.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Bookmarks {
+    kept: Vec<Bookmark>,
+}
+
+impl Bookmarks {
+    /// Keeps a placement; one of the same name is replaced where it stands.
+    pub fn keep(&mut self, name: &str, placement: Placement) {
+        if let Some(known) = self.kept.iter_mut().find(|b| b.name == name) {
+            known.placement = placement;
+            return;
+        }
+        if self.kept.len() >= MOST_BOOKMARKS {
+            self.kept.remove(0);
+        }
+        self.kept.push(Bookmark { name: name.to_owned(), placement });
+    }
+
+    /// Forgets one; whether there was one.
+    pub fn forget(&mut self, name: &str) -> bool {
+        let before = self.kept.len();
+        self.kept.retain(|b| b.name != name);
+        self.kept.len() < before
+    }
+
+    /// All of them.
+    #[must_use]
+    pub fn all(&self) -> &[Bookmark] {
+        &self.kept
+    }
+
+    /// The placement of that name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<Placement> {
+        self.kept.iter().find(|b| b.name == name).map(|b| b.placement)
+    }
+}

@@ -1,0 +1,62 @@
+//! An eye as a camera of the scene.
+
+use glam::{DMat3, DVec3};
+use sg_scene::camera::{Camera, Light};
+
+use super::placement::{Placement, Pose};
+
+/// What an eye sees, as angles from its forward axis in radians: right and up count positive, so `left` and `down` usually are
+/// negative. Need not be symmetric.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fov {
+    /// Leftmost.
+    pub left: f64,
+    /// Rightmost.
+    pub right: f64,
+    /// Topmost.
+    pub up: f64,
+    /// Lowest.
+    pub down: f64,
+}
+
+/// One eye at the time its picture is shown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Eye {
+    /// In the room; it looks along its −z.
+    pub pose: Pose,
+    /// What it sees.
+    pub fov: Fov,
+}
+
+impl Eye {
+    /// The eye as a pinhole camera of a scene that stands in the room, drawn in the scene's own unit: the room is brought
+    /// into the scene rather than the scene into the room, so that centres, cut-offs and the near plane stay the scene's.
+    ///
+    /// `size` is the picture's in pixels. Where a field of view has no extent the camera is not one, and
+    /// [`Camera::check`] says so.
+    #[must_use]
+    pub fn camera(
+        &self,
+        [width, height]: [u32; 2],
+        placement: &Placement,
+        background: [f32; 3],
+        light: Light,
+    ) -> Camera {
+        let Fov { left, right, up, down } = self.fov;
+        let fx = f64::from(width) / (right.tan() - left.tan());
+        let fy = f64::from(height) / (up.tan() - down.tan());
+        // Camera axes are x right, y down, z forward.
+        let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+        let from_room = flip * DMat3::from_quat(self.pose.orientation.inverse());
+        let turn = from_room * DMat3::from_quat(placement.rotation);
+        let shift = from_room * (placement.translation - self.pose.position) / placement.scale;
+        let row = |k: usize| [turn.row(k).x, turn.row(k).y, turn.row(k).z, shift.to_array()[k]];
+        let [a, b, c] = [row(0), row(1), row(2)];
+        let rows = [a, b, c, [0.0, 0.0, 0.0, 1.0]];
+        let mut world_to_camera = [0.0; 16];
+        for (to, from) in world_to_camera.iter_mut().zip(rows.as_flattened()) {
+            *to = *from;
+        }
+        Camera { width, height, fx, fy, cx: -left.tan() * fx, cy: up.tan() * fy, world_to_camera, background, light }
+    }
+}

@@ -1,0 +1,87 @@
+//! What hands do, whatever tells it.
+
+use glam::DVec2;
+
+use super::placement::Pose;
+
+/// Which hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
+}
+
+impl Side {
+    /// Both, in the order that pairs of hands have.
+    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
+
+    /// Its place in a pair of hands.
+    #[must_use]
+    pub fn index(self) -> usize {
+        match self {
+            Self::Left => 0,
+            Self::Right => 1,
+        }
+    }
+
+    /// The other one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+        }
+    }
+}
+
+/// One hand at one time. What a controller does not have stays as it is by default.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct HandInput {
+    /// The palm, in the room; `None` while it is not tracked.
+    pub grip: Option<Pose>,
+    /// What the hand points with: its −z.
+    pub aim: Option<Pose>,
+    /// How far the grip is squeezed, 0 to 1.
+    pub squeeze: f64,
+    /// How far the trigger is pulled, 0 to 1.
+    pub trigger: f64,
+    /// Whether the trigger is pulled as far as the controller calls a click.
+    pub click: bool,
+    /// Thumbstick or trackpad: right and up, each −1 to 1.
+    pub stick: DVec2,
+    /// Whether the thumbstick or trackpad is pressed.
+    pub stick_click: bool,
+    /// A or X, or what the controller has for it.
+    pub primary: bool,
+    /// B or Y.
+    pub secondary: bool,
+    /// The menu button.
+    pub menu: bool,
+}
+
+/// A button made of how far something is pressed: on above 0.6, off below 0.4, so that it does not flicker.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Switch {
+    on: bool,
+}
+
+impl Switch {
+    /// Takes in how far it is pressed and tells whether it is on. A NaN changes nothing.
+    pub fn press(&mut self, value: f64) -> bool {
+        if value > 0.6 {
+            self.on = true;
+        } else if value < 0.4 {
+            self.on = false;
+        }
+        self.on
+    }
+
+    /// Whether it is on.
+    #[must_use]
+    pub fn is_on(&self) -> bool {
+        self.on
+    }
+}

@@ -1,0 +1,18 @@
+//! Hands that hold a scene: where it stands in the room, and how grabbing, scaling and turning change that.
+//!
+//! Pure functions in f64, whatever tells where hands are. The room is in metres, x right, y up, z backward (as OpenXR has
+//! it); its floor or the eyes are at y = 0.
+
+mod bookmark;
+mod eye;
+mod handling;
+mod input;
+mod placement;
+mod pointing;
+
+pub use bookmark::{Bookmark, Bookmarks, MOST_BOOKMARKS};
+pub use eye::{Eye, Fov};
+pub use handling::{Handling, MIN_APART, SCALES, Turning};
+pub use input::{HandInput, Side, Switch};
+pub use placement::{Origin, Placement, Pose, Stance};
+pub use pointing::{Rectangle, nearest};

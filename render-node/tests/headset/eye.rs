@@ -1,0 +1,52 @@
+//! Eyes as cameras.
+
+use glam::{DQuat, DVec2, DVec3};
+use proptest::prelude::*;
+use sg_render_node::hands::{Eye, Fov, Placement, Pose};
+use sg_scene::camera::{Camera, Light};
+
+fn pixel(camera: &Camera, p: DVec3) -> DVec2 {
+    let p = camera.view().transform_point3(p);
+    assert!(p.z > 0.0);
+    DVec2::new(camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy)
+}
+
+#[test]
+fn edges_of_the_field_of_view_are_edges_of_the_picture() {
+    let fov = Fov { left: -0.9, right: 0.7, up: 0.8, down: -0.6 };
+    let camera = Eye { pose: Pose::IDENTITY, fov }.camera([400, 300], &Placement::IDENTITY, [0.0; 3], Light::default());
+    let seen = |x: f64, y: f64| pixel(&camera, DVec3::new(x.tan(), y.tan(), -1.0));
+    assert!(seen(fov.left, fov.up).length() < 1e-9, "top left");
+    assert!((seen(fov.right, fov.down) - DVec2::new(400.0, 300.0)).length() < 1e-9, "bottom right");
+    assert!(camera.check("eye").is_ok());
+    let blind = Fov { left: 0.3, right: 0.3, ..fov };
+    let camera =
+        Eye { pose: Pose::IDENTITY, fov: blind }.camera([4, 4], &Placement::IDENTITY, [0.0; 3], Light::default());
+    assert!(camera.check("eye").is_err());
+}
+
+proptest! {
+    #[test]
+    fn a_scene_point_is_seen_where_it_stands_in_the_room(
+        scale in 1e-3..1e3_f64, turn in proptest::array::uniform4(-1.0..1.0_f64), head in proptest::array::uniform4(-1.0..1.0_f64),
+        at in proptest::array::uniform3(-3.0..3.0_f64), eye in proptest::array::uniform3(-3.0..3.0_f64),
+        offset in proptest::array::uniform3(-0.5..0.5_f64),
+    ) {
+        prop_assume!(DQuat::from_array(turn).length() > 0.1 && DQuat::from_array(head).length() > 0.1);
+        let placement = Placement {
+            scale, rotation: DQuat::from_array(turn).normalize(), translation: DVec3::from_array(at),
+        };
+        let pose = Pose { position: DVec3::from_array(eye), orientation: DQuat::from_array(head).normalize() };
+        let fov = Fov { left: -0.8, right: 0.9, up: 0.7, down: -0.75 };
+        let camera = Eye { pose, fov }.camera([640, 480], &placement, [0.0; 3], Light::default());
+        prop_assert!(camera.check("eye").is_ok());
+        let local = DVec3::from_array(offset) + DVec3::new(0.0, 0.0, -1.5);
+        let seen = pixel(&camera, placement.to_scene(pose.to_room(local)));
+        let x = (local.x / -local.z - fov.left.tan()) / (fov.right.tan() - fov.left.tan()) * 640.0;
+        let y = (fov.up.tan() - local.y / -local.z) / (fov.up.tan() - fov.down.tan()) * 480.0;
+        prop_assert!((seen - DVec2::new(x, y)).length() < 1e-6);
+        // A metre of the room is 1/scale units of the scene.
+        let depth = camera.view().transform_point3(placement.to_scene(pose.to_room(local))).z;
+        prop_assert!((depth * scale - -local.z).abs() < 1e-9 * (1.0 + 1.0 / scale));
+    }
+}
