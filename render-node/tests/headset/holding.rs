@@ -146,7 +146,7 @@ proptest! {
             let right = HandInput { stick: DVec2::new(stick, 0.0), ..right };
             scene.step(&[left, right], [true; 2], (DVec3::Y, Turning::Smooth(90.0), Side::Right), 0.02);
             let scale = scene.placement().scale / home().scale;
-            prop_assert!(scale >= SCALES[0] * (1.0 - 1e-12) && scale <= SCALES[1] * (1.0 + 1e-12));
+            prop_assert!((SCALES[0] * (1.0 - 1e-12)..=SCALES[1] * (1.0 + 1e-12)).contains(&scale));
             prop_assert!(scene.placement().checked().is_some());
             prop_assert!((scene.placement().rotation.length() - 1.0).abs() < 1e-12);
         }
