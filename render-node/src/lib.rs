@@ -32,5 +32,7 @@ mod standard;
 pub mod structure;
 mod tiles;
 pub mod view;
+#[cfg(feature = "xr")]
+pub mod xr;
 
 pub use project::{DILATION, NEAR};

@@ -171,7 +171,7 @@ impl Gpu {
     }
 
     /// Waits for all work handed in so far, at most [`PATIENCE`].
-    pub(super) fn wait(&self) -> Result<(), GpuError> {
+    pub(crate) fn wait(&self) -> Result<(), GpuError> {
         let waited = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
         self.check()?;
         waited.map(drop).map_err(|e| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() })

@@ -1,7 +1,19 @@
 //! Headset and hands: the mathematics of holding a scene, and sessions under a real OpenXR runtime.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and says what it measured")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test fails by panicking and says what it measured"
+)]
 
 mod eye;
 mod holding;
+#[cfg(feature = "xr")]
+mod monado;
 mod pointing;
+#[cfg(feature = "xr")]
+mod seen;
+#[cfg(feature = "xr")]
+mod sessions;

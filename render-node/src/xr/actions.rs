@@ -1,0 +1,177 @@
+//! What hands do, asked of the runtime: one set of actions for every controller.
+
+use glam::DVec2;
+use openxr as xr;
+
+use super::XrError;
+use super::bindings::{Deed, Of, PROFILES};
+use super::space::pose;
+use crate::hands::{HandInput, Side};
+
+/// The actions, made once for an instance and attached to its session.
+pub(super) struct Actions {
+    set: xr::ActionSet,
+    grip: xr::Action<xr::Posef>,
+    aim: xr::Action<xr::Posef>,
+    squeeze: xr::Action<f32>,
+    trigger: xr::Action<f32>,
+    click: xr::Action<bool>,
+    stick: xr::Action<xr::Vector2f>,
+    stick_click: xr::Action<bool>,
+    primary: xr::Action<bool>,
+    secondary: xr::Action<bool>,
+    menu: xr::Action<bool>,
+    pulse: xr::Action<xr::Haptic>,
+    hands: [xr::Path; 2],
+    /// Grip and aim of each hand.
+    spaces: [[xr::Space; 2]; 2],
+}
+
+impl Actions {
+    /// Makes the actions, suggests what does them on each controller that is known, and attaches them to the session. A
+    /// controller that the runtime does not know is left out, with a line that says so.
+    pub(super) fn attach(instance: &xr::Instance, session: &xr::Session<xr::Vulkan>) -> Result<Self, XrError> {
+        Self::make(instance, session).map_err(|e| XrError::call("actions", e))
+    }
+
+    fn make(instance: &xr::Instance, session: &xr::Session<xr::Vulkan>) -> xr::Result<Self> {
+        let hands = [instance.string_to_path("/user/hand/left")?, instance.string_to_path("/user/hand/right")?];
+        let set = instance.create_action_set("hands", "Hands", 0)?;
+        let grip = set.create_action("grip", "Hand", &hands)?;
+        let aim = set.create_action("aim", "Pointer", &hands)?;
+        let squeeze = set.create_action("squeeze", "Hold the scene", &hands)?;
+        let trigger = set.create_action("trigger", "Brush", &hands)?;
+        let click = set.create_action("click", "Press", &hands)?;
+        let stick = set.create_action("stick", "Turn and adjust", &hands)?;
+        let stick_click = set.create_action("stick_click", "Reset", &hands)?;
+        let primary = set.create_action("primary", "First button", &hands)?;
+        let secondary = set.create_action("secondary", "Second button", &hands)?;
+        let menu = set.create_action("menu", "Menu", &hands)?;
+        let pulse = set.create_action("pulse", "Pulse", &hands)?;
+        let space =
+            |action: &xr::Action<xr::Posef>, hand: xr::Path| action.create_space(session, hand, xr::Posef::IDENTITY);
+        let spaces =
+            [[space(&grip, hands[0])?, space(&aim, hands[0])?], [space(&grip, hands[1])?, space(&aim, hands[1])?]];
+        let actions = Self {
+            set,
+            grip,
+            aim,
+            squeeze,
+            trigger,
+            click,
+            stick,
+            stick_click,
+            primary,
+            secondary,
+            menu,
+            pulse,
+            hands,
+            spaces,
+        };
+        actions.suggest(instance)?;
+        session.attach_action_sets(&[&actions.set])?;
+        Ok(actions)
+    }
+
+    fn suggest(&self, instance: &xr::Instance) -> xr::Result<()> {
+        for profile in PROFILES {
+            let mut bindings = Vec::new();
+            for (deed, of, input) in profile.inputs {
+                let hands: &[&str] = match of {
+                    Of::Both => &["left", "right"],
+                    Of::Left => &["left"],
+                    Of::Right => &["right"],
+                };
+                for hand in hands {
+                    let path = instance.string_to_path(&format!("/user/hand/{hand}/{input}"))?;
+                    bindings.push(self.binding(*deed, path));
+                }
+            }
+            let path = instance.string_to_path(profile.path)?;
+            if let Err(error) = instance.suggest_interaction_profile_bindings(path, &bindings) {
+                tracing::info!(profile = profile.path, %error, "the runtime does not know this controller");
+            }
+        }
+        Ok(())
+    }
+
+    fn binding(&self, deed: Deed, path: xr::Path) -> xr::Binding<'_> {
+        match deed {
+            Deed::Grip => xr::Binding::new(&self.grip, path),
+            Deed::Aim => xr::Binding::new(&self.aim, path),
+            Deed::Squeeze => xr::Binding::new(&self.squeeze, path),
+            Deed::Trigger => xr::Binding::new(&self.trigger, path),
+            Deed::Click => xr::Binding::new(&self.click, path),
+            Deed::Stick => xr::Binding::new(&self.stick, path),
+            Deed::StickClick => xr::Binding::new(&self.stick_click, path),
+            Deed::Primary => xr::Binding::new(&self.primary, path),
+            Deed::Secondary => xr::Binding::new(&self.secondary, path),
+            Deed::Menu => xr::Binding::new(&self.menu, path),
+            Deed::Pulse => xr::Binding::new(&self.pulse, path),
+        }
+    }
+
+    /// Both hands at `time` in `room`. While the session has not the person's attention they do nothing and are nowhere.
+    pub(super) fn read(
+        &self,
+        session: &xr::Session<xr::Vulkan>,
+        room: &xr::Space,
+        time: xr::Time,
+        focused: bool,
+    ) -> xr::Result<[HandInput; 2]> {
+        if !focused {
+            return Ok([HandInput::default(); 2]);
+        }
+        session.sync_actions(&[(&self.set).into()])?;
+        let mut read = [HandInput::default(); 2];
+        for side in Side::BOTH {
+            let k = side.index();
+            let hand = self.hands[k];
+            let pressed = |action: &xr::Action<bool>| Ok(action.state(session, hand)?.current_state);
+            let far = |action: &xr::Action<f32>| xr::Result::Ok(f64::from(action.state(session, hand)?.current_state));
+            let stick = self.stick.state(session, hand)?.current_state;
+            let [grip, aim] = &self.spaces[k];
+            read[k] = HandInput {
+                grip: pose(&grip.locate(room, time)?),
+                aim: pose(&aim.locate(room, time)?),
+                squeeze: far(&self.squeeze)?,
+                trigger: far(&self.trigger)?,
+                click: pressed(&self.click)?,
+                stick: DVec2::new(stick.x.into(), stick.y.into()),
+                stick_click: pressed(&self.stick_click)?,
+                primary: pressed(&self.primary)?,
+                secondary: pressed(&self.secondary)?,
+                menu: pressed(&self.menu)?,
+            };
+        }
+        Ok(read)
+    }
+
+    /// Lets a hand feel something: strength 0 to 1. A controller that cannot does nothing.
+    pub(super) fn pulse(
+        &self,
+        session: &xr::Session<xr::Vulkan>,
+        side: Side,
+        strength: f32,
+        length: std::time::Duration,
+    ) -> xr::Result<()> {
+        let nanoseconds = i64::try_from(length.as_nanos()).unwrap_or(i64::MAX);
+        let vibration = xr::HapticVibration::new()
+            .amplitude(strength.clamp(0.0, 1.0))
+            .duration(if nanoseconds == 0 { xr::Duration::MIN_HAPTIC } else { xr::Duration::from_nanos(nanoseconds) })
+            .frequency(xr::FREQUENCY_UNSPECIFIED);
+        self.pulse.apply_feedback(session, self.hands[side.index()], &vibration)
+    }
+
+    /// The controllers in use, by the paths of their profiles; `None` for a hand without.
+    pub(super) fn controllers(
+        &self,
+        instance: &xr::Instance,
+        session: &xr::Session<xr::Vulkan>,
+    ) -> [Option<String>; 2] {
+        self.hands.map(|hand| {
+            let profile = session.current_interaction_profile(hand).ok().filter(|p| *p != xr::Path::NULL)?;
+            instance.path_to_string(profile).ok()
+        })
+    }
+}

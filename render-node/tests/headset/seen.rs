@@ -1,0 +1,148 @@
+//! What a person sees: the runtime's composited picture of a real scene and a panel, against one that was looked at.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use glam::{DQuat, DVec2, DVec3};
+use sg_render_node::gpu::{Present, Rasterizer, Renderer, Settings};
+use sg_render_node::hands::{Placement, Pose, Rectangle, Stance};
+use sg_render_node::render::Quality;
+use sg_render_node::view;
+use sg_render_node::xr::{Headset, Options, PAUSE, Quad, Step, XrError};
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Light;
+use sg_scene::load::{LoadOptions, load};
+
+use crate::monado::{Display, Puppet, Runtime, Screen, is_inside, run_inside};
+
+/// Of the screen, and so of the committed picture. The runtime fills it with both eyes.
+const SIZE: [u32; 2] = [960, 540];
+
+fn data() -> Option<PathBuf> {
+    let folder = std::env::var_os("SUPERGAUSSIAN_DATA").map(PathBuf::from);
+    if folder.is_none() {
+        let required = std::env::var("SUPERGAUSSIAN_REQUIRE_DATA").is_ok_and(|v| v == "1");
+        assert!(!required, "SUPERGAUSSIAN_DATA must name the folder of the real data");
+        println!("SKIPPED: a real scene in a headset; set SUPERGAUSSIAN_DATA to the folder of the real data");
+    }
+    folder
+}
+
+#[test]
+fn a_real_scene_and_a_panel_are_composited() {
+    if data().is_some() {
+        run_inside("seen::inside_a_real_scene_and_a_panel_are_composited");
+    }
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_a_real_scene_and_a_panel_are_composited() {
+    if !is_inside() {
+        return;
+    }
+    let path = data().unwrap().join("splats/donut_fused.ply");
+    let scene = load(&path, &LoadOptions::default()).unwrap().scene;
+    let screen = Screen::start(SIZE);
+    let _runtime = Runtime::start(&Display::X(&screen));
+    let _puppet = Puppet::connect();
+    let mut headset = Headset::open(Options { resolution: 0.3, ..Options::default() }).unwrap();
+    let gpu = headset.gpu().unwrap().clone();
+    let format = headset.format().unwrap();
+    println!("{:?}, {} Gaussians, {:?} pixels each eye, {format:?}", headset.names(), scene.len(), headset.size());
+
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let present = Present::new(&gpu, format);
+    let mut appearance = Appearance::of(&scene);
+    appearance.background = glam::Vec3::splat(0.2);
+    let bounds = view::visible_box(&scene);
+    let placement = Placement::fit(bounds, DVec3::NEG_Y, DVec3::NEG_Z, Stance::Standing, headset.origin()).turned(
+        DVec3::new(0.0, 1.2, -0.8),
+        DVec3::X,
+        0.3,
+    );
+    let settings = Settings { quality: Quality::Standard, rasterizer: Rasterizer::Quads, ..Settings::default() };
+    let panel = headset.panel([64, 48]).unwrap();
+    let pose = Pose { position: DVec3::new(0.35, 1.75, -1.0), orientation: DQuat::from_rotation_y(-0.3) };
+    let place = Rectangle { pose, size: DVec2::new(0.4, 0.3) };
+
+    let begun = Instant::now();
+    let mut shown = 0;
+    while shown < 6 {
+        assert!(begun.elapsed().as_secs() < 60, "{shown} frames in a minute");
+        let step = headset.frame(|frame| {
+            let cameras = frame
+                .eyes
+                .map(|eye| eye.camera(frame.size(), &placement, appearance.background.to_array(), Light::default()));
+            renderer.draw(&cameras, &appearance, settings).unwrap();
+            let [width, height] = frame.size();
+            frame.draw_eyes(|targets| {
+                let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                let clear = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
+                for (picture, target) in renderer.pictures().iter().zip(targets) {
+                    present.encode(&mut encoder, picture, target, [0, 0, width, height], clear);
+                }
+                gpu.queue().submit([encoder.finish()]);
+            })?;
+            if shown == 0 {
+                frame.draw_panel(panel, |target| fill(&gpu, target))?;
+            }
+            frame.show(Quad { panel, place });
+            Ok::<(), XrError>(())
+        });
+        match step.unwrap() {
+            Step::Shown => shown += 1,
+            _ => std::thread::sleep(PAUSE),
+        }
+    }
+    println!("{shown} frames in {:?}; {:?}", begun.elapsed(), headset.paced());
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    let (width, height, rgb) = screen.picture();
+    assert_eq!([width, height], SIZE);
+    let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/headset/seen.png");
+    if std::env::var_os("SUPERGAUSSIAN_PICTURES").is_some_and(|v| v == "write") {
+        write(&committed, &rgb);
+    }
+    compare(&committed, &rgb);
+}
+
+/// Fills a panel: blue, half of it see-through.
+fn fill(gpu: &sg_render_node::gpu::Gpu, target: &wgpu::TextureView) {
+    let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let color = wgpu::Color { r: 0.0, g: 0.1, b: 0.5, a: 0.5 };
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(color), store: wgpu::StoreOp::Store },
+        })],
+        ..wgpu::RenderPassDescriptor::default()
+    });
+    gpu.queue().submit([encoder.finish()]);
+}
+
+fn write(path: &Path, rgb: &[u8]) {
+    let file = std::fs::File::create(path).unwrap();
+    let mut encoder = png::Encoder::new(file, SIZE[0], SIZE[1]);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    encoder.write_header().unwrap().write_image_data(rgb).unwrap();
+}
+
+/// Whether the picture is the committed one: of all numbers the mean difference at most 1 of 255, and no more than one in a
+/// hundred off by more than 12. Drivers round differently, and the runtime warps a picture to the newest head pose.
+fn compare(committed: &Path, rgb: &[u8]) {
+    let mut reader =
+        png::Decoder::new(std::io::BufReader::new(std::fs::File::open(committed).unwrap())).read_info().unwrap();
+    let mut wanted = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut wanted).unwrap();
+    assert_eq!(wanted.len(), rgb.len());
+    let off = |(a, b): (&u8, &u8)| u64::from(a.abs_diff(*b));
+    let sum: u64 = rgb.iter().zip(&wanted).map(off).sum();
+    let far = rgb.iter().zip(&wanted).map(off).filter(|d| *d > 12).count();
+    let (mean, share) = (sum as f64 / rgb.len() as f64, far as f64 / rgb.len() as f64);
+    println!("composited picture: mean difference {mean:.4} of 255, {:.4} % off by more than 12", 100.0 * share);
+    assert!(mean <= 1.0 && share <= 0.01, "mean {mean}, {share} far off; see SUPERGAUSSIAN_PICTURES=write");
+}
