@@ -1,0 +1,169 @@
+//! The pieces that panels are made of.
+
+use std::ops::RangeInclusive;
+
+use egui::{
+    Align, Button, CollapsingHeader, Label, Layout, Response, RichText, Role, Sense, Separator, Slider, SliderClamping,
+    Ui, Vec2, WidgetInfo, vec2,
+};
+
+use super::icon::{Icon, draw};
+
+/// How many times the usual size everything has.
+pub(super) fn scale(ui: &Ui) -> f32 {
+    ui.spacing().interact_size.y / 28.0
+}
+
+/// A part of a panel that can be folded away.
+pub(super) fn section<R>(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui) -> R) -> Option<R> {
+    ui.add(Separator::default().spacing(1.0));
+    let header = CollapsingHeader::new(RichText::new(title).strong()).id_salt(title).default_open(open);
+    header.show_unindented(ui, content).body_returned
+}
+
+/// A button that says what is on.
+pub(super) fn choice(ui: &mut Ui, chosen: bool, text: &str) -> bool {
+    ui.add(Button::new(text).selected(chosen)).clicked()
+}
+
+/// A button with a picture; `name` is what it does, for who hears it and who points at it.
+pub(super) fn icon(ui: &mut Ui, icon: Icon, on: bool, name: &str) -> bool {
+    let (rect, response) = ui.allocate_exact_size(Vec2::splat(ui.spacing().interact_size.y), Sense::click());
+    let enabled = ui.is_enabled();
+    response.widget_info(|| WidgetInfo::selected(Role::CheckBox, enabled, on, name));
+    let look = *ui.style().interact(&response);
+    if response.hovered() || response.has_focus() {
+        ui.painter().rect(rect, look.corner_radius, look.weak_bg_fill, look.bg_stroke, egui::StrokeKind::Inside);
+    }
+    let mut stroke = look.fg_stroke;
+    stroke.width = 1.6 * scale(ui);
+    if !on && !response.hovered() {
+        stroke.color = ui.visuals().weak_text_color();
+    }
+    draw(ui.painter(), icon, on, rect.shrink(6.0 * scale(ui)), stroke);
+    response.on_hover_text(name).clicked()
+}
+
+/// Text in a cell of fixed width, cut where it does not fit.
+pub(super) fn cell(ui: &mut Ui, width: f32, align: Align, text: RichText) -> Response {
+    let size = vec2(width, ui.spacing().interact_size.y);
+    let layout = match align {
+        Align::Max => Layout::right_to_left(Align::Center),
+        _ => Layout::left_to_right(Align::Center),
+    };
+    ui.allocate_ui_with_layout(size, layout, |ui| {
+        ui.set_min_size(size);
+        ui.add(Label::new(text).truncate())
+    })
+    .inner
+}
+
+/// A slider alone, of a width; `name` is for who hears it.
+pub(super) fn bare_slider(
+    ui: &mut Ui,
+    name: &str,
+    value: &mut f64,
+    range: RangeInclusive<f64>,
+    width: f32,
+) -> Response {
+    slider_of(ui, name, value, range, width, false)
+}
+
+/// Buttons that do something by a number, and the number behind them; which button was pressed.
+pub(super) fn by_number(
+    ui: &mut Ui,
+    enabled: bool,
+    buttons: &[(&str, &str)],
+    number: Number<'_>,
+    value: &mut f64,
+) -> Option<usize> {
+    ui.horizontal(|ui| {
+        let mut pressed = None;
+        for (i, (text, does)) in buttons.iter().enumerate() {
+            if ui.add_enabled(enabled, Button::new(*text)).on_hover_text(*does).clicked() {
+                pressed = Some(i);
+            }
+        }
+        let shown = 86.0 * scale(ui);
+        let width = ui.available_width() - shown - ui.spacing().item_spacing.x;
+        slider_of(ui, number.name, value, number.range, width.max(40.0), number.logarithmic);
+        cell(ui, shown, Align::Max, RichText::new((number.text)(*value)).weak());
+        pressed
+    })
+    .inner
+}
+
+fn slider_of(
+    ui: &mut Ui,
+    name: &str,
+    value: &mut f64,
+    range: RangeInclusive<f64>,
+    width: f32,
+    logarithmic: bool,
+) -> Response {
+    let slider = Slider::new(value, range).show_value(false).clamping(SliderClamping::Never).logarithmic(logarithmic);
+    let response = ui
+        .scope(|ui| {
+            ui.spacing_mut().slider_width = width;
+            // The handle is as large as this says.
+            ui.spacing_mut().interact_size.y *= 0.75;
+            ui.add(slider)
+        })
+        .inner;
+    // The name stands beside the slider or nowhere; who cannot see it is told here.
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+    response
+}
+
+/// A number with its name, a slider and the number in words.
+pub(super) struct Number<'a> {
+    /// What it is called on the panel.
+    pub(super) name: &'a str,
+    /// Least and greatest that the slider reaches.
+    pub(super) range: RangeInclusive<f64>,
+    /// Whether equal ways are equal factors.
+    pub(super) logarithmic: bool,
+    /// The number for a person.
+    pub(super) text: fn(f64) -> String,
+}
+
+impl Number<'_> {
+    /// Draws it over the whole width; whether it was moved.
+    pub(super) fn show(self, ui: &mut Ui, value: &mut f64) -> bool {
+        let scale = scale(ui);
+        ui.horizontal(|ui| {
+            let label = cell(ui, 112.0 * scale, Align::Min, RichText::new(self.name));
+            let shown = 68.0 * scale;
+            let width = ui.available_width() - shown - ui.spacing().item_spacing.x;
+            let slider = slider_of(ui, self.name, value, self.range, width.max(40.0), self.logarithmic);
+            let moved = slider.labelled_by(label.id).changed();
+            cell(ui, shown, Align::Max, RichText::new((self.text)(*value)).weak());
+            moved
+        })
+        .inner
+    }
+}
+
+/// As a share of a hundred.
+pub(super) fn percent(x: f64) -> String {
+    format!("{:.0} %", 100.0 * x)
+}
+
+/// As a share of a hundred with the digits that a small one needs.
+pub(super) fn fine_percent(x: f64) -> String {
+    let digits = if x < 0.01 { 2 } else { 1 };
+    format!("{:.digits$} %", 100.0 * x)
+}
+
+/// A count with its thousands apart.
+pub(super) fn count(n: usize) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push('\u{a0}');
+        }
+        text.push(digit);
+    }
+    text
+}

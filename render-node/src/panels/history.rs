@@ -1,0 +1,77 @@
+//! What was done, taken back and brought back.
+
+use egui::{Align, Button, Label, Layout, RichText, Ui};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{Redo, Reset, Undo};
+
+use super::{Output, Panels};
+use crate::display::Shown;
+
+/// Lines of the history that are shown.
+const LINES: usize = 12;
+
+impl Panels {
+    /// Undo and redo by one step, with what they would do.
+    pub(super) fn steps_back(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+        ui.horizontal(|ui| {
+            let step = |ui: &mut Ui, text: &str, lines: &[String]| {
+                let response = ui.add_enabled(!lines.is_empty(), Button::new(text));
+                match lines.first() {
+                    Some(first) => response.on_hover_text(first).clicked(),
+                    None => false,
+                }
+            };
+            if step(ui, "undo", &shown.undo) {
+                asked.change(Action::Undo(Undo { steps: 1 }));
+            }
+            if step(ui, "redo", &shown.redo) {
+                asked.change(Action::Redo(Redo { steps: 1 }));
+            }
+            if let Some(last) = shown.undo.first() {
+                ui.add(Label::new(RichText::new(last).weak()).truncate());
+            }
+        });
+    }
+
+    /// Both lists, newest first: a line takes back or brings back all down to itself.
+    pub(super) fn history(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+        if shown.undo.is_empty() && shown.redo.is_empty() {
+            ui.label(RichText::new("Nothing has been changed yet.").weak());
+        }
+        let list = |ui: &mut Ui, title: &str, verb: &str, lines: &[String]| {
+            if lines.is_empty() {
+                return None;
+            }
+            ui.label(RichText::new(title).weak());
+            let mut steps = None;
+            for (i, line) in lines.iter().take(LINES).enumerate() {
+                ui.push_id((verb, i), |ui| {
+                    let shape = Layout::top_down_justified(Align::Min);
+                    let button = Button::new(line).truncate().frame_when_inactive(false);
+                    let response = ui.with_layout(shape, |ui| ui.add(button)).inner;
+                    if response.on_hover_text(format!("{verb} {}", counted(i + 1))).clicked() {
+                        steps = u32::try_from(i + 1).ok();
+                    }
+                });
+            }
+            if lines.len() > LINES {
+                ui.label(RichText::new(format!("and {} earlier", lines.len() - LINES)).weak());
+            }
+            steps
+        };
+        if let Some(steps) = list(ui, "brought back by redo, next first", "bring back", &shown.redo) {
+            asked.change(Action::Redo(Redo { steps }));
+        }
+        if let Some(steps) = list(ui, "taken back by undo, newest first", "take back", &shown.undo) {
+            asked.change(Action::Undo(Undo { steps }));
+        }
+        let reset = ui.button("reset all looks");
+        if reset.on_hover_text("colours, opacities, light and viewpoint as they were opened; units stay").clicked() {
+            asked.change(Action::Reset(Reset {}));
+        }
+    }
+}
+
+fn counted(n: usize) -> String {
+    if n == 1 { "this".to_owned() } else { format!("these {n}") }
+}

@@ -1,0 +1,56 @@
+//! Small pictures on buttons, drawn as lines so that they are sharp at every size.
+
+use egui::epaint::CubicBezierShape;
+use egui::{Painter, Rect, Shape, Stroke, pos2, vec2};
+
+/// What a button without words shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Icon {
+    /// An eye; crossed out when off.
+    Eye,
+    /// A lock; open when off.
+    Lock,
+}
+
+/// Draws an icon into a square.
+pub(super) fn draw(painter: &Painter, icon: Icon, on: bool, square: Rect, stroke: Stroke) {
+    let at = |x: f32, y: f32| square.center() + 0.5 * square.size() * vec2(x, y);
+    match icon {
+        Icon::Eye => {
+            for side in [-1.0, 1.0] {
+                let lid = [at(-0.9, 0.0), at(-0.4, 0.75 * side), at(0.4, 0.75 * side), at(0.9, 0.0)];
+                let curve = CubicBezierShape::from_points_stroke(lid, false, egui::Color32::TRANSPARENT, stroke);
+                painter.add(Shape::CubicBezier(curve));
+            }
+            if on {
+                painter.circle_filled(square.center(), 0.14 * square.width(), stroke.color);
+            } else {
+                painter.line_segment([at(-0.7, 0.75), at(0.7, -0.75)], stroke);
+            }
+        }
+        Icon::Lock => {
+            let body = Rect::from_min_max(at(-0.6, -0.05), at(0.6, 0.8));
+            painter.rect(
+                body,
+                2.0,
+                if on { stroke.color } else { egui::Color32::TRANSPARENT },
+                stroke,
+                egui::StrokeKind::Middle,
+            );
+            // An open lock's shackle stands up beside its body.
+            let (left, right) = if on { (-0.38, 0.38) } else { (-0.38, 0.45) };
+            let top = if on { -0.75 } else { -0.95 };
+            let mut shackle = vec![at(left, -0.05)];
+            for k in 0..=8 {
+                let turn = std::f32::consts::PI * (1.0 - k as f32 / 8.0);
+                let (middle, radius) = (0.5 * (left + right), 0.5 * (right - left));
+                shackle.push(at(middle + radius * turn.cos(), top + 0.35 - 0.35 * turn.sin()));
+            }
+            shackle.push(if on { at(right, -0.05) } else { at(right, -0.4) });
+            painter.add(Shape::line(shackle, stroke));
+            if on {
+                painter.circle_filled(pos2(body.center().x, body.center().y), 0.0, stroke.color);
+            }
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! The panel "language": what was said, what the agents did about it, what they answered.
+
+use egui::{Button, Label, RichText, ScrollArea, Ui};
+use sg_proto::limits::MAX_UTTERANCE_BYTES;
+
+use super::control::scale;
+use super::typing::{Field, Typed};
+use super::{Output, Panel, Panels, theme};
+use crate::display::{Entry, Request, Shown, Turn};
+
+impl Panels {
+    /// The conversation, with a field to go on with it. Empty where no agents take part.
+    pub fn language(&mut self, ui: &mut Ui, shown: &Shown) -> Output {
+        let mut asked = Output::default();
+        if !shown.offered.agents {
+            return asked;
+        }
+        ui.push_id(Panel::Language.name(), |ui| {
+            theme::frame(ui).show(ui, |ui| {
+                ui.heading(Panel::Language.name());
+                // The field stays at the bottom whatever was said.
+                let below = ui.spacing().interact_size.y + 3.0 * ui.spacing().item_spacing.y;
+                let height = (ui.available_height() - below).max(60.0 * scale(ui));
+                ScrollArea::vertical()
+                    .id_salt("conversation")
+                    .max_height(height)
+                    .min_scrolled_height(height)
+                    .auto_shrink(false)
+                    .stick_to_bottom(true)
+                    .show(ui, |ui| {
+                        if shown.conversation.turns.is_empty() {
+                            let hint = "Say what is to be changed, such as \"make the sac red\", or ask what is there.";
+                            ui.label(RichText::new(hint).weak());
+                        }
+                        for turn in &shown.conversation.turns {
+                            show_turn(ui, turn);
+                        }
+                    });
+                self.say(ui, shown, &mut asked);
+            });
+        });
+        asked
+    }
+
+    fn say(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+        ui.horizontal(|ui| {
+            let waiting = shown.conversation.is_waiting();
+            let buttons = if waiting { 150.0 } else { 76.0 } * scale(ui);
+            let width = ui.available_width() - buttons;
+            let came = self.typing.edit(ui, Field::Say, "say something to the agents", width, MAX_UTTERANCE_BYTES);
+            let text = self.typing.text(Field::Say).trim().to_owned();
+            let sends = ui.add_enabled(!text.is_empty(), Button::new("send")).clicked() || came == Typed::Entered;
+            if sends && !text.is_empty() {
+                asked.requests.push(Request::Say(text));
+                self.typing.set(Field::Say, "");
+            }
+            if came == Typed::Entered {
+                // Whoever has said one thing goes on with the next.
+                self.typing.turn_to(Field::Say);
+            }
+            if waiting && ui.button("stop").clicked() {
+                asked.requests.push(Request::Withdraw);
+            }
+        });
+    }
+}
+
+fn show_turn(ui: &mut Ui, turn: &Turn) {
+    let (accent, error) = (ui.visuals().hyperlink_color, ui.visuals().error_fg_color);
+    theme::card(ui).show(ui, |ui| {
+        ui.set_min_width(ui.available_width());
+        ui.label(RichText::new("Said").small().weak());
+        ui.add(Label::new(RichText::new(&turn.said).strong()).wrap());
+        let mut heading = "";
+        for entry in &turn.entries {
+            let (over, text, done) = match entry {
+                Entry::Command(text) => ("Agent Commands", text, true),
+                Entry::Result(text, done) => ("Query Result", text, *done),
+            };
+            if over != heading {
+                ui.label(RichText::new(over).small().color(accent));
+                heading = over;
+            }
+            let color = if done { ui.visuals().text_color() } else { error };
+            ui.indent(over, |ui| ui.add(Label::new(RichText::new(text).color(color)).wrap()));
+        }
+        match &turn.answer {
+            Some((answer, done)) => {
+                let (over, color) = if *done { ("Answer", accent) } else { ("Answer: not all was done", error) };
+                ui.label(RichText::new(over).small().color(color));
+                ui.add(Label::new(RichText::new(answer)).wrap());
+            }
+            None => {
+                ui.label(RichText::new("waiting for an answer …").weak());
+            }
+        }
+    });
+}

@@ -1,0 +1,165 @@
+//! The transfer function behind a base unit, as a small plot.
+
+use std::path::Path;
+
+use egui::epaint::{Mesh, Vertex, WHITE_UV};
+use egui::{Align2, Color32, Rect, Role, Sense, Shape, Stroke, TextStyle, Ui, Vec2, WidgetInfo, pos2, vec2};
+use glam::Vec3;
+use sg_scene::model::Scene;
+use sg_volume::scalars::ValueRange;
+use sg_volume::transfer::{Scale, TransferFunction};
+
+/// Steps of a curve.
+const STEPS: usize = 160;
+
+/// Height of a plot in points.
+const HEIGHT: f32 = 64.0;
+
+/// Colour and opacity over the value, as a plot shows them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Name of the quantity, where the file gives one.
+    pub quantity: Option<String>,
+    /// Least and greatest value, in the file's units.
+    pub domain: [f64; 2],
+    /// RGB and opacity, 0 to 1, at equal steps from end to end of the scaled domain.
+    pub samples: Vec<(Vec3, f32)>,
+    /// The values of the base unit, in the file's units, where the file tells them.
+    pub range: Option<[f64; 2]>,
+    scale: Scale,
+}
+
+impl Curve {
+    /// The curve of one base unit.
+    #[must_use]
+    pub fn of(function: &TransferFunction, unit: &str) -> Option<Self> {
+        // Plotted in the file's own units: normalized values go from 0 to 1 whatever the volume holds.
+        let classifier = function.classifier(ValueRange { low: 0.0, high: 1.0, non_finite: 0 }).ok()?;
+        let [low, high] = function.domain.map(|x| function.scale.apply(x));
+        let samples = (0..=STEPS).map(|k| {
+            let scaled = low + (high - low) * k as f64 / STEPS as f64;
+            classifier.evaluate(unscaled(function.scale, scaled))
+        });
+        Some(Self {
+            quantity: function.variable.clone(),
+            domain: function.domain,
+            samples: samples.collect(),
+            range: function.base_units.iter().find(|b| b.name == unit).map(|b| b.range),
+            scale: function.scale,
+        })
+    }
+
+    /// Where on the axis a value lies, 0 to 1.
+    fn place(&self, value: f64) -> f32 {
+        let [low, high] = self.domain.map(|x| self.scale.apply(x));
+        let at = self.scale.apply(value.clamp(self.domain[0], self.domain[1]));
+        ((at - low) / (high - low)) as f32
+    }
+
+    /// Draws the plot over the whole width that is left.
+    pub(super) fn show(&self, ui: &mut Ui, unit: &str) {
+        let small = TextStyle::Small.resolve(ui.style());
+        let line = ui.fonts_mut(|f| f.row_height(&small));
+        let scale = ui.spacing().interact_size.y / 28.0;
+        let size = vec2(ui.available_width(), HEIGHT * scale + line);
+        let (whole, response) = ui.allocate_exact_size(size, Sense::hover());
+        response.widget_info(|| {
+            let [low, high] = self.range.unwrap_or(self.domain);
+            let what = format!("transfer function of {unit}, {} to {}", number(low), number(high));
+            WidgetInfo::labeled(Role::Image, true, what)
+        });
+        let plot = Rect::from_min_size(whole.min, Vec2::new(whole.width(), HEIGHT * scale));
+        let painter = ui.painter_at(whole);
+        let visuals = ui.visuals();
+        painter.rect_filled(plot, 4.0, visuals.extreme_bg_color);
+        let at = |x: f32, y: f32| {
+            let inner = plot.shrink(2.0);
+            pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height())
+        };
+        let mut mesh = Mesh::default();
+        let mut edge = Vec::with_capacity(self.samples.len());
+        for (k, (color, opacity)) in self.samples.iter().enumerate() {
+            let x = k as f32 / (self.samples.len() - 1).max(1) as f32;
+            let inside =
+                self.range.is_none_or(|[low, high]| (self.place(low) - 1e-3..=self.place(high) + 1e-3).contains(&x));
+            let strength = if inside { 1.0 } else { 0.25 };
+            let color = to_color32(*color).gamma_multiply(strength);
+            for y in [0.0, *opacity] {
+                mesh.vertices.push(Vertex { pos: at(x, y), uv: WHITE_UV, color });
+            }
+            edge.push(at(x, *opacity));
+            let i = 2 * k as u32;
+            if k > 0 {
+                mesh.add_triangle(i - 2, i - 1, i);
+                mesh.add_triangle(i - 1, i, i + 1);
+            }
+        }
+        painter.add(Shape::mesh(mesh));
+        painter.add(Shape::line(edge, Stroke::new(1.5, visuals.text_color())));
+        if let Some(range) = self.range {
+            for end in range {
+                let x = self.place(end);
+                painter.line_segment([at(x, 0.0), at(x, 1.0)], Stroke::new(1.0, visuals.hyperlink_color));
+            }
+        }
+        let weak = visuals.weak_text_color();
+        let below = |x: Align2, at: f32, text: String| {
+            painter.text(pos2(at, plot.bottom() + 1.0), x, text, small.clone(), weak);
+        };
+        below(Align2::LEFT_TOP, plot.left(), number(self.domain[0]));
+        below(Align2::RIGHT_TOP, plot.right(), number(self.domain[1]));
+        let quantity = self.quantity.as_deref().unwrap_or("value");
+        let middle = match self.range {
+            Some([low, high]) => format!("{quantity} {} to {}", number(low), number(high)),
+            None => quantity.to_owned(),
+        };
+        below(Align2::CENTER_TOP, plot.center().x, middle);
+    }
+}
+
+/// The value whose scaled one this is.
+fn unscaled(scale: Scale, x: f64) -> f64 {
+    match scale {
+        Scale::Linear => x,
+        Scale::Log10 => 10.0_f64.powf(x),
+        Scale::Symlog => x.signum() * (10.0_f64.powf(x.abs()) - 1.0),
+    }
+}
+
+/// A number in a few characters.
+pub(super) fn number(x: f64) -> String {
+    let size = x.abs();
+    if size != 0.0 && !(1e-3..1e6).contains(&size) {
+        return format!("{x:.1e}");
+    }
+    let digits = if size >= 100.0 || x.fract() == 0.0 { 0 } else { 3 };
+    let text = format!("{x:.digits$}");
+    if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
+}
+
+/// An RGB colour, 0 to 1, as egui holds it; no transfer curve lies between.
+pub(super) fn to_color32(rgb: Vec3) -> Color32 {
+    let [r, g, b] = (255.0 * rgb.clamp(Vec3::ZERO, Vec3::ONE)).round().to_array().map(|x| x as u8);
+    Color32::from_rgb(r, g, b)
+}
+
+/// The transfer functions behind a scene's base units, in scene order, none where there is none; and what could not be read,
+/// a line each. `path` is what the scene was opened from.
+#[must_use]
+pub fn curves(scene: &Scene, path: &Path) -> (Vec<Option<Curve>>, Vec<String>) {
+    let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
+    let mut problems = Vec::new();
+    let mut curve = |unit: &sg_scene::model::BaseUnit| {
+        let file = folder.join(unit.transfer_function.as_ref()?);
+        match TransferFunction::load(&file) {
+            Ok(loaded) => Curve::of(&loaded.function, &unit.name),
+            Err(error) => {
+                let problem = format!("no transfer function is shown for {}: {error}", unit.name);
+                problems.push(problem);
+                None
+            }
+        }
+    };
+    let curves = scene.units.iter().map(&mut curve).collect();
+    (curves, problems)
+}

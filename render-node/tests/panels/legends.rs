@@ -1,0 +1,33 @@
+//! The tool legend and the lines that say what went wrong.
+
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use sg_render_node::display::Tools;
+use sg_render_node::panels::{Panels, legend, theme};
+
+use crate::stage::shown;
+
+#[test]
+fn the_legend_says_what_each_button_does_now() {
+    let panel = Harness::new_ui(|ui| legend(ui, &[("trigger", "brush, walk"), ("grip", "take hold of the scene")]));
+    for text in ["trigger", "brush, walk", "grip", "take hold of the scene"] {
+        assert!(panel.query_by_label(text).is_some(), "{text}");
+    }
+}
+
+#[test]
+fn lines_stay_a_while_and_go() {
+    let (mut panels, shown) = (Panels::default(), shown());
+    let mut panel = Harness::builder()
+        .with_step_dt(0.5)
+        .with_context_setup(|ctx| theme::apply(ctx, &Tools::default()))
+        .build_ui(move |ui| panels.notices(ui, &shown));
+    let refused = "there is no unit `sack`; did you mean `sac`?";
+    assert!(panel.query_by_label(refused).is_some() && panel.query_by_label("Not done").is_some());
+    assert!(panel.query_by_label("reading the scene took 1.2 s").is_some());
+    panel.run_steps(13);
+    assert!(panel.query_by_label("reading the scene took 1.2 s").is_none(), "gone after six seconds");
+    assert!(panel.query_by_label(refused).is_some(), "what was refused stays longer");
+    panel.run_steps(13);
+    assert!(panel.query_by_label(refused).is_none());
+}

@@ -1,0 +1,159 @@
+//! The 3D prompt: brush, operations on the selection, saving.
+
+use std::sync::Arc;
+
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use sg_proto::scene::command::Action;
+use sg_proto::scene::selection_operation::Operation;
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{Combine, SaveUnit};
+use sg_proto::selection::StrokesRequest;
+use sg_render_node::display::{BrushMode, Offered, Request, Tools};
+use sg_render_node::panels::{Panel, Place};
+use sg_scene::mask::Mask;
+
+use crate::asking::changes;
+use crate::stage::{Stage, harness, press};
+
+fn prompt() -> Harness<'static, Stage> {
+    harness(Stage::new(Panel::Prompt))
+}
+
+/// What pressing this asks of the selection.
+#[track_caller]
+fn asks(harness: &mut Harness<'_, Stage>, label: &str) -> StrokesRequest {
+    harness.state_mut().asked.clear();
+    press(harness, label);
+    let asked: Vec<_> = harness.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
+    let [Request::Select(request)] = asked.as_slice() else { panic!("{label}: {asked:?}") };
+    request.clone()
+}
+
+fn operation(request: &StrokesRequest) -> (Operation, Combine) {
+    assert!(!request.restart && request.strokes.is_empty());
+    let [step] = request.steps.as_slice() else { panic!("{request:?}") };
+    let Some(Step::Operation(operation)) = &step.step else { panic!("{request:?}") };
+    (operation.operation.clone().unwrap(), operation.combine())
+}
+
+#[test]
+fn the_brush_is_set_for_this_display() {
+    let mut panel = prompt();
+    for mode in [BrushMode::Cluster, BrushMode::Point, BrushMode::Walk] {
+        press(&mut panel, mode.name());
+        assert_eq!(panel.state().tools.mode, mode);
+    }
+    press(&mut panel, "pressure of the trigger narrows the brush");
+    assert!(panel.state().tools.pressure);
+    let slider = panel.get_by_label("brush width").rect();
+    panel.drag_at(slider.right_center() - egui::vec2(2.0, 0.0));
+    panel.run();
+    panel.drop_at(slider.right_center() - egui::vec2(2.0, 0.0));
+    panel.run();
+    assert!(panel.state().tools.radius > 0.2 && panel.state().tools.radius <= Tools::RADII.1);
+    assert_eq!(panel.state().asked, []);
+    panel.state_mut().panels.place = Place::Window;
+    panel.run();
+    assert!(panel.query_by_label_contains("pressure").is_none(), "a mouse has none");
+}
+
+#[test]
+fn the_selection_is_counted_and_highlighted() {
+    let mut panel = prompt();
+    assert!(panel.query_by_label("80 of 1\u{a0}000 Gaussians (8.0 %)").is_some());
+    assert!(panel.query_by_label_contains("tentative").is_none());
+    panel.state_mut().shown.tentative = true;
+    panel.run();
+    assert!(panel.query_by_label_contains("tentative").is_some());
+    press(&mut panel, "colour of the selection");
+    press(&mut panel, "yellow");
+    let tools = &panel.state().tools;
+    assert!(tools.highlight.x > 0.9 && tools.highlight.z < 0.3, "{:?}", tools.highlight);
+    assert_eq!(panel.state().asked, []);
+}
+
+#[test]
+fn operations_are_steps_of_the_selection() {
+    let mut panel = prompt();
+    let cleared = asks(&mut panel, "clear");
+    assert!(cleared.restart && cleared.steps.is_empty() && cleared.strokes.is_empty());
+    let mut of = |label: &str| operation(&asks(&mut panel, label));
+    assert!(matches!(of("invert"), (Operation::Invert(_), Combine::Unspecified)));
+    assert!(matches!(of("largest piece"), (Operation::LargestPieces(p), Combine::Unspecified) if p.keep == 1));
+    assert!(matches!(of("grow"), (Operation::Grow(g), Combine::Unspecified) if g.distance == 0.005));
+    assert!(matches!(of("shrink"), (Operation::Shrink(g), Combine::Unspecified) if g.distance == 0.005));
+    assert!(matches!(of("fill holes"), (Operation::FillHoles(h), Combine::Unspecified) if h.most == 100));
+    assert!(matches!(of("add similar"), (Operation::Similar(s), Combine::Add) if s.threshold == 2.0));
+
+    // Of nothing there is nothing to grow, but what is not selected can be.
+    panel.state_mut().shown.selected = Arc::new(Mask::empty(1000));
+    panel.state_mut().asked.clear();
+    for label in ["clear", "largest piece", "grow", "shrink", "fill holes", "add similar"] {
+        press(&mut panel, label);
+        assert_eq!(panel.state().asked, [], "{label}");
+    }
+    assert!(matches!(operation(&asks(&mut panel, "invert")), (Operation::Invert(_), _)));
+}
+
+#[test]
+fn a_selection_is_saved_under_a_free_name() {
+    let mut panel = prompt();
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("  dome ");
+    panel.run();
+    assert_eq!(panel.state().asked, []);
+    press(&mut panel, "save");
+    let save = |name: &str, replace| Action::SaveUnit(SaveUnit { name: name.to_owned(), replace });
+    assert_eq!(changes(&panel.state().asked), [save("dome", false)]);
+    panel.state_mut().asked.clear();
+    press(&mut panel, "save");
+    assert_eq!(panel.state().asked, [], "the name was used up");
+
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("dome 2");
+    panel.key_press(egui::Key::Enter);
+    panel.run();
+    assert_eq!(changes(&panel.state().asked), [save("dome 2", false)]);
+}
+
+#[test]
+fn a_unit_is_replaced_only_when_that_was_said_twice() {
+    let mut panel = prompt();
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("SAC");
+    panel.run();
+    press(&mut panel, "save");
+    assert_eq!(panel.state().asked, []);
+    press(&mut panel, "keep it");
+    assert!(panel.query_by_label("replace sac").is_none());
+    press(&mut panel, "save");
+    press(&mut panel, "replace sac");
+    let replaced = Action::SaveUnit(SaveUnit { name: "sac".to_owned(), replace: true });
+    assert_eq!(changes(&panel.state().asked), [replaced]);
+
+    panel.state_mut().asked.clear();
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("vessel");
+    panel.run();
+    assert!(panel.query_by_label_contains("is a base unit of the file").is_some());
+    press(&mut panel, "save");
+    assert_eq!(panel.state().asked, []);
+}
+
+#[test]
+fn without_the_services_their_controls_are_not_there() {
+    let mut stage = Stage::new(Panel::Prompt);
+    stage.shown.offered = Offered { scene: true, ..Offered::default() };
+    let mut panel = harness(stage);
+    for label in ["walk", "brush width", "clear", "invert", "grow", "add similar"] {
+        assert!(panel.query_by_label(label).is_none(), "{label}");
+    }
+    assert!(panel.query_by_label("save").is_some());
+    panel.state_mut().shown.offered = Offered { selection: true, ..Offered::default() };
+    panel.run();
+    for label in ["save", "name of the new unit", "undo"] {
+        assert!(panel.query_by_label(label).is_none(), "{label}");
+    }
+    assert!(panel.query_by_label("grow").is_some());
+}
