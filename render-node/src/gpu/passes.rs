@@ -1,6 +1,7 @@
 //! The kernels of a picture, specialised on what a scene and its look have.
 
 use std::collections::HashMap;
+use std::num::NonZeroU32;
 
 use super::columns::Columns;
 use super::device::Gpu;
@@ -56,6 +57,8 @@ pub(super) struct Passes {
     pub(super) blend: Kernel,
     /// Nothing on a device that cannot blend f32: in half precision a thousand faint layers lose a fifth of their coverage.
     pub(super) quads: Option<[wgpu::RenderPipeline; 2]>,
+    /// Both eyes in one pass, where the device can and is to.
+    quads_together: Option<wgpu::RenderPipeline>,
     pub(super) compose_tiles: [wgpu::RenderPipeline; 2],
     pub(super) compose_quads: [wgpu::RenderPipeline; 2],
 }
@@ -63,8 +66,43 @@ pub(super) struct Passes {
 /// What quadrilaterals are blended in and finished pictures are kept in.
 pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
+/// Both layers of a texture at once.
+const BOTH: Option<NonZeroU32> = NonZeroU32::new(0b11);
+
+fn drawing(
+    gpu: &Gpu,
+    (module, [vertex, fragment]): (&wgpu::ShaderModule, [&str; 2]),
+    constants: &[(&str, f64)],
+    topology: wgpu::PrimitiveTopology,
+    blend: Option<wgpu::BlendState>,
+    multiview_mask: Option<NonZeroU32>,
+) -> wgpu::RenderPipeline {
+    let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(fragment),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(vertex),
+            compilation_options: options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(fragment),
+            compilation_options: options,
+            targets: &[Some(wgpu::ColorTargetState { format: PICTURE, blend, write_mask: wgpu::ColorWrites::ALL })],
+        }),
+        multiview_mask,
+        cache: None,
+    })
+}
+
 impl Passes {
-    pub(super) fn new(gpu: &Gpu, columns: &Columns) -> Self {
+    pub(super) fn new(gpu: &Gpu, columns: &Columns, multiview: bool) -> Self {
         let list = module(gpu, "list", include_str!("shaders/list.wgsl"));
         let tiles = module(gpu, "tiles", include_str!("shaders/tiles.wgsl"));
         let quads = module(gpu, "quads", include_str!("shaders/quads.wgsl"));
@@ -76,35 +114,17 @@ impl Passes {
             operation: wgpu::BlendOperation::Add,
         };
         let under = wgpu::BlendState { color: under, alpha: under };
-        let drawing = |module, [vertex, fragment]: [&str; 2], topology, format, blend| {
-            [0.0, 1.0].map(|view| {
-                let constants = [("VIEW", view)];
-                let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-                gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                    label: Some(fragment),
-                    layout: None,
-                    vertex: wgpu::VertexState {
-                        module,
-                        entry_point: Some(vertex),
-                        compilation_options: options.clone(),
-                        buffers: &[],
-                    },
-                    primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-                    depth_stencil: None,
-                    multisample: wgpu::MultisampleState::default(),
-                    fragment: Some(wgpu::FragmentState {
-                        module,
-                        entry_point: Some(fragment),
-                        compilation_options: options,
-                        targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
-                    }),
-                    multiview_mask: None,
-                    cache: None,
-                })
-            })
+        let each_view = |module, entries, topology, blend| {
+            [0.0, 1.0].map(|view| drawing(gpu, (module, entries), &[("VIEW", view)], topology, blend, None))
         };
         let (strip, triangles) = (wgpu::PrimitiveTopology::TriangleStrip, wgpu::PrimitiveTopology::TriangleList);
         let tile = |entry| Kernel::new(gpu, &tiles, entry, &[]);
+        let blends = gpu.has(wgpu::Features::FLOAT32_BLENDABLE);
+        let quads_together = (blends && multiview && gpu.has(wgpu::Features::MULTIVIEW)).then(|| {
+            let text = concat!(include_str!("shaders/quads.wgsl"), include_str!("shaders/quads_together.wgsl"));
+            let shader = module(gpu, "quads, both eyes", text);
+            drawing(gpu, (&shader, ["corner_together", "blend"]), &[], strip, Some(under), BOTH)
+        });
         Self {
             cull: module(gpu, "cull", concat!(include_str!("shaders/scene.wgsl"), include_str!("shaders/cull.wgsl"))),
             projection: module(
@@ -125,11 +145,19 @@ impl Passes {
             find_ends: tile("find_ends"),
             longest: tile("longest"),
             blend: tile("blend"),
-            quads: gpu
-                .has(wgpu::Features::FLOAT32_BLENDABLE)
-                .then(|| drawing(&quads, ["corner", "blend"], strip, PICTURE, Some(under))),
-            compose_tiles: drawing(&compose, ["cover", "from_tiles"], triangles, PICTURE, None),
-            compose_quads: drawing(&compose, ["cover", "from_quads"], triangles, PICTURE, None),
+            quads: blends.then(|| each_view(&quads, ["corner", "blend"], strip, Some(under))),
+            quads_together,
+            compose_tiles: each_view(&compose, ["cover", "from_tiles"], triangles, None),
+            compose_quads: each_view(&compose, ["cover", "from_quads"], triangles, None),
+        }
+    }
+
+    /// What blends quadrilaterals of so many views: a pipeline for each, or one for both. None on a device that cannot.
+    pub(super) fn quads_of(&self, views: u32) -> (&[wgpu::RenderPipeline], Option<NonZeroU32>) {
+        match (&self.quads_together, &self.quads) {
+            (Some(both), _) if views == 2 => (std::slice::from_ref(both), BOTH),
+            (_, Some(each)) => (each.get(..views as usize).unwrap_or(each), None),
+            (_, None) => (&[], None),
         }
     }
 

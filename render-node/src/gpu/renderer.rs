@@ -59,11 +59,14 @@ pub struct Options {
     pub half: bool,
     /// Most pairs of a Gaussian and a tile that are listed at once, 16 bytes each; more are blended in windows.
     pub listed_pairs: u32,
+    /// Whether quadrilaterals of two parallel eyes are blended in one pass where the device can. Left open, graphics cards
+    /// do and software devices do not: they win nothing, and lavapipe of Mesa 22.3 draws the right eye wrongly.
+    pub multiview: Option<bool>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { half: false, listed_pairs: 1 << 23 }
+        Self { half: false, listed_pairs: 1 << 23, multiview: None }
     }
 }
 
@@ -127,7 +130,7 @@ impl Renderer {
         let columns = Columns::upload(gpu, scene, options.half);
         gpu.check()?;
         let look = Look::new(gpu, columns.len, &columns.units);
-        let passes = Passes::new(gpu, &columns);
+        let passes = Passes::new(gpu, &columns, options.multiview.unwrap_or(!gpu.is_software()));
         let work = Work::new(gpu, &columns, 1);
         let renderer = Self {
             look,
@@ -470,9 +473,10 @@ impl Renderer {
         let Self { passes, timings, work, bound, .. } = self;
         let timing = &mut timings[first];
         let Some(quads) = &bound.quads else { return };
-        for (k, (group, pipeline)) in quads.draw.iter().zip(passes.quads.iter().flatten()).enumerate() {
-            let Some(target) = quads.target(k) else { continue };
-            let mut pass = timing.drawing(encoder, Span::Blend, &target);
+        let (pipelines, mask) = passes.quads_of(work.views);
+        for (k, (group, pipeline)) in (0..).zip(quads.draw.iter().zip(pipelines)) {
+            let target = quads.target(k, mask.is_some());
+            let mut pass = timing.drawing(encoder, Span::Blend, &target, mask);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             pass.draw_indirect(&work.dispatches, 24);
@@ -489,7 +493,7 @@ impl Renderer {
         };
         for ((group, pipeline), picture) in groups.iter().zip(pipelines).zip(canvas.pictures.iter().skip(first)) {
             let target = picture.create_view(&wgpu::TextureViewDescriptor::default());
-            let mut pass = timing.drawing(encoder, Span::Compose, &target);
+            let mut pass = timing.drawing(encoder, Span::Compose, &target, None);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             pass.draw(0..3, 0..1);

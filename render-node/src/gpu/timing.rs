@@ -1,5 +1,6 @@
 //! What the device says of a finished picture, without being waited for: counts, and the time of each pass.
 
+use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -137,12 +138,13 @@ impl Timing {
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes })
     }
 
-    /// Begins a pass that draws into a cleared `target` and is timed as `span`.
+    /// Begins a pass that draws into a cleared `target`, or into several layers of it at once, and is timed as `span`.
     pub(super) fn drawing<'e>(
         &mut self,
         encoder: &'e mut wgpu::CommandEncoder,
         span: Span,
         target: &wgpu::TextureView,
+        multiview_mask: Option<NonZeroU32>,
     ) -> wgpu::RenderPass<'e> {
         let timestamp_writes = self.next(span).map(|(query_set, at)| wgpu::RenderPassTimestampWrites {
             query_set,
@@ -163,7 +165,7 @@ impl Timing {
             depth_stencil_attachment: None,
             timestamp_writes,
             occlusion_query_set: None,
-            multiview_mask: None,
+            multiview_mask,
         })
     }
 

@@ -19,7 +19,7 @@ pub(super) const PART_DISPATCHES: u64 = 10;
 pub(super) struct Work {
     /// Gaussians that can be listed at once.
     pub(super) capacity: u64,
-    views: u32,
+    pub(super) views: u32,
     bits: wgpu::Buffer,
     blocks: wgpu::Buffer,
     stretches: wgpu::Buffer,
@@ -75,14 +75,14 @@ impl Canvas {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC;
-        Self { size, pictures: (0..views).map(|_| texture(gpu, size, usage)).collect() }
+        Self { size, pictures: (0..views).map(|_| texture(gpu, size, 1, usage)).collect() }
     }
 }
 
-fn texture(gpu: &Gpu, [width, height]: [u32; 2], usage: wgpu::TextureUsages) -> wgpu::Texture {
+fn texture(gpu: &Gpu, [width, height]: [u32; 2], layers: u32, usage: wgpu::TextureUsages) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("picture"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -166,7 +166,9 @@ impl Ordering {
 
 /// Quadrilaterals, bound.
 pub(super) struct Quads {
-    blended: Vec<wgpu::Texture>,
+    /// A layer for each view.
+    blended: wgpu::Texture,
+    /// One for each view, or one for both.
     pub(super) draw: Vec<wgpu::BindGroup>,
     pub(super) compose: Vec<wgpu::BindGroup>,
 }
@@ -180,24 +182,40 @@ impl Quads {
         size: [u32; 2],
     ) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended: Vec<wgpu::Texture> = (0..work.views).map(|_| texture(gpu, size, usage)).collect();
+        let blended = texture(gpu, size, work.views, usage);
         let values = &work.depths.values[order.result()];
-        let draw = passes.quads.iter().flatten().take(blended.len()).map(|pipeline| {
+        let draw = passes.quads_of(work.views).0.iter().map(|pipeline| {
             let [ellipses, levels, tints] = &work.splats;
             let buffers = [(0, frame), (1, ellipses), (2, values), (3, levels), (4, tints)];
             group(gpu, pipeline, &buffers.map(|(at, b)| (at, b.as_entire_binding())))
         });
-        let compose = passes.compose_quads.iter().zip(&blended).map(|(pipeline, texture)| {
-            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let compose = (0..work.views).zip(&passes.compose_quads).map(|(k, pipeline)| {
+            let view = layer(&blended, k);
             group(gpu, pipeline, &[(0, frame.as_entire_binding()), (2, wgpu::BindingResource::TextureView(&view))])
         });
         let (draw, compose) = (draw.collect(), compose.collect());
         Self { blended, draw, compose }
     }
 
-    pub(super) fn target(&self, view: usize) -> Option<wgpu::TextureView> {
-        Some(self.blended.get(view)?.create_view(&wgpu::TextureViewDescriptor::default()))
+    /// What one view is blended in, or both are where they are drawn together.
+    pub(super) fn target(&self, view: u32, together: bool) -> wgpu::TextureView {
+        if !together {
+            return layer(&self.blended, view);
+        }
+        self.blended.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..wgpu::TextureViewDescriptor::default()
+        })
     }
+}
+
+fn layer(texture: &wgpu::Texture, at: u32) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2),
+        base_array_layer: at,
+        array_layer_count: Some(1),
+        ..wgpu::TextureViewDescriptor::default()
+    })
 }
 
 fn group(

@@ -25,6 +25,8 @@ pub(super) struct Actions {
     hands: [xr::Path; 2],
     /// Grip and aim of each hand.
     spaces: [[xr::Space; 2]; 2],
+    /// Profiles that the runtime does not know.
+    pub(super) unknown: Vec<&'static str>,
 }
 
 impl Actions {
@@ -52,7 +54,7 @@ impl Actions {
             |action: &xr::Action<xr::Posef>, hand: xr::Path| action.create_space(session, hand, xr::Posef::IDENTITY);
         let spaces =
             [[space(&grip, hands[0])?, space(&aim, hands[0])?], [space(&grip, hands[1])?, space(&aim, hands[1])?]];
-        let actions = Self {
+        let mut actions = Self {
             set,
             grip,
             aim,
@@ -67,13 +69,15 @@ impl Actions {
             pulse,
             hands,
             spaces,
+            unknown: Vec::new(),
         };
-        actions.suggest(instance)?;
+        actions.unknown = actions.suggest(instance)?;
         session.attach_action_sets(&[&actions.set])?;
         Ok(actions)
     }
 
-    fn suggest(&self, instance: &xr::Instance) -> xr::Result<()> {
+    fn suggest(&self, instance: &xr::Instance) -> xr::Result<Vec<&'static str>> {
+        let mut unknown = Vec::new();
         for profile in PROFILES {
             let mut bindings = Vec::new();
             for (deed, of, input) in profile.inputs {
@@ -90,9 +94,10 @@ impl Actions {
             let path = instance.string_to_path(profile.path)?;
             if let Err(error) = instance.suggest_interaction_profile_bindings(path, &bindings) {
                 tracing::info!(profile = profile.path, %error, "the runtime does not know this controller");
+                unknown.push(profile.path);
             }
         }
-        Ok(())
+        Ok(unknown)
     }
 
     fn binding(&self, deed: Deed, path: xr::Path) -> xr::Binding<'_> {

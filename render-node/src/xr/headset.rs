@@ -152,6 +152,12 @@ impl Headset {
         self.live().map(Live::controllers).unwrap_or_default()
     }
 
+    /// Controllers that would be understood but that the runtime does not know.
+    #[must_use]
+    pub fn unknown_controllers(&self) -> &[&'static str] {
+        self.live().map_or(&[], |l| &l.actions.unknown)
+    }
+
     /// Whether the person's hands are given to this session and not to the runtime's own menu.
     #[must_use]
     pub fn is_focused(&self) -> bool {

@@ -17,3 +17,10 @@ mod pointing;
 mod seen;
 #[cfg(feature = "xr")]
 mod sessions;
+#[cfg(feature = "xr")]
+mod together;
+
+#[cfg(feature = "xr")]
+#[allow(dead_code, reason = "made for pictures of every kind; here one is enough")]
+#[path = "../pictures/scenes.rs"]
+mod scenes;

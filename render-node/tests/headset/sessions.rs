@@ -47,6 +47,10 @@ fn inside_a_scene_is_seen_held_and_scaled() {
     let mut headset = Headset::open(Options::default()).unwrap();
     println!("{:?} on {:?}, {:?}", headset.names(), headset.gpu(), headset.size());
     assert_eq!(headset.origin(), Origin::Floor);
+    println!("unknown controllers: {:?}; refresh rates {:?}", headset.unknown_controllers(), headset.refresh_rates());
+    for known in ["khr/simple", "oculus/touch", "valve/index", "microsoft/motion", "htc/vive"] {
+        assert!(!headset.unknown_controllers().iter().any(|path| path.contains(known)), "{known}");
+    }
 
     until(&mut headset, "hands", |f| f.hands.iter().all(|h| h.grip.is_some()));
     assert!(headset.is_focused());

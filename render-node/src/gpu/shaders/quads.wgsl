@@ -20,9 +20,8 @@ struct Corner {
     @location(2) @interpolate(flat) color: vec3<f32>,
 }
 
-@vertex
-fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
-    let at = VIEW * frame.capacity + order[instance];
+fn corner_in(view: u32, vertex: u32, instance: u32) -> Corner {
+    let at = view * frame.capacity + order[instance];
     let a = ellipses[at];
     let b = levels[at];
     var out: Corner;
@@ -46,6 +45,11 @@ fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
     let ndc = at_corner / size * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     out.position = select(vec4(ndc, 0.5, 1.0), vec4(-2.0, -2.0, 0.5, 1.0), b.z < 0.0);
     return out;
+}
+
+@vertex
+fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
+    return corner_in(VIEW, vertex, instance);
 }
 
 @fragment
