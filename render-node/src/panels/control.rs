@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Align, Button, CollapsingHeader, Label, Layout, Response, RichText, Role, Sense, Separator, Slider, SliderClamping,
-    Ui, Vec2, WidgetInfo, vec2,
+    Align, Button, CollapsingHeader, Color32, Label, Layout, Response, RichText, Role, Sense, Separator, Slider,
+    SliderClamping, TextStyle, Ui, Vec2, WidgetInfo, vec2,
 };
 
 use super::icon::{Icon, draw};
@@ -142,6 +142,14 @@ impl Number<'_> {
         })
         .inner
     }
+}
+
+/// Width of a button with this text.
+pub(super) fn button_width(ui: &Ui, text: &str) -> f32 {
+    let font = TextStyle::Button.resolve(ui.style());
+    let text = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::PLACEHOLDER).size().x;
+    // A point for the rounding of what it is drawn on.
+    text + 2.0 * ui.spacing().button_padding.x + 1.0
 }
 
 /// As a share of a hundred.

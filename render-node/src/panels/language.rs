@@ -3,7 +3,7 @@
 use egui::{Button, Label, RichText, ScrollArea, Ui};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 
-use super::control::scale;
+use super::control::{button_width, scale};
 use super::typing::{Field, Typed};
 use super::{Output, Panel, Panels, theme};
 use crate::display::{Entry, Request, Shown, Turn};
@@ -13,10 +13,12 @@ impl Panels {
     pub fn language(&mut self, ui: &mut Ui, shown: &Shown) -> Output {
         let mut asked = Output::default();
         if !shown.offered.agents {
+            self.typing.forget(Field::Say);
             return asked;
         }
         ui.push_id(Panel::Language.name(), |ui| {
             theme::frame(ui).show(ui, |ui| {
+                ui.set_min_size(ui.available_size());
                 ui.heading(Panel::Language.name());
                 // The field stays at the bottom whatever was said.
                 let below = ui.spacing().interact_size.y + 3.0 * ui.spacing().item_spacing.y;
@@ -45,8 +47,10 @@ impl Panels {
     fn say(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
         ui.horizontal(|ui| {
             let waiting = shown.conversation.is_waiting();
-            let buttons = if waiting { 150.0 } else { 76.0 } * scale(ui);
-            let width = ui.available_width() - buttons;
+            let mut width = ui.available_width() - button_width(ui, "send") - ui.spacing().item_spacing.x;
+            if waiting {
+                width -= button_width(ui, "stop") + ui.spacing().item_spacing.x;
+            }
             let came = self.typing.edit(ui, Field::Say, "say something to the agents", width, MAX_UTTERANCE_BYTES);
             let text = self.typing.text(Field::Say).trim().to_owned();
             let sends = ui.add_enabled(!text.is_empty(), Button::new("send")).clicked() || came == Typed::Entered;

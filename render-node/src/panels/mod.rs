@@ -236,6 +236,7 @@ impl Panels {
 fn scrolling<R>(ui: &mut Ui, panel: Panel, content: impl FnOnce(&mut Ui) -> R) -> R {
     theme::frame(ui)
         .show(ui, |ui| {
+            ui.set_min_size(ui.available_size());
             ScrollArea::vertical()
                 .id_salt(panel.name())
                 .auto_shrink(false)

@@ -11,7 +11,7 @@ use sg_proto::scene::{
 use sg_proto::selection::StrokesRequest;
 use sg_scene::edit::UnitRef;
 
-use super::control::{Number, by_number, count, fine_percent, percent, section};
+use super::control::{Number, button_width, by_number, count, fine_percent, percent, section};
 use super::pick_color::{Picked, color_button};
 use super::typing::{Field, Typed};
 use super::{Output, Panel, Panels, scrolling, theme};
@@ -64,6 +64,8 @@ impl Panels {
         });
         if shown.offered.scene {
             section(ui, "Save as a unit", true, |ui| self.save(ui, shown, asked));
+        } else {
+            self.typing.forget(Field::SaveName);
         }
     }
 
@@ -135,7 +137,7 @@ impl Panels {
     fn save(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
         let mut saves = false;
         ui.horizontal(|ui| {
-            let width = ui.available_width() - 80.0 * super::control::scale(ui);
+            let width = ui.available_width() - button_width(ui, "save") - ui.spacing().item_spacing.x;
             saves =
                 self.typing.edit(ui, Field::SaveName, "name of the new unit", width, MAX_NAME_BYTES) == Typed::Entered;
             let ready = !self.typing.text(Field::SaveName).trim().is_empty() && !shown.selected.is_none();
@@ -144,7 +146,7 @@ impl Panels {
         });
         let name = self.typing.text(Field::SaveName).trim().to_owned();
         let folded = name.to_lowercase();
-        let same = shown.scene.names().find(|(n, _)| n.to_lowercase() == folded);
+        let same = shown.scene.names().find(|(n, _)| n.len() == name.len() && n.to_lowercase() == folded);
         let saved_before = |id: u64| shown.scene.units().any(|u| u.id == id && !u.derived);
         match same {
             Some((taken, UnitRef::Base(_))) => {

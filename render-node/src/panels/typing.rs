@@ -5,6 +5,9 @@
 
 use egui::{Event, Id, Key, Modifiers, Rect, TextEdit, Ui};
 
+/// Events of the virtual keyboard that may wait for their field to be drawn.
+const KEYS: usize = 64;
+
 /// Where text can be typed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Field {
@@ -76,15 +79,33 @@ impl Typing {
         self.wanted = Some(field);
     }
 
+    /// A field is not drawn any more.
+    pub(super) fn forget(&mut self, field: Field) {
+        if self.field == Some(field) {
+            self.field = None;
+            self.keys.clear();
+        }
+        self.wanted.take_if(|f| *f == field);
+    }
+
     /// Letters of the virtual keyboard.
     pub(super) fn letters(&mut self, text: &str) {
-        self.keys.push(Event::Text(text.to_owned()));
+        self.add(Event::Text(text.to_owned()));
+    }
+
+    /// A field that takes nothing is not there any more.
+    fn add(&mut self, event: Event) {
+        if self.keys.len() < KEYS {
+            self.keys.push(event);
+        } else if let Some(field) = self.field {
+            self.forget(field);
+        }
     }
 
     /// A key of the virtual keyboard that is no letter.
     pub(super) fn key(&mut self, key: Key) {
         for pressed in [true, false] {
-            self.keys.push(Event::Key { key, physical_key: None, pressed, repeat: false, modifiers: Modifiers::NONE });
+            self.add(Event::Key { key, physical_key: None, pressed, repeat: false, modifiers: Modifiers::NONE });
         }
     }
 

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use egui::{Align, Button, RichText, Ui};
+use egui::{Align, Button, Rect, RichText, Ui, vec2};
 use glam::Vec3;
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation, SetView, set_view};
 use sg_scene::edit::UnitRef;
 
-use super::control::{Number, bare_slider, cell, count, icon, percent, scale};
+use super::control::{Number, bare_slider, button_width, cell, count, icon, percent, scale};
 use super::icon::Icon;
 use super::pick_color::{Picked, color_button};
 use super::typing::{Field, Typed};
@@ -76,6 +76,12 @@ impl Panels {
     fn row(&mut self, ui: &mut Ui, shown: &Shown, row: &Row, asked: &mut Output) {
         let chosen = self.chosen == Some(row.unit);
         let free = !self.locked.contains(&row.unit);
+        // A scene may have a thousand units, of which a panel shows twenty.
+        let place = Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), ui.spacing().interact_size.y));
+        if !chosen && !ui.is_rect_visible(place) {
+            ui.allocate_space(place.size());
+            return;
+        }
         ui.push_id(&row.name, |ui| {
             if !chosen {
                 ui.horizontal(|ui| self.line(ui, shown, row, free, asked));
@@ -104,13 +110,15 @@ impl Panels {
         // What is to the right of the name: a slider, its number, the lock.
         let (slider, number) = (96.0 * scale, 54.0 * scale);
         let rest = if shown.offered.scene { slider + number + side + 3.0 * gap } else { 0.0 };
-        let size = egui::vec2((ui.available_width() - rest).max(60.0 * scale), side);
+        let size = vec2((ui.available_width() - rest).max(60.0 * scale), side);
         let text = if row.visible { RichText::new(name) } else { RichText::new(name).weak() };
         let button = Button::new(text).selected(chosen).truncate().min_size(size).frame_when_inactive(chosen);
         let shape = egui::Layout::left_to_right(Align::Center).with_main_justify(true).with_main_align(Align::Min);
         let pressed = ui.allocate_ui_with_layout(size, shape, |ui| ui.add(button).clicked()).inner;
         if pressed {
             self.chosen = if chosen { None } else { Some(row.unit) };
+            self.renaming = None;
+            self.typing.forget(Field::NewName);
         }
         if !shown.offered.scene {
             return;
@@ -205,7 +213,7 @@ impl Panels {
     fn name_or_delete(&mut self, ui: &mut Ui, row: &Row, id: u64, asked: &mut Output) {
         if self.renaming == Some(id) {
             ui.horizontal(|ui| {
-                let width = ui.available_width() - 90.0 * scale(ui);
+                let width = ui.available_width() - button_width(ui, "rename") - ui.spacing().item_spacing.x;
                 let came = self.typing.edit(ui, Field::NewName, "new name", width, MAX_NAME_BYTES);
                 let renamed = ui.button("rename").clicked();
                 if came == Typed::Going && !renamed {

@@ -118,7 +118,7 @@ fn every_part_of_scene_control_has_room_at_every_size() {
 }
 
 /// Text that is cut off or lies beyond its panel, sideways.
-fn cut_text(harness: &Harness<'_, Stage>) -> Vec<String> {
+pub(crate) fn cut_text(harness: &Harness<'_, Stage>) -> Vec<String> {
     let panel = harness.ctx.content_rect();
     let mut cut = Vec::new();
     for shape in &harness.output().shapes {
@@ -135,7 +135,7 @@ fn cut_text(harness: &Harness<'_, Stage>) -> Vec<String> {
 }
 
 /// Text whose colour does not stand out from what it was drawn on; what is switched off may be fainter.
-fn faint_text(harness: &Harness<'_, Stage>, picture: &Picture) -> Vec<String> {
+pub(crate) fn faint_text(harness: &Harness<'_, Stage>, picture: &Picture) -> Vec<String> {
     let mut faint = Vec::new();
     for shape in &harness.output().shapes {
         let Shape::Text(text) = &shape.shape else { continue };

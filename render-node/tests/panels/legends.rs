@@ -3,15 +3,35 @@
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use sg_render_node::display::Tools;
-use sg_render_node::panels::{Panels, legend, theme};
+use sg_render_node::panels::{Panel, Panels, legend, theme};
 
-use crate::stage::shown;
+use crate::appearance::{cut_text, faint_text};
+use crate::picture::Canvas;
+use crate::stage::{Stage, shown};
 
 #[test]
 fn the_legend_says_what_each_button_does_now() {
     let panel = Harness::new_ui(|ui| legend(ui, &[("trigger", "brush, walk"), ("grip", "take hold of the scene")]));
     for text in ["trigger", "brush, walk", "grip", "take hold of the scene"] {
         assert!(panel.query_by_label(text).is_some(), "{text}");
+    }
+}
+
+/// What stands on a display beside its panels, for somebody to look at.
+#[test]
+fn the_legend_and_the_lines_fit_a_narrow_place() {
+    let mut stage = Stage::new(Panel::Scene);
+    stage.show.clear();
+    stage.beside = true;
+    let mut panel = crate::stage::harness(stage);
+    panel.set_size(egui::vec2(380.0, 330.0));
+    panel.run_steps(2);
+    assert_eq!(cut_text(&panel), Vec::<String>::new());
+    let Some(canvas) = Canvas::open() else { return };
+    let picture = canvas.draw(&panel);
+    assert_eq!(faint_text(&panel, &picture), Vec::<String>::new());
+    if let Some(folder) = std::env::var_os("PANEL_PICTURES") {
+        picture.write(&std::path::Path::new(&folder).join("beside.png"));
     }
 }
 

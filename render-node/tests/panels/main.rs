@@ -9,7 +9,10 @@
 
 mod appearance;
 mod asking;
+mod curves;
 mod legends;
+mod monkey;
+mod pace;
 mod picture;
 mod prompting;
 mod stage;

@@ -8,7 +8,7 @@ use glam::{DMat4, Vec3};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, CommitSelection, SaveUnit, SetColor, Target};
 use sg_render_node::display::{Conversation, Entry, Notice, Offered, Shown, Tools};
-use sg_render_node::panels::{Output, Panel, Panels, Place, theme};
+use sg_render_node::panels::{Output, Panel, Panels, Place, legend, theme};
 use sg_scene::edit::EditState;
 use sg_scene::edit::wire::encode_mask;
 use sg_scene::mask::Mask;
@@ -109,6 +109,8 @@ pub(crate) struct Stage {
     pub(crate) show: Vec<Panel>,
     /// Height of its panels, where that is not their own.
     pub(crate) height: Option<f32>,
+    /// Whether the legend and the notices are shown too.
+    pub(crate) beside: bool,
     pub(crate) pixels_per_point: f32,
     pub(crate) textures: Textures,
 }
@@ -133,6 +135,7 @@ impl Stage {
             asked: Vec::new(),
             show: vec![panel],
             height: None,
+            beside: false,
             pixels_per_point: 1.0,
             textures: Textures::default(),
         }
@@ -152,6 +155,16 @@ impl Stage {
                 self.asked.push(asked);
             }
             left.x += size.x;
+        }
+        if self.beside {
+            ui.reset_style();
+            let does = [
+                ("right trigger", "brush: walk, adds"),
+                ("left trigger", "brush: walk, removes"),
+                ("grip", "take hold of the scene"),
+            ];
+            legend(ui, &does);
+            self.panels.notices(ui, &self.shown);
         }
     }
 }
