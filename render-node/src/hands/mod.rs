@@ -15,4 +15,4 @@ pub use eye::{Eye, Fov};
 pub use handling::{Handling, MIN_APART, SCALES, Turning};
 pub use input::{HandInput, Side, Switch};
 pub use placement::{Origin, Placement, Pose, Stance};
-pub use pointing::{Rectangle, nearest};
+pub use pointing::{Pointed, Pointer, Rectangle, nearest};

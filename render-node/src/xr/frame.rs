@@ -87,6 +87,21 @@ impl<'a> Frame<'a> {
         self.live.eyes.size
     }
 
+    /// The format of what eyes and panels are drawn to, as [`super::Headset::format`].
+    #[must_use]
+    pub fn format(&self) -> wgpu::TextureFormat {
+        self.live.format.wgpu
+    }
+
+    /// Makes images for a panel of so many pixels, as [`super::Headset::panel`] does between frames.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn panel(&mut self, size: [u32; 2]) -> Result<PanelId, XrError> {
+        let made = self.live.panel(size, self.session);
+        self.keep(made)
+    }
+
     /// Has both eyes' pictures drawn. `draw` is given what to draw to, left and right, in the format of
     /// [`super::Headset::format`], and has handed its work in when it returns. What a frame does not draw is not shown.
     ///

@@ -7,7 +7,6 @@ use openxr as xr;
 use super::XrError;
 use super::frame::{Frame, PanelId};
 use super::live::{Happened, Live};
-use super::target::Target;
 use crate::gpu::Gpu;
 use crate::hands::{Origin, Stance};
 
@@ -199,14 +198,7 @@ impl Headset {
     /// [`XrError::NoPanel`] while the runtime is away, [`XrError::Call`] when it fails.
     pub fn panel(&mut self, size: [u32; 2]) -> Result<PanelId, XrError> {
         let State::Open(live) = &mut self.state else { return Err(XrError::NoPanel) };
-        let target = Target::new(&live.shared.gpu, &live.session, live.format, size, 1)?;
-        let free = live.panels.iter().position(Option::is_none);
-        let at = free.unwrap_or(live.panels.len());
-        match live.panels.get_mut(at) {
-            Some(slot) => *slot = Some(target),
-            None => live.panels.push(Some(target)),
-        }
-        Ok(PanelId { at, session: self.session })
+        live.panel(size, self.session)
     }
 
     /// Gives a panel's images back; one that is not there changes nothing.

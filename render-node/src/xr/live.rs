@@ -4,6 +4,7 @@ use openxr as xr;
 
 use super::actions::Actions;
 use super::device::{self, Shared};
+use super::frame::PanelId;
 use super::headset::Options;
 use super::life::{Do, Life};
 use super::target::{Format, Target};
@@ -145,6 +146,17 @@ impl Live {
 
     pub(super) fn controllers(&self) -> [Option<String>; 2] {
         self.actions.controllers(&self.instance, &self.session)
+    }
+
+    /// Makes images for a panel.
+    pub(super) fn panel(&mut self, size: [u32; 2], session: u64) -> Result<PanelId, XrError> {
+        let target = Target::new(&self.shared.gpu, &self.session, self.format, size, 1)?;
+        let at = self.panels.iter().position(Option::is_none).unwrap_or(self.panels.len());
+        match self.panels.get_mut(at) {
+            Some(slot) => *slot = Some(target),
+            None => self.panels.push(Some(target)),
+        }
+        Ok(PanelId { at, session })
     }
 
     /// Takes in all events.

@@ -5,6 +5,7 @@
 
 mod actions;
 mod bindings;
+mod board;
 mod device;
 mod frame;
 mod headset;
@@ -15,6 +16,7 @@ mod target;
 
 use openxr::sys::Result as Code;
 
+pub use board::Board;
 pub use frame::{Frame, PanelId, Quad};
 pub use headset::{Headset, Options, PAUSE, Paced, Step};
 

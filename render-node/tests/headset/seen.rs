@@ -8,7 +8,7 @@ use sg_render_node::gpu::{Present, Rasterizer, Renderer, Settings};
 use sg_render_node::hands::{Placement, Pose, Rectangle, Stance};
 use sg_render_node::render::Quality;
 use sg_render_node::view;
-use sg_render_node::xr::{Headset, Options, PAUSE, Quad, Step, XrError};
+use sg_render_node::xr::{Board, Headset, Options, PAUSE, Step, XrError};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Light;
 use sg_scene::load::{LoadOptions, load};
@@ -62,9 +62,9 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
         0.3,
     );
     let settings = Settings { quality: Quality::Standard, rasterizer: Rasterizer::Quads, ..Settings::default() };
-    let panel = headset.panel([64, 48]).unwrap();
-    let pose = Pose { position: DVec3::new(0.35, 1.75, -1.0), orientation: DQuat::from_rotation_y(-0.3) };
-    let place = Rectangle { pose, size: DVec2::new(0.4, 0.3) };
+    let pose = Pose { position: DVec3::new(0.3, 1.72, -0.8), orientation: DQuat::from_rotation_y(-0.3) };
+    let mut board = Board::new(egui::vec2(240.0, 160.0), 1.5, Rectangle { pose, size: DVec2::new(0.6, 0.4) });
+    let mut opacity = 0.7;
 
     let begun = Instant::now();
     let mut shown = 0;
@@ -84,10 +84,15 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
                 }
                 gpu.queue().submit([encoder.finish()]);
             })?;
-            if shown == 0 {
-                frame.draw_panel(panel, |target| fill(&gpu, target))?;
-            }
-            frame.show(Quad { panel, place });
+            board.show(frame, None, Vec::new(), false, |ui| {
+                egui::Frame::central_panel(ui.style()).show(ui, |ui| {
+                    ui.heading("Super-Gaussian");
+                    ui.label("Icing, with an opacity of");
+                    ui.add(egui::Slider::new(&mut opacity, 0.0..=1.0));
+                    let _ = ui.button("Save the unit");
+                    ui.take_available_space();
+                });
+            })?;
             Ok::<(), XrError>(())
         });
         match step.unwrap() {
@@ -104,22 +109,6 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
         write(&committed, &rgb);
     }
     compare(&committed, &rgb);
-}
-
-/// Fills a panel: blue, half of it see-through.
-fn fill(gpu: &sg_render_node::gpu::Gpu, target: &wgpu::TextureView) {
-    let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let color = wgpu::Color { r: 0.0, g: 0.1, b: 0.5, a: 0.5 };
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: target,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(color), store: wgpu::StoreOp::Store },
-        })],
-        ..wgpu::RenderPassDescriptor::default()
-    });
-    gpu.queue().submit([encoder.finish()]);
 }
 
 fn write(path: &Path, rgb: &[u8]) {

@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use glam::DVec3;
-use sg_render_node::hands::{HandInput, Handling, Origin, Placement, Side, Stance, Turning};
-use sg_render_node::xr::{Frame, Headset, Options, PAUSE, Step, XrError};
+use glam::{DVec2, DVec3};
+use sg_render_node::hands::{HandInput, Handling, Origin, Placement, Pointer, Pose, Rectangle, Side, Stance, Turning};
+use sg_render_node::xr::{Board, Frame, Headset, Options, PAUSE, Step, XrError};
 use sg_scene::model::SceneBox;
 
 use crate::monado::{Display, Puppet, Runtime, is_inside, run_inside};
@@ -135,6 +135,115 @@ fn inside_a_scene_is_seen_held_and_scaled() {
         assert!(begun.elapsed() < PATIENCE, "the session does not end");
     }
     assert!(headset.gpu().is_none() && headset.frame(|_| Ok::<(), XrError>(())).unwrap() == Step::Ended);
+}
+
+#[test]
+fn a_board_is_pointed_at_pressed_and_scrolled() {
+    run_inside("sessions::inside_a_board_is_pointed_at_pressed_and_scrolled");
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_a_board_is_pointed_at_pressed_and_scrolled() {
+    if !is_inside() {
+        return;
+    }
+    let options = Options { retry_pause: Duration::from_millis(50), ..Options::default() };
+    let runtime = Runtime::start(&Display::None);
+    let mut puppet = Puppet::connect();
+    let mut headset = Headset::open(options).unwrap();
+    let pose = Pose { position: DVec3::new(0.0, 1.2, -1.4), orientation: glam::DQuat::IDENTITY };
+    let place = Rectangle { pose, size: DVec2::new(1.0, 0.5) };
+    let mut board = Board::new(egui::vec2(400.0, 200.0), 1.0, place);
+    let mut pointer = Pointer::default();
+    let (mut presses, mut draws, mut scrolled) = (0, 0, 0.0_f32);
+    let mut rings = |headset: &mut Headset, what: &str, wanted: (i32, bool)| {
+        until(headset, what, |frame| {
+            let hands = frame.hands;
+            let pointed = pointer.step(&[board.place], &hands);
+            let by = pointed.as_ref().map(|p| (p, &hands[p.side.index()]));
+            board
+                .show(frame, by, Vec::new(), false, |ui| {
+                    draws += 1;
+                    // Half the board is the button.
+                    let button = egui::Button::new("Ring").min_size(egui::vec2(190.0, 190.0));
+                    presses += i32::from(
+                        ui.put(egui::Rect::from_min_size(egui::pos2(5.0, 5.0), egui::vec2(190.0, 190.0)), button)
+                            .clicked(),
+                    );
+                    scrolled += ui.input(|i| i.smooth_scroll_delta().y);
+                })
+                .unwrap();
+            presses == wanted.0 && pointed.is_some() == wanted.1
+        });
+        (draws, scrolled)
+    };
+    // The Index's pointer looks down from the hand; what the ray hits decides where the hand goes.
+    let aim = std::cell::Cell::new(None);
+    until(&mut headset, "an aim", |f| {
+        aim.set(f.hands[1].aim.zip(f.hands[1].grip));
+        near(&f.hands[1], [0.2, 1.2, -0.4])
+    });
+    let (ray, grip) = aim.get().unwrap();
+    let at = |x: f64, y: f64| {
+        let target = place.point(DVec2::new(x, y));
+        let start = target + ray.forward() * ((target.z + 0.4) / -ray.forward().z);
+        let hand = start - (ray.position - grip.position);
+        [hand.x as f32, hand.y as f32, hand.z as f32]
+    };
+    println!("the ray goes {}", ray.forward());
+    puppet.left.position = [-3.0, 1.0, 3.0];
+    puppet.right.position = at(0.25, 0.5);
+    puppet.send();
+    rings(&mut headset, "pointing at the board", (0, true));
+    puppet.right.trigger = 1.0;
+    puppet.send();
+    until(&mut headset, "the trigger", |f| f.hands[1].trigger > 0.9);
+    rings(&mut headset, "a pulled trigger", (0, true));
+    puppet.right.trigger = 0.0;
+    puppet.send();
+    rings(&mut headset, "a press", (1, true));
+    // Beside the button a pull presses nothing, and the stick scrolls.
+    puppet.right.position = at(0.75, 0.5);
+    puppet.right.stick = [0.0, -1.0];
+    puppet.send();
+    until(&mut headset, "the stick", |f| f.hands[1].stick.y < -0.9);
+    let mut scrolled = 0.0;
+    for _ in 0..5 {
+        (_, scrolled) = rings(&mut headset, "scrolling", (1, true));
+    }
+    assert!(scrolled < -10.0, "{scrolled}");
+    // A hand that points away: the board is shown as it is, without being drawn.
+    puppet.right.position = [3.0, 1.0, 3.0];
+    puppet.right.stick = [0.0; 2];
+    puppet.send();
+    rings(&mut headset, "a hand elsewhere", (1, false));
+    for _ in 0..40 {
+        rings(&mut headset, "rest", (1, false));
+    }
+    let (drawn, _) = rings(&mut headset, "rest", (1, false));
+    for _ in 0..10 {
+        rings(&mut headset, "rest", (1, false));
+    }
+    let (drawn_later, _) = rings(&mut headset, "rest", (1, false));
+    println!("drawn {drawn} times, then {drawn_later}");
+    assert_eq!(drawn, drawn_later, "a board that nobody touches is not drawn");
+
+    // Another runtime: the board is there again by itself.
+    runtime.kill();
+    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != Step::Away {}
+    let _runtime = Runtime::start(&Display::None);
+    let mut puppet = Puppet::connect();
+    puppet.right.position = at(0.25, 0.5);
+    puppet.send();
+    rings(&mut headset, "the board again", (1, true));
+    puppet.right.trigger = 1.0;
+    puppet.send();
+    until(&mut headset, "the trigger", |f| f.hands[1].trigger > 0.9);
+    rings(&mut headset, "a pulled trigger", (1, true));
+    puppet.right.trigger = 0.0;
+    puppet.send();
+    rings(&mut headset, "another press", (2, true));
 }
 
 #[test]
