@@ -1,6 +1,6 @@
 //! The panel "language": what was said, what the agents did about it, what they answered.
 
-use egui::{Button, Label, RichText, ScrollArea, Ui};
+use egui::{Button, Id, Label, Rect, RichText, ScrollArea, Ui, vec2};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 
 use super::control::{button_width, scale};
@@ -35,7 +35,7 @@ impl Panels {
                             ui.label(RichText::new(hint).weak());
                         }
                         for turn in &shown.conversation.turns {
-                            show_turn(ui, turn);
+                            show_turn_in_sight(ui, turn);
                         }
                     });
                 self.say(ui, shown, &mut asked);
@@ -69,9 +69,42 @@ impl Panels {
     }
 }
 
-fn show_turn(ui: &mut Ui, turn: &Turn) {
+/// What a turn's height depends on, and the height that it had.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Height {
+    width: f32,
+    line: f32,
+    entries: usize,
+    answered: bool,
+    points: f32,
+}
+
+/// A long conversation costs what is in sight of it: of the rest only the heights are known.
+fn show_turn_in_sight(ui: &mut Ui, turn: &Turn) {
+    let known = Id::unique(("height of a turn", &turn.id));
+    let now = Height {
+        width: ui.available_width(),
+        line: ui.spacing().interact_size.y,
+        entries: turn.entries.len(),
+        answered: turn.answer.is_some(),
+        points: 0.0,
+    };
+    let had = ui.data(|d| d.get_temp::<Height>(known)).filter(|had| now == Height { points: 0.0, ..*had });
+    if let Some(Height { width, points, .. }) = had {
+        let place = Rect::from_min_size(ui.cursor().min, vec2(width, points));
+        if !ui.is_rect_visible(place) {
+            ui.allocate_space(place.size());
+            return;
+        }
+    }
+    let points = show_turn(ui, turn);
+    ui.data_mut(|d| d.insert_temp(known, Height { points, ..now }));
+}
+
+/// Draws a turn; its height in points.
+fn show_turn(ui: &mut Ui, turn: &Turn) -> f32 {
     let (accent, error) = (ui.visuals().hyperlink_color, ui.visuals().error_fg_color);
-    theme::card(ui).show(ui, |ui| {
+    let drawn = theme::card(ui).show(ui, |ui| {
         ui.set_min_width(ui.available_width());
         ui.label(RichText::new("Said").small().weak());
         ui.add(Label::new(RichText::new(&turn.said).strong()).wrap());
@@ -99,4 +132,5 @@ fn show_turn(ui: &mut Ui, turn: &Turn) {
             }
         }
     });
+    drawn.response.rect.height()
 }

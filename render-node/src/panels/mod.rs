@@ -89,8 +89,8 @@ impl Panel {
         }
     }
 
-    /// Its size in points where it stands by itself in front of a person, at the usual size of text. Everything has room in
-    /// its width; what does not fit its height scrolls.
+    /// Its size in points where it stands by itself in front of a person, to be multiplied by [`Tools::scale`]. Everything has
+    /// room in its width, so that a window gives it no less; what does not fit its height scrolls.
     #[must_use]
     pub fn size(self) -> Vec2 {
         match self {

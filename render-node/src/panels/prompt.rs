@@ -1,6 +1,6 @@
 //! The panel "3D prompt": brush, selection, and the unit that becomes of it.
 
-use egui::{Button, RichText, Ui};
+use egui::{Align, Button, Response, RichText, Ui};
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
@@ -159,7 +159,10 @@ impl Panels {
                     self.prompt.replaces = Some(taken.to_owned());
                 }
                 if self.prompt.replaces.as_deref() == Some(taken) {
-                    self.confirm(ui, taken, asked);
+                    let question = self.confirm(ui, taken, asked);
+                    if saves {
+                        question.scroll_to_me(Some(Align::Max));
+                    }
                 }
                 return;
             }
@@ -171,11 +174,11 @@ impl Panels {
         }
     }
 
-    fn confirm(&mut self, ui: &mut Ui, taken: &str, asked: &mut Output) {
-        theme::card(ui).show(ui, |ui| {
+    fn confirm(&mut self, ui: &mut Ui, taken: &str, asked: &mut Output) -> Response {
+        let card = theme::card(ui).show(ui, |ui| {
             ui.label(format!("There is a unit {taken}. Its colour and opacity stay, its Gaussians would be these."));
             ui.horizontal(|ui| {
-                if ui.button(format!("replace {taken}")).clicked() {
+                if ui.button("replace it").clicked() {
                     let name = taken.to_owned();
                     asked.change(Action::SaveUnit(SaveUnit { name, replace: true }));
                     self.typing.set(Field::SaveName, "");
@@ -186,6 +189,7 @@ impl Panels {
                 }
             });
         });
+        card.response
     }
 }
 

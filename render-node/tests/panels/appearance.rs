@@ -3,17 +3,18 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use egui::{Color32, FontId, Shape, TextStyle};
+use egui::{Color32, FontId, Role, Shape, TextStyle};
 use egui_kittest::Harness;
+use egui_kittest::kittest::{By, NodeT, Queryable};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{LightMode, SetLight};
 use sg_render_node::attributes::{Attribute, Legend};
 use sg_render_node::color_map::ColorMap;
-use sg_render_node::display::{Showing, Tools};
+use sg_render_node::display::{Conversation, Entry, Showing, Tools};
 use sg_render_node::panels::{Panel, Wish, theme};
 
 use crate::picture::{Canvas, Picture};
-use crate::stage::{Stage, harness, press, scene};
+use crate::stage::{Stage, after, harness, press, save, scene, select};
 
 #[test]
 fn text_stands_out_from_what_it_stands_on() {
@@ -107,6 +108,7 @@ fn every_part_of_scene_control_has_room_at_every_size() {
     for (light, scale) in [(false, 1.0), (true, 1.0), (false, 1.5)] {
         let harness = all_open(light, scale);
         assert_eq!(cut_text(&harness), Vec::<String>::new(), "×{scale}");
+        assert_eq!(beyond(&harness), Vec::<String>::new(), "×{scale}");
         if let Some(canvas) = &canvas {
             let picture = canvas.draw(&harness);
             assert_eq!(faint_text(&harness, &picture), Vec::<String>::new(), "light {light}");
@@ -156,6 +158,55 @@ pub(crate) fn faint_text(harness: &Harness<'_, Stage>, picture: &Picture) -> Vec
     faint
 }
 
+/// Controls that lie beyond their panel, sideways.
+fn beyond(harness: &Harness<'_, Stage>) -> Vec<String> {
+    let panel = harness.ctx.content_rect().expand(0.5);
+    let inside = |rect: egui::Rect| rect.left() >= panel.left() && rect.right() <= panel.right();
+    let all = harness.query_all(By::new().predicate(|n| n.role() != Role::TextRun && n.bounding_box().is_some()));
+    all.filter(|n| !inside(n.rect())).map(|n| format!("{:?} at {}", n.accesskit_node().label(), n.rect())).collect()
+}
+
+#[test]
+fn the_longest_names_and_words_have_room() {
+    let scene = scene();
+    let long = "Aneurysma".repeat(14);
+    for panel in [Panel::Scene, Panel::Prompt, Panel::Language] {
+        let mut stage = Stage::new(panel);
+        stage.shown.scene = after(&scene, [select(&scene, 10..70), save(&long)]);
+        stage.shown.selected = Arc::clone(stage.shown.scene.selection().mask());
+        stage.shown.undo = [long.repeat(3)].into();
+        let mut talk = Conversation::default();
+        talk.say("1", long.repeat(4));
+        let turn = talk.turn("1").unwrap();
+        turn.add(Entry::Command(long.repeat(2)));
+        turn.add(Entry::Result(long.repeat(5), false));
+        turn.answer = Some((long.repeat(9), false));
+        stage.shown.conversation = Arc::new(talk);
+        let mut harness = harness(stage);
+        match panel {
+            Panel::Scene => {
+                press(&mut harness, &long);
+                press(&mut harness, "History");
+                press(&mut harness, "rename");
+            }
+            Panel::Prompt => {
+                press(&mut harness, "name of the new unit");
+                harness.get_by_label("name of the new unit").type_text(&long);
+                press(&mut harness, "save");
+                harness.run();
+                // The question is brought into view, however long the name.
+                let answer = harness.get_by_label("replace it").rect();
+                assert!(answer.bottom() <= panel.size().y, "{answer}");
+            }
+            _ => {}
+        }
+        assert_eq!(beyond(&harness), Vec::<String>::new(), "{panel:?}");
+        if let (Some(canvas), Some(folder)) = (Canvas::open(), std::env::var_os("PANEL_PICTURES")) {
+            canvas.draw(&harness).write(&Path::new(&folder).join(format!("long-{}.png", panel.name())));
+        }
+    }
+}
+
 #[test]
 fn panels_are_drawn_whole_in_dark_and_light_at_one_and_two_pixels_a_point() {
     let Some(canvas) = Canvas::open() else { return };
@@ -163,6 +214,7 @@ fn panels_are_drawn_whole_in_dark_and_light_at_one_and_two_pixels_a_point() {
         for (light, pixels_per_point) in [(false, 1.0), (false, 2.0), (true, 1.0), (true, 2.0)] {
             let harness = busy(panel, light, pixels_per_point);
             assert_eq!(cut_text(&harness), Vec::<String>::new(), "{panel:?}");
+            assert_eq!(beyond(&harness), Vec::<String>::new(), "{panel:?}");
             let picture = canvas.draw(&harness);
             assert_eq!(faint_text(&harness, &picture), Vec::<String>::new(), "{panel:?} light {light}");
             let want = panel.size() * pixels_per_point;

@@ -126,9 +126,9 @@ fn a_unit_is_replaced_only_when_that_was_said_twice() {
     press(&mut panel, "save");
     assert_eq!(panel.state().asked, []);
     press(&mut panel, "keep it");
-    assert!(panel.query_by_label("replace sac").is_none());
+    assert!(panel.query_by_label("replace it").is_none());
     press(&mut panel, "save");
-    press(&mut panel, "replace sac");
+    press(&mut panel, "replace it");
     let replaced = Action::SaveUnit(SaveUnit { name: "sac".to_owned(), replace: true });
     assert_eq!(changes(&panel.state().asked), [replaced]);
 
