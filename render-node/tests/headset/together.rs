@@ -29,9 +29,9 @@ fn inside_both_eyes_together_are_each_by_itself() {
         return;
     }
     let gpu = Gpu::open(Wanted::Any).unwrap();
-    let scene = scene(&cloud(20_000, 6));
+    let scene = scene(&cloud(6_000, 6));
     let appearance = Appearance::of(&scene);
-    let middle = side_view(320, 240, 40.0);
+    let middle = side_view(240, 180, 30.0);
     let eyes = [eye(&middle, -0.03, 0.0), eye(&middle, 0.03, 0.0)];
     let canted = [eye(&middle, -0.03, 0.1), eye(&middle, 0.03, -0.1)];
     let settings = Settings { rasterizer: Rasterizer::Quads, ..Settings::default() };
@@ -40,7 +40,7 @@ fn inside_both_eyes_together_are_each_by_itself() {
         let mut renderer = Renderer::with_options(&gpu, &scene, options).unwrap();
         assert!(renderer.blends_quads());
         let mut seconds = Vec::new();
-        for _ in 0..5 {
+        for _ in 0..3 {
             let (_, drawn) = renderer.picture(&eyes, &appearance, settings).unwrap();
             seconds.extend(drawn.seconds.map(|s| s.blend));
         }
