@@ -21,8 +21,8 @@ for program in apt-get dpkg-deb; do
 done
 keyring=/usr/share/keyrings/debian-archive-keyring.gpg
 [[ -f $keyring ]] || { echo "monado.sh: no $keyring (apt-get install debian-archive-keyring)" >&2; exit 2; }
-mirror=$(apt-get indextargets --format '$(SITE)' 'Created-By: Packages' | grep -E '/debian/?$' | head -n 1)
-mirror=${mirror:-http://deb.debian.org/debian}
+mirror=$(apt-get indextargets --format '$(SITE)' 'Created-By: Packages' | grep -m 1 -E '/debian/?$' || true)
+[[ -n $mirror ]] || { echo "monado.sh: apt is configured with no mirror of Debian" >&2; exit 2; }
 
 echo "monado.sh: unpacking ${monado_packages[*]} of Debian $monado_suite from $mirror"
 # Made under another name and renamed when it is whole, so that a build that was cut short leaves nothing that looks finished.
