@@ -289,11 +289,15 @@ table! {
     SELECTION_SAMPLE: Ask<selection::SampleRequest, selection::SampleReply> = (role::SELECTION, "cmd/sample", &[role::CLI, role::RENDER_VIEW]) at Interactive;
     /// What strokes select that are being committed, ahead of the scene's own word.
     SELECTION_PREVIEW: Stream<selection::Preview> = (role::SELECTION, "event/preview") at Interactive;
+    /// A part of what the selection process has made, such as the Super-Gaussian of each Gaussian.
+    SELECTION_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::SELECTION, "cmd/content", &[role::CLI, role::RENDER_VIEW, role::RENDER_CAPTURE]) at Background;
     /// What is clustered.
     SELECTION_STATE: Slot<selection::State> = (role::SELECTION, "state");
 
     /// One picture.
     CAPTURE: Ask<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS) at Background;
+    /// What is in front.
+    PICK: Ask<render::PickRequest, render::PickReply> = (role::RENDER_CAPTURE, "cmd/pick", CLIENTS);
     /// A part of a picture that the capture process has drawn.
     CAPTURE_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::RENDER_CAPTURE, "cmd/content", CLIENTS) at Background;
     /// What the capture process has drawn.
@@ -306,7 +310,7 @@ table! {
     VIEW_STATE: Slot<render::State> = (role::RENDER_VIEW, "state");
 
     /// Says something to the stack.
-    UTTER: Ask<language::Utterance, language::Reply> = (role::AGENT_CORE, "cmd/utter", &[role::CLI]);
+    UTTER: Ask<language::Utterance, language::Reply> = (role::AGENT_CORE, "cmd/utter", &[role::CLI, role::RENDER_VIEW]);
     /// Something was said.
     UTTERANCE: Stream<language::Utterance> = (role::AGENT_CORE, "event/utterance");
     /// The core agent looks.

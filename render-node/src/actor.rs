@@ -7,14 +7,18 @@ use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
 use sg_proto::keys::{self, role};
+use sg_proto::render as proto;
 use sg_proto::selection::Preview;
-use sg_proto::{limits, render as proto};
 use sg_render_node::backend::Engine;
+use sg_render_node::display::{Showing, colors_of};
 use sg_render_node::gpu::GpuError;
 use sg_render_node::image::Image;
 use sg_render_node::metrics::FOOTPRINT;
+use sg_render_node::outline::{OutlineStyle, draw_outlines};
+use sg_render_node::pick::{SURFACE, front_ids};
 use sg_render_node::render::{Options, Quality, Rendered};
 use sg_render_node::report::StageSeconds;
+use sg_render_node::window::threads;
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, Owned};
@@ -33,11 +37,17 @@ use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior};
 
 mod asked;
+mod clusters;
+mod display;
+mod errands;
+mod news;
 mod params;
+mod picked;
 mod preview;
 
-use asked::{clips, projection};
-use params::Params;
+use asked::{clips, projection, showing};
+use clusters::Clusters;
+use params::{Display, Params};
 
 /// Pictures that may be asked for while one is drawn.
 const QUEUE: usize = 8;
@@ -47,10 +57,6 @@ const MEASURE_PIXELS: u32 = 256;
 
 /// Most units whose coverage one request measures.
 const MEASURE_UNITS: usize = 64;
-
-/// How far behind everything else the threads that draw stand, steps of the scheduler's scale: a hand that waits for a few
-/// microseconds of another process is not to wait for a picture.
-const NICE: i32 = 10;
 
 /// Loads and begins to serve.
 ///
@@ -94,13 +100,22 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
             )));
         }
     };
-    let told = proto::State { gaussians, engine: engine.name(), ..proto::State::default() };
+    let display = params.display.name().to_owned();
+    let told = proto::State { gaussians, engine: engine.name(), display, ..proto::State::default() };
+    if params.display == Display::Window {
+        if host.role() != role::RENDER_VIEW {
+            return Err(StartError::Input(format!("`display` is for the role `{}` alone", role::RENDER_VIEW)));
+        }
+        let owned = host.bus().own(row, told.clone()).await?;
+        return display::open(&host, engine, state, (owned, told), &params).await;
+    }
     let painter = Painter {
         bus: host.bus().clone(),
         blobs: host.blobs().clone(),
         engine,
+        clusters: Clusters::default(),
         state: state.clone(),
-        pool: Arc::new(pool()?),
+        pool: threads().map_err(|e| StartError::Failed(format!("threads to draw with: {e}")))?,
         owned: host.bus().own(row, told.clone()).await?,
         told,
         shown: preview::follow(host.bus()).await?,
@@ -129,6 +144,12 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
             }
         });
     } else {
+        let picks = mailbox.clone();
+        host.serve(&keys::PICK, QUEUE, move |request, context| {
+            let mailbox = picks.clone();
+            async move { mailbox.ask(context.deadline, |reply| Message::Pick { request, context, reply }).await }
+        })
+        .await?;
         host.serve(&keys::CAPTURE, QUEUE, move |request, context| {
             let mailbox = mailbox.clone();
             async move { mailbox.ask(context.deadline, |reply| Message::Capture { request, context, reply }).await }
@@ -136,17 +157,6 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         .await?;
     }
     Ok(())
-}
-
-/// The threads that draw, as many as there are cores.
-fn pool() -> Result<rayon::ThreadPool, StartError> {
-    let lowered = |_| {
-        if let Err(error) = rustix::process::setpriority_process(None, NICE) {
-            tracing::warn!(%error, "drawing goes at the priority of everything else");
-        }
-    };
-    let pool = rayon::ThreadPoolBuilder::new().thread_name(|k| format!("draws-{k}")).start_handler(lowered).build();
-    pool.map_err(|e| StartError::Failed(format!("threads to draw with: {e}")))
 }
 
 /// When the view draws although nothing changed.
@@ -190,6 +200,8 @@ async fn follow(mut feed: SceneFeed, newest: watch::Sender<(Arc<EditState>, Cont
 enum Message {
     /// Draw the shared viewpoint as it is now.
     View { context: Context, done: tokio::sync::oneshot::Sender<()> },
+    /// Say what is in front.
+    Pick { request: proto::PickRequest, context: Context, reply: Reply<proto::PickReply> },
     /// Draw a picture on request.
     Capture { request: proto::CaptureRequest, context: Context, reply: Reply<proto::Frame> },
 }
@@ -204,6 +216,7 @@ struct Painter {
     pool: Arc<rayon::ThreadPool>,
     owned: Owned<proto::State>,
     told: proto::State,
+    clusters: Clusters,
     /// What will be selected as soon as it is durable.
     shown: watch::Receiver<Option<Preview>>,
     params: Params,
@@ -242,6 +255,9 @@ impl Actor for Painter {
                 // The pacing task ends with the process.
                 let _ = done.send(());
             }
+            Message::Pick { request, context, reply } => {
+                let _ = reply.send(self.pick(&request, &context).await);
+            }
             Message::Capture { request, context, reply } => {
                 let outcome = self.capture(&request, &context).await;
                 // An asker that has gone away misses only the picture.
@@ -269,7 +285,7 @@ impl Painter {
         };
         let state = Arc::clone(&self.state.borrow().0);
         let highlighted = preview::highlighted(&state, self.shown.borrow_and_update().as_ref());
-        let frame = match self.work(|painter| painter.draw(&state, &request, highlighted)) {
+        let frame = match self.work(|painter| painter.draw(&state, &request, highlighted, None)) {
             Ok(frame) => frame,
             Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
         };
@@ -280,24 +296,42 @@ impl Painter {
     }
 
     async fn capture(&mut self, request: &proto::CaptureRequest, context: &Context) -> Result<proto::Frame, Fault> {
-        let state = {
-            let wanted = request.at_least_revision;
-            let arrived = self.state.wait_for(|(state, _)| state.revision() >= wanted);
-            match tokio::time::timeout_at(context.deadline.into(), arrived).await {
-                Ok(Ok(newest)) => Arc::clone(&newest.0),
-                Ok(Err(_)) => return Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
-                Err(_) => {
-                    return Err(Fault::deadline(format!("revision {wanted} of the scene did not arrive in time")));
-                }
-            }
+        let state = self.at_least(request.at_least_revision, context).await?;
+        let labels = match showing(request) {
+            Showing::Clusters | Showing::FirstComponent | Showing::Outlines => Some(self.labels(context).await?),
+            _ => None,
         };
         let selected = Arc::clone(state.selection().mask());
-        let mut frame = self.work(|painter| painter.draw(&state, request, selected))?;
+        let mut frame = self.work(|painter| painter.draw(&state, request, selected, labels.as_deref()))?;
         if request.measure_units {
             frame.units = self.work(|painter| painter.measure(&state, request))?;
         }
         self.tell(&frame, context).await;
         Ok(frame)
+    }
+
+    /// What is in front at a place or along a ray.
+    async fn pick(&mut self, request: &proto::PickRequest, context: &Context) -> Result<proto::PickReply, Fault> {
+        let state = self.at_least(request.at_least_revision, context).await?;
+        let hit = self.work(|painter| picked::pick(painter.engine.scene(), &state, request))?;
+        // A scene without a selection process has no clusters, and is picked in all the same.
+        let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
+        Ok(picked::reply(&state, hit, labels.as_deref()))
+    }
+
+    /// The newest state, once it is at least of this revision.
+    async fn at_least(&mut self, wanted: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
+        let arrived = self.state.wait_for(|(state, _)| state.revision() >= wanted);
+        match tokio::time::timeout_at(context.deadline.into(), arrived).await {
+            Ok(Ok(newest)) => Ok(Arc::clone(&newest.0)),
+            Ok(Err(_)) => Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
+            Err(_) => Err(Fault::deadline(format!("revision {wanted} of the scene did not arrive in time"))),
+        }
+    }
+
+    async fn labels(&mut self, context: &Context) -> Result<Arc<[u32]>, Fault> {
+        let gaussians = self.engine.scene().len();
+        self.clusters.newest(&self.bus, &self.blobs, gaussians, context).await
     }
 
     async fn tell(&mut self, frame: &proto::Frame, context: &Context) {
@@ -325,10 +359,11 @@ impl Painter {
         state: &EditState,
         request: &proto::CaptureRequest,
         selected: Arc<Mask>,
+        labels: Option<&[u32]>,
     ) -> Result<proto::Frame, Fault> {
         let start = Instant::now();
-        let camera = self.camera(state, request)?;
-        let projection = projection(request);
+        let camera = camera_of(state, request)?;
+        let projection = projection(request.projection());
         let mut look = if request.only_units.is_empty() {
             state.appearance()
         } else {
@@ -346,13 +381,23 @@ impl Painter {
                 opacity: 1.0,
             });
         }
-        look.clips = clips(request)?;
+        look.clips = clips(&request.clips)?;
         let quality = match request.quality() {
             proto::Quality::Exact => Quality::Exact,
             proto::Quality::Unspecified | proto::Quality::Standard => Quality::Standard,
             proto::Quality::Fast => Quality::Fast,
         };
-        let Rendered { image, .. } = self.render(&look, &camera, Options { quality, projection })?;
+        let showing = showing(request);
+        let (colors, legend) =
+            colors_of(self.engine.scene(), labels, showing).map_err(|e| Fault::invalid(e.to_string()))?;
+        look.colors = colors;
+        let Rendered { mut image, .. } = self.render(&look, &camera, Options { quality, projection })?;
+        if let (Showing::Outlines, Some(labels)) = (showing, labels) {
+            let front = front_ids(self.engine.scene(), &look, &camera, projection, SURFACE);
+            let (ids, _) = front.map_err(|e| Fault::invalid(e.to_string()))?;
+            let drawn = draw_outlines(&mut image, &ids, labels, OutlineStyle::default());
+            drawn.map_err(|e| Fault::internal(e.to_string()))?;
+        }
         let kept = |e: &dyn fmt::Display| Fault::exhausted(e.to_string());
         let (mut npy, mut png) = (Vec::new(), Vec::new());
         image.write_npy(&mut npy).map_err(|e| kept(&e))?;
@@ -377,6 +422,7 @@ impl Painter {
             coverage: covered(&image, look.background).0,
             units: Vec::new(),
             png_hash,
+            legend: legend.map(|l| asked::legend(showing, &l)),
         })
     }
 
@@ -396,25 +442,6 @@ impl Painter {
         Ok(drawn)
     }
 
-    fn camera(&self, state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
-        let (width, height) = (request.width, request.height);
-        let side = 1..=limits::MAX_PICTURE_PIXELS;
-        if !side.contains(&width) || !side.contains(&height) {
-            return Err(Fault::new(
-                sg_proto::bus::Code::OutOfRange,
-                format!("a picture of {width} x {height} pixels was asked for; 1 to {} are drawn each way", side.end()),
-            ));
-        }
-        let Some(asked) = &request.camera else { return Ok(state.view().camera(width, height)) };
-        let world_to_camera = asked.world_to_camera.as_slice().try_into().map_err(|_| {
-            Fault::invalid(format!("a camera takes 16 numbers, row major, not {}", asked.world_to_camera.len()))
-        })?;
-        let proto::Camera { fx, fy, cx, cy, .. } = *asked;
-        let camera = Camera { width, height, fx, fy, cx, cy, world_to_camera, ..state.view().camera(width, height) };
-        camera.check("camera").map_err(|e| Fault::invalid(e.to_string()))?;
-        Ok(camera)
-    }
-
     /// What each unit covers of the picture when it is drawn alone; nothing where it is hidden. Derived units are left out:
     /// a person did not make them.
     fn measure(
@@ -425,13 +452,13 @@ impl Painter {
         let scale =
             f64::from(MEASURE_PIXELS) / f64::from(request.width.max(request.height)).max(f64::from(MEASURE_PIXELS));
         let small = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
-        let full = self.camera(state, request)?;
+        let full = camera_of(state, request)?;
         let (width, height) = (small(full.width), small(full.height));
         let (sx, sy) = (f64::from(width) / f64::from(full.width), f64::from(height) / f64::from(full.height));
         let camera =
             Camera { width, height, fx: full.fx * sx, fy: full.fy * sy, cx: full.cx * sx, cy: full.cy * sy, ..full };
-        let clips = clips(request)?;
-        let options = Options { quality: Quality::Fast, projection: projection(request) };
+        let clips = clips(&request.clips)?;
+        let options = Options { quality: Quality::Fast, projection: projection(request.projection()) };
         let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());
         let base = state.base_units().iter().map(|b| b.name.clone());
         base.chain(saved)
@@ -444,6 +471,11 @@ impl Painter {
             })
             .collect()
     }
+}
+
+/// The camera that a request is drawn with.
+fn camera_of(state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
+    asked::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))
 }
 
 /// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one

@@ -34,5 +34,6 @@ mod tiles;
 pub mod view;
 #[cfg(feature = "xr")]
 pub mod xr;
+pub mod window;
 
 pub use project::{DILATION, NEAR};

@@ -93,16 +93,19 @@ pub fn pick(
         }
     };
     layers.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let Some(gaussian) = front(&layers, level) else { return Ok(None) };
-    let Some(splat) =
-        place_one(scene, appearance, camera, gaussian).and_then(|placed| per_ray::splat(gaussian, &placed, camera))
-    else {
-        return Ok(None);
-    };
+    Ok(front(&layers, level).and_then(|gaussian| hit_of(scene, appearance, camera, gaussian, at)))
+}
+
+/// Where the ray through `at` (as in [`pick`]) meets a Gaussian that is known to be in front, such as from [`FrontIds`];
+/// `None` for one that is hidden or not finite.
+#[must_use]
+pub fn hit_of(scene: &Scene, appearance: &Appearance, camera: &Camera, gaussian: u32, at: DVec2) -> Option<Hit> {
+    let placed = place_one(scene, appearance, camera, gaussian)?;
+    let splat = per_ray::splat(gaussian, &placed, camera)?;
     // An ellipse may reach where its Gaussian lies behind the eye.
     let depth = splat.meet(at).depth.max(NEAR);
     let point = camera.view().inverse().transform_point3(depth * per_ray::ray(camera, at));
-    Ok(Some(Hit { gaussian, depth, point }))
+    Some(Hit { gaussian, depth, point })
 }
 
 /// The front surface along the half-line from `origin` in `direction` (of any length, scene frame), evaluated per ray.

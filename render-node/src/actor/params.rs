@@ -1,5 +1,7 @@
 //! What a launch file says to a render process.
 
+use std::path::PathBuf;
+
 use serde::Deserialize;
 use sg_proto::limits;
 use sg_render_node::backend::Backend;
@@ -17,6 +19,10 @@ pub(super) struct Params {
     pub(super) width: u32,
     /// Height of the view's pictures, pixels.
     pub(super) height: u32,
+    /// Where the view is seen besides its pictures: `none`, or a `window` on this machine.
+    pub(super) display: Display,
+    /// Folder for pictures that a person keeps in a display; by default the user's own for pictures.
+    pub(super) pictures: Option<PathBuf>,
     /// Quality of the view's pictures: `exact`, `standard` or `fast`.
     pub(super) quality: Quality,
     /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
@@ -32,11 +38,34 @@ pub(super) struct Params {
     pub(super) highlight_mix: f32,
 }
 
+/// Where a view is seen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Display {
+    /// In the pictures that it tells of.
+    #[default]
+    None,
+    /// In a window.
+    Window,
+}
+
+impl Display {
+    /// As the launch file says it.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Window => "window",
+        }
+    }
+}
+
 impl Default for Params {
     fn default() -> Self {
         Self {
             width: 640,
             height: 640,
+            display: Display::None,
+            pictures: None,
             quality: Quality::Standard,
             backend: Backend::Auto,
             rasterizer: None,

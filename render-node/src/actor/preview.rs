@@ -34,7 +34,7 @@ pub(super) fn highlighted(state: &EditState, preview: Option<&Preview>) -> Arc<M
 }
 
 /// A mask with the Gaussians of `runs` turned over: how many are passed over, how many differ, and so on.
-fn changed(mask: &Mask, runs: &[u32]) -> Mask {
+pub(super) fn changed(mask: &Mask, runs: &[u32]) -> Mask {
     let mut mask = mask.clone();
     let mut at = 0_usize;
     for run in runs.chunks(2) {

@@ -3,8 +3,12 @@
 //! A display (a window, a headset) has a loop that draws. Between that loop and everything that answers in its own time lies
 //! a [`Seat`]: the loop takes the newest [`Shown`] and hands [`Request`]s in, and neither waits. Nothing here knows the bus.
 
+mod beside;
+mod brush;
 mod conversation;
 mod draft;
+mod dressing;
+mod pacing;
 mod tools;
 
 use std::sync::Arc;
@@ -15,8 +19,12 @@ use sg_scene::edit::EditState;
 use sg_scene::mask::Mask;
 use tokio::sync::{mpsc, watch};
 
+pub use beside::Beside;
+pub use brush::{Hand, Sense, Tip};
 pub use conversation::{Conversation, Entry, Turn};
 pub use draft::Drafts;
+pub use dressing::{Colors, Dressing, colors_of};
+pub use pacing::{Level, Pacing};
 pub use tools::{BrushMode, Showing, Tools};
 
 /// Requests that may wait to be carried out; more are dropped and counted.
@@ -103,11 +111,29 @@ pub enum Request {
     Withdraw,
 }
 
+/// How a display keeps up.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Pace {
+    /// Frames that it has shown.
+    pub frames: u64,
+    /// Pictures of the scene in them.
+    pub pictures: u64,
+    /// Pictures that were there later than they should have been.
+    pub late: u64,
+    /// Seconds that the newest one took.
+    pub seconds: f64,
+    /// What drew it.
+    pub engine: String,
+    /// Revision of the scene that the newest frame shows.
+    pub revision: u64,
+}
+
 /// A display's side: newest value in, requests out, neither ever waited for.
 #[derive(Debug)]
 pub struct Seat {
     shown: watch::Receiver<Arc<Shown>>,
     requests: mpsc::Sender<Request>,
+    pace: watch::Sender<Pace>,
     dropped: u64,
 }
 
@@ -118,6 +144,8 @@ pub struct Service {
     pub shown: watch::Sender<Arc<Shown>>,
     /// What was asked for.
     pub requests: mpsc::Receiver<Request>,
+    /// How the display keeps up.
+    pub pace: watch::Receiver<Pace>,
 }
 
 impl Seat {
@@ -126,7 +154,8 @@ impl Seat {
     pub fn new(first: Shown) -> (Self, Service) {
         let (newest, shown) = watch::channel(Arc::new(first));
         let (requests, asked) = mpsc::channel(REQUESTS);
-        (Self { shown, requests, dropped: 0 }, Service { shown: newest, requests: asked })
+        let (pace, told) = watch::channel(Pace::default());
+        (Self { shown, requests, pace, dropped: 0 }, Service { shown: newest, requests: asked, pace: told })
     }
 
     /// The newest.
@@ -152,6 +181,11 @@ impl Seat {
         let taken = self.requests.try_send(request).is_ok();
         self.dropped += u64::from(!taken);
         taken
+    }
+
+    /// Says how the display keeps up.
+    pub fn tell(&self, pace: Pace) {
+        self.pace.send_replace(pace);
     }
 
     /// Requests for which there was no room.

@@ -129,6 +129,7 @@ struct Inner {
     ends: mpsc::Sender<(&'static str, Exit)>,
     before_promotion: Mutex<Vec<Hook>>,
     promotions: mpsc::Sender<Promotion>,
+    stop: tokio::sync::Notify,
 }
 
 /// What a process does before it takes its role.
@@ -165,6 +166,11 @@ impl Host {
         Fut: Future<Output = Result<(), StartError>> + Send + 'static,
     {
         lock(&self.inner.before_promotion).push(Box::new(move || Box::pin(hook())));
+    }
+
+    /// Ends this process as if it had been asked to: it finishes what it has accepted. For a display that a person closes.
+    pub fn stop(&self) {
+        self.inner.stop.notify_one();
     }
 
     /// Folder of the session.
@@ -405,7 +411,6 @@ where
             }
         }
     };
-    tokio::pin!(stop);
 
     let ServeArgs { session, role, instance, epoch, standby, .. } = &args;
     let bus = Bus::connect_instance(session, role, instance, *epoch, *standby, args.link()).await?;
@@ -425,8 +430,17 @@ where
         ends,
         before_promotion: Mutex::default(),
         promotions,
+        stop: tokio::sync::Notify::new(),
     };
     let host = Host { inner: Arc::new(inner) };
+    let asked = host.clone();
+    let stop = async move {
+        tokio::select! {
+            () = stop => (),
+            () = asked.inner.stop.notified() => (),
+        }
+    };
+    tokio::pin!(stop);
     tokio::spawn(beat(host.clone()));
     host.serve_what_all_serve().await?;
 

@@ -24,6 +24,7 @@ use sg_scene::edit::{EditState, Replica, Selection};
 use sg_scene::known::read_known;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::npy;
 use sg_selection::cache::{self, ClusterCache, Found};
 use sg_selection::cluster_graph::ClusterGraph;
 use sg_selection::clustering::{Clustering, ClusteringOptions, cluster};
@@ -111,13 +112,21 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         "clustered"
     );
 
+    let labels_path = host.run_dir().join(format!("labels-{}.npy", std::process::id()));
+    let (labels_hash, _) = npy::write_labels(&labels_path, &prepared.labels)
+        .map_err(|e| e.to_string())
+        .and_then(|()| host.blobs().offer(&labels_path).map_err(|e| e.to_string()))
+        .map_err(StartError::Failed)?;
     let told = selection::State {
         revision: state.revision(),
         scene_hash: state.geometry().hash.clone(),
         clusters: u32::try_from(prepared.space.clusters()).unwrap_or(u32::MAX),
         clustering_ms: prepared.clustering_ms,
         from_cache: prepared.from_cache,
+        labels_hash,
+        labels_path: labels_path.display().to_string(),
     };
+    host.serve_content(&keys::SELECTION_CONTENT).await?;
     let owned = host.bus().own(&keys::SELECTION_STATE, told.clone()).await?;
     let (newest, state) = watch::channel(Arc::new(state));
     tokio::spawn(follow(feed, newest, owned, told));
@@ -147,6 +156,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
 
 struct Prepared {
     space: Arc<SelectionSpace>,
+    /// The Super-Gaussian of each Gaussian, -1 for none.
+    labels: Vec<i32>,
     from_cache: bool,
     clustering_ms: f64,
 }
@@ -185,7 +196,7 @@ fn prepare(
     let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, walk);
     // Neighbours and features are made anew when an operation first needs them: the cache holds clusters alone.
     let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry_options)));
-    Ok(Prepared { space, from_cache, clustering_ms })
+    Ok(Prepared { space, labels: clustering.labels, from_cache, clustering_ms })
 }
 
 fn compute(

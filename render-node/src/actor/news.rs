@@ -1,0 +1,187 @@
+//! Keeps what a display shows up to date: the scene, the selection, clusters, the conversation, who is there.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use sg_proto::keys::{self, role};
+use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
+use sg_proto::selection::Preview;
+use sg_render_node::display::{Conversation, Entry, NOTICES, Notice, Offered, Shown};
+use sg_runtime::blobs::Blobs;
+use sg_runtime::bus::{Bus, BusError, Following};
+use sg_runtime::context::Context;
+use sg_runtime::process::Host;
+use sg_scene::edit::EditState;
+use tokio::sync::watch;
+
+use super::clusters::Clusters;
+use super::preview;
+
+/// The newest of everything, as the display takes it.
+pub(super) type Newest = Arc<Mutex<watch::Sender<Arc<Shown>>>>;
+
+/// Messages of a conversation that may wait.
+const WAITING: usize = 64;
+
+/// How long a question about what is there may take.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// How often a service that is there, but has not told its state, is asked again.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// Changes what is shown.
+pub(super) fn change(newest: &Newest, what: impl FnOnce(&mut Shown)) {
+    let newest = newest.lock().unwrap_or_else(PoisonError::into_inner);
+    newest.send_modify(|shown| what(Arc::make_mut(shown)));
+}
+
+/// Tells the person something; the oldest line goes where there are too many.
+pub(super) fn notice(newest: &Newest, text: impl Into<String>, refused: bool) {
+    let text = text.into();
+    change(newest, |shown| {
+        let number = shown.notices.last().map_or(1, |n| n.number + 1);
+        let kept = shown.notices.len().saturating_sub(NOTICES - 1);
+        let line = Notice { number, text, refused };
+        shown.notices = shown.notices.iter().skip(kept).cloned().chain([line]).collect();
+    });
+}
+
+/// Begins to follow everything.
+pub(super) async fn follow(
+    host: &Host,
+    state: watch::Receiver<(Arc<EditState>, Context)>,
+    newest: &Newest,
+) -> Result<(), BusError> {
+    let bus = host.bus();
+    let previews = preview::follow(bus).await?;
+    tokio::spawn(scene(bus.clone(), state, previews, Arc::clone(newest)));
+    let here = bus.watch_alive(WAITING).await?;
+    tokio::spawn(services(bus.clone(), host.blobs().clone(), here, Arc::clone(newest)));
+    let talk = Talk {
+        utterances: bus.follow(&keys::UTTERANCE, role::AGENT_CORE, WAITING).await?,
+        intents: bus.follow(&keys::INTENT, role::AGENT_INTENT, WAITING).await?,
+        actions: bus.follow(&keys::ACTION, role::AGENT_FUNCTION, WAITING).await?,
+        replies: bus.follow(&keys::REPLY, role::AGENT_CORE, WAITING).await?,
+    };
+    tokio::spawn(conversation(talk, Arc::clone(newest)));
+    Ok(())
+}
+
+/// The scene as it is told of, and what is selected in it.
+async fn scene(
+    bus: Bus,
+    mut state: watch::Receiver<(Arc<EditState>, Context)>,
+    mut previews: watch::Receiver<Option<Preview>>,
+    newest: Newest,
+) {
+    loop {
+        let now = Arc::clone(&state.borrow_and_update().0);
+        let selected = preview::highlighted(&now, previews.borrow_and_update().as_ref());
+        let revision = now.revision();
+        change(&newest, |shown| {
+            shown.tentative = !Arc::ptr_eq(&selected, now.selection().mask());
+            shown.selected = selected;
+            shown.scene = now;
+        });
+        // What can be taken back is told with the state alone.
+        if let Ok(told) = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(PATIENCE)).await
+            && told.revision >= revision
+        {
+            change(&newest, |shown| (shown.undo, shown.redo) = (told.undo.into(), told.redo.into()));
+        }
+        tokio::select! {
+            changed = state.changed() => if changed.is_err() { return },
+            changed = previews.changed() => if changed.is_err() { return },
+        }
+    }
+}
+
+/// Who is there, and the clusters once the selection is.
+async fn services(
+    bus: Bus,
+    blobs: Blobs,
+    mut here: tokio::sync::mpsc::Receiver<sg_runtime::bus::Liveliness>,
+    newest: Newest,
+) {
+    let mut instances: HashMap<String, Vec<String>> = HashMap::new();
+    let mut clusters = Clusters::default();
+    let gaussians = newest.lock().unwrap_or_else(PoisonError::into_inner).borrow().scene.count();
+    loop {
+        let is_there = |role: &str| instances.get(role).is_some_and(|all| !all.is_empty());
+        let offered = Offered {
+            scene: is_there(role::SCENE),
+            selection: is_there(role::SELECTION),
+            agents: is_there(role::AGENT_CORE) && is_there(role::AGENT_INTENT) && is_there(role::AGENT_FUNCTION),
+        };
+        change(&newest, |shown| shown.offered = offered);
+        let mut asks_again = false;
+        if offered.selection {
+            let context = Context::root().deadline_in(PATIENCE);
+            match clusters.newest(&bus, &blobs, gaussians, &context).await {
+                Ok(labels) => change(&newest, |shown| shown.clusters = Some(labels)),
+                Err(fault) => {
+                    tracing::warn!(%fault, "the clusters are not known yet");
+                    asks_again = true;
+                }
+            }
+        }
+        let next = if asks_again {
+            match tokio::time::timeout(AGAIN, here.recv()).await {
+                Ok(next) => next,
+                Err(_) => continue,
+            }
+        } else {
+            here.recv().await
+        };
+        let Some(seen) = next else { return };
+        let all = instances.entry(seen.role).or_default();
+        all.retain(|i| *i != seen.instance);
+        if seen.alive {
+            all.push(seen.instance);
+        }
+    }
+}
+
+/// The stages of a conversation.
+struct Talk {
+    utterances: Following<Utterance>,
+    intents: Following<Intent>,
+    actions: Following<ActionResult>,
+    replies: Following<Reply>,
+}
+
+/// What is said and answered, whoever says it.
+async fn conversation(mut talk: Talk, newest: Newest) {
+    loop {
+        tokio::select! {
+            // An answer that overtakes what led to it is put with it all the same: turns are known by their id.
+            Some((utterance, context)) = talk.utterances.next() => on(&newest, &context, |c, id| c.say(id, utterance.text)),
+            Some((intent, context)) = talk.intents.next() => on(&newest, &context, |c, id| {
+                let Some(turn) = c.turn(id) else { return };
+                intent.clauses.into_iter().for_each(|clause| turn.add(Entry::Command(clause.words)));
+                for words in intent.not_understood {
+                    turn.add(Entry::Result(format!("not understood: {words}"), false));
+                }
+            }),
+            Some((action, context)) = talk.actions.next() => on(&newest, &context, |c, id| {
+                if let Some(turn) = c.turn(id) {
+                    turn.add(Entry::Result(action.text, action.ok));
+                }
+            }),
+            Some((reply, context)) = talk.replies.next() => on(&newest, &context, |c, id| {
+                if let Some(turn) = c.turn(id) {
+                    turn.answer = Some((reply.text, reply.ok));
+                }
+            }),
+            else => return,
+        }
+    }
+}
+
+fn on(newest: &Newest, context: &Context, what: impl FnOnce(&mut Conversation, &str)) {
+    if context.conversation.is_empty() {
+        return;
+    }
+    change(newest, |shown| what(Arc::make_mut(&mut shown.conversation), &context.conversation));
+}

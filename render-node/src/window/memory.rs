@@ -1,0 +1,136 @@
+//! What a window remembers from one time to the next.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::navigation::Manner;
+use super::viewport::Pointer;
+use crate::display::{BrushMode, Tools};
+use crate::render::Quality;
+
+/// The layout of a window and the settings of its tools. What is not in the file, or is not understood any more, is as it is
+/// at first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Memory {
+    /// Width of the window in points.
+    pub width: f64,
+    /// Height of the window in points.
+    pub height: f64,
+    /// Whether it fills the screen's work area.
+    pub maximized: bool,
+    /// Whether panels are shown.
+    pub panels: bool,
+    /// What the left button does.
+    pub pointer: Pointer,
+    /// How the eye moves.
+    pub manner: Manner,
+    /// What strokes mean.
+    pub mode: BrushMode,
+    /// Radius of the brush, a fraction of the box's longest edge.
+    pub radius: f64,
+    /// Best quality of pictures.
+    pub quality: Quality,
+    /// Whether panels are light.
+    pub light_panels: bool,
+    /// Size of everything, 1 for the usual.
+    pub scale: f32,
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        let Tools { mode, radius, quality, light_panels, scale, .. } = Tools::default();
+        Self {
+            width: 1440.0,
+            height: 900.0,
+            maximized: false,
+            panels: true,
+            pointer: Pointer::default(),
+            manner: Manner::default(),
+            mode,
+            radius,
+            quality,
+            light_panels,
+            scale,
+        }
+    }
+}
+
+impl Memory {
+    /// Where it is kept: `supergaussian/window.toml` of the user's configuration; `None` for a user without a home.
+    #[must_use]
+    pub fn place() -> Option<PathBuf> {
+        let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
+        let folder = set("XDG_CONFIG_HOME").or_else(|| Some(set("HOME")?.join(".config")))?;
+        Some(folder.join("supergaussian/window.toml"))
+    }
+
+    /// What is kept there; the first settings where there is nothing or nothing that can be understood, and why if so.
+    #[must_use]
+    pub fn read(path: &Path) -> (Self, Option<String>) {
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return (Self::default(), None),
+            Err(error) => return (Self::default(), Some(format!("{}: {error}", path.display()))),
+        };
+        match toml::from_str::<Self>(&text) {
+            Ok(memory) => (memory.sound(), None),
+            Err(error) => (Self::default(), Some(format!("{}: {error}", path.display()))),
+        }
+    }
+
+    /// Keeps it, whole or not at all.
+    ///
+    /// # Errors
+    /// What the system says, with the path.
+    pub fn keep(&self, path: &Path) -> Result<(), String> {
+        let said = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
+        let text = toml::to_string(self).map_err(|e| said(&e))?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(|e| said(&e))?;
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| said(&e))?;
+        file.write_all(text.as_bytes()).map_err(|e| said(&e))?;
+        file.persist(path).map_err(|e| said(&e))?;
+        Ok(())
+    }
+
+    /// Puts what is remembered into tools.
+    pub fn apply(&self, tools: &mut Tools) {
+        let Self { mode, radius, quality, light_panels, scale, .. } = *self;
+        *tools = Tools { mode, radius, quality, light_panels, scale, ..tools.clone() };
+    }
+
+    /// With every number in its range.
+    fn sound(mut self) -> Self {
+        let first = Self::default();
+        let within = |x: f64, low: f64, high: f64, first: f64| if (low..=high).contains(&x) { x } else { first };
+        self.width = within(self.width, 320.0, 16_384.0, first.width);
+        self.height = within(self.height, 240.0, 16_384.0, first.height);
+        self.radius = within(self.radius, Tools::RADII.0, Tools::RADII.1, first.radius);
+        self.scale = within(self.scale.into(), 0.5, 4.0, first.scale.into()) as f32;
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_is_read_and_what_makes_no_sense_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/window.toml");
+        assert_eq!(Memory::read(&path), (Memory::default(), None));
+        let memory = Memory { width: 800.0, manner: Manner::Fly, mode: BrushMode::Point, ..Memory::default() };
+        memory.keep(&path).unwrap();
+        assert_eq!(Memory::read(&path), (memory.clone(), None));
+        std::fs::write(&path, "width = 1e9\nradius = nan\nmanner = \"fly\"\nnews = 3\n").unwrap();
+        assert_eq!(Memory::read(&path), (Memory { manner: Manner::Fly, ..Memory::default() }, None));
+        std::fs::write(&path, "manner = \"swim\"").unwrap();
+        let (read, why) = Memory::read(&path);
+        assert_eq!(read, Memory::default());
+        assert!(why.unwrap().contains("window.toml"));
+    }
+}

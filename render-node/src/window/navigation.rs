@@ -1,0 +1,260 @@
+//! How a mouse and keys move the eye of a window: orbit, trackball, fly. Scene coordinates, f64.
+
+use glam::{DQuat, DVec2, DVec3};
+use sg_scene::model::SceneBox;
+use sg_scene::view::View;
+
+/// What a drag turns.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Manner {
+    /// The eye goes about the target; up stays up.
+    #[default]
+    Orbit,
+    /// The eye goes about the target in any direction; up turns with it.
+    Trackball,
+    /// The eye stays and looks elsewhere; keys move it.
+    Fly,
+}
+
+impl Manner {
+    /// All, in the order in which a key goes through them.
+    pub const ALL: [Self; 3] = [Self::Orbit, Self::Trackball, Self::Fly];
+
+    /// What the window calls it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Orbit => "orbit",
+            Self::Trackball => "trackball",
+            Self::Fly => "fly",
+        }
+    }
+
+    /// The one after it.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::Orbit => Self::Trackball,
+            Self::Trackball => Self::Fly,
+            Self::Fly => Self::Orbit,
+        }
+    }
+}
+
+/// Degrees of a drag over the whole height of the picture.
+const TURN: f64 = 180.0;
+
+/// Nearest that a flying eye looks to straight up or down, degrees.
+const POLE_GAP: f64 = 1.0;
+
+/// The eye of a window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Navigator {
+    /// Where it is.
+    pub view: View,
+    /// What a drag turns.
+    pub manner: Manner,
+    /// The scene's length, the longest edge of its box.
+    length: f64,
+}
+
+impl Navigator {
+    /// An eye before a scene.
+    #[must_use]
+    pub fn new(view: View, bounds: SceneBox) -> Self {
+        Self { view, manner: Manner::default(), length: bounds.longest_edge().max(f64::MIN_POSITIVE) }
+    }
+
+    /// A drag by `delta`, in heights of the picture, x to the right and y down: what is seen goes with the hand.
+    pub fn turn(&mut self, delta: DVec2) {
+        if !delta.is_finite() {
+            return;
+        }
+        let view = self.view;
+        let after = match self.manner {
+            Manner::Orbit => view.orbited(-TURN * delta.x, TURN * delta.y),
+            Manner::Trackball => {
+                let Some((right, up, forward)) = axes(&view) else { return };
+                let axis = up * -delta.x + right * -delta.y;
+                let Some(axis) = axis.try_normalize() else { return };
+                let turn = DQuat::from_axis_angle(axis, TURN.to_radians() * delta.length());
+                let distance = view.eye.distance(view.target);
+                View { eye: view.target - turn * forward * distance, up: turn * up, ..view }
+            }
+            Manner::Fly => {
+                let Some((right, _, forward)) = axes(&view) else { return };
+                let up = view.up.normalize_or(DVec3::Z);
+                let from_up = forward.angle_between(up).to_degrees();
+                // A drag over the height looks as far as the picture shows, so that what is seen goes with the hand.
+                let pitch = (view.fov_y_degrees * delta.y).clamp(POLE_GAP - (180.0 - from_up), from_up - POLE_GAP);
+                let yaw = DQuat::from_axis_angle(up, (view.fov_y_degrees * delta.x).to_radians());
+                let turn = yaw * DQuat::from_axis_angle(right, pitch.to_radians());
+                View { target: view.eye + turn * (view.target - view.eye), ..view }
+            }
+        };
+        self.put(after);
+    }
+
+    /// Slides eye and target in the plane of the picture, so that what is at the target's depth goes with the hand; `delta` in
+    /// heights of the picture.
+    pub fn slide(&mut self, delta: DVec2) {
+        let view = self.view;
+        let Some((right, up, _)) = axes(&view) else { return };
+        let height = 2.0 * view.eye.distance(view.target) * (0.5 * view.fov_y_degrees.to_radians()).tan();
+        let way = height * (up * delta.y - right * delta.x);
+        self.put(View { eye: view.eye + way, target: view.target + way, ..view });
+    }
+
+    /// Makes things at the target `factor` times as large; a flying eye goes ahead instead, by a share of the scene's length.
+    pub fn approach(&mut self, factor: f64) {
+        if !(factor.is_finite() && factor > 0.0) {
+            return;
+        }
+        match self.manner {
+            Manner::Fly => self.fly(DVec3::new(0.0, 0.0, 0.25 * self.length * factor.ln())),
+            _ => {
+                if let Ok(view) = self.view.zoomed(factor, self.length) {
+                    self.put(view);
+                }
+            }
+        }
+    }
+
+    /// Moves eye and target by a way in the eye's axes (right, up, forward), scene length unit.
+    pub fn fly(&mut self, way: DVec3) {
+        let view = self.view;
+        let Some((right, up, forward)) = axes(&view) else { return };
+        let way = right * way.x + up * way.y + forward * way.z;
+        self.put(View { eye: view.eye + way, target: view.target + way, ..view });
+    }
+
+    /// Frames a box from the present direction.
+    pub fn frame(&mut self, bounds: SceneBox) {
+        self.put(self.view.focused(bounds));
+    }
+
+    /// The scene's length: keys fly a share of it a second.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Takes a view that can be looked from; another one is left.
+    fn put(&mut self, view: View) {
+        if view.check().is_ok() {
+            self.view = view;
+        }
+    }
+}
+
+/// Right, up and forward of a view, of unit length; `None` for one that looks nowhere.
+fn axes(view: &View) -> Option<(DVec3, DVec3, DVec3)> {
+    let forward = (view.target - view.eye).try_normalize()?;
+    let right = forward.cross(view.up).try_normalize()?;
+    Some((right, right.cross(forward), forward))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn bounds() -> SceneBox {
+        SceneBox { min: DVec3::new(-1.0, -2.0, 0.0), max: DVec3::new(3.0, 2.0, 1.0) }
+    }
+
+    fn navigator(manner: Manner) -> Navigator {
+        let view = View::framing(bounds(), DVec3::new(0.2, 1.0, -0.3), DVec3::Z, 40.0);
+        Navigator { manner, ..Navigator::new(view, bounds()) }
+    }
+
+    /// Where a point of the scene is in the picture, heights from its middle, x right, y down.
+    fn seen(view: &View, point: DVec3) -> DVec2 {
+        let (right, up, forward) = axes(view).unwrap();
+        let d = point - view.eye;
+        let scale = 2.0 * (0.5 * view.fov_y_degrees.to_radians()).tan() * d.dot(forward);
+        DVec2::new(d.dot(right), -d.dot(up)) / scale
+    }
+
+    #[test]
+    fn what_is_at_the_target_goes_with_the_hand() {
+        for manner in Manner::ALL {
+            let mut n = navigator(manner);
+            let before = n.view;
+            let delta = DVec2::new(0.1, -0.05);
+            n.slide(delta);
+            assert!((seen(&n.view, before.target) - delta).length() < 1e-12, "{manner:?}");
+        }
+        let mut n = navigator(Manner::Fly);
+        let before = n.view;
+        n.turn(DVec2::new(0.02, 0.0));
+        assert!((seen(&n.view, before.target) - DVec2::new(0.02, 0.0)).length() < 2e-3);
+        n = navigator(Manner::Fly);
+        n.turn(DVec2::new(0.0, 0.02));
+        assert!((seen(&n.view, before.target) - DVec2::new(0.0, 0.02)).length() < 2e-3);
+    }
+
+    #[test]
+    fn what_is_before_the_target_goes_with_the_hand_that_turns() {
+        for manner in [Manner::Orbit, Manner::Trackball] {
+            for delta in [DVec2::new(0.02, 0.0), DVec2::new(0.0, 0.02)] {
+                let mut n = navigator(manner);
+                let (right, up, forward) = axes(&n.view).unwrap();
+                let near = n.view.target - 0.3 * forward;
+                assert!(seen(&n.view, near).length() < 1e-12);
+                n.turn(delta);
+                assert!(seen(&n.view, near).dot(delta) > 0.0, "{manner:?} {delta} {right} {up}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_orbit_keeps_up_and_a_trackball_goes_over_the_pole() {
+        let mut orbit = navigator(Manner::Orbit);
+        let mut ball = navigator(Manner::Trackball);
+        for _ in 0..30 {
+            orbit.turn(DVec2::new(0.0, 0.1));
+            ball.turn(DVec2::new(0.0, 0.1));
+        }
+        assert_eq!(orbit.view.up, DVec3::Z);
+        // Thirty times 18° are one and a half turns.
+        let before = navigator(Manner::Trackball).view;
+        let turned = (ball.view.eye - ball.view.target).dot(before.eye - before.target);
+        assert!(turned < 0.0, "half a turn further");
+    }
+
+    proptest! {
+        #[test]
+        fn no_drag_leaves_a_view_that_nobody_can_look_from(
+            moves in prop::collection::vec((0_u8..4, -3.0_f64..3.0, -3.0_f64..3.0), 1..60),
+            manner in 0_usize..3,
+        ) {
+            let mut n = navigator(Manner::ALL[manner]);
+            let distance = n.view.eye.distance(n.view.target);
+            for (what, x, y) in moves {
+                match what {
+                    0 => n.turn(DVec2::new(x, y)),
+                    1 => n.slide(DVec2::new(x, y)),
+                    2 => n.fly(DVec3::new(x, y, x - y)),
+                    _ => n.turn(DVec2::new(f64::NAN, y)),
+                }
+                prop_assert!(n.view.check().is_ok());
+                prop_assert!((n.view.eye.distance(n.view.target) / distance - 1.0).abs() < 1e-6);
+            }
+        }
+
+        #[test]
+        fn an_approach_and_its_inverse_cancel(factor in 0.2_f64..5.0) {
+            let mut n = navigator(Manner::Orbit);
+            let before = n.view;
+            n.approach(factor);
+            n.approach(1.0 / factor);
+            prop_assert!(n.view.eye.distance(before.eye) < 1e-9);
+            n.approach(f64::INFINITY);
+            n.approach(-1.0);
+            prop_assert!(n.view.eye.distance(before.eye) < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! What keys do in a window: one table for what is done and for the list that `?` shows.
+
+use egui::{InputState, Key, Modifiers};
+
+/// What a key does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// Shows or hides the list of shortcuts.
+    Help,
+    /// The mouse moves the eye.
+    Navigate,
+    /// The mouse brushes.
+    Brush,
+    /// The mouse draws a lasso.
+    Lasso,
+    /// The mouse draws a rectangle.
+    Rectangle,
+    /// Strokes seed a walk.
+    Walk,
+    /// Strokes change whole Super-Gaussians.
+    Cluster,
+    /// Strokes change single Gaussians.
+    Point,
+    /// A wider brush.
+    Wider,
+    /// A narrower brush.
+    Narrower,
+    /// Takes back.
+    Undo,
+    /// Brings back.
+    Redo,
+    /// Selects nothing.
+    Clear,
+    /// Selects what is not selected.
+    Invert,
+    /// Frames the scene.
+    Fit,
+    /// The next manner of moving the eye.
+    Manner,
+    /// Keeps a picture.
+    Picture,
+    /// Keeps a turn around the scene as pictures.
+    Turntable,
+    /// Two eyes side by side.
+    Stereo,
+    /// Shows or hides panels.
+    Panels,
+    /// Dark or light panels.
+    Theme,
+    /// The next view of the structure.
+    Showing,
+    /// Gives up what is being drawn.
+    Abandon,
+}
+
+/// A key and what it does.
+#[derive(Debug, Clone, Copy)]
+pub struct Shortcut {
+    /// With what else it is pressed.
+    pub modifiers: Modifiers,
+    /// The key.
+    pub key: Key,
+    /// What is written on it.
+    pub written: &'static str,
+    /// What it does.
+    pub action: Action,
+    /// What it does, in words.
+    pub does: &'static str,
+}
+
+const fn plain(key: Key, written: &'static str, action: Action, does: &'static str) -> Shortcut {
+    Shortcut { modifiers: Modifiers::NONE, key, written, action, does }
+}
+
+const fn with(modifiers: Modifiers, key: Key, written: &'static str, action: Action, does: &'static str) -> Shortcut {
+    Shortcut { modifiers, key, written, action, does }
+}
+
+/// All of them, in the order of the list. Those with more modifiers come before those with fewer on the same key.
+pub const SHORTCUTS: &[Shortcut] = &[
+    plain(Key::Questionmark, "?", Action::Help, "this list"),
+    plain(Key::N, "N", Action::Navigate, "the mouse moves the eye"),
+    plain(Key::B, "B", Action::Brush, "the mouse brushes"),
+    plain(Key::L, "L", Action::Lasso, "the mouse draws a lasso"),
+    plain(Key::R, "R", Action::Rectangle, "the mouse draws a rectangle"),
+    plain(Key::Num1, "1", Action::Walk, "strokes seed a walk"),
+    plain(Key::Num2, "2", Action::Cluster, "strokes change whole Super-Gaussians"),
+    plain(Key::Num3, "3", Action::Point, "strokes change single Gaussians"),
+    plain(Key::CloseBracket, "]", Action::Wider, "a wider brush"),
+    plain(Key::OpenBracket, "[", Action::Narrower, "a narrower brush"),
+    with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "bring back"),
+    with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "take back"),
+    with(Modifiers::COMMAND, Key::Y, "Ctrl+Y", Action::Redo, "bring back"),
+    with(Modifiers::COMMAND, Key::D, "Ctrl+D", Action::Clear, "select nothing"),
+    with(Modifiers::COMMAND, Key::I, "Ctrl+I", Action::Invert, "select what is not selected"),
+    plain(Key::F, "F", Action::Fit, "see the whole scene"),
+    plain(Key::M, "M", Action::Manner, "orbit, trackball, fly"),
+    plain(Key::V, "V", Action::Showing, "the next view of the structure"),
+    plain(Key::P, "P", Action::Picture, "keep a picture"),
+    plain(Key::T, "T", Action::Turntable, "keep a turn around the scene"),
+    plain(Key::X, "X", Action::Stereo, "two eyes side by side"),
+    plain(Key::H, "H", Action::Panels, "show or hide panels"),
+    plain(Key::K, "K", Action::Theme, "dark or light"),
+    plain(Key::Escape, "Esc", Action::Abandon, "give up what is being drawn"),
+];
+
+/// What the mouse does beside the keys, for the list.
+pub const MOUSE: &[(&str, &str)] = &[
+    ("left drag", "what the tool says; with Shift a brush or lasso takes away"),
+    ("middle drag, Alt + left drag", "turn"),
+    ("right drag", "slide"),
+    ("wheel", "nearer, further; with Shift a wider or narrower brush"),
+    ("double click", "look at that place"),
+    ("W A S D, Q E", "fly, in that manner"),
+];
+
+/// What the keys that were just pressed ask for; each press is taken once.
+#[must_use]
+pub(super) fn pressed(input: &mut InputState) -> Vec<Action> {
+    let mut asked = Vec::new();
+    for shortcut in SHORTCUTS {
+        if input.consume_key(shortcut.modifiers, shortcut.key) {
+            asked.push(shortcut.action);
+        }
+    }
+    asked
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn no_key_does_two_things() {
+        let keys: HashSet<_> = SHORTCUTS.iter().map(|s| (s.written, s.key)).collect();
+        assert_eq!(keys.len(), SHORTCUTS.len());
+        let flies = [Key::W, Key::A, Key::S, Key::D, Key::Q, Key::E];
+        assert!(SHORTCUTS.iter().all(|s| s.modifiers != Modifiers::NONE || !flies.contains(&s.key)));
+    }
+
+    #[test]
+    fn a_key_with_more_modifiers_is_looked_at_first() {
+        for (k, one) in SHORTCUTS.iter().enumerate() {
+            for later in SHORTCUTS.iter().skip(k + 1).filter(|s| s.key == one.key) {
+                assert!(!later.modifiers.contains(one.modifiers), "{} hides {}", one.written, later.written);
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! What a display does beside drawing: brushes, drafts, levels.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod brush;
+mod drafts;
