@@ -29,8 +29,8 @@ use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
 use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
+use sg_scene::edit::EditState;
 use sg_scene::edit::wire::encode_color;
-use sg_scene::edit::{EditState, Replica};
 use sg_scene::known::read_known;
 use sg_scene::mask::Mask;
 use tokio::sync::watch;
@@ -40,6 +40,7 @@ mod asked;
 mod clusters;
 mod display;
 mod errands;
+mod following;
 mod news;
 mod params;
 mod picked;
@@ -47,6 +48,7 @@ mod preview;
 
 use asked::{clips, projection, showing};
 use clusters::Clusters;
+use following::Followed;
 use params::{Display, Params};
 
 /// Pictures that may be asked for while one is drawn.
@@ -87,8 +89,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     }
     tracing::info!(gaussians, engine = engine.name(), "scene read");
 
-    let (newest, state) = watch::channel((Arc::new(state), Context::root()));
-    tokio::spawn(follow(feed, newest));
+    let state = following::follow(feed, state);
     let (row, content) = match host.role() {
         role::RENDER_VIEW => (&keys::VIEW_STATE, &keys::VIEW_CONTENT),
         role::RENDER_CAPTURE => (&keys::CAPTURE_STATE, &keys::CAPTURE_CONTENT),
@@ -136,7 +137,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
                     changed = shown.changed() => if changed.is_err() { break },
                     () = pace.due() => {}
                 }
-                let context = state.borrow_and_update().1.clone();
+                let context = state.borrow_and_update().context.clone();
                 let (done, drawn) = tokio::sync::oneshot::channel();
                 if mailbox.tell(Message::View { context, done }).is_ok() {
                     let _ = drawn.await;
@@ -180,23 +181,6 @@ impl Pace {
     }
 }
 
-/// Keeps the newest state.
-async fn follow(mut feed: SceneFeed, newest: watch::Sender<(Arc<EditState>, Context)>) {
-    let mut replica = Replica::new(EditState::clone(&newest.borrow().0));
-    while let Some((update, context)) = feed.next().await {
-        let taken = match &update {
-            Update::Event(event) => replica.offer(event).map(drop).map_err(|e| e.to_string()),
-            Update::Snapshot(state) => {
-                EditState::from_snapshot(state).map(|s| replica = Replica::new(s)).map_err(|e| e.to_string())
-            }
-        };
-        match taken {
-            Ok(()) => drop(newest.send_replace((Arc::new(replica.state().clone()), context))),
-            Err(error) => tracing::error!("the scene cannot be followed: {error}"),
-        }
-    }
-}
-
 enum Message {
     /// Draw the shared viewpoint as it is now.
     View { context: Context, done: tokio::sync::oneshot::Sender<()> },
@@ -211,7 +195,7 @@ struct Painter {
     bus: Bus,
     blobs: Blobs,
     engine: Engine,
-    state: watch::Receiver<(Arc<EditState>, Context)>,
+    state: watch::Receiver<Followed>,
     /// All of a picture is made in it, so that none of that work keeps a hand waiting.
     pool: Arc<rayon::ThreadPool>,
     owned: Owned<proto::State>,
@@ -283,8 +267,10 @@ impl Painter {
             highlight_selection: true,
             ..proto::CaptureRequest::default()
         };
-        let state = Arc::clone(&self.state.borrow().0);
-        let highlighted = preview::highlighted(&state, self.shown.borrow_and_update().as_ref());
+        let (state, highlighted) = {
+            let newest = self.state.borrow();
+            (Arc::clone(&newest.state), newest.highlighted(self.shown.borrow_and_update().as_ref()))
+        };
         let frame = match self.work(|painter| painter.draw(&state, &request, highlighted, None)) {
             Ok(frame) => frame,
             Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
@@ -321,9 +307,9 @@ impl Painter {
 
     /// The newest state, once it is at least of this revision.
     async fn at_least(&mut self, wanted: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
-        let arrived = self.state.wait_for(|(state, _)| state.revision() >= wanted);
+        let arrived = self.state.wait_for(|newest| newest.state.revision() >= wanted);
         match tokio::time::timeout_at(context.deadline.into(), arrived).await {
-            Ok(Ok(newest)) => Ok(Arc::clone(&newest.0)),
+            Ok(Ok(newest)) => Ok(Arc::clone(&newest.state)),
             Ok(Err(_)) => Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
             Err(_) => Err(Fault::deadline(format!("revision {wanted} of the scene did not arrive in time"))),
         }

@@ -18,7 +18,7 @@
 //! ready = 60                          # seconds from start to readiness
 //! liveness = 5                        # seconds of silence after which a ready service counts as hung
 //! stop = 5                            # seconds between the request to stop and the kill
-//! critical = true                     # its final failure stops the stack
+//! critical = true                     # when it ends for good, failed or done, the stack stops
 //! memory_mib = 4096                   # resident memory above which it is restarted, as after a failure; by default none
 //! env = { SUPERGAUSSIAN_LOG = "debug" }
 //! on = "gpu1"                         # the machine it runs on; by default the launcher's own
@@ -144,7 +144,7 @@ pub struct Policy {
     pub liveness: Duration,
     /// Time between the request to stop and the kill.
     pub stop: Duration,
-    /// Whether its final failure stops the stack.
+    /// Whether the stack stops when it has ended for good, failed or done.
     pub critical: bool,
     /// Resident memory in bytes above which it is stopped and started again, as after a failure; judged by what its
     /// health says, every second.

@@ -239,7 +239,7 @@ pub enum Outcome {
         /// Why.
         reason: String,
     },
-    /// All services ended by themselves.
+    /// All services, or a critical one, ended by themselves and had done what they were there for.
     Finished,
 }
 
@@ -363,6 +363,10 @@ impl Reconciler {
             Goal::Run => {
                 if let Some((service, reason)) = self.hopeless() {
                     self.down(Outcome::Failed { service, reason });
+                    return self.settle(now, actions);
+                }
+                if self.slots.iter().any(|s| s.service.policy.critical && s.state == State::Stopped && !s.removed) {
+                    self.down(Outcome::Finished);
                     return self.settle(now, actions);
                 }
                 // Whoever is to stop stops before anybody is started who depends on it.

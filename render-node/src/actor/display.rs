@@ -12,9 +12,9 @@ use sg_render_node::window::{self, Memory, Setup};
 use sg_runtime::bus::Owned;
 use sg_runtime::context::Context;
 use sg_runtime::process::{Host, StartError};
-use sg_scene::edit::EditState;
 use tokio::sync::{oneshot, watch};
 
+use super::following::Followed;
 use super::params::Params;
 use super::{errands, news};
 
@@ -31,12 +31,12 @@ const TELLS: Duration = Duration::from_secs(1);
 pub(super) async fn open(
     host: &Host,
     engine: Engine,
-    state: watch::Receiver<(Arc<EditState>, Context)>,
+    state: watch::Receiver<Followed>,
     (owned, told): (Owned<State>, State),
     params: &Params,
 ) -> Result<(), StartError> {
     let scene = Arc::new(engine.scene().clone());
-    let first = Shown::of(Arc::clone(&state.borrow().0));
+    let first = Shown::of(Arc::clone(&state.borrow().state));
     let title = format!("Super-Gaussian: {}", first.scene.geometry().path);
     let (seat, service) = Seat::new(first);
     let (there, is_there) = oneshot::channel();

@@ -12,10 +12,10 @@ use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, BusError, Following};
 use sg_runtime::context::Context;
 use sg_runtime::process::Host;
-use sg_scene::edit::EditState;
 use tokio::sync::watch;
 
 use super::clusters::Clusters;
+use super::following::Followed;
 use super::preview;
 
 /// The newest of everything, as the display takes it.
@@ -48,11 +48,7 @@ pub(super) fn notice(newest: &Newest, text: impl Into<String>, refused: bool) {
 }
 
 /// Begins to follow everything.
-pub(super) async fn follow(
-    host: &Host,
-    state: watch::Receiver<(Arc<EditState>, Context)>,
-    newest: &Newest,
-) -> Result<(), BusError> {
+pub(super) async fn follow(host: &Host, state: watch::Receiver<Followed>, newest: &Newest) -> Result<(), BusError> {
     let bus = host.bus();
     let previews = preview::follow(bus).await?;
     tokio::spawn(scene(bus.clone(), state, previews, Arc::clone(newest)));
@@ -71,13 +67,15 @@ pub(super) async fn follow(
 /// The scene as it is told of, and what is selected in it.
 async fn scene(
     bus: Bus,
-    mut state: watch::Receiver<(Arc<EditState>, Context)>,
+    mut state: watch::Receiver<Followed>,
     mut previews: watch::Receiver<Option<Preview>>,
     newest: Newest,
 ) {
     loop {
-        let now = Arc::clone(&state.borrow_and_update().0);
-        let selected = preview::highlighted(&now, previews.borrow_and_update().as_ref());
+        let (now, selected) = {
+            let followed = state.borrow_and_update();
+            (Arc::clone(&followed.state), followed.highlighted(previews.borrow_and_update().as_ref()))
+        };
         let revision = now.revision();
         change(&newest, |shown| {
             shown.tentative = !Arc::ptr_eq(&selected, now.selection().mask());

@@ -1,11 +1,8 @@
 //! What will be selected, shown before it is durable.
 
-use std::sync::Arc;
-
 use sg_proto::keys::{self, role};
 use sg_proto::selection::Preview;
 use sg_runtime::bus::{Bus, BusError};
-use sg_scene::edit::EditState;
 use sg_scene::mask::Mask;
 use tokio::sync::watch;
 
@@ -22,15 +19,6 @@ pub(super) async fn follow(bus: &Bus) -> Result<watch::Receiver<Option<Preview>>
         }
     });
     Ok(previews)
-}
-
-/// What a view highlights: the preview where it speaks of the selection that is there, else that selection.
-pub(super) fn highlighted(state: &EditState, preview: Option<&Preview>) -> Arc<Mask> {
-    let committed = state.selection();
-    match preview.filter(|p| p.selection_hash == committed.hash() && !p.changed.is_empty()) {
-        Some(preview) => Arc::new(changed(committed.mask(), &preview.changed)),
-        None => Arc::clone(committed.mask()),
-    }
 }
 
 /// A mask with the Gaussians of `runs` turned over: how many are passed over, how many differ, and so on.

@@ -63,7 +63,11 @@ impl Pacing {
         }
         if seconds > self.budget {
             self.late += 1;
-            self.at = (self.at + 1).min(SCALES.len());
+            let here = self.at;
+            self.at = (here + 1).min(SCALES.len());
+            while self.at < SCALES.len() && self.by_pixels(here, self.at) > self.budget {
+                self.at += 1;
+            }
         } else if self.at > 0 && self.predicted(self.at - 1) < (1.0 - ROOM) * self.budget {
             self.at -= 1;
         }
@@ -75,12 +79,16 @@ impl Pacing {
         self.late
     }
 
+    /// What a level would take if all work grew with pixels, from what another one takes.
+    fn by_pixels(&self, from: usize, level: usize) -> f64 {
+        let pixels = |k: usize| SCALES[k.saturating_sub(1)].powi(2);
+        self.cost[from].unwrap_or(f64::INFINITY) * pixels(level) / pixels(from)
+    }
+
     /// What a level would take now: in proportion to its pixels from the one that is drawn, and no less than a part of what it
     /// took when it was drawn last, since not all work grows with pixels.
     fn predicted(&self, level: usize) -> f64 {
-        let pixels = |k: usize| SCALES[k.saturating_sub(1)].powi(2);
-        let here = self.cost[self.at].unwrap_or(f64::INFINITY);
-        let grown = here * pixels(level) / pixels(self.at);
+        let grown = self.by_pixels(self.at, level);
         // What it once took grows out of date: it counts for less each time it is looked at.
         self.cost[level].map_or(grown, |before| grown.max(0.5 * before))
     }

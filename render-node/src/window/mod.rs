@@ -78,7 +78,11 @@ pub struct Setup {
 /// # Errors
 /// [`WindowError`].
 pub fn run(setup: Setup) -> Result<(), WindowError> {
-    let display = |e: &dyn std::fmt::Display| WindowError::Display(e.to_string());
+    // What went wrong stands last, after the place in somebody else's source.
+    let display = |e: &dyn std::fmt::Display| {
+        let said = e.to_string();
+        WindowError::Display(said.rsplit(": ").next().unwrap_or(&said).to_owned())
+    };
     // Not the process's first thread, which serves the bus.
     let event_loop = EventLoop::<()>::with_user_event().with_any_thread(true).build().map_err(|e| display(&e))?;
     let wake = event_loop.create_proxy();

@@ -20,7 +20,7 @@ use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
 use sg_scene::edit::wire::{encode_mask, steps_of, strokes_alone};
-use sg_scene::edit::{EditState, Replica, Selection};
+use sg_scene::edit::{EditState, Replica};
 use sg_scene::known::read_known;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
@@ -331,7 +331,7 @@ impl Selector {
         let outcome = self.take(request.restart, &steps, context).await;
         if outcome.is_err() {
             let state = Arc::clone(&self.state.borrow());
-            self.show(state.selection().mask(), state.selection(), context).await;
+            self.show(state.selection().mask(), &state, context).await;
         }
         outcome
     }
@@ -352,7 +352,7 @@ impl Selector {
                 state = self.newest(context).await?;
             }
             tokio::task::block_in_place(|| self.play(&state, restart, steps))?;
-            self.show(self.session.mask(), state.selection(), context).await;
+            self.show(self.session.mask(), &state, context).await;
             match self.commit(&state, only_at, context).await {
                 Ok(result) => return Ok(self.reply(&result)),
                 // Somebody else changed the scene in between: on top of theirs, until the time has run out.
@@ -363,11 +363,13 @@ impl Selector {
     }
 
     /// Tells what will be selected, for whoever shows it before it is durable.
-    async fn show(&self, mask: &Mask, committed: &Selection, context: &Context) {
+    async fn show(&self, mask: &Mask, state: &EditState, context: &Context) {
+        let committed = state.selection();
         let preview = selection::Preview {
             selected: mask.count() as u64,
             changed: runs(&differing(committed.mask(), mask)),
             selection_hash: committed.hash().to_owned(),
+            revision: state.revision(),
         };
         // Nobody need see it: what counts is what the scene tells.
         if let Err(fault) = self.bus.publish(&keys::SELECTION_PREVIEW, &preview, &context.next()).await {

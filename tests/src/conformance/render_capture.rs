@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::render::{CaptureRequest, Clip, Frame, HalfSpace, Quality};
-use sg_proto::scene::SetVisibility;
+use sg_proto::render::{CaptureRequest, Clip, Frame, HalfSpace, PickRequest, Quality, Ray, Showing};
 use sg_proto::scene::command::Action;
+use sg_proto::scene::{SetVisibility, Vector};
 
 use super::question::{Question, hold, refused_as, soon};
 use super::scene::named;
@@ -37,6 +37,8 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("shows at least the revision asked for", at_least(stage).await);
     checks.note("measures what units cover", measures(stage).await);
     checks.note("keeps to clips", clips(stage).await);
+    checks.note("shows the structure in place of the scene", structure(stage).await);
+    checks.note("says what is in front", picks(stage).await);
     checks.note("refuses pictures that cannot be", misfits(stage).await);
     checks.note("sends its pictures to other machines", sends(stage).await);
 }
@@ -100,6 +102,63 @@ async fn clips(stage: &Stage<'_>) -> Result<(), String> {
         let clips = vec![Clip { sides: vec![side(x)], cut }];
         let frame = capture(stage, &CaptureRequest { clips, ..small() }).await?;
         hold(frame.coverage == coverage, || format!("coverage {} instead of {coverage}", frame.coverage))?;
+    }
+    Ok(())
+}
+
+async fn structure(stage: &Stage<'_>) -> Result<(), String> {
+    let scene = capture(stage, &small()).await?;
+    let shown = async |showing: Showing| capture(stage, &CaptureRequest { showing: showing.into(), ..small() }).await;
+    let opacity = shown(Showing::Opacity).await?;
+    hold(opacity.hash != scene.hash, || "opacities look as the scene does".to_owned())?;
+    let legend = opacity.legend.ok_or("no legend of opacities")?;
+    hold((legend.low, legend.high, legend.logarithmic) == (0.0, 1.0, false), || format!("{legend:?}"))?;
+    let scale = shown(Showing::Scale).await?.legend.ok_or("no legend of scales")?;
+    hold(scale.logarithmic && 0.0 < scale.low && scale.low <= scale.high, || format!("{scale:?}"))?;
+    hold(shown(Showing::Scene).await?.hash == scene.hash, || "the scene is another one when it is named".to_owned())?;
+    // Here nobody has clustered: that is said, and not waited for until the deadline.
+    let request = CaptureRequest { showing: Showing::Clusters.into(), ..small() };
+    let late = soon().deadline_in(Duration::from_secs(2));
+    let fault = stage.cli.ask(&keys::CAPTURE, &request, &late).await.err().map(|f| f.code);
+    let codes = [Code::Unavailable, Code::DeadlineExceeded];
+    hold(fault.is_some_and(|code| codes.contains(&code)), || format!("clusters without a selection: {fault:?}"))
+}
+
+async fn picks(stage: &mut Stage<'_>) -> Result<(), String> {
+    let ask = async |request: &PickRequest| {
+        stage.cli.ask(&keys::PICK, request, &soon()).await.map_err(|f| format!("cmd/pick: {f}"))
+    };
+    let frame = capture(stage, &small()).await?;
+    let picture = Picture::read(Path::new(&frame.npy_path)).map_err(|e| e.to_string())?;
+    let opaque = picture.pixels().position(|p| p[3] > 0.9).ok_or("nothing opaque in the picture")?;
+    let (x, y) = (opaque % 48, opaque / 48);
+    let at = PickRequest { width: 48, height: 32, x: x as f64 + 0.5, y: y as f64 + 0.5, ..PickRequest::default() };
+    let hit = ask(&at).await?;
+    hold(hit.hit && hit.depth > 0.0 && !hit.units.is_empty(), || format!("at ({x}, {y}): {hit:?}"))?;
+    let point = hit.point.ok_or("a hit that is nowhere")?;
+    // The ray from the eye through that point meets it too.
+    let camera = frame.camera.ok_or("a picture without a camera")?;
+    let m = &camera.world_to_camera;
+    let eye = |row: usize| -(0..3).map(|k| m[4 * k + row] * m[4 * k + 3]).sum::<f64>();
+    let origin = Vector { x: eye(0), y: eye(1), z: eye(2) };
+    let direction = Vector { x: point.x - origin.x, y: point.y - origin.y, z: point.z - origin.z };
+    let ray = Some(Ray { origin: Some(origin), direction: Some(direction), spread: 0.3_f64.sqrt() / camera.fy });
+    let along = ask(&PickRequest { ray, ..PickRequest::default() }).await?;
+    let to = along.point.ok_or("nothing along the ray")?;
+    let away = ((to.x - point.x).powi(2) + (to.y - point.y).powi(2) + (to.z - point.z).powi(2)).sqrt();
+    hold(along.hit && away < 0.1 * hit.depth, || format!("{away} from {point:?} along the ray, depth {}", hit.depth))?;
+    let beside = ask(&PickRequest { x: -1e6, ..at.clone() }).await?;
+    hold(!beside.hit && beside.cluster == -1 && beside.units.is_empty(), || format!("beside the picture: {beside:?}"))?;
+    for (what, request) in [
+        ("no picture", PickRequest { width: 0, ..at.clone() }),
+        ("nowhere", PickRequest { x: f64::NAN, ..at.clone() }),
+        ("a level above 1", PickRequest { level: 1.5, ..at.clone() }),
+        ("a ray without a direction", PickRequest { ray: Some(Ray::default()), ..at.clone() }),
+    ] {
+        let id = stage.new_id();
+        let codes = &[Code::InvalidArgument, Code::OutOfRange];
+        refused_as(stage.put(&Question::of(&keys::PICK, &request), &id).await, codes)
+            .map_err(|why| format!("{what}: {why}"))?;
     }
     Ok(())
 }

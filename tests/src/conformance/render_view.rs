@@ -6,7 +6,7 @@ use prost::Message as _;
 use sg_proto::bus::{Health, StatusRequest};
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Color, SetBackground};
+use sg_proto::scene::{Color, Select, SetBackground, Target, Undo};
 use sg_proto::selection::Preview;
 
 use super::question::{Question, hold, soon};
@@ -74,19 +74,25 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
     let selection = stage.join(role::SELECTION).await?;
     // So that who listens is known to everybody on the way.
     tokio::time::sleep(Duration::from_millis(100)).await;
-    let tell = async |changed: Vec<u32>, hash: &str| {
-        let preview = Preview { selected: 1, changed, selection_hash: hash.to_owned() };
+    let tell = async |changed: Vec<u32>, hash: &str, revision: u64| {
+        let preview = Preview { selected: 1, changed, selection_hash: hash.to_owned(), revision };
         selection.publish(&keys::SELECTION_PREVIEW, &preview, &soon()).await.map_err(|f| f.to_string())
     };
     let (all, selected) = (state.count as u32, state.selection.unwrap_or_default());
     let hash = selected.hash.as_str();
     for (changed, hash, shown) in [(vec![0, all], hash, true), (vec![], hash, false), (vec![0, all], "another", false)]
     {
-        tell(changed, hash).await?;
+        tell(changed, hash, state.revision).await?;
         let (frame, _) = next_of(&mut frames, "event/frame of a preview", |_, _| true).await?;
         hold((frame.hash != before.hash) == shown, || format!("shown: {}, not {shown}", frame.hash != before.hash))?;
     }
-    Ok(())
+    // Another selection is committed and taken back: that of the preview is there again, and the preview is not.
+    tell(vec![0, all], hash, state.revision).await?;
+    let everything = Some(Target { everything: true, ..Target::default() });
+    stage.change(Action::Select(Select { target: everything, ..Select::default() })).await?;
+    let revision = stage.change(Action::Undo(Undo { steps: 1 })).await?.revision;
+    let (frame, _) = next_of(&mut frames, "event/frame after undo", |f, _| f.revision >= revision).await?;
+    hold(frame.hash == before.hash, || "a preview of what was taken back is drawn".to_owned())
 }
 
 async fn again(stage: &mut Stage<'_>) -> Result<(), String> {

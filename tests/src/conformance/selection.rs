@@ -1,5 +1,7 @@
 //! What is asked of the role that turns strokes into selections.
 
+use std::path::Path;
+
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
@@ -13,7 +15,7 @@ use sg_proto::selection::{SampleRequest, StrokesReply, StrokesRequest};
 use super::question::{Question, hold, refused_as, soon};
 use super::scene::named;
 use super::stage::{Stage, decode};
-use super::{Checks, Subject};
+use super::{Checks, Subject, content};
 use crate::small_scene::{GAUSSIANS, SAC, STROKE};
 
 pub(super) const ROLE: &str = role::SELECTION;
@@ -57,7 +59,16 @@ async fn geometry(stage: &Stage<'_>) -> Result<(), String> {
     let scene = stage.scene_state().await?;
     hold(state.scene_hash == scene.scene_hash && state.clusters > 0, || {
         format!("{} clusters of geometry {}, the scene is {}", state.clusters, state.scene_hash, scene.scene_hash)
-    })
+    })?;
+    let labels = content::whole(stage, &keys::SELECTION_CONTENT, &state.labels_hash).await?;
+    let kept = std::fs::read(&state.labels_path).map_err(|e| format!("{}: {e}", state.labels_path))?;
+    hold(labels == kept, || format!("{}: other bytes are sent than are kept", state.labels_path))?;
+    let labels = sg_scene::npy::read_labels(Path::new(&state.labels_path)).map_err(|e| e.to_string())?;
+    let clusters = labels.iter().max().map_or(0, |l| l + 1);
+    hold(labels.len() as u64 == scene.count && clusters == state.clusters as i32, || {
+        format!("{} labels, {clusters} clusters in them", labels.len())
+    })?;
+    content::unknown(stage, &keys::SELECTION_CONTENT).await
 }
 
 async fn commit(stage: &Stage<'_>) -> Result<(), String> {

@@ -21,6 +21,22 @@ fn too_many_restarts_fail_a_service_and_a_critical_one_stops_the_stack() {
 }
 
 #[test]
+fn a_critical_service_that_has_done_its_work_ends_the_stack_and_another_does_not() {
+    for critical in [true, false] {
+        let policy = Policy { critical, ..patient() };
+        let mut world = World::new(
+            vec![service(0, &[], policy), service(1, &[], patient())],
+            vec![(Behaviour::CrashLater(0), millis(500)), (Behaviour::Good, millis(10))],
+        );
+        world.give(Event::Tick);
+        world.run_until(millis(20_000));
+        assert_eq!(world.finished, critical.then_some(Outcome::Finished));
+        let other = if critical { ServiceState::Stopped } else { ServiceState::Ready };
+        assert_eq!((world.state(0).0, world.state(1).0), (ServiceState::Stopped, other));
+    }
+}
+
+#[test]
 fn pauses_grow_and_start_over_after_health() {
     let policy = Policy { restarts: 100, backoff_max: millis(400), ..patient() };
     let mut world = one(policy.clone(), Behaviour::Crash(1));

@@ -1,6 +1,6 @@
 //! A reader's copy of the state, kept up by events.
 
-use sg_proto::scene::{Changes, Event};
+use sg_proto::scene::{Changes, Event, change};
 
 use super::state::{EditState, Misfit};
 use super::wire::{WireError, decode_change};
@@ -89,13 +89,20 @@ impl EditState {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replica {
     state: EditState,
+    selected_at: u64,
 }
 
 impl Replica {
     /// A copy that begins at this state.
     #[must_use]
     pub fn new(state: EditState) -> Self {
-        Self { state }
+        Self { selected_at: state.revision, state }
+    }
+
+    /// The last revision known to have brought a selection: no other one has been committed since.
+    #[must_use]
+    pub fn selected_at(&self) -> u64 {
+        self.selected_at
     }
 
     /// The state.
@@ -122,7 +129,11 @@ impl Replica {
         if event.revision > have + 1 {
             return Ok(Offered::Gap { have, got: event.revision });
         }
-        self.state.apply_event(event).map(|()| Offered::Accepted)
+        self.state.apply_event(event)?;
+        if event.changes.iter().any(|c| matches!(c.item, Some(change::Item::Selection(_)))) {
+            self.selected_at = event.revision;
+        }
+        Ok(Offered::Accepted)
     }
 
     /// Takes what the scene sent for a gap; returns whether that brought anything new. Ask again as long as it did: one
@@ -142,6 +153,7 @@ impl Replica {
             }
             // A snapshot that was asked for in vain must not take back events heard since.
             if revision > before {
+                self.selected_at = revision;
                 self.state = state;
             }
         }
