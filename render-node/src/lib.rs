@@ -32,8 +32,8 @@ mod standard;
 pub mod structure;
 mod tiles;
 pub mod view;
+pub mod window;
 #[cfg(feature = "xr")]
 pub mod xr;
-pub mod window;
 
 pub use project::{DILATION, NEAR};

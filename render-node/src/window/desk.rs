@@ -1,9 +1,9 @@
 //! Everything of a window that a person sees and touches, without the window itself: the picture, the tools, the panels.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use egui::{Align2, Color32, Frame, RichText, Ui};
+use egui::{Align2, Color32, Frame, RichText, Ui, Vec2};
 use sg_proto::scene::{
     Invert, Redo, SelectionOperation, SelectionStep, SetView, Undo, command, selection_operation, selection_step,
     set_view,
@@ -14,6 +14,7 @@ use sg_scene::model::Scene;
 use sg_scene::view::{View, framed_box};
 use sg_selection::brush::Brush;
 
+use super::bookmarks::Bookmarks;
 use super::keep::{Keep, Keeper};
 use super::memory::Memory;
 use super::navigation::Navigator;
@@ -23,7 +24,12 @@ use super::{WindowError, drawing};
 use crate::attributes::Attribute;
 use crate::backend::Engine;
 use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Seat, Showing, Shown, Tools};
+use crate::panels::{Draft, Output, Panel, Panels, Place, Wish, theme};
 use crate::render::Quality;
+
+/// Widths of the panels at first, points.
+const LEFT: f32 = 340.0;
+const RIGHT: f32 = 360.0;
 
 /// One step of the keys that widen and narrow the brush.
 const WIDER: f64 = 1.15;
@@ -36,6 +42,8 @@ pub struct Desk {
     drafts: Drafts,
     dressing: Dressing,
     viewport: Viewport,
+    panels: Panels,
+    bookmarks: Bookmarks,
     keeper: Keeper,
     /// The view that the scene told of last: another one moves the eye here.
     shared: View,
@@ -59,7 +67,8 @@ impl Desk {
         memory: &Memory,
         told: impl Fn() + Clone + Send + 'static,
     ) -> Result<Self, WindowError> {
-        let shared = seat.newest().scene.view();
+        let first = seat.newest();
+        let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
         let mut navigator = Navigator::new(shared, scene.bounds);
         navigator.manner = memory.manner;
         let brush = Arc::new(Brush::of_scene(&scene));
@@ -72,6 +81,10 @@ impl Desk {
             .map_err(|e| WindowError::Threads(e.to_string()))?;
         let mut tools = Tools::default();
         memory.apply(&mut tools);
+        let mut panels = Panels::new(Place::Window);
+        for problem in panels.behind(&scene, Path::new(&opened)) {
+            tracing::warn!("no curve is shown: {problem}");
+        }
         Ok(Self {
             scene,
             seat,
@@ -79,6 +92,8 @@ impl Desk {
             drafts: Drafts::default(),
             dressing: Dressing::default(),
             viewport,
+            panels,
+            bookmarks: Bookmarks::default(),
             keeper,
             shared,
             panels_shown: memory.panels,
@@ -137,6 +152,7 @@ impl Desk {
         }
         let drafted = self.drafts.over(&self.scene, &newest.scene);
         let shown = Shown { scene: drafted, ..Shown::clone(&newest) };
+        theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
         if !ui.ctx().egui_wants_keyboard_input() {
             for action in ui.input_mut(shortcuts::pressed) {
@@ -149,6 +165,9 @@ impl Desk {
         }
         egui::Panel::top("tools").show(ui, |ui| self.toolbar(ui, &shown, &mut requests));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui, &shown));
+        if self.panels_shown {
+            self.show_panels(ui, &shown, &mut requests);
+        }
         egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
             let (response, asked) = self.viewport.interact(ui, &shown, &mut self.tools);
             requests.extend(asked);
@@ -171,6 +190,53 @@ impl Desk {
             engine: seen.engine.clone(),
             revision: shown.scene.revision(),
         });
+    }
+
+    /// Panels beside the picture: what the scene is like on the left, what is done to it on the right.
+    fn show_panels(&mut self, ui: &mut Ui, shown: &Shown, requests: &mut Vec<Request>) {
+        self.panels.numbers = self.dressing.legend();
+        self.panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Screenshot];
+        self.panels.fulfils.extend(self.bookmarks.numbers().map(Wish::Place));
+        let Self { panels, tools, .. } = self;
+        let mut asked = Output::default();
+        egui::Panel::left("scene").resizable(true).default_size(LEFT).show(ui, |ui| {
+            asked.join(panels.show(Panel::Scene, ui, shown, tools));
+        });
+        let right: Vec<Panel> = [Panel::Prompt, Panel::Language].into_iter().filter(|p| p.has_content(shown)).collect();
+        if !right.is_empty() {
+            egui::Panel::right("hands").resizable(true).default_size(RIGHT).show(ui, |ui| {
+                let height = ui.available_height() / right.len() as f32;
+                for panel in right {
+                    ui.allocate_ui(Vec2::new(ui.available_width(), height), |ui| {
+                        asked.join(panels.show(panel, ui, shown, tools));
+                    });
+                }
+            });
+        }
+        match asked.draft {
+            Some(Draft::Hold(action)) => self.drafts.hold(action),
+            Some(Draft::Release(action)) => self.drafts.release(action, shown.scene.revision()),
+            None => (),
+        }
+        requests.extend(asked.requests);
+        for wish in asked.wishes {
+            match wish {
+                Wish::Fit => self.act(Action::Fit, shown, requests),
+                Wish::Screenshot => self.act(Action::Picture, shown, requests),
+                Wish::Bookmark => {
+                    let number = self.bookmarks.keep(self.viewport.navigator.view);
+                    self.line = number.map_or_else(
+                        || "all places are taken".to_owned(),
+                        |number| format!("this is place {number} now"),
+                    );
+                }
+                Wish::Place(number) => {
+                    if let Some(view) = self.bookmarks.place(number) {
+                        self.viewport.navigator.view = view;
+                    }
+                }
+            }
+        }
     }
 
     /// Hands requests in. What is said is said about what is seen here: the view is shared first.

@@ -3,6 +3,7 @@
 //! The loop draws what is newest and never waits: pictures are made beside it ([`crate::display::Beside`]), and what a person
 //! asks for is handed to a [`Seat`].
 
+mod bookmarks;
 mod desk;
 mod drawing;
 mod dropped;
