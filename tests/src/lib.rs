@@ -7,6 +7,7 @@ pub mod eval;
 pub mod hosts;
 pub mod made_scene;
 pub mod proxy;
+pub mod screen;
 pub mod shells;
 pub mod small_scene;
 pub mod stack;

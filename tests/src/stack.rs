@@ -19,6 +19,8 @@ const READY: Duration = Duration::from_secs(90);
 /// A running stack; killed with all its services when dropped.
 #[derive(Debug)]
 pub struct Stack {
+    /// Name of its launch file.
+    file: String,
     folder: tempfile::TempDir,
     supervisor: Child,
 }
@@ -45,7 +47,15 @@ impl Stack {
     /// # Errors
     /// As [`Stack::up`].
     pub fn up_in(settings: &[String], env: &[(&str, &str)]) -> Result<Self, String> {
-        let stack = Self::begin(settings, env, None)?;
+        Self::up_of("headless.toml", settings, env)
+    }
+
+    /// As [`Stack::up_in`], of one of the launch files that come with the project.
+    ///
+    /// # Errors
+    /// As [`Stack::up`].
+    pub fn up_of(file: &str, settings: &[String], env: &[(&str, &str)]) -> Result<Self, String> {
+        let stack = Self::begin_of(file, settings, env, None)?;
         stack.wait()?;
         Ok(stack)
     }
@@ -55,22 +65,26 @@ impl Stack {
     /// # Errors
     /// A line that says what is missing.
     pub fn begin(settings: &[String], env: &[(&str, &str)], host: Option<&Host>) -> Result<Self, String> {
+        Self::begin_of("headless.toml", settings, env, host)
+    }
+
+    fn begin_of(file: &str, settings: &[String], env: &[(&str, &str)], host: Option<&Host>) -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         small_scene::write(folder.path()).map_err(|e| e.to_string())?;
         let mut up = command(&folder.path().join("run")).map_err(|e| e.to_string())?;
         if let Some(host) = host {
             up = host.on(&up, &[]);
         }
-        up.args(Self::arguments(folder.path(), settings));
+        up.args(Self::arguments(file, folder.path(), settings));
         up.envs(env.iter().copied());
         let log = std::fs::File::create(folder.path().join("up.log")).map_err(|e| e.to_string())?;
         let supervisor =
             up.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().map_err(|e| e.to_string())?;
-        Ok(Self { folder, supervisor })
+        Ok(Self { file: file.to_owned(), folder, supervisor })
     }
 
-    fn arguments(folder: &Path, settings: &[String]) -> Vec<String> {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch/headless.toml").display().to_string();
+    fn arguments(file: &str, folder: &Path, settings: &[String]) -> Vec<String> {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../launch").join(file).display().to_string();
         let scene = format!("service.scene.params.scene={}", small_scene::path(folder).display());
         let mut arguments: Vec<String> = ["up", "--session", SESSION].map(str::to_owned).to_vec();
         arguments.push(file);
@@ -86,7 +100,7 @@ impl Stack {
     /// # Errors
     /// As [`Stack::command`].
     pub fn up_again(&self, settings: &[String]) -> Result<(Option<i32>, String, String), Missing> {
-        let arguments = Self::arguments(self.folder.path(), settings);
+        let arguments = Self::arguments(&self.file, self.folder.path(), settings);
         self.run(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
@@ -112,6 +126,18 @@ impl Stack {
     #[must_use]
     pub fn log(&self) -> String {
         std::fs::read_to_string(self.folder.path().join("up.log")).unwrap_or_default()
+    }
+
+    /// Exit status of the supervisor, if it ends within `patience`.
+    pub fn ended(&mut self, patience: Duration) -> Option<Option<i32>> {
+        let begun = Instant::now();
+        while begun.elapsed() < patience {
+            if let Ok(Some(status)) = self.supervisor.try_wait() {
+                return Some(status.code());
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        None
     }
 
     /// The folder that holds all of it.

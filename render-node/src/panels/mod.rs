@@ -218,6 +218,16 @@ impl Panels {
         self.typing.field().is_some()
     }
 
+    /// Has letters go to the name of a new unit as soon as that is drawn.
+    pub fn name_selection(&mut self) {
+        self.typing.turn_to(typing::Field::SaveName);
+    }
+
+    /// Has letters go to what is said to the agents as soon as that is drawn.
+    pub fn say_something(&mut self) {
+        self.typing.turn_to(typing::Field::Say);
+    }
+
     /// Draws a panel into all that is left of a [`Ui`] and says what was asked for.
     pub fn show(&mut self, panel: Panel, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
         match panel {

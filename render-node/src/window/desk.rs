@@ -283,6 +283,14 @@ impl Desk {
             Action::Undo | Action::Redo | Action::Clear | Action::Invert => {
                 self.line = "the service that does this is away".to_owned();
             }
+            Action::Name => {
+                self.panels_shown = true;
+                self.panels.name_selection();
+            }
+            Action::Say => {
+                self.panels_shown = true;
+                self.panels.say_something();
+            }
             Action::Fit => self.viewport.navigator.frame(framed_box(&self.scene)),
             Action::Manner => {
                 let navigator = &mut self.viewport.navigator;

@@ -33,6 +33,10 @@ pub enum Action {
     Clear,
     /// Selects what is not selected.
     Invert,
+    /// Letters go to the name of a new unit.
+    Name,
+    /// Letters go to what is said to the agents.
+    Say,
     /// Frames the scene.
     Fit,
     /// The next manner of moving the eye.
@@ -93,6 +97,8 @@ pub const SHORTCUTS: &[Shortcut] = &[
     with(Modifiers::COMMAND, Key::Y, "Ctrl+Y", Action::Redo, "bring back"),
     with(Modifiers::COMMAND, Key::D, "Ctrl+D", Action::Clear, "select nothing"),
     with(Modifiers::COMMAND, Key::I, "Ctrl+I", Action::Invert, "select what is not selected"),
+    with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name what is selected and save it"),
+    plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
     plain(Key::F, "F", Action::Fit, "see the whole scene"),
     plain(Key::M, "M", Action::Manner, "orbit, trackball, fly"),
     plain(Key::V, "V", Action::Showing, "the next view of the structure"),

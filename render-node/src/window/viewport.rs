@@ -274,14 +274,16 @@ impl Viewport {
         if !shown.offered.selection {
             return;
         }
-        let pressed = ui.input(|i| i.pointer.primary_pressed()) && response.hovered() && !alt;
-        if pressed && let Some(tip) = tip {
-            self.hand.press(tools, tip, sense);
-        } else if let Some(tip) = tip {
-            self.hand.sample(tip);
+        // A stroke begins where the surface does, wherever in the picture the button was pressed.
+        let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
+        let here = response.is_pointer_button_down_on() || (pressed && response.hovered());
+        match tip {
+            Some(tip) if self.hand.draws() => self.hand.sample(tip),
+            Some(tip) if here && (down || pressed) && !alt => self.hand.press(tools, tip, sense),
+            _ => (),
         }
         requests.extend(self.hand.news());
-        if self.hand.draws() && !ui.input(|i| i.pointer.primary_down()) {
+        if self.hand.draws() && !down {
             requests.extend(self.hand.release());
         }
     }

@@ -1,0 +1,165 @@
+//! A screen that nobody looks at, and a mouse and a keyboard that nobody holds: Xvfb and xdotool.
+
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Width and height of the screen in pixels.
+pub const SIZE: [usize; 2] = [1440, 900];
+
+/// A screen; gone when dropped.
+#[derive(Debug)]
+pub struct Screen {
+    server: Child,
+    folder: tempfile::TempDir,
+    display: String,
+}
+
+/// A picture of the screen.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shot {
+    /// Red, green, blue of each pixel, rows from the top.
+    pub pixels: Vec<[u8; 3]>,
+}
+
+impl Screen {
+    /// Opens a screen of its own; `None`, said loudly, where there is no Xvfb or no xdotool, unless they are required.
+    ///
+    /// # Errors
+    /// What kept it from opening.
+    #[allow(clippy::print_stderr, reason = "a skipped test says so")]
+    pub fn open() -> Result<Option<Self>, String> {
+        for program in ["Xvfb", "xdotool"] {
+            let there = Command::new(program).arg("-help").stdout(Stdio::null()).stderr(Stdio::null()).status();
+            if there.is_err() {
+                if std::env::var_os("SUPERGAUSSIAN_REQUIRE_XR").is_some_and(|v| v == "1") {
+                    return Err(format!("{program} is required and not installed"));
+                }
+                eprintln!("SKIPPED on a screen: {program} is not installed");
+                return Ok(None);
+            }
+        }
+        let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let [width, height] = SIZE;
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", &format!("{width}x{height}x24"), "-nolisten", "tcp", "-fbdir"])
+            .arg(folder.path())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|e| e.to_string())?;
+        // It says its number when it is ready, and closes its end if it cannot be.
+        let said = server.stdout.take().map(BufReader::new);
+        let mut number = String::new();
+        let read = said.map(|mut said| said.read_line(&mut number));
+        let screen = Self { server, folder, display: format!(":{}", number.trim()) };
+        match read {
+            Some(Ok(1..)) => Ok(Some(screen)),
+            outcome => Err(format!("Xvfb did not open a screen: {outcome:?}")),
+        }
+    }
+
+    /// What `DISPLAY` has to say.
+    #[must_use]
+    pub fn display(&self) -> &str {
+        &self.display
+    }
+
+    /// Has xdotool do something.
+    ///
+    /// # Errors
+    /// What it said.
+    pub fn act(&self, words: &[&str]) -> Result<String, String> {
+        let output = Command::new("xdotool")
+            .args(words)
+            .env("DISPLAY", &self.display)
+            .output()
+            .map_err(|e| format!("xdotool: {e}"))?;
+        if output.status.success() {
+            return Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned());
+        }
+        Err(format!("xdotool {words:?}: {}", String::from_utf8_lossy(&output.stderr)))
+    }
+
+    /// The window with this at its top, once it is there and takes keys.
+    ///
+    /// # Errors
+    /// Where there is none within `patience`.
+    pub fn window(&self, title: &str, patience: Duration) -> Result<String, String> {
+        let begun = Instant::now();
+        loop {
+            let found = self.act(&["search", "--onlyvisible", "--name", title]);
+            if let Ok(windows) = &found
+                && let Some(window) = windows.lines().next()
+            {
+                // No window manager gives it the keyboard.
+                self.act(&["windowfocus", "--sync", window])?;
+                return Ok(window.to_owned());
+            }
+            if begun.elapsed() > patience {
+                return Err(format!("no window `{title}`: {found:?}"));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// A stroke with the left button through places, pixels of the screen.
+    ///
+    /// # Errors
+    /// As [`Screen::act`].
+    pub fn drag(&self, places: &[[i32; 2]]) -> Result<(), String> {
+        let to = |[x, y]: [i32; 2]| self.act(&["mousemove", &x.to_string(), &y.to_string()]).map(drop);
+        for (k, place) in places.iter().enumerate() {
+            to(*place)?;
+            if k == 0 {
+                self.act(&["mousedown", "1"])?;
+            }
+            // A hand takes its time.
+            std::thread::sleep(Duration::from_millis(30));
+        }
+        self.act(&["mouseup", "1"]).map(drop)
+    }
+
+    /// What is on the screen.
+    ///
+    /// # Errors
+    /// A frame buffer that cannot be read.
+    pub fn shot(&self) -> Result<Shot, String> {
+        let path = self.folder.path().join("Xvfb_screen0");
+        let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        // A window dump of X: a header of 25 numbers, a table of colours of 12 bytes each, rows of blue, green, red, nothing.
+        let number = |k: usize| {
+            let at = bytes.get(4 * k..4 * k + 4)?;
+            Some(u32::from_be_bytes(at.try_into().ok()?) as usize)
+        };
+        let header = || Some((number(0)?, number(4)?, number(5)?, number(12)?, number(19)?));
+        let (length, width, height, row, colors) = header().ok_or("no header in the frame buffer")?;
+        let first = length + 12 * colors;
+        let line = |y: usize| bytes.get(first + y * row..first + y * row + 4 * width);
+        let mut pixels = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let line = line(y).ok_or("the frame buffer ends early")?;
+            pixels.extend(line.chunks_exact(4).map(|p| [p[2], p[1], p[0]]));
+        }
+        Ok(Shot { pixels })
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+impl Shot {
+    /// Share of the pixels of a rectangle (left, top, width, height) for which something holds.
+    #[must_use]
+    pub fn share(&self, [left, top, width, height]: [usize; 4], holds: impl Fn([u8; 3]) -> bool) -> f64 {
+        let rows = (top..top + height).map(|y| y * SIZE[0] + left);
+        let inside = rows.flat_map(|at| self.pixels.get(at..at + width).unwrap_or_default());
+        let found = inside.filter(|p| holds(**p)).count();
+        found as f64 / (width * height).max(1) as f64
+    }
+}

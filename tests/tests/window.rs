@@ -1,0 +1,161 @@
+//! The window of a whole running stack, with a mouse and a keyboard that nobody holds.
+
+#![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use sg_proto::keys::{self, role};
+use sg_proto::render;
+use sg_proto::scene::State;
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+use sg_tests::screen::{SIZE, Screen};
+use sg_tests::stack::Stack;
+
+/// How long anything may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn soon() -> Context {
+    Context::root().deadline_in(Duration::from_secs(10))
+}
+
+/// The scene once it is as it has to be.
+async fn scene(bus: &Bus, what: &str, holds: impl Fn(&State) -> bool) -> State {
+    let begun = Instant::now();
+    loop {
+        let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
+        if holds(&state) {
+            return state;
+        }
+        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+/// The view once it is as it has to be.
+async fn view(bus: &Bus, what: &str, holds: impl Fn(&render::State) -> bool) -> render::State {
+    let begun = Instant::now();
+    loop {
+        let state = bus.newest(&keys::VIEW_STATE, &soon()).await;
+        if let Ok(state) = &state
+            && holds(state)
+        {
+            return state.clone();
+        }
+        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+fn selected(state: &State) -> u64 {
+    state.selection.as_ref().map_or(0, |s| s.count)
+}
+
+/// The middle of the picture where no panels are beside it.
+const MIDDLE: [i32; 2] = [SIZE[0] as i32 / 2, SIZE[1] as i32 / 2];
+
+#[test]
+fn a_person_brushes_names_speaks_and_closes() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path().display().to_string();
+    let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", &home), ("XDG_PICTURES_DIR", &home)];
+    let settings = ["service.render-view.params.quality=fast".to_owned()];
+    let mut stack = Stack::up_of("desktop.toml", &settings, &env).unwrap();
+    screen.window("Super-Gaussian", PATIENCE).unwrap();
+    let key = |key: &str| screen.act(&["key", key]).map(drop).unwrap();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let bus = stack.join(role::CLI).await.unwrap();
+        let begun = view(&bus, "a picture in the window", |v| v.display == "window" && v.frames > 0).await;
+        assert!(begun.engine.len() > 2 && begun.shown > 0, "{begun:?}");
+
+        // Without panels the picture is the whole window; the body is left of its middle.
+        key("h");
+        key("b");
+        // The balls are of few Gaussians: a brush that finds some.
+        (0..12).for_each(|_| key("bracketright"));
+        let left = MIDDLE[0] - 160;
+        let stroke: Vec<[i32; 2]> = (0..6).map(|k| [left - 10 * k, MIDDLE[1] + 4 * k]).collect();
+        screen.act(&["mousemove", &left.to_string(), &MIDDLE[1].to_string()]).unwrap();
+        // What is in front has to be known before something can be brushed: the stroke is drawn until it is.
+        let begun = Instant::now();
+        let walked = loop {
+            screen.drag(&stroke).unwrap();
+            tokio::time::sleep(Duration::from_millis(300)).await;
+            let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
+            if selected(&state) > 0 {
+                break state;
+            }
+            assert!(begun.elapsed() < PATIENCE, "a stroke selects nothing: {state:?}");
+        };
+        assert!(walked.undo.first().is_some_and(|line| line.contains("stroke")), "{:?}", walked.undo);
+        // It is seen: the highlight is bluer than anything in the scene.
+        view(&bus, "a picture of the selection", |v| v.revision >= walked.revision).await;
+        let begun = Instant::now();
+        loop {
+            let whole = [0, 40, SIZE[0], SIZE[1] - 80];
+            let blue = screen.shot().unwrap().share(whole, |[r, _, b]| i32::from(b) > i32::from(r) + 40);
+            if blue > 1e-4 {
+                break;
+            }
+            assert!(begun.elapsed() < PATIENCE, "no highlight on the screen: {blue}");
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+
+        key("ctrl+z");
+        scene(&bus, "a stroke taken back", |s| selected(s) == 0 || s.revision > walked.revision + 2).await;
+        key("ctrl+shift+z");
+        let back = scene(&bus, "a stroke brought back", |s| selected(s) > 0).await;
+
+        // Another mode: whole Super-Gaussians, and Shift takes away.
+        key("2");
+        screen.act(&["keydown", "shift"]).unwrap();
+        screen.drag(&stroke).unwrap();
+        screen.act(&["keyup", "shift"]).unwrap();
+        let less = |s: &State| selected(s) < selected(&back);
+        scene(&bus, "clusters taken away", less).await;
+        key("ctrl+z");
+        scene(&bus, "they are back", |s| selected(s) == selected(&back)).await;
+
+        // A name from the keyboard; letters that are typed are no shortcuts.
+        key("ctrl+s");
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        screen.act(&["type", "--delay", "40", "left lobe"]).unwrap();
+        key("Return");
+        let saved = scene(&bus, "a saved unit", |s| s.units.iter().any(|u| u.name == "left lobe")).await;
+        assert_eq!(saved.units.len(), 1);
+
+        // Said to the agents.
+        key("Escape");
+        key("Return");
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        screen.act(&["type", "--delay", "40", "make the left lobe red"]).unwrap();
+        key("Return");
+        let red = |s: &State| s.units.iter().any(|u| u.color.is_some_and(|c| c.red > 0.8 && c.blue < 0.3));
+        let told = scene(&bus, "a red unit", red).await;
+
+        // The process dies and comes back; nothing of the scene is lost, and the window is there again.
+        let pid = stack.ps().iter().find(|s| s["name"] == "render-view").and_then(|s| s["pid"].as_i64()).unwrap();
+        kill(Pid::from_raw(pid.try_into().unwrap()), Signal::SIGKILL).unwrap();
+        view(&bus, "the window after it died", |v| {
+            v.display == "window" && v.frames > 0 && v.revision >= told.revision
+        })
+        .await;
+    });
+    let again = screen.window("Super-Gaussian", PATIENCE).unwrap();
+    screen.act(&["windowquit", &again]).unwrap();
+    let ended = stack.ended(PATIENCE);
+    assert_eq!(ended, Some(Some(0)), "closing the window ends the stack\n{}", stack.log());
+    let kept = std::fs::read_to_string(std::path::Path::new(&home).join("supergaussian/window.toml")).unwrap();
+    assert!(kept.contains("radius"), "{kept}");
+}
+
+#[test]
+fn without_a_display_it_is_said_what_to_do() {
+    let env = [("DISPLAY", ":4711"), ("WAYLAND_DISPLAY", "")];
+    let error = Stack::up_of("desktop.toml", &[], &env).map(drop).unwrap_err();
+    assert!(error.contains("no window can be opened") && error.contains("DISPLAY"), "{error}");
+}
