@@ -15,11 +15,13 @@ mod renderer;
 mod sort;
 mod timing;
 mod uniform;
+mod vignette;
 mod work;
 
 pub use device::{Gpu, USEFUL, Wanted};
 pub use present::Present;
 pub use renderer::{Drawn, Options, PassSeconds, Rasterizer, Renderer, Settings};
+pub use vignette::Vignette;
 
 /// What a device did not do.
 #[derive(Debug, thiserror::Error)]

@@ -4,6 +4,7 @@
 //! it); its floor or the eyes are at y = 0.
 
 mod bookmark;
+mod comfort;
 mod eye;
 mod handling;
 mod input;
@@ -11,6 +12,7 @@ mod placement;
 mod pointing;
 
 pub use bookmark::{Bookmark, Bookmarks, MOST_BOOKMARKS};
+pub use comfort::Comfort;
 pub use eye::{Eye, Fov};
 pub use handling::{Handling, MIN_APART, SCALES, Turning};
 pub use input::{HandInput, Side, Switch};

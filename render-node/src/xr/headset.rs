@@ -224,6 +224,18 @@ impl Headset {
         self.state = State::Ended;
     }
 
+    /// Gives runtime and device up and looks for them anew at once, as when the device was lost
+    /// ([`crate::gpu::GpuError::Lost`]): [`Step::Away`] until [`Step::Back`]. While the runtime is away or the session has ended,
+    /// nothing changes.
+    pub fn restart(&mut self, reason: String) {
+        if self.live().is_some() {
+            let lost = XrError::Device { reason };
+            tracing::warn!(reason = %lost, "the headset is opened anew");
+            self.state = State::Away { since: lost, next: Instant::now() };
+            self.last_shown = None;
+        }
+    }
+
     /// Makes one frame: takes in what the runtime tells, waits for the frame's time, has it drawn and hands it in.
     ///
     /// `draw` is called where there is something to see, after the wait. A runtime that goes away on the way is no error but
@@ -302,6 +314,8 @@ fn made<E>(
     let waited = live.waiter.wait().map_err(call)?;
     let begun = Instant::now();
     live.stream.begin().map_err(call)?;
+    // What the device has to say of earlier frames, its own loss above all; nothing is waited for.
+    let _ = live.shared.gpu.device().poll(wgpu::PollType::Poll);
     let time = waited.predicted_display_time;
     let period = waited.predicted_display_period;
     let looking = if waited.should_render { live.look(time).map_err(call)? } else { None };

@@ -3,7 +3,8 @@
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 use sg_render_node::hands::{
-    Bookmarks, HandInput, Handling, MIN_APART, MOST_BOOKMARKS, Origin, Placement, Pose, SCALES, Side, Stance, Turning,
+    Bookmarks, Comfort, HandInput, Handling, MIN_APART, MOST_BOOKMARKS, Origin, Placement, Pose, SCALES, Side, Stance,
+    Turning,
 };
 use sg_scene::model::SceneBox;
 
@@ -230,4 +231,26 @@ fn bookmarks_are_kept_replaced_and_bounded() {
     );
     let stored = serde_json::to_string(&marks).unwrap();
     assert_eq!(serde_json::from_str::<Bookmarks>(&stored).unwrap(), marks);
+}
+
+#[test]
+fn the_vignette_comes_with_motion_around_the_head_and_goes_with_it() {
+    let head = Pose { position: DVec3::new(0.0, 1.6, 0.0), orientation: DQuat::IDENTITY };
+    let mut comfort = Comfort::default();
+    let mut placement = home();
+    let mut strengths = Vec::new();
+    // Turned about the head by 90° in a second, then left alone.
+    for frame in 0..180 {
+        if frame < 90 {
+            placement = placement.turned(head.position, DVec3::Y, 1_f64.to_radians());
+        }
+        strengths.push(comfort.step(&placement, &head, false, 1.0 / 90.0));
+    }
+    assert_eq!(strengths[0], 0.0, "where a scene stands at first it has not moved to");
+    assert!(strengths[89] > 0.9 && strengths[179] == 0.0, "{} {}", strengths[89], strengths[179]);
+    assert!(strengths.windows(2).all(|w| (w[1] - w[0]).abs() <= 1.0 / 90.0 / 0.3 + 1e-12), "it never flashes");
+    // A jump is no motion, and neither is what is no number.
+    comfort.step(&placement.turned(head.position, DVec3::Y, 0.5), &head, true, 1.0 / 90.0);
+    assert_eq!(comfort.step(&Placement { scale: f64::NAN, ..placement }, &head, false, 1.0 / 90.0), 0.0);
+    assert_eq!(comfort.step(&placement, &head, false, f64::NAN), 0.0);
 }

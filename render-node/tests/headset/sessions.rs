@@ -336,3 +336,58 @@ fn inside_a_runtime_that_stays_away_is_given_up() {
     assert!(matches!(error, XrError::Gone { tries: 3, .. }));
     assert_eq!(headset.frame(|_| Ok::<(), XrError>(())).unwrap(), Step::Ended);
 }
+
+#[test]
+fn a_lost_device_is_opened_again_with_its_session() {
+    run_inside("sessions::inside_a_lost_device_is_opened_again_with_its_session");
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_a_lost_device_is_opened_again_with_its_session() {
+    if !is_inside() {
+        return;
+    }
+    let _runtime = Runtime::start(&Display::None);
+    drop(Puppet::connect());
+    let mut headset = Headset::open(Options::default()).unwrap();
+    until(&mut headset, "a frame", |_| true);
+    headset.gpu().unwrap().lose();
+    let begun = Instant::now();
+    let error = loop {
+        assert!(begun.elapsed() < PATIENCE, "nobody notices that the device is lost");
+        let drawn = headset.frame(|frame| -> Result<(), Box<dyn std::error::Error>> {
+            frame.draw_eyes(|_| ())?;
+            frame.gpu().check()?;
+            Ok(())
+        });
+        if let Err(error) = drawn {
+            break error;
+        }
+    };
+    println!("{error}");
+    headset.restart(error.to_string());
+    assert!(headset.away().unwrap().to_string().contains("lost"));
+    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != Step::Back {
+        assert!(begun.elapsed() < PATIENCE, "the headset does not come back");
+    }
+    until(&mut headset, "a frame on the new device", |frame| {
+        frame.draw_eyes(|targets| assert_eq!(targets.len(), 2)).unwrap();
+        frame.gpu().check().unwrap();
+        true
+    });
+    headset.leave();
+}
+
+/// Outside Monado's folder there is usually no headset; what is missing is said, and what to do.
+#[test]
+fn what_is_missing_is_said_in_a_line() {
+    match Headset::open(Options::default()) {
+        Ok(headset) => println!("SKIPPED without a headset: there is {:?}", headset.names()),
+        Err(error) => {
+            println!("{error}");
+            let line = error.to_string();
+            assert!(!line.contains('\n') && (line.contains("use the window") || line.contains("refused")), "{line}");
+        }
+    }
+}

@@ -1,17 +1,24 @@
 //! Pictures put onto a target, against their PNG.
 
-use sg_render_node::gpu::{Gpu, Present};
+use glam::DVec3;
+use sg_render_node::gpu::{Gpu, Present, Vignette};
 use sg_render_node::image::Image;
+use sg_scene::camera::Camera;
 
 use crate::support::device;
 
 /// The bytes of a presented picture, RGBA row by row. Widths must be multiples of 64.
-fn presented(
+fn presented(gpu: &Gpu, image: &Image, format: wgpu::TextureFormat, size: [u32; 2], area: [u32; 4]) -> Vec<u8> {
+    presented_under(gpu, image, format, (size, area), |_, _| ())
+}
+
+/// As [`presented`], with what `over` has drawn over it.
+fn presented_under(
     gpu: &Gpu,
     image: &Image,
     format: wgpu::TextureFormat,
-    [width, height]: [u32; 2],
-    area: [u32; 4],
+    ([width, height], area): ([u32; 2], [u32; 4]),
+    over: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::TextureView),
 ) -> Vec<u8> {
     let target = gpu.device().create_texture(&wgpu::TextureDescriptor {
         label: None,
@@ -34,6 +41,7 @@ fn presented(
     let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let view = target.create_view(&wgpu::TextureViewDescriptor::default());
     present.encode(&mut encoder, &picture, &view, area, wgpu::LoadOp::Clear(wgpu::Color::BLACK));
+    over(&mut encoder, &view);
     let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: None };
     encoder.copy_texture_to_buffer(
         target.as_image_copy(),
@@ -95,4 +103,37 @@ fn an_image_with_fewer_numbers_than_its_size_is_one_black_pixel() {
     let image = Image { width: 8, height: 8, rgba: vec![1.0; 12] };
     let stored = presented(&gpu, &image, wgpu::TextureFormat::Rgba8Unorm, [64, 2], [0, 0, 64, 2]);
     assert!(stored.chunks_exact(4).all(|p| p == [0, 0, 0, 255]));
+}
+
+#[test]
+fn a_vignette_darkens_the_edge_and_leaves_what_is_looked_at() {
+    let Some(gpu) = device() else { return };
+    let image = Image { width: 1, height: 1, rgba: vec![1.0; 4] };
+    // Straight ahead is off the middle, as for eyes in a headset; the picture reaches to 63° on its right.
+    let camera = Camera {
+        cx: 24.0,
+        cy: 32.0,
+        fx: 20.0,
+        fy: 20.0,
+        ..Camera::look_at(DVec3::ZERO, DVec3::Z, DVec3::Y, 90.0, 64, 64)
+    };
+    let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+    let vignette = Vignette::new(&gpu, format);
+    let seen = |strength: f64| {
+        presented_under(&gpu, &image, format, ([64, 64], [0, 0, 64, 64]), |encoder, view| {
+            vignette.encode(encoder, view, &camera, true, strength);
+        })
+    };
+    let pixel = |bytes: &[u8], x: usize| -> [u8; 4] { bytes[4 * (64 * 32 + x)..][..4].try_into().unwrap() };
+    for nothing in [0.0, -1.0, f64::NAN] {
+        assert!(seen(nothing).iter().all(|b| *b == 255));
+    }
+    let (whole, half) = (seen(1.0), seen(0.5));
+    assert_eq!(pixel(&whole, 24), [255; 4], "straight ahead");
+    assert_eq!(pixel(&whole, 30), [255; 4], "17 degrees off");
+    assert_eq!(pixel(&whole, 60), [0, 0, 0, 255], "61 degrees off");
+    // In linear light half is left, which the curve stores as 188.
+    assert!(pixel(&half, 60)[..3].iter().all(|b| b.abs_diff(188) <= 1), "{:?}", pixel(&half, 60));
+    let across: Vec<u8> = (24..64).map(|x| pixel(&whole, x)[0]).collect();
+    assert!(across.is_sorted_by(|a, b| a >= b), "{across:?}");
 }
