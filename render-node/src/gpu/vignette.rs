@@ -82,7 +82,7 @@ impl Vignette {
         right: bool,
         strength: f64,
     ) {
-        if !(strength > 0.0) {
+        if strength <= 0.0 || strength.is_nan() {
             return;
         }
         let (buffer, group) = &self.eyes[usize::from(right)];
