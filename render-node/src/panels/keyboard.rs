@@ -16,7 +16,7 @@ const ROWS: [(&str, &str); 4] = [
 
 impl Panels {
     /// The virtual keyboard: letters go to the field that was pointed at last, in whichever panel it is.
-    pub fn keyboard(&mut self, ui: &mut Ui) {
+    pub(super) fn keyboard(&mut self, ui: &mut Ui) {
         let drawn = theme::frame(ui).show(ui, |ui| {
             ui.set_min_size(ui.available_size());
             self.typed_line(ui);

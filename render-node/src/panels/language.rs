@@ -10,7 +10,7 @@ use crate::display::{Entry, Request, Shown, Turn};
 
 impl Panels {
     /// The conversation, with a field to go on with it. Empty where no agents take part.
-    pub fn language(&mut self, ui: &mut Ui, shown: &Shown) -> Output {
+    pub(super) fn language(&mut self, ui: &mut Ui, shown: &Shown) -> Output {
         let mut asked = Output::default();
         if !shown.offered.agents {
             self.typing.forget(Field::Say);

@@ -26,8 +26,9 @@
 //! ```
 //!
 //! `shown.scene` is the state with the display's draft on it ([`crate::display::Drafts::over`]), so that a control shows what
-//! the hand has made of it. Contexts may be drawn only when something changed: a context asks for another frame itself where
-//! it needs one, and [`Panels::is_typing`] says when the keyboard's panel has to be shown.
+//! the hand has made of it. Panels may be drawn only when something changed: when what is shown or set is new, when something
+//! points at them, when their context asks for another frame, and when [`Panels::wants_drawing`] says so.
+//! [`Panels::is_typing`] says when the keyboard's panel has to be shown.
 //!
 //! A control whose service is not offered ([`Shown::offered`]) is not drawn, and neither is a [`Wish`] that the display has not
 //! said it fulfils.
@@ -190,6 +191,8 @@ pub struct Panels {
     locked: Vec<UnitRef>,
     held: Option<ask::Held>,
     typing: typing::Typing,
+    /// What each panel has been drawn of that, in the order of [`Panel::ALL`].
+    drawn: [u64; Panel::ALL.len()],
     shift: bool,
     renaming: Option<u64>,
     prompt: prompt::Prompt,
@@ -228,9 +231,16 @@ impl Panels {
         self.typing.turn_to(typing::Field::Say);
     }
 
+    /// Whether a panel would look other than it was drawn last, or do something, because of what was done in another one: letters
+    /// that wait for their field, a field that was left for another. What is shown and what is pointed at the display knows.
+    #[must_use]
+    pub fn wants_drawing(&self, panel: Panel) -> bool {
+        self.drawn[panel as usize] != self.typing.version()
+    }
+
     /// Draws a panel into all that is left of a [`Ui`] and says what was asked for.
     pub fn show(&mut self, panel: Panel, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
-        match panel {
+        let asked = match panel {
             Panel::Scene => self.scene_control(ui, shown, tools),
             Panel::Prompt => self.prompt(ui, shown, tools),
             Panel::Language => self.language(ui, shown),
@@ -238,7 +248,9 @@ impl Panels {
                 self.keyboard(ui);
                 Output::default()
             }
-        }
+        };
+        self.drawn[panel as usize] = self.typing.version();
+        asked
     }
 }
 

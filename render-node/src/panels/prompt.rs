@@ -38,7 +38,7 @@ impl Default for Prompt {
 
 impl Panels {
     /// Brush, selection, and the unit that becomes of it.
-    pub fn prompt(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
+    pub(super) fn prompt(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
         let mut asked = Output::default();
         ui.push_id(Panel::Prompt.name(), |ui| {
             scrolling(ui, Panel::Prompt, |ui| self.prompt_sections(ui, shown, tools, &mut asked));

@@ -8,7 +8,7 @@ use crate::display::{Shown, Tools};
 
 impl Panels {
     /// Units, light, viewpoint, history, and what is shown.
-    pub fn scene_control(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
+    pub(super) fn scene_control(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
         let mut asked = Output::default();
         ui.push_id(Panel::Scene.name(), |ui| {
             scrolling(ui, Panel::Scene, |ui| self.scene_sections(ui, shown, tools, &mut asked));

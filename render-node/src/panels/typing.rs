@@ -51,6 +51,7 @@ pub(super) struct Typing {
     keys: Vec<Event>,
     leave: bool,
     wanted: Option<Field>,
+    version: u64,
 }
 
 /// Where a context remembers the place of its virtual keyboard.
@@ -64,6 +65,11 @@ impl Typing {
         self.field
     }
 
+    /// Counts changes of what is typed and where.
+    pub(super) fn version(&self) -> u64 {
+        self.version
+    }
+
     /// What stands in a field.
     pub(super) fn text(&self, field: Field) -> &str {
         &self.texts[field as usize]
@@ -72,11 +78,13 @@ impl Typing {
     /// Puts a text in place.
     pub(super) fn set(&mut self, field: Field, text: impl Into<String>) {
         self.texts[field as usize] = text.into();
+        self.version += 1;
     }
 
     /// Has letters go to a field as soon as it is drawn.
     pub(super) fn turn_to(&mut self, field: Field) {
         self.wanted = Some(field);
+        self.version += 1;
     }
 
     /// A field is not drawn any more.
@@ -84,6 +92,7 @@ impl Typing {
         if self.field == Some(field) {
             self.field = None;
             self.keys.clear();
+            self.version += 1;
         }
         self.wanted.take_if(|f| *f == field);
     }
@@ -95,6 +104,7 @@ impl Typing {
 
     /// A field that takes nothing is not there any more.
     fn add(&mut self, event: Event) {
+        self.version += 1;
         if self.keys.len() < KEYS {
             self.keys.push(event);
         } else if let Some(field) = self.field {
@@ -112,6 +122,7 @@ impl Typing {
     /// Letters go nowhere any more.
     pub(super) fn leave(&mut self) {
         self.leave = self.field.is_some();
+        self.version += 1;
     }
 
     /// Says where in this context the virtual keyboard is: pressing there turns to nothing else.
@@ -123,11 +134,13 @@ impl Typing {
     pub(super) fn edit(&mut self, ui: &mut Ui, field: Field, hint: &str, width: f32, most: usize) -> Typed {
         let id = Id::unique(("text field of the panels", field));
         let mine = self.field == Some(field);
+        let elsewhere = !mine && self.field.is_some();
+        let ousted = elsewhere && ui.memory(|m| m.has_focus(id) && m.had_focus_last_frame(id));
         if self.wanted.take_if(|f| *f == field).is_some() {
             ui.memory_mut(|m| m.request_focus(id));
         } else if mine && std::mem::take(&mut self.leave) {
             ui.memory_mut(|m| m.surrender_focus(id));
-        } else if !mine && self.field.is_some() && ui.memory(|m| m.has_focus(id) && m.had_focus_last_frame(id)) {
+        } else if ousted {
             // Somebody types into a field of another context.
             ui.memory_mut(|m| m.surrender_focus(id));
         }
@@ -143,12 +156,14 @@ impl Typing {
         ui.ctx().accesskit_node_builder(id, |node| node.set_label(field.name()));
         let (entered, given) = ui.input(|i| (i.key_pressed(Key::Enter), i.key_pressed(Key::Escape)));
         ui.input_mut(|i| i.events.truncate(had));
+        self.version += u64::from(response.changed());
         if response.has_focus() {
+            self.version += u64::from(!mine);
             self.field = Some(field);
             return Typed::Going;
         }
         if !mine {
-            return Typed::Going;
+            return if ousted { Typed::Left } else { Typed::Going };
         }
         let place = ui.data(|d| d.get_temp::<Rect>(keyboard_place()));
         let pointed = ui.input(|i| i.pointer.interact_pos());
@@ -158,6 +173,7 @@ impl Typing {
         }
         self.field = None;
         self.keys.clear();
+        self.version += 1;
         match (entered, given) {
             (true, _) => Typed::Entered,
             (_, true) => Typed::GivenUp,

@@ -1,8 +1,8 @@
 //! Letters: the virtual keyboard, the field that they go to, and what is said to the agents.
 
 use egui_kittest::kittest::Queryable;
-use sg_proto::scene::SaveUnit;
 use sg_proto::scene::command::Action;
+use sg_proto::scene::{RenameUnit, SaveUnit};
 use sg_render_node::display::{Offered, Request};
 use sg_render_node::panels::Panel;
 
@@ -34,11 +34,15 @@ fn the_keyboard_types_into_another_context() {
     press(&mut field, "name of the new unit");
     // One set of panels, drawn by turns in two contexts, as a headset does.
     let mut type_one = |field: &mut egui_kittest::Harness<'_, Stage>, key: &str| {
+        assert!(field.state().panels.wants_drawing(Panel::Keyboard), "it shows what was typed");
         std::mem::swap(&mut field.state_mut().panels, &mut keys.state_mut().panels);
         keys.run();
+        assert!(!keys.state().panels.wants_drawing(Panel::Keyboard));
         press(&mut keys, key);
         std::mem::swap(&mut field.state_mut().panels, &mut keys.state_mut().panels);
+        assert!(field.state().panels.wants_drawing(Panel::Prompt), "a letter waits for it");
         field.run();
+        assert!(!field.state().panels.wants_drawing(Panel::Prompt));
     };
     for key in ["n", "e", "w"] {
         type_one(&mut field, key);
@@ -52,6 +56,25 @@ fn the_keyboard_types_into_another_context() {
     type_one(&mut field, "done");
     assert!(!field.state().panels.is_typing());
     assert_eq!(changes(&field.state().asked).len(), 1);
+}
+
+#[test]
+fn a_field_that_is_left_for_one_of_another_panel_is_done() {
+    let mut scene = harness(Stage::new(Panel::Scene));
+    let mut language = harness(Stage::new(Panel::Language));
+    press(&mut scene, "sac");
+    press(&mut scene, "rename");
+    scene.get_by_label("new name").type_text(" 7");
+    scene.run();
+    scene.state_mut().asked.clear();
+    std::mem::swap(&mut scene.state_mut().panels, &mut language.state_mut().panels);
+    press(&mut language, "say");
+    std::mem::swap(&mut scene.state_mut().panels, &mut language.state_mut().panels);
+    assert!(scene.state().panels.wants_drawing(Panel::Scene));
+    scene.run();
+    let renamed = Action::RenameUnit(RenameUnit { name: "sac".to_owned(), new_name: "sac 7".to_owned() });
+    assert_eq!(changes(&scene.state().asked), [renamed]);
+    assert!(scene.state().panels.is_typing(), "into the other field");
 }
 
 #[test]
