@@ -16,8 +16,20 @@ pub(super) fn scale(ui: &Ui) -> f32 {
 
 /// A part of a panel that can be folded away.
 pub(super) fn section<R>(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui) -> R) -> Option<R> {
+    section_that(ui, title, open, false, content)
+}
+
+/// As [`section`]; `opens` unfolds it.
+pub(super) fn section_that<R>(
+    ui: &mut Ui,
+    title: &str,
+    open: bool,
+    opens: bool,
+    content: impl FnOnce(&mut Ui) -> R,
+) -> Option<R> {
     ui.add(Separator::default().spacing(1.0));
     let header = CollapsingHeader::new(RichText::new(title).strong()).id_salt(title).default_open(open);
+    let header = header.open(opens.then_some(true));
     header.show_unindented(ui, content).body_returned
 }
 

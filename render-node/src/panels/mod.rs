@@ -62,6 +62,9 @@ use crate::display::{Request, Shown, Tools};
 
 pub use legend::legend;
 
+/// The narrowest dock that everything in it has room in, points, to be multiplied by [`Tools::scale`].
+pub const NARROWEST: f32 = 310.0;
+
 /// One of the panels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Panel {
@@ -90,8 +93,8 @@ impl Panel {
         }
     }
 
-    /// Its size in points where it stands by itself in front of a person, to be multiplied by [`Tools::scale`]. Everything has
-    /// room in its width, so that a window gives it no less; what does not fit its height scrolls.
+    /// Its size in points where it stands by itself in front of a person, to be multiplied by [`Tools::scale`]. What does not
+    /// fit its height scrolls.
     #[must_use]
     pub fn size(self) -> Vec2 {
         match self {

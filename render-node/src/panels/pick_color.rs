@@ -25,7 +25,8 @@ pub(super) fn color_button(ui: &mut Ui, name: &str, color: Option<Vec3>, own: Op
     let mut picked = None;
     let popup = Popup::menu(&button).style(StyleModifier::default());
     popup.close_behavior(PopupCloseBehavior::CloseOnClickOutside).show(|ui| {
-        ui.set_width(300.0 * scale(ui));
+        let room = ui.ctx().content_rect().width() - 3.0 * ui.spacing().interact_size.x;
+        ui.set_width((300.0 * scale(ui)).min(room));
         picked = choose(ui, button.id, color, own);
     });
     picked

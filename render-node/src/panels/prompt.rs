@@ -11,7 +11,7 @@ use sg_proto::scene::{
 use sg_proto::selection::StrokesRequest;
 use sg_scene::edit::UnitRef;
 
-use super::control::{Number, button_width, by_number, count, fine_percent, percent, section};
+use super::control::{Number, button_width, by_number, count, fine_percent, percent, section, section_that};
 use super::pick_color::{Picked, color_button};
 use super::typing::{Field, Typed};
 use super::{Output, Panel, Panels, scrolling, theme};
@@ -63,7 +63,8 @@ impl Panels {
             }
         });
         if shown.offered.scene {
-            section(ui, "Save as a unit", true, |ui| self.save(ui, shown, asked));
+            let opens = self.typing.wants(Field::SaveName);
+            section_that(ui, "Save as a unit", true, opens, |ui| self.save(ui, shown, asked));
         } else {
             self.typing.forget(Field::SaveName);
         }

@@ -87,6 +87,11 @@ impl Typing {
         self.version += 1;
     }
 
+    /// Whether letters go to a field as soon as it is drawn.
+    pub(super) fn wants(&self, field: Field) -> bool {
+        self.wanted == Some(field)
+    }
+
     /// A field is not drawn any more.
     pub(super) fn forget(&mut self, field: Field) {
         if self.field == Some(field) {
@@ -136,7 +141,8 @@ impl Typing {
         let mine = self.field == Some(field);
         let elsewhere = !mine && self.field.is_some();
         let ousted = elsewhere && ui.memory(|m| m.has_focus(id) && m.had_focus_last_frame(id));
-        if self.wanted.take_if(|f| *f == field).is_some() {
+        let wanted = self.wanted.take_if(|f| *f == field).is_some();
+        if wanted {
             ui.memory_mut(|m| m.request_focus(id));
         } else if mine && std::mem::take(&mut self.leave) {
             ui.memory_mut(|m| m.surrender_focus(id));
@@ -156,6 +162,9 @@ impl Typing {
         ui.ctx().accesskit_node_builder(id, |node| node.set_label(field.name()));
         let (entered, given) = ui.input(|i| (i.key_pressed(Key::Enter), i.key_pressed(Key::Escape)));
         ui.input_mut(|i| i.events.truncate(had));
+        if wanted {
+            response.scroll_to_me(None);
+        }
         self.version += u64::from(response.changed());
         if response.has_focus() {
             self.version += u64::from(!mine);

@@ -108,9 +108,12 @@ impl Panels {
             ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, asked));
         }
         // What is to the right of the name: a slider, its number, the lock.
-        let (slider, number) = (96.0 * scale, 54.0 * scale);
-        let rest = if shown.offered.scene { slider + number + side + 3.0 * gap } else { 0.0 };
-        let size = vec2((ui.available_width() - rest).max(60.0 * scale), side);
+        // In a narrow dock the slider gives way before the name does.
+        let number = 54.0 * scale;
+        let room = ui.available_width() - number - side - 3.0 * gap;
+        let slider = (room - 110.0 * scale).clamp(36.0 * scale, 96.0 * scale);
+        let name_width = if shown.offered.scene { room - slider } else { ui.available_width() };
+        let size = vec2(name_width.max(40.0 * scale), side);
         let text = if row.visible { RichText::new(name) } else { RichText::new(name).weak() };
         let button = Button::new(text).selected(chosen).truncate().min_size(size).frame_when_inactive(chosen);
         let shape = egui::Layout::left_to_right(Align::Center).with_main_justify(true).with_main_align(Align::Min);

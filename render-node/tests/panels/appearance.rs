@@ -11,7 +11,7 @@ use sg_proto::scene::{LightMode, SetLight};
 use sg_render_node::attributes::{Attribute, Legend};
 use sg_render_node::color_map::ColorMap;
 use sg_render_node::display::{Conversation, Entry, Showing, Tools};
-use sg_render_node::panels::{Panel, Wish, theme};
+use sg_render_node::panels::{NARROWEST, Panel, Place, Wish, theme};
 
 use crate::picture::{Canvas, Picture};
 use crate::stage::{Stage, after, harness, press, save, scene, select};
@@ -82,8 +82,9 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
 }
 
 /// Scene control with every part open and a colour being chosen.
-fn all_open(light: bool, scale: f32) -> Harness<'static, Stage> {
+fn all_open(light: bool, scale: f32, width: f32) -> Harness<'static, Stage> {
     let mut stage = Stage::new(Panel::Scene);
+    stage.width = Some(width);
     stage.tools.light_panels = light;
     stage.tools.scale = scale;
     stage.tools.showing = Showing::Attribute(Attribute::Scale);
@@ -93,7 +94,7 @@ fn all_open(light: bool, scale: f32) -> Harness<'static, Stage> {
     stage.shown.scene = Arc::new(stage.shown.scene.after(&scene(), Action::SetLight(lit)).unwrap());
     stage.height = Some(1900.0);
     let mut harness = harness(stage);
-    harness.set_size(egui::vec2(Panel::Scene.size().x * scale, 1900.0));
+    harness.set_size(egui::vec2(width, 1900.0));
     for part in
         ["What is shown", "Light and background", "Viewpoint", "History", "This display", "sac", "colour of sac"]
     {
@@ -105,15 +106,18 @@ fn all_open(light: bool, scale: f32) -> Harness<'static, Stage> {
 #[test]
 fn every_part_of_scene_control_has_room_at_every_size() {
     let canvas = Canvas::open();
-    for (light, scale) in [(false, 1.0), (true, 1.0), (false, 1.5)] {
-        let harness = all_open(light, scale);
+    let wide = Panel::Scene.size().x;
+    for (light, scale, width) in
+        [(false, 1.0, wide), (true, 1.0, wide), (false, 1.5, 1.5 * wide), (false, 1.0, NARROWEST)]
+    {
+        let harness = all_open(light, scale, width);
         assert_eq!(cut_text(&harness), Vec::<String>::new(), "×{scale}");
         assert_eq!(beyond(&harness), Vec::<String>::new(), "×{scale}");
         if let Some(canvas) = &canvas {
             let picture = canvas.draw(&harness);
             assert_eq!(faint_text(&harness, &picture), Vec::<String>::new(), "light {light}");
             if let Some(folder) = std::env::var_os("PANEL_PICTURES") {
-                picture.write(&Path::new(&folder).join(format!("all-open-{light}-{scale}.png")));
+                picture.write(&Path::new(&folder).join(format!("all-open-{light}-{scale}-{width}.png")));
             }
         }
     }
@@ -203,6 +207,28 @@ fn the_longest_names_and_words_have_room() {
         assert_eq!(beyond(&harness), Vec::<String>::new(), "{panel:?}");
         if let (Some(canvas), Some(folder)) = (Canvas::open(), std::env::var_os("PANEL_PICTURES")) {
             canvas.draw(&harness).write(&Path::new(&folder).join(format!("long-{}.png", panel.name())));
+        }
+    }
+}
+
+#[test]
+fn a_narrow_dock_has_room_for_everything() {
+    for panel in [Panel::Scene, Panel::Prompt, Panel::Language] {
+        let mut stage = Stage::new(panel);
+        stage.panels.place = Place::Window;
+        (stage.width, stage.height) = (Some(NARROWEST), Some(1000.0));
+        let mut harness = harness(stage);
+        harness.set_size(egui::vec2(NARROWEST, 1000.0));
+        harness.run();
+        match panel {
+            Panel::Scene => press(&mut harness, "sac"),
+            Panel::Prompt => press(&mut harness, "name of the new unit"),
+            _ => {}
+        }
+        assert_eq!(cut_text(&harness), Vec::<String>::new(), "{panel:?}");
+        assert_eq!(beyond(&harness), Vec::<String>::new(), "{panel:?}");
+        if let (Some(canvas), Some(folder)) = (Canvas::open(), std::env::var_os("PANEL_PICTURES")) {
+            canvas.draw(&harness).write(&Path::new(&folder).join(format!("narrow-{}.png", panel.name())));
         }
     }
 }

@@ -118,6 +118,20 @@ fn a_selection_is_saved_under_a_free_name() {
 }
 
 #[test]
+fn the_field_for_the_name_is_found_though_it_was_folded_away() {
+    let mut panel = prompt();
+    press(&mut panel, "Save as a unit");
+    assert!(panel.query_by_label("name of the new unit").is_none());
+    panel.state_mut().panels.name_selection();
+    panel.run();
+    panel.run();
+    panel.get_by_label("name of the new unit").type_text("dome");
+    panel.key_press(egui::Key::Enter);
+    panel.run();
+    assert_eq!(changes(&panel.state().asked).len(), 1);
+}
+
+#[test]
 fn a_unit_is_replaced_only_when_that_was_said_twice() {
     let mut panel = prompt();
     press(&mut panel, "name of the new unit");

@@ -109,6 +109,8 @@ pub(crate) struct Stage {
     pub(crate) show: Vec<Panel>,
     /// Height of its panels, where that is not their own.
     pub(crate) height: Option<f32>,
+    /// Width of its panels, where that is not their own.
+    pub(crate) width: Option<f32>,
     /// Whether the legend and the notices are shown too.
     pub(crate) beside: bool,
     pub(crate) pixels_per_point: f32,
@@ -135,6 +137,7 @@ impl Stage {
             asked: Vec::new(),
             show: vec![panel],
             height: None,
+            width: None,
             beside: false,
             pixels_per_point: 1.0,
             textures: Textures::default(),
@@ -148,6 +151,7 @@ impl Stage {
         for panel in self.show.clone() {
             let mut size = panel.size() * self.tools.scale;
             size.y = self.height.unwrap_or(size.y);
+            size.x = self.width.unwrap_or(size.x);
             let mut child = ui.new_child(egui::UiBuilder::new().max_rect(egui::Rect::from_min_size(left, size)));
             child.reset_style();
             let asked = self.panels.show(panel, &mut child, &self.shown, &mut self.tools);
