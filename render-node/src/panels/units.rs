@@ -108,10 +108,11 @@ impl Panels {
             ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, asked));
         }
         // What is to the right of the name: a slider, its number, the lock.
-        // In a narrow dock the slider gives way before the name does.
+        // In a narrow dock the slider gives way to the name; the chosen unit has another.
         let number = 54.0 * scale;
         let room = ui.available_width() - number - side - 3.0 * gap;
-        let slider = (room - 110.0 * scale).clamp(36.0 * scale, 96.0 * scale);
+        let slider = (room - 100.0 * scale).min(96.0 * scale);
+        let slider = if slider < 36.0 * scale { 0.0 } else { slider };
         let name_width = if shown.offered.scene { room - slider } else { ui.available_width() };
         let size = vec2(name_width.max(40.0 * scale), side);
         let text = if row.visible { RichText::new(name) } else { RichText::new(name).weak() };
@@ -129,7 +130,7 @@ impl Panels {
         ui.add_enabled_ui(free, |ui| {
             let mut opacity = f64::from(row.opacity);
             let what = format!("opacity of {name}");
-            if bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
+            if slider > 0.0 && bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
                 self.hold(Panel::Scene, ask::set_opacity(name, opacity as f32));
             }
             cell(ui, number, Align::Max, RichText::new(percent(opacity)).weak());
