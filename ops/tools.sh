@@ -28,5 +28,9 @@ export SUPERGAUSSIAN_PYTHON=${SUPERGAUSSIAN_PYTHON:-$python_dir/bin/python}
 # names another folder with the same program `run` in it.
 monado_dir=$cache_dir/monado
 monado_suite=trixie
-monado_packages=(monado-service libopenxr1-monado libopenxr-loader1 libvulkan1 mesa-vulkan-drivers)
+monado_packages=(
+    monado-service libopenxr1-monado libopenxr-loader1 libvulkan1 mesa-vulkan-drivers
+    # What a window beside the headset is opened with.
+    libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0 libxrandr2
+)
 export SUPERGAUSSIAN_MONADO=${SUPERGAUSSIAN_MONADO:-$monado_dir}

@@ -28,6 +28,8 @@ pub(super) type Opened = (xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStr
 /// The device, and the raw handles that a session is made with.
 pub(super) struct Shared {
     pub(super) gpu: Gpu,
+    /// Where the device comes from.
+    pub(super) made_of: (wgpu::Instance, wgpu::Adapter),
     instance: u64,
     physical: u64,
     device: u64,
@@ -145,10 +147,10 @@ impl Shared {
         }
         .map_err(|e| refused("Vulkan device", e))?;
         // SAFETY: the three were made from one another, in this order, by wgpu's own layer.
-        let (device, queue) = unsafe {
+        let (opened, made_of) = unsafe {
             let instance = wgpu::Instance::from_hal::<Vulkan>(hal_instance);
             let adapter = instance.create_adapter_from_hal::<Vulkan>(exposed);
-            adapter.create_device_from_hal::<Vulkan>(
+            let opened = adapter.create_device_from_hal::<Vulkan>(
                 open,
                 &wgpu::DeviceDescriptor {
                     label: Some("supergaussian, headset"),
@@ -156,11 +158,12 @@ impl Shared {
                     required_limits: limits,
                     ..wgpu::DeviceDescriptor::default()
                 },
-            )
-        }
-        .map_err(|e| refused("graphics device", e))?;
+            );
+            (opened, (instance, adapter))
+        };
+        let (device, queue) = opened.map_err(|e| refused("graphics device", e))?;
         let gpu = Gpu::of_device(device, queue, info);
-        Ok(Self { gpu, instance: raw_instance, physical, device: raw_device })
+        Ok(Self { gpu, made_of, instance: raw_instance, physical, device: raw_device })
     }
 
     /// A session on this device.

@@ -120,6 +120,13 @@ impl Headset {
         self.live().map(|l| &l.shared.gpu)
     }
 
+    /// Where the device comes from: a window whose surface this instance made, and which suits this adapter, can show on the
+    /// same device what the headset does. `None` while the runtime is away.
+    #[must_use]
+    pub fn made_of(&self) -> Option<(&wgpu::Instance, &wgpu::Adapter)> {
+        self.live().map(|l| (&l.shared.made_of.0, &l.shared.made_of.1))
+    }
+
     /// Format of what eyes and panels are drawn to, one that stores by the sRGB curve: what [`crate::gpu::Present`] and
     /// egui's renderer are made for. `None` while the runtime is away.
     #[must_use]

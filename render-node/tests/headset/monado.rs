@@ -36,6 +36,11 @@ fn folder() -> Option<PathBuf> {
 /// Runs the ignored test `name` of this program within Monado's folder. One at a time on this machine: the runtime's
 /// scripted devices listen on a port.
 pub(crate) fn run_inside(name: &str) {
+    run_inside_beside(name, None);
+}
+
+/// As [`run_inside`], with a screen that the test can open windows on.
+pub(crate) fn run_inside_beside(name: &str, screen: Option<&Screen>) {
     let Some(folder) = folder() else { return };
     let lock = File::create(std::env::temp_dir().join("supergaussian-monado.lock"));
     // Somebody else's file can be locked all the same.
@@ -48,6 +53,7 @@ pub(crate) fn run_inside(name: &str) {
         .args(["--exact", name, "--ignored", "--nocapture"])
         .env(INSIDE, "1")
         .env("XDG_RUNTIME_DIR", room.path())
+        .env("DISPLAY", screen.map_or_else(String::new, |s| format!(":{}", s.number)))
         .stdin(Stdio::null())
         .status()
         .unwrap();
@@ -167,6 +173,11 @@ impl Screen {
     pub(crate) fn picture(&self) -> (u32, u32, Vec<u8>) {
         xwd(&self.folder.path().join("Xvfb_screen0"))
     }
+}
+
+/// Whether there is a runtime to test with; said loudly where there is none.
+pub(crate) fn is_there() -> bool {
+    folder().is_some()
 }
 
 /// Reads an X window dump of 32-bit pixels, blue first.

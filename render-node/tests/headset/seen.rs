@@ -13,7 +13,10 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Light;
 use sg_scene::load::{LoadOptions, load};
 
-use crate::monado::{Display, Puppet, Runtime, Screen, is_inside, run_inside};
+use winit::event_loop::EventLoop;
+use winit::platform::x11::EventLoopBuilderExtX11;
+
+use crate::monado::{Display, Puppet, Runtime, Screen, is_inside, is_there, run_inside, run_inside_beside};
 
 /// Of the screen, and so of the committed picture. The runtime fills it with both eyes.
 const SIZE: [u32; 2] = [960, 540];
@@ -109,6 +112,86 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
         write(&committed, &rgb);
     }
     compare(&committed, &rgb);
+}
+
+/// A window shows on the headset's own device what the headset does.
+#[test]
+fn a_window_mirrors_the_headset() {
+    if !is_there() {
+        return;
+    }
+    let screen = Screen::start([320, 240]);
+    run_inside_beside("seen::inside_a_window_mirrors_the_headset", Some(&screen));
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+#[allow(deprecated, reason = "a window without a loop of its own is all that is needed here")]
+fn inside_a_window_mirrors_the_headset() {
+    if !is_inside() {
+        return;
+    }
+    let _runtime = Runtime::start(&Display::None);
+    let _puppet = Puppet::connect();
+    let mut headset = Headset::open(Options::default()).unwrap();
+    let gpu = headset.gpu().unwrap().clone();
+    let events = EventLoop::builder().with_any_thread(true).build().unwrap();
+    let size = winit::dpi::PhysicalSize::new(320, 240);
+    let window = events.create_window(winit::window::Window::default_attributes().with_inner_size(size)).unwrap();
+    let (instance, adapter) = headset.made_of().unwrap();
+    let surface = instance.create_surface(std::sync::Arc::new(window)).unwrap();
+    let mut config = surface.get_default_config(adapter, 320, 240).unwrap();
+    config.usage |= wgpu::TextureUsages::COPY_SRC;
+    surface.configure(gpu.device(), &config);
+    let present = Present::new(&gpu, headset.format().unwrap());
+    let mirror = Present::new(&gpu, config.format);
+    let mut upload = Present::new(&gpu, config.format);
+    let picture = upload.upload(&sg_render_node::image::Image { width: 1, height: 1, rgba: vec![0.2, 0.4, 0.6, 1.0] });
+    let clear = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
+    let mut shown = None;
+    let begun = Instant::now();
+    while shown.is_none() {
+        assert!(begun.elapsed().as_secs() < 20, "nothing to mirror");
+        let step = headset.frame(|frame| {
+            let [width, height] = frame.size();
+            frame.draw_eyes(|targets| {
+                let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                for target in targets {
+                    present.encode(&mut encoder, &picture, target, [0, 0, width, height], clear);
+                }
+                gpu.queue().submit([encoder.finish()]);
+            })?;
+            let wgpu::CurrentSurfaceTexture::Success(image) = surface.get_current_texture() else { return Ok(()) };
+            let view = image.texture.create_view(&wgpu::TextureViewDescriptor::default());
+            let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            mirror.encode(&mut encoder, &picture, &view, [0, 0, config.width, config.height], clear);
+            let read = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: 256,
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            encoder.copy_texture_to_buffer(
+                image.texture.as_image_copy(),
+                wgpu::TexelCopyBufferInfo { buffer: &read, layout: wgpu::TexelCopyBufferLayout::default() },
+                wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+            );
+            gpu.queue().submit([encoder.finish()]);
+            read.map_async(wgpu::MapMode::Read, .., Result::unwrap);
+            gpu.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
+            let pixel: [u8; 4] = read.get_mapped_range(..).unwrap()[..4].try_into().unwrap();
+            gpu.queue().present(image);
+            shown = Some(pixel);
+            Ok::<(), XrError>(())
+        });
+        if step.unwrap() != Step::Shown {
+            std::thread::sleep(PAUSE);
+        }
+    }
+    let pixel = shown.unwrap();
+    println!("{:?}: {pixel:?}", config.format);
+    assert!(pixel == [51, 102, 153, 255] || pixel == [153, 102, 51, 255], "{pixel:?}");
+    gpu.check().unwrap();
 }
 
 fn write(path: &Path, rgb: &[u8]) {
