@@ -81,6 +81,12 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let scene = tokio::task::block_in_place(|| read_known(&path, &geometry.hash))
         .map_err(|e| StartError::Input(e.to_string()))?;
     let gaussians = scene.len() as u64;
+    if params.display != Display::None {
+        if host.role() != role::RENDER_VIEW {
+            return Err(StartError::Input(format!("`display` is for the role `{}` alone", role::RENDER_VIEW)));
+        }
+        return display::open(&host, scene, following::follow(feed, state), &params).await;
+    }
     let (backend, rasterizer) = (params.backend, params.rasterizer);
     let mut engine = tokio::task::block_in_place(|| Engine::new(scene, backend, rasterizer))
         .map_err(|e| StartError::Failed(e.to_string()))?;
@@ -103,13 +109,6 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     };
     let display = params.display.name().to_owned();
     let told = proto::State { gaussians, engine: engine.name(), display, ..proto::State::default() };
-    if params.display == Display::Window {
-        if host.role() != role::RENDER_VIEW {
-            return Err(StartError::Input(format!("`display` is for the role `{}` alone", role::RENDER_VIEW)));
-        }
-        let owned = host.bus().own(row, told.clone()).await?;
-        return display::open(&host, engine, state, (owned, told), &params).await;
-    }
     let painter = Painter {
         bus: host.bus().clone(),
         blobs: host.blobs().clone(),

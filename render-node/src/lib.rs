@@ -27,6 +27,8 @@ mod project;
 mod raster;
 pub mod render;
 pub mod report;
+#[cfg(feature = "xr")]
+pub mod room;
 pub mod shading;
 mod standard;
 pub mod structure;

@@ -145,8 +145,8 @@ fn a_person_brushes_names_speaks_and_closes() {
         })
         .await;
     });
-    let again = screen.window("Super-Gaussian", PATIENCE).unwrap();
-    screen.act(&["windowquit", &again]).unwrap();
+    screen.window("Super-Gaussian", PATIENCE).unwrap();
+    key("ctrl+q");
     let ended = stack.ended(PATIENCE);
     assert_eq!(ended, Some(Some(0)), "closing the window ends the stack\n{}", stack.log());
     let kept = std::fs::read_to_string(std::path::Path::new(&home).join("supergaussian/window.toml")).unwrap();
@@ -158,4 +158,24 @@ fn without_a_display_it_is_said_what_to_do() {
     let env = [("DISPLAY", ":4711"), ("WAYLAND_DISPLAY", "")];
     let error = Stack::up_of("desktop.toml", &[], &env).map(drop).unwrap_err();
     assert!(error.contains("no window can be opened") && error.contains("DISPLAY"), "{error}");
+}
+
+#[test]
+fn a_headset_that_is_not_there_is_a_window_that_says_why() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path().display().to_string();
+    // Whatever this machine has of OpenXR: this runtime does not exist.
+    let runtime = format!("{home}/no-runtime.json");
+    let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", &home), ("XR_RUNTIME_JSON", &runtime)];
+    let stack = Stack::up_of("vr.toml", &[], &env).unwrap();
+    screen.window("Super-Gaussian", PATIENCE).unwrap();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let bus = stack.join(role::CLI).await.unwrap();
+        view(&bus, "a picture in the window", |v| v.display == "window" && v.frames > 0).await;
+    });
+    let logs = std::fs::read_dir(stack.session_folder().join("logs")).unwrap();
+    let said: String = logs.flatten().filter_map(|f| std::fs::read_to_string(f.path()).ok()).collect();
+    assert!(said.contains("the window takes the headset's place") && said.contains("OpenXR"), "{said}");
 }

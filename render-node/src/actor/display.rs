@@ -1,94 +1,172 @@
 //! A view that a person sits before: the display's loop on a thread of its own, and everything that answers it beside.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use sg_proto::keys;
 use sg_proto::render::State;
 use sg_render_node::backend::Engine;
-use sg_render_node::display::{Seat, Service, Shown};
+use sg_render_node::display::{News, Seat, Service, Shown, Tools};
 use sg_render_node::window::{self, Memory, Setup};
 use sg_runtime::bus::Owned;
 use sg_runtime::context::Context;
 use sg_runtime::process::{Host, StartError};
+use sg_scene::model::Scene;
 use tokio::sync::{oneshot, watch};
 
 use super::following::Followed;
-use super::params::Params;
+use super::params::{Display, Params};
 use super::{errands, news};
 
 /// How long a window may take to open: a software device compiles its shaders.
 const OPENS: Duration = Duration::from_secs(60);
 
+/// How long a display may take to close.
+const CLOSES: Duration = Duration::from_secs(2);
+
 /// How often the state of the display is told.
 const TELLS: Duration = Duration::from_secs(1);
 
-/// Opens a window over the scene and serves it until it is closed, which ends the process.
+/// Opens a headset or a window over the scene and serves it until it is closed, which ends the process.
 ///
 /// # Errors
-/// Where no window can be opened on this machine, or the bus cannot be used.
+/// Where nothing can be opened on this machine, or the bus cannot be used.
 pub(super) async fn open(
     host: &Host,
-    engine: Engine,
+    scene: Scene,
     state: watch::Receiver<Followed>,
-    (owned, told): (Owned<State>, State),
     params: &Params,
 ) -> Result<(), StartError> {
-    let scene = Arc::new(engine.scene().clone());
     let first = Shown::of(Arc::clone(&state.borrow().state));
-    let title = format!("Super-Gaussian: {}", first.scene.geometry().path);
+    let told = State { gaussians: scene.len() as u64, display: params.display.name().to_owned(), ..State::default() };
+    let owned = host.bus().own(&keys::VIEW_STATE, told.clone()).await?;
     let (seat, service) = Seat::new(first);
+    let Service { news, requests } = service;
     let (there, is_there) = oneshot::channel();
+    let (ended, thread) =
+        run(host.clone(), Before { scene: Arc::new(scene), seat, params: params.clone(), there }, &news)?;
+    let display = tokio::select! {
+        opened = is_there => match opened {
+            Ok(display) => display,
+            Err(_) => return Err(why(ended.await)),
+        },
+        () = tokio::time::sleep(OPENS) => {
+            return Err(StartError::Failed(format!("nothing was there to look at within {} s", OPENS.as_secs())));
+        }
+    };
+    let told = State { display: display.name().to_owned(), ..told };
+    news::follow(host, state, &news).await?;
+    errands::run(host.bus().clone(), requests, news.clone())
+        .map_err(|e| StartError::Failed(format!("no thread for what is asked for: {e}")))?;
+    tokio::spawn(tell(owned, told, Ending { news, thread }));
+    Ok(())
+}
+
+/// What a display's thread begins with.
+struct Before {
+    scene: Arc<Scene>,
+    seat: Seat,
+    params: Params,
+    /// Who waits for what was opened.
+    there: oneshot::Sender<Display>,
+}
+
+/// Starts the display's thread; what it said at its end.
+fn run(
+    host: Host,
+    before: Before,
+    news: &News,
+) -> Result<(oneshot::Receiver<Option<String>>, JoinHandle<()>), StartError> {
+    let (ending, ended) = oneshot::channel();
+    let news = news.clone();
+    let body = move || {
+        let outcome = see(before, &news).err();
+        match &outcome {
+            Some(error) => tracing::error!("{error}"),
+            None => tracing::info!("the display was closed"),
+        }
+        // Nobody listens once it has opened.
+        let _ = ending.send(outcome);
+        host.stop();
+    };
+    let thread = std::thread::Builder::new().name("display".to_owned()).spawn(body);
+    let thread = thread.map_err(|e| StartError::Failed(format!("no thread for the display: {e}")))?;
+    Ok((ended, thread))
+}
+
+/// Serves the headset, or the window where that was asked for or there is none.
+fn see(before: Before, news: &News) -> Result<(), String> {
+    if before.params.display == Display::Headset {
+        match headset(before) {
+            Ok(outcome) => outcome,
+            Err((before, why)) => {
+                tracing::warn!("the window takes the headset's place: {why}");
+                news.notice(why, false);
+                window(before)
+            }
+        }
+    } else {
+        window(before)
+    }
+}
+
+/// Serves a headset; what was to be shown, and why, where there is none.
+#[cfg(feature = "xr")]
+fn headset(before: Before) -> Result<Result<(), String>, (Before, String)> {
+    use sg_render_node::hands::Stance;
+    use sg_render_node::room::{Room, Setup};
+    use sg_render_node::xr::{Headset, Options};
+
+    let Params { resolution, seated, left_handed, quality, .. } = before.params;
+    let stance = if seated { Stance::Seated } else { Stance::Standing };
+    let mut headset = match Headset::open(Options { resolution, stance, ..Options::default() }) {
+        Ok(headset) => headset,
+        Err(error) => return Err((before, error.to_string())),
+    };
+    let Before { scene, mut seat, params, there } = before;
+    let opened = PathBuf::from(&seat.newest().scene.geometry().path);
+    let tools = Tools { seated, left_handed, quality, ..tools(&params) };
+    let room = Room::new(Setup { scene, seat, tools, opened }, &headset);
+    // Nobody waits any more once that was given up.
+    let _ = there.send(Display::Headset);
+    Ok(room.serve(&mut headset).map_err(|e| e.to_string()))
+}
+
+/// This executable was built without OpenXR.
+#[cfg(not(feature = "xr"))]
+fn headset(before: Before) -> Result<Result<(), String>, (Before, String)> {
+    Err((before, "this executable was built without the feature `xr`".to_owned()))
+}
+
+fn window(before: Before) -> Result<(), String> {
+    let Before { scene, mut seat, params, there } = before;
+    let title = format!("Super-Gaussian: {}", seat.newest().scene.geometry().path);
+    let engine = Engine::new(Scene::clone(&scene), params.backend, params.rasterizer).map_err(|e| e.to_string())?;
     let setup = Setup {
         scene,
         engine,
         seat,
         title,
+        tools: tools(&params),
         memory: Memory::place(),
-        pictures: params.pictures.clone().unwrap_or_else(pictures),
+        pictures: params.pictures.unwrap_or_else(pictures),
         opened: Box::new(move || {
-            // Nobody waits any more once that was given up.
-            let _ = there.send(());
+            let _ = there.send(Display::Window);
         }),
     };
-    let ended = run(host.clone(), setup)?;
-    tokio::select! {
-        opened = is_there => if opened.is_err() {
-            return Err(why(ended.await));
-        },
-        () = tokio::time::sleep(OPENS) => {
-            return Err(StartError::Failed(format!("no window was there within {} s", OPENS.as_secs())));
-        }
-    }
-    let Service { shown, requests, pace } = service;
-    let shown = Arc::new(Mutex::new(shown));
-    news::follow(host, state, &shown).await?;
-    tokio::spawn(errands::run(host.bus().clone(), requests, shown));
-    tokio::spawn(tell(owned, told, pace));
-    Ok(())
+    window::run(setup).map_err(|e| e.to_string())
 }
 
-/// Starts the display's thread; what it said at its end.
-fn run(host: Host, setup: Setup) -> Result<oneshot::Receiver<Option<String>>, StartError> {
-    let (ending, ended) = oneshot::channel();
-    let body = move || {
-        let outcome = window::run(setup).err().map(|e| e.to_string());
-        match &outcome {
-            Some(error) => tracing::error!("{error}"),
-            None => tracing::info!("the window was closed"),
-        }
-        // Nobody listens once the window has opened.
-        let _ = ending.send(outcome);
-        host.stop();
-    };
-    let thread = std::thread::Builder::new().name("window".to_owned()).spawn(body);
-    thread.map_err(|e| StartError::Failed(format!("no thread for the window: {e}")))?;
-    Ok(ended)
+/// The settings of a display as the launch file has them.
+fn tools(params: &Params) -> Tools {
+    let Params { quality, highlight_color, highlight_mix, .. } = *params;
+    Tools { quality, highlight: highlight_color.into(), highlight_mix, ..Tools::default() }
 }
 
 fn why(ended: Result<Option<String>, oneshot::error::RecvError>) -> StartError {
-    StartError::Input(ended.ok().flatten().unwrap_or_else(|| "the window did not open".to_owned()))
+    StartError::Input(ended.ok().flatten().unwrap_or_else(|| "the display did not open".to_owned()))
 }
 
 /// Where a user keeps pictures.
@@ -97,11 +175,27 @@ fn pictures() -> PathBuf {
     set("XDG_PICTURES_DIR").or_else(|| Some(set("HOME")?.join("Pictures"))).unwrap_or_else(std::env::temp_dir)
 }
 
+/// Closes the display with the process: one that went on to draw while its driver is taken away would crash.
+struct Ending {
+    news: News,
+    thread: JoinHandle<()>,
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.news.end();
+        let begun = Instant::now();
+        while !self.thread.is_finished() && begun.elapsed() < CLOSES {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
 /// Tells how the display keeps up, for as long as it is there.
-async fn tell(owned: Owned<State>, mut told: State, pace: watch::Receiver<sg_render_node::display::Pace>) {
+async fn tell(owned: Owned<State>, mut told: State, ending: Ending) {
     loop {
         tokio::time::sleep(TELLS).await;
-        let now = pace.borrow().clone();
+        let now = ending.news.pace();
         told.revision = now.revision;
         (told.frames, told.shown, told.late) = (now.pictures, now.frames, now.late);
         told.render_ms = 1e3 * now.seconds;

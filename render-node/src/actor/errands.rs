@@ -1,20 +1,21 @@
 //! Carries out what a person asks for at a display, one thing after another; what is said to the agents takes its own time.
 
+use std::io;
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Source, Utterance};
 use sg_proto::scene::{Command, command};
 use sg_proto::selection::{SampleReply, SampleRequest, StrokesRequest};
-use sg_render_node::display::Request;
+use sg_render_node::display::{News, Request};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_scene::mask::Mask;
-use tokio::sync::mpsc;
+use tokio::runtime::Handle;
 
-use super::news::{Newest, change, notice};
 use super::preview;
 
 /// How long a change or a stroke may take; a service that is being started again is waited for.
@@ -26,26 +27,49 @@ const GLANCE: Duration = Duration::from_millis(500);
 /// How long the agents may think.
 const THOUGHT: Duration = Duration::from_secs(120);
 
-/// Carries requests out for as long as there is a display.
-pub(super) async fn run(bus: Bus, mut requests: mpsc::Receiver<Request>, newest: Newest) {
-    let mut preview = Arc::new(Mask::empty(0));
-    let mut said: Option<String> = None;
-    while let Some(request) = requests.recv().await {
+/// Carries requests out, on a thread of their own, for as long as there is a display.
+///
+/// # Errors
+/// What the system says where it gives no thread.
+pub(super) fn run(bus: Bus, requests: Receiver<Request>, news: News) -> io::Result<()> {
+    let runtime = Handle::current();
+    let body = move || {
+        let mut hand = Hand { bus, news, preview: Arc::new(Mask::empty(0)), said: None };
+        while let Ok(request) = requests.recv() {
+            runtime.block_on(hand.carry_out(request));
+        }
+    };
+    std::thread::Builder::new().name("errands".to_owned()).spawn(body).map(drop)
+}
+
+/// What lasts from one request to the next.
+struct Hand {
+    bus: Bus,
+    news: News,
+    /// What the stroke under way would select, as it was told last.
+    preview: Arc<Mask>,
+    /// Id of what was said last.
+    said: Option<String>,
+}
+
+impl Hand {
+    async fn carry_out(&mut self, request: Request) {
+        let Self { bus, news, preview, said } = self;
         match request {
-            Request::Change(action) => refused(&newest, apply(&bus, *action).await),
+            Request::Change(action) => refused(news, apply(bus, *action).await),
             Request::Sample(sample) => {
                 // A preview that did not come is followed by another, or by the stroke itself.
-                if let Ok(reply) = self::sample(&bus, &sample).await {
-                    show(&newest, &mut preview, &reply);
+                if let Ok(reply) = self::sample(bus, &sample).await {
+                    show(news, preview, &reply);
                 }
             }
-            Request::Select(strokes) => refused(&newest, select(&bus, &strokes).await),
-            Request::Say(text) => said = Some(say(&bus, &newest, text)),
+            Request::Select(strokes) => refused(news, select(bus, &strokes).await),
+            Request::Say(text) => *said = Some(say(bus, news, text)),
             Request::Withdraw => {
                 if let Some(id) = said.take() {
                     let outcome = bus.cancel(role::AGENT_CORE, &id).await;
                     if !outcome.unwrap_or(false) {
-                        notice(&newest, "it was answered already; nothing was withdrawn", false);
+                        news.notice("it was answered already; nothing was withdrawn", false);
                     }
                 }
             }
@@ -54,9 +78,9 @@ pub(super) async fn run(bus: Bus, mut requests: mpsc::Receiver<Request>, newest:
 }
 
 /// Tells the person of what was not done.
-fn refused(newest: &Newest, outcome: Result<(), Fault>) {
+fn refused(news: &News, outcome: Result<(), Fault>) {
     if let Err(fault) = outcome {
-        notice(newest, fault.message, true);
+        news.notice(fault.message, true);
     }
 }
 
@@ -77,8 +101,8 @@ async fn sample(bus: &Bus, sample: &SampleRequest) -> Result<SampleReply, Fault>
 }
 
 /// Shows what a stroke under way would select. Each answer says what differs from the one before.
-fn show(newest: &Newest, before: &mut Arc<Mask>, reply: &SampleReply) {
-    change(newest, |shown| {
+fn show(news: &News, before: &mut Arc<Mask>, reply: &SampleReply) {
+    news.change(|shown| {
         let committed = shown.scene.selection();
         if reply.selection_hash != committed.hash() {
             return;
@@ -92,14 +116,14 @@ fn show(newest: &Newest, before: &mut Arc<Mask>, reply: &SampleReply) {
 }
 
 /// Says something to the agents, beside everything else; the id by which it can be withdrawn.
-fn say(bus: &Bus, newest: &Newest, text: String) -> String {
+fn say(bus: &Bus, news: &News, text: String) -> String {
     let context = Context::root().deadline_in(THOUGHT);
     let id = context.id.clone();
-    let (bus, newest) = (bus.clone(), Arc::clone(newest));
+    let (bus, news) = (bus.clone(), news.clone());
     tokio::spawn(async move {
         let utterance = Utterance { text, source: Source::Text.into() };
         // The answer comes as every stage of the conversation does.
-        refused(&newest, bus.ask(&keys::UTTER, &utterance, &context).await.map(drop));
+        refused(&news, bus.ask(&keys::UTTER, &utterance, &context).await.map(drop));
     });
     id
 }

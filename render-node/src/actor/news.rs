@@ -1,13 +1,13 @@
 //! Keeps what a display shows up to date: the scene, the selection, clusters, the conversation, who is there.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use sg_proto::keys::{self, role};
 use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
 use sg_proto::selection::Preview;
-use sg_render_node::display::{Conversation, Entry, NOTICES, Notice, Offered, Shown};
+use sg_render_node::display::{Conversation, Entry, News, Offered};
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, BusError, Following};
 use sg_runtime::context::Context;
@@ -18,9 +18,6 @@ use super::clusters::Clusters;
 use super::following::Followed;
 use super::preview;
 
-/// The newest of everything, as the display takes it.
-pub(super) type Newest = Arc<Mutex<watch::Sender<Arc<Shown>>>>;
-
 /// Messages of a conversation that may wait.
 const WAITING: usize = 64;
 
@@ -30,37 +27,20 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// How often a service that is there, but has not told its state, is asked again.
 const AGAIN: Duration = Duration::from_secs(1);
 
-/// Changes what is shown.
-pub(super) fn change(newest: &Newest, what: impl FnOnce(&mut Shown)) {
-    let newest = newest.lock().unwrap_or_else(PoisonError::into_inner);
-    newest.send_modify(|shown| what(Arc::make_mut(shown)));
-}
-
-/// Tells the person something; the oldest line goes where there are too many.
-pub(super) fn notice(newest: &Newest, text: impl Into<String>, refused: bool) {
-    let text = text.into();
-    change(newest, |shown| {
-        let number = shown.notices.last().map_or(1, |n| n.number + 1);
-        let kept = shown.notices.len().saturating_sub(NOTICES - 1);
-        let line = Notice { number, text, refused };
-        shown.notices = shown.notices.iter().skip(kept).cloned().chain([line]).collect();
-    });
-}
-
 /// Begins to follow everything.
-pub(super) async fn follow(host: &Host, state: watch::Receiver<Followed>, newest: &Newest) -> Result<(), BusError> {
+pub(super) async fn follow(host: &Host, state: watch::Receiver<Followed>, news: &News) -> Result<(), BusError> {
     let bus = host.bus();
     let previews = preview::follow(bus).await?;
-    tokio::spawn(scene(bus.clone(), state, previews, Arc::clone(newest)));
+    tokio::spawn(scene(bus.clone(), state, previews, news.clone()));
     let here = bus.watch_alive(WAITING).await?;
-    tokio::spawn(services(bus.clone(), host.blobs().clone(), here, Arc::clone(newest)));
+    tokio::spawn(services(bus.clone(), host.blobs().clone(), here, news.clone()));
     let talk = Talk {
         utterances: bus.follow(&keys::UTTERANCE, role::AGENT_CORE, WAITING).await?,
         intents: bus.follow(&keys::INTENT, role::AGENT_INTENT, WAITING).await?,
         actions: bus.follow(&keys::ACTION, role::AGENT_FUNCTION, WAITING).await?,
         replies: bus.follow(&keys::REPLY, role::AGENT_CORE, WAITING).await?,
     };
-    tokio::spawn(conversation(talk, Arc::clone(newest)));
+    tokio::spawn(conversation(talk, news.clone()));
     Ok(())
 }
 
@@ -69,7 +49,7 @@ async fn scene(
     bus: Bus,
     mut state: watch::Receiver<Followed>,
     mut previews: watch::Receiver<Option<Preview>>,
-    newest: Newest,
+    news: News,
 ) {
     loop {
         let (now, selected) = {
@@ -77,7 +57,7 @@ async fn scene(
             (Arc::clone(&followed.state), followed.highlighted(previews.borrow_and_update().as_ref()))
         };
         let revision = now.revision();
-        change(&newest, |shown| {
+        news.change(|shown| {
             shown.tentative = !Arc::ptr_eq(&selected, now.selection().mask());
             shown.selected = selected;
             shown.scene = now;
@@ -86,7 +66,7 @@ async fn scene(
         if let Ok(told) = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(PATIENCE)).await
             && told.revision >= revision
         {
-            change(&newest, |shown| (shown.undo, shown.redo) = (told.undo.into(), told.redo.into()));
+            news.change(|shown| (shown.undo, shown.redo) = (told.undo.into(), told.redo.into()));
         }
         tokio::select! {
             changed = state.changed() => if changed.is_err() { return },
@@ -100,11 +80,11 @@ async fn services(
     bus: Bus,
     blobs: Blobs,
     mut here: tokio::sync::mpsc::Receiver<sg_runtime::bus::Liveliness>,
-    newest: Newest,
+    news: News,
 ) {
     let mut instances: HashMap<String, Vec<String>> = HashMap::new();
     let mut clusters = Clusters::default();
-    let gaussians = newest.lock().unwrap_or_else(PoisonError::into_inner).borrow().scene.count();
+    let gaussians = news.newest().scene.count();
     loop {
         let is_there = |role: &str| instances.get(role).is_some_and(|all| !all.is_empty());
         let offered = Offered {
@@ -112,12 +92,12 @@ async fn services(
             selection: is_there(role::SELECTION),
             agents: is_there(role::AGENT_CORE) && is_there(role::AGENT_INTENT) && is_there(role::AGENT_FUNCTION),
         };
-        change(&newest, |shown| shown.offered = offered);
+        news.change(|shown| shown.offered = offered);
         let mut asks_again = false;
         if offered.selection {
             let context = Context::root().deadline_in(PATIENCE);
             match clusters.newest(&bus, &blobs, gaussians, &context).await {
-                Ok(labels) => change(&newest, |shown| shown.clusters = Some(labels)),
+                Ok(labels) => news.change(|shown| shown.clusters = Some(labels)),
                 Err(fault) => {
                     tracing::warn!(%fault, "the clusters are not known yet");
                     asks_again = true;
@@ -150,24 +130,24 @@ struct Talk {
 }
 
 /// What is said and answered, whoever says it.
-async fn conversation(mut talk: Talk, newest: Newest) {
+async fn conversation(mut talk: Talk, news: News) {
     loop {
         tokio::select! {
             // An answer that overtakes what led to it is put with it all the same: turns are known by their id.
-            Some((utterance, context)) = talk.utterances.next() => on(&newest, &context, |c, id| c.say(id, utterance.text)),
-            Some((intent, context)) = talk.intents.next() => on(&newest, &context, |c, id| {
+            Some((utterance, context)) = talk.utterances.next() => on(&news, &context, |c, id| c.say(id, utterance.text)),
+            Some((intent, context)) = talk.intents.next() => on(&news, &context, |c, id| {
                 let Some(turn) = c.turn(id) else { return };
                 intent.clauses.into_iter().for_each(|clause| turn.add(Entry::Command(clause.words)));
                 for words in intent.not_understood {
                     turn.add(Entry::Result(format!("not understood: {words}"), false));
                 }
             }),
-            Some((action, context)) = talk.actions.next() => on(&newest, &context, |c, id| {
+            Some((action, context)) = talk.actions.next() => on(&news, &context, |c, id| {
                 if let Some(turn) = c.turn(id) {
                     turn.add(Entry::Result(action.text, action.ok));
                 }
             }),
-            Some((reply, context)) = talk.replies.next() => on(&newest, &context, |c, id| {
+            Some((reply, context)) = talk.replies.next() => on(&news, &context, |c, id| {
                 if let Some(turn) = c.turn(id) {
                     turn.answer = Some((reply.text, reply.ok));
                 }
@@ -177,9 +157,9 @@ async fn conversation(mut talk: Talk, newest: Newest) {
     }
 }
 
-fn on(newest: &Newest, context: &Context, what: impl FnOnce(&mut Conversation, &str)) {
+fn on(news: &News, context: &Context, what: impl FnOnce(&mut Conversation, &str)) {
     if context.conversation.is_empty() {
         return;
     }
-    change(newest, |shown| what(Arc::make_mut(&mut shown.conversation), &context.conversation));
+    news.change(|shown| what(Arc::make_mut(&mut shown.conversation), &context.conversation));
 }

@@ -19,8 +19,15 @@ pub(super) struct Params {
     pub(super) width: u32,
     /// Height of the view's pictures, pixels.
     pub(super) height: u32,
-    /// Where the view is seen besides its pictures: `none`, or a `window` on this machine.
+    /// Where the view is seen besides its pictures: `none`, a `window` on this machine, or a `headset` (a window where there
+    /// is none).
     pub(super) display: Display,
+    /// Factor on the resolution that a headset recommends.
+    pub(super) resolution: f64,
+    /// Whether a person in a headset sits.
+    pub(super) seated: bool,
+    /// Whether the left hand does what the right one does otherwise.
+    pub(super) left_handed: bool,
     /// Folder for pictures that a person keeps in a display; by default the user's own for pictures.
     pub(super) pictures: Option<PathBuf>,
     /// Quality of the view's pictures: `exact`, `standard` or `fast`.
@@ -47,6 +54,8 @@ pub(super) enum Display {
     None,
     /// In a window.
     Window,
+    /// In a headset; without one, in a window.
+    Headset,
 }
 
 impl Display {
@@ -55,6 +64,7 @@ impl Display {
         match self {
             Self::None => "none",
             Self::Window => "window",
+            Self::Headset => "headset",
         }
     }
 }
@@ -65,6 +75,9 @@ impl Default for Params {
             width: 640,
             height: 640,
             display: Display::None,
+            resolution: 1.0,
+            seated: false,
+            left_handed: false,
             pictures: None,
             quality: Quality::Standard,
             backend: Backend::Auto,
@@ -89,6 +102,9 @@ impl Params {
                 "frames_per_second = {}; 0 for pictures of changes alone, else up to {MAX_FRAMES_PER_SECOND}",
                 self.frames_per_second
             ));
+        }
+        if !(0.1..=4.0).contains(&self.resolution) {
+            return Err(format!("resolution = {}; a factor from 0.1 to 4", self.resolution));
         }
         if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());

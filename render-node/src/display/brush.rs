@@ -86,6 +86,12 @@ impl Hand {
         self.under_way.is_some()
     }
 
+    /// Gaussians that the stroke under way has hit.
+    #[must_use]
+    pub fn hits(&self) -> usize {
+        self.under_way.as_ref().map_or(0, |s| s.open.hits().len())
+    }
+
     /// What would be selected if the brush were pressed at `tip`: with `selected` as it is, for whoever shows it.
     #[must_use]
     pub fn would_select(

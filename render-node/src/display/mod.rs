@@ -11,13 +11,14 @@ mod dressing;
 mod pacing;
 mod tools;
 
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use sg_proto::scene::command;
 use sg_proto::selection::{SampleRequest, StrokesRequest};
 use sg_scene::edit::EditState;
 use sg_scene::mask::Mask;
-use tokio::sync::{mpsc, watch};
 
 pub use beside::Beside;
 pub use brush::{Hand, Sense, Tip};
@@ -128,12 +129,22 @@ pub struct Pace {
     pub revision: u64,
 }
 
+/// What both sides of a seat have in common.
+#[derive(Debug)]
+struct Common {
+    /// The newest, and how often it was replaced.
+    shown: Mutex<(u64, Arc<Shown>)>,
+    pace: Mutex<Pace>,
+    over: AtomicBool,
+}
+
 /// A display's side: newest value in, requests out, neither ever waited for.
 #[derive(Debug)]
 pub struct Seat {
-    shown: watch::Receiver<Arc<Shown>>,
-    requests: mpsc::Sender<Request>,
-    pace: watch::Sender<Pace>,
+    common: Arc<Common>,
+    /// Which of the newest was taken last.
+    taken: u64,
+    requests: SyncSender<Request>,
     dropped: u64,
 }
 
@@ -141,39 +152,88 @@ pub struct Seat {
 #[derive(Debug)]
 pub struct Service {
     /// Where the newest goes.
-    pub shown: watch::Sender<Arc<Shown>>,
-    /// What was asked for.
-    pub requests: mpsc::Receiver<Request>,
+    pub news: News,
+    /// What was asked for; it ends with the display.
+    pub requests: Receiver<Request>,
+}
+
+/// Changes what a display shows. Clones change the same.
+#[derive(Debug, Clone)]
+pub struct News(Arc<Common>);
+
+impl News {
+    /// The newest.
+    #[must_use]
+    pub fn newest(&self) -> Arc<Shown> {
+        Arc::clone(&lock(&self.0.shown).1)
+    }
+
+    /// Changes what is shown.
+    pub fn change(&self, what: impl FnOnce(&mut Shown)) {
+        let mut shown = lock(&self.0.shown);
+        what(Arc::make_mut(&mut shown.1));
+        shown.0 += 1;
+    }
+
+    /// Tells the person something; the oldest line goes where there are too many.
+    pub fn notice(&self, text: impl Into<String>, refused: bool) {
+        let text = text.into();
+        self.change(|shown| {
+            let number = shown.notices.last().map_or(1, |n| n.number + 1);
+            let passed = (shown.notices.len() + 1).saturating_sub(NOTICES);
+            let line = Notice { number, text, refused };
+            shown.notices = shown.notices.iter().skip(passed).cloned().chain([line]).collect();
+        });
+    }
+
+    /// Has the display close.
+    pub fn end(&self) {
+        self.0.over.store(true, Ordering::Relaxed);
+    }
+
     /// How the display keeps up.
-    pub pace: watch::Receiver<Pace>,
+    #[must_use]
+    pub fn pace(&self) -> Pace {
+        lock(&self.0.pace).clone()
+    }
+}
+
+fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
+    what.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Seat {
     /// A seat and its other side.
     #[must_use]
     pub fn new(first: Shown) -> (Self, Service) {
-        let (newest, shown) = watch::channel(Arc::new(first));
-        let (requests, asked) = mpsc::channel(REQUESTS);
-        let (pace, told) = watch::channel(Pace::default());
-        (Self { shown, requests, pace, dropped: 0 }, Service { shown: newest, requests: asked, pace: told })
+        let common = Arc::new(Common {
+            shown: Mutex::new((0, Arc::new(first))),
+            pace: Mutex::default(),
+            over: AtomicBool::new(false),
+        });
+        let (requests, asked) = sync_channel(REQUESTS);
+        let news = News(Arc::clone(&common));
+        (Self { common, taken: 0, requests, dropped: 0 }, Service { news, requests: asked })
     }
 
     /// The newest.
     #[must_use]
     pub fn newest(&mut self) -> Arc<Shown> {
-        Arc::clone(&self.shown.borrow_and_update())
+        let shown = lock(&self.common.shown);
+        self.taken = shown.0;
+        Arc::clone(&shown.1)
     }
 
     /// Whether there is something newer than what was taken last.
     #[must_use]
     pub fn has_news(&self) -> bool {
-        self.shown.has_changed().unwrap_or(false)
+        lock(&self.common.shown).0 != self.taken
     }
 
-    /// Whether the other side has gone, so that the display has to close.
+    /// Whether the display has to close.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        self.requests.is_closed()
+        self.common.over.load(Ordering::Relaxed)
     }
 
     /// Hands a request in; whether there was room for it.
@@ -185,7 +245,7 @@ impl Seat {
 
     /// Says how the display keeps up.
     pub fn tell(&self, pace: Pace) {
-        self.pace.send_replace(pace);
+        *lock(&self.common.pace) = pace;
     }
 
     /// Requests for which there was no room.

@@ -24,12 +24,15 @@ use super::{WindowError, drawing};
 use crate::attributes::Attribute;
 use crate::backend::Engine;
 use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Seat, Showing, Shown, Tools};
-use crate::panels::{Draft, Output, Panel, Panels, Place, Wish, theme};
+use crate::panels::{Draft, NARROWEST, Output, Panel, Panels, Place, Wish, theme};
 use crate::render::Quality;
 
 /// Widths of the panels at first, points.
 const LEFT: f32 = 340.0;
 const RIGHT: f32 = 360.0;
+
+/// Points from the lower edge to lines that tell what was not done.
+const NOTICES: f32 = 48.0;
 
 /// One step of the keys that widen and narrow the brush.
 const WIDER: f64 = 1.15;
@@ -49,6 +52,7 @@ pub struct Desk {
     shared: View,
     panels_shown: bool,
     help: bool,
+    closes: bool,
     frames: u64,
     /// What this window itself has to say.
     line: String,
@@ -62,7 +66,7 @@ impl Desk {
     pub fn new(
         scene: Arc<Scene>,
         engine: Engine,
-        mut seat: Seat,
+        (mut seat, tools): (Seat, Tools),
         pictures: PathBuf,
         memory: &Memory,
         told: impl Fn() + Clone + Send + 'static,
@@ -79,8 +83,6 @@ impl Desk {
         let threads = drawing::threads().map_err(|e| WindowError::Threads(e.to_string()))?;
         let keeper = Keeper::new(Arc::clone(&scene), pictures, threads, told)
             .map_err(|e| WindowError::Threads(e.to_string()))?;
-        let mut tools = Tools::default();
-        memory.apply(&mut tools);
         let mut panels = Panels::new(Place::Window);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
@@ -98,6 +100,7 @@ impl Desk {
             shared,
             panels_shown: memory.panels,
             help: false,
+            closes: false,
             frames: 0,
             line: String::new(),
         })
@@ -126,10 +129,10 @@ impl Desk {
         self.seat.has_news()
     }
 
-    /// Whether the other side of the seat has gone.
+    /// Whether the window has to close.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        self.seat.is_over()
+        self.closes || self.seat.is_over()
     }
 
     /// Whether the best picture of what is shown is there.
@@ -176,6 +179,8 @@ impl Desk {
                 self.dressing.look(&self.scene, &shown.scene, &highlighted, shown.clusters.as_ref(), &self.tools);
             self.viewport.show(ui, response.rect, &look, &shown, &self.tools);
         });
+        let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
+        notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &shown));
         if self.help {
             self.show_help(ui);
         }
@@ -199,12 +204,13 @@ impl Desk {
         self.panels.fulfils.extend(self.bookmarks.numbers().map(Wish::Place));
         let Self { panels, tools, .. } = self;
         let mut asked = Output::default();
-        egui::Panel::left("scene").resizable(true).default_size(LEFT).show(ui, |ui| {
+        let least = NARROWEST * tools.scale;
+        egui::Panel::left("scene").resizable(true).min_size(least).default_size(LEFT.max(least)).show(ui, |ui| {
             asked.join(panels.show(Panel::Scene, ui, shown, tools));
         });
         let right: Vec<Panel> = [Panel::Prompt, Panel::Language].into_iter().filter(|p| p.has_content(shown)).collect();
         if !right.is_empty() {
-            egui::Panel::right("hands").resizable(true).default_size(RIGHT).show(ui, |ui| {
+            egui::Panel::right("hands").resizable(true).min_size(least).default_size(RIGHT.max(least)).show(ui, |ui| {
                 let height = ui.available_height() / right.len() as f32;
                 for panel in right {
                     ui.allocate_ui(Vec2::new(ui.available_width(), height), |ui| {
@@ -302,6 +308,7 @@ impl Desk {
             Action::Panels => self.panels_shown = !self.panels_shown,
             Action::Theme => self.tools.light_panels = !self.tools.light_panels,
             Action::Showing => self.tools.showing = next_showing(self.tools.showing, shown),
+            Action::Close => self.closes = true,
             Action::Abandon => {
                 self.viewport.abandon();
                 self.help = false;

@@ -67,18 +67,18 @@ impl Memory {
         Some(folder.join("supergaussian/window.toml"))
     }
 
-    /// What is kept there; the first settings where there is nothing or nothing that can be understood, and why if so.
-    #[must_use]
-    pub fn read(path: &Path) -> (Self, Option<String>) {
+    /// What is kept there; `None` where there is nothing.
+    ///
+    /// # Errors
+    /// What there is and cannot be read or understood, a line for a person.
+    pub fn read(path: &Path) -> Result<Option<Self>, String> {
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return (Self::default(), None),
-            Err(error) => return (Self::default(), Some(format!("{}: {error}", path.display()))),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(format!("{}: {error}", path.display())),
         };
-        match toml::from_str::<Self>(&text) {
-            Ok(memory) => (memory.sound(), None),
-            Err(error) => (Self::default(), Some(format!("{}: {error}", path.display()))),
-        }
+        let memory = toml::from_str::<Self>(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(Some(memory.sound()))
     }
 
     /// Keeps it, whole or not at all.
@@ -122,15 +122,13 @@ mod tests {
     fn what_is_kept_is_read_and_what_makes_no_sense_is_not() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/window.toml");
-        assert_eq!(Memory::read(&path), (Memory::default(), None));
+        assert_eq!(Memory::read(&path), Ok(None));
         let memory = Memory { width: 800.0, manner: Manner::Fly, mode: BrushMode::Point, ..Memory::default() };
         memory.keep(&path).unwrap();
-        assert_eq!(Memory::read(&path), (memory.clone(), None));
+        assert_eq!(Memory::read(&path), Ok(Some(memory)));
         std::fs::write(&path, "width = 1e9\nradius = nan\nmanner = \"fly\"\nnews = 3\n").unwrap();
-        assert_eq!(Memory::read(&path), (Memory { manner: Manner::Fly, ..Memory::default() }, None));
+        assert_eq!(Memory::read(&path), Ok(Some(Memory { manner: Manner::Fly, ..Memory::default() })));
         std::fs::write(&path, "manner = \"swim\"").unwrap();
-        let (read, why) = Memory::read(&path);
-        assert_eq!(read, Memory::default());
-        assert!(why.unwrap().contains("window.toml"));
+        assert!(Memory::read(&path).unwrap_err().contains("window.toml"));
     }
 }

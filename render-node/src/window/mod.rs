@@ -28,7 +28,7 @@ use winit::platform::x11::EventLoopBuilderExtX11 as _;
 use winit::window::{Window, WindowId};
 
 use crate::backend::Engine;
-use crate::display::Seat;
+use crate::display::{Seat, Tools};
 
 pub use desk::Desk;
 pub use drawing::threads;
@@ -66,6 +66,8 @@ pub struct Setup {
     pub seat: Seat,
     /// What stands at its top.
     pub title: String,
+    /// The settings of tools at first; what is remembered of an earlier time comes before them.
+    pub tools: Tools,
     /// Where its layout is remembered; `None`: nowhere.
     pub memory: Option<PathBuf>,
     /// Where kept pictures go.
@@ -74,7 +76,7 @@ pub struct Setup {
     pub opened: Box<dyn FnOnce() + Send>,
 }
 
-/// Opens a window and serves it on this thread until a person closes it or the other side of its seat has gone.
+/// Opens a window and serves it on this thread until a person closes it or its seat is over.
 ///
 /// # Errors
 /// [`WindowError`].
@@ -116,11 +118,16 @@ struct Opened {
 
 impl Opened {
     fn new(event_loop: &ActiveEventLoop, setup: Setup, wake: &EventLoopProxy<()>) -> Result<Self, WindowError> {
-        let Setup { scene, engine, seat, title, memory, pictures, opened } = setup;
-        let (remembered, why) = memory.as_deref().map_or_else(Default::default, Memory::read);
-        if let Some(why) = why {
+        let Setup { scene, engine, seat, title, tools, memory, pictures, opened } = setup;
+        let read = memory.as_deref().map_or(Ok(None), Memory::read).unwrap_or_else(|why| {
             tracing::warn!("the window's layout is as it is at first: {why}");
+            None
+        });
+        let mut tools = tools;
+        if let Some(remembered) = &read {
+            remembered.apply(&mut tools);
         }
+        let remembered = read.unwrap_or_default();
         let attributes = Window::default_attributes()
             .with_title(title)
             .with_maximized(remembered.maximized)
@@ -132,7 +139,7 @@ impl Opened {
             // A loop that has ended needs no waking.
             let _ = wake.send_event(());
         };
-        let desk = Desk::new(scene, engine, seat, pictures, &remembered, told)?;
+        let desk = Desk::new(scene, engine, (seat, tools), pictures, &remembered, told)?;
         let glass = Glass::open(&window)?;
         let input = fresh_input(&window, &glass);
         opened();
@@ -227,6 +234,8 @@ impl ApplicationHandler<()> for App {
                 opened.remember();
                 event_loop.exit();
             }
+            // Somebody else took it away; there is nothing left to ask how large it was.
+            WindowEvent::Destroyed => event_loop.exit(),
             WindowEvent::Resized(PhysicalSize { width, height }) => {
                 opened.glass.resize(width, height);
                 opened.window.request_redraw();

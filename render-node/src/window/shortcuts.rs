@@ -55,6 +55,8 @@ pub enum Action {
     Showing,
     /// Gives up what is being drawn.
     Abandon,
+    /// Closes the window.
+    Close,
 }
 
 /// A key and what it does.
@@ -107,6 +109,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::X, "X", Action::Stereo, "two eyes side by side"),
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),
+    with(Modifiers::COMMAND, Key::Q, "Ctrl+Q", Action::Close, "close the window"),
     plain(Key::Escape, "Esc", Action::Abandon, "give up what is being drawn"),
 ];
 

@@ -14,6 +14,8 @@ mod holding;
 mod monado;
 mod pointing;
 #[cfg(feature = "xr")]
+mod rooms;
+#[cfg(feature = "xr")]
 mod seen;
 #[cfg(feature = "xr")]
 mod sessions;

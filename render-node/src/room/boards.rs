@@ -1,0 +1,259 @@
+//! Panels in the room: where they hang, who points at them, how they are moved, and what is asked for on them.
+
+use egui::{Align2, Color32, Pos2, Stroke, Ui, Vec2};
+use glam::{DQuat, DVec2, DVec3};
+
+use super::acts::{Acts, SeenTip, Taken};
+use crate::display::{Sense, Shown, Tools};
+use crate::hands::{HandInput, Pointed, Pointer, Pose, Rectangle, Side, Switch, nearest};
+use crate::panels::{Output, Panel, Panels, legend, theme};
+use crate::xr::{Board, Frame, XrError};
+
+/// Metres from the person to panels that hang around them.
+const DISTANCE: f64 = 1.1;
+
+/// Degrees to the right of straight ahead of each of them.
+const ANGLES: [(Panel, f64); 3] = [(Panel::Scene, -55.0), (Panel::Prompt, 50.0), (Panel::Language, 92.0)];
+
+/// Pixels of a point.
+const SHARPNESS: f32 = 1.5;
+
+/// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
+const LEGEND: (Vec2, f64) = (Vec2::new(330.0, 230.0), 0.45);
+
+/// Points across a brush's ring.
+const RING: f32 = 64.0;
+
+/// Panels of one person.
+pub(super) struct Boards {
+    panels: Vec<(Panel, Board)>,
+    legend: Board,
+    rings: [Board; 2],
+    ring_senses: [Option<Sense>; 2],
+    pointer: Pointer,
+    pointed: Option<Pointed>,
+    grips: [Switch; 2],
+    /// Which panel a hand carries, and where it is in that hand.
+    carried: [Option<(usize, Pose)>; 2],
+    shown: bool,
+    /// What was drawn last.
+    drawn: Option<(Shown, Tools)>,
+}
+
+/// A panel at an angle about the person, upright and facing them.
+fn around(panel: Panel, degrees: f64, height: f64) -> Board {
+    let turn = DQuat::from_rotation_y(-degrees.to_radians());
+    let position = turn * DVec3::new(0.0, 0.0, -DISTANCE) + DVec3::new(0.0, height, 0.0);
+    let place =
+        Rectangle { pose: Pose { position, orientation: turn }, size: DVec2::from(panel.least_metres(DISTANCE)) };
+    Board::new(panel.size(), SHARPNESS, place)
+}
+
+impl Boards {
+    /// Panels about a person whose eyes are at this height of the room, metres.
+    pub(super) fn new(height: f64) -> Self {
+        let mut panels: Vec<_> =
+            ANGLES.iter().map(|(panel, degrees)| (*panel, around(*panel, *degrees, height - 0.2))).collect();
+        let tilt = DQuat::from_rotation_x(-0.6);
+        let pose = Pose { position: DVec3::new(0.0, height - 0.6, -0.6), orientation: tilt };
+        let size = DVec2::from(Panel::Keyboard.least_metres(0.7));
+        panels.push((Panel::Keyboard, Board::new(Panel::Keyboard.size(), SHARPNESS, Rectangle { pose, size })));
+        let nowhere = |size: Vec2, metres: DVec2| {
+            let pose = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
+            Board::new(size, SHARPNESS, Rectangle { pose, size: metres })
+        };
+        let metres = theme::metres_per_point(LEGEND.1);
+        let legend = DVec2::new(f64::from(LEGEND.0.x), f64::from(LEGEND.0.y)) * metres;
+        Self {
+            panels,
+            legend: nowhere(LEGEND.0, legend),
+            rings: [0, 1].map(|_| nowhere(Vec2::splat(RING), DVec2::ONE)),
+            ring_senses: [None; 2],
+            pointer: Pointer::default(),
+            pointed: None,
+            grips: [Switch::default(); 2],
+            carried: [None; 2],
+            shown: true,
+            drawn: None,
+        }
+    }
+
+    /// Shows what was hidden, and the other way round; what panels that are put away still had to say.
+    pub(super) fn turn_over(&mut self, panels: &mut Panels) -> Output {
+        self.shown = !self.shown;
+        let mut left = Output::default();
+        if !self.shown {
+            self.panels.iter().for_each(|(panel, _)| left.join(panels.put_away(*panel)));
+        }
+        left
+    }
+
+    /// Where a panel hangs.
+    pub(super) fn place(&self, panel: Panel) -> Option<Rectangle> {
+        self.panels.iter().find(|(p, _)| *p == panel).map(|(_, board)| board.place)
+    }
+
+    /// Which panels hang there now.
+    fn visible(&self, panels: &Panels, shown: &Shown) -> Vec<usize> {
+        let hangs = |panel: Panel| match panel {
+            Panel::Keyboard => panels.is_typing(),
+            panel => panel.has_content(shown),
+        };
+        let all = self.panels.iter().enumerate().filter(|(_, (panel, _))| self.shown && hangs(*panel));
+        all.map(|(k, _)| k).collect()
+    }
+
+    /// Takes in what hands point at and carry; what of them is the panels' now.
+    pub(super) fn step(&mut self, hands: &[HandInput; 2], panels: &Panels, shown: &Shown) -> Taken {
+        let visible = self.visible(panels, shown);
+        let rectangles: Vec<Rectangle> = visible.iter().map(|k| self.panels[*k].1.place).collect();
+        self.pointed = self.pointer.step(&rectangles, hands);
+        let mut taken = Taken::default();
+        for side in Side::BOTH {
+            let k = side.index();
+            taken.triggers[k] = self.pointer.has(side, self.pointed.as_ref());
+            let was = self.grips[k].is_on();
+            let squeezed = self.grips[k].press(hands[k].squeeze);
+            let Some(aim) = hands[k].aim.filter(|_| squeezed) else {
+                self.carried[k] = None;
+                continue;
+            };
+            if !was && let Some((at, ..)) = nearest(&rectangles, &aim) {
+                let board = visible[at];
+                let pose = self.panels[board].1.place.pose;
+                let back = aim.orientation.inverse();
+                let held =
+                    Pose { position: back * (pose.position - aim.position), orientation: back * pose.orientation };
+                self.carried[k] = Some((board, held));
+            }
+            if let Some((board, held)) = self.carried[k] {
+                taken.grips[k] = true;
+                let place = &mut self.panels[board].1.place;
+                place.pose = Pose {
+                    position: aim.position + aim.orientation * held.position,
+                    orientation: (aim.orientation * held.orientation).normalize(),
+                };
+                // A stick makes it larger and smaller.
+                let stick = hands[k].stick.y;
+                if stick.abs() > 0.3 {
+                    place.size = (place.size * (1.0 + 0.02 * stick)).clamp(DVec2::splat(0.1), DVec2::splat(4.0));
+                }
+            }
+        }
+        // What is pointed at is known by its place among all of them from here on.
+        if let Some(pointed) = &mut self.pointed {
+            pointed.rectangle = visible[pointed.rectangle];
+        }
+        taken
+    }
+
+    /// Draws and hangs everything; what was asked for on it.
+    pub(super) fn show(
+        &mut self,
+        frame: &mut Frame<'_>,
+        panels: &mut Panels,
+        shown: &Shown,
+        tools: &mut Tools,
+        tips: [Option<SeenTip>; 2],
+    ) -> Result<Output, XrError> {
+        let changed = self.drawn.as_ref().is_none_or(|(s, t)| !same(s, shown) || t != tools);
+        self.drawn = Some((shown.clone(), tools.clone()));
+        let hands = frame.hands;
+        let mut asked = Output::default();
+        for k in self.visible(panels, shown) {
+            let pointed = self.pointed.filter(|p| p.rectangle == k);
+            let Some((panel, board)) = self.panels.get_mut(k) else { continue };
+            let panel = *panel;
+            let by = pointed.as_ref().map(|p| (p, &hands[p.side.index()]));
+            // Letters of the keyboard come up in another panel.
+            let changed = changed || panels.wants_drawing(panel);
+            board.show(frame, by, Vec::new(), changed, |ui| {
+                theme::apply(ui.ctx(), tools);
+                asked.join(panels.show(panel, ui, shown, tools));
+                if panel == Panel::Scene {
+                    // What was not done is told on one panel alone.
+                    let notices =
+                        egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -16.0]);
+                    notices.interactable(false).show(ui.ctx(), |ui| panels.notices(ui, shown));
+                }
+                mark(ui);
+            })?;
+        }
+        self.show_legend(frame, tools, shown, changed)?;
+        self.show_rings(frame, tips)?;
+        Ok(asked)
+    }
+
+    /// The tool legend, above the hand that does not brush, facing the eyes.
+    fn show_legend(
+        &mut self,
+        frame: &mut Frame<'_>,
+        tools: &Tools,
+        shown: &Shown,
+        changed: bool,
+    ) -> Result<(), XrError> {
+        let adds = Acts::adds(tools);
+        let Some(wrist) = frame.hands[adds.other().index()].grip.filter(|_| self.shown) else { return Ok(()) };
+        let position = wrist.position + DVec3::new(0.0, 0.16, 0.0);
+        self.legend.place.pose = Pose { position, orientation: facing(position, frame.head.position) };
+        let sides = [adds, adds.other()];
+        let lines = sides.map(|side| Acts::legend(side, tools, shown));
+        self.legend.show(frame, None, Vec::new(), changed, |ui| {
+            theme::apply(ui.ctx(), tools);
+            for (side, lines) in sides.iter().zip(&lines) {
+                ui.strong(if *side == Side::Left { "left hand" } else { "right hand" });
+                let lines: Vec<(&str, &str)> = lines.iter().map(|(b, does)| (*b, does.as_str())).collect();
+                ui.push_id(side.index(), |ui| legend(ui, &lines));
+            }
+        })
+    }
+
+    /// A ring as large as the brush at each tip, facing the eyes.
+    fn show_rings(&mut self, frame: &mut Frame<'_>, tips: [Option<SeenTip>; 2]) -> Result<(), XrError> {
+        for (k, tip) in tips.iter().enumerate() {
+            let Some(SeenTip { at, radius, sense }) = *tip else { continue };
+            let changed = self.ring_senses[k].replace(sense) != Some(sense);
+            let pose = Pose { position: at, orientation: facing(at, frame.head.position) };
+            self.rings[k].place = Rectangle { pose, size: DVec2::splat(2.2 * radius.max(0.002)) };
+            self.rings[k].show(frame, None, Vec::new(), changed, |ui| {
+                // Okabe and Ito's bluish green and vermilion.
+                let color = match sense {
+                    Sense::Add => Color32::from_rgb(0, 158, 115),
+                    Sense::Remove => Color32::from_rgb(213, 94, 0),
+                };
+                let middle = Pos2::new(0.5 * RING, 0.5 * RING);
+                ui.painter().circle_stroke(middle, RING / 2.2, Stroke::new(3.0, color));
+                ui.painter().circle_filled(middle, 2.0, color);
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// Turned so that what lies in it is upright and seen from `eye`.
+fn facing(at: DVec3, eye: DVec3) -> DQuat {
+    let back = (eye - at).normalize_or(DVec3::Z);
+    let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
+    DQuat::from_mat3(&glam::DMat3::from_cols(right, back.cross(right), back))
+}
+
+/// Where the ray of a hand meets a panel.
+fn mark(ui: &Ui) {
+    if let Some(at) = ui.input(|i| i.pointer.latest_pos()) {
+        let painter = ui.ctx().debug_painter();
+        painter.circle(at, 5.0, Color32::from_white_alpha(180), Stroke::new(1.5, Color32::BLACK));
+    }
+}
+
+/// Whether nothing that panels show differs: everything in it is shared, and replaced where it changes.
+fn same(a: &Shown, b: &Shown) -> bool {
+    use std::sync::Arc;
+    Arc::ptr_eq(&a.scene, &b.scene)
+        && Arc::ptr_eq(&a.undo, &b.undo)
+        && Arc::ptr_eq(&a.redo, &b.redo)
+        && Arc::ptr_eq(&a.selected, &b.selected)
+        && Arc::ptr_eq(&a.conversation, &b.conversation)
+        && Arc::ptr_eq(&a.notices, &b.notices)
+        && a.clusters.as_ref().map(Arc::as_ptr) == b.clusters.as_ref().map(Arc::as_ptr)
+        && (a.offered, a.tentative) == (b.offered, b.tentative)
+}

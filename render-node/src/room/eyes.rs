@@ -1,0 +1,100 @@
+//! Both eyes' pictures of the scene.
+
+use std::time::Instant;
+
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
+
+use crate::display::{Level, Pacing};
+use crate::gpu::{Gpu, GpuError, Present, Rasterizer, Renderer, Settings, Vignette};
+use crate::hands::Placement;
+use crate::render::Quality;
+use crate::xr::{Frame, XrError};
+
+/// Share of a frame's time that the scene may take.
+const SHARE: f64 = 0.8;
+
+/// What draws both eyes on one session's device.
+pub(super) struct Eyes {
+    renderer: Renderer,
+    present: Present,
+    vignette: Vignette,
+    rasterizer: Rasterizer,
+    pacing: Pacing,
+    /// When the picture before was handed in.
+    before: Option<Instant>,
+    /// How the newest one was drawn.
+    pub(super) level: Level,
+    pub(super) pictures: u64,
+}
+
+impl Eyes {
+    /// Uploads a scene to the headset's device; pictures are put onto images of `format`, one every `period` seconds.
+    pub(super) fn new(gpu: &Gpu, scene: &Scene, format: wgpu::TextureFormat, period: f64) -> Result<Self, GpuError> {
+        let renderer = Renderer::new(gpu, scene)?;
+        let rasterizer = if renderer.blends_quads() { Rasterizer::Quads } else { Rasterizer::Tiles };
+        let pacing = Pacing::new(SHARE * period);
+        let level = pacing.level(Quality::Standard, true);
+        Ok(Self {
+            present: Present::new(gpu, format),
+            vignette: Vignette::new(gpu, format),
+            renderer,
+            rasterizer,
+            pacing,
+            before: None,
+            level,
+            pictures: 0,
+        })
+    }
+
+    pub(super) fn late(&self) -> u64 {
+        self.pacing.late()
+    }
+
+    /// Draws a look of the scene as it stands in the room, the edges of the view `darkened` by 0 to 1.
+    pub(super) fn draw(
+        &mut self,
+        frame: &mut Frame<'_>,
+        placement: &Placement,
+        look: &Appearance,
+        (best, darkened): (Quality, f64),
+    ) -> Result<Result<(), GpuError>, XrError> {
+        // What a frame cost is what lies between it and the next where that is more than the headset's own time; less says
+        // that there was room.
+        let now = Instant::now();
+        if let Some(before) = self.before.replace(now) {
+            let between = now.duration_since(before).as_secs_f64();
+            let cost = if between > 1.5 * frame.period { between } else { 0.5 * SHARE * frame.period };
+            self.pacing.drew(cost, true);
+        }
+        self.level = self.pacing.level(best, true);
+        let [width, height] = frame.size();
+        let edge = |pixels: u32| ((f64::from(pixels) * self.level.scale) as u32).max(16);
+        let size = [edge(width), edge(height)];
+        let background = look.background.to_array();
+        let cameras: Vec<Camera> =
+            frame.eyes.iter().map(|eye| eye.camera(size, placement, background, look.light)).collect();
+        let whole: Vec<Camera> =
+            frame.eyes.iter().map(|eye| eye.camera([width, height], placement, background, look.light)).collect();
+        let settings = Settings { quality: self.level.quality, rasterizer: self.rasterizer, ..Settings::default() };
+        if let Err(error) = self.renderer.draw(&cameras, look, settings) {
+            return Ok(Err(error));
+        }
+        self.pictures += 1;
+        let gpu = frame.gpu().clone();
+        let Self { renderer, present, vignette, .. } = self;
+        frame.draw_eyes(|targets| {
+            let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            for (eye, (picture, target)) in renderer.pictures().iter().zip(targets).enumerate() {
+                let load = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
+                present.encode(&mut encoder, picture, target, [0, 0, width, height], load);
+                if let Some(camera) = whole.get(eye) {
+                    vignette.encode(&mut encoder, target, camera, eye == 1, darkened);
+                }
+            }
+            gpu.queue().submit([encoder.finish()]);
+        })?;
+        Ok(Ok(()))
+    }
+}

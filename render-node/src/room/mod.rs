@@ -1,0 +1,260 @@
+//! A room that a person stands in with the scene: a headset, two hands, panels around them.
+//!
+//! The loop waits for the headset's next frame and for nothing else. Hands hold, scale and turn the scene
+//! ([`crate::hands::Handling`]) and brush it ([`Acts`]); panels hang around the person and are pointed at.
+
+mod acts;
+mod boards;
+mod eyes;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use sg_scene::model::Scene;
+
+use crate::display::{Drafts, Dressing, Pace, Request, Seat, Shown, Tools};
+use crate::gpu::GpuError;
+use crate::hands::{Bookmarks, Comfort, Placement, Rectangle, Stance};
+use crate::panels::{Draft, Output, Panel, Panels, Place, Wish};
+use crate::xr::{Frame, Headset, PAUSE, Step, XrError};
+
+pub use acts::{Acts, Did, SeenTip, Taken};
+
+use boards::Boards;
+use eyes::Eyes;
+
+/// Seconds of one frame before the headset has said how long one is.
+const FIRST_PERIOD: f64 = 1.0 / 90.0;
+
+/// What a person steps into.
+pub struct Setup {
+    /// The geometry.
+    pub scene: Arc<Scene>,
+    /// Where the newest comes from and requests go.
+    pub seat: Seat,
+    /// The settings of hands and panels.
+    pub tools: Tools,
+    /// What the scene was opened from: transfer functions are found beside it.
+    pub opened: PathBuf,
+}
+
+/// A room.
+pub struct Room {
+    scene: Arc<Scene>,
+    seat: Seat,
+    tools: Tools,
+    drafts: Drafts,
+    dressing: Dressing,
+    acts: Acts,
+    panels: Panels,
+    boards: Boards,
+    bookmarks: Bookmarks,
+    comfort: Comfort,
+    /// Whether the scene was put elsewhere at once since the last frame.
+    jumped: bool,
+    /// Why the device is to be opened anew.
+    lost: Option<String>,
+    eyes: Option<Eyes>,
+    /// What the device would not do, told once.
+    trouble: Option<String>,
+    frames: u64,
+    /// Revision of the scene that the newest frame shows.
+    revision: u64,
+}
+
+impl Room {
+    /// A room around a headset that is there.
+    #[must_use]
+    pub fn new(setup: Setup, headset: &Headset) -> Self {
+        let Setup { scene, mut seat, tools, opened } = setup;
+        let view = seat.newest().scene.view();
+        let stance = if tools.seated { Stance::Seated } else { Stance::Standing };
+        let home = Placement::fit(scene.bounds, view.up, view.target - view.eye, stance, headset.origin());
+        let mut panels = Panels::new(Place::Headset);
+        for problem in panels.behind(&scene, Path::new(&opened)) {
+            tracing::warn!("no curve is shown: {problem}");
+        }
+        // The scene is fitted a little below the eyes.
+        let eyes = stance.height(headset.origin()) + 0.4;
+        Self {
+            acts: Acts::new(&scene, home),
+            boards: Boards::new(eyes),
+            scene,
+            seat,
+            tools,
+            drafts: Drafts::default(),
+            dressing: Dressing::default(),
+            panels,
+            bookmarks: Bookmarks::default(),
+            comfort: Comfort::default(),
+            jumped: false,
+            lost: None,
+            eyes: None,
+            trouble: None,
+            frames: 0,
+            revision: 0,
+        }
+    }
+
+    /// Where the scene stands.
+    #[must_use]
+    pub fn placement(&self) -> Placement {
+        self.acts.placement()
+    }
+
+    /// What hands and panels have set.
+    #[must_use]
+    pub fn tools(&self) -> &Tools {
+        &self.tools
+    }
+
+    /// Where a panel hangs, shown or not.
+    #[must_use]
+    pub fn panel(&self, panel: Panel) -> Option<Rectangle> {
+        self.boards.place(panel)
+    }
+
+    /// Serves a headset on this thread until its session or its seat is over.
+    ///
+    /// # Errors
+    /// [`XrError::Gone`] for a runtime that went away and did not come back.
+    pub fn serve(mut self, headset: &mut Headset) -> Result<(), XrError> {
+        loop {
+            if self.seat.is_over() {
+                headset.leave();
+            }
+            let step = headset.frame(|frame| self.frame(frame))?;
+            match step {
+                Step::Shown | Step::Hidden | Step::Back => {}
+                Step::Idle => std::thread::sleep(PAUSE),
+                Step::Away => {
+                    // What was made with the device that has gone.
+                    self.eyes = None;
+                    std::thread::sleep(PAUSE);
+                }
+                Step::Ended => return Ok(()),
+            }
+            if let Some(reason) = self.lost.take() {
+                self.eyes = None;
+                headset.restart(reason);
+            }
+            self.tell(headset);
+        }
+    }
+
+    /// One frame that somebody sees.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn frame(&mut self, frame: &mut Frame<'_>) -> Result<(), XrError> {
+        let newest = self.seat.newest();
+        let drafted = self.drafts.over(&self.scene, &newest.scene);
+        let shown = Shown { scene: drafted, ..Shown::clone(&newest) };
+        let hands = frame.hands;
+        let taken = self.boards.step(&hands, &self.panels, &shown);
+        let Did { mut requests, felt, panels, jumped } =
+            self.acts.step(&hands, taken, (frame.head.position, frame.period), &mut self.tools, &shown);
+        self.jumped |= jumped || frame.recentred;
+        for (side, strength) in felt {
+            frame.pulse(side, strength, std::time::Duration::ZERO)?;
+        }
+        if panels {
+            let left = self.boards.turn_over(&mut self.panels);
+            self.take(left, &shown, &mut requests);
+        }
+        let highlighted = self.acts.highlighted(&shown, &self.tools);
+        let Self { scene, dressing, tools, .. } = self;
+        let look = dressing.look(scene, &shown.scene, &highlighted, shown.clusters.as_ref(), tools);
+        self.draw(frame, &look)?;
+        self.panels.numbers = self.dressing.legend();
+        self.panels.fulfils = vec![Wish::Fit, Wish::Bookmark];
+        let kept = self.bookmarks.all().len().min(usize::from(u8::MAX)) as u8;
+        self.panels.fulfils.extend((1..=kept).map(Wish::Place));
+        let tips = self.acts.tips(&self.tools);
+        let asked = self.boards.show(frame, &mut self.panels, &shown, &mut self.tools, tips)?;
+        self.take(asked, &shown, &mut requests);
+        for request in requests {
+            self.seat.ask(request);
+        }
+        self.frames += 1;
+        self.revision = shown.scene.revision();
+        Ok(())
+    }
+
+    fn draw(&mut self, frame: &mut Frame<'_>, look: &sg_scene::appearance::Appearance) -> Result<(), XrError> {
+        let placement = self.acts.placement();
+        let darkened = self.comfort.step(&placement, &frame.head, std::mem::take(&mut self.jumped), frame.period);
+        let drawn = match &mut self.eyes {
+            Some(eyes) => eyes.draw(frame, &placement, look, (self.tools.quality, darkened))?,
+            none => {
+                let period = if frame.period > 0.0 { frame.period } else { FIRST_PERIOD };
+                match Eyes::new(frame.gpu(), &self.scene, frame.format(), period) {
+                    Ok(eyes) => {
+                        *none = Some(eyes);
+                        Ok(())
+                    }
+                    Err(error) => Err(error),
+                }
+            }
+        };
+        self.trouble_with(drawn);
+        Ok(())
+    }
+
+    fn trouble_with(&mut self, drawn: Result<(), GpuError>) {
+        if let Err(GpuError::Lost { reason, .. }) = &drawn {
+            self.lost = Some(reason.clone());
+        }
+        let trouble = drawn.err().map(|e| e.to_string());
+        if trouble.is_some() && trouble != self.trouble {
+            tracing::error!("the scene is not drawn: {}", trouble.as_deref().unwrap_or_default());
+        }
+        self.trouble = trouble;
+    }
+
+    /// Takes in what was asked for on panels.
+    fn take(&mut self, asked: Output, shown: &Shown, requests: &mut Vec<Request>) {
+        match asked.draft {
+            Some(Draft::Hold(action)) => self.drafts.hold(action),
+            Some(Draft::Release(action)) => self.drafts.release(action, shown.scene.revision()),
+            None => (),
+        }
+        requests.extend(asked.requests);
+        for wish in asked.wishes {
+            match wish {
+                Wish::Fit => {
+                    self.jumped = true;
+                    self.acts.go(None);
+                }
+                Wish::Bookmark => {
+                    let name = format!("place {}", self.bookmarks.all().len() + 1);
+                    self.bookmarks.keep(&name, self.acts.placement());
+                }
+                Wish::Place(number) => {
+                    if let Some(place) = self.bookmarks.find(&format!("place {number}")) {
+                        self.jumped = true;
+                        self.acts.go(Some(place));
+                    }
+                }
+                // Not among what is fulfilled.
+                Wish::Screenshot => (),
+            }
+        }
+    }
+
+    fn tell(&self, headset: &Headset) {
+        let paced = headset.paced();
+        let engine = |eyes: &Eyes| {
+            let scale = 100.0 * eyes.level.scale;
+            headset.gpu().map_or_else(String::new, |gpu| format!("{}, {scale:.0} % of the edge", gpu.name()))
+        };
+        self.seat.tell(Pace {
+            frames: self.frames,
+            pictures: self.eyes.as_ref().map_or(0, |e| e.pictures),
+            late: paced.missed + self.eyes.as_ref().map_or(0, Eyes::late),
+            seconds: paced.work,
+            engine: self.eyes.as_ref().map(engine).unwrap_or_default(),
+            revision: self.revision,
+        });
+    }
+}

@@ -1,0 +1,243 @@
+//! A person in a room with a scene and panels, under Monado: brushing with both hands, buttons, holding, panels, typing.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::{DQuat, DVec2, DVec3};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{StrokeKind, StrokeMode};
+use sg_render_node::display::{BrushMode, Offered, Request, Seat, Service, Shown, Tools};
+use sg_render_node::hands::{Pose, Side};
+use sg_render_node::panels::{Panel, Panels, Place, theme};
+use sg_render_node::room::{Room, Setup};
+use sg_render_node::xr::{Frame, Headset, Options, PAUSE, Step};
+use sg_scene::edit::EditState;
+use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
+
+use crate::monado::{Controller, Display, Puppet, Runtime, is_inside, run_inside};
+use crate::scenes;
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A person with everything around them.
+struct Person {
+    headset: Headset,
+    room: Room,
+    service: Service,
+    puppet: Puppet,
+    asked: Vec<Request>,
+    /// What the hands did in the newest frame.
+    hands: [sg_render_node::hands::HandInput; 2],
+}
+
+impl Person {
+    /// Makes frames until `done` says so after one that was shown.
+    fn until(&mut self, what: &str, mut done: impl FnMut(&Self) -> bool) {
+        let begun = Instant::now();
+        loop {
+            assert!(begun.elapsed() < PATIENCE, "waited in vain for: {what}; asked so far: {:?}", self.asked);
+            let (room, hands) = (&mut self.room, &mut self.hands);
+            let step = self.headset.frame(|frame: &mut Frame<'_>| {
+                *hands = frame.hands;
+                room.frame(frame)
+            });
+            while let Ok(request) = self.service.requests.try_recv() {
+                self.asked.push(request);
+            }
+            match step.unwrap() {
+                Step::Shown if done(self) => return,
+                Step::Shown | Step::Hidden => (),
+                _ => std::thread::sleep(PAUSE),
+            }
+        }
+    }
+
+    fn controller(&mut self, side: Side) -> &mut Controller {
+        match side {
+            Side::Left => &mut self.puppet.left,
+            Side::Right => &mut self.puppet.right,
+        }
+    }
+
+    /// Moves a hand so that it aims from `from` along `direction`, and waits until it does.
+    fn aim(&mut self, side: Side, from: DVec3, direction: DVec3) {
+        let k = side.index();
+        let (aim, grip) = self.hands[k].aim.zip(self.hands[k].grip).expect("a hand that is tracked");
+        // How the ray lies in the hand stays the same.
+        let back = grip.orientation.inverse();
+        let (turn, way) = (back * aim.orientation, back * (aim.position - grip.position));
+        let wanted = DQuat::from_rotation_arc(DVec3::NEG_Z, direction.normalize());
+        let orientation = (wanted * turn.inverse()).normalize();
+        let position = from - orientation * way;
+        let controller = self.controller(side);
+        controller.position = position.as_vec3().to_array();
+        controller.orientation = orientation.as_quat().to_array();
+        self.puppet.send();
+        let there = |hand: Option<Pose>| {
+            hand.is_some_and(|a| a.position.distance(from) < 2e-3 && a.forward().dot(direction.normalize()) > 0.9999)
+        };
+        self.until("a hand that aims", |p| there(p.hands[k].aim));
+    }
+
+    /// Brings the tip of a brush to a place of the room.
+    fn reach(&mut self, side: Side, at: DVec3) {
+        self.aim(side, at - DVec3::new(0.0, 0.0, -0.08), DVec3::NEG_Z);
+    }
+
+    fn trigger(&mut self, side: Side, pulled: f32) {
+        self.controller(side).trigger = pulled;
+        self.puppet.send();
+        let k = side.index();
+        self.until("a trigger", |p| (p.hands[k].trigger - f64::from(pulled)).abs() < 0.05);
+    }
+
+    /// Draws a stroke between two places of the room; it, as the seat was asked for it.
+    fn stroke(&mut self, side: Side, from: DVec3, to: DVec3) -> sg_proto::scene::Stroke {
+        self.asked.clear();
+        self.reach(side, from);
+        self.trigger(side, 1.0);
+        self.reach(side, to);
+        self.trigger(side, 0.0);
+        let whole = |request: &Request| match request {
+            Request::Select(strokes) => strokes.strokes.first().cloned(),
+            _ => None,
+        };
+        self.until("a stroke", |p| p.asked.iter().any(|r| whole(r).is_some()));
+        assert!(self.asked.iter().any(|r| matches!(r, Request::Sample(_))), "told as it grows: {:?}", self.asked);
+        self.asked.iter().find_map(whole).unwrap()
+    }
+
+    /// Points at a place of a panel (points from its upper left) with the right hand and pulls the trigger once.
+    fn press(&mut self, panel: Panel, at: egui::Pos2) {
+        let place = self.room.panel(panel).unwrap();
+        let size = panel.size();
+        let on = place.point(DVec2::new(f64::from(at.x / size.x), f64::from(at.y / size.y)));
+        let from = on + 0.4 * (place.pose.orientation * DVec3::Z);
+        self.aim(Side::Right, from, on - from);
+        // egui knows what is under the pointer one frame after it came there.
+        let mut frames = 0;
+        self.until("two frames", |_| {
+            frames += 1;
+            frames > 2
+        });
+        self.trigger(Side::Right, 1.0);
+        self.trigger(Side::Right, 0.0);
+    }
+}
+
+/// Where a control of a panel is, in points, as it is drawn in a headset.
+fn place_of(panel: Panel, shown: &Shown, tools: &Tools, typing: bool, label: &str) -> egui::Pos2 {
+    use egui_kittest::kittest::Queryable as _;
+    let mut panels = Panels::new(Place::Headset);
+    if typing {
+        panels.name_selection();
+    }
+    let (shown, mut tools) = (shown.clone(), tools.clone());
+    let harness = egui_kittest::Harness::builder().with_size(panel.size()).build_ui(move |ui| {
+        theme::apply(ui.ctx(), &tools);
+        let _ = panels.show(panel, ui, &shown, &mut tools);
+    });
+    harness.get_by_label(label).rect().center()
+}
+
+fn shown_of(scene: &Scene) -> Shown {
+    let state = Arc::new(EditState::of_scene(scene, "scene.ply", "hash"));
+    let offered = Offered { scene: true, selection: true, agents: false };
+    Shown { offered, undo: Arc::from(["a stroke".to_owned()]), ..Shown::of(state) }
+}
+
+#[test]
+fn a_person_brushes_holds_and_types_with_both_hands() {
+    run_inside("rooms::inside_a_person_brushes_holds_and_types_with_both_hands");
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_a_person_brushes_holds_and_types_with_both_hands() {
+    if !is_inside() {
+        return;
+    }
+    let _runtime = Runtime::start(&Display::None);
+    let puppet = Puppet::connect();
+    let headset = Headset::open(Options { resolution: 0.3, ..Options::default() }).unwrap();
+    let scene = Arc::new(scenes::scene(&scenes::surface(400, 7)));
+    let shown = shown_of(&scene);
+    let (seat, service) = Seat::new(shown.clone());
+    let tools = Tools { radius: 0.1, ..Tools::default() };
+    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: "scene.ply".into() };
+    let room = Room::new(setup, &headset);
+    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default() };
+    person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
+
+    // The scene stands a metre high before the person.
+    let middle = person.room.placement().to_room(0.5 * (scene.bounds.min + scene.bounds.max));
+    assert!(middle.distance(DVec3::new(0.0, 1.2, -0.8)) < 1e-6, "{middle}");
+
+    // Right adds, left takes away, both in normalized places of the scene's box.
+    let (a, b) = (middle - 0.1 * DVec3::X, middle + 0.1 * DVec3::X);
+    let stroke = person.stroke(Side::Right, a, b);
+    assert_eq!((stroke.mode(), stroke.kind()), (StrokeMode::Walk, StrokeKind::Foreground));
+    assert!(stroke.points.len() >= 6 && (stroke.radius - 0.1).abs() < 1e-9, "{stroke:?}");
+    let at = |k: usize| {
+        person.room.placement().to_room(scene.bounds.denormalize(DVec3::from_slice(&stroke.points[3 * k..])))
+    };
+    assert!(at(0).distance(a) < 5e-3, "{} instead of {a}", at(0));
+    person.reach(Side::Right, middle + DVec3::new(0.0, 0.6, 0.5));
+    let stroke = person.stroke(Side::Left, a, b);
+    assert_eq!(stroke.kind(), StrokeKind::Background);
+    person.reach(Side::Left, middle + DVec3::new(-0.4, 0.6, 0.5));
+
+    // A: the next mode; B: undo; on the other hand: redo.
+    person.puppet.right.a = true;
+    person.puppet.send();
+    person.until("another mode", |p| p.room.tools().mode == BrushMode::Cluster);
+    person.puppet.right.a = false;
+    person.puppet.right.b = true;
+    person.puppet.send();
+    let undone = |r: &Request| matches!(r, Request::Change(a) if matches!(**a, Action::Undo(_)));
+    person.until("undo", |p| p.asked.iter().any(undone));
+    person.puppet.right.b = false;
+    person.puppet.send();
+    assert_eq!(person.stroke(Side::Right, a, b).mode(), StrokeMode::Cluster);
+    person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
+
+    // Both grips: the scene grows with the hands.
+    let before = person.room.placement();
+    let ahead = DVec3::NEG_Z;
+    for (side, x) in [(Side::Left, -0.1), (Side::Right, 0.1)] {
+        person.aim(side, middle + DVec3::new(x, 0.0, 0.2), ahead);
+        person.controller(side).squeeze = 1.0;
+        person.puppet.send();
+    }
+    person.until("two grips", |p| p.hands.iter().all(|h| h.squeeze > 0.9));
+    for (side, x) in [(Side::Left, -0.2), (Side::Right, 0.2)] {
+        person.aim(side, middle + DVec3::new(x, 0.0, 0.2), ahead);
+    }
+    let grown = person.room.placement().scale / before.scale;
+    assert!((grown - 2.0).abs() < 0.1, "twice as far apart, {grown} times as large");
+    for side in Side::BOTH {
+        person.controller(side).squeeze = 0.0;
+    }
+    person.puppet.send();
+    person.until("open grips", |p| p.hands.iter().all(|h| h.squeeze < 0.1));
+
+    // On a panel the trigger presses, and brushes nothing.
+    let mask = Arc::new(Mask::from_fn(scene.len(), |i| i < 10));
+    let selected = Shown { selected: mask, ..shown };
+    person.service.news.change(|shown| *shown = selected.clone());
+    person.asked.clear();
+    let tools = person.room.tools().clone();
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "invert"));
+    person.until("an inversion", |p| p.asked.iter().any(|r| matches!(r, Request::Select(s) if !s.steps.is_empty())));
+    assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "{:?}", person.asked);
+
+    // A name on the keyboard that hangs there as long as it is needed, and the unit is saved.
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "name of the new unit"));
+    for key in ["s", "a", "c"] {
+        person.press(Panel::Keyboard, place_of(Panel::Keyboard, &selected, &tools, true, key));
+    }
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "save"));
+    let saved = |r: &Request| matches!(r, Request::Change(a) if matches!(&**a, Action::SaveUnit(s) if s.name == "sac"));
+    person.until("a saved unit", |p| p.asked.iter().any(saved));
+}
