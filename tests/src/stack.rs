@@ -55,9 +55,21 @@ impl Stack {
     /// # Errors
     /// As [`Stack::up`].
     pub fn up_of(file: &str, settings: &[String], env: &[(&str, &str)]) -> Result<Self, String> {
-        let stack = Self::begin_of(file, settings, env, None)?;
-        stack.wait()?;
-        Ok(stack)
+        let mut stack = Self::begin_of(file, settings, env, None)?;
+        let begun = Instant::now();
+        loop {
+            let services = stack.ps();
+            if are_ready(&services) {
+                return Ok(stack);
+            }
+            if let Some(status) = stack.ended(Duration::ZERO) {
+                return Err(format!("it ended with {status:?}\n{}", stack.log()));
+            }
+            if begun.elapsed() > READY {
+                return Err(stack.not_ready(&services));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
     }
 
     /// Begins to start every service of the headless launch file, on a host if one is given.
@@ -112,11 +124,11 @@ impl Stack {
         let begun = Instant::now();
         loop {
             let services = self.ps();
-            if !services.is_empty() && services.iter().all(|s| s["state"] == "READY") {
+            if are_ready(&services) {
                 return Ok(());
             }
             if begun.elapsed() > READY {
-                return Err(format!("not ready within {} s: {services:?}\n{}", READY.as_secs(), self.log()));
+                return Err(self.not_ready(&services));
             }
             std::thread::sleep(Duration::from_millis(50));
         }
@@ -131,13 +143,19 @@ impl Stack {
     /// Exit status of the supervisor, if it ends within `patience`.
     pub fn ended(&mut self, patience: Duration) -> Option<Option<i32>> {
         let begun = Instant::now();
-        while begun.elapsed() < patience {
+        loop {
             if let Ok(Some(status)) = self.supervisor.try_wait() {
                 return Some(status.code());
             }
+            if begun.elapsed() >= patience {
+                return None;
+            }
             std::thread::sleep(Duration::from_millis(20));
         }
-        None
+    }
+
+    fn not_ready(&self, services: &[Value]) -> String {
+        format!("not ready within {} s: {services:?}\n{}", READY.as_secs(), self.log())
     }
 
     /// The folder that holds all of it.
@@ -194,6 +212,10 @@ impl Stack {
     fn run_root(&self) -> PathBuf {
         self.folder.path().join("run")
     }
+}
+
+fn are_ready(services: &[Value]) -> bool {
+    !services.is_empty() && services.iter().all(|s| s["state"] == "READY")
 }
 
 impl Drop for Stack {

@@ -10,6 +10,12 @@ use sg_proto::render::State;
 use sg_render_node::backend::Engine;
 use sg_render_node::display::{News, Seat, Service, Shown, Tools};
 use sg_render_node::window::{self, Memory, Setup};
+#[cfg(feature = "xr")]
+use sg_render_node::{
+    hands::Stance,
+    room::{self, Room},
+    xr::{Headset, Options},
+};
 use sg_runtime::bus::Owned;
 use sg_runtime::context::Context;
 use sg_runtime::process::{Host, StartError};
@@ -99,45 +105,47 @@ fn run(
 /// Serves the headset, or the window where that was asked for or there is none.
 fn see(before: Before, news: &News) -> Result<(), String> {
     if before.params.display == Display::Headset {
-        match headset(before) {
-            Ok(outcome) => outcome,
-            Err((before, why)) => {
+        match find(&before.params) {
+            Ok(headset) => return stand(before, headset),
+            Err(why) => {
                 tracing::warn!("the window takes the headset's place: {why}");
                 news.notice(why, false);
-                window(before)
             }
         }
-    } else {
-        window(before)
     }
+    window(before)
 }
 
-/// Serves a headset; what was to be shown, and why, where there is none.
+/// The headset, if there is one.
 #[cfg(feature = "xr")]
-fn headset(before: Before) -> Result<Result<(), String>, (Before, String)> {
-    use sg_render_node::hands::Stance;
-    use sg_render_node::room::{Room, Setup};
-    use sg_render_node::xr::{Headset, Options};
+fn find(params: &Params) -> Result<Headset, String> {
+    let stance = if params.seated { Stance::Seated } else { Stance::Standing };
+    let options = Options { resolution: params.resolution, stance, ..Options::default() };
+    Headset::open(options).map_err(|e| e.to_string())
+}
 
-    let Params { resolution, seated, left_handed, quality, .. } = before.params;
-    let stance = if seated { Stance::Seated } else { Stance::Standing };
-    let mut headset = match Headset::open(Options { resolution, stance, ..Options::default() }) {
-        Ok(headset) => headset,
-        Err(error) => return Err((before, error.to_string())),
-    };
+/// Lets a person stand in the room with the scene until they leave.
+#[cfg(feature = "xr")]
+fn stand(before: Before, mut headset: Headset) -> Result<(), String> {
     let Before { scene, mut seat, params, there } = before;
     let opened = PathBuf::from(&seat.newest().scene.geometry().path);
-    let tools = Tools { seated, left_handed, quality, ..tools(&params) };
-    let room = Room::new(Setup { scene, seat, tools, opened }, &headset);
+    let Params { seated, left_handed, .. } = params;
+    let tools = Tools { seated, left_handed, ..tools(&params) };
+    let room = Room::new(room::Setup { scene, seat, tools, opened }, &headset);
     // Nobody waits any more once that was given up.
     let _ = there.send(Display::Headset);
-    Ok(room.serve(&mut headset).map_err(|e| e.to_string()))
+    room.serve(&mut headset).map_err(|e| e.to_string())
 }
 
 /// This executable was built without OpenXR.
 #[cfg(not(feature = "xr"))]
-fn headset(before: Before) -> Result<Result<(), String>, (Before, String)> {
-    Err((before, "this executable was built without the feature `xr`".to_owned()))
+fn find(_: &Params) -> Result<std::convert::Infallible, String> {
+    Err("this executable was built without the feature `xr`".to_owned())
+}
+
+#[cfg(not(feature = "xr"))]
+fn stand(_: Before, headset: std::convert::Infallible) -> Result<(), String> {
+    match headset {}
 }
 
 fn window(before: Before) -> Result<(), String> {
