@@ -29,7 +29,10 @@ impl Panels {
             offer(ui, tools, "scene", Showing::Scene);
             if let Some(clusters) = &shown.clusters {
                 offer(ui, tools, "Super-Gaussians", Showing::Clusters);
-                offer(ui, tools, "outlines of Super-Gaussians", Showing::Outlines);
+                // Lines are drawn into pictures that cores have made, which a headset's are not.
+                if self.place == Place::Window {
+                    offer(ui, tools, "outlines of Super-Gaussians", Showing::Outlines);
+                }
                 offer(ui, tools, "along the first component", Showing::FirstComponent);
                 ui.label(format!("{} Super-Gaussians", count(self.clusters.count(clusters))));
             }

@@ -19,7 +19,7 @@ const ANGLES: [(Panel, f64); 3] = [(Panel::Scene, -55.0), (Panel::Prompt, 50.0),
 const SHARPNESS: f32 = 1.5;
 
 /// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
-const LEGEND: (Vec2, f64) = (Vec2::new(330.0, 230.0), 0.45);
+const LEGEND: (Vec2, f64) = (Vec2::new(330.0, 440.0), 0.4);
 
 /// Points across a brush's ring.
 const RING: f32 = 64.0;
@@ -194,7 +194,7 @@ impl Boards {
     ) -> Result<(), XrError> {
         let adds = Acts::adds(tools);
         let Some(wrist) = frame.hands[adds.other().index()].grip.filter(|_| self.shown) else { return Ok(()) };
-        let position = wrist.position + DVec3::new(0.0, 0.16, 0.0);
+        let position = wrist.position + DVec3::new(0.0, 0.2, 0.0);
         self.legend.place.pose = Pose { position, orientation: facing(position, frame.head.position) };
         let sides = [adds, adds.other()];
         let lines = sides.map(|side| Acts::legend(side, tools, shown));

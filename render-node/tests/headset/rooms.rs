@@ -1,5 +1,6 @@
 //! A person in a room with a scene and panels, under Monado: brushing with both hands, buttons, holding, panels, typing.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,11 +13,12 @@ use sg_render_node::panels::{Panel, Panels, Place, theme};
 use sg_render_node::room::{Room, Setup};
 use sg_render_node::xr::{Frame, Headset, Options, PAUSE, Step};
 use sg_scene::edit::EditState;
+use sg_scene::load::{LoadOptions, load};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
-use crate::monado::{Controller, Display, Puppet, Runtime, is_inside, run_inside};
-use crate::scenes;
+use crate::monado::{Controller, Display, Puppet, Runtime, Screen, is_inside, run_inside};
+use crate::{scenes, seen};
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -145,6 +147,51 @@ fn shown_of(scene: &Scene) -> Shown {
     let state = Arc::new(EditState::of_scene(scene, "scene.ply", "hash"));
     let offered = Offered { scene: true, selection: true, agents: false };
     Shown { offered, undo: Arc::from(["a stroke".to_owned()]), ..Shown::of(state) }
+}
+
+/// Of the screen, and so of the committed picture.
+const SIZE: [u32; 2] = [960, 540];
+
+#[test]
+fn the_room_of_a_real_scene_is_composited() {
+    if seen::data().is_some() {
+        run_inside("rooms::inside_the_room_of_a_real_scene_is_composited");
+    }
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_the_room_of_a_real_scene_is_composited() {
+    if !is_inside() {
+        return;
+    }
+    let path = seen::data().unwrap().join("splats/donut_fused.ply");
+    let scene = Arc::new(load(&path, &LoadOptions::default()).unwrap().scene);
+    let screen = Screen::start(SIZE);
+    let _runtime = Runtime::start(&Display::X(&screen));
+    let puppet = Puppet::connect();
+    let headset = Headset::open(Options { resolution: 0.4, ..Options::default() }).unwrap();
+    let shown = shown_of(&scene);
+    let (seat, service) = Seat::new(shown);
+    let setup = Setup { scene, seat, tools: Tools { radius: 0.06, ..Tools::default() }, opened: path };
+    let room = Room::new(setup, &headset);
+    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default() };
+    person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
+    person.reach(Side::Right, DVec3::new(0.12, 1.25, -0.6));
+    person.aim(Side::Left, DVec3::new(-0.12, 1.2, -0.5), DVec3::new(-0.3, 0.3, -1.0));
+    let mut frames = 0;
+    person.until("some frames", |_| {
+        frames += 1;
+        frames > 6
+    });
+    std::thread::sleep(Duration::from_millis(300));
+    let (width, height, rgb) = screen.picture();
+    assert_eq!([width, height], SIZE);
+    let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/headset/room.png");
+    if std::env::var_os("SUPERGAUSSIAN_PICTURES").is_some_and(|v| v == "write") {
+        seen::write(&committed, SIZE, &rgb);
+    }
+    seen::compare(&committed, &rgb);
 }
 
 #[test]

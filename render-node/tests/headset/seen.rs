@@ -21,7 +21,7 @@ use crate::monado::{Display, Puppet, Runtime, Screen, is_inside, is_there, run_i
 /// Of the screen, and so of the committed picture. The runtime fills it with both eyes.
 const SIZE: [u32; 2] = [960, 540];
 
-fn data() -> Option<PathBuf> {
+pub(crate) fn data() -> Option<PathBuf> {
     let folder = std::env::var_os("SUPERGAUSSIAN_DATA").map(PathBuf::from);
     if folder.is_none() {
         let required = std::env::var("SUPERGAUSSIAN_REQUIRE_DATA").is_ok_and(|v| v == "1");
@@ -109,7 +109,7 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
     assert_eq!([width, height], SIZE);
     let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/headset/seen.png");
     if std::env::var_os("SUPERGAUSSIAN_PICTURES").is_some_and(|v| v == "write") {
-        write(&committed, &rgb);
+        write(&committed, SIZE, &rgb);
     }
     compare(&committed, &rgb);
 }
@@ -194,9 +194,9 @@ fn inside_a_window_mirrors_the_headset() {
     gpu.check().unwrap();
 }
 
-fn write(path: &Path, rgb: &[u8]) {
+pub(crate) fn write(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) {
     let file = std::fs::File::create(path).unwrap();
-    let mut encoder = png::Encoder::new(file, SIZE[0], SIZE[1]);
+    let mut encoder = png::Encoder::new(file, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::High);
@@ -205,7 +205,7 @@ fn write(path: &Path, rgb: &[u8]) {
 
 /// Whether the picture is the committed one: of all numbers the mean difference at most 1 of 255, and no more than one in a
 /// hundred off by more than 12. Drivers round differently, and the runtime warps a picture to the newest head pose.
-fn compare(committed: &Path, rgb: &[u8]) {
+pub(crate) fn compare(committed: &Path, rgb: &[u8]) {
     let mut reader =
         png::Decoder::new(std::io::BufReader::new(std::fs::File::open(committed).unwrap())).read_info().unwrap();
     let mut wanted = vec![0; reader.output_buffer_size().unwrap()];
