@@ -238,6 +238,7 @@ impl Acts {
     #[must_use]
     pub fn legend(side: Side, tools: &Tools, shown: &Shown) -> Vec<(&'static str, String)> {
         let adds = side == Self::adds(tools);
+        let [one, two, two_or_menu] = if side == Side::Right { ["A", "B", "B, menu"] } else { ["X", "Y", "Y, menu"] };
         let mut lines = Vec::new();
         if shown.offered.selection {
             let what = if adds { "adds" } else { "takes away" };
@@ -246,17 +247,17 @@ impl Acts {
         lines.push(("grip", "holds the scene; both scale it".to_owned()));
         if adds {
             lines.push(("stick", "turns; up and down: width".to_owned()));
-            lines.push(("A", format!("next mode: {}", tools.mode.next().name())));
+            lines.push((one, format!("next mode: {}", tools.mode.next().name())));
         }
         if shown.offered.scene {
             let line = |what: &str, lines: &[String]| match lines.first() {
                 Some(line) => format!("{what} {line}"),
                 None => format!("nothing to {what}"),
             };
-            lines.push(if adds { ("B", line("undo", &shown.undo)) } else { ("X", line("redo", &shown.redo)) });
+            lines.push(if adds { (two, line("undo", &shown.undo)) } else { (one, line("redo", &shown.redo)) });
         }
         if !adds {
-            lines.push(("Y, menu", "panels".to_owned()));
+            lines.push((two_or_menu, "panels".to_owned()));
         }
         lines.push(("stick pressed", "back to the first place".to_owned()));
         lines

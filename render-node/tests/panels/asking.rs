@@ -247,6 +247,10 @@ fn history_takes_back_as_far_as_is_pointed_at() {
 fn what_is_shown_is_this_displays_own() {
     let mut panel = scene();
     press(&mut panel, "What is shown");
+    // A headset's pictures have no lines drawn into them.
+    assert!(panel.query_by_label("outlines of Super-Gaussians").is_none());
+    panel.state_mut().panels.place = Place::Window;
+    panel.run();
     for (label, showing) in [
         ("Super-Gaussians", Showing::Clusters),
         ("outlines of Super-Gaussians", Showing::Outlines),
@@ -266,6 +270,7 @@ fn what_is_shown_is_this_displays_own() {
     panel.run();
     assert!(panel.query_by_label("Super-Gaussians").is_none());
 
+    panel.state_mut().panels.place = Place::Headset;
     press(&mut panel, "This display");
     press(&mut panel, "fast");
     press(&mut panel, "150 %");
