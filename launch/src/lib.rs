@@ -11,3 +11,6 @@ pub mod strokes;
 
 /// The launch file that starts the whole stack without a window.
 pub const HEADLESS: &str = include_str!("../headless.toml");
+
+/// The launch file of the whole stack with a window.
+pub const DESKTOP: &str = include_str!("../desktop.toml");

@@ -2,6 +2,7 @@
 
 #![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
@@ -161,6 +162,33 @@ fn without_a_display_it_is_said_what_to_do() {
 }
 
 #[test]
+fn a_demo_is_a_window_where_there_is_a_display() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("out");
+    let demo = |display: &str, more: &[&str]| {
+        let mut demo = sg_tests::command(&home.path().join("run")).unwrap();
+        demo.args(["demo", "--gaussians", "3000", "--size", "64", "--out"]).arg(&out).args(more);
+        demo.env("DISPLAY", display).env("XDG_CONFIG_HOME", home.path());
+        demo.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        demo.spawn().unwrap()
+    };
+    let seen = demo(screen.display(), &[]);
+    screen.window("Super-Gaussian", PATIENCE).unwrap();
+    screen.act(&["key", "ctrl+q"]).unwrap();
+    let ended = seen.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success() && said.contains("close it to end"), "{said}");
+    assert!(out.join("scene.sgproj").is_file() && !out.join("transcript.json").exists());
+
+    // A display that is none: what there is to see is left in files.
+    let ended = demo(":4711", &[]).wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success() && said.contains("a script is played without a window"), "{said}");
+    assert!(out.join("transcript.json").is_file());
+}
+
+#[test]
 fn a_headset_that_is_not_there_is_a_window_that_says_why() {
     let Some(screen) = Screen::open().unwrap() else { return };
     let home = tempfile::tempdir().unwrap();
@@ -178,4 +206,50 @@ fn a_headset_that_is_not_there_is_a_window_that_says_why() {
     let logs = std::fs::read_dir(stack.session_folder().join("logs")).unwrap();
     let said: String = logs.flatten().filter_map(|f| std::fs::read_to_string(f.path()).ok()).collect();
     assert!(said.contains("the window takes the headset's place") && said.contains("OpenXR"), "{said}");
+}
+
+#[test]
+fn frames_go_on_while_every_other_service_stands_still() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path().display().to_string();
+    let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", &home)];
+    // Nobody is to be taken for hung while they are stopped here.
+    let stack = Stack::up_of("desktop.toml", &["defaults.liveness=600".to_owned()], &env).unwrap();
+    screen.window("Super-Gaussian", PATIENCE).unwrap();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let bus = stack.join(role::CLI).await.unwrap();
+        view(&bus, "a picture in the window", |v| v.display == "window" && v.frames > 0).await;
+        let services = stack.ps();
+        let others: Vec<_> = services
+            .iter()
+            .filter(|s| s["name"] != "render-view")
+            .map(|s| Pid::from_raw(s["pid"].as_i64().unwrap().try_into().unwrap()))
+            .collect();
+        assert_eq!(others.len(), 6);
+        // A change is asked for, so that somebody is waited for beside the loop.
+        for pid in &others {
+            kill(*pid, Signal::SIGSTOP).unwrap();
+        }
+        screen.act(&["key", "ctrl+z"]).unwrap();
+        let before = view(&bus, "the view itself", |_| true).await;
+        for k in 0..40 {
+            let (x, y) = (MIDDLE[0] + 4 * k, MIDDLE[1] + k);
+            screen.act(&["mousemove", &x.to_string(), &y.to_string()]).unwrap();
+            if k == 0 {
+                screen.act(&["mousedown", "1"]).unwrap();
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        screen.act(&["mouseup", "1"]).unwrap();
+        let after =
+            view(&bus, "frames of a turn", |v| v.shown > before.shown + 15 && v.frames > before.frames + 3).await;
+        assert!(after.revision == before.revision, "nobody told of anything");
+        for pid in &others {
+            kill(*pid, Signal::SIGCONT).unwrap();
+        }
+        let (status, _, all) = stack.run(&["say", "hide everything"]).unwrap();
+        assert_eq!(status, Some(0), "{all}");
+    });
 }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use sg_launch::document::suggestion;
 use sg_launch::file::{LaunchFile, Search, Source, read};
 use sg_launch::script::{self, Step};
-use sg_launch::{HEADLESS, strokes};
+use sg_launch::{DESKTOP, HEADLESS, strokes};
 use sg_proto::keys::role;
 use sg_proto::launch::{PsReply, ServiceState};
 use sg_runtime::bus::Bus;
@@ -29,8 +29,13 @@ use crate::terminal::{self, Done, Failure};
 use crate::up::outcome;
 use input::{Input, Scene};
 use play::{Player, Settings};
+use sg_launch::reconcile::Outcome;
 use shipped::DENSEST;
 use summary::Summary;
+
+/// The shipped launch files, by name.
+const DESKTOP_FILE: (&str, &str) = ("desktop.toml", DESKTOP);
+const HEADLESS_FILE: (&str, &str) = ("headless.toml", HEADLESS);
 
 /// What the names of demos' sessions begin with; the rest is the process id.
 const SESSION: &str = "demo-";
@@ -76,7 +81,13 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
     // What can be wrong is looked at before anything that takes time.
     let input = Input::of(arguments.input.as_deref())?;
     let search = Search::here_then_path();
-    let plan = plan(&[], &search)?;
+    // Whoever names a script or a service to kill wants to see what comes of it in files.
+    let shipped_file = match arguments.script.is_none() && arguments.chaos.is_none() && has_display() {
+        true => DESKTOP_FILE,
+        false => HEADLESS_FILE,
+    };
+    let windowed = shipped_file == DESKTOP_FILE;
+    let plan = plan(shipped_file, &[], &search)?;
     if let Some(name) = &arguments.chaos
         && !plan.services.iter().any(|s| s.name == *name)
     {
@@ -98,7 +109,12 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         terminal::tell(&format!("the script does not say when to kill {service}: it happens in its middle"));
         steps.insert(steps.len() / 2, Step::Chaos);
     }
-    terminal::tell("there is no window in this version: the script is played without one");
+    let how = match (windowed, &arguments.script) {
+        (true, _) => Some("a window shows the scene; close it to end, or play a script without one by --script"),
+        (false, None) => Some("no display (DISPLAY is not set): a script is played without a window"),
+        (false, Some(_)) => None,
+    };
+    how.into_iter().for_each(terminal::tell);
 
     let function = arguments.transfer_function.as_deref().or(shipped.transfer_function.as_deref());
     let scene = input.scene(&out, function, arguments.gaussians, arguments.seed)?;
@@ -112,12 +128,31 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
     ];
     forget_dead_demos();
     let session = SessionDir::named(told.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
-    let stack = Stack {
-        file: self::plan(&overrides, &search)?,
-        path: PathBuf::from("headless.toml"),
-        session: session.clone(),
-        verbosity: Verbosity::Quiet,
+    let stack = |shipped_file: (&str, &str)| -> Result<Stack, Failure> {
+        Ok(Stack {
+            file: self::plan(shipped_file, &overrides, &search)?,
+            path: PathBuf::from(shipped_file.0),
+            session: session.clone(),
+            verbosity: Verbosity::Quiet,
+        })
     };
+    let failed = |_: &Failure| {
+        terminal::tell(&format!("what the services have logged: supergaussian logs --session {}", session.name()));
+    };
+    if windowed {
+        match Supervisor::open(stack(shipped_file)?).await?.run().await? {
+            // A screen without a Vulkan driver, say: everything else can be seen all the same.
+            Outcome::Failed { service, reason } if service == role::RENDER_VIEW => {
+                terminal::tell(&format!("{reason}; a script is played without a window"));
+            }
+            ended => {
+                outcome(ended).inspect_err(failed)?;
+                let _ = std::fs::remove_dir_all(session.path());
+                terminal::tell(&format!("what was edited is kept in {}", project.display()));
+                return Ok(());
+            }
+        }
+    }
     let settings = Settings {
         out,
         conversation: format!("demo-{}", Context::root().id),
@@ -126,9 +161,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         chaos: arguments.chaos,
         counts: Arc::default(),
     };
-    let summary = run(stack, scene, steps, settings).await.inspect_err(|_| {
-        terminal::tell(&format!("what the services have logged: supergaussian logs --session {}", session.name()));
-    })?;
+    let summary = run(stack(HEADLESS_FILE)?, scene, steps, settings).await.inspect_err(failed)?;
     // The logs of a demo that went well are of no further use.
     let _ = std::fs::remove_dir_all(session.path());
     summary.tell(arguments.json);
@@ -138,9 +171,14 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
     Err(Failure::Work(format!("not everything was done: {}", summary.undone.join("; "))))
 }
 
-/// The shipped launch file.
-fn plan(overrides: &[String], search: &Search) -> Result<LaunchFile, Failure> {
-    let source = Source { path: Path::new("headless.toml"), text: HEADLESS, overrides };
+/// Whether a window can be opened here.
+fn has_display() -> bool {
+    std::env::var_os("DISPLAY").is_some_and(|display| !display.is_empty())
+}
+
+/// One of the shipped launch files.
+fn plan((name, text): (&str, &str), overrides: &[String], search: &Search) -> Result<LaunchFile, Failure> {
+    let source = Source { path: Path::new(name), text, overrides };
     read(source, search).map_err(|problems| Failure::Work(problems.to_string()))
 }
 

@@ -31,7 +31,8 @@ const AGAIN: Duration = Duration::from_secs(1);
 pub(super) async fn follow(host: &Host, state: watch::Receiver<Followed>, news: &News) -> Result<(), BusError> {
     let bus = host.bus();
     let previews = preview::follow(bus).await?;
-    tokio::spawn(scene(bus.clone(), state, previews, news.clone()));
+    tokio::spawn(history(bus.clone(), state.clone(), news.clone()));
+    tokio::spawn(scene(state, previews, news.clone()));
     let here = bus.watch_alive(WAITING).await?;
     tokio::spawn(services(bus.clone(), host.blobs().clone(), here, news.clone()));
     let talk = Talk {
@@ -45,32 +46,36 @@ pub(super) async fn follow(host: &Host, state: watch::Receiver<Followed>, news: 
 }
 
 /// The scene as it is told of, and what is selected in it.
-async fn scene(
-    bus: Bus,
-    mut state: watch::Receiver<Followed>,
-    mut previews: watch::Receiver<Option<Preview>>,
-    news: News,
-) {
+async fn scene(mut state: watch::Receiver<Followed>, mut previews: watch::Receiver<Option<Preview>>, news: News) {
     loop {
         let (now, selected) = {
             let followed = state.borrow_and_update();
             (Arc::clone(&followed.state), followed.highlighted(previews.borrow_and_update().as_ref()))
         };
-        let revision = now.revision();
         news.change(|shown| {
             shown.tentative = !Arc::ptr_eq(&selected, now.selection().mask());
             shown.selected = selected;
             shown.scene = now;
         });
-        // What can be taken back is told with the state alone.
+        tokio::select! {
+            changed = state.changed() => if changed.is_err() { return },
+            changed = previews.changed() => if changed.is_err() { return },
+        }
+    }
+}
+
+/// What can be taken back and brought back, which is told with the scene's state alone; beside the rest, since a scene that
+/// does not answer is not to hold a preview up.
+async fn history(bus: Bus, mut state: watch::Receiver<Followed>, news: News) {
+    loop {
+        let revision = state.borrow_and_update().state.revision();
         if let Ok(told) = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(PATIENCE)).await
             && told.revision >= revision
         {
             news.change(|shown| (shown.undo, shown.redo) = (told.undo.into(), told.redo.into()));
         }
-        tokio::select! {
-            changed = state.changed() => if changed.is_err() { return },
-            changed = previews.changed() => if changed.is_err() { return },
+        if state.changed().await.is_err() {
+            return;
         }
     }
 }

@@ -21,6 +21,9 @@ const SCALES: [f64; 6] = [1.0, 0.75, 0.5, 0.35, 0.25, 0.18];
 /// Share of the budget that a level has to keep free before it is gone back to.
 const ROOM: f64 = 0.3;
 
+/// Factor on what a level is remembered to have taken, for each picture that was drawn below it in time.
+const AGES: f64 = 0.97;
+
 /// Weight of the newest measurement.
 const NEWEST: f64 = 0.5;
 
@@ -68,8 +71,14 @@ impl Pacing {
             while self.at < SCALES.len() && self.by_pixels(here, self.at) > self.budget {
                 self.at += 1;
             }
-        } else if self.at > 0 && self.predicted(self.at - 1) < (1.0 - ROOM) * self.budget {
-            self.at -= 1;
+        } else if let Some(above) = self.at.checked_sub(1) {
+            // What the level above once took grows out of date.
+            self.cost[above] = self.cost[above].map(|before| AGES * before);
+            let grown = self.by_pixels(self.at, above);
+            let predicted = self.cost[above].map_or(grown, |before| grown.max(before));
+            if predicted < (1.0 - ROOM) * self.budget {
+                self.at = above;
+            }
         }
     }
 
@@ -84,14 +93,6 @@ impl Pacing {
         let pixels = |k: usize| SCALES[k.saturating_sub(1)].powi(2);
         self.cost[from].unwrap_or(f64::INFINITY) * pixels(level) / pixels(from)
     }
-
-    /// What a level would take now: in proportion to its pixels from the one that is drawn, and no less than a part of what it
-    /// took when it was drawn last, since not all work grows with pixels.
-    fn predicted(&self, level: usize) -> f64 {
-        let grown = self.by_pixels(self.at, level);
-        // What it once took grows out of date: it counts for less each time it is looked at.
-        self.cost[level].map_or(grown, |before| grown.max(0.5 * before))
-    }
 }
 
 #[cfg(test)]
@@ -100,7 +101,7 @@ mod tests {
 
     /// Draws pictures that take `seconds(level)` until the level stays.
     fn settled(pacing: &mut Pacing, seconds: impl Fn(Level) -> f64) -> Level {
-        for _ in 0..40 {
+        for _ in 0..120 {
             let level = pacing.level(Quality::Standard, true);
             pacing.drew(seconds(level), true);
         }

@@ -110,6 +110,11 @@ impl Acts {
         }
     }
 
+    /// Gives the scene another first place, and brings it there.
+    pub fn refit(&mut self, home: Placement, middle: DVec3) {
+        self.handling.refit(home, middle);
+    }
+
     /// The hand that adds; the other one takes away.
     #[must_use]
     pub fn adds(tools: &Tools) -> Side {

@@ -10,11 +10,11 @@ mod eyes;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sg_scene::model::Scene;
+use sg_scene::model::{Scene, SceneBox};
 
 use crate::display::{Drafts, Dressing, Pace, Request, Seat, Shown, Tools};
 use crate::gpu::GpuError;
-use crate::hands::{Bookmarks, Comfort, Placement, Rectangle, Stance};
+use crate::hands::{Bookmarks, Comfort, Origin, Placement, Rectangle, Stance};
 use crate::panels::{Draft, Output, Panel, Panels, Place, Wish};
 use crate::xr::{Frame, Headset, PAUSE, Step, XrError};
 
@@ -58,6 +58,10 @@ pub struct Room {
     /// What the device would not do, told once.
     trouble: Option<String>,
     frames: u64,
+    /// What is at y = 0 of the room.
+    origin: Origin,
+    /// Whether the scene stands where it does for somebody who sits.
+    seated: bool,
     /// Revision of the scene that the newest frame shows.
     revision: u64,
 }
@@ -74,6 +78,7 @@ impl Room {
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
         }
+        let seated = tools.seated;
         // The scene is fitted a little below the eyes.
         let eyes = stance.height(headset.origin()) + 0.4;
         Self {
@@ -92,8 +97,17 @@ impl Room {
             eyes: None,
             trouble: None,
             frames: 0,
+            origin: headset.origin(),
+            seated,
             revision: 0,
         }
+    }
+
+    /// Where the scene stands at first, for somebody who stands or sits.
+    fn home(&mut self) -> Placement {
+        let view = self.seat.newest().scene.view();
+        let stance = if self.tools.seated { Stance::Seated } else { Stance::Standing };
+        Placement::fit(self.scene.bounds, view.up, view.target - view.eye, stance, self.origin)
     }
 
     /// Where the scene stands.
@@ -148,6 +162,13 @@ impl Room {
     /// [`XrError::Call`] when the runtime fails.
     pub fn frame(&mut self, frame: &mut Frame<'_>) -> Result<(), XrError> {
         let newest = self.seat.newest();
+        if self.tools.seated != self.seated {
+            self.seated = self.tools.seated;
+            let home = self.home();
+            let SceneBox { min, max } = self.scene.bounds;
+            self.acts.refit(home, 0.5 * (min + max));
+            self.jumped = true;
+        }
         let drafted = self.drafts.over(&self.scene, &newest.scene);
         let shown = Shown { scene: drafted, ..Shown::clone(&newest) };
         let hands = frame.hands;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -34,6 +34,15 @@ pub(super) struct Keeper {
     keeps: Beside<Keep, Result<String, String>>,
     /// Pictures of the turn that is being drawn that are there, and how many there will be.
     done: Arc<AtomicU32>,
+    /// Whether nobody waits for pictures any more.
+    over: Arc<AtomicBool>,
+}
+
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        // A turn that is being drawn ends with its present picture.
+        self.over.store(true, Ordering::Relaxed);
+    }
 }
 
 impl Keeper {
@@ -45,13 +54,14 @@ impl Keeper {
         told: impl Fn() + Send + 'static,
     ) -> std::io::Result<Self> {
         let done = Arc::new(AtomicU32::new(0));
-        let counted = Arc::clone(&done);
+        let over = Arc::new(AtomicBool::new(false));
+        let (counted, stop) = (Arc::clone(&done), Arc::clone(&over));
         let work = move |keep| {
-            let kept = pool.install(|| kept(&scene, &folder, keep, &counted));
+            let kept = pool.install(|| kept(&scene, &folder, keep, (&counted, &stop)));
             counted.store(0, Ordering::Relaxed);
             kept
         };
-        Ok(Self { keeps: Beside::new("keeps", work, told)?, done })
+        Ok(Self { keeps: Beside::new("keeps", work, told)?, done, over })
     }
 
     /// Has something kept, in place of what has been asked for and not been begun.
@@ -71,7 +81,12 @@ impl Keeper {
     }
 }
 
-fn kept(scene: &Scene, folder: &Path, keep: Keep, counted: &AtomicU32) -> Result<String, String> {
+fn kept(
+    scene: &Scene,
+    folder: &Path,
+    keep: Keep,
+    (counted, stop): (&AtomicU32, &AtomicBool),
+) -> Result<String, String> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     match keep {
         Keep::Picture(camera, look) => {
@@ -86,6 +101,9 @@ fn kept(scene: &Scene, folder: &Path, keep: Keep, counted: &AtomicU32) -> Result
             // Video encoders want even edges.
             let even = |edge: u32| (((f64::from(edge) * scale) as u32) & !1).max(2);
             for k in 0..TURN {
+                if stop.load(Ordering::Relaxed) {
+                    return Err(format!("the window was closed after {k} pictures in {}", turn.display()));
+                }
                 let camera =
                     view.orbited(360.0 * f64::from(k) / f64::from(TURN), 0.0).camera(even(width), even(height));
                 write(&picture(scene, &look, &camera)?, &turn.join(format!("{k:04}.png")))?;

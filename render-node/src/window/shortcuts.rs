@@ -119,7 +119,7 @@ pub const MOUSE: &[(&str, &str)] = &[
     ("middle drag, Alt + left drag", "turn"),
     ("right drag", "slide"),
     ("wheel", "nearer, further; with Shift a wider or narrower brush"),
-    ("double click", "look at that place"),
+    ("double click, to navigate", "look at that place"),
     ("W A S D, Q E", "fly, in that manner"),
 ];
 

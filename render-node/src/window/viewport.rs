@@ -234,6 +234,7 @@ impl Viewport {
             }
         }
         if response.double_clicked()
+            && self.pointer == Pointer::Navigate
             && let Some(at) = response.interact_pointer_pos()
             && let Some(hit) = self.front_at(rect, at)
         {

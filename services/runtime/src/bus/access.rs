@@ -137,7 +137,8 @@ mod tests {
         {
             assert!(asks.iter().any(|k| k == allowed), "{allowed} in {asks:?}");
         }
-        for denied in ["cmd/utter", "cmd/execute", "cmd/down", "cmd/restart", "cmd/swap", "cmd/promote", "cmd/start"] {
+        for denied in ["cmd/capture", "cmd/execute", "cmd/down", "cmd/restart", "cmd/swap", "cmd/promote", "cmd/start"]
+        {
             assert!(!asks.iter().any(|k| k.ends_with(denied)), "{denied} in {asks:?}");
         }
         let answers = keys_of("answers");
