@@ -62,6 +62,7 @@ pub(super) async fn open(
             return Err(StartError::Failed(format!("nothing was there to look at within {} s", OPENS.as_secs())));
         }
     };
+    drop(ended);
     let told = State { display: display.name().to_owned(), ..told };
     news::follow(host, state, &news).await?;
     errands::run(host.bus().clone(), requests, news.clone())
@@ -93,9 +94,10 @@ fn run(
             Some(error) => tracing::error!("{error}"),
             None => tracing::info!("the display was closed"),
         }
-        // Nobody listens once it has opened.
-        let _ = ending.send(outcome);
-        host.stop();
+        // Who waits for it to open says why it did not, and ends the process as a failure; nobody waits once it has opened.
+        if ending.send(outcome).is_err() {
+            host.stop();
+        }
     };
     let thread = std::thread::Builder::new().name("display".to_owned()).spawn(body);
     let thread = thread.map_err(|e| StartError::Failed(format!("no thread for the display: {e}")))?;
