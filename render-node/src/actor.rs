@@ -18,6 +18,7 @@ use sg_render_node::outline::{OutlineStyle, draw_outlines};
 use sg_render_node::pick::{SURFACE, front_ids};
 use sg_render_node::render::{Options, Quality, Rendered};
 use sg_render_node::report::StageSeconds;
+use sg_render_node::view::scaled;
 use sg_render_node::window::threads;
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::blobs::Blobs;
@@ -436,12 +437,7 @@ impl Painter {
     ) -> Result<Vec<proto::UnitCoverage>, Fault> {
         let scale =
             f64::from(MEASURE_PIXELS) / f64::from(request.width.max(request.height)).max(f64::from(MEASURE_PIXELS));
-        let small = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
-        let full = camera_of(state, request)?;
-        let (width, height) = (small(full.width), small(full.height));
-        let (sx, sy) = (f64::from(width) / f64::from(full.width), f64::from(height) / f64::from(full.height));
-        let camera =
-            Camera { width, height, fx: full.fx * sx, fy: full.fy * sy, cx: full.cx * sx, cy: full.cy * sy, ..full };
+        let camera = scaled(&camera_of(state, request)?, scale);
         let clips = clips(&request.clips)?;
         let options = Options { quality: Quality::Fast, projection: projection(request.projection()) };
         let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());

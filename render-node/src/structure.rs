@@ -51,6 +51,17 @@ pub fn cluster_colors(scene: &Scene, labels: &[u32], coloring: ClusterColoring) 
     Ok(clusters.dense.iter().map(of).collect())
 }
 
+/// Labels as files hold them, -1 for none, as one a Gaussian of a scene of so many.
+///
+/// # Errors
+/// [`LabelCount`] unless there is one label a Gaussian.
+pub fn labels_of(file: Vec<i32>, gaussians: usize) -> Result<Vec<u32>, LabelCount> {
+    if file.len() != gaussians {
+        return Err(LabelCount { found: file.len(), expected: gaussians });
+    }
+    Ok(file.into_iter().map(|label| u32::try_from(label).unwrap_or(NO_CLUSTER)).collect())
+}
+
 pub(crate) fn check_labels(scene: &Scene, labels: &[u32]) -> Result<(), LabelCount> {
     let (found, expected) = (labels.len(), scene.len());
     if found == expected { Ok(()) } else { Err(LabelCount { found, expected }) }

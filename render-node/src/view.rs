@@ -131,6 +131,17 @@ pub fn resized(camera: &Camera, width: u32, height: u32) -> Camera {
     }
 }
 
+/// The camera with `scale` times as many pixels each way, rounded to whole ones and at least one: unlike [`resized`] it sees
+/// to the same rays at all four edges, whatever the rounding makes of the pixels' shape.
+#[must_use]
+pub fn scaled(camera: &Camera, scale: f64) -> Camera {
+    let edge = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
+    let (width, height) = (edge(camera.width), edge(camera.height));
+    let (sx, sy) = (f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height));
+    let Camera { fx, fy, cx, cy, .. } = *camera;
+    Camera { width, height, fx: fx * sx, fy: fy * sy, cx: cx * sx, cy: cy * sy, ..camera.clone() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

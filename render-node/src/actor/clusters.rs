@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use sg_proto::keys;
-use sg_render_node::structure::NO_CLUSTER;
+use sg_render_node::structure::labels_of;
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
@@ -18,7 +18,7 @@ pub(super) struct Clusters {
 }
 
 impl Clusters {
-    /// The Super-Gaussian of each Gaussian, [`NO_CLUSTER`] for none; read again only where the selection has others.
+    /// The Super-Gaussian of each Gaussian, [`sg_render_node::structure::NO_CLUSTER`] for none; read again only where the selection has others.
     ///
     /// # Errors
     /// `Unavailable` while there is no selection process; labels that cannot be had or do not fit `gaussians`.
@@ -37,10 +37,7 @@ impl Clusters {
         let path = blobs.fetch(bus, &keys::SELECTION_CONTENT, place, &context.next()).await?;
         let labels = tokio::task::block_in_place(|| npy::read_labels(&path));
         let labels = labels.map_err(|e| Fault::internal(e.to_string()))?;
-        if labels.len() != gaussians {
-            return Err(Fault::internal(format!("{} labels for {gaussians} Gaussians", labels.len())));
-        }
-        let labels: Arc<[u32]> = labels.into_iter().map(|label| u32::try_from(label).unwrap_or(NO_CLUSTER)).collect();
+        let labels: Arc<[u32]> = labels_of(labels, gaussians).map_err(|e| Fault::internal(e.to_string()))?.into();
         (self.hash, self.labels) = (state.labels_hash, Some(Arc::clone(&labels)));
         Ok(labels)
     }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use sg_render_node::attributes::{Attribute, AttributeColors, Legend, attribute_colors};
 use sg_render_node::color_map::ColorMap;
 use sg_render_node::pick::Hit;
-use sg_render_node::structure::{ClusterColoring, NO_CLUSTER, cluster_colors};
+use sg_render_node::structure::{ClusterColoring, cluster_colors, labels_of};
 use sg_scene::appearance::Appearance;
 use sg_scene::model::Scene;
 
@@ -99,14 +99,7 @@ impl HitReport {
 /// Labels of a scene.
 pub(super) fn read_labels(path: &Path, scene: &Scene) -> Result<Vec<u32>, Failure> {
     let labels = sg_scene::npy::read_labels(path).map_err(Failure::input)?;
-    if labels.len() != scene.len() {
-        let (found, expected) = (labels.len(), scene.len());
-        return Err(Failure::input(format!(
-            "{}: labels for {found} Gaussians, the scene has {expected}; cluster this scene",
-            path.display()
-        )));
-    }
-    Ok(labels.into_iter().map(|label| u32::try_from(label).unwrap_or(NO_CLUSTER)).collect())
+    labels_of(labels, scene.len()).map_err(|e| Failure::input(format!("{}: {e}", path.display())))
 }
 
 /// Puts the colours asked for into the look of the scene.

@@ -1,5 +1,7 @@
 //! A compute shader with the constants it is specialised on.
 
+use std::num::NonZeroU32;
+
 use super::device::Gpu;
 
 /// Declarations that every shader begins with.
@@ -13,6 +15,39 @@ pub(super) fn module(gpu: &Gpu, label: &str, text: &str) -> wgpu::ShaderModule {
     gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(label),
         source: wgpu::ShaderSource::Wgsl(format!("{FRAME}\n{SCAN}\n{text}").into()),
+    })
+}
+
+/// What draws onto one target with two entry points of a module and its constants.
+pub(super) fn drawing(
+    gpu: &Gpu,
+    (module, [vertex, fragment]): (&wgpu::ShaderModule, [&str; 2]),
+    constants: &[(&str, f64)],
+    topology: wgpu::PrimitiveTopology,
+    target: wgpu::ColorTargetState,
+    multiview_mask: Option<NonZeroU32>,
+) -> wgpu::RenderPipeline {
+    let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(fragment),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(vertex),
+            compilation_options: options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(fragment),
+            compilation_options: options,
+            targets: &[Some(target)],
+        }),
+        multiview_mask,
+        cache: None,
     })
 }
 

@@ -5,7 +5,7 @@ use std::num::NonZeroU32;
 
 use super::columns::Columns;
 use super::device::Gpu;
-use super::kernel::{Kernel, module};
+use super::kernel::{Kernel, drawing, module};
 use super::look::Now;
 use super::sort::Sort;
 
@@ -69,38 +69,6 @@ pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float
 /// Both layers of a texture at once.
 const BOTH: Option<NonZeroU32> = NonZeroU32::new(0b11);
 
-fn drawing(
-    gpu: &Gpu,
-    (module, [vertex, fragment]): (&wgpu::ShaderModule, [&str; 2]),
-    constants: &[(&str, f64)],
-    topology: wgpu::PrimitiveTopology,
-    blend: Option<wgpu::BlendState>,
-    multiview_mask: Option<NonZeroU32>,
-) -> wgpu::RenderPipeline {
-    let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(fragment),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some(vertex),
-            compilation_options: options.clone(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some(fragment),
-            compilation_options: options,
-            targets: &[Some(wgpu::ColorTargetState { format: PICTURE, blend, write_mask: wgpu::ColorWrites::ALL })],
-        }),
-        multiview_mask,
-        cache: None,
-    })
-}
-
 impl Passes {
     pub(super) fn new(gpu: &Gpu, columns: &Columns, multiview: bool) -> Self {
         let list = module(gpu, "list", include_str!("shaders/list.wgsl"));
@@ -114,8 +82,9 @@ impl Passes {
             operation: wgpu::BlendOperation::Add,
         };
         let under = wgpu::BlendState { color: under, alpha: under };
+        let onto = |blend| wgpu::ColorTargetState { format: PICTURE, blend, write_mask: wgpu::ColorWrites::ALL };
         let each_view = |module, entries, topology, blend| {
-            [0.0, 1.0].map(|view| drawing(gpu, (module, entries), &[("VIEW", view)], topology, blend, None))
+            [0.0, 1.0].map(|view| drawing(gpu, (module, entries), &[("VIEW", view)], topology, onto(blend), None))
         };
         let (strip, triangles) = (wgpu::PrimitiveTopology::TriangleStrip, wgpu::PrimitiveTopology::TriangleList);
         let tile = |entry| Kernel::new(gpu, &tiles, entry, &[]);
@@ -123,7 +92,7 @@ impl Passes {
         let quads_together = (blends && multiview && gpu.has(wgpu::Features::MULTIVIEW)).then(|| {
             let text = concat!(include_str!("shaders/quads.wgsl"), include_str!("shaders/quads_together.wgsl"));
             let shader = module(gpu, "quads, both eyes", text);
-            drawing(gpu, (&shader, ["corner_together", "blend"]), &[], strip, Some(under), BOTH)
+            drawing(gpu, (&shader, ["corner_together", "blend"]), &[], strip, onto(Some(under)), BOTH)
         });
         Self {
             cull: module(gpu, "cull", concat!(include_str!("shaders/scene.wgsl"), include_str!("shaders/cull.wgsl"))),

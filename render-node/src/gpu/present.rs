@@ -1,6 +1,7 @@
 //! Onto a window's surface or a headset's image: a picture's numbers stored as they are.
 
 use super::device::Gpu;
+use super::kernel::drawing;
 use crate::image::Image;
 
 /// Puts pictures onto targets of one format.
@@ -24,27 +25,8 @@ impl Present {
             source: wgpu::ShaderSource::Wgsl(include_str!("shaders/present.wgsl").into()),
         });
         let constants = [("CURVED", f64::from(u8::from(format.is_srgb())))];
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("present"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("cover"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("present"),
-                compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
-                targets: &[Some(format.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let triangles = wgpu::PrimitiveTopology::TriangleList;
+        let pipeline = drawing(gpu, (&module, ["cover", "present"]), &constants, triangles, format.into(), None);
         Self { gpu: gpu.clone(), pipeline, uploaded: None }
     }
 

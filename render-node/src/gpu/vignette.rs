@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use sg_scene::camera::Camera;
 
 use super::device::Gpu;
+use super::kernel::drawing;
 
 /// Tangents of the angles from straight ahead at which a whole vignette begins and ends: 20° and 40°.
 const ANGLES: [f32; 2] = [0.364, 0.839];
@@ -38,27 +39,8 @@ impl Vignette {
         let blend = Some(wgpu::BlendState::ALPHA_BLENDING);
         // The target stays opaque.
         let target = wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR };
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("vignette"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("cover"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("darken"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(target)],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let triangles = wgpu::PrimitiveTopology::TriangleList;
+        let pipeline = drawing(gpu, (&module, ["cover", "darken"]), &[], triangles, target, None);
         let eyes = [0, 1].map(|_| {
             let buffer = gpu.buffer("vignette", size_of::<Uniform>() as u64, wgpu::BufferUsages::UNIFORM);
             let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -6,17 +6,13 @@
 //!
 //! ```no_run
 //! # use sg_render_node::display::{Drafts, Request, Seat, Shown, Tools};
-//! # use sg_render_node::panels::{Draft, Panel, Panels, Place, theme};
+//! # use sg_render_node::panels::{Panel, Panels, Place, theme};
 //! # fn frame(ctx: &egui::Context, input: egui::RawInput, panels: &mut Panels, shown: &Shown, tools: &mut Tools,
 //! #          drafts: &mut Drafts, seat: &mut Seat) {
 //! theme::apply(ctx, tools);
 //! let _ = ctx.run_ui(input, |ui| {
-//!     let asked = panels.show(Panel::Scene, ui, shown, tools);
-//!     match asked.draft {
-//!         Some(Draft::Hold(action)) => drafts.hold(action),
-//!         Some(Draft::Release(action)) => drafts.release(action, shown.scene.revision()),
-//!         None => {}
-//!     }
+//!     let mut asked = panels.show(Panel::Scene, ui, shown, tools);
+//!     asked.show_draft(drafts, shown);
 //!     for request in asked.requests {
 //!         seat.ask(request);
 //!     }
@@ -58,7 +54,7 @@ use sg_scene::edit::UnitRef;
 use sg_scene::model::Scene;
 
 use crate::attributes;
-use crate::display::{Request, Shown, Tools};
+use crate::display::{Drafts, Request, Shown, Tools};
 
 pub use legend::legend;
 
@@ -170,6 +166,15 @@ pub struct Output {
 impl Output {
     fn change(&mut self, action: Action) {
         self.requests.push(Request::Change(Box::new(action)));
+    }
+
+    /// Has the change under the hand seen over the scene that the panels have shown.
+    pub fn show_draft(&mut self, drafts: &mut Drafts, shown: &Shown) {
+        match self.draft.take() {
+            Some(Draft::Hold(action)) => drafts.hold(action),
+            Some(Draft::Release(action)) => drafts.release(action, shown.scene.revision()),
+            None => (),
+        }
     }
 
     /// Adds what was asked for in another panel of the same frame.

@@ -7,7 +7,7 @@ use egui::{
 use egui::{Ui, Vec2, Visuals};
 use glam::Vec3;
 
-use crate::display::Tools;
+use crate::display::{Sense, Tools};
 
 /// Least angle that a line of text takes before the eyes, degrees.
 pub const LINE_DEGREES: f64 = 1.3;
@@ -42,6 +42,15 @@ pub fn metres_per_point(distance: f64) -> f64 {
 #[must_use]
 pub fn points_across(width: f64, distance: f64) -> f64 {
     width / metres_per_point(distance)
+}
+
+/// The colour of a brush: Okabe and Ito's bluish green where it adds, their vermilion where it takes away.
+#[must_use]
+pub fn color_of(sense: Sense) -> Color32 {
+    match sense {
+        Sense::Add => Color32::from_rgb(0, 158, 115),
+        Sense::Remove => Color32::from_rgb(213, 94, 0),
+    }
 }
 
 /// Gives a context the look that the tools ask for. Cheap where nothing changed.

@@ -216,11 +216,7 @@ impl Boards {
             let pose = Pose { position: at, orientation: facing(at, frame.head.position) };
             self.rings[k].place = Rectangle { pose, size: DVec2::splat(2.2 * radius.max(0.002)) };
             self.rings[k].show(frame, None, Vec::new(), changed, |ui| {
-                // Okabe and Ito's bluish green and vermilion.
-                let color = match sense {
-                    Sense::Add => Color32::from_rgb(0, 158, 115),
-                    Sense::Remove => Color32::from_rgb(213, 94, 0),
-                };
+                let color = theme::color_of(sense);
                 let middle = Pos2::new(0.5 * RING, 0.5 * RING);
                 ui.painter().circle_stroke(middle, RING / 2.2, Stroke::new(3.0, color));
                 ui.painter().circle_filled(middle, 2.0, color);

@@ -15,7 +15,7 @@ use sg_scene::model::{Scene, SceneBox};
 use crate::display::{Drafts, Dressing, Pace, Request, Seat, Shown, Tools};
 use crate::gpu::GpuError;
 use crate::hands::{Bookmarks, Comfort, Origin, Placement, Rectangle, Stance};
-use crate::panels::{Draft, Output, Panel, Panels, Place, Wish};
+use crate::panels::{Output, Panel, Panels, Place, Wish};
 use crate::xr::{Frame, Headset, PAUSE, Step, XrError};
 
 pub use acts::{Acts, Did, SeenTip, Taken};
@@ -71,16 +71,14 @@ impl Room {
     #[must_use]
     pub fn new(setup: Setup, headset: &Headset) -> Self {
         let Setup { scene, mut seat, tools, opened } = setup;
-        let view = seat.newest().scene.view();
-        let stance = if tools.seated { Stance::Seated } else { Stance::Standing };
-        let home = Placement::fit(scene.bounds, view.up, view.target - view.eye, stance, headset.origin());
+        let home = home(&scene, &mut seat, &tools, headset.origin());
         let mut panels = Panels::new(Place::Headset);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
         }
         let seated = tools.seated;
         // The scene is fitted a little below the eyes.
-        let eyes = stance.height(headset.origin()) + 0.4;
+        let eyes = stance(&tools).height(headset.origin()) + 0.4;
         Self {
             acts: Acts::new(&scene, home),
             boards: Boards::new(eyes),
@@ -101,13 +99,6 @@ impl Room {
             seated,
             revision: 0,
         }
-    }
-
-    /// Where the scene stands at first, for somebody who stands or sits.
-    fn home(&mut self) -> Placement {
-        let view = self.seat.newest().scene.view();
-        let stance = if self.tools.seated { Stance::Seated } else { Stance::Standing };
-        Placement::fit(self.scene.bounds, view.up, view.target - view.eye, stance, self.origin)
     }
 
     /// Where the scene stands.
@@ -164,7 +155,7 @@ impl Room {
         let newest = self.seat.newest();
         if self.tools.seated != self.seated {
             self.seated = self.tools.seated;
-            let home = self.home();
+            let home = home(&self.scene, &mut self.seat, &self.tools, self.origin);
             let SceneBox { min, max } = self.scene.bounds;
             self.acts.refit(home, 0.5 * (min + max));
             self.jumped = true;
@@ -234,12 +225,8 @@ impl Room {
     }
 
     /// Takes in what was asked for on panels.
-    fn take(&mut self, asked: Output, shown: &Shown, requests: &mut Vec<Request>) {
-        match asked.draft {
-            Some(Draft::Hold(action)) => self.drafts.hold(action),
-            Some(Draft::Release(action)) => self.drafts.release(action, shown.scene.revision()),
-            None => (),
-        }
+    fn take(&mut self, mut asked: Output, shown: &Shown, requests: &mut Vec<Request>) {
+        asked.show_draft(&mut self.drafts, shown);
         requests.extend(asked.requests);
         for wish in asked.wishes {
             match wish {
@@ -278,4 +265,14 @@ impl Room {
             revision: self.revision,
         });
     }
+}
+
+fn stance(tools: &Tools) -> Stance {
+    if tools.seated { Stance::Seated } else { Stance::Standing }
+}
+
+/// Where a scene stands at first, turned as it is seen: for somebody who stands or sits.
+fn home(scene: &Scene, seat: &mut Seat, tools: &Tools, origin: Origin) -> Placement {
+    let view = seat.newest().scene.view();
+    Placement::fit(scene.bounds, view.up, view.target - view.eye, stance(tools), origin)
 }

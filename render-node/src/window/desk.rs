@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use egui::{Align2, Color32, Frame, RichText, Ui, Vec2};
+use egui::{Align2, Frame, RichText, Ui, Vec2};
 use sg_proto::scene::{
     Invert, Redo, SelectionOperation, SelectionStep, SetView, Undo, command, selection_operation, selection_step,
     set_view,
@@ -23,8 +23,8 @@ use super::viewport::{Pointer, Viewport};
 use super::{WindowError, drawing};
 use crate::attributes::Attribute;
 use crate::backend::Engine;
-use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Seat, Showing, Shown, Tools};
-use crate::panels::{Draft, NARROWEST, Output, Panel, Panels, Place, Wish, theme};
+use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Seat, Sense, Showing, Shown, Tools};
+use crate::panels::{NARROWEST, Output, Panel, Panels, Place, Wish, theme};
 use crate::render::Quality;
 
 /// Widths of the panels at first, points.
@@ -78,11 +78,11 @@ impl Desk {
         let brush = Arc::new(Brush::of_scene(&scene));
         let name = format!("window-{}", std::process::id());
         let hand = Hand::new(&scene, brush, name);
-        let mut viewport = Viewport::new(engine, Arc::clone(&scene), navigator, hand, told.clone())?;
+        let pool = drawing::threads().map_err(|e| WindowError::Threads(e.to_string()))?;
+        let mut viewport = Viewport::new(engine, Arc::clone(&scene), navigator, hand, Arc::clone(&pool), told.clone())?;
         viewport.pointer = memory.pointer;
-        let threads = drawing::threads().map_err(|e| WindowError::Threads(e.to_string()))?;
-        let keeper = Keeper::new(Arc::clone(&scene), pictures, threads, told)
-            .map_err(|e| WindowError::Threads(e.to_string()))?;
+        let keeper =
+            Keeper::new(Arc::clone(&scene), pictures, pool, told).map_err(|e| WindowError::Threads(e.to_string()))?;
         let mut panels = Panels::new(Place::Window);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
@@ -219,11 +219,7 @@ impl Desk {
                 }
             });
         }
-        match asked.draft {
-            Some(Draft::Hold(action)) => self.drafts.hold(action),
-            Some(Draft::Release(action)) => self.drafts.release(action, shown.scene.revision()),
-            None => (),
-        }
+        asked.show_draft(&mut self.drafts, shown);
         requests.extend(asked.requests);
         for wish in asked.wishes {
             match wish {
@@ -398,7 +394,7 @@ impl Desk {
             }
             if let Some(trouble) = &newest.trouble {
                 ui.separator();
-                ui.label(RichText::new(trouble).color(Color32::from_rgb(213, 94, 0)));
+                ui.label(RichText::new(trouble).color(theme::color_of(Sense::Remove)));
             }
             if let Some(share) = self.keeper.progress() {
                 ui.separator();

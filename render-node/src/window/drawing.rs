@@ -15,6 +15,7 @@ use crate::image::Image;
 use crate::outline::{OutlineStyle, draw_outlines};
 use crate::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
 use crate::render::Projection;
+use crate::view::scaled;
 
 /// Edge of the picture that ids are found in, over that of the window's.
 const FRONT_SCALE: f64 = 0.5;
@@ -52,22 +53,6 @@ pub(super) struct Front {
     camera: Camera,
     look: Appearance,
     ids: FrontIds,
-}
-
-/// A camera for a picture of another size.
-fn scaled(camera: &Camera, scale: f64) -> Camera {
-    let edge = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
-    let (width, height) = (edge(camera.width), edge(camera.height));
-    let (sx, sy) = (f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height));
-    Camera {
-        width,
-        height,
-        fx: camera.fx * sx,
-        fy: camera.fy * sy,
-        cx: camera.cx * sx,
-        cy: camera.cy * sy,
-        ..camera.clone()
-    }
 }
 
 /// Draws wishes with an engine, on `pool`; `told` after each.

@@ -16,6 +16,7 @@ use super::drawing::{Drawn, Front, Wish};
 use super::navigation::{Manner, Navigator};
 use crate::backend::Engine;
 use crate::display::{Beside, Hand, Level, Pacing, Request, Sense, Showing, Shown, Tip, Tools};
+use crate::panels::theme::color_of;
 use crate::window::drawing;
 
 /// What the left button does.
@@ -130,9 +131,9 @@ impl Viewport {
         scene: Arc<Scene>,
         navigator: Navigator,
         hand: Hand,
+        pool: Arc<rayon::ThreadPool>,
         told: impl Fn() + Clone + Send + 'static,
     ) -> Result<Self, super::WindowError> {
-        let pool = drawing::threads().map_err(|e| super::WindowError::Threads(e.to_string()))?;
         let threads = |e: std::io::Error| super::WindowError::Threads(e.to_string());
         Ok(Self {
             navigator,
@@ -456,11 +457,6 @@ impl Viewport {
     /// The brush's tip as large as it is there, or the lasso.
     fn draw_tip(&self, ui: &Ui, rect: Rect, tools: &Tools) {
         let painter = ui.painter_at(rect);
-        let of = |sense: Sense| match sense {
-            // Okabe and Ito's bluish green and vermilion.
-            Sense::Add => Color32::from_rgb(0, 158, 115),
-            Sense::Remove => Color32::from_rgb(213, 94, 0),
-        };
         if let Some((tip, sense)) = self.hover {
             let camera = self.camera(rect);
             let seen = camera.view().transform_point3(tip.at);
@@ -471,13 +467,13 @@ impl Viewport {
                 let radius = camera.fy * self.hand.radius(tools) / seen.z;
                 let at = rect.min + Vec2::new(place.x as f32, place.y as f32);
                 painter.circle_stroke(at, radius as f32 + 1.0, Stroke::new(3.0, Color32::from_black_alpha(120)));
-                painter.circle_stroke(at, radius as f32, Stroke::new(1.5, of(sense)));
+                painter.circle_stroke(at, radius as f32, Stroke::new(1.5, color_of(sense)));
             }
         }
         if self.lasso.len() > 1 {
             let sense = if ui.input(|i| i.modifiers.shift) { Sense::Remove } else { Sense::Add };
             let closed: Vec<Pos2> = self.lasso.iter().chain(self.lasso.first()).copied().collect();
-            painter.line(closed, Stroke::new(2.0, of(sense)));
+            painter.line(closed, Stroke::new(2.0, color_of(sense)));
         }
     }
 }
