@@ -44,6 +44,7 @@ mod errands;
 mod following;
 mod news;
 mod params;
+mod patience;
 mod picked;
 mod preview;
 

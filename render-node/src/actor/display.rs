@@ -14,7 +14,7 @@ use sg_render_node::window::{self, Memory, Setup};
 use sg_render_node::{
     hands::Stance,
     room::{self, Room},
-    xr::{Headset, Options},
+    xr::{Headset, Options, XrError},
 };
 use sg_runtime::bus::Owned;
 use sg_runtime::context::Context;
@@ -24,6 +24,7 @@ use tokio::sync::{oneshot, watch};
 
 use super::following::Followed;
 use super::params::{Display, Params};
+use super::patience::{Holds, Watch};
 use super::{errands, news};
 
 /// How long a window may take to open: a software device compiles its shaders.
@@ -34,6 +35,14 @@ const CLOSES: Duration = Duration::from_secs(2);
 
 /// How often the state of the display is told.
 const TELLS: Duration = Duration::from_secs(1);
+
+/// How long a headset is looked for that an earlier process of this stack had, before a window takes its place.
+#[cfg(feature = "xr")]
+const COMES_BACK: Duration = Duration::from_secs(20);
+
+/// File of the session's folder that says which stack has had a headset.
+#[cfg(feature = "xr")]
+const STOOD: &str = "headset";
 
 /// Opens a headset or a window over the scene and serves it until it is closed, which ends the process.
 ///
@@ -51,11 +60,12 @@ pub(super) async fn open(
     let (seat, service) = Seat::new(first);
     let Service { news, requests } = service;
     let (there, is_there) = oneshot::channel();
-    let (ended, thread) =
-        run(host.clone(), Before { scene: Arc::new(scene), seat, params: params.clone(), there }, &news)?;
-    let display = tokio::select! {
+    let run_dir = host.run_dir().to_owned();
+    let before = Before { scene: Arc::new(scene), seat, params: params.clone(), run_dir, there };
+    let (ended, thread) = run(host.clone(), before, &news)?;
+    let Opened { display, holds } = tokio::select! {
         opened = is_there => match opened {
-            Ok(display) => display,
+            Ok(opened) => opened,
             Err(_) => return Err(why(ended.await)),
         },
         () = tokio::time::sleep(OPENS) => {
@@ -67,7 +77,8 @@ pub(super) async fn open(
     news::follow(host, state, &news).await?;
     errands::run(host.bus().clone(), requests, news.clone())
         .map_err(|e| StartError::Failed(format!("no thread for what is asked for: {e}")))?;
-    tokio::spawn(tell(owned, told, Ending { news, thread }));
+    let watch = Watch::new(holds, Duration::from_secs_f64(params.patience));
+    tokio::spawn(tell(host.clone(), owned, told, Ending { news, thread }, watch));
     Ok(())
 }
 
@@ -76,27 +87,36 @@ struct Before {
     scene: Arc<Scene>,
     seat: Seat,
     params: Params,
+    /// Folder of the session.
+    run_dir: PathBuf,
     /// Who waits for what was opened.
-    there: oneshot::Sender<Display>,
+    there: oneshot::Sender<Opened>,
 }
 
-/// Starts the display's thread; what it said at its end.
+/// A display that is there.
+struct Opened {
+    display: Display,
+    holds: Holds,
+}
+
+/// Starts the display's thread; why it did not open, while somebody waits for that.
 fn run(
     host: Host,
     before: Before,
     news: &News,
-) -> Result<(oneshot::Receiver<Option<String>>, JoinHandle<()>), StartError> {
+) -> Result<(oneshot::Receiver<Option<StartError>>, JoinHandle<()>), StartError> {
     let (ending, ended) = oneshot::channel();
     let news = news.clone();
     let body = move || {
         let outcome = see(before, &news).err();
-        match &outcome {
-            Some(error) => tracing::error!("{error}"),
-            None => tracing::info!("the display was closed"),
-        }
-        // Who waits for it to open says why it did not, and ends the process as a failure; nobody waits once it has opened.
-        if ending.send(outcome).is_err() {
-            host.stop();
+        // Who waits for it to open ends the process as a failure if it did not; nobody waits once it has opened.
+        match ending.send(outcome) {
+            Ok(()) => (),
+            Err(None) => {
+                tracing::info!("the display was closed");
+                host.stop();
+            }
+            Err(Some(error)) => host.fail(format!("the display: {error}")),
         }
     };
     let thread = std::thread::Builder::new().name("display".to_owned()).spawn(body);
@@ -105,9 +125,9 @@ fn run(
 }
 
 /// Serves the headset, or the window where that was asked for or there is none.
-fn see(before: Before, news: &News) -> Result<(), String> {
+fn see(before: Before, news: &News) -> Result<(), StartError> {
     if before.params.display == Display::Headset {
-        match find(&before.params) {
+        match find(&before)? {
             Ok(headset) => return stand(before, headset),
             Err(why) => {
                 tracing::warn!("the window takes the headset's place: {why}");
@@ -118,42 +138,65 @@ fn see(before: Before, news: &News) -> Result<(), String> {
     window(before)
 }
 
-/// The headset, if there is one.
+/// The headset, if there is one; else why not. A headset that an earlier process of this stack has had is waited for.
 #[cfg(feature = "xr")]
-fn find(params: &Params) -> Result<Headset, String> {
+fn find(before: &Before) -> Result<Result<Headset, String>, StartError> {
+    let params = &before.params;
     let stance = if params.seated { Stance::Seated } else { Stance::Standing };
     let options = Options { resolution: params.resolution, stance, ..Options::default() };
-    Headset::open(options).map_err(|e| e.to_string())
+    let stack = std::os::unix::process::parent_id().to_string();
+    let marker = before.run_dir.join(STOOD);
+    let stood = std::fs::read_to_string(&marker).is_ok_and(|said| said == stack);
+    let begun = Instant::now();
+    loop {
+        match Headset::open(options) {
+            Ok(headset) => {
+                if let Err(error) = std::fs::write(&marker, &stack) {
+                    tracing::warn!(
+                        "{}: {error}; should this process end, the next one will not wait for the headset",
+                        marker.display()
+                    );
+                }
+                return Ok(Ok(headset));
+            }
+            // It is still there and may go on: the next process asks it anew.
+            Err(error @ XrError::Silent { .. }) if stood => return Err(StartError::Failed(error.to_string())),
+            Err(error) if !stood || begun.elapsed() > COMES_BACK => return Ok(Err(error.to_string())),
+            Err(_) => std::thread::sleep(options.retry_pause),
+        }
+    }
 }
 
 /// Lets a person stand in the room with the scene until they leave.
 #[cfg(feature = "xr")]
-fn stand(before: Before, mut headset: Headset) -> Result<(), String> {
-    let Before { scene, mut seat, params, there } = before;
+fn stand(before: Before, mut headset: Headset) -> Result<(), StartError> {
+    let Before { scene, mut seat, params, there, .. } = before;
     let opened = PathBuf::from(&seat.newest().scene.geometry().path);
     let Params { seated, left_handed, .. } = params;
     let tools = Tools { seated, left_handed, ..tools(&params) };
     let room = Room::new(room::Setup { scene, seat, tools, opened }, &headset);
+    let held = headset.held();
     // Nobody waits any more once that was given up.
-    let _ = there.send(Display::Headset);
-    room.serve(&mut headset).map_err(|e| e.to_string())
+    let _ = there.send(Opened { display: Display::Headset, holds: Box::new(move || held.now()) });
+    room.serve(&mut headset).map_err(|e| StartError::Failed(e.to_string()))
 }
 
 /// This executable was built without OpenXR.
 #[cfg(not(feature = "xr"))]
-fn find(_: &Params) -> Result<std::convert::Infallible, String> {
-    Err("this executable was built without the feature `xr`".to_owned())
+fn find(_: &Before) -> Result<Result<std::convert::Infallible, String>, StartError> {
+    Ok(Err("this executable was built without the feature `xr`".to_owned()))
 }
 
 #[cfg(not(feature = "xr"))]
-fn stand(_: Before, headset: std::convert::Infallible) -> Result<(), String> {
+fn stand(_: Before, headset: std::convert::Infallible) -> Result<(), StartError> {
     match headset {}
 }
 
-fn window(before: Before) -> Result<(), String> {
-    let Before { scene, mut seat, params, there } = before;
+fn window(before: Before) -> Result<(), StartError> {
+    let Before { scene, mut seat, params, there, .. } = before;
     let title = format!("Super-Gaussian: {}", seat.newest().scene.geometry().path);
-    let engine = Engine::new(Scene::clone(&scene), params.backend, params.rasterizer).map_err(|e| e.to_string())?;
+    let engine = Engine::new(Scene::clone(&scene), params.backend, params.rasterizer)
+        .map_err(|e| StartError::Input(e.to_string()))?;
     let setup = Setup {
         scene,
         engine,
@@ -163,10 +206,10 @@ fn window(before: Before) -> Result<(), String> {
         memory: Memory::place(),
         pictures: params.pictures.unwrap_or_else(pictures),
         opened: Box::new(move || {
-            let _ = there.send(Display::Window);
+            let _ = there.send(Opened { display: Display::Window, holds: Box::new(|| None) });
         }),
     };
-    window::run(setup).map_err(|e| e.to_string())
+    window::run(setup).map_err(|e| StartError::Input(e.to_string()))
 }
 
 /// The settings of a display as the launch file has them.
@@ -175,8 +218,8 @@ fn tools(params: &Params) -> Tools {
     Tools { quality, highlight: highlight_color.into(), highlight_mix, ..Tools::default() }
 }
 
-fn why(ended: Result<Option<String>, oneshot::error::RecvError>) -> StartError {
-    StartError::Input(ended.ok().flatten().unwrap_or_else(|| "the display did not open".to_owned()))
+fn why(ended: Result<Option<StartError>, oneshot::error::RecvError>) -> StartError {
+    ended.ok().flatten().unwrap_or_else(|| StartError::Failed("the display did not open".to_owned()))
 }
 
 /// Where a user keeps pictures.
@@ -201,10 +244,13 @@ impl Drop for Ending {
     }
 }
 
-/// Tells how the display keeps up, for as long as it is there.
-async fn tell(owned: Owned<State>, mut told: State, ending: Ending) {
+/// Tells how the display keeps up and whether it goes on, for as long as it is there.
+async fn tell(host: Host, owned: Owned<State>, mut told: State, ending: Ending, mut watch: Watch) {
     loop {
         tokio::time::sleep(TELLS).await;
+        if let Some(reason) = watch.look() {
+            host.fail(reason);
+        }
         let now = ending.news.pace();
         told.revision = now.revision;
         (told.frames, told.shown, told.late) = (now.pictures, now.frames, now.late);

@@ -28,6 +28,8 @@ pub(super) struct Params {
     pub(super) seated: bool,
     /// Whether the left hand does what the right one does otherwise.
     pub(super) left_handed: bool,
+    /// Seconds that a headset's runtime may hold the loop, 1 to 3600, before the process ends and is started again.
+    pub(super) patience: f64,
     /// Folder for pictures that a person keeps in a display; by default the user's own for pictures.
     pub(super) pictures: Option<PathBuf>,
     /// Quality of the view's pictures: `exact`, `standard` or `fast`.
@@ -78,6 +80,7 @@ impl Default for Params {
             resolution: 1.0,
             seated: false,
             left_handed: false,
+            patience: 30.0,
             pictures: None,
             quality: Quality::Standard,
             backend: Backend::Auto,
@@ -105,6 +108,9 @@ impl Params {
         }
         if !(0.1..=4.0).contains(&self.resolution) {
             return Err(format!("resolution = {}; a factor from 0.1 to 4", self.resolution));
+        }
+        if !(1.0..=3600.0).contains(&self.patience) {
+            return Err(format!("patience = {}; seconds from 1 to 3600", self.patience));
         }
         if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());

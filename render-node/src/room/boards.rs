@@ -5,7 +5,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::acts::{Acts, SeenTip, Taken};
 use crate::display::{Sense, Shown, Tools};
-use crate::hands::{HandInput, Pointed, Pointer, Pose, Rectangle, Side, Switch, nearest};
+use crate::hands::{HandInput, Origin, Pointed, Pointer, Pose, Rectangle, Side, Stance, Switch, nearest};
 use crate::panels::{Output, Panel, Panels, legend, theme};
 use crate::xr::{Board, Frame, XrError};
 
@@ -40,24 +40,40 @@ pub(super) struct Boards {
     drawn: Option<(Shown, Tools)>,
 }
 
-/// A panel at an angle about the person, upright and facing them.
-fn around(panel: Panel, degrees: f64, height: f64) -> Board {
-    let turn = DQuat::from_rotation_y(-degrees.to_radians());
-    let position = turn * DVec3::new(0.0, 0.0, -DISTANCE) + DVec3::new(0.0, height, 0.0);
-    let place =
-        Rectangle { pose: Pose { position, orientation: turn }, size: DVec2::from(panel.least_metres(DISTANCE)) };
-    Board::new(panel.size(), SHARPNESS, place)
+/// Where a panel hangs at first around a person whose eyes are at this height of the room, metres: upright at an angle, or,
+/// for the keyboard, below the eyes and tilted.
+fn hangs(panel: Panel, height: f64) -> Rectangle {
+    let (pose, distance) = match ANGLES.iter().find(|(p, _)| *p == panel) {
+        Some((_, degrees)) => {
+            let turn = DQuat::from_rotation_y(-degrees.to_radians());
+            let position = turn * DVec3::new(0.0, 0.0, -DISTANCE) + DVec3::new(0.0, height - 0.2, 0.0);
+            (Pose { position, orientation: turn }, DISTANCE)
+        }
+        None => {
+            let position = DVec3::new(0.0, height - 0.6, -0.6);
+            (Pose { position, orientation: DQuat::from_rotation_x(-0.6) }, 0.7)
+        }
+    };
+    Rectangle { pose, size: DVec2::from(panel.least_metres(distance)) }
+}
+
+/// Where a panel hangs at first in a room around a person who stands or sits.
+#[must_use]
+pub fn first_place(panel: Panel, stance: Stance, origin: Origin) -> Rectangle {
+    hangs(panel, eyes(stance, origin))
+}
+
+/// Metres from y = 0 of the room to the eyes: the scene is fitted a little below them.
+fn eyes(stance: Stance, origin: Origin) -> f64 {
+    stance.height(origin) + 0.4
 }
 
 impl Boards {
-    /// Panels about a person whose eyes are at this height of the room, metres.
-    pub(super) fn new(height: f64) -> Self {
-        let mut panels: Vec<_> =
-            ANGLES.iter().map(|(panel, degrees)| (*panel, around(*panel, *degrees, height - 0.2))).collect();
-        let tilt = DQuat::from_rotation_x(-0.6);
-        let pose = Pose { position: DVec3::new(0.0, height - 0.6, -0.6), orientation: tilt };
-        let size = DVec2::from(Panel::Keyboard.least_metres(0.7));
-        panels.push((Panel::Keyboard, Board::new(Panel::Keyboard.size(), SHARPNESS, Rectangle { pose, size })));
+    /// Panels about a person.
+    pub(super) fn new(stance: Stance, origin: Origin) -> Self {
+        let eyes = eyes(stance, origin);
+        let hung = |panel: Panel| (panel, Board::new(panel.size(), SHARPNESS, hangs(panel, eyes)));
+        let panels = [Panel::Scene, Panel::Prompt, Panel::Language, Panel::Keyboard].map(hung).into();
         let nowhere = |size: Vec2, metres: DVec2| {
             let pose = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
             Board::new(size, SHARPNESS, Rectangle { pose, size: metres })

@@ -19,6 +19,7 @@ use crate::panels::{Output, Panel, Panels, Place, Wish};
 use crate::xr::{Frame, Headset, PAUSE, Step, XrError};
 
 pub use acts::{Acts, Did, SeenTip, Taken};
+pub use boards::first_place;
 
 use boards::Boards;
 use eyes::Eyes;
@@ -77,11 +78,9 @@ impl Room {
             tracing::warn!("no curve is shown: {problem}");
         }
         let seated = tools.seated;
-        // The scene is fitted a little below the eyes.
-        let eyes = stance(&tools).height(headset.origin()) + 0.4;
         Self {
             acts: Acts::new(&scene, home),
-            boards: Boards::new(eyes),
+            boards: Boards::new(stance(&tools), headset.origin()),
             scene,
             seat,
             tools,

@@ -135,7 +135,8 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
     pub fn pulse(&mut self, side: Side, strength: f32, length: Duration) -> Result<(), XrError> {
-        let done = self.live.actions.pulse(&self.live.session, side, strength, length);
+        let Live { actions, session, held, .. } = &*self.live;
+        let done = held.during("a pulse", || actions.pulse(session, side, strength, length));
         self.keep(done.map_err(|e| XrError::call("pulse", e)))
     }
 
@@ -192,7 +193,8 @@ impl<'a> Frame<'a> {
             layers.push(&projection);
         }
         layers.extend(quads.iter().map(|quad| -> &xr::CompositionLayerBase<'_, xr::Vulkan> { quad }));
-        live.stream.end(time, live.blend, &layers).map_err(|e| XrError::call("frame", e))
+        let (stream, blend) = (&mut live.stream, live.blend);
+        live.held.during("taking a frame", || stream.end(time, blend, &layers)).map_err(|e| XrError::call("frame", e))
     }
 }
 

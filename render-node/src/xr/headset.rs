@@ -1,12 +1,13 @@
 //! The headset as the loop sees it: there, away, or back.
 
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
 
 use openxr as xr;
 
-use super::XrError;
 use super::frame::{Frame, PanelId};
 use super::live::{Happened, Live};
+use super::{Held, XrError};
 use crate::gpu::Gpu;
 use crate::hands::{Origin, Stance};
 
@@ -26,6 +27,8 @@ pub struct Options {
     pub retry_pause: Duration,
     /// How often it is looked for.
     pub tries: u32,
+    /// How long a runtime may take to answer when it is looked for, before it is taken for one that hangs.
+    pub patience: Duration,
 }
 
 impl Default for Options {
@@ -36,6 +39,7 @@ impl Default for Options {
             stance: Stance::Standing,
             retry_pause: Duration::from_secs(1),
             tries: 300,
+            patience: Duration::from_secs(20),
         }
     }
 }
@@ -72,8 +76,48 @@ pub struct Paced {
 
 enum State {
     Open(Box<Live>),
-    Away { since: XrError, next: Instant },
+    Away { since: XrError, next: Instant, asked: Option<Asked> },
     Ended,
+}
+
+/// A runtime that was asked for a session, on a thread of its own: one that is stopped does not answer, and nobody can be
+/// taken back from it. While it has not answered it is not asked again, since a process has one session.
+struct Asked {
+    answer: Receiver<Result<Box<Live>, XrError>>,
+    /// When it is taken for one that hangs.
+    until: Instant,
+}
+
+impl Asked {
+    fn begin(options: Options, held: &Held) -> Result<Self, XrError> {
+        let (says, answer) = mpsc::sync_channel(1);
+        // The loop does not wait here: nothing holds it.
+        let held = held.clone();
+        let ask = move || {
+            // Whoever has given up meanwhile wants no session: it ends here.
+            let _ = says.send(Live::open(&options, &held).map(Box::new));
+        };
+        let thread = std::thread::Builder::new().name("headset".to_owned()).spawn(ask);
+        thread.map_err(|e| XrError::Silent { reason: format!("no thread to ask on: {e}") })?;
+        Ok(Self { answer, until: Instant::now() + options.patience })
+    }
+
+    /// The answer, waited for no longer than until the runtime is taken for one that hangs.
+    fn wait(&self, patience: Duration) -> Result<Box<Live>, XrError> {
+        match self.answer.recv_timeout(self.until.saturating_duration_since(Instant::now())) {
+            Ok(answer) => answer,
+            Err(RecvTimeoutError::Timeout) => Err(silent(patience)),
+            Err(RecvTimeoutError::Disconnected) => Err(broken()),
+        }
+    }
+}
+
+fn silent(patience: Duration) -> XrError {
+    XrError::Silent { reason: format!("for {:.0} s", patience.as_secs_f64()) }
+}
+
+fn broken() -> XrError {
+    XrError::Silent { reason: "asking it failed".to_owned() }
 }
 
 /// A headset.
@@ -88,6 +132,7 @@ pub struct Headset {
     session: u64,
     paced: Paced,
     last_shown: Option<xr::Time>,
+    held: Held,
 }
 
 impl Headset {
@@ -96,15 +141,23 @@ impl Headset {
     /// # Errors
     /// [`XrError`]: what is missing, and what to do.
     pub fn open(options: Options) -> Result<Self, XrError> {
-        let live = Live::open(&options)?;
+        let held = Held::default();
+        let live = Asked::begin(options, &held)?.wait(options.patience)?;
         Ok(Self {
-            state: State::Open(Box::new(live)),
+            state: State::Open(live),
             options,
             tries: 0,
             session: 0,
             paced: Paced::default(),
             last_shown: None,
+            held,
         })
+    }
+
+    /// Whether the runtime holds the loop, for somebody beside it.
+    #[must_use]
+    pub fn held(&self) -> Held {
+        self.held.clone()
     }
 
     fn live(&self) -> Option<&Live> {
@@ -216,7 +269,7 @@ impl Headset {
             && let Some(slot) = live.panels.get_mut(panel.at)
         {
             let _ = live.shared.gpu.wait();
-            *slot = None;
+            self.held.during("a panel's end", || *slot = None);
         }
     }
 
@@ -224,11 +277,11 @@ impl Headset {
     pub fn leave(&mut self) {
         if let State::Open(live) = &self.state
             && live.life.is_running()
-            && live.session.request_exit().is_ok()
+            && self.held.during("the session's end", || live.session.request_exit()).is_ok()
         {
             return;
         }
-        self.state = State::Ended;
+        self.put(State::Ended);
     }
 
     /// Gives runtime and device up and looks for them anew at once, as when the device was lost
@@ -238,8 +291,7 @@ impl Headset {
         if self.live().is_some() {
             let lost = XrError::Device { reason };
             tracing::warn!(reason = %lost, "the headset is opened anew");
-            self.state = State::Away { since: lost, next: Instant::now() };
-            self.last_shown = None;
+            self.put(State::Away { since: lost, next: Instant::now(), asked: None });
         }
     }
 
@@ -253,7 +305,6 @@ impl Headset {
     pub fn frame<E: From<XrError>>(&mut self, draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>) -> Result<Step, E> {
         let live = match &mut self.state {
             State::Open(live) => live,
-            State::Away { next, .. } if Instant::now() < *next => return Ok(Step::Away),
             State::Away { .. } => return Ok(self.look_again()?),
             State::Ended => return Ok(Step::Ended),
         };
@@ -261,7 +312,7 @@ impl Headset {
             Ok((step, drawn)) => {
                 match step {
                     Step::Shown => self.tries = 0,
-                    Step::Ended => self.state = State::Ended,
+                    Step::Ended => self.put(State::Ended),
                     Step::Hidden | Step::Idle | Step::Away | Step::Back => {}
                 }
                 drawn.map(|()| step)
@@ -274,29 +325,63 @@ impl Headset {
         }
     }
 
-    fn away_for(&mut self, since: XrError) {
-        self.state = State::Away { since, next: Instant::now() + self.options.retry_pause };
-        self.last_shown = None;
+    /// Goes on in another state; a session that there was ends here.
+    fn put(&mut self, state: State) {
+        if !matches!(state, State::Open(_)) {
+            self.last_shown = None;
+        }
+        let before = std::mem::replace(&mut self.state, state);
+        self.held.during("the session's end", || drop(before));
     }
 
+    fn away_for(&mut self, since: XrError) {
+        self.put(State::Away { since, next: Instant::now() + self.options.retry_pause, asked: None });
+    }
+
+    /// Looks for the runtime, as often as it may be looked for, without waiting for its answer.
     fn look_again(&mut self) -> Result<Step, XrError> {
-        self.tries += 1;
-        match Live::open(&self.options) {
-            Ok(live) => {
+        let (options, now) = (self.options, Instant::now());
+        let State::Away { since, next, asked } = &mut self.state else { return Ok(Step::Away) };
+        let reason = match asked.as_ref().map(|waits| (waits.until, waits.answer.try_recv())) {
+            None if now < *next => return Ok(Step::Away),
+            None => {
+                self.tries += 1;
+                match Asked::begin(options, &self.held) {
+                    Ok(waits) => {
+                        *asked = Some(waits);
+                        return Ok(Step::Away);
+                    }
+                    Err(reason) => reason,
+                }
+            }
+            Some((_, Ok(Ok(live)))) => {
                 tracing::info!(tries = self.tries, "the headset is back");
-                self.state = State::Open(Box::new(live));
+                self.put(State::Open(live));
                 self.session += 1;
-                Ok(Step::Back)
+                return Ok(Step::Back);
             }
-            Err(reason) if self.tries >= self.options.tries => {
-                self.state = State::Ended;
-                Err(XrError::Gone { tries: self.tries, reason: Box::new(reason) })
+            Some((_, Ok(Err(reason)))) => reason,
+            Some((_, Err(TryRecvError::Disconnected))) => broken(),
+            Some((until, Err(TryRecvError::Empty))) if now < until => return Ok(Step::Away),
+            Some((_, Err(TryRecvError::Empty))) => {
+                // It is asked already, and only its answer can tell more; that it is waited for still counts as a try.
+                self.tries += 1;
+                if self.tries < options.tries {
+                    *since = silent(options.patience);
+                    if let Some(waits) = asked {
+                        waits.until = now + options.patience;
+                    }
+                    return Ok(Step::Away);
+                }
+                silent(options.patience)
             }
-            Err(reason) => {
-                self.away_for(reason);
-                Ok(Step::Away)
-            }
+        };
+        if self.tries >= options.tries {
+            self.put(State::Ended);
+            return Err(XrError::Gone { tries: self.tries, reason: Box::new(reason) });
         }
+        self.away_for(reason);
+        Ok(Step::Away)
     }
 }
 
@@ -308,7 +393,8 @@ fn made<E>(
     last_shown: &mut Option<xr::Time>,
     draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>,
 ) -> Result<(Step, Result<(), E>), XrError> {
-    match live.events()? {
+    let held = live.held.clone();
+    match held.during("what happened", || live.events())? {
         Happened::Nothing => {}
         Happened::Left => return Ok((Step::Ended, Ok(()))),
         Happened::Lost => return Err(XrError::call("session", xr::sys::Result::ERROR_SESSION_LOST)),
@@ -318,18 +404,21 @@ fn made<E>(
         return Ok((Step::Idle, Ok(())));
     }
     let call = |e| XrError::call("frame", e);
-    let waited = live.waiter.wait().map_err(call)?;
+    let waited = held.during("a frame's time", || live.waiter.wait()).map_err(call)?;
     let begun = Instant::now();
-    live.stream.begin().map_err(call)?;
+    held.during("a frame's begin", || live.stream.begin()).map_err(call)?;
     // What the device has to say of earlier frames, its own loss above all; nothing is waited for.
     let _ = live.shared.gpu.device().poll(wgpu::PollType::Poll);
     let time = waited.predicted_display_time;
     let period = waited.predicted_display_period;
-    let looking = if waited.should_render { live.look(time).map_err(call)? } else { None };
-    let hands = live.actions.read(&live.session, &live.room, time, live.life.is_focused()).map_err(call)?;
+    let seen = waited.should_render;
+    let looking = if seen { held.during("where eyes are", || live.look(time)).map_err(call)? } else { None };
+    let (actions, focused) = (&live.actions, live.life.is_focused());
+    let hands =
+        held.during("what hands do", || actions.read(&live.session, &live.room, time, focused)).map_err(call)?;
     let Some(looking) = looking else {
         *last_shown = None;
-        live.stream.end(time, live.blend, &[]).map_err(call)?;
+        held.during("taking a frame", || live.stream.end(time, live.blend, &[])).map_err(call)?;
         return Ok((Step::Hidden, Ok(())));
     };
     let mut frame = Frame::new(live, looking, hands, (session, time, period));

@@ -8,7 +8,7 @@ use super::frame::PanelId;
 use super::headset::Options;
 use super::life::{Do, Life};
 use super::target::{Format, Target};
-use super::{XrError, space};
+use super::{Held, XrError, space};
 use crate::hands::{Origin, Stance};
 
 /// Two eyes.
@@ -44,6 +44,7 @@ pub(super) struct Live {
     pub(super) runtime: String,
     pub(super) system: String,
     has_rates: bool,
+    pub(super) held: Held,
 }
 
 impl Drop for Live {
@@ -54,7 +55,7 @@ impl Drop for Live {
 }
 
 impl Live {
-    pub(super) fn open(options: &Options) -> Result<Self, XrError> {
+    pub(super) fn open(options: &Options, held: &Held) -> Result<Self, XrError> {
         let entry = device::loader()?;
         let offered = entry.enumerate_extensions().map_err(|code| XrError::NoRuntime { code })?;
         let extensions = extensions(&offered);
@@ -98,7 +99,7 @@ impl Live {
         let format =
             Format::of(&session).map_err(|e| XrError::call("formats", e))?.ok_or_else(|| lacks("images in sRGB"))?;
         let size = size(&instance, system, options.resolution)?;
-        let eyes = Target::new(&shared.gpu, &session, format, size, 2)?;
+        let eyes = Target::new(&shared.gpu, &session, format, size, 2, held)?;
         let live = Self {
             panels: Vec::new(),
             eyes,
@@ -120,6 +121,7 @@ impl Live {
             runtime,
             system: about.system_name,
             has_rates: extensions.fb_display_refresh_rate,
+            held: held.clone(),
         };
         live.ask_for_rate(options.refresh_rate);
         let [width, height] = size;
@@ -150,7 +152,8 @@ impl Live {
 
     /// Makes images for a panel.
     pub(super) fn panel(&mut self, size: [u32; 2], session: u64) -> Result<PanelId, XrError> {
-        let target = Target::new(&self.shared.gpu, &self.session, self.format, size, 1)?;
+        let Self { shared, session: xr, format, held, .. } = &*self;
+        let target = held.during("images for a panel", || Target::new(&shared.gpu, xr, *format, size, 1, held))?;
         let at = self.panels.iter().position(Option::is_none).unwrap_or(self.panels.len());
         match self.panels.get_mut(at) {
             Some(slot) => *slot = Some(target),

@@ -1,7 +1,8 @@
 //! A headset through OpenXR: a session that lives as long as its runtime does and comes back with it.
 //!
 //! [`Headset::open`] finds the runtime and opens the graphics device that it wants; [`Headset::frame`] is the loop's one call.
-//! The loop waits in `xrWaitFrame` and nowhere else. What hands do comes with each frame as [`crate::hands::HandInput`].
+//! The loop waits in `xrWaitFrame` and nowhere else; whoever is beside it sees with [`Held`] when a runtime that was stopped
+//! keeps it. What hands do comes with each frame as [`crate::hands::HandInput`].
 
 mod actions;
 mod bindings;
@@ -9,6 +10,7 @@ mod board;
 mod device;
 mod frame;
 mod headset;
+mod held;
 mod life;
 mod live;
 mod space;
@@ -19,6 +21,7 @@ use openxr::sys::Result as Code;
 pub use board::Board;
 pub use frame::{Frame, PanelId, Quad};
 pub use headset::{Headset, Options, PAUSE, Paced, Step};
+pub use held::Held;
 
 /// What stands between a person and the headset.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +41,12 @@ pub enum XrError {
     NoRuntime {
         /// What the loader said.
         code: Code,
+    },
+    /// Somebody is there who does not answer.
+    #[error("the OpenXR runtime does not answer ({reason}): it hangs or is stopped; start it anew, or use the window")]
+    Silent {
+        /// What was waited for in vain.
+        reason: String,
     },
     /// There is a runtime without a headset.
     #[error("{runtime} has no headset ({code}); connect it or wake it, or use the window")]

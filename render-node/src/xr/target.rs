@@ -2,7 +2,7 @@
 
 use openxr as xr;
 
-use super::{XrError, device};
+use super::{Held, XrError, device};
 use crate::gpu::Gpu;
 
 /// Longest wait for an image that the compositor still reads.
@@ -17,6 +17,7 @@ pub(super) struct Target {
     pub(super) size: [u32; 2],
     /// Whether any image has been drawn; one that was not cannot be shown.
     pub(super) drawn: bool,
+    held: Held,
 }
 
 impl Target {
@@ -26,6 +27,7 @@ impl Target {
         format: Format,
         size: [u32; 2],
         layers: u32,
+        held: &Held,
     ) -> Result<Self, XrError> {
         let [width, height] = size;
         let swapchain = session
@@ -51,16 +53,22 @@ impl Target {
             })
         };
         let views = textures.iter().map(|t| (0..layers).map(|k| layer(t, k)).collect()).collect();
-        Ok(Self { views, _textures: textures, swapchain, size, drawn: false })
+        Ok(Self { views, _textures: textures, swapchain, size, drawn: false, held: held.clone() })
     }
 
     /// Has the next image drawn by `draw`, which is given its layers and has handed its work in when it returns.
     pub(super) fn draw<T>(&mut self, draw: impl FnOnce(&[wgpu::TextureView]) -> T) -> Result<T, XrError> {
         let call = |e| XrError::call("image", e);
-        let index = self.swapchain.acquire_image().map_err(call)?;
-        self.swapchain.wait_image(xr::Duration::from_nanos(PATIENCE_NANOSECONDS)).map_err(call)?;
+        let Self { swapchain, held, .. } = self;
+        let index = held
+            .during("an image to draw to", || {
+                let index = swapchain.acquire_image()?;
+                swapchain.wait_image(xr::Duration::from_nanos(PATIENCE_NANOSECONDS))?;
+                Ok(index)
+            })
+            .map_err(call)?;
         let done = draw(self.views.get(index as usize).map_or(&[], Vec::as_slice));
-        self.swapchain.release_image().map_err(call)?;
+        held.during("taking an image back", || swapchain.release_image()).map_err(call)?;
         self.drawn = true;
         Ok(done)
     }

@@ -20,7 +20,7 @@ const INSIDE: &str = "SUPERGAUSSIAN_TEST_INSIDE_MONADO";
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The folder with the runtime; `None`, said loudly, without one, unless it is required.
-fn folder() -> Option<PathBuf> {
+pub(crate) fn folder() -> Option<PathBuf> {
     let folder = std::env::var_os("SUPERGAUSSIAN_MONADO").map(PathBuf::from);
     let there = folder.filter(|f| f.join("run").exists());
     if there.is_none() {
@@ -42,12 +42,8 @@ pub(crate) fn run_inside(name: &str) {
 /// As [`run_inside`], with a screen that the test can open windows on.
 pub(crate) fn run_inside_beside(name: &str, screen: Option<&Screen>) {
     let Some(folder) = folder() else { return };
-    let lock = File::create(std::env::temp_dir().join("supergaussian-monado.lock"));
-    // Somebody else's file can be locked all the same.
-    let lock = lock.or_else(|_| File::open(std::env::temp_dir().join("supergaussian-monado.lock"))).unwrap();
-    lock.lock().unwrap();
-    let room = tempfile::tempdir().unwrap();
-    std::fs::set_permissions(room.path(), std::fs::Permissions::from_mode(0o700)).unwrap();
+    let _alone = alone();
+    let room = room();
     let status = Command::new(folder.join("run"))
         .arg(std::env::current_exe().unwrap())
         .args(["--exact", name, "--ignored", "--nocapture"])
@@ -58,6 +54,22 @@ pub(crate) fn run_inside_beside(name: &str, screen: Option<&Screen>) {
         .status()
         .unwrap();
     assert!(status.success(), "{name}: {status}");
+}
+
+/// Waits until no other test of this machine has a runtime with scripted devices: they listen on a port.
+pub(crate) fn alone() -> File {
+    let lock = File::create(std::env::temp_dir().join("supergaussian-monado.lock"));
+    // Somebody else's file can be locked all the same.
+    let lock = lock.or_else(|_| File::open(std::env::temp_dir().join("supergaussian-monado.lock"))).unwrap();
+    lock.lock().unwrap();
+    lock
+}
+
+/// A folder for what a runtime and its programs have in common.
+pub(crate) fn room() -> tempfile::TempDir {
+    let room = tempfile::tempdir().unwrap();
+    std::fs::set_permissions(room.path(), std::fs::Permissions::from_mode(0o700)).unwrap();
+    room
 }
 
 /// Whether this is such a run; who runs ignored tests by hand is told how.
@@ -93,9 +105,13 @@ pub(crate) struct Runtime {
 }
 
 impl Runtime {
-    /// Starts the service and waits until it takes clients.
+    /// Starts the service for programs of this one's folder and waits until it takes clients.
     pub(crate) fn start(display: &Display<'_>) -> Self {
-        let room = PathBuf::from(std::env::var_os("XDG_RUNTIME_DIR").unwrap());
+        Self::start_in(display, &PathBuf::from(std::env::var_os("XDG_RUNTIME_DIR").unwrap()))
+    }
+
+    /// As [`Self::start`], for programs whose `XDG_RUNTIME_DIR` is this.
+    pub(crate) fn start_in(display: &Display<'_>, room: &Path) -> Self {
         // What a service that was killed leaves behind.
         for left in ["monado_comp_ipc", "monado.pid"] {
             let _ = std::fs::remove_file(room.join(left));
@@ -106,6 +122,7 @@ impl Runtime {
             .env("XRT_NO_STDIN", "1")
             .env("P_OVERRIDE_ACTIVE_CONFIG", "remote")
             .env("XRT_LOG", "info")
+            .env("XDG_RUNTIME_DIR", room)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped());
@@ -135,6 +152,12 @@ impl Runtime {
             }
         }
         Self { service }
+    }
+
+    /// Its process.
+    #[allow(dead_code, reason = "only whoever shares this file from outside stops it")]
+    pub(crate) fn pid(&self) -> u32 {
+        self.service.0.id()
     }
 
     /// Ends it as a crash would.

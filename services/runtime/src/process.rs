@@ -130,6 +130,7 @@ struct Inner {
     before_promotion: Mutex<Vec<Hook>>,
     promotions: mpsc::Sender<Promotion>,
     stop: tokio::sync::Notify,
+    failures: mpsc::Sender<String>,
 }
 
 /// What a process does before it takes its role.
@@ -171,6 +172,13 @@ impl Host {
     /// Ends this process as if it had been asked to: it finishes what it has accepted. For a display that a person closes.
     pub fn stop(&self) {
         self.inner.stop.notify_one();
+    }
+
+    /// Ends this process as one that failed at its work, so that its supervisor starts it again. For what works beside the
+    /// actors, such as a display's loop. Of several reasons the first counts.
+    pub fn fail(&self, reason: String) {
+        // One that waits already is as good.
+        let _ = self.inner.failures.try_send(reason);
     }
 
     /// Folder of the session.
@@ -418,6 +426,7 @@ where
     let grace = Duration::from_millis(args.grace_ms);
     let (ends, mut ended) = mpsc::channel(16);
     let (promotions, mut granted) = mpsc::channel(1);
+    let (failures, mut beside) = mpsc::channel(1);
     let inner = Inner {
         args,
         version,
@@ -431,6 +440,7 @@ where
         before_promotion: Mutex::default(),
         promotions,
         stop: tokio::sync::Notify::new(),
+        failures,
     };
     let host = Host { inner: Arc::new(inner) };
     let asked = host.clone();
@@ -449,9 +459,13 @@ where
         () = &mut stop => return Ok(()),
     }
 
-    let failed = |(name, exit): (&str, Exit)| match exit {
-        Exit::Failed(reason) => format!("actor `{name}` failed: {reason}"),
-        Exit::Finished => format!("actor `{name}` ended by itself"),
+    let mut ended_actors = 0;
+    let mut failed = |(name, exit): (&str, Exit)| {
+        ended_actors = 1;
+        match exit {
+            Exit::Failed(reason) => format!("actor `{name}` failed: {reason}"),
+            Exit::Finished => format!("actor `{name}` ended by itself"),
+        }
     };
     let mut alive = None;
     let failure = if host.stands_by() {
@@ -459,6 +473,7 @@ where
         tokio::select! {
             () = &mut stop => return Ok(()),
             Some(end) = ended.recv() => Some(failed(end)),
+            Some(reason) = beside.recv() => Some(reason),
             Some((request, reply)) = granted.recv() => {
                 let outcome = host.take_role(&request).await;
                 let told = match &outcome {
@@ -481,6 +496,7 @@ where
         None => tokio::select! {
             () = &mut stop => None,
             Some(end) = ended.recv() => Some(failed(end)),
+            Some(reason) = beside.recv() => Some(reason),
         },
     };
 
@@ -497,7 +513,7 @@ where
         // What `load` spawned beside the actors may hold their mailboxes for ever; it ends with the runtime.
         actor.close();
     }
-    for _ in usize::from(failure.is_some())..actors.len() {
+    for _ in ended_actors..actors.len() {
         if tokio::time::timeout_at(deadline.into(), ended.recv()).await.is_err() {
             break;
         }
