@@ -18,6 +18,35 @@ pub(super) fn module(gpu: &Gpu, label: &str, text: &str) -> wgpu::ShaderModule {
     })
 }
 
+/// What a pipeline has to do with what lies behind or before its triangles.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum Behind {
+    /// Nothing.
+    #[default]
+    All,
+    /// It hides whatever is drawn later.
+    Hides,
+    /// It is not drawn where it is hidden.
+    Seen,
+}
+
+impl Behind {
+    fn state(self) -> Option<wgpu::DepthStencilState> {
+        let (hides, compare) = match self {
+            Self::All => return None,
+            Self::Hides => (true, wgpu::CompareFunction::Always),
+            Self::Seen => (false, wgpu::CompareFunction::LessEqual),
+        };
+        Some(wgpu::DepthStencilState {
+            format: super::hidden::DEPTH,
+            depth_write_enabled: Some(hides),
+            depth_compare: Some(compare),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        })
+    }
+}
+
 /// What draws onto one target with two entry points of a module and its constants.
 pub(super) fn drawing(
     gpu: &Gpu,
@@ -25,7 +54,7 @@ pub(super) fn drawing(
     constants: &[(&str, f64)],
     topology: wgpu::PrimitiveTopology,
     target: wgpu::ColorTargetState,
-    multiview_mask: Option<NonZeroU32>,
+    (multiview_mask, behind): (Option<NonZeroU32>, Behind),
 ) -> wgpu::RenderPipeline {
     let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -38,7 +67,7 @@ pub(super) fn drawing(
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-        depth_stencil: None,
+        depth_stencil: behind.state(),
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module,

@@ -7,6 +7,7 @@
 
 mod columns;
 mod device;
+mod hidden;
 mod kernel;
 mod look;
 mod passes;

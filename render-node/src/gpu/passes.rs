@@ -5,7 +5,8 @@ use std::num::NonZeroU32;
 
 use super::columns::Columns;
 use super::device::Gpu;
-use super::kernel::{Kernel, drawing, module};
+use super::hidden::Hiding;
+use super::kernel::{Behind, Kernel, drawing, module};
 use super::look::Now;
 use super::sort::Sort;
 
@@ -38,6 +39,45 @@ pub(super) struct Specialised {
     pub(super) project: Kernel,
 }
 
+/// What blends quadrilaterals: each view by itself, and both in one pass where the device can and is to.
+pub(super) struct Blending {
+    pub(super) each: [wgpu::RenderPipeline; 2],
+    pub(super) together: Option<wgpu::RenderPipeline>,
+}
+
+impl Blending {
+    /// For so many views: a pipeline for each, or one for both.
+    pub(super) fn of(&self, views: u32) -> (&[wgpu::RenderPipeline], Option<NonZeroU32>) {
+        match &self.together {
+            Some(both) if views == 2 => (std::slice::from_ref(both), BOTH),
+            _ => (self.each.get(..views as usize).unwrap_or(&self.each), None),
+        }
+    }
+
+    fn quads(gpu: &Gpu, both: bool, behind: Behind) -> Self {
+        let under = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let blend = Some(wgpu::BlendState { color: under, alpha: under });
+        let target = wgpu::ColorTargetState { format: PICTURE, blend, write_mask: wgpu::ColorWrites::ALL };
+        let strip = wgpu::PrimitiveTopology::TriangleStrip;
+        let text = include_str!("shaders/quads.wgsl");
+        let quads = module(gpu, "quads", text);
+        let each = [0.0, 1.0].map(|view| {
+            let view = [("VIEW", view)];
+            drawing(gpu, (&quads, ["corner", "blend"]), &view, strip, target.clone(), (None, behind))
+        });
+        let together = both.then(|| {
+            let text = format!("{text}\n{}", include_str!("shaders/quads_together.wgsl"));
+            let shader = module(gpu, "quads, both eyes", &text);
+            drawing(gpu, (&shader, ["corner_together", "blend"]), &[], strip, target.clone(), (BOTH, behind))
+        });
+        Self { each, together }
+    }
+}
+
 /// All that draws.
 pub(super) struct Passes {
     cull: wgpu::ShaderModule,
@@ -56,9 +96,9 @@ pub(super) struct Passes {
     pub(super) longest: Kernel,
     pub(super) blend: Kernel,
     /// Nothing on a device that cannot blend f32: in half precision a thousand faint layers lose a fifth of their coverage.
-    pub(super) quads: Option<[wgpu::RenderPipeline; 2]>,
-    /// Both eyes in one pass, where the device can and is to.
-    quads_together: Option<wgpu::RenderPipeline>,
+    pub(super) quads: Option<Blending>,
+    /// The same where something is hidden, and what hides it; made when it first is.
+    hiding: Option<(Blending, Hiding)>,
     pub(super) compose_tiles: [wgpu::RenderPipeline; 2],
     pub(super) compose_quads: [wgpu::RenderPipeline; 2],
 }
@@ -67,33 +107,23 @@ pub(super) struct Passes {
 pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 /// Both layers of a texture at once.
-const BOTH: Option<NonZeroU32> = NonZeroU32::new(0b11);
+pub(super) const BOTH: Option<NonZeroU32> = NonZeroU32::new(0b11);
 
 impl Passes {
     pub(super) fn new(gpu: &Gpu, columns: &Columns, multiview: bool) -> Self {
         let list = module(gpu, "list", include_str!("shaders/list.wgsl"));
         let tiles = module(gpu, "tiles", include_str!("shaders/tiles.wgsl"));
-        let quads = module(gpu, "quads", include_str!("shaders/quads.wgsl"));
         let compose = module(gpu, "compose", include_str!("shaders/compose.wgsl"));
         let counts = [("BLOCKS", f64::from(columns.blocks)), ("PARTS", columns.parts.len() as f64)];
-        let under = wgpu::BlendComponent {
-            src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
-            dst_factor: wgpu::BlendFactor::One,
-            operation: wgpu::BlendOperation::Add,
+        let onto = wgpu::ColorTargetState { format: PICTURE, blend: None, write_mask: wgpu::ColorWrites::ALL };
+        let triangles = wgpu::PrimitiveTopology::TriangleList;
+        let composing = |entry| {
+            let entries = (&compose, ["cover", entry]);
+            [0.0, 1.0].map(|view| drawing(gpu, entries, &[("VIEW", view)], triangles, onto.clone(), Default::default()))
         };
-        let under = wgpu::BlendState { color: under, alpha: under };
-        let onto = |blend| wgpu::ColorTargetState { format: PICTURE, blend, write_mask: wgpu::ColorWrites::ALL };
-        let each_view = |module, entries, topology, blend| {
-            [0.0, 1.0].map(|view| drawing(gpu, (module, entries), &[("VIEW", view)], topology, onto(blend), None))
-        };
-        let (strip, triangles) = (wgpu::PrimitiveTopology::TriangleStrip, wgpu::PrimitiveTopology::TriangleList);
         let tile = |entry| Kernel::new(gpu, &tiles, entry, &[]);
         let blends = gpu.has(wgpu::Features::FLOAT32_BLENDABLE);
-        let quads_together = (blends && multiview && gpu.has(wgpu::Features::MULTIVIEW)).then(|| {
-            let text = concat!(include_str!("shaders/quads.wgsl"), include_str!("shaders/quads_together.wgsl"));
-            let shader = module(gpu, "quads, both eyes", text);
-            drawing(gpu, (&shader, ["corner_together", "blend"]), &[], strip, onto(Some(under)), BOTH)
-        });
+        let both = multiview && gpu.has(wgpu::Features::MULTIVIEW);
         Self {
             cull: module(gpu, "cull", concat!(include_str!("shaders/scene.wgsl"), include_str!("shaders/cull.wgsl"))),
             projection: module(
@@ -114,19 +144,32 @@ impl Passes {
             find_ends: tile("find_ends"),
             longest: tile("longest"),
             blend: tile("blend"),
-            quads: blends.then(|| each_view(&quads, ["corner", "blend"], strip, Some(under))),
-            quads_together,
-            compose_tiles: each_view(&compose, ["cover", "from_tiles"], triangles, None),
-            compose_quads: each_view(&compose, ["cover", "from_quads"], triangles, None),
+            quads: blends.then(|| Blending::quads(gpu, both, Behind::All)),
+            hiding: None,
+            compose_tiles: composing("from_tiles"),
+            compose_quads: composing("from_quads"),
         }
     }
 
-    /// What blends quadrilaterals of so many views: a pipeline for each, or one for both. None on a device that cannot.
-    pub(super) fn quads_of(&self, views: u32) -> (&[wgpu::RenderPipeline], Option<NonZeroU32>) {
-        match (&self.quads_together, &self.quads) {
-            (Some(both), _) if views == 2 => (std::slice::from_ref(both), BOTH),
-            (_, Some(each)) => (each.get(..views as usize).unwrap_or(each), None),
-            (_, None) => (&[], None),
+    /// What blends quadrilaterals of so many views, where something is hidden or nothing: a pipeline for each, or one for both.
+    /// None on a device that cannot.
+    pub(super) fn quads_of(&self, views: u32, hides: bool) -> (&[wgpu::RenderPipeline], Option<NonZeroU32>) {
+        let all = self.quads.as_ref();
+        let seen = self.hiding.as_ref().map(|(seen, _)| seen);
+        let blending = if hides { seen } else { all };
+        blending.map_or((&[], None), |b| b.of(views))
+    }
+
+    /// What hides, once [`Self::hide`] was called.
+    pub(super) fn hiding(&self) -> Option<&Hiding> {
+        self.hiding.as_ref().map(|(_, hiding)| hiding)
+    }
+
+    /// Makes what is needed where something is hidden.
+    pub(super) fn hide(&mut self, gpu: &Gpu) {
+        if let (Some(quads), None) = (&self.quads, &self.hiding) {
+            let both = quads.together.is_some();
+            self.hiding = Some((Blending::quads(gpu, both, Behind::Seen), Hiding::new(gpu, both)));
         }
     }
 

@@ -26,7 +26,8 @@ impl Present {
         });
         let constants = [("CURVED", f64::from(u8::from(format.is_srgb())))];
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline = drawing(gpu, (&module, ["cover", "present"]), &constants, triangles, format.into(), None);
+        let pipeline =
+            drawing(gpu, (&module, ["cover", "present"]), &constants, triangles, format.into(), Default::default());
         Self { gpu: gpu.clone(), pipeline, uploaded: None }
     }
 

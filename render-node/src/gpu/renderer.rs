@@ -1,6 +1,6 @@
 //! One scene on one device: cameras in, pictures out.
 
-use glam::{DMat3, DVec3, Vec4};
+use glam::{DMat3, DVec3, Vec2, Vec4};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
@@ -8,6 +8,7 @@ use sg_scene::model::Scene;
 use super::GpuError;
 use super::columns::{BLOCK, Columns};
 use super::device::Gpu;
+use super::hidden::Hidden;
 use super::look::Look;
 use super::passes::{Needs, Passes};
 pub use super::timing::PassSeconds;
@@ -96,6 +97,8 @@ pub struct Renderer {
     bound: Bound,
     pairs: u64,
     listed_pairs: u64,
+    /// What of the views nobody can see.
+    hidden: Option<Hidden>,
     /// Splats of the longest list of a tile.
     longest: u32,
     /// Whether the picture that the device was last asked about is made of tiles.
@@ -142,6 +145,7 @@ impl Renderer {
             bound: Bound::default(),
             pairs: 0,
             listed_pairs: u64::from(options.listed_pairs).clamp(1024, gpu.largest_binding() / 4),
+            hidden: None,
             longest: 0,
             tiled: false,
             told: Drawn::default(),
@@ -168,6 +172,20 @@ impl Renderer {
     #[must_use]
     pub fn blends_quads(&self) -> bool {
         self.passes.quads.is_some()
+    }
+
+    /// Says what of the left and the right eye's pictures nobody can see: triangles, their corners as shares of the width and
+    /// height from the upper left. From the next picture on quadrilaterals are not blended there, and the background stays;
+    /// visible pixels are the same to the last bit. Tiles are blended everywhere. Corners that are not finite hide nothing.
+    pub fn hide(&mut self, eyes: [&[[Vec2; 3]]; 2]) {
+        let hid = self.hidden.is_some();
+        self.hidden = Hidden::upload(&self.gpu, eyes);
+        if self.hidden.is_some() {
+            self.passes.hide(&self.gpu);
+        }
+        if self.hidden.is_some() != hid {
+            self.bound.quads = None;
+        }
     }
 
     /// Bytes that the scene's columns take on the device.
@@ -314,6 +332,7 @@ impl Renderer {
     fn bind(&mut self, rasterizer: Rasterizer) {
         let needs = Needs::of(&self.columns, &self.look.now);
         let key = Some((needs, self.look.generation));
+        let hides = self.hidden.is_some();
         let Self { gpu, columns, look, passes, frame, work, canvas, bound, .. } = self;
         if bound.needs != key {
             bound.needs = key;
@@ -324,7 +343,7 @@ impl Renderer {
         let order = (&*work, &ordering.depths);
         match rasterizer {
             Rasterizer::Quads => {
-                bound.quads.get_or_insert_with(|| Quads::bind(gpu, frame, order, passes, canvas.size));
+                bound.quads.get_or_insert_with(|| Quads::bind(gpu, frame, order, passes, (canvas.size, hides)));
             }
             Rasterizer::Tiles => {
                 let most = self.listed_pairs;
@@ -470,13 +489,17 @@ impl Renderer {
     }
 
     fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize) {
-        let Self { passes, timings, work, bound, .. } = self;
+        let Self { gpu, passes, timings, work, bound, hidden, .. } = self;
         let timing = &mut timings[first];
         let Some(quads) = &bound.quads else { return };
-        let (pipelines, mask) = passes.quads_of(work.views);
+        let hiding = hidden.as_ref().zip(passes.hiding());
+        let (pipelines, mask) = passes.quads_of(work.views, hiding.is_some());
         for (k, (group, pipeline)) in (0..).zip(quads.draw.iter().zip(pipelines)) {
-            let target = quads.target(k, mask.is_some());
-            let mut pass = timing.drawing(encoder, Span::Blend, &target, mask);
+            let (target, depths) = (quads.target(k, mask.is_some()), quads.depths(k, mask.is_some()));
+            let mut pass = timing.drawing(encoder, Span::Blend, (&target, depths.as_ref()), mask);
+            if let Some((hidden, hiding)) = hiding {
+                hidden.encode(gpu, hiding, &mut pass, (first, work.views, k as usize));
+            }
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             pass.draw_indirect(&work.dispatches, 24);
@@ -493,7 +516,7 @@ impl Renderer {
         };
         for ((group, pipeline), picture) in groups.iter().zip(pipelines).zip(canvas.pictures.iter().skip(first)) {
             let target = picture.create_view(&wgpu::TextureViewDescriptor::default());
-            let mut pass = timing.drawing(encoder, Span::Compose, &target, None);
+            let mut pass = timing.drawing(encoder, Span::Compose, (&target, None), None);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             pass.draw(0..3, 0..1);

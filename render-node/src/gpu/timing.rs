@@ -138,12 +138,13 @@ impl Timing {
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes })
     }
 
-    /// Begins a pass that draws into a cleared `target`, or into several layers of it at once, and is timed as `span`.
+    /// Begins a pass that draws into a cleared `target`, or into several layers of it at once, and is timed as `span`; before
+    /// nothing hides anything in `depths`, if there are any.
     pub(super) fn drawing<'e>(
         &mut self,
         encoder: &'e mut wgpu::CommandEncoder,
         span: Span,
-        target: &wgpu::TextureView,
+        (target, depths): (&wgpu::TextureView, Option<&wgpu::TextureView>),
         multiview_mask: Option<NonZeroU32>,
     ) -> wgpu::RenderPass<'e> {
         let timestamp_writes = self.next(span).map(|(query_set, at)| wgpu::RenderPassTimestampWrites {
@@ -162,7 +163,11 @@ impl Timing {
                     store: wgpu::StoreOp::Store,
                 },
             })],
-            depth_stencil_attachment: None,
+            depth_stencil_attachment: depths.map(|view| wgpu::RenderPassDepthStencilAttachment {
+                view,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Discard }),
+                stencil_ops: None,
+            }),
             timestamp_writes,
             occlusion_query_set: None,
             multiview_mask,

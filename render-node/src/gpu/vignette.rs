@@ -40,7 +40,7 @@ impl Vignette {
         // The target stays opaque.
         let target = wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR };
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline = drawing(gpu, (&module, ["cover", "darken"]), &[], triangles, target, None);
+        let pipeline = drawing(gpu, (&module, ["cover", "darken"]), &[], triangles, target, Default::default());
         let eyes = [0, 1].map(|_| {
             let buffer = gpu.buffer("vignette", size_of::<Uniform>() as u64, wgpu::BufferUsages::UNIFORM);
             let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -2,6 +2,7 @@
 
 use super::columns::{Columns, PartColumns};
 use super::device::Gpu;
+use super::hidden;
 use super::kernel::Kernel;
 use super::look::Look;
 use super::passes::{Needs, PICTURE, Passes};
@@ -168,6 +169,8 @@ impl Ordering {
 pub(super) struct Quads {
     /// A layer for each view.
     blended: wgpu::Texture,
+    /// The same of what hides, where something does.
+    depths: Option<wgpu::Texture>,
     /// One for each view, or one for both.
     pub(super) draw: Vec<wgpu::BindGroup>,
     pub(super) compose: Vec<wgpu::BindGroup>,
@@ -179,12 +182,12 @@ impl Quads {
         frame: &wgpu::Buffer,
         (work, order): (&Work, &Sorting),
         passes: &Passes,
-        size: [u32; 2],
+        (size, hides): ([u32; 2], bool),
     ) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         let blended = texture(gpu, size, work.views, usage);
         let values = &work.depths.values[order.result()];
-        let draw = passes.quads_of(work.views).0.iter().map(|pipeline| {
+        let draw = passes.quads_of(work.views, hides).0.iter().map(|pipeline| {
             let [ellipses, levels, tints] = &work.splats;
             let buffers = [(0, frame), (1, ellipses), (2, values), (3, levels), (4, tints)];
             group(gpu, pipeline, &buffers.map(|(at, b)| (at, b.as_entire_binding())))
@@ -194,15 +197,25 @@ impl Quads {
             group(gpu, pipeline, &[(0, frame.as_entire_binding()), (2, wgpu::BindingResource::TextureView(&view))])
         });
         let (draw, compose) = (draw.collect(), compose.collect());
-        Self { blended, draw, compose }
+        let depths = hides.then(|| hidden::depths(gpu, size, work.views));
+        Self { blended, depths, draw, compose }
     }
 
     /// What one view is blended in, or both are where they are drawn together.
     pub(super) fn target(&self, view: u32, together: bool) -> wgpu::TextureView {
+        Self::part(&self.blended, view, together)
+    }
+
+    /// As [`Self::target`], of what hides.
+    pub(super) fn depths(&self, view: u32, together: bool) -> Option<wgpu::TextureView> {
+        self.depths.as_ref().map(|depths| Self::part(depths, view, together))
+    }
+
+    fn part(texture: &wgpu::Texture, view: u32, together: bool) -> wgpu::TextureView {
         if !together {
-            return layer(&self.blended, view);
+            return layer(texture, view);
         }
-        self.blended.create_view(&wgpu::TextureViewDescriptor {
+        texture.create_view(&wgpu::TextureViewDescriptor {
             dimension: Some(wgpu::TextureViewDimension::D2Array),
             ..wgpu::TextureViewDescriptor::default()
         })

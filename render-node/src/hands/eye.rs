@@ -1,6 +1,6 @@
 //! An eye as a camera of the scene.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use sg_scene::camera::{Camera, Light};
 
 use super::placement::{Placement, Pose};
@@ -17,6 +17,16 @@ pub struct Fov {
     pub up: f64,
     /// Lowest.
     pub down: f64,
+}
+
+impl Fov {
+    /// Where a point of the plane one unit ahead (right and up) is in the picture, as shares of its width and height from the
+    /// upper left.
+    #[must_use]
+    pub fn in_picture(&self, at: DVec2) -> DVec2 {
+        let [left, right, up, down] = [self.left, self.right, self.up, self.down].map(f64::tan);
+        DVec2::new((at.x - left) / (right - left), (up - at.y) / (up - down))
+    }
 }
 
 /// One eye at the time its picture is shown.

@@ -8,6 +8,7 @@ mod comfort;
 mod eye;
 mod handling;
 mod input;
+mod joints;
 mod placement;
 mod pointing;
 
@@ -16,5 +17,6 @@ pub use comfort::Comfort;
 pub use eye::{Eye, Fov};
 pub use handling::{Handling, MIN_APART, SCALES, Turning};
 pub use input::{HandInput, Side, Switch};
+pub use joints::{BareHand, JOINTS, Joints};
 pub use placement::{Origin, Placement, Pose, Stance};
 pub use pointing::{Pointed, Pointer, Rectangle, nearest};

@@ -8,7 +8,7 @@ use sg_scene::model::Scene;
 
 use crate::display::{Level, Pacing};
 use crate::gpu::{Gpu, GpuError, Present, Rasterizer, Renderer, Settings, Vignette};
-use crate::hands::Placement;
+use crate::hands::{Fov, Placement};
 use crate::render::Quality;
 use crate::xr::{Frame, XrError};
 
@@ -27,6 +27,8 @@ pub(super) struct Eyes {
     /// How the newest one was drawn.
     pub(super) level: Level,
     pub(super) pictures: u64,
+    /// What lenses hide as the renderer knows it: which change of it, seen by eyes like these.
+    hides: Option<(u64, [Fov; 2])>,
 }
 
 impl Eyes {
@@ -45,7 +47,25 @@ impl Eyes {
             before: None,
             level,
             pictures: 0,
+            hides: None,
         })
+    }
+
+    /// Has nothing drawn where lenses hide it. On a device made of cores the test costs more than most lenses spare.
+    fn hide(&mut self, frame: &Frame<'_>) {
+        if frame.gpu().is_software() {
+            return;
+        }
+        let fovs = frame.eyes.map(|eye| eye.fov);
+        let (version, eyes) = frame.hidden();
+        if self.hides.replace((version, fovs)) == Some((version, fovs)) {
+            return;
+        }
+        let [left, right] = [0, 1].map(|k| {
+            let in_picture = |corner| fovs[k].in_picture(corner).as_vec2();
+            eyes[k].iter().map(|triangle| triangle.map(in_picture)).collect::<Vec<_>>()
+        });
+        self.renderer.hide([&left, &right]);
     }
 
     pub(super) fn late(&self) -> u64 {
@@ -69,6 +89,7 @@ impl Eyes {
             self.pacing.drew(cost, true);
         }
         self.level = self.pacing.level(best, true);
+        self.hide(frame);
         let [width, height] = frame.size();
         let edge = |pixels: u32| ((f64::from(pixels) * self.level.scale) as u32).max(16);
         let size = [edge(width), edge(height)];

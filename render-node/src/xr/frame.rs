@@ -6,6 +6,7 @@ use glam::DVec2;
 use openxr as xr;
 
 use super::live::{Live, Looking};
+use super::mask::Triangle;
 use super::target::Target;
 use super::{XrError, space};
 use crate::gpu::Gpu;
@@ -91,6 +92,13 @@ impl<'a> Frame<'a> {
     #[must_use]
     pub fn format(&self) -> wgpu::TextureFormat {
         self.live.format.wgpu
+    }
+
+    /// What of the left and the right eye's picture lenses hide, and how often that has changed: nothing that is drawn there is
+    /// seen. Empty where the runtime does not tell.
+    #[must_use]
+    pub fn hidden(&self) -> (u64, &[Vec<Triangle>; 2]) {
+        (self.live.mask.version, &self.live.mask.eyes)
     }
 
     /// Makes images for a panel of so many pixels, as [`super::Headset::panel`] does between frames.

@@ -413,9 +413,7 @@ fn made<E>(
     let period = waited.predicted_display_period;
     let seen = waited.should_render;
     let looking = if seen { held.during("where eyes are", || live.look(time)).map_err(call)? } else { None };
-    let (actions, focused) = (&live.actions, live.life.is_focused());
-    let hands =
-        held.during("what hands do", || actions.read(&live.session, &live.room, time, focused)).map_err(call)?;
+    let hands = held.during("what hands do", || live.hands(time)).map_err(call)?;
     let Some(looking) = looking else {
         *last_shown = None;
         held.during("taking a frame", || live.stream.end(time, live.blend, &[])).map_err(call)?;

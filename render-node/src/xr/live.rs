@@ -4,12 +4,14 @@ use openxr as xr;
 
 use super::actions::Actions;
 use super::device::{self, Shared};
+use super::fingers::Fingers;
 use super::frame::PanelId;
 use super::headset::Options;
 use super::life::{Do, Life};
+use super::mask::Mask;
 use super::target::{Format, Target};
 use super::{Held, XrError, space};
-use crate::hands::{Origin, Stance};
+use crate::hands::{BareHand, HandInput, Origin, Side, Stance};
 
 /// Two eyes.
 pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
@@ -27,6 +29,8 @@ pub(super) struct Live {
     pub(super) panels: Vec<Option<Target>>,
     pub(super) eyes: Target,
     pub(super) actions: Actions,
+    fingers: Option<Fingers>,
+    bare: [BareHand; 2],
     pub(super) room: xr::Space,
     pub(super) head: xr::Space,
     pub(super) waiter: xr::FrameWaiter,
@@ -45,6 +49,8 @@ pub(super) struct Live {
     pub(super) system: String,
     has_rates: bool,
     pub(super) held: Held,
+    /// What lenses hide; nothing where the runtime does not tell.
+    pub(super) mask: Mask,
 }
 
 impl Drop for Live {
@@ -81,6 +87,7 @@ impl Live {
         let shared = Shared::open(&instance, system)?;
         let (session, waiter, stream) = shared.session(&instance, system)?;
         let actions = Actions::attach(&instance, &session)?;
+        let fingers = if extensions.ext_hand_tracking { Fingers::follow(&instance, system, &session) } else { None };
         let spaces = session.enumerate_reference_spaces().map_err(|e| XrError::call("spaces", e))?;
         let (room_kind, origin) = match options.stance {
             Stance::Standing if spaces.contains(&xr::ReferenceSpaceType::STAGE) => {
@@ -99,11 +106,17 @@ impl Live {
         let format =
             Format::of(&session).map_err(|e| XrError::call("formats", e))?.ok_or_else(|| lacks("images in sRGB"))?;
         let size = size(&instance, system, options.resolution)?;
+        let mut mask = Mask::default();
+        if extensions.khr_visibility_mask {
+            (0..2).for_each(|eye| mask.ask(&session, eye));
+        }
         let eyes = Target::new(&shared.gpu, &session, format, size, 2, held)?;
         let live = Self {
             panels: Vec::new(),
             eyes,
             actions,
+            fingers,
+            bare: Default::default(),
             room,
             head,
             waiter,
@@ -122,6 +135,7 @@ impl Live {
             system: about.system_name,
             has_rates: extensions.fb_display_refresh_rate,
             held: held.clone(),
+            mask,
         };
         live.ask_for_rate(options.refresh_rate);
         let [width, height] = size;
@@ -186,6 +200,9 @@ impl Live {
                 xr::Event::ReferenceSpaceChangePending(change) if change.reference_space_type() == self.room_kind => {
                     self.recentred = true;
                 }
+                xr::Event::VisibilityMaskChangedKHR(change) if change.view_configuration_type() == STEREO => {
+                    self.mask.ask(&self.session, change.view_index() as usize);
+                }
                 xr::Event::InteractionProfileChanged(_) => {
                     let [left, right] = self.controllers();
                     tracing::info!(?left, ?right, "controllers");
@@ -200,6 +217,23 @@ impl Live {
             }
         }
         Ok(Happened::Nothing)
+    }
+
+    /// What both hands do at `time`: with a controller what it tells, without one what the runtime sees of the fingers.
+    pub(super) fn hands(&mut self, time: xr::Time) -> xr::Result<[HandInput; 2]> {
+        let focused = self.life.is_focused();
+        let mut hands = self.actions.read(&self.session, &self.room, time, focused)?;
+        let Some(fingers) = &self.fingers else { return Ok(hands) };
+        for side in Side::BOTH {
+            let k = side.index();
+            let controlled = hands[k].grip.is_some() || hands[k].aim.is_some();
+            let joints = if focused && !controlled { fingers.joints(&self.room, k, time)? } else { None };
+            let bare = self.bare[k].read(joints.as_ref());
+            if !controlled {
+                hands[k] = bare;
+            }
+        }
+        Ok(hands)
     }
 
     /// Both eyes and the head at `time`; `None` while the runtime does not know where they are.
@@ -230,6 +264,8 @@ fn extensions(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     let mut wanted = xr::ExtensionSet::default();
     wanted.khr_vulkan_enable2 = offered.khr_vulkan_enable2;
     wanted.fb_display_refresh_rate = offered.fb_display_refresh_rate;
+    wanted.khr_visibility_mask = offered.khr_visibility_mask;
+    wanted.ext_hand_tracking = offered.ext_hand_tracking;
     wanted.ext_hand_interaction = offered.ext_hand_interaction;
     wanted.meta_touch_controller_plus = offered.meta_touch_controller_plus;
     wanted

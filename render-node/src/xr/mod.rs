@@ -8,11 +8,13 @@ mod actions;
 mod bindings;
 mod board;
 mod device;
+mod fingers;
 mod frame;
 mod headset;
 mod held;
 mod life;
 mod live;
+mod mask;
 mod space;
 mod target;
 
@@ -22,6 +24,7 @@ pub use board::Board;
 pub use frame::{Frame, PanelId, Quad};
 pub use headset::{Headset, Options, PAUSE, Paced, Step};
 pub use held::Held;
+pub use mask::Triangle;
 
 /// What stands between a person and the headset.
 #[derive(Debug, thiserror::Error)]

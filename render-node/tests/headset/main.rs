@@ -9,7 +9,11 @@
 )]
 
 mod eye;
+#[cfg(feature = "xr")]
+mod fingers;
 mod holding;
+mod joints;
+mod mask;
 #[cfg(feature = "xr")]
 mod monado;
 mod pointing;

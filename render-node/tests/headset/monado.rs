@@ -226,12 +226,26 @@ pub(crate) struct Controller {
     pub(crate) stick: [f32; 2],
     pub(crate) a: bool,
     pub(crate) b: bool,
+    /// Whether it is held at all.
+    pub(crate) active: bool,
+    /// How far all fingers are bent, 0 to 1; `None` where nobody sees them.
+    pub(crate) curl: Option<f32>,
 }
 
 impl Controller {
     pub(crate) fn at(position: [f32; 3]) -> Self {
         let orientation = [0.0, 0.0, 0.0, 1.0];
-        Self { position, orientation, trigger: 0.0, squeeze: 0.0, stick: [0.0; 2], a: false, b: false }
+        Self {
+            position,
+            orientation,
+            trigger: 0.0,
+            squeeze: 0.0,
+            stick: [0.0; 2],
+            a: false,
+            b: false,
+            active: true,
+            curl: Some(0.0),
+        }
     }
 
     fn bytes(&self) -> Vec<u8> {
@@ -241,7 +255,7 @@ impl Controller {
         numbers.extend(self.position);
         // Velocities; fingers.
         numbers.extend([0.0; 6]);
-        numbers.extend([squeeze; 5]);
+        numbers.extend([self.curl.unwrap_or(0.0); 5]);
         numbers.extend([self.trigger, squeeze, squeeze]);
         numbers.extend(self.stick);
         // Trackpad.
@@ -249,8 +263,8 @@ impl Controller {
         let mut bytes: Vec<u8> = numbers.iter().flat_map(|n: &f32| n.to_le_bytes()).collect();
         let tilted = self.stick != [0.0; 2];
         let pressed = [
-            true,
-            true,
+            self.curl.is_some(),
+            self.active,
             false,
             false,
             self.a,

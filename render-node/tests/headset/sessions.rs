@@ -71,6 +71,16 @@ fn inside_a_scene_is_seen_held_and_scaled() {
         true
     });
 
+    // Whatever lenses hide lies at the pictures' edges: straight ahead is seen.
+    until(&mut headset, "what lenses hide", |frame| {
+        let (version, eyes) = frame.hidden();
+        println!("hidden: {:?} triangles of the eyes, change {version}", eyes.each_ref().map(Vec::len));
+        for triangle in eyes.iter().flatten() {
+            assert!(triangle.iter().any(|corner| corner.length() > 0.3), "{triangle:?}");
+        }
+        true
+    });
+
     // Trigger, stick and buttons are read as they are.
     puppet.right.trigger = 0.5;
     puppet.right.stick = [0.0, -1.0];
