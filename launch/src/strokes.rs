@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value, json};
 use sg_proto::limits::{MAX_STROKE_POINTS, MAX_STROKES};
 use sg_proto::scene::selection_step::Step;
-use sg_proto::scene::{SelectionOperation, SelectionStep, Stroke, StrokeKind, StrokeMode};
+use sg_proto::scene::{SelectionOperation, SelectionStep, Stroke, StrokeKind, StrokeMode, WalkTuning};
 
 /// A file of strokes that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -26,10 +26,11 @@ struct StrokesFile {
     strokes: Vec<Entry>,
 }
 
-/// A stroke, or an operation: the entry with `operation`.
+/// A stroke, an operation (the entry with `operation`), or what the walk is done with (the entry with `leak`).
 enum Entry {
     Stroke(StrokeEntry),
     Operation(Box<SelectionOperation>),
+    Tuning(TuningEntry),
 }
 
 impl<'de> Deserialize<'de> for Entry {
@@ -37,6 +38,8 @@ impl<'de> Deserialize<'de> for Entry {
         let map = Map::deserialize(deserializer)?;
         let entry = if map.contains_key("operation") {
             operation(map).map(|o| Self::Operation(Box::new(o)))
+        } else if map.contains_key("leak") {
+            serde_json::from_value(Value::Object(map)).map(Self::Tuning).map_err(|e| e.to_string())
         } else {
             serde_json::from_value(Value::Object(map)).map(Self::Stroke).map_err(|e| e.to_string())
         };
@@ -72,6 +75,13 @@ fn operation(mut map: Map<String, Value>) -> Result<SelectionOperation, String> 
     let descriptor = descriptor.ok_or_else(|| unknown(&"the contract knows no operations"))?;
     let message = DynamicMessage::deserialize(descriptor, message).map_err(|e| unknown(&e))?;
     message.transcode_to().map_err(|e| unknown(&e))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TuningEntry {
+    leak: f64,
+    threshold: f64,
 }
 
 #[derive(Deserialize)]
@@ -118,6 +128,8 @@ pub fn parse(file: &Path, text: &str) -> Result<Vec<SelectionStep>, StrokesError
             let step = match entry {
                 Entry::Stroke(stroke) => message(stroke).map(Step::Stroke),
                 Entry::Operation(operation) => Ok(Step::Operation(*operation)),
+                // Whether a walk can be done with these is the selection's to say.
+                Entry::Tuning(TuningEntry { leak, threshold }) => Ok(Step::Tuning(WalkTuning { leak, threshold })),
             };
             let step = step.map_err(|problem| fail(format!("stroke {}: {problem}", i + 1)))?;
             Ok(SelectionStep { step: Some(step) })
@@ -190,11 +202,13 @@ mod tests {
         let text = r#"{"strokes": [
             {"operation": "grow", "distance": 0.02},
             {"operation": "fill-holes", "most": 50},
+            {"leak": 0.1, "threshold": -0.5},
             {"operation": "range", "attribute": "opacity", "min": 0.5, "max": 1, "combine": "intersect"},
             {"operation": "lasso", "polygon": [[0, 0], [9, 0], [9, 9]], "far": 3,
              "camera": {"width": 64, "height": 48, "fx": 50, "fy": 50, "cx": 32, "cy": 24,
                         "world_to_camera": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], "background": [0, 0, 0]}}]}"#;
         let steps = parse(Path::new("a.json"), text).unwrap();
+        assert_eq!(steps[2].step, Some(Step::Tuning(WalkTuning { leak: 0.1, threshold: -0.5 })));
         let operations: Vec<_> =
             steps.iter().filter_map(|s| if let Some(Step::Operation(o)) = &s.step { Some(o) } else { None }).collect();
         assert!(matches!(&operations[0].operation, Some(Operation::Grow(grow)) if grow.distance == 0.02));

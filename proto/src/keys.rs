@@ -287,6 +287,10 @@ table! {
     SELECTION_STROKES: Ask<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]) at Interactive;
     /// A stroke is being drawn: what it would select so far.
     SELECTION_SAMPLE: Ask<selection::SampleRequest, selection::SampleReply> = (role::SELECTION, "cmd/sample", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// What another leak or threshold of the last walk would select.
+    SELECTION_TUNE: Ask<selection::TuneRequest, selection::TuneReply> = (role::SELECTION, "cmd/tune", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// Where a next stroke would tell most.
+    SELECTION_PROPOSALS: Ask<selection::ProposalsRequest, selection::ProposalsReply> = (role::SELECTION, "cmd/proposals", &[role::CLI, role::RENDER_VIEW]);
     /// What strokes select that are being committed, ahead of the scene's own word.
     SELECTION_PREVIEW: Stream<selection::Preview> = (role::SELECTION, "event/preview") at Interactive;
     /// A part of what the selection process has made, such as the Super-Gaussian of each Gaussian.

@@ -20,6 +20,9 @@ pub const MAX_STROKE_POINTS: usize = 100_000;
 /// Most strokes that one selection accumulates.
 pub const MAX_STROKES: usize = 1000;
 
+/// Most places that a selection proposes for a next stroke at once.
+pub const MAX_PROPOSALS: u32 = 16;
+
 /// Most editable units of one scene.
 pub const MAX_UNITS: usize = 1000;
 

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
+use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Source, Utterance};
-use sg_proto::scene::{Command, command};
-use sg_proto::selection::{SampleReply, SampleRequest, StrokesRequest};
-use sg_render_node::display::{News, Request};
+use sg_proto::scene::{Command, WalkTuning, command};
+use sg_proto::selection::{ProposalsRequest, SampleReply, SampleRequest, StrokesRequest, TuneReply, TuneRequest};
+use sg_render_node::display::{Asked, News, Request};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
@@ -35,7 +36,8 @@ pub(super) fn run(bus: Bus, requests: Receiver<Request>, news: News) -> io::Resu
     let runtime = Handle::current();
     let body = move || {
         let mut hand = Hand { bus, news, preview: Arc::new(Mask::empty(0)), said: None };
-        while let Ok(request) = requests.recv() {
+        let mut requests = Asked::new(requests);
+        while let Some(request) = requests.next() {
             runtime.block_on(hand.carry_out(request));
         }
     };
@@ -63,7 +65,21 @@ impl Hand {
                     show(news, preview, &reply);
                 }
             }
-            Request::Select(strokes) => refused(news, select(bus, &strokes).await),
+            Request::Select(strokes) => {
+                let outcome = select(bus, &strokes).await;
+                if outcome.is_err() {
+                    forget(news);
+                }
+                refused(news, outcome);
+            }
+            Request::Tune(tuning) => match tune(bus, tuning).await {
+                Ok(reply) => try_with(news, tuning, &reply),
+                // As with samples.
+                Err(fault) if matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded) => (),
+                Err(fault) => refused(news, Err(fault)),
+            },
+            Request::Forget => forget(news),
+            Request::Propose(count) => refused(news, propose(bus, news, count).await),
             Request::Say(text) => *said = Some(say(bus, news, text)),
             Request::Withdraw => {
                 if let Some(id) = said.take() {
@@ -100,6 +116,42 @@ async fn sample(bus: &Bus, sample: &SampleRequest) -> Result<SampleReply, Fault>
     bus.ask(&keys::SELECTION_SAMPLE, sample, &Context::root().deadline_in(GLANCE)).await
 }
 
+async fn tune(bus: &Bus, tuning: WalkTuning) -> Result<TuneReply, Fault> {
+    let request = TuneRequest { tuning: Some(tuning) };
+    bus.ask(&keys::SELECTION_TUNE, &request, &Context::root().deadline_in(GLANCE)).await
+}
+
+/// Shows what the walk would select with other numbers.
+fn try_with(news: &News, tuning: WalkTuning, reply: &TuneReply) {
+    news.change(|shown| {
+        let committed = shown.scene.selection();
+        if reply.selection_hash == committed.hash() {
+            shown.selected = Arc::new(preview::changed(committed.mask(), &reply.changed));
+            shown.tentative = true;
+            shown.tried = Some(tuning);
+        }
+    });
+}
+
+/// Shows what the scene has selected, and nothing that was tried or drawn over it.
+fn forget(news: &News) {
+    news.change(|shown| {
+        shown.selected = Arc::clone(shown.scene.selection().mask());
+        (shown.tentative, shown.tried) = (false, None);
+    });
+}
+
+/// Has places told where a next stroke would tell most.
+async fn propose(bus: &Bus, news: &News, count: u32) -> Result<(), Fault> {
+    let request = ProposalsRequest { count };
+    let reply = bus.ask(&keys::SELECTION_PROPOSALS, &request, &Context::root().deadline_in(PATIENCE)).await?;
+    if reply.proposals.is_empty() {
+        news.notice("the walk leaves nothing open: no place would tell much", false);
+    }
+    news.change(|shown| shown.proposals = Some(Arc::new(reply)));
+    Ok(())
+}
+
 /// Shows what a stroke under way would select. Each answer says what differs from the one before.
 fn show(news: &News, before: &mut Arc<Mask>, reply: &SampleReply) {
     news.change(|shown| {
@@ -111,7 +163,7 @@ fn show(news: &News, before: &mut Arc<Mask>, reply: &SampleReply) {
         let after = Arc::new(preview::changed(from, &reply.changed));
         *before = Arc::clone(&after);
         shown.selected = after;
-        shown.tentative = true;
+        (shown.tentative, shown.tried) = (true, None);
     });
 }
 

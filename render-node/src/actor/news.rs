@@ -7,7 +7,7 @@ use std::time::Duration;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
 use sg_proto::selection::Preview;
-use sg_render_node::display::{Conversation, Entry, News, Offered};
+use sg_render_node::display::{Conversation, Entry, News, Offered, Walks};
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, BusError, Following};
 use sg_runtime::context::Context;
@@ -55,6 +55,7 @@ async fn scene(mut state: watch::Receiver<Followed>, mut previews: watch::Receiv
         news.change(|shown| {
             shown.tentative = !Arc::ptr_eq(&selected, now.selection().mask());
             shown.selected = selected;
+            shown.tried = None;
             shown.scene = now;
         });
         tokio::select! {
@@ -97,12 +98,22 @@ async fn services(
             selection: is_there(role::SELECTION),
             agents: is_there(role::AGENT_CORE) && is_there(role::AGENT_INTENT) && is_there(role::AGENT_FUNCTION),
         };
-        news.change(|shown| shown.offered = offered);
+        news.change(|shown| {
+            shown.offered = offered;
+            shown.walks = shown.walks.filter(|_| offered.selection);
+        });
         let mut asks_again = false;
         if offered.selection {
             let context = Context::root().deadline_in(PATIENCE);
             match clusters.newest(&bus, &blobs, gaussians, &context).await {
-                Ok(labels) => news.change(|shown| shown.clusters = Some(labels)),
+                Ok(labels) => {
+                    let told = bus.newest(&keys::SELECTION_STATE, &context.next()).await;
+                    asks_again = told.is_err();
+                    news.change(|shown| {
+                        shown.clusters = Some(labels);
+                        shown.walks = told.ok().map(|t| Walks { tuning: t.tuning, most_proposals: t.most_proposals });
+                    });
+                }
                 Err(fault) => {
                     tracing::warn!(%fault, "the clusters are not known yet");
                     asks_again = true;

@@ -3,29 +3,34 @@
 //! A display (a window, a headset) has a loop that draws. Between that loop and everything that answers in its own time lies
 //! a [`Seat`]: the loop takes the newest [`Shown`] and hands [`Request`]s in, and neither waits. Nothing here knows the bus.
 
+mod asked;
 mod beside;
 mod brush;
 mod conversation;
 mod draft;
 mod dressing;
 mod pacing;
+mod scrub;
 mod tools;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use sg_proto::scene::command;
-use sg_proto::selection::{SampleRequest, StrokesRequest};
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{StrokeMode, WalkTuning, command};
+use sg_proto::selection::{Proposal, ProposalsReply, SampleRequest, StrokesRequest};
 use sg_scene::edit::EditState;
 use sg_scene::mask::Mask;
 
+pub use asked::Asked;
 pub use beside::Beside;
 pub use brush::{Hand, Sense, Tip};
 pub use conversation::{Conversation, Entry, Turn};
 pub use draft::Drafts;
 pub use dressing::{Colors, Dressing, colors_of};
 pub use pacing::{Level, Pacing};
+pub use scrub::{LEAKS, Scrub, Scrubs, THRESHOLDS};
 pub use tools::{BrushMode, Showing, Tools};
 
 /// Requests that may wait to be carried out; more are dropped and counted.
@@ -47,6 +52,12 @@ pub struct Shown {
     pub selected: Arc<Mask>,
     /// Whether `selected` is more than the scene has committed.
     pub tentative: bool,
+    /// What `selected` is the walk's with, while a hand tries that.
+    pub tried: Option<WalkTuning>,
+    /// What the selection's process does with walks; absent while it is away.
+    pub walks: Option<Walks>,
+    /// Where a next stroke would tell most, as it was told last.
+    pub proposals: Option<Arc<ProposalsReply>>,
     /// Super-Gaussian of each Gaussian, [`crate::structure::NO_CLUSTER`] for none; absent until clusters are known.
     pub clusters: Option<Arc<[u32]>>,
     /// What was said and answered.
@@ -67,12 +78,51 @@ impl Shown {
             undo: Arc::default(),
             redo: Arc::default(),
             tentative: false,
+            tried: None,
+            walks: None,
+            proposals: None,
             clusters: None,
             conversation: Arc::default(),
             offered: Offered::default(),
             notices: Arc::default(),
         }
     }
+
+    /// What the last walk is done with, or is being tried with; `None` where there is no walk, or nobody who would do it
+    /// again with something else.
+    #[must_use]
+    pub fn tuning(&self) -> Option<WalkTuning> {
+        let first = self.walks.filter(|_| self.offered.selection)?.tuning?;
+        let steps = self.scene.selection().steps();
+        let walks = |step: &Option<Step>| matches!(step, Some(Step::Stroke(s)) if s.mode() == StrokeMode::Walk);
+        if !steps.iter().any(|s| walks(&s.step)) {
+            return None;
+        }
+        let tuned = |step: &Option<Step>| if let Some(Step::Tuning(t)) = step { Some(*t) } else { None };
+        Some(self.tried.or_else(|| steps.iter().rev().find_map(|s| tuned(&s.step))).unwrap_or(first))
+    }
+
+    /// How many places for a next stroke can be asked for; 0 where there is no walk that could go on.
+    #[must_use]
+    pub fn most_proposals(&self) -> u32 {
+        self.tuning().and(self.walks).map_or(0, |w| w.most_proposals)
+    }
+
+    /// Where a next stroke would tell most, best first, as far as that is about the selection that is there.
+    #[must_use]
+    pub fn proposals(&self) -> &[Proposal] {
+        let about = |p: &&Arc<ProposalsReply>| p.selection_hash == self.scene.selection().hash();
+        self.proposals.as_ref().filter(about).filter(|_| self.most_proposals() > 0).map_or(&[], |p| &p.proposals)
+    }
+}
+
+/// What a selection's process does with walks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Walks {
+    /// What they are done with where no step says otherwise; `None` where nothing else can be asked for.
+    pub tuning: Option<WalkTuning>,
+    /// Most places for a next stroke that it tells of at once.
+    pub most_proposals: u32,
 }
 
 /// Which services answer: a control whose service is away is not drawn.
@@ -106,10 +156,23 @@ pub enum Request {
     Sample(SampleRequest),
     /// Strokes or operations that are complete.
     Select(StrokesRequest),
+    /// The last walk is tried with other numbers. One that is passed by a newer one is never looked at.
+    Tune(WalkTuning),
+    /// What was tried, or was being drawn, is not wanted any more.
+    Forget,
+    /// At most so many places where a next stroke would tell most.
+    Propose(u32),
     /// Something said to the agents.
     Say(String),
     /// What was said last is withdrawn.
     Withdraw,
+}
+
+impl Request {
+    /// Whether nobody need look at it once `later` has been asked for.
+    fn gives_way_to(&self, later: &Self) -> bool {
+        matches!((self, later), (Self::Tune(_), Self::Tune(_) | Self::Select(_) | Self::Forget))
+    }
 }
 
 /// How a display keeps up.
@@ -153,7 +216,7 @@ pub struct Seat {
 pub struct Service {
     /// Where the newest goes.
     pub news: News,
-    /// What was asked for; it ends with the display.
+    /// What was asked for; it ends with the display. [`Asked`] takes it in order.
     pub requests: Receiver<Request>,
 }
 

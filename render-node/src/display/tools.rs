@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::Scrubs;
 use crate::attributes::Attribute;
 use crate::render::Quality;
 
@@ -66,6 +67,8 @@ pub struct Tools {
     pub mode: BrushMode,
     /// The brush's radius as a fraction of the longest edge of the scene's box.
     pub radius: f64,
+    /// Which number of the last walk the stick, keys and the wheel change.
+    pub scrubs: Scrubs,
     /// Whether the trigger's pressure narrows the brush.
     pub pressure: bool,
     /// Colour of the highlighted selection.
@@ -103,6 +106,7 @@ impl Default for Tools {
         Self {
             mode: BrushMode::default(),
             radius: 0.02,
+            scrubs: Scrubs::default(),
             pressure: false,
             // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
             highlight: Vec3::new(0.337, 0.706, 0.914),

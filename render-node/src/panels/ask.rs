@@ -74,6 +74,9 @@ impl Panels {
             asked.change(held.action.clone());
             asked.draft = Some(Draft::Release(held.action));
         }
+        if panel == Panel::Prompt {
+            asked.requests.extend(self.prompt.scrub.release(self.revision));
+        }
         asked
     }
 }

@@ -125,6 +125,8 @@ impl Panels {
                     Wish::Bookmark => "keep this place".to_owned(),
                     Wish::Place(n) => format!("place {n}"),
                     Wish::Screenshot => "screenshot".to_owned(),
+                    // Stands with the walk that it is about.
+                    Wish::Proposal(_) => continue,
                 };
                 if ui.button(text).clicked() {
                     asked.wishes.push(*wish);

@@ -45,6 +45,7 @@ pub mod theme;
 pub mod transfer;
 mod typing;
 mod units;
+mod walk;
 
 use std::path::Path;
 
@@ -141,6 +142,8 @@ pub enum Wish {
     Place(u8),
     /// Keep a picture of the view.
     Screenshot,
+    /// Look at the place of this number, from 0, where a next stroke would tell most ([`Shown::proposals`]).
+    Proposal(u8),
 }
 
 /// A change under a hand.
@@ -204,6 +207,8 @@ pub struct Panels {
     shift: bool,
     renaming: Option<u64>,
     prompt: prompt::Prompt,
+    /// Revision of the scene that was shown last.
+    revision: u64,
     shown_notices: legend::Seen,
     clusters: units::Clusters,
 }
@@ -248,6 +253,7 @@ impl Panels {
 
     /// Draws a panel into all that is left of a [`Ui`] and says what was asked for.
     pub fn show(&mut self, panel: Panel, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
+        self.revision = shown.scene.revision();
         let asked = match panel {
             Panel::Scene => self.scene_control(ui, shown, tools),
             Panel::Prompt => self.prompt(ui, shown, tools),

@@ -15,7 +15,7 @@ use super::control::{Number, button_width, by_number, count, fine_percent, perce
 use super::pick_color::{Picked, color_button};
 use super::typing::{Field, Typed};
 use super::{Output, Panel, Panels, scrolling, theme};
-use crate::display::{Request, Shown, Tools};
+use crate::display::{Request, Scrub, Shown, Tools};
 
 /// What the panel remembers.
 #[derive(Debug)]
@@ -28,11 +28,13 @@ pub(super) struct Prompt {
     likeness: f64,
     /// The unit that would be replaced, while that is asked.
     replaces: Option<String>,
+    /// The last walk under the hand.
+    pub(super) scrub: Scrub,
 }
 
 impl Default for Prompt {
     fn default() -> Self {
-        Self { distance: 0.005, hole: 100.0, likeness: 2.0, replaces: None }
+        Self { distance: 0.005, hole: 100.0, likeness: 2.0, replaces: None, scrub: Scrub::default() }
     }
 }
 
@@ -54,6 +56,9 @@ impl Panels {
         }
         if shown.offered.selection {
             section(ui, "Brush", true, |ui| self.brush(ui, tools));
+        }
+        if shown.tuning().is_some() {
+            section(ui, "Walk", true, |ui| self.walk(ui, shown, tools, asked));
         }
         section(ui, "Selection", true, |ui| {
             how_many(ui, shown);

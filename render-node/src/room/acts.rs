@@ -8,7 +8,7 @@ use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_selection::brush::Brush;
 
-use crate::display::{Hand, Request, Sense, Shown, Tip, Tools};
+use crate::display::{BrushMode, Hand, Request, Scrub, Scrubs, Sense, Shown, Tip, Tools};
 use crate::hands::{HandInput, Handling, Placement, Side, Switch, Turning};
 
 /// How far before the controller its tip is, metres.
@@ -16,6 +16,12 @@ const REACH: f64 = 0.08;
 
 /// Factor on the brush's radius in a second of a stick at its end.
 const WIDENS: f64 = 3.0;
+
+/// Share of the range of a walk's leak or threshold that a stick at its end goes through in a second.
+const SCRUBS: f64 = 0.35;
+
+/// A stick is pushed aside beyond this.
+const PUSHED: f64 = 0.7;
 
 /// A stick at rest is within this of its middle.
 const REST: f64 = 0.3;
@@ -74,6 +80,10 @@ pub struct Acts {
     buttons: [Buttons; 2],
     tips: [Option<Tip>; 2],
     hits: [usize; 2],
+    /// The last walk under the stick of the hand that adds.
+    scrub: Scrub,
+    /// Whether the other hand's stick is pushed aside.
+    pushed: bool,
     /// How the stick turns the scene.
     pub turning: Turning,
 }
@@ -92,6 +102,8 @@ impl Acts {
             buttons: [Buttons::default(); 2],
             tips: [None; 2],
             hits: [0; 2],
+            scrub: Scrub::default(),
+            pushed: false,
             turning: Turning::default(),
         }
     }
@@ -142,15 +154,57 @@ impl Acts {
         // What no hand holds moves by the stick alone.
         let snaps = matches!(self.turning, Turning::Snap(_));
         did.jumped = snaps && !self.handling.is_held() && before != self.placement();
-        let stick = hands[adds.index()].stick.y;
-        if stick.abs() > REST && !taken.triggers[adds.index()] && seconds.is_finite() {
-            tools.widen(WIDENS.powf(stick * seconds.clamp(0.0, 0.1)));
+        if seconds.is_finite() {
+            self.sticks(hands, taken, seconds.clamp(0.0, 0.1), tools, shown, &mut did);
         }
         for side in Side::BOTH {
             self.press(side, &hands[side.index()], tools, shown, &mut did);
             self.brush(side, &hands[side.index()], taken, tools, shown, &mut did);
         }
         did
+    }
+
+    /// What sticks do up and down: the hand that adds scrubs the last walk while strokes mean walks, else both say how wide the
+    /// brush is. The other one aside: which number of the walk that is.
+    fn sticks(
+        &mut self,
+        hands: &[HandInput; 2],
+        taken: Taken,
+        seconds: f64,
+        tools: &mut Tools,
+        shown: &Shown,
+        did: &mut Did,
+    ) {
+        let adds = Self::adds(tools);
+        let scrubs = Self::scrubs(tools, shown) && !self.brushes.iter().any(Hand::draws);
+        let mut goes_on = false;
+        for side in Side::BOTH {
+            let k = side.index();
+            let stick = hands[k].stick.y;
+            // A stick sizes the panel that its hand carries, and scrolls the one that it points at.
+            if stick.abs() <= REST || taken.triggers[k] || taken.grips[k] {
+                continue;
+            }
+            if side == adds && scrubs {
+                goes_on = true;
+                did.requests.extend(self.scrub.turn(tools.scrubs, SCRUBS * stick * seconds, shown));
+            } else {
+                tools.widen(WIDENS.powf(stick * seconds));
+            }
+        }
+        if self.scrub.is_held() && !goes_on {
+            did.requests.extend(self.scrub.release(shown.scene.revision()));
+        }
+        let aside = hands[adds.other().index()].stick.x;
+        let was = std::mem::replace(&mut self.pushed, aside.abs() > PUSHED);
+        if self.pushed && !was && !taken.triggers[adds.other().index()] && Self::scrubs(tools, shown) {
+            tools.scrubs = if aside < 0.0 { Scrubs::Leak } else { Scrubs::Threshold };
+        }
+    }
+
+    /// Whether the stick changes the last walk rather than the brush.
+    fn scrubs(tools: &Tools, shown: &Shown) -> bool {
+        tools.mode == BrushMode::Walk && shown.tuning().is_some()
     }
 
     fn press(&mut self, side: Side, hand: &HandInput, tools: &mut Tools, shown: &Shown, did: &mut Did) {
@@ -251,7 +305,11 @@ impl Acts {
         }
         lines.push(("grip", "holds the scene; both scale it".to_owned()));
         if adds {
-            lines.push(("stick", "turns; up and down: width".to_owned()));
+            let changes = match shown.tuning().filter(|_| Self::scrubs(tools, shown)) {
+                Some(tuning) => format!("{} {}", tools.scrubs.name(), tools.scrubs.written(tuning)),
+                None => "width".to_owned(),
+            };
+            lines.push(("stick", format!("turns; up and down: {changes}")));
             lines.push((one, format!("next mode: {}", tools.mode.next().name())));
         }
         if shown.offered.scene {
@@ -262,6 +320,8 @@ impl Acts {
             lines.push(if adds { (two, line("undo", &shown.undo)) } else { (one, line("redo", &shown.redo)) });
         }
         if !adds {
+            let aside = if Self::scrubs(tools, shown) { "; left: leak, right: threshold" } else { "" };
+            lines.push(("stick", format!("up and down: width{aside}")));
             lines.push((two_or_menu, "panels".to_owned()));
         }
         lines.push(("stick pressed", "back to the first place".to_owned()));

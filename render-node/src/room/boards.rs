@@ -267,5 +267,6 @@ fn same(a: &Shown, b: &Shown) -> bool {
         && Arc::ptr_eq(&a.conversation, &b.conversation)
         && Arc::ptr_eq(&a.notices, &b.notices)
         && a.clusters.as_ref().map(Arc::as_ptr) == b.clusters.as_ref().map(Arc::as_ptr)
-        && (a.offered, a.tentative) == (b.offered, b.tentative)
+        && a.proposals.as_ref().map(Arc::as_ptr) == b.proposals.as_ref().map(Arc::as_ptr)
+        && (a.offered, a.tentative, a.tried, a.walks) == (b.offered, b.tentative, b.tried, b.walks)
 }

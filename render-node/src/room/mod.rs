@@ -244,7 +244,7 @@ impl Room {
                     }
                 }
                 // Not among what is fulfilled.
-                Wish::Screenshot => (),
+                Wish::Screenshot | Wish::Proposal(_) => (),
             }
         }
     }

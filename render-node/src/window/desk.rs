@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-use egui::{Align2, Frame, RichText, Ui, Vec2};
+use egui::{Align2, Frame, Ui, Vec2};
+use glam::DVec3;
 use sg_proto::scene::{
     Invert, Redo, SelectionOperation, SelectionStep, SetView, Undo, command, selection_operation, selection_step,
     set_view,
@@ -18,14 +20,13 @@ use super::bookmarks::Bookmarks;
 use super::keep::{Keep, Keeper};
 use super::memory::Memory;
 use super::navigation::Navigator;
-use super::shortcuts::{self, Action, MOUSE, SHORTCUTS};
+use super::shortcuts::{self, Action};
 use super::viewport::{Pointer, Viewport};
 use super::{WindowError, drawing};
 use crate::attributes::Attribute;
 use crate::backend::Engine;
-use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Seat, Sense, Showing, Shown, Tools};
+use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Scrub, Seat, Showing, Shown, Tools};
 use crate::panels::{NARROWEST, Output, Panel, Panels, Place, Wish, theme};
-use crate::render::Quality;
 
 /// Widths of the panels at first, points.
 const LEFT: f32 = 340.0;
@@ -37,25 +38,33 @@ const NOTICES: f32 = 48.0;
 /// One step of the keys that widen and narrow the brush.
 const WIDER: f64 = 1.15;
 
+/// Share of the range of a walk's leak or threshold that one key press goes along, and one notch of the wheel.
+const SCRUBS: (f64, f64) = (0.02, 0.02);
+
+/// Keys and the wheel cannot be let go of: what they made is taken after so long a rest.
+const RESTS: Duration = Duration::from_millis(500);
+
 /// The window's content.
 pub struct Desk {
     scene: Arc<Scene>,
-    seat: Seat,
-    tools: Tools,
+    pub(super) seat: Seat,
+    pub(super) tools: Tools,
     drafts: Drafts,
+    /// The last walk under keys and the wheel, and when it was moved last.
+    scrub: (Scrub, Instant),
     dressing: Dressing,
-    viewport: Viewport,
+    pub(super) viewport: Viewport,
     panels: Panels,
     bookmarks: Bookmarks,
-    keeper: Keeper,
+    pub(super) keeper: Keeper,
     /// The view that the scene told of last: another one moves the eye here.
     shared: View,
     panels_shown: bool,
-    help: bool,
+    pub(super) help: bool,
     closes: bool,
     frames: u64,
     /// What this window itself has to say.
-    line: String,
+    pub(super) line: String,
 }
 
 impl Desk {
@@ -92,6 +101,7 @@ impl Desk {
             seat,
             tools,
             drafts: Drafts::default(),
+            scrub: (Scrub::default(), Instant::now()),
             dressing: Dressing::default(),
             viewport,
             panels,
@@ -174,11 +184,14 @@ impl Desk {
         egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
             let (response, asked) = self.viewport.interact(ui, &shown, &mut self.tools);
             requests.extend(asked);
+            let notches = std::mem::take(&mut self.viewport.notches);
+            self.scrub(SCRUBS.1 * notches, &shown, &mut requests);
             let highlighted = self.viewport.highlighted(&shown, &self.tools);
             let look =
                 self.dressing.look(&self.scene, &shown.scene, &highlighted, shown.clusters.as_ref(), &self.tools);
             self.viewport.show(ui, response.rect, &look, &shown, &self.tools);
         });
+        self.rest(ui, &shown, &mut requests);
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
         notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &shown));
         if self.help {
@@ -202,6 +215,7 @@ impl Desk {
         self.panels.numbers = self.dressing.legend();
         self.panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Screenshot];
         self.panels.fulfils.extend(self.bookmarks.numbers().map(Wish::Place));
+        self.panels.fulfils.extend((0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)));
         let Self { panels, tools, .. } = self;
         let mut asked = Output::default();
         let least = NARROWEST * tools.scale;
@@ -232,11 +246,44 @@ impl Desk {
                         |number| format!("this is place {number} now"),
                     );
                 }
+                Wish::Proposal(k) => {
+                    if let Some(at) = place_of(&self.scene, shown, k.into()) {
+                        let view = &mut self.viewport.navigator.view;
+                        *view = turned_to(*view, at);
+                    }
+                }
                 Wish::Place(number) => {
                     if let Some(view) = self.bookmarks.place(number) {
                         self.viewport.navigator.view = view;
                     }
                 }
+            }
+        }
+    }
+
+    /// Moves the leak or the threshold of the last walk along its range, of which the whole is 1.
+    fn scrub(&mut self, by: f64, shown: &Shown, requests: &mut Vec<Request>) {
+        if by == 0.0 {
+            return;
+        }
+        let which = self.tools.scrubs;
+        let asked = self.scrub.0.turn(which, by, shown);
+        match self.scrub.0.tuning(shown) {
+            Some(tuning) => self.line = format!("{} {}", which.name(), which.written(tuning)),
+            None => self.line = format!("there is no walk whose {} could be changed", which.name()),
+        }
+        if asked.is_some() {
+            self.scrub.1 = Instant::now();
+        }
+        requests.extend(asked);
+    }
+
+    /// Takes what keys and the wheel made of the last walk once they rest.
+    fn rest(&mut self, ui: &Ui, shown: &Shown, requests: &mut Vec<Request>) {
+        if self.scrub.0.is_held() {
+            match RESTS.checked_sub(self.scrub.1.elapsed()) {
+                Some(left) => ui.ctx().request_repaint_after(left),
+                None => requests.extend(self.scrub.0.release(shown.scene.revision())),
             }
         }
     }
@@ -255,7 +302,7 @@ impl Desk {
         }
     }
 
-    fn act(&mut self, action: Action, shown: &Shown, requests: &mut Vec<Request>) {
+    pub(super) fn act(&mut self, action: Action, shown: &Shown, requests: &mut Vec<Request>) {
         let change = |action| Request::Change(Box::new(action));
         let (scene, selection) = (shown.offered.scene, shown.offered.selection);
         match action {
@@ -269,6 +316,12 @@ impl Desk {
             Action::Point => self.tools.mode = BrushMode::Point,
             Action::Wider => self.tools.widen(WIDER),
             Action::Narrower => self.tools.widen(1.0 / WIDER),
+            Action::Less => self.scrub(-SCRUBS.0, shown, requests),
+            Action::More => self.scrub(SCRUBS.0, shown, requests),
+            Action::Scrubs => {
+                self.tools.scrubs = self.tools.scrubs.other();
+                self.line = format!("keys and the wheel change the {}", self.tools.scrubs.name());
+            }
             Action::Undo if scene => requests.push(change(command::Action::Undo(Undo { steps: 1 }))),
             Action::Redo if scene => requests.push(change(command::Action::Redo(Redo { steps: 1 }))),
             Action::Clear if selection => {
@@ -307,6 +360,7 @@ impl Desk {
             Action::Close => self.closes = true,
             Action::Abandon => {
                 self.viewport.abandon();
+                requests.extend(self.scrub.0.abandon());
                 self.help = false;
             }
         }
@@ -331,106 +385,6 @@ impl Desk {
         self.line = "drawing a turn around the scene".to_owned();
     }
 
-    fn toolbar(&mut self, ui: &mut Ui, shown: &Shown, requests: &mut Vec<Request>) {
-        ui.horizontal_wrapped(|ui| {
-            for pointer in Pointer::ALL {
-                if pointer == Pointer::Navigate || shown.offered.selection {
-                    ui.selectable_value(&mut self.viewport.pointer, pointer, pointer.name());
-                }
-            }
-            if shown.offered.selection {
-                ui.separator();
-                for mode in BrushMode::ALL {
-                    ui.selectable_value(&mut self.tools.mode, mode, mode.name());
-                }
-            }
-            ui.separator();
-            for manner in super::Manner::ALL {
-                ui.selectable_value(&mut self.viewport.navigator.manner, manner, manner.name());
-            }
-            ui.separator();
-            let buttons = [
-                (Action::Undo, "undo", shown.offered.scene, !shown.undo.is_empty()),
-                (Action::Redo, "redo", shown.offered.scene, !shown.redo.is_empty()),
-                (Action::Fit, "fit", true, true),
-                (Action::Stereo, "two eyes", true, true),
-                (Action::Picture, "picture", true, true),
-                (Action::Turntable, "turntable", true, true),
-                (Action::Panels, "panels", true, true),
-                (Action::Help, "?", true, true),
-            ];
-            for (action, name, offered, enabled) in buttons {
-                let written = SHORTCUTS.iter().find(|s| s.action == action).map_or("", |s| s.written);
-                if offered && ui.add_enabled(enabled, egui::Button::new(name)).on_hover_text(written).clicked() {
-                    self.act(action, shown, requests);
-                }
-            }
-        });
-    }
-
-    fn status(&mut self, ui: &mut Ui, shown: &Shown) {
-        ui.horizontal_wrapped(|ui| {
-            let newest = &self.viewport.newest;
-            let level = newest.level.map_or_else(String::new, |level| {
-                let quality = match level.quality {
-                    Quality::Exact => "exact",
-                    Quality::Standard => "standard",
-                    Quality::Fast => "fast",
-                };
-                let scale = if level.scale < 1.0 {
-                    format!(", {:.0} % of the edge", 100.0 * level.scale)
-                } else {
-                    String::new()
-                };
-                format!("{quality}{scale}, {:.0} ms, {} late", 1e3 * newest.seconds, self.viewport.late())
-            });
-            ui.label(format!("{}: {level}", if newest.engine.is_empty() { "drawing" } else { &newest.engine }));
-            ui.separator();
-            let tentative = if shown.tentative { ", not settled yet" } else { "" };
-            ui.label(format!("{} of {} Gaussians selected{tentative}", shown.selected.count(), shown.scene.count()));
-            if self.seat.dropped() > 0 {
-                ui.separator();
-                ui.label(format!("{} requests not taken", self.seat.dropped()));
-            }
-            if let Some(trouble) = &newest.trouble {
-                ui.separator();
-                ui.label(RichText::new(trouble).color(theme::color_of(Sense::Remove)));
-            }
-            if let Some(share) = self.keeper.progress() {
-                ui.separator();
-                ui.add(egui::ProgressBar::new(share).desired_width(120.0).text("turntable"));
-                ui.ctx().request_repaint_after(std::time::Duration::from_millis(200));
-            }
-            if !self.line.is_empty() {
-                ui.separator();
-                ui.label(&self.line);
-            }
-        });
-    }
-
-    fn show_help(&mut self, ui: &Ui) {
-        let help = egui::Window::new("What keys and the mouse do").anchor(Align2::CENTER_CENTER, [0.0, 0.0]);
-        help.open(&mut self.help).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
-            egui::Grid::new("shortcuts").num_columns(4).striped(true).show(ui, |ui| {
-                for pair in SHORTCUTS.chunks(2) {
-                    for shortcut in pair {
-                        ui.strong(shortcut.written);
-                        ui.label(shortcut.does);
-                    }
-                    ui.end_row();
-                }
-            });
-            ui.separator();
-            egui::Grid::new("mouse").num_columns(2).striped(true).show(ui, |ui| {
-                for (what, does) in MOUSE {
-                    ui.strong(*what);
-                    ui.label(*does);
-                    ui.end_row();
-                }
-            });
-        });
-    }
-
     /// Files that were dropped on the window: a camera is looked from.
     fn take_dropped(&mut self, ui: &Ui) {
         for path in ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_path_buf()).collect::<Vec<_>>()) {
@@ -444,6 +398,17 @@ impl Desk {
             };
         }
     }
+}
+
+/// Where in the scene a next stroke would tell most, by its number from 0.
+pub(super) fn place_of(scene: &Scene, shown: &Shown, number: usize) -> Option<DVec3> {
+    let normalized = DVec3::from_slice(shown.proposals().get(number)?.point.get(..3)?);
+    Some(scene.bounds.denormalize(normalized)).filter(|at| at.is_finite())
+}
+
+/// A view of a place from the same direction and distance.
+fn turned_to(view: View, at: DVec3) -> View {
+    View { eye: at + (view.eye - view.target), target: at, ..view }
 }
 
 /// The views of the structure one after another, those alone that there is something for.

@@ -1,4 +1,5 @@
-//! Pictures that a person keeps: one, or a turn around the scene as numbered files. Drawn beside the loop at the best quality.
+//! Pictures that a person keeps: one, or a turn around the scene as numbered files, and a video of these where `ffmpeg` is
+//! there. Drawn beside the loop at the best quality.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,6 +10,7 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_scene::view::View;
 
+use super::ffmpeg::{self, PATIENCE, video};
 use crate::display::Beside;
 use crate::image::Image;
 use crate::render::{Quality, render};
@@ -34,13 +36,15 @@ pub(super) struct Keeper {
     keeps: Beside<Keep, Result<String, String>>,
     /// Pictures of the turn that is being drawn that are there, and how many there will be.
     done: Arc<AtomicU32>,
+    /// Pictures that are in its video.
+    filmed: Arc<AtomicU32>,
     /// Whether nobody waits for pictures any more.
     over: Arc<AtomicBool>,
 }
 
 impl Drop for Keeper {
     fn drop(&mut self) {
-        // A turn that is being drawn ends with its present picture.
+        // A turn that is being drawn ends with its present picture, a video at once.
         self.over.store(true, Ordering::Relaxed);
     }
 }
@@ -55,13 +59,19 @@ impl Keeper {
     ) -> std::io::Result<Self> {
         let done = Arc::new(AtomicU32::new(0));
         let over = Arc::new(AtomicBool::new(false));
-        let (counted, stop) = (Arc::clone(&done), Arc::clone(&over));
+        let filmed = Arc::new(AtomicU32::new(0));
+        let (counted, in_video, stop) = (Arc::clone(&done), Arc::clone(&filmed), Arc::clone(&over));
         let work = move |keep| {
             let kept = pool.install(|| kept(&scene, &folder, keep, (&counted, &stop)));
+            let kept = kept.map(|kept| match kept {
+                Kept::Picture(path) => format!("kept {}", path.display()),
+                Kept::Turn(turn) => film(&turn, &pool, (&in_video, &stop)),
+            });
             counted.store(0, Ordering::Relaxed);
+            in_video.store(0, Ordering::Relaxed);
             kept
         };
-        Ok(Self { keeps: Beside::new("keeps", work, told)?, done, over })
+        Ok(Self { keeps: Beside::new("keeps", work, told)?, done, filmed, over })
     }
 
     /// Has something kept, in place of what has been asked for and not been begun.
@@ -74,25 +84,45 @@ impl Keeper {
         self.keeps.take()
     }
 
-    /// How much of a turn is there, 0 to 1; `None` while none is drawn.
-    pub(super) fn progress(&self) -> Option<f32> {
-        let done = self.done.load(Ordering::Relaxed);
-        (done > 0).then_some(done as f32 / TURN as f32)
+    /// How much of a turn, or of its video, is there, 0 to 1, and which of them; `None` while none is made.
+    pub(super) fn progress(&self) -> Option<(f32, &'static str)> {
+        let share = |count: &AtomicU32| (count.load(Ordering::Relaxed) as f32 / TURN as f32).min(1.0);
+        match (share(&self.done), share(&self.filmed)) {
+            (0.0, _) => None,
+            (1.0, filmed) => Some((filmed, "video")),
+            (drawn, _) => Some((drawn, "turntable")),
+        }
     }
 }
 
-fn kept(
-    scene: &Scene,
-    folder: &Path,
-    keep: Keep,
-    (counted, stop): (&AtomicU32, &AtomicBool),
-) -> Result<String, String> {
+/// What is there.
+enum Kept {
+    Picture(PathBuf),
+    /// The folder of a turn's pictures.
+    Turn(PathBuf),
+}
+
+/// Makes a video of a turn beside its pictures, which stay whatever comes of it. A line for a person.
+fn film(turn: &Path, pool: &rayon::ThreadPool, watched: (&AtomicU32, &AtomicBool)) -> String {
+    let pictures = format!("kept {TURN} pictures in {}", turn.display());
+    let Some(program) = ffmpeg::found(std::env::var_os("PATH").as_deref()) else {
+        return format!("{pictures}; no video, since ffmpeg is not installed");
+    };
+    let to = turn.with_extension("mp4");
+    // Behind everything else, as the threads of the pool are: what they start takes after them.
+    match pool.install(|| video(&program, (turn, &to), watched, PATIENCE)) {
+        Ok(()) => format!("{pictures}, and the video {}", to.display()),
+        Err(why) => format!("{pictures}; no video: {why}"),
+    }
+}
+
+fn kept(scene: &Scene, folder: &Path, keep: Keep, (counted, stop): (&AtomicU32, &AtomicBool)) -> Result<Kept, String> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     match keep {
         Keep::Picture(camera, look) => {
             let path = free(folder, "picture", "png");
             write(&picture(scene, &look, &camera)?, &path)?;
-            Ok(format!("kept {}", path.display()))
+            Ok(Kept::Picture(path))
         }
         Keep::Turn(view, [width, height], look) => {
             let turn = free(folder, "turn", "");
@@ -109,10 +139,7 @@ fn kept(
                 write(&picture(scene, &look, &camera)?, &turn.join(format!("{k:04}.png")))?;
                 counted.store(k + 1, Ordering::Relaxed);
             }
-            Ok(format!(
-                "kept {TURN} pictures in {0}; ffmpeg -framerate 30 -i {0}/%04d.png turn.mp4 makes a video of them",
-                turn.display()
-            ))
+            Ok(Kept::Turn(turn))
         }
     }
 }

@@ -3,12 +3,15 @@
 //! The loop draws what is newest and never waits: pictures are made beside it ([`crate::display::Beside`]), and what a person
 //! asks for is handed to a [`Seat`].
 
+mod bars;
 mod bookmarks;
 mod desk;
 mod drawing;
 mod dropped;
+mod ffmpeg;
 mod glass;
 mod keep;
+mod marks;
 mod memory;
 mod navigation;
 mod shortcuts;

@@ -25,6 +25,12 @@ pub enum Action {
     Wider,
     /// A narrower brush.
     Narrower,
+    /// Less of the last walk's leak or threshold.
+    Less,
+    /// More of it.
+    More,
+    /// The other one of the two.
+    Scrubs,
     /// Takes back.
     Undo,
     /// Brings back.
@@ -94,6 +100,9 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::Num3, "3", Action::Point, "strokes change single Gaussians"),
     plain(Key::CloseBracket, "]", Action::Wider, "a wider brush"),
     plain(Key::OpenBracket, "[", Action::Narrower, "a narrower brush"),
+    plain(Key::Comma, ",", Action::Less, "less leak (or threshold) of the last walk: more is selected"),
+    plain(Key::Period, ".", Action::More, "more of it: less is selected"),
+    plain(Key::G, "G", Action::Scrubs, "these keys change the leak, or the threshold"),
     with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "bring back"),
     with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "take back"),
     with(Modifiers::COMMAND, Key::Y, "Ctrl+Y", Action::Redo, "bring back"),
@@ -118,17 +127,17 @@ pub const MOUSE: &[(&str, &str)] = &[
     ("left drag", "what the tool says; with Shift a brush or lasso takes away"),
     ("middle drag, Alt + left drag", "turn"),
     ("right drag", "slide"),
-    ("wheel", "nearer, further; with Shift a wider or narrower brush"),
+    ("wheel", "nearer, further; with Shift a wider or narrower brush; with Alt the last walk's leak or threshold"),
     ("double click, to navigate", "look at that place"),
     ("W A S D, Q E", "fly, in that manner"),
 ];
 
-/// What the keys that were just pressed ask for; each press is taken once.
+/// What the keys that were just pressed ask for, as often as they were; each press is taken once.
 #[must_use]
 pub(super) fn pressed(input: &mut InputState) -> Vec<Action> {
     let mut asked = Vec::new();
     for shortcut in SHORTCUTS {
-        if input.consume_key(shortcut.modifiers, shortcut.key) {
+        for _ in 0..input.count_and_consume_key(shortcut.modifiers, shortcut.key) {
             asked.push(shortcut.action);
         }
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Color32, Pos2, Rect, Response, Sense as Senses, Stroke, TextureHandle, TextureOptions, Ui, Vec2};
+use egui::{Color32, Pos2, Rect, Response, Sense as Senses, TextureHandle, TextureOptions, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use sg_proto::scene::{Combine, InLasso, SelectionOperation, SelectionStep, selection_operation, selection_step};
 use sg_proto::selection::StrokesRequest;
@@ -16,7 +16,6 @@ use super::drawing::{Drawn, Front, Wish};
 use super::navigation::{Manner, Navigator};
 use crate::backend::Engine;
 use crate::display::{Beside, Hand, Level, Pacing, Request, Sense, Showing, Shown, Tip, Tools};
-use crate::panels::theme::color_of;
 use crate::window::drawing;
 
 /// What the left button does.
@@ -59,7 +58,10 @@ const SETTLES: Duration = Duration::from_millis(180);
 /// Distance between the eyes of the side-by-side view, as a share of the way to the target.
 const EYES: f64 = 0.06;
 
-/// Share of its own length that one notch of the wheel brings the eye nearer.
+/// Points that one notch of the wheel scrolls.
+const WHEEL: f64 = 75.0;
+
+/// Share of its own length that one point of the wheel brings the eye nearer.
 const NOTCH: f64 = 1.0015;
 
 /// Way that keys fly in a second, as a share of the scene's length.
@@ -93,11 +95,11 @@ fn same(a: &Appearance, b: &Appearance) -> bool {
 
 /// The picture of a window.
 pub(super) struct Viewport {
-    scene: Arc<Scene>,
+    pub(super) scene: Arc<Scene>,
     pub(super) navigator: Navigator,
     pub(super) pointer: Pointer,
     pub(super) stereo: bool,
-    hand: Hand,
+    pub(super) hand: Hand,
     draws: Beside<Wish, Drawn>,
     finds: Beside<(Camera, Appearance), Option<Front>>,
     front: Option<Front>,
@@ -108,9 +110,13 @@ pub(super) struct Viewport {
     /// Whether what is shown is the best picture of what was wished last.
     settled: bool,
     pacing: Pacing,
-    lasso: Vec<Pos2>,
+    pub(super) lasso: Vec<Pos2>,
+    /// Notches of the wheel for the last walk.
+    pub(super) notches: f64,
+    /// What was pressed when the wheel was turned last.
+    wheel: egui::Modifiers,
     /// Where the brush is and which way it would act.
-    hover: Option<(Tip, Sense)>,
+    pub(super) hover: Option<(Tip, Sense)>,
     pub(super) newest: Newest,
 }
 
@@ -151,6 +157,8 @@ impl Viewport {
             settled: false,
             pacing: Pacing::new(BUDGET),
             lasso: Vec::new(),
+            notches: 0.0,
+            wheel: egui::Modifiers::NONE,
             hover: None,
             newest: Newest::default(),
         })
@@ -205,10 +213,17 @@ impl Viewport {
             .input(|i| (i.modifiers.shift, i.modifiers.alt, i.smooth_scroll_delta(), f64::from(i.stable_dt.min(0.1))));
         let moved = |v: Vec2| DVec2::new(f64::from(v.x), f64::from(v.y)) / height;
         let delta = moved(response.drag_delta());
+        self.notches = 0.0;
+        let turned =
+            |e: &egui::Event| if let egui::Event::MouseWheel { modifiers, .. } = e { Some(*modifiers) } else { None };
+        // What is left of a notch means what it meant when the wheel was turned.
+        self.wheel = ui.input(|i| i.events.iter().rev().find_map(turned)).unwrap_or(self.wheel);
         if response.hovered() && scroll != Vec2::ZERO {
             // Shift turns the wheel sideways.
             let notches = f64::from(if scroll.y == 0.0 { scroll.x } else { scroll.y });
-            if shift {
+            if self.wheel.alt {
+                self.notches = notches / WHEEL;
+            } else if self.wheel.shift {
                 tools.widen(NOTCH.powf(notches));
             } else {
                 self.navigator.approach(NOTCH.powf(notches));
@@ -415,6 +430,7 @@ impl Viewport {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
             ui.painter().image(picture.id(), rect, whole, Color32::WHITE);
         }
+        self.draw_marks(ui, rect, shown);
         self.draw_tip(ui, rect, tools);
     }
 
@@ -451,29 +467,6 @@ impl Viewport {
         if self.looked_for.as_ref() != Some(&wanted) {
             self.finds.want(wanted.clone());
             self.looked_for = Some(wanted);
-        }
-    }
-
-    /// The brush's tip as large as it is there, or the lasso.
-    fn draw_tip(&self, ui: &Ui, rect: Rect, tools: &Tools) {
-        let painter = ui.painter_at(rect);
-        if let Some((tip, sense)) = self.hover {
-            let camera = self.camera(rect);
-            let seen = camera.view().transform_point3(tip.at);
-            if seen.z > 0.0 {
-                let place =
-                    DVec2::new(camera.fx * seen.x + camera.cx * seen.z, camera.fy * seen.y + camera.cy * seen.z)
-                        / seen.z;
-                let radius = camera.fy * self.hand.radius(tools) / seen.z;
-                let at = rect.min + Vec2::new(place.x as f32, place.y as f32);
-                painter.circle_stroke(at, radius as f32 + 1.0, Stroke::new(3.0, Color32::from_black_alpha(120)));
-                painter.circle_stroke(at, radius as f32, Stroke::new(1.5, color_of(sense)));
-            }
-        }
-        if self.lasso.len() > 1 {
-            let sense = if ui.input(|i| i.modifiers.shift) { Sense::Remove } else { Sense::Add };
-            let closed: Vec<Pos2> = self.lasso.iter().chain(self.lasso.first()).copied().collect();
-            painter.line(closed, Stroke::new(2.0, color_of(sense)));
         }
     }
 }

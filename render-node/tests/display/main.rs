@@ -4,3 +4,6 @@
 
 mod brush;
 mod drafts;
+mod scrubbing;
+#[cfg(feature = "xr")]
+mod sticks;

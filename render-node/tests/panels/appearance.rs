@@ -64,6 +64,10 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
     if panel == Panel::Keyboard {
         stage.show.insert(0, Panel::Prompt);
     }
+    if panel == Panel::Prompt {
+        stage.walk();
+        stage.panels.fulfils = (0..3).map(Wish::Proposal).collect();
+    }
     let mut harness = harness(stage);
     match panel {
         Panel::Scene => press(&mut harness, "vessel"),
@@ -217,6 +221,9 @@ fn a_narrow_dock_has_room_for_everything() {
         let mut stage = Stage::new(panel);
         stage.panels.place = Place::Window;
         (stage.width, stage.height) = (Some(NARROWEST), Some(1000.0));
+        if panel == Panel::Prompt {
+            stage.walk();
+        }
         let mut harness = harness(stage);
         harness.set_size(egui::vec2(NARROWEST, 1000.0));
         harness.run();

@@ -76,7 +76,7 @@ fn take(harness: &mut Harness<'_, Stage>, scene: &Arc<Scene>, action: &Action) {
 fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
     let scene = scene();
     let mut random = ChaCha8Rng::seed_from_u64(6);
-    let (mut changes, mut held, mut selects, mut said, mut wished) = (0, 0, 0, 0, 0);
+    let (mut changes, mut held, mut selects, mut said, mut wished, mut tuned) = (0, 0, 0, 0, 0, 0);
     for round in 0..12 {
         let panel = [Panel::Scene, Panel::Prompt, Panel::Language][round % 3];
         let offered = if round < 6 {
@@ -87,6 +87,9 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
         let mut stage = Stage::new(panel);
         stage.shown.offered = offered;
         stage.panels.fulfils = vec![Wish::Fit, Wish::Screenshot];
+        if round % 4 < 2 {
+            stage.walk();
+        }
         if round % 2 == 1 {
             stage.show.push(Panel::Keyboard);
         }
@@ -118,14 +121,18 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
                             assert!(offered.agents);
                             said += 1;
                         }
-                        Request::Sample(_) => panic!("panels draw no strokes"),
+                        Request::Tune(_) | Request::Propose(_) => {
+                            assert!(harness.state().shown.tuning().is_some(), "there is a walk, and who does it again");
+                            tuned += 1;
+                        }
+                        Request::Sample(_) | Request::Forget => panic!("panels draw no strokes"),
                     }
                 }
             }
         }
     }
-    println!("{changes} changes, {held} drafts, {selects} selections, {said} said, {wished} wishes");
-    assert!(changes > 100 && held > 20 && selects > 20 && said > 20 && wished > 0);
+    println!("{changes} changes, {held} drafts, {selects} selections, {tuned} tried, {said} said, {wished} wishes");
+    assert!(changes > 100 && held > 20 && selects > 20 && tuned > 5 && said > 20 && wished > 0);
 }
 
 #[test]

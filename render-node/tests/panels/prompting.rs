@@ -8,9 +8,9 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{Combine, SaveUnit};
-use sg_proto::selection::StrokesRequest;
-use sg_render_node::display::{BrushMode, Offered, Request, Tools};
-use sg_render_node::panels::{Panel, Place};
+use sg_proto::selection::{ProposalsReply, StrokesRequest};
+use sg_render_node::display::{BrushMode, Offered, Request, Scrubs, Tools};
+use sg_render_node::panels::{Panel, Place, Wish};
 use sg_scene::mask::Mask;
 
 use crate::asking::changes;
@@ -170,4 +170,79 @@ fn without_the_services_their_controls_are_not_there() {
         assert!(panel.query_by_label(label).is_none(), "{label}");
     }
     assert!(panel.query_by_label("grow").is_some());
+}
+
+/// Drags a slider to a share of its length and lets go there.
+fn slide(panel: &mut Harness<'_, Stage>, label: &str, shares: &[f32]) {
+    let slider = panel.get_by_label(label).rect();
+    let at = |share: f32| egui::pos2(slider.left() + share * slider.width(), slider.center().y);
+    for share in shares {
+        panel.drag_at(at(*share));
+        panel.run();
+    }
+    panel.drop_at(at(shares[shares.len() - 1]));
+    panel.run();
+}
+
+#[test]
+fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
+    let mut panel = prompt();
+    for label in ["leak", "threshold", "where to brush next?"] {
+        assert!(panel.query_by_label(label).is_none(), "{label} without a walk");
+    }
+    panel.state_mut().walk();
+    panel.run();
+    for (label, leak) in [("leak", true), ("threshold", false)] {
+        panel.state_mut().asked.clear();
+        slide(&mut panel, label, &[0.5, 0.7, 0.8]);
+        let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
+        let Some((Request::Select(taken), tried)) = asked.split_last() else { panic!("{label}: {asked:?}") };
+        let [step] = taken.steps.as_slice() else { panic!("{taken:?}") };
+        let Some(Step::Tuning(tuning)) = step.step else { panic!("{step:?}") };
+        assert!(tried.len() >= 2 && tried.last() == Some(&Request::Tune(tuning)), "{label}: {asked:?}");
+        match leak {
+            true => assert!((0.1..0.3).contains(&tuning.leak) && tuning.threshold == 1e-12, "{tuning:?}"),
+            false => assert!((0.4..0.7).contains(&tuning.threshold), "{tuning:?}"),
+        }
+    }
+    press(&mut panel, "threshold by hand");
+    assert_eq!(panel.state().tools.scrubs, Scrubs::Threshold);
+}
+
+#[test]
+fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
+    let mut panel = prompt();
+    panel.state_mut().walk();
+    panel.run();
+    let slider = panel.get_by_label("leak").rect();
+    panel.drag_at(slider.center());
+    panel.run();
+    let left = panel.state_mut().panels.put_away(Panel::Prompt);
+    assert!(matches!(left.requests.as_slice(), [Request::Select(_)]), "{left:?}");
+}
+
+#[test]
+fn places_for_a_next_stroke_are_asked_for_and_looked_at() {
+    let mut panel = prompt();
+    panel.state_mut().walk();
+    panel.run();
+    press(&mut panel, "where to brush next?");
+    let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
+    assert_eq!(asked, [Request::Propose(5)]);
+    let first = "1: about 1\u{a0}210 Gaussians would change";
+    panel.state_mut().asked.clear();
+    press(&mut panel, first);
+    assert_eq!(panel.state().asked, [], "a display that cannot turn there shows it alone");
+    panel.state_mut().panels.fulfils = vec![Wish::Proposal(0)];
+    panel.run();
+    press(&mut panel, first);
+    assert_eq!(panel.state().asked.iter().flat_map(|o| o.wishes.clone()).collect::<Vec<_>>(), [Wish::Proposal(0)]);
+    // About another selection they say nothing.
+    let shown = &mut panel.state_mut().shown;
+    shown.proposals = shown
+        .proposals
+        .as_ref()
+        .map(|p| Arc::new(ProposalsReply { selection_hash: "other".to_owned(), ..ProposalsReply::clone(p) }));
+    panel.run();
+    assert!(panel.query_by_label(first).is_none());
 }

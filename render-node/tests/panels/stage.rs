@@ -6,8 +6,9 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DMat4, Vec3};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Color, CommitSelection, SaveUnit, SetColor, Target};
-use sg_render_node::display::{Conversation, Entry, Notice, Offered, Shown, Tools};
+use sg_proto::scene::{Color, CommitSelection, SaveUnit, SetColor, Stroke, StrokeKind, StrokeMode, Target, WalkTuning};
+use sg_proto::selection::{Proposal, ProposalsReply};
+use sg_render_node::display::{Conversation, Entry, Notice, Offered, Shown, Tools, Walks};
 use sg_render_node::panels::{Output, Panel, Panels, Place, legend, theme};
 use sg_scene::edit::EditState;
 use sg_scene::edit::wire::encode_mask;
@@ -142,6 +143,27 @@ impl Stage {
             pixels_per_point: 1.0,
             textures: Textures::default(),
         }
+    }
+
+    /// The selection is one of a walk, and where to brush next has been asked for.
+    pub(crate) fn walk(&mut self) {
+        let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
+        let stroke = Stroke { mode, kind, radius: 0.02, points: vec![0.5; 3], pressure: Vec::new() };
+        let mask = Some(encode_mask(&self.shown.selected));
+        let commit = CommitSelection { mask, strokes: vec![stroke], ..CommitSelection::default() };
+        self.shown.scene = Arc::new(self.shown.scene.after(&scene(), Action::CommitSelection(commit)).unwrap());
+        let tuning = Some(WalkTuning { leak: 0.03, threshold: 1e-12 });
+        self.shown.walks = Some(Walks { tuning, most_proposals: 16 });
+        let place = |gaussians, uncertainty, expected_change| Proposal {
+            point: vec![0.5; 3],
+            gaussians,
+            uncertainty,
+            expected_change,
+            ..Proposal::default()
+        };
+        let proposals = vec![place(42, 0.93, 1210.4), place(17, 0.41, 88.0), place(3, 0.2, 0.4)];
+        let selection_hash = self.shown.scene.selection().hash().to_owned();
+        self.shown.proposals = Some(Arc::new(ProposalsReply { proposals, selection_hash, proposals_ms: 2.0 }));
     }
 
     /// Shows its panels side by side, each of its own size.

@@ -4,11 +4,9 @@
 //! strokes back as well and a restart forgets nothing.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use serde::Deserialize;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Command, CommandResult, CommitSelection, command};
@@ -21,63 +19,24 @@ use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
 use sg_scene::edit::wire::{encode_mask, steps_of, strokes_alone};
 use sg_scene::edit::{EditState, Replica};
-use sg_scene::known::read_known;
 use sg_scene::mask::Mask;
-use sg_scene::model::Scene;
 use sg_scene::npy;
-use sg_selection::cache::{self, ClusterCache, Found};
-use sg_selection::cluster_graph::ClusterGraph;
-use sg_selection::clustering::{Clustering, ClusteringOptions, cluster};
-use sg_selection::geometry::{Geometry, GeometryOptions};
+use sg_selection::cache::ClusterCache;
 use sg_selection::preview::{Preview, differing};
-use sg_selection::progress::Silent;
-use sg_selection::session::SelectionSession;
-use sg_selection::space::{SelectionSpace, WalkOptions};
+use sg_selection::session::{SelectionError, SelectionSession};
+use sg_selection::space::WalkOptions;
 use sg_selection::steps::Step;
 use sg_selection::strokes::Stroke;
-use sg_selection::surroundings::Surroundings;
 use tokio::sync::watch;
 
 use crate::wire;
 
+mod prepared;
+
+use prepared::{Params, prepare};
+
 /// Requests that may wait while one is worked on.
 const QUEUE: usize = 8;
-
-/// Parameters in the launch file.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Params {
-    /// Most Super-Gaussians in each base unit.
-    max_clusters: usize,
-    /// Nearest neighbours of each Gaussian.
-    neighbours: usize,
-    /// Weight of features against distance.
-    compactness: f64,
-    /// ε of the leak to the background.
-    leak: f64,
-    /// Factor on σ_s.
-    sigma_s: f64,
-    /// Factor on σ_f.
-    sigma_f: f64,
-    /// Folder of cached clusters; by default one in the session's folder.
-    cache: Option<PathBuf>,
-}
-
-impl Default for Params {
-    fn default() -> Self {
-        let (geometry, clustering, walk) =
-            (GeometryOptions::default(), ClusteringOptions::default(), WalkOptions::default());
-        Self {
-            max_clusters: clustering.max_clusters,
-            neighbours: geometry.neighbours,
-            compactness: clustering.compactness,
-            leak: walk.leak,
-            sigma_s: walk.sigma_s,
-            sigma_f: walk.sigma_f,
-            cache: None,
-        }
-    }
-}
 
 /// Loads and begins to serve.
 ///
@@ -125,6 +84,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         from_cache: prepared.from_cache,
         labels_hash,
         labels_path: labels_path.display().to_string(),
+        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&prepared.space)).tuning())),
+        most_proposals: sg_proto::limits::MAX_PROPOSALS,
     };
     host.serve_content(&keys::SELECTION_CONTENT).await?;
     let owned = host.bus().own(&keys::SELECTION_STATE, told.clone()).await?;
@@ -146,69 +107,24 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         async move { mailbox.ask(context.deadline, |reply| Message::Sample { request, reply }).await }
     })
     .await?;
+    let hand = mailbox.clone();
+    host.serve(&keys::SELECTION_TUNE, QUEUE, move |request, context: Context| {
+        let mailbox = hand.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Tune { request, reply }).await }
+    })
+    .await?;
+    let hand = mailbox.clone();
+    host.serve(&keys::SELECTION_PROPOSALS, QUEUE, move |request, context: Context| {
+        let mailbox = hand.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Propose { request, reply }).await }
+    })
+    .await?;
     host.serve(&keys::SELECTION_STROKES, QUEUE, move |request, context: Context| {
         let mailbox = mailbox.clone();
         async move { mailbox.ask(context.deadline, |reply| Message::Draw { request, context, reply }).await }
     })
     .await?;
     Ok(())
-}
-
-struct Prepared {
-    space: Arc<SelectionSpace>,
-    /// The Super-Gaussian of each Gaussian, -1 for none.
-    labels: Vec<i32>,
-    from_cache: bool,
-    clustering_ms: f64,
-}
-
-/// Reads the geometry the scene speaks of and clusters it, or finds the clusters in the cache.
-fn prepare(
-    path: &Path,
-    hash: &str,
-    params: &Params,
-    walk: WalkOptions,
-    cache: &ClusterCache,
-) -> Result<Prepared, StartError> {
-    let scene = Arc::new(read_known(path, hash).map_err(|e| StartError::Input(e.to_string()))?);
-    let start = Instant::now();
-    let geometry_options = GeometryOptions { neighbours: params.neighbours, ..GeometryOptions::default() };
-    let options = ClusteringOptions {
-        max_clusters: params.max_clusters,
-        compactness: params.compactness,
-        ..ClusteringOptions::default()
-    };
-    let key = cache::key(&scene, geometry_options, &options);
-    let (clustering, graph, from_cache) = match cache.load(&key, scene.len()) {
-        Found::Entry(entry) => (entry.0, entry.1, true),
-        found => {
-            if let Found::Damaged(why) = found {
-                tracing::warn!("cached clusters are made anew: {why}");
-            }
-            let (clustering, graph) = compute(&scene, geometry_options, &options)?;
-            if let Err(error) = cache.store(&key, &clustering, &graph) {
-                tracing::warn!(%error, "the clusters could not be cached; a restart will make them again");
-            }
-            (clustering, graph, false)
-        }
-    };
-    let clustering_ms = start.elapsed().as_secs_f64() * 1e3;
-    let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, walk);
-    // Neighbours and features are made anew when an operation first needs them: the cache holds clusters alone.
-    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry_options)));
-    Ok(Prepared { space, labels: clustering.labels, from_cache, clustering_ms })
-}
-
-fn compute(
-    scene: &Scene,
-    geometry: GeometryOptions,
-    options: &ClusteringOptions,
-) -> Result<(Clustering, ClusterGraph), StartError> {
-    let input = |e: &dyn fmt::Display| StartError::Input(e.to_string());
-    let geometry = Geometry::of_scene(scene, geometry, &Silent).map_err(|e| input(&e))?;
-    let (clustering, _) = cluster(&geometry, options, &Silent).map_err(|e| input(&e))?;
-    let graph = ClusterGraph::new(&geometry, &clustering, WalkOptions::default().form).map_err(|e| input(&e))?;
-    Ok((clustering, graph))
 }
 
 /// Keeps the newest state and tells which revision it is.
@@ -248,6 +164,10 @@ enum Message {
     Draw { request: selection::StrokesRequest, context: Context, reply: Reply<selection::StrokesReply> },
     /// Samples of a stroke that is being drawn.
     Sample { request: selection::SampleRequest, reply: Reply<selection::SampleReply> },
+    /// Another leak or threshold that is tried.
+    Tune { request: selection::TuneRequest, reply: Reply<selection::TuneReply> },
+    /// Where a next stroke would tell most.
+    Propose { request: selection::ProposalsRequest, reply: Reply<selection::ProposalsReply> },
 }
 
 /// A stroke that is being drawn.
@@ -309,6 +229,12 @@ impl Actor for Selector {
             }
             Message::Sample { request, reply } => {
                 let _ = reply.send(self.sample(&request));
+            }
+            Message::Tune { request, reply } => {
+                let _ = reply.send(tokio::task::block_in_place(|| self.tune(&request)));
+            }
+            Message::Propose { request, reply } => {
+                let _ = reply.send(tokio::task::block_in_place(|| self.propose(&request)));
             }
         }
         self.answered += 1;
@@ -410,7 +336,7 @@ impl Selector {
             if restart { SelectionSession::new(Arc::clone(self.session.space())) } else { self.present(state)? };
         let start = Instant::now();
         for step in steps {
-            session.add_step(step.clone()).map_err(|e| Fault::invalid(e.to_string()))?;
+            session.add_step(step.clone()).map_err(refusal)?;
         }
         self.last_walk_ms = start.elapsed().as_secs_f64() * 1e3;
         self.session = session;
@@ -464,6 +390,45 @@ impl Selector {
         })
     }
 
+    /// What another leak or threshold would select. Nothing of it is kept: each answer is against what is committed, so that
+    /// one that nobody waited for is not missed.
+    fn tune(&mut self, request: &selection::TuneRequest) -> Result<selection::TuneReply, Fault> {
+        let start = Instant::now();
+        let tuning = request.tuning.as_ref().ok_or_else(|| Fault::invalid("no leak and threshold; send both"))?;
+        let tuning = wire::decode_tuning(tuning)?;
+        let state = Arc::clone(&self.state.borrow());
+        let mut session = self.present(&state)?;
+        self.session = session.clone();
+        session.tune(tuning).map_err(refusal)?;
+        let committed = state.selection();
+        Ok(selection::TuneReply {
+            selected: session.mask().count() as u64,
+            changed: runs(&differing(committed.mask(), session.mask())),
+            selection_hash: committed.hash().to_owned(),
+            preview_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
+    /// Where a next walk stroke would tell most.
+    fn propose(&mut self, request: &selection::ProposalsRequest) -> Result<selection::ProposalsReply, Fault> {
+        let start = Instant::now();
+        let most = sg_proto::limits::MAX_PROPOSALS;
+        if !(1..=most).contains(&request.count) {
+            return Err(Fault::invalid(format!("{} places; ask for 1 to {most}", request.count)));
+        }
+        let state = Arc::clone(&self.state.borrow());
+        self.session = self.present(&state)?;
+        if self.session.walk().is_none() {
+            return Err(Fault::precondition("there is no walk that could go on; brush in walk mode first"));
+        }
+        let proposals = self.session.proposals(request.count as usize);
+        Ok(selection::ProposalsReply {
+            proposals: proposals.iter().map(wire::encode_proposal).collect(),
+            selection_hash: state.selection().hash().to_owned(),
+            proposals_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
     /// Commits the session's selection over that of `state`, at revision `only_at` of the scene alone unless that is 0.
     async fn commit(&self, state: &EditState, only_at: u64, context: &Context) -> Result<CommandResult, Fault> {
         let steps: Vec<_> = self.session.steps().map(wire::encode).collect();
@@ -500,6 +465,14 @@ impl Selector {
             walk_ms: self.last_walk_ms,
             summary: line,
         }
+    }
+}
+
+/// Why a step is not taken, for whoever asked for it.
+fn refusal(error: SelectionError) -> Fault {
+    match error {
+        SelectionError::NoWalk => Fault::precondition(error.to_string()),
+        error => Fault::invalid(error.to_string()),
     }
 }
 

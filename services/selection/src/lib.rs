@@ -3,8 +3,8 @@
 //! From a scene to a mask:
 //! [`geometry`] (points, features, neighbour graph) → [`clustering`] (Super-Gaussians) → [`cluster_graph`] →
 //! [`space`] (what selections share) → [`session`] (steps in, mask out; [`preview`] while a stroke is drawn), which
-//! [`refinement`] sharpens. A step is a stroke or one of the [`operations`], which look at the scene through
-//! [`surroundings`]. [`walk`] solves random walks on any weighted
+//! [`refinement`] sharpens. A step is a stroke, one of the [`operations`], which look at the scene through
+//! [`surroundings`], or a [`tuning`] of the walk. [`walk`] solves random walks on any weighted
 //! graph, [`strokes`] and [`brush`] say what was brushed over, [`metrics`] how well a mask agrees with a truth.
 
 #![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
@@ -34,6 +34,7 @@ pub mod steps;
 pub mod strokes;
 pub mod surroundings;
 pub mod tree;
+pub mod tuning;
 pub mod vertices;
 pub mod walk;
 

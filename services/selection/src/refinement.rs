@@ -74,7 +74,7 @@ impl Refiner {
         let n = space.gaussians();
         let node = |g: usize| space.node_of(g as u32).filter(|&c| walk.units[space.unit_of_node(c)]);
         let selected: Vec<bool> =
-            (0..n).map(|g| node(g).is_some_and(|c| walk.solution.leads(c, session.threshold()))).collect();
+            (0..n).map(|g| node(g).is_some_and(|c| walk.solution.leads(c, session.tuning().threshold))).collect();
         let band = self.band(&selected, hops);
         let mut known: Vec<Option<f64>> =
             (0..n).map(|g| (!band[g]).then(|| node(g).map_or(0.0, |c| walk.solution.p[c]))).collect();
@@ -84,11 +84,11 @@ impl Refiner {
         // A Gaussian under both brushes goes with neither.
         session.foreground().ones().filter(|&g| session.background().get(g) && band[g]).for_each(|g| known[g] = None);
         let leak = match space.options().background {
-            Background::Leak => self.leak(session.leak()),
+            Background::Leak => self.leak(session.tuning().leak),
             Background::Farthest => 0.0,
         };
         let answer = self.multilevel.solve(&Boundary { known: &known, leak, leaking: None }, tolerance)?;
-        let least = 0.5 * (1.0 + session.threshold());
+        let least = 0.5 * (1.0 + session.tuning().threshold);
         let layer = Mask::from_fn(n, |g| if band[g] { answer.reached[g] && answer.p[g] > least } else { selected[g] });
         Ok(Some(Refined { mask: session.laid_over(layer)?, p: answer.p, band, quality: answer.quality }))
     }

@@ -3,7 +3,7 @@
 //! Each walk stroke solves anew from all walk strokes so far and replaces the *walk layer*; then all other steps, strokes of
 //! clusters and points and operations, are done over it again in the order they were taken. Foreground adds, background
 //! removes. So a mask depends on the list of its steps alone, and a walk stroke counts as if it had come before all that is
-//! no walk stroke.
+//! no walk stroke. The last tuning among the steps says what the walk is done with, wherever it stands.
 
 use std::sync::Arc;
 
@@ -15,6 +15,7 @@ use crate::geometry::GeometryError;
 use crate::space::{SelectionSpace, Walk};
 use crate::steps::Step;
 use crate::strokes::{Kind, MOST_STROKES, Mode, Stroke};
+use crate::tuning::Tuning;
 use crate::walk::elimination::Elimination;
 use crate::walk::uncertainty::{Doubts, doubts, proposals};
 use crate::walk::{THRESHOLD, WalkError};
@@ -28,9 +29,12 @@ pub enum SelectionError {
     /// There are as many strokes as a selection holds.
     #[error("a selection holds at most {MOST_STROKES} strokes; save it as a unit and start anew")]
     TooMany,
-    /// A number that p − q cannot be compared with.
-    #[error("the threshold is {0}; it must be at least -1 and below 1")]
-    Threshold(f64),
+    /// A walk cannot be done with these numbers.
+    #[error("{0}")]
+    Tuning(String),
+    /// Leak and threshold are those of a walk, and there is none.
+    #[error("there is no walk whose leak or threshold could be changed; brush in walk mode first")]
+    NoWalk,
     /// The walk could not be solved.
     #[error(transparent)]
     Walk(#[from] WalkError),
@@ -85,8 +89,7 @@ pub struct SelectionSession {
     drawn: Vec<Drawn>,
     foreground: Mask,
     background: Mask,
-    leak: f64,
-    threshold: f64,
+    tuning: Tuning,
     elimination: Option<Elimination>,
     walk: Option<Walk>,
     walk_layer: Mask,
@@ -99,8 +102,7 @@ impl SelectionSession {
     pub fn new(space: Arc<SelectionSpace>) -> Self {
         let empty = Mask::empty(space.gaussians());
         Self {
-            leak: space.options().leak,
-            threshold: THRESHOLD,
+            tuning: untuned(&space),
             elimination: space.elimination().cloned(),
             space,
             drawn: Vec::new(),
@@ -173,7 +175,10 @@ impl SelectionSession {
             return Err(SelectionError::TooMany);
         }
         let hits = drawn.hits.len();
-        if let Some(kind) = drawn.walk().map(|s| s.kind) {
+        if let Step::Tuning(tuning) = drawn.step {
+            self.tune(tuning)?;
+            self.drawn.push(drawn);
+        } else if let Some(kind) = drawn.walk().map(|s| s.kind) {
             let mut next = self.clone();
             next.drawn.push(drawn.clone());
             next.seed(kind, &drawn.hits)?;
@@ -202,7 +207,7 @@ impl SelectionSession {
     /// Walks from the seeds that are there and lays the other steps over it.
     fn solve(&mut self) -> Result<(), SelectionError> {
         let (foreground, background) = (ones(&self.foreground), ones(&self.background));
-        self.walk = Some(self.space.walk_again(&mut self.elimination, self.leak, foreground, background)?);
+        self.walk = Some(self.space.walk_again(&mut self.elimination, self.tuning.leak, foreground, background)?);
         self.lay()
     }
 
@@ -239,51 +244,32 @@ impl SelectionSession {
         &self.background
     }
 
-    /// ε of the leak.
+    /// What the walk is done with.
     #[must_use]
-    pub fn leak(&self) -> f64 {
-        self.leak
+    pub fn tuning(&self) -> Tuning {
+        self.tuning
     }
 
-    /// Walks again from the same strokes with another leak; the order and structure of the elimination are kept. Later
-    /// walks and undo use it, too. Under the farthest rule, which has no leak, nothing changes.
+    /// Does the walk with another leak or threshold, without a step of its own: for what is being scrubbed. The order and
+    /// structure of the elimination are kept; for another threshold nothing is solved. Under the farthest rule, which has no
+    /// leak, another leak changes nothing.
     ///
     /// # Errors
-    /// [`SelectionError`]; the selection is then as it was before.
-    pub fn set_leak(&mut self, leak: f64) -> Result<(), SelectionError> {
-        if !(leak >= 0.0 && leak.is_finite()) {
-            return Err(WalkError::Leak(leak).into());
+    /// [`SelectionError::NoWalk`], [`SelectionError::Tuning`]; the selection is then as it was before.
+    pub fn tune(&mut self, tuning: Tuning) -> Result<(), SelectionError> {
+        tuning.check().map_err(SelectionError::Tuning)?;
+        if self.walk.is_none() {
+            return Err(SelectionError::NoWalk);
         }
         let mut next = self.clone();
-        next.leak = leak;
-        if next.walk.is_some() {
+        next.tuning = tuning;
+        if tuning.leak == self.tuning.leak {
+            next.lay()?;
+        } else {
             next.solve()?;
         }
         *self = next;
         Ok(())
-    }
-
-    /// The p − q that a selected node exceeds.
-    #[must_use]
-    pub fn threshold(&self) -> f64 {
-        self.threshold
-    }
-
-    /// Selects where p − q exceeds another number, from the probabilities at hand: nothing is solved. Later walks and undo
-    /// use it, too.
-    ///
-    /// # Errors
-    /// [`SelectionError::Threshold`]; the selection is then as it was before.
-    pub fn set_threshold(&mut self, threshold: f64) -> Result<(), SelectionError> {
-        if !(-1.0..1.0).contains(&threshold) {
-            return Err(SelectionError::Threshold(threshold));
-        }
-        let before = std::mem::replace(&mut self.threshold, threshold);
-        let laid = self.lay();
-        if laid.is_err() {
-            self.threshold = before;
-        }
-        laid
     }
 
     /// What the last walk leaves open, one entry a node. None without a walk, and where walks are not eliminated in f64.
@@ -291,7 +277,7 @@ impl SelectionSession {
     pub fn doubts(&self) -> Option<Doubts> {
         let (walk, elimination) = (self.walk.as_ref()?, self.elimination.as_ref()?);
         let active = self.space.active(&walk.units);
-        doubts(elimination, &walk.seeds, &walk.solution, &self.space.question(&active, self.threshold))
+        doubts(elimination, &walk.seeds, &walk.solution, &self.space.question(&active, self.tuning.threshold))
     }
 
     /// At most `count` places where a next stroke would tell most, best first and spread out. Empty without a walk, and
@@ -300,7 +286,7 @@ impl SelectionSession {
     pub fn proposals(&self, count: usize) -> Vec<Proposal> {
         let (Some(walk), Some(elimination)) = (&self.walk, &self.elimination) else { return Vec::new() };
         let active = self.space.active(&walk.units);
-        let question = self.space.question(&active, self.threshold);
+        let question = self.space.question(&active, self.tuning.threshold);
         proposals(elimination, &walk.seeds, &walk.solution, &question, count)
             .into_iter()
             .filter_map(|c| {
@@ -335,7 +321,6 @@ impl SelectionSession {
     pub fn undo(&mut self) -> Result<Option<Step>, SelectionError> {
         let Some((last, earlier)) = self.drawn.split_last() else { return Ok(None) };
         let mut blank = Self::new(Arc::clone(&self.space));
-        (blank.leak, blank.threshold) = (self.leak, self.threshold);
         blank.elimination.clone_from(&self.elimination);
         let rebuilt = blank.replay(earlier)?;
         let step = last.step.clone();
@@ -384,6 +369,9 @@ impl SelectionSession {
                 drawn.hits.iter().for_each(|&g| side.set(g as usize, true));
                 walks = true;
             }
+            if let Step::Tuning(tuning) = drawn.step {
+                session.tuning = tuning;
+            }
             session.drawn.push(drawn.clone());
         }
         if walks {
@@ -397,11 +385,16 @@ impl SelectionSession {
     fn layer_of(&self, walk: &Walk) -> Mask {
         let space = &self.space;
         Mask::from_fn(space.gaussians(), |g| {
-            space
-                .node_of(g as u32)
-                .is_some_and(|node| walk.units[space.unit_of_node(node)] && walk.solution.leads(node, self.threshold))
+            space.node_of(g as u32).is_some_and(|node| {
+                walk.units[space.unit_of_node(node)] && walk.solution.leads(node, self.tuning.threshold)
+            })
         })
     }
+}
+
+/// What walks are done with where no step says otherwise.
+fn untuned(space: &SelectionSpace) -> Tuning {
+    Tuning { leak: space.options().leak, threshold: THRESHOLD }
 }
 
 fn ones(mask: &Mask) -> impl Iterator<Item = u32> + '_ {
@@ -420,6 +413,7 @@ fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) -> Result<(), S
             mask.union_with(given);
             return Ok(());
         }
+        Step::Tuning(_) => return Ok(()),
     };
     match stroke.mode {
         Mode::Walk => {}

@@ -9,6 +9,7 @@ use sg_scene::mask::Mask;
 
 use crate::operations::Operation;
 use crate::strokes::{MOST_STROKES, Stroke, StrokeError};
+use crate::tuning::Tuning;
 
 /// One step.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +20,8 @@ pub enum Step {
     Operation(Operation),
     /// What was selected otherwise, such as by name; added. Not in files.
     Given(Mask),
+    /// What the walk is done with instead of what it was done with before.
+    Tuning(Tuning),
 }
 
 impl From<Stroke> for Step {
@@ -33,6 +36,12 @@ impl From<Operation> for Step {
     }
 }
 
+impl From<Tuning> for Step {
+    fn from(tuning: Tuning) -> Self {
+        Self::Tuning(tuning)
+    }
+}
+
 impl Step {
     /// Checks that the step can be taken.
     ///
@@ -43,6 +52,7 @@ impl Step {
             Self::Stroke(stroke) => stroke.check(),
             Self::Operation(operation) => operation.check(),
             Self::Given(_) => Ok(()),
+            Self::Tuning(tuning) => tuning.check(),
         }
     }
 
@@ -56,12 +66,13 @@ impl Step {
 impl<'de> Deserialize<'de> for Step {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let map = Map::deserialize(deserializer)?;
-        let is_operation = map.contains_key("operation");
+        let has = |key| map.contains_key(key);
+        let (is_operation, is_tuning) = (has("operation"), has("leak"));
         let map = Value::Object(map);
-        let step = if is_operation {
-            serde_json::from_value(map).map(Self::Operation)
-        } else {
-            serde_json::from_value(map).map(Self::Stroke)
+        let step = match (is_operation, is_tuning) {
+            (true, _) => serde_json::from_value(map).map(Self::Operation),
+            (_, true) => serde_json::from_value(map).map(Self::Tuning),
+            _ => serde_json::from_value(map).map(Self::Stroke),
         };
         step.map_err(D::Error::custom)
     }
@@ -72,12 +83,13 @@ impl Serialize for Step {
         match self {
             Self::Stroke(stroke) => stroke.serialize(serializer),
             Self::Operation(operation) => operation.serialize(serializer),
+            Self::Tuning(tuning) => tuning.serialize(serializer),
             Self::Given(_) => Err(serde::ser::Error::custom("a mask has no place in a file of strokes")),
         }
     }
 }
 
-/// A file of steps: `{"strokes": [ … ]}`, each entry a stroke or, with `operation`, an operation.
+/// A file of steps: `{"strokes": [ … ]}`, each entry a stroke, with `operation` an operation, or with `leak` a tuning.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Steps {
@@ -122,9 +134,11 @@ mod tests {
     fn strokes_and_operations_stand_in_one_list() {
         let text = r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.02,"points":[[0.1,0.2,0.3]]},
             {"operation":"grow","distance":0.01},
-            {"mode":"point","kind":"background","radius":0.02,"points":[[0.1,0.2,0.3]]}]}"#;
+            {"mode":"point","kind":"background","radius":0.02,"points":[[0.1,0.2,0.3]]},
+            {"leak":0.1,"threshold":-0.25}]}"#;
         let steps = Steps::parse(text, "s.json").unwrap();
-        assert_eq!(steps.strokes.iter().map(|s| s.stroke().is_some()).collect::<Vec<_>>(), [true, false, true]);
+        assert_eq!(steps.strokes.iter().map(|s| s.stroke().is_some()).collect::<Vec<_>>(), [true, false, true, false]);
+        assert_eq!(steps.strokes[3], Step::Tuning(Tuning { leak: 0.1, threshold: -0.25 }));
         let again = serde_json::to_string(&steps).unwrap();
         assert_eq!(Steps::parse(&again, "s.json").unwrap(), steps);
     }
@@ -177,6 +191,9 @@ mod tests {
                 "stroke 0 (counted from 0): the distance is -1",
             ),
             ("{\"strokes\":[\n{\"operation\":\"grwo\"}]}", "line 2"),
+            ("{\"strokes\":[\n{\"leak\":-0.5,\"threshold\":0}]}", "the leak is -0.5"),
+            ("{\"strokes\":[\n{\"leak\":0.5,\"threshold\":1}]}", "the threshold is 1"),
+            ("{\"strokes\":[\n{\"leak\":0.5}]}", "threshold"),
             ("{\"strokes\":[\n{\"mode\":\"wander\"}]}", "unknown variant `wander`"),
         ] {
             let message = Steps::parse(text, "s.json").unwrap_err().to_string();

@@ -4,12 +4,15 @@ use sg_proto::scene as proto;
 use sg_proto::scene::selection_operation::Operation as Kind;
 use sg_proto::scene::selection_step::Step as Sent;
 use sg_proto::scene::{StrokeKind, StrokeMode};
+use sg_proto::selection;
 use sg_runtime::fault::Fault;
 use sg_scene::camera::Camera;
 use sg_scene::edit::wire::{decode_mask, encode_mask};
 use sg_selection::operations::{Attribute, Combine, Operation};
+use sg_selection::session::Proposal;
 use sg_selection::steps::Step;
 use sg_selection::strokes::{self, Mode, Stroke};
+use sg_selection::tuning::Tuning;
 
 /// A step as the selection takes it; `gaussians` is the length of its masks.
 pub(crate) fn decode(step: &proto::SelectionStep, gaussians: usize) -> Result<Step, Fault> {
@@ -20,6 +23,7 @@ pub(crate) fn decode(step: &proto::SelectionStep, gaussians: usize) -> Result<St
             let mask = decode_mask(mask, gaussians, "given").map_err(|e| Fault::invalid(e.to_string()))?;
             Ok(Step::Given(mask))
         }
+        Some(Sent::Tuning(tuning)) => decode_tuning(tuning).map(Step::Tuning),
         None => Err(Fault::invalid("a step is neither a stroke nor an operation")),
     }
 }
@@ -30,8 +34,38 @@ pub(crate) fn encode(step: &Step) -> proto::SelectionStep {
         Step::Stroke(stroke) => Sent::Stroke(encode_stroke(stroke)),
         Step::Operation(operation) => Sent::Operation(encode_operation(operation)),
         Step::Given(mask) => Sent::Given(encode_mask(mask)),
+        Step::Tuning(tuning) => Sent::Tuning(encode_tuning(*tuning)),
     };
     proto::SelectionStep { step: Some(step) }
+}
+
+/// What a walk is done with, if one can be.
+pub(crate) fn decode_tuning(tuning: &proto::WalkTuning) -> Result<Tuning, Fault> {
+    let proto::WalkTuning { leak, threshold } = *tuning;
+    let tuning = Tuning { leak, threshold };
+    tuning.check().map_err(Fault::invalid)?;
+    Ok(tuning)
+}
+
+/// The same as a message.
+pub(crate) fn encode_tuning(tuning: Tuning) -> proto::WalkTuning {
+    let Tuning { leak, threshold } = tuning;
+    proto::WalkTuning { leak, threshold }
+}
+
+/// A place where a next stroke would tell much.
+pub(crate) fn encode_proposal(proposal: &Proposal) -> selection::Proposal {
+    let Proposal { cluster, point, gaussians, p, q, uncertainty, expected_shift, expected_change } = *proposal;
+    selection::Proposal {
+        cluster: u32::try_from(cluster).unwrap_or(u32::MAX),
+        point: point.to_vec(),
+        gaussians: gaussians as u64,
+        p,
+        q,
+        uncertainty,
+        expected_shift,
+        expected_change,
+    }
 }
 
 pub(crate) fn decode_stroke(stroke: &proto::Stroke) -> Result<Stroke, Fault> {
@@ -234,6 +268,7 @@ mod tests {
                 pressure: vec![0.5, 2.0],
             }),
             Step::Given(mask),
+            Step::Tuning(Tuning { leak: 0.003, threshold: -0.25 }),
             Step::Operation(Operation::Invert),
             Step::Operation(Operation::Grow { distance: 0.1 }),
             Step::Operation(Operation::Shrink { distance: 0.1 }),
@@ -277,6 +312,10 @@ mod tests {
             let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
             let stroke = proto::Stroke { mode, kind, radius: 0.1, points: vec![0.0; 3], pressure };
             assert!(decode_stroke(&stroke).is_err(), "{stroke:?}");
+        }
+        for (leak, threshold) in [(-1.0, 0.0), (f64::NAN, 0.0), (2000.0, 0.0), (0.1, 1.0), (0.1, f64::NAN)] {
+            let step = proto::SelectionStep { step: Some(Sent::Tuning(proto::WalkTuning { leak, threshold })) };
+            assert!(decode(&step, 10).is_err(), "{step:?}");
         }
         let short = proto::SelectionStep { step: Some(Sent::Given(encode_mask(&Mask::empty(9)))) };
         assert!(decode(&short, 10).is_err());

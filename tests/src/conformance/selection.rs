@@ -8,9 +8,11 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{
-    Grow, InSphere, Invert, Select, SelectionOperation, SelectionStep, Stroke, StrokeKind, StrokeMode, Undo,
+    ChangesRequest, Grow, InSphere, Invert, Select, SelectionOperation, SelectionStep, Stroke, StrokeKind, StrokeMode,
+    Undo, WalkTuning,
 };
-use sg_proto::selection::{SampleRequest, StrokesReply, StrokesRequest};
+use sg_proto::selection::{ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest};
+use sg_scene::edit::wire::decode_mask;
 
 use super::question::{Question, hold, refused_as, soon};
 use super::scene::named;
@@ -46,6 +48,8 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("takes operations among strokes", operations(stage).await);
     checks.note("shows what a stroke would select while it is drawn", previews(stage).await);
     checks.note("tells what strokes select when they end", told(stage).await);
+    checks.note("tries another leak and threshold after a walk", tunes(stage).await);
+    checks.note("says where a next stroke would tell most", proposes(stage).await);
     checks.note("refuses strokes that are none", misfits(stage).await);
     checks.note("goes on where it was after kill -9", goes_on(stage).await);
 }
@@ -179,6 +183,102 @@ async fn told(stage: &Stage<'_>) -> Result<(), String> {
     hold(count == preview.selected && count == done.selected, || {
         format!("{count} shown, {} said, {} selected", preview.selected, done.selected)
     })
+}
+
+async fn tunes(stage: &mut Stage<'_>) -> Result<(), String> {
+    let state = stage.cli.newest(&keys::SELECTION_STATE, &soon()).await.map_err(|f| f.to_string())?;
+    let first = state.tuning.ok_or("its state does not say what walks are done with")?;
+    let request = |tuning| TuneRequest { tuning: Some(tuning) };
+    draw(stage, &StrokesRequest { restart: true, ..StrokesRequest::default() }).await?;
+    let early = Question::of(&keys::SELECTION_TUNE, &request(first));
+    let id = stage.new_id();
+    refused_as(stage.put(&early, &id).await, &[Code::FailedPrecondition]).map_err(|why| format!("no walk: {why}"))?;
+    let walked = draw(stage, &strokes(StrokeMode::Walk, true)).await?;
+    let committed = selected(stage).await?;
+    let revision = stage.scene_state().await?.revision;
+    // Without a leak the walk has nothing to stop at within the unit.
+    let mut newest = None;
+    for tuning in [WalkTuning { threshold: 0.9, ..first }, first, WalkTuning { leak: 0.0, threshold: -0.5 }] {
+        let reply = stage.cli.ask(&keys::SELECTION_TUNE, &request(tuning), &soon()).await;
+        let reply = reply.map_err(|f| format!("cmd/tune: {f}"))?;
+        let mut shown = committed.clone();
+        flip(&mut shown, &reply.changed)?;
+        let count = shown.iter().filter(|s| **s).count() as u64;
+        hold(count == reply.selected && reply.selection_hash == walked.selection_hash, || {
+            format!("{tuning:?}: {count} shown, {} selected, it says, over {}", reply.selected, reply.selection_hash)
+        })?;
+        let fits = match newest.map(|(_, before)| before) {
+            None => reply.selected <= walked.selected,
+            Some(_) if tuning == first => reply.selected == walked.selected,
+            Some(_) => reply.selected >= walked.selected,
+        };
+        hold(fits, || format!("{tuning:?}: {} selected, {} by the walk as it was", reply.selected, walked.selected))?;
+        newest = Some((tuning, reply.selected));
+    }
+    hold(stage.scene_state().await?.revision == revision, || "what was tried changed the scene".to_owned())?;
+    let (tuning, previewed) = newest.unwrap_or_default();
+    let steps = vec![SelectionStep { step: Some(Step::Tuning(tuning)) }];
+    let done = draw(stage, &StrokesRequest { steps, ..StrokesRequest::default() }).await?;
+    hold(done.selected == previewed, || format!("{previewed} tried, {} selected", done.selected))?;
+    stage.change(Action::Undo(Undo { steps: 1 })).await?;
+    let back = stage.scene_state().await?.selection.unwrap_or_default();
+    hold(back.hash == walked.selection_hash, || format!("{} selected after an undo", back.count))?;
+    let wrong = &[Code::InvalidArgument, Code::OutOfRange];
+    for (what, bad) in [
+        ("nothing", None),
+        ("a negative leak", Some(WalkTuning { leak: -0.1, ..first })),
+        ("a leak that is no number", Some(WalkTuning { leak: f64::NAN, ..first })),
+        ("a threshold of 1", Some(WalkTuning { threshold: 1.0, ..first })),
+    ] {
+        let id = stage.new_id();
+        let question = Question::of(&keys::SELECTION_TUNE, &TuneRequest { tuning: bad });
+        refused_as(stage.put(&question, &id).await, wrong).map_err(|why| format!("{what}: {why}"))?;
+    }
+    Ok(())
+}
+
+/// Whether each Gaussian is selected.
+async fn selected(stage: &Stage<'_>) -> Result<Vec<bool>, String> {
+    let whole = ChangesRequest { from: 0, snapshot: true };
+    let changes = stage.cli.ask(&keys::SCENE_CHANGES, &whole, &soon()).await.map_err(|f| f.to_string())?;
+    let mask = changes.snapshot.and_then(|s| s.selection).and_then(|s| s.mask).ok_or("a snapshot without a mask")?;
+    let mask = decode_mask(&mask, 2 * GAUSSIANS, "mask").map_err(|e| e.to_string())?;
+    Ok((0..mask.len()).map(|g| mask.get(g)).collect())
+}
+
+async fn proposes(stage: &mut Stage<'_>) -> Result<(), String> {
+    let state = stage.cli.newest(&keys::SELECTION_STATE, &soon()).await.map_err(|f| f.to_string())?;
+    hold(state.most_proposals > 0, || "its state says that it proposes nothing".to_owned())?;
+    let request = |count| Question::of(&keys::SELECTION_PROPOSALS, &ProposalsRequest { count });
+    draw(stage, &StrokesRequest { restart: true, ..StrokesRequest::default() }).await?;
+    let id = stage.new_id();
+    let early = stage.put(&request(1), &id).await;
+    refused_as(early, &[Code::FailedPrecondition]).map_err(|why| format!("no walk: {why}"))?;
+    let walked = draw(stage, &strokes(StrokeMode::Walk, true)).await?;
+    let asked = ProposalsRequest { count: 3 };
+    let reply = stage.cli.ask(&keys::SELECTION_PROPOSALS, &asked, &soon()).await;
+    let reply = reply.map_err(|f| format!("cmd/proposals: {f}"))?;
+    hold(reply.selection_hash == walked.selection_hash, || "proposals about another selection".to_owned())?;
+    hold((1..=3).contains(&reply.proposals.len()), || format!("{} of 3 proposals", reply.proposals.len()))?;
+    for one in &reply.proposals {
+        let share = (0.0..=1.0).contains(&one.p) && (0.0..=1.0).contains(&one.q) && one.p + one.q < 1.0 + 1e-6;
+        let numbers = one.expected_change >= 0.0 && one.expected_shift >= 0.0 && one.point.len() == 3;
+        hold(share && numbers && one.cluster < state.clusters && one.gaussians > 0, || format!("{one:?}"))?;
+    }
+    // A walk stroke of no width at the place seeds it.
+    let best = reply.proposals.first().cloned().unwrap_or_default();
+    let there = Stroke { points: best.point, radius: 1e-6, ..stroke(StrokeMode::Walk) };
+    let after = draw(stage, &StrokesRequest { strokes: vec![there], ..StrokesRequest::default() }).await?;
+    hold(after.seeds_foreground == walked.seeds_foreground + 1, || {
+        format!("{} clusters seeded before, {} after", walked.seeds_foreground, after.seeds_foreground)
+    })?;
+    for count in [0, state.most_proposals + 1] {
+        let id = stage.new_id();
+        let question = request(count);
+        let wrong = &[Code::InvalidArgument, Code::OutOfRange];
+        refused_as(stage.put(&question, &id).await, wrong).map_err(|why| format!("{count} places: {why}"))?;
+    }
+    Ok(())
 }
 
 async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {

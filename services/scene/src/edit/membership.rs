@@ -32,6 +32,10 @@ impl Draft<'_> {
         let count = mask.count();
         let strokes = steps.iter().filter(|s| matches!(s.step, Some(Step::Stroke(_)))).count();
         let operations = steps.iter().filter(|s| matches!(s.step, Some(Step::Operation(_)))).count();
+        let tuned = steps.iter().rev().find_map(|s| if let Some(Step::Tuning(t)) = &s.step { Some(*t) } else { None });
+        let tuned = tuned.map_or_else(String::new, |t| {
+            format!(", the walk's leak at {:.2} % and its threshold at {:.2}", 100.0 * t.leak, t.threshold)
+        });
         self.state.selection = Selection::new(Arc::new(mask), steps.into());
         self.focus_on(Vec::new());
         let number = |n: usize, what: &str| match n {
@@ -41,7 +45,7 @@ impl Draft<'_> {
         };
         let with: Vec<_> = number(strokes, "stroke").into_iter().chain(number(operations, "operation")).collect();
         let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
-        Ok(format!("selected {}{with}", gaussians(count)))
+        Ok(format!("selected {}{with}{tuned}", gaussians(count)))
     }
 
     pub(super) fn select(&mut self, command: &Select) -> Result<String, EditError> {
@@ -177,6 +181,7 @@ fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditErro
         match &step.step {
             Some(Step::Stroke(_)) => {}
             Some(Step::Operation(operation)) if operation.operation.is_some() => {}
+            Some(Step::Tuning(tuning)) if tuning.leak.is_finite() && tuning.threshold.is_finite() => {}
             Some(Step::Given(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
             _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is none") }),
         }

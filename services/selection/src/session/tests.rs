@@ -141,15 +141,17 @@ fn leak_and_threshold_are_scrubbed_after_a_stroke() {
     let (space, clustering) = made(&scene, 300, WalkOptions::default());
     let mut session = SelectionSession::new(Arc::clone(&space));
     let start = normalized(&scene, &[glam::Vec3::new(0.0, 0.0, 0.66)]);
-    session.set_threshold(0.5).unwrap();
-    session.set_threshold(THRESHOLD).unwrap();
+    let first = session.tuning();
+    assert_eq!(first, Tuning { leak: 0.03, threshold: THRESHOLD });
+    assert_eq!(session.tune(first), Err(SelectionError::NoWalk));
+    assert_eq!(session.add_step(first.into()), Err(SelectionError::NoWalk));
     assert!(session.mask().is_none() && session.doubts().is_none() && session.proposals(3).is_empty());
     session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.03, start)).unwrap();
     session.add_stroke(stroke(Mode::Point, Kind::Background, 0.02, vec![[0.5, 0.5, 0.9]])).unwrap();
     // Another leak is what a space with that leak would have made of the strokes; a larger one selects less.
     let mut last = scene.len();
     for leak in [0.0003, 0.003, 0.03, 0.3, 0.03] {
-        session.set_leak(leak).unwrap();
+        session.tune(Tuning { leak, ..first }).unwrap();
         let (other, _) = made(&scene, 300, WalkOptions { leak, ..WalkOptions::default() });
         let strokes: Vec<Stroke> = session.steps().filter_map(|s| s.stroke().cloned()).collect();
         let anew = SelectionSession::of_strokes(&other, &strokes).unwrap();
@@ -164,7 +166,7 @@ fn leak_and_threshold_are_scrubbed_after_a_stroke() {
     let p = session.walk().unwrap().solution.clone();
     let mut last = scene.len();
     for threshold in [-0.9, -0.5, 0.0, 0.5, 0.9] {
-        session.set_threshold(threshold).unwrap();
+        session.tune(Tuning { threshold, ..first }).unwrap();
         for g in 0..scene.len() {
             let c = clustering.labels[g] as usize;
             if session.mask().get(g) {
@@ -174,13 +176,43 @@ fn leak_and_threshold_are_scrubbed_after_a_stroke() {
         assert!(session.mask().count() <= last);
         last = session.mask().count();
     }
-    session.set_threshold(THRESHOLD).unwrap();
+    session.tune(first).unwrap();
     assert_eq!(session.mask(), &mask);
     for bad in [f64::NAN, 1.0, -1.5] {
-        assert!(session.set_threshold(bad).is_err());
+        assert!(session.tune(Tuning { threshold: bad, ..first }).is_err());
     }
-    assert!(session.set_leak(-1.0).is_err() && session.set_leak(f64::NAN).is_err());
-    assert_eq!((session.mask(), session.leak()), (&mask, 0.03));
+    for bad in [f64::NAN, -1.0, 1e4] {
+        assert!(session.tune(Tuning { leak: bad, ..first }).is_err());
+    }
+    assert_eq!((session.mask(), session.tuning()), (&mask, first));
+}
+
+#[test]
+fn a_tuning_is_a_step_that_undo_takes_back() {
+    let (scene, _) = vessel_and_sac(6000, 3);
+    let (space, _) = made(&scene, 300, WalkOptions::default());
+    let mut session = SelectionSession::new(Arc::clone(&space));
+    let start = normalized(&scene, &[glam::Vec3::new(0.0, 0.0, 0.66)]);
+    session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.03, start)).unwrap();
+    let (first, walked) = (session.tuning(), session.mask().clone());
+    let wider = Tuning { leak: 0.001, threshold: -0.2 };
+    session.add_step(wider.into()).unwrap();
+    let widened = session.mask().clone();
+    assert!(walked.is_subset_of(&widened) && walked != widened);
+    // It stays for walk strokes that follow, and the last one counts.
+    session.add_stroke(stroke(Mode::Walk, Kind::Background, 0.03, vec![[0.5, 0.5, 0.1]])).unwrap();
+    assert_eq!(session.tuning(), wider);
+    session.add_step(first.into()).unwrap();
+    assert_eq!(session.tuning(), first);
+    let steps: Vec<Step> = session.steps().cloned().collect();
+    let replayed = SelectionSession::of_steps(&space, &steps).unwrap();
+    assert_eq!((replayed.mask(), replayed.tuning()), (session.mask(), first));
+    session.undo().unwrap();
+    assert_eq!(session.tuning(), wider);
+    session.undo().unwrap();
+    assert_eq!((session.mask(), session.tuning()), (&widened, wider));
+    session.undo().unwrap();
+    assert_eq!((session.mask(), session.tuning()), (&walked, first));
 }
 
 #[test]

@@ -1,0 +1,48 @@
+//! What was asked for at a display, taken one after another by whoever carries it out.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::Receiver;
+
+use super::{REQUESTS, Request};
+
+/// Requests in their order. Of numbers that a hand tries, one that a newer one has passed by is left out.
+#[derive(Debug)]
+pub struct Asked {
+    requests: Receiver<Request>,
+    waiting: VecDeque<Request>,
+    passed: u64,
+}
+
+impl Asked {
+    /// Takes requests from a [`super::Service`].
+    #[must_use]
+    pub fn new(requests: Receiver<Request>) -> Self {
+        Self { requests, waiting: VecDeque::new(), passed: 0 }
+    }
+
+    /// The next one, waited for; `None` once the display is gone.
+    pub fn next(&mut self) -> Option<Request> {
+        if self.waiting.is_empty() {
+            self.waiting.push_back(self.requests.recv().ok()?);
+        }
+        loop {
+            while self.waiting.len() < REQUESTS
+                && let Ok(request) = self.requests.try_recv()
+            {
+                self.waiting.push_back(request);
+            }
+            let request = self.waiting.pop_front()?;
+            if self.waiting.iter().any(|later| request.gives_way_to(later)) {
+                self.passed += 1;
+            } else {
+                return Some(request);
+            }
+        }
+    }
+
+    /// Requests that newer ones have passed by.
+    #[must_use]
+    pub fn passed(&self) -> u64 {
+        self.passed
+    }
+}

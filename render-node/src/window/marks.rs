@@ -1,0 +1,60 @@
+//! What lies over the picture of a window: the brush's ring, a lasso, places where a next stroke would tell most.
+
+use egui::{Align2, Color32, FontId, Pos2, Rect, Stroke, Ui, Vec2};
+use glam::{DVec2, DVec3};
+use sg_scene::camera::Camera;
+
+use super::desk::place_of;
+use super::viewport::Viewport;
+use crate::display::{Sense, Shown, Tools};
+use crate::panels::theme::color_of;
+
+/// Points from the middle of a mark to its edge.
+const MARK: f32 = 11.0;
+
+/// Okabe and Ito's yellow, which neither adds nor takes away.
+const MARKED: Color32 = Color32::from_rgb(240, 228, 66);
+
+/// Where a place of the scene is seen in the window, and its depth along the axis; `None` behind the eye.
+fn seen_at(camera: &Camera, rect: Rect, at: DVec3) -> Option<(Pos2, f64)> {
+    let seen = camera.view().transform_point3(at);
+    if seen.z <= 0.0 {
+        return None;
+    }
+    let place = DVec2::new(camera.fx * seen.x, camera.fy * seen.y) / seen.z + DVec2::new(camera.cx, camera.cy);
+    Some((rect.min + Vec2::new(place.x as f32, place.y as f32), seen.z))
+}
+
+impl Viewport {
+    /// Numbers where a next stroke would tell most, in front of everything: they say where to look, not what is hidden.
+    pub(super) fn draw_marks(&self, ui: &Ui, rect: Rect, shown: &Shown) {
+        if self.stereo {
+            return;
+        }
+        let (painter, camera) = (ui.painter_at(rect), self.camera(rect));
+        for k in 0..shown.proposals().len() {
+            let seen = place_of(&self.scene, shown, k).and_then(|at| seen_at(&camera, rect, at));
+            let Some((at, _)) = seen.filter(|(at, _)| rect.contains(*at)) else { continue };
+            painter.circle(at, MARK, Color32::from_black_alpha(190), Stroke::new(2.0, MARKED));
+            painter.text(at, Align2::CENTER_CENTER, (k + 1).to_string(), FontId::proportional(14.0), MARKED);
+        }
+    }
+
+    /// The brush's tip as large as it is there, or the lasso.
+    pub(super) fn draw_tip(&self, ui: &Ui, rect: Rect, tools: &Tools) {
+        let painter = ui.painter_at(rect);
+        let camera = self.camera(rect);
+        if let Some((tip, sense)) = self.hover
+            && let Some((at, depth)) = seen_at(&camera, rect, tip.at)
+        {
+            let radius = (camera.fy * self.hand.radius(tools) / depth) as f32;
+            painter.circle_stroke(at, radius + 1.0, Stroke::new(3.0, Color32::from_black_alpha(120)));
+            painter.circle_stroke(at, radius, Stroke::new(1.5, color_of(sense)));
+        }
+        if self.lasso.len() > 1 {
+            let sense = if ui.input(|i| i.modifiers.shift) { Sense::Remove } else { Sense::Add };
+            let closed: Vec<Pos2> = self.lasso.iter().chain(self.lasso.first()).copied().collect();
+            painter.line(closed, Stroke::new(2.0, color_of(sense)));
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! What sticks do in the room, before and after a walk.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use sg_proto::scene::{StrokeMode, selection_step::Step};
+use sg_render_node::display::{BrushMode, Request, Scrubs, Shown, Tools};
+use sg_render_node::hands::{HandInput, Origin, Placement, Side, Stance};
+use sg_render_node::room::{Acts, Did, Taken};
+use sg_scene::model::Scene;
+
+use crate::brush::row_of_gaussians;
+use crate::scrubbing::{FIRST, after_steps, stroke};
+
+struct Room {
+    acts: Acts,
+    tools: Tools,
+    shown: Shown,
+}
+
+impl Room {
+    fn new(scene: &Arc<Scene>, shown: Shown) -> Self {
+        let home = Placement::fit(scene.bounds, DVec3::Z, DVec3::Y, Stance::Standing, Origin::Floor);
+        Self { acts: Acts::new(scene, home), tools: Tools::default(), shown }
+    }
+
+    /// A frame of a hundredth of a second with these sticks, left and right.
+    fn frame(&mut self, left: DVec2, right: DVec2, taken: Taken) -> Did {
+        let hands = [left, right].map(|stick| HandInput { stick, ..HandInput::default() });
+        self.acts.step(&hands, taken, (DVec3::ZERO, 0.01), &mut self.tools, &self.shown)
+    }
+
+    fn legend(&self, side: Side) -> String {
+        Acts::legend(side, &self.tools, &self.shown).iter().map(|(what, does)| format!("{what}: {does}\n")).collect()
+    }
+}
+
+const UP: DVec2 = DVec2::Y;
+
+#[test]
+fn before_a_walk_sticks_say_how_wide_the_brush_is() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
+    let radius = room.tools.radius;
+    assert_eq!(room.frame(DVec2::ZERO, UP, Taken::default()).requests, []);
+    let wider = room.tools.radius;
+    assert!(wider > radius);
+    assert_eq!(room.frame(UP, DVec2::ZERO, Taken::default()).requests, []);
+    assert!(room.tools.radius > wider);
+    assert!(room.legend(Side::Right).contains("up and down: width") && !room.legend(Side::Left).contains("leak"));
+}
+
+#[test]
+fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Walk)]));
+    let radius = room.tools.radius;
+    let mut newest = FIRST;
+    for _ in 0..10 {
+        let did = room.frame(DVec2::ZERO, UP, Taken::default());
+        let [Request::Tune(tuning)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
+        assert!(tuning.leak > newest.leak && tuning.threshold == FIRST.threshold);
+        newest = *tuning;
+    }
+    assert!((newest.leak / FIRST.leak).log10() > 0.13, "a tenth of a second at the end: {newest:?}");
+    assert_eq!(room.tools.radius, radius);
+    // At rest again, it is one step.
+    let did = room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default());
+    let [Request::Select(asked)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
+    assert_eq!(asked.steps.first().and_then(|s| s.step.clone()), Some(Step::Tuning(newest)));
+    assert_eq!(room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default()).requests, []);
+    // The other hand has the width, and says aside which of the two numbers it is.
+    room.frame(UP, DVec2::ZERO, Taken::default());
+    assert!(room.tools.radius > radius);
+    room.frame(DVec2::X, DVec2::ZERO, Taken::default());
+    assert_eq!(room.tools.scrubs, Scrubs::Threshold);
+    assert!(room.legend(Side::Right).contains("up and down: threshold 0.00"), "{}", room.legend(Side::Right));
+    let did = room.frame(DVec2::ZERO, -UP, Taken::default());
+    assert!(matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold < 0.0 && t.leak == newest.leak));
+    room.frame(-DVec2::X, DVec2::ZERO, Taken::default());
+    assert_eq!(room.tools.scrubs, Scrubs::Leak);
+}
+
+#[test]
+fn a_stick_that_belongs_to_a_panel_or_to_another_mode_scrubs_nothing() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Walk)]));
+    let radius = room.tools.radius;
+    for taken in
+        [Taken { triggers: [false, true], ..Taken::default() }, Taken { grips: [false, true], ..Taken::default() }]
+    {
+        assert_eq!(room.frame(DVec2::ZERO, UP, taken).requests, []);
+    }
+    assert_eq!(room.tools.radius, radius);
+    room.tools.mode = BrushMode::Point;
+    assert_eq!(room.frame(DVec2::ZERO, UP, Taken::default()).requests, []);
+    assert!(room.tools.radius > radius);
+    // With the hands changed, the left one scrubs.
+    room.tools = Tools { left_handed: true, ..Tools::default() };
+    let did = room.frame(UP, DVec2::ZERO, Taken::default());
+    assert!(matches!(did.requests.as_slice(), [Request::Tune(_)]));
+}
