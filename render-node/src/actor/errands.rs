@@ -36,8 +36,7 @@ pub(super) fn run(bus: Bus, requests: Receiver<Request>, news: News) -> io::Resu
     let runtime = Handle::current();
     let body = move || {
         let mut hand = Hand { bus, news, preview: Arc::new(Mask::empty(0)), said: None };
-        let mut requests = Asked::new(requests);
-        while let Some(request) = requests.next() {
+        for request in Asked::new(requests) {
             runtime.block_on(hand.carry_out(request));
         }
     };

@@ -20,8 +20,18 @@ impl Asked {
         Self { requests, waiting: VecDeque::new(), passed: 0 }
     }
 
+    /// Requests that newer ones have passed by.
+    #[must_use]
+    pub fn passed(&self) -> u64 {
+        self.passed
+    }
+}
+
+impl Iterator for Asked {
+    type Item = Request;
+
     /// The next one, waited for; `None` once the display is gone.
-    pub fn next(&mut self) -> Option<Request> {
+    fn next(&mut self) -> Option<Request> {
         if self.waiting.is_empty() {
             self.waiting.push_back(self.requests.recv().ok()?);
         }
@@ -38,11 +48,5 @@ impl Asked {
                 return Some(request);
             }
         }
-    }
-
-    /// Requests that newer ones have passed by.
-    #[must_use]
-    pub fn passed(&self) -> u64 {
-        self.passed
     }
 }

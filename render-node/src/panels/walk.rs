@@ -23,11 +23,11 @@ impl Panels {
         }
         ui.horizontal_wrapped(|ui| {
             ui.label(match self.place {
-                Place::Window => "keys , and . change the",
-                Place::Headset => "the stick changes the",
+                Place::Window => "keys , and . change",
+                Place::Headset => "the stick changes",
             });
             for scrubs in Scrubs::ALL {
-                if choice(ui, tools.scrubs == scrubs, &format!("{} by hand", scrubs.name())) {
+                if choice(ui, tools.scrubs == scrubs, &format!("the {}", scrubs.name())) {
                     tools.scrubs = scrubs;
                 }
             }

@@ -114,7 +114,7 @@ fn proposals_are_about_the_selection_that_is_there() {
     let place = Proposal { point: vec![0.5; 3], ..Proposal::default() };
     let told = |selection_hash| ProposalsReply { proposals: vec![place.clone()], selection_hash, proposals_ms: 1.0 };
     shown.proposals = Some(Arc::new(told(selection_hash)));
-    assert_eq!(shown.proposals(), [place.clone()]);
+    assert_eq!(shown.proposals(), std::slice::from_ref(&place));
     shown.proposals = Some(Arc::new(told("another".to_owned())));
     assert_eq!(shown.proposals(), []);
 }

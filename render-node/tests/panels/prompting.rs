@@ -205,7 +205,7 @@ fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
             false => assert!((0.4..0.7).contains(&tuning.threshold), "{tuning:?}"),
         }
     }
-    press(&mut panel, "threshold by hand");
+    press(&mut panel, "the threshold");
     assert_eq!(panel.state().tools.scrubs, Scrubs::Threshold);
 }
 
