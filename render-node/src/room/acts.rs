@@ -320,8 +320,10 @@ impl Acts {
             lines.push(if adds { (two, line("undo", &shown.undo)) } else { (one, line("redo", &shown.redo)) });
         }
         if !adds {
-            let aside = if Self::scrubs(tools, shown) { "; left: leak, right: threshold" } else { "" };
-            lines.push(("stick", format!("up and down: width{aside}")));
+            lines.push(("stick", "up and down: width".to_owned()));
+            if Self::scrubs(tools, shown) {
+                lines.push(("stick aside", "left: leak, right: threshold".to_owned()));
+            }
             lines.push((two_or_menu, "panels".to_owned()));
         }
         lines.push(("stick pressed", "back to the first place".to_owned()));

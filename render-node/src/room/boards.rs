@@ -19,7 +19,7 @@ const ANGLES: [(Panel, f64); 3] = [(Panel::Scene, -55.0), (Panel::Prompt, 50.0),
 const SHARPNESS: f32 = 1.5;
 
 /// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
-const LEGEND: (Vec2, f64) = (Vec2::new(330.0, 440.0), 0.4);
+const LEGEND: (Vec2, f64) = (Vec2::new(330.0, 580.0), 0.4);
 
 /// Points across a brush's ring.
 const RING: f32 = 64.0;

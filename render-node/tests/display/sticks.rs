@@ -75,6 +75,7 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     room.frame(DVec2::X, DVec2::ZERO, Taken::default());
     assert_eq!(room.tools.scrubs, Scrubs::Threshold);
     assert!(room.legend(Side::Right).contains("up and down: threshold 0.00"), "{}", room.legend(Side::Right));
+    assert!(room.legend(Side::Left).contains("left: leak"), "{}", room.legend(Side::Left));
     let did = room.frame(DVec2::ZERO, -UP, Taken::default());
     assert!(matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold < 0.0 && t.leak == newest.leak));
     room.frame(-DVec2::X, DVec2::ZERO, Taken::default());
