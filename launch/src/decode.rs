@@ -94,7 +94,8 @@ mod tests {
         let decoder = Decoder::new().unwrap();
         for bytes in [0, 1, 2, 3, 7500] {
             let mask = Mask { length: 60_000, bits: vec![7; bytes] };
-            let stroke = Stroke { points: vec![0.5; 300], radius: 0.02, mode: 1, kind: 1, pressure: vec![] };
+            let stroke =
+                Stroke { points: vec![0.5; 300], radius: 0.02, mode: 1, kind: 1, pressure: vec![], depth: None };
             let commit = CommitSelection { mask: Some(mask), strokes: vec![stroke], ..CommitSelection::default() };
             let mut json = decoder.json_of(&commit);
             without_masks(&mut json);

@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value, json};
 use sg_proto::limits::{MAX_STROKE_POINTS, MAX_STROKES};
 use sg_proto::scene::selection_step::Step;
-use sg_proto::scene::{SelectionOperation, SelectionStep, Stroke, StrokeKind, StrokeMode, WalkTuning};
+use sg_proto::scene::{SelectionOperation, SelectionStep, Stroke, StrokeDepth, StrokeKind, StrokeMode, WalkTuning};
 
 /// A file of strokes that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -93,6 +93,14 @@ struct StrokeEntry {
     points: Vec<[f64; 3]>,
     #[serde(default)]
     pressure: Vec<f64>,
+    depth: Option<DepthEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DepthEntry {
+    eye: [f64; 3],
+    behind: f64,
 }
 
 #[derive(Deserialize)]
@@ -161,6 +169,13 @@ fn message(stroke: StrokeEntry) -> Result<Stroke, String> {
         return Err(format!("a pressure of {factor} must be finite and at least 0"));
     }
     let points: Vec<f64> = stroke.points.into_iter().flatten().collect();
+    if stroke
+        .depth
+        .as_ref()
+        .is_some_and(|d| !(d.behind >= 0.0 && d.behind.is_finite() && d.eye.iter().all(|x| x.is_finite())))
+    {
+        return Err("a `depth` has an `eye` of finite numbers and at least 0 `behind` it".to_owned());
+    }
     if points.iter().any(|x| !x.is_finite()) {
         return Err("a point is not finite".to_owned());
     }
@@ -175,7 +190,8 @@ fn message(stroke: StrokeEntry) -> Result<Stroke, String> {
         Kind::Toggle => StrokeKind::Toggle,
     };
     let (radius, pressure) = (stroke.radius, stroke.pressure);
-    Ok(Stroke { mode: mode.into(), kind: kind.into(), radius, points, pressure })
+    let depth = stroke.depth.map(|d| StrokeDepth { eye: d.eye.to_vec(), behind: d.behind });
+    Ok(Stroke { mode: mode.into(), kind: kind.into(), radius, points, pressure, depth })
 }
 
 #[cfg(test)]
@@ -186,12 +202,15 @@ mod tests {
     fn strokes_are_read() {
         let text = r#"{"strokes": [
             {"mode": "walk", "kind": "foreground", "radius": 0.02, "points": [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]},
-            {"mode": "cluster", "kind": "toggle", "radius": 0.01, "points": [[1, 0, 0]], "pressure": [0.5]}]}"#;
+            {"mode": "cluster", "kind": "toggle", "radius": 0.01, "points": [[1, 0, 0]], "pressure": [0.5],
+             "depth": {"eye": [0, -3, 0], "behind": 0.01}}]}"#;
         let steps = parse(Path::new("a.json"), text).unwrap();
         let strokes: Vec<_> = steps.iter().filter_map(stroke_of).collect();
         assert_eq!((steps.len(), strokes.len()), (2, 2));
         assert_eq!(strokes[0].points, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
         assert_eq!((&strokes[0].pressure[..], &strokes[1].pressure[..]), (&[][..], &[0.5][..]));
+        let depth = StrokeDepth { eye: vec![0.0, -3.0, 0.0], behind: 0.01 };
+        assert_eq!((&strokes[0].depth, &strokes[1].depth), (&None, &Some(depth)));
         assert_eq!((strokes[0].mode(), strokes[0].kind()), (StrokeMode::Walk, StrokeKind::Foreground));
         assert_eq!((strokes[1].mode(), strokes[1].kind()), (StrokeMode::Cluster, StrokeKind::Toggle));
     }

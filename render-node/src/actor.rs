@@ -259,7 +259,7 @@ impl Painter {
         let request = proto::CaptureRequest {
             width: self.params.width,
             height: self.params.height,
-            quality: match self.params.quality {
+            quality: match self.params.quality.unwrap_or(Quality::Standard) {
                 Quality::Exact => proto::Quality::Exact,
                 Quality::Standard => proto::Quality::Standard,
                 Quality::Fast => proto::Quality::Fast,

@@ -188,6 +188,7 @@ async fn ask(bus: &Bus, role: &str) -> Result<(), Fault> {
                 radius: 0.05,
                 points: vec![0.816, 0.465, 0.435, 0.735, 0.465, 0.516],
                 pressure: vec![],
+                depth: None,
             };
             let request = StrokesRequest { strokes: vec![stroke], restart: true, steps: Vec::new() };
             bus.ask(&keys::SELECTION_STROKES, &request, &soon()).await.map(drop)

@@ -170,6 +170,7 @@ async fn draw(stage: &Stage, mode: StrokeMode, number: u32, measured: &mut Measu
         radius: RADIUS,
         points,
         pressure: Vec::new(),
+        depth: None,
     };
     let mut answered = Vec::with_capacity(SAMPLES);
     for sample in whole.chunks(3) {

@@ -91,6 +91,7 @@ fn stroke(kind: Kind, radius: f64, points: &[DVec3]) -> Stroke {
         radius,
         points: points.iter().map(DVec3::to_array).collect(),
         pressure: Vec::new(),
+        depth: None,
     }
 }
 

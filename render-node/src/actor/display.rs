@@ -9,6 +9,7 @@ use sg_proto::keys;
 use sg_proto::render::State;
 use sg_render_node::backend::Engine;
 use sg_render_node::display::{News, Seat, Service, Shown, Tools};
+use sg_render_node::render::Quality;
 use sg_render_node::window::{self, Memory, Setup};
 #[cfg(feature = "xr")]
 use sg_render_node::{
@@ -203,6 +204,7 @@ fn window(before: Before) -> Result<(), StartError> {
         seat,
         title,
         tools: tools(&params),
+        quality: params.quality,
         memory: Memory::place(),
         pictures: params.pictures.unwrap_or_else(pictures),
         opened: Box::new(move || {
@@ -215,7 +217,12 @@ fn window(before: Before) -> Result<(), StartError> {
 /// The settings of a display as the launch file has them.
 fn tools(params: &Params) -> Tools {
     let Params { quality, highlight_color, highlight_mix, .. } = *params;
-    Tools { quality, highlight: highlight_color.into(), highlight_mix, ..Tools::default() }
+    Tools {
+        quality: quality.unwrap_or(Quality::Standard),
+        highlight: highlight_color.into(),
+        highlight_mix,
+        ..Tools::default()
+    }
 }
 
 fn why(ended: Result<Option<StartError>, oneshot::error::RecvError>) -> StartError {

@@ -32,8 +32,8 @@ pub(super) struct Params {
     pub(super) patience: f64,
     /// Folder for pictures that a person keeps in a display; by default the user's own for pictures.
     pub(super) pictures: Option<PathBuf>,
-    /// Quality of the view's pictures: `exact`, `standard` or `fast`.
-    pub(super) quality: Quality,
+    /// Quality of the view's pictures: `exact`, `standard` (without this) or `fast`.
+    pub(super) quality: Option<Quality>,
     /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
     pub(super) backend: Backend,
     /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
@@ -82,7 +82,7 @@ impl Default for Params {
             left_handed: false,
             patience: 30.0,
             pictures: None,
-            quality: Quality::Standard,
+            quality: None,
             backend: Backend::Auto,
             rasterizer: None,
             frames_per_second: 0.0,

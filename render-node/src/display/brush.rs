@@ -8,11 +8,12 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use sg_proto::scene::{Stroke, StrokeKind, StrokeMode};
+use sg_proto::scene::{Stroke, StrokeDepth, StrokeKind, StrokeMode};
 use sg_proto::selection::{SampleRequest, StrokesRequest};
 use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_selection::brush::{Brush, OpenStroke};
+use sg_selection::polyline::Behind;
 
 use super::{BrushMode, Request, Tools};
 use crate::structure::NO_CLUSTER;
@@ -48,6 +49,8 @@ pub struct Hand {
     /// What tells this hand's strokes from those of others.
     name: String,
     under_way: Option<UnderWay>,
+    /// Where the surface under the brush is seen from, where it is brushed over from somewhere.
+    pub eye: Option<DVec3>,
 }
 
 #[derive(Debug)]
@@ -61,6 +64,7 @@ struct UnderWay {
     open: OpenStroke,
     points: Vec<f64>,
     pressure: Vec<f64>,
+    depth: Option<StrokeDepth>,
     /// Samples that have been told.
     told: usize,
     last: Option<DVec3>,
@@ -71,13 +75,19 @@ impl Hand {
     #[must_use]
     pub fn new(scene: &Scene, brush: Arc<Brush>, name: impl Into<String>) -> Self {
         let (bounds, gaussians) = (scene.bounds, scene.len());
-        Self { brush, bounds, gaussians, strokes: 0, name: name.into(), under_way: None }
+        Self { brush, bounds, gaussians, strokes: 0, name: name.into(), under_way: None, eye: None }
     }
 
     /// The radius in the scene's length unit.
     #[must_use]
     pub fn radius(&self, tools: &Tools) -> f64 {
         tools.radius * self.bounds.longest_edge()
+    }
+
+    /// What a brush over a surface does not reach, where that is limited.
+    fn behind(&self, tools: &Tools) -> Option<Behind> {
+        let most = tools.depth.clamp(0.0, 1.0) * self.radius(tools);
+        self.eye.filter(|_| tools.limited).map(|eye| Behind { eye, most })
     }
 
     /// Whether a stroke is being drawn.
@@ -102,22 +112,29 @@ impl Hand {
         selected: &Mask,
         clusters: Option<&[u32]>,
     ) -> Mask {
-        let hits = self.brush.hits(&[tip.at], self.radius(tools) * tip.pressure.max(0.0));
+        let radius = self.radius(tools) * tip.pressure.max(0.0);
+        let hits = self.brush.hits_seen(&[tip.at], radius, &[], self.behind(tools));
         changed(selected, &hits, tools.mode, sense, clusters)
     }
 
     /// Presses the brush and gives the first sample.
     pub fn press(&mut self, tools: &Tools, tip: Tip, sense: Sense) {
         self.strokes += 1;
+        let behind = self.behind(tools);
+        let depth = behind.map(|Behind { eye, .. }| StrokeDepth {
+            eye: self.bounds.normalize(eye).to_array().to_vec(),
+            behind: tools.depth.clamp(0.0, 1.0) * tools.radius,
+        });
         self.under_way = Some(UnderWay {
             id: format!("{}-{}", self.name, self.strokes),
             mode: tools.mode,
             sense,
             radius: tools.radius,
             pressed: tools.pressure,
-            open: OpenStroke::new(self.gaussians, self.radius(tools)),
+            open: OpenStroke::new(self.gaussians, self.radius(tools)).seen(behind),
             points: Vec::new(),
             pressure: Vec::new(),
+            depth,
             told: 0,
             last: None,
         });
@@ -199,6 +216,7 @@ impl UnderWay {
             radius: self.radius,
             points: self.points.get(3 * from..).unwrap_or_default().to_vec(),
             pressure: self.pressure.get(from..).unwrap_or_default().to_vec(),
+            depth: self.depth.clone(),
         }
     }
 }

@@ -67,6 +67,12 @@ pub struct Tools {
     pub mode: BrushMode,
     /// The brush's radius as a fraction of the longest edge of the scene's box.
     pub radius: f64,
+    /// Whether strokes, lassos and rectangles over a surface reach only so far behind it.
+    pub limited: bool,
+    /// How far a brush reaches behind the surface then, as a share of its radius, 0 to 1.
+    pub depth: f64,
+    /// How far lassos and rectangles do, as a fraction of the longest edge of the scene's box.
+    pub around: f64,
     /// Which number of the last walk the stick, keys and the wheel change.
     pub scrubs: Scrubs,
     /// Whether the trigger's pressure narrows the brush.
@@ -95,6 +101,9 @@ impl Tools {
     /// The narrowest and the widest brush, fractions of the box's longest edge.
     pub const RADII: (f64, f64) = (0.001, 0.25);
 
+    /// The least and the greatest [`Self::around`].
+    pub const AROUND: (f64, f64) = (0.002, 0.5);
+
     /// Multiplies the brush's radius, within [`Self::RADII`].
     pub fn widen(&mut self, factor: f64) {
         self.radius = (self.radius * factor).clamp(Self::RADII.0, Self::RADII.1);
@@ -106,6 +115,9 @@ impl Default for Tools {
         Self {
             mode: BrushMode::default(),
             radius: 0.02,
+            limited: false,
+            depth: 0.3,
+            around: 0.05,
             scrubs: Scrubs::default(),
             pressure: false,
             // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.

@@ -100,6 +100,15 @@ impl Panels {
         }
         if self.place == Place::Headset {
             ui.add(Checkbox::new(&mut tools.pressure, "pressure of the trigger narrows the brush"));
+            return;
+        }
+        ui.add(Checkbox::new(&mut tools.limited, "only what is in front"));
+        if tools.limited {
+            let text = super::control::percent;
+            Number { name: "brush depth", range: 0.0..=1.0, logarithmic: false, text }.show(ui, &mut tools.depth);
+            let (least, most) = Tools::AROUND;
+            let text = super::control::fine_percent;
+            Number { name: "lasso depth", range: least..=most, logarithmic: true, text }.show(ui, &mut tools.around);
         }
     }
 }

@@ -23,6 +23,10 @@ impl Desk {
                 for mode in BrushMode::ALL {
                     ui.selectable_value(&mut self.tools.mode, mode, mode.name());
                 }
+                let does = "brush, lasso and rectangle reach only so far behind the surface (Z)";
+                if ui.selectable_label(self.tools.limited, "in front").on_hover_text(does).clicked() {
+                    self.tools.limited = !self.tools.limited;
+                }
             }
             ui.separator();
             for manner in super::Manner::ALL {

@@ -316,6 +316,11 @@ impl Desk {
             Action::Point => self.tools.mode = BrushMode::Point,
             Action::Wider => self.tools.widen(WIDER),
             Action::Narrower => self.tools.widen(1.0 / WIDER),
+            Action::Depth => {
+                self.tools.limited = !self.tools.limited;
+                let reach = if self.tools.limited { "only what is in front" } else { "what is behind it too" };
+                self.line = format!("brush, lasso and rectangle reach {reach}");
+            }
             Action::Less => self.scrub(-SCRUBS.0, shown, requests),
             Action::More => self.scrub(SCRUBS.0, shown, requests),
             Action::Scrubs => {

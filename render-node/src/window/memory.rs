@@ -96,10 +96,19 @@ impl Memory {
         Ok(())
     }
 
-    /// Puts what is remembered into tools.
-    pub fn apply(&self, tools: &mut Tools) {
-        let Self { mode, radius, quality, light_panels, scale, .. } = *self;
+    /// Puts what is remembered into tools; a quality that was `given` for this time comes before it.
+    pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
+        let Self { mode, radius, light_panels, scale, .. } = *self;
+        let quality = given.unwrap_or(self.quality);
         *tools = Tools { mode, radius, quality, light_panels, scale, ..tools.clone() };
+    }
+
+    /// What is to be remembered after a time that began with `before`: a quality that was given for that time alone, and that
+    /// nobody has changed, is not.
+    #[must_use]
+    pub fn after(self, before: &Self, given: Option<Quality>) -> Self {
+        let quality = if given == Some(self.quality) { before.quality } else { self.quality };
+        Self { quality, ..self }
     }
 
     /// With every number in its range.
@@ -117,6 +126,20 @@ impl Memory {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_quality_that_is_given_comes_before_the_one_that_is_remembered() {
+        let remembered = Memory { quality: Quality::Exact, radius: 0.1, ..Memory::default() };
+        let mut tools = Tools { quality: Quality::Fast, ..Tools::default() };
+        remembered.apply(&mut tools, Some(Quality::Fast));
+        assert_eq!((tools.quality, tools.radius), (Quality::Fast, 0.1));
+        remembered.apply(&mut tools, None);
+        assert_eq!(tools.quality, Quality::Exact);
+        // Given for one time, it is not what is remembered; chosen by a person, it is.
+        let at_the_end = |quality| Memory { quality, ..remembered.clone() }.after(&remembered, Some(Quality::Fast));
+        assert_eq!(at_the_end(Quality::Fast).quality, Quality::Exact);
+        assert_eq!(at_the_end(Quality::Standard).quality, Quality::Standard);
+    }
 
     #[test]
     fn what_is_kept_is_read_and_what_makes_no_sense_is_not() {

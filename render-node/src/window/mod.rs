@@ -3,6 +3,7 @@
 //! The loop draws what is newest and never waits: pictures are made beside it ([`crate::display::Beside`]), and what a person
 //! asks for is handed to a [`Seat`].
 
+mod around;
 mod bars;
 mod bookmarks;
 mod desk;
@@ -32,6 +33,7 @@ use winit::window::{Window, WindowId};
 
 use crate::backend::Engine;
 use crate::display::{Seat, Tools};
+use crate::render::Quality;
 
 pub use desk::Desk;
 pub use drawing::threads;
@@ -71,6 +73,8 @@ pub struct Setup {
     pub title: String,
     /// The settings of tools at first; what is remembered of an earlier time comes before them.
     pub tools: Tools,
+    /// The best quality of pictures where it is given for this time: it comes before what is remembered.
+    pub quality: Option<Quality>,
     /// Where its layout is remembered; `None`: nowhere.
     pub memory: Option<PathBuf>,
     /// Where kept pictures go.
@@ -115,20 +119,22 @@ struct Opened {
     input: egui_winit::State,
     desk: Desk,
     memory: Option<PathBuf>,
+    /// What was remembered when it opened, and the quality that was given for this time.
+    before: (Memory, Option<Quality>),
     /// When the next frame is due, if one is.
     due: Option<Instant>,
 }
 
 impl Opened {
     fn new(event_loop: &ActiveEventLoop, setup: Setup, wake: &EventLoopProxy<()>) -> Result<Self, WindowError> {
-        let Setup { scene, engine, seat, title, tools, memory, pictures, opened } = setup;
+        let Setup { scene, engine, seat, title, tools, quality, memory, pictures, opened } = setup;
         let read = memory.as_deref().map_or(Ok(None), Memory::read).unwrap_or_else(|why| {
             tracing::warn!("the window's layout is as it is at first: {why}");
             None
         });
         let mut tools = tools;
         if let Some(remembered) = &read {
-            remembered.apply(&mut tools);
+            remembered.apply(&mut tools, quality);
         }
         let remembered = read.unwrap_or_default();
         let attributes = Window::default_attributes()
@@ -146,7 +152,8 @@ impl Opened {
         let glass = Glass::open(&window)?;
         let input = fresh_input(&window, &glass);
         opened();
-        Ok(Self { window, glass, input, desk, memory, due: Some(Instant::now()) })
+        let before = (remembered, quality);
+        Ok(Self { window, glass, input, desk, memory, before, due: Some(Instant::now()) })
     }
 
     /// Paints a frame and finds out when the next one is due.
@@ -178,6 +185,7 @@ impl Opened {
             maximized: self.window.is_maximized(),
             ..self.desk.remembers()
         };
+        let memory = memory.after(&self.before.0, self.before.1);
         if let Err(error) = memory.keep(path) {
             tracing::warn!("the window's layout is not kept: {error}");
         }

@@ -25,6 +25,8 @@ pub enum Action {
     Wider,
     /// A narrower brush.
     Narrower,
+    /// Only what is in front, or whatever lies behind it too.
+    Depth,
     /// Less of the last walk's leak or threshold.
     Less,
     /// More of it.
@@ -105,6 +107,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::G, "G", Action::Scrubs, "these keys change the leak, or the threshold"),
     with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "bring back"),
     with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "take back"),
+    plain(Key::Z, "Z", Action::Depth, "brush and lasso only what is in front, or what is behind it too"),
     with(Modifiers::COMMAND, Key::Y, "Ctrl+Y", Action::Redo, "bring back"),
     with(Modifiers::COMMAND, Key::D, "Ctrl+D", Action::Clear, "select nothing"),
     with(Modifiers::COMMAND, Key::I, "Ctrl+I", Action::Invert, "select what is not selected"),

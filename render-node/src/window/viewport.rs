@@ -5,8 +5,6 @@ use std::time::{Duration, Instant};
 
 use egui::{Color32, Pos2, Rect, Response, Sense as Senses, TextureHandle, TextureOptions, Ui, Vec2};
 use glam::{DVec2, DVec3};
-use sg_proto::scene::{Combine, InLasso, SelectionOperation, SelectionStep, selection_operation, selection_step};
-use sg_proto::selection::StrokesRequest;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
@@ -67,9 +65,6 @@ const NOTCH: f64 = 1.0015;
 /// Way that keys fly in a second, as a share of the scene's length.
 const SPEED: f64 = 0.4;
 
-/// Fewest pixels between two corners of a lasso, and most corners.
-const CORNER: (f32, usize) = (3.0, 2000);
-
 /// What a picture was wished for.
 struct Wished {
     cameras: Vec<Camera>,
@@ -102,7 +97,7 @@ pub(super) struct Viewport {
     pub(super) hand: Hand,
     draws: Beside<Wish, Drawn>,
     finds: Beside<(Camera, Appearance), Option<Front>>,
-    front: Option<Front>,
+    pub(super) front: Option<Front>,
     looked_for: Option<(Camera, Appearance)>,
     picture: Option<TextureHandle>,
     wished: Option<Wished>,
@@ -246,7 +241,7 @@ impl Viewport {
             Pointer::Brush => self.brush(ui, &response, alt, sense, tools, shown, &mut requests),
             Pointer::Lasso | Pointer::Rectangle => {
                 self.hover = None;
-                self.draw_around(&response, alt, sense, shown, &mut requests);
+                self.draw_around(&response, alt, sense, (shown, tools), &mut requests);
             }
         }
         if response.double_clicked()
@@ -288,6 +283,7 @@ impl Viewport {
         let at = response.hover_pos().or(response.interact_pointer_pos());
         let tip = at.and_then(|at| self.front_at(response.rect, at)).map(|at| Tip { at, pressure: 1.0 });
         self.hover = tip.map(|tip| (tip, sense));
+        self.hand.eye = Some(self.navigator.view.eye);
         if !shown.offered.selection {
             return;
         }
@@ -303,67 +299,6 @@ impl Viewport {
         if self.hand.draws() && !down {
             requests.extend(self.hand.release());
         }
-    }
-
-    fn draw_around(
-        &mut self,
-        response: &Response,
-        alt: bool,
-        sense: Sense,
-        shown: &Shown,
-        requests: &mut Vec<Request>,
-    ) {
-        if !shown.offered.selection {
-            return;
-        }
-        if response.dragged_by(egui::PointerButton::Primary)
-            && !alt
-            && let Some(at) = response.interact_pointer_pos()
-        {
-            match (self.pointer, self.lasso.first().copied()) {
-                (Pointer::Rectangle, Some(first)) => {
-                    self.lasso = vec![first, Pos2::new(at.x, first.y), at, Pos2::new(first.x, at.y)];
-                }
-                _ if self.lasso.last().is_none_or(|last| last.distance(at) >= CORNER.0) => {
-                    self.lasso.push(at);
-                    self.lasso.truncate(CORNER.1);
-                }
-                _ => (),
-            }
-        }
-        if response.drag_stopped() {
-            let lasso = std::mem::take(&mut self.lasso);
-            if lasso.len() >= 3 {
-                requests.push(self.select_within(response.rect, &lasso, sense));
-            }
-        }
-    }
-
-    fn select_within(&self, rect: Rect, lasso: &[Pos2], sense: Sense) -> Request {
-        let camera = self.camera(rect);
-        let corners = lasso.iter().map(|p| *p - rect.min);
-        let found = InLasso {
-            width: camera.width,
-            height: camera.height,
-            fx: camera.fx,
-            fy: camera.fy,
-            cx: camera.cx,
-            cy: camera.cy,
-            world_to_camera: camera.world_to_camera.to_vec(),
-            polygon: corners.flat_map(|p| [f64::from(p.x), f64::from(p.y)]).collect(),
-            near: 0.0,
-            far: 0.0,
-        };
-        let combine = match sense {
-            Sense::Add => Combine::Add,
-            Sense::Remove => Combine::Remove,
-        };
-        let operation = SelectionOperation {
-            operation: Some(selection_operation::Operation::Lasso(found)),
-            combine: combine.into(),
-        };
-        let step = SelectionStep { step: Some(selection_step::Step::Operation(operation)) };
-        Request::Select(StrokesRequest { steps: vec![step], ..StrokesRequest::default() })
     }
 
     /// The camera of a picture that fills `rect`, one pixel a point.

@@ -53,6 +53,28 @@ fn tools(scene: &Scene, mode: BrushMode) -> Tools {
 }
 
 #[test]
+fn a_brush_over_a_surface_reaches_only_so_far_behind_it() {
+    // Seen along the row: what is behind is further along.
+    let scene = row_of_gaussians(10);
+    let mut hand = hand(&scene);
+    let radius = 3.5 / scene.bounds.longest_edge();
+    let tools = Tools { mode: BrushMode::Point, radius, limited: true, depth: 0.3, ..Tools::default() };
+    let seen =
+        |hand: &Hand, tools: &Tools| ones(&hand.would_select(tools, tip(4.0), Sense::Add, &Mask::empty(10), None));
+    assert_eq!(seen(&hand, &tools), [1, 2, 3, 4, 5, 6, 7], "seen from nowhere");
+    hand.eye = Some(DVec3::new(-20.0, 0.0, 0.0));
+    assert_eq!(seen(&hand, &tools), [1, 2, 3, 4, 5]);
+    assert_eq!(seen(&hand, &Tools { limited: false, ..tools.clone() }), [1, 2, 3, 4, 5, 6, 7]);
+    hand.press(&tools, tip(4.0), Sense::Add);
+    assert_eq!(ones(&hand.selects(&Arc::new(Mask::empty(10)), None)), [1, 2, 3, 4, 5]);
+    let Some(Request::Sample(told)) = hand.news() else { panic!("nothing is told") };
+    let depth = told.samples.unwrap().depth.unwrap();
+    assert!((depth.behind - 0.3 * radius).abs() < 1e-12 && (depth.eye[0] + 20.0 / 9.0).abs() < 1e-9, "{depth:?}");
+    let Some(Request::Select(stroke)) = hand.release() else { panic!("nothing is selected") };
+    assert_eq!(stroke.strokes[0].depth, Some(depth));
+}
+
+#[test]
 fn what_would_change_is_seen_before_the_brush_is_pressed() {
     let scene = row_of_gaussians(10);
     let (hand, none) = (hand(&scene), Mask::empty(10));

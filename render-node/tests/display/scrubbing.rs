@@ -31,7 +31,7 @@ pub(crate) fn after_steps(scene: &Arc<Scene>, steps: Vec<Step>) -> Shown {
 pub(crate) fn stroke(mode: StrokeMode) -> Step {
     let points = vec![0.5; 3];
     let (mode, kind) = (mode.into(), StrokeKind::Foreground.into());
-    Step::Stroke(Stroke { mode, kind, radius: 0.1, points, pressure: Vec::new() })
+    Step::Stroke(Stroke { mode, kind, radius: 0.1, points, pressure: Vec::new(), depth: None })
 }
 
 #[test]

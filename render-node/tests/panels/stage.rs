@@ -148,7 +148,7 @@ impl Stage {
     /// The selection is one of a walk, and where to brush next has been asked for.
     pub(crate) fn walk(&mut self) {
         let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
-        let stroke = Stroke { mode, kind, radius: 0.02, points: vec![0.5; 3], pressure: Vec::new() };
+        let stroke = Stroke { mode, kind, radius: 0.02, points: vec![0.5; 3], pressure: Vec::new(), depth: None };
         let mask = Some(encode_mask(&self.shown.selected));
         let commit = CommitSelection { mask, strokes: vec![stroke], ..CommitSelection::default() };
         self.shown.scene = Arc::new(self.shown.scene.after(&scene(), Action::CommitSelection(commit)).unwrap());

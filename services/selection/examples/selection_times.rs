@@ -79,6 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         radius: 0.03,
         points: vec![middle, middle.map(|x| x + shift)],
         pressure: Vec::new(),
+        depth: None,
     };
     let mut walks = Vec::new();
     for i in 0..50 {

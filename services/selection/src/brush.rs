@@ -4,7 +4,7 @@ use glam::DVec3;
 use sg_scene::model::Scene;
 
 use crate::geometry::Geometry;
-use crate::polyline::Polyline;
+use crate::polyline::{Behind, Polyline};
 use crate::tree::PointTree;
 use crate::vertices::Vertices;
 
@@ -46,6 +46,12 @@ impl Brush {
         self.hits_of(&Polyline::pressed(samples, factors), radius)
     }
 
+    /// The same of a tube that ends so far behind what an eye sees of it.
+    #[must_use]
+    pub fn hits_seen(&self, samples: &[DVec3], radius: f64, factors: &[f64], behind: Option<Behind>) -> Vec<u32> {
+        self.hits_of(&Polyline::seen(samples, factors, behind), radius)
+    }
+
     fn hits_of(&self, polyline: &Polyline, radius: f64) -> Vec<u32> {
         let mut hits: Vec<u32> = self
             .units
@@ -78,13 +84,20 @@ pub struct OpenStroke {
     last: Option<(DVec3, Option<f64>)>,
     hits: Vec<u32>,
     seen: sg_scene::mask::Mask,
+    behind: Option<Behind>,
 }
 
 impl OpenStroke {
     /// A stroke of the given radius (scene length unit) over a scene of `gaussians`, without a sample yet.
     #[must_use]
     pub fn new(gaussians: usize, radius: f64) -> Self {
-        Self { radius, last: None, hits: Vec::new(), seen: sg_scene::mask::Mask::empty(gaussians) }
+        Self { radius, last: None, hits: Vec::new(), seen: sg_scene::mask::Mask::empty(gaussians), behind: None }
+    }
+
+    /// The same that ends so far behind what an eye sees.
+    #[must_use]
+    pub fn seen(self, behind: Option<Behind>) -> Self {
+        Self { behind, ..self }
     }
 
     /// Adds a sample (scene frame); returns the Gaussians it hits that no earlier one did, ascending.
@@ -104,7 +117,7 @@ impl OpenStroke {
             _ => vec![old.unwrap_or(1.0), factor.unwrap_or(1.0)],
         };
         let before = self.hits.len();
-        for g in brush.hits_pressed(&[from, sample], self.radius, &factors) {
+        for g in brush.hits_seen(&[from, sample], self.radius, &factors, self.behind) {
             if !self.seen.get(g as usize) {
                 self.seen.set(g as usize, true);
                 self.hits.push(g);
@@ -145,6 +158,41 @@ mod tests {
         grown.sort_unstable();
         assert_eq!(grown.len(), added);
         assert_eq!(grown, brush.hits(&samples, 0.05));
+    }
+
+    #[test]
+    fn a_stroke_over_a_surface_reaches_only_so_far_behind_it() {
+        let scene = point_scene(&random_points(5000, 4));
+        let brush = Brush::of_scene(&scene);
+        let mut r = generator(5);
+        let mut place = || DVec3::from_array(std::array::from_fn(|_| r.random_range(0.0..1.0)));
+        let samples: Vec<DVec3> = (0..20).map(|_| place()).collect();
+        let eye = DVec3::new(0.5, -3.0, 0.5);
+        let whole = brush.hits(&samples, 0.08);
+        let mut before = 0;
+        for most in [0.0, 0.02, 0.05, 0.081] {
+            let behind = Some(Behind { eye, most });
+            let hits = brush.hits_seen(&samples, 0.08, &[], behind);
+            let position = |g: u32| scene.units[0].gaussians.position[g as usize].as_dvec3();
+            let reached = |g: &u32| {
+                let p = position(*g);
+                let near = |middle: DVec3| p.distance(middle) < 0.08 && p.distance(eye) <= middle.distance(eye) + most;
+                let on = |w: &[DVec3]| {
+                    let along = (p - w[0]).dot(w[1] - w[0]) / (w[1] - w[0]).length_squared();
+                    (0.0..1.0).contains(&along) && near(w[0].lerp(w[1], along))
+                };
+                samples.iter().any(|s| near(*s)) || samples.windows(2).any(on)
+            };
+            assert_eq!(hits, whole.iter().copied().filter(reached).collect::<Vec<_>>(), "{most}");
+            let mut open = OpenStroke::new(scene.len(), 0.08).seen(behind);
+            samples.iter().for_each(|s| drop(open.extend(&brush, *s).len()));
+            let mut grown = open.hits().to_vec();
+            grown.sort_unstable();
+            assert_eq!(grown, hits, "{most}");
+            assert!(hits.len() > before);
+            before = hits.len();
+        }
+        assert_eq!(before, whole.len(), "deeper than the brush is thick is no limit");
     }
 
     /// The definition: a ball at each sample, and along each segment the radius at the nearest point.

@@ -17,6 +17,23 @@ pub struct Polyline {
     levels: Vec<Vec<Bounds>>,
     /// The largest factor of each run; none without factors.
     largest: Vec<Vec<f64>>,
+    behind: Option<Behind>,
+}
+
+/// What a tube does not reach: whatever is farther from an eye than the tube's middle is, by more than so much.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Behind {
+    /// The eye, in the frame of the samples.
+    pub eye: DVec3,
+    /// In the unit of the samples, at least 0.
+    pub most: f64,
+}
+
+impl Behind {
+    /// Whether a point is near enough to the eye for a tube whose middle is there.
+    fn reaches(&self, p: DVec3, middle: DVec3) -> bool {
+        p.distance(self.eye) <= middle.distance(self.eye) + self.most
+    }
 }
 
 /// A run of consecutive segments.
@@ -70,7 +87,17 @@ impl Polyline {
         } else {
             factors.clear();
         }
-        Self { samples, factors, levels, largest }
+        Self { samples, factors, levels, largest, behind: None }
+    }
+
+    /// The same whose tube ends so far behind what an eye sees; see [`Polyline::pressed`] for the factors.
+    #[must_use]
+    pub fn seen(samples: &[DVec3], factors: &[f64], behind: Option<Behind>) -> Self {
+        if behind.is_none() || !factors.is_empty() {
+            return Self { behind, ..Self::pressed(samples, factors) };
+        }
+        // Where in the tube a point is, is asked on the way that factors take.
+        Self { behind, ..Self::pressed(samples, &vec![1.0; samples.len()]) }
     }
 
     /// Whether there is no sample.
@@ -128,7 +155,8 @@ impl Polyline {
     /// Whether the point is in the tube of a radius around one of the parts: closer than the radius to a sample, or to the
     /// nearest point of a segment, each time the radius times the factor there, which between samples is linear.
     ///
-    /// Where samples have no factors that is: closer than the radius to one of the parts.
+    /// Where samples have no factors that is: closer than the radius to one of the parts. What is too far behind that place for
+    /// whoever sees it (see [`Polyline::seen`]) is not.
     #[must_use]
     pub fn is_closer_than(&self, parts: &[Part], p: &[f64; 3], radius: f64) -> bool {
         let at = DVec3::from_array(*p);
@@ -182,15 +210,18 @@ impl Polyline {
         }
         let run = leaf * LEAF..(leaf * LEAF + LEAF + 1).min(self.samples.len());
         let (samples, factors) = (&self.samples[run.clone()], &self.factors[run]);
-        let within = |distance_squared: f64, factor: f64| distance_squared < (radius * factor) * (radius * factor);
-        let balls = || samples.iter().zip(factors).any(|(s, f)| within((p - *s).length_squared(), *f));
+        let within = |middle: DVec3, factor: f64| {
+            (p - middle).length_squared() < (radius * factor) * (radius * factor)
+                && self.behind.is_none_or(|behind| behind.reaches(p, middle))
+        };
+        let balls = || samples.iter().zip(factors).any(|(s, f)| within(*s, *f));
         let between = |(s, f): (&[DVec3], &[f64])| {
             let ab = s[1] - s[0];
             let along = (p - s[0]).dot(ab) / ab.length_squared();
             // At the ends, and where the samples are too close together to divide by their distance, the balls decide.
             along > 0.0 && along < 1.0 && {
                 let factor = (f[0] + along * (f[1] - f[0])).clamp(f[0].min(f[1]), f[0].max(f[1]));
-                within((p - (s[0] + ab * along)).length_squared(), factor)
+                within(s[0] + ab * along, factor)
             }
         };
         balls() || samples.windows(2).zip(factors.windows(2)).any(between)

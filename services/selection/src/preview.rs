@@ -33,7 +33,7 @@ impl Preview {
         let space = session.space();
         let radius = stroke.radius * space.bounds().longest_edge();
         Ok(Self {
-            open: OpenStroke::new(space.gaussians(), radius),
+            open: OpenStroke::new(space.gaussians(), radius).seen(stroke.behind(space.bounds())),
             seen: vec![false; if stroke.mode == Mode::Cluster { space.clusters() } else { 0 }],
             mask: session.mask().clone(),
             stroke: Stroke { points: Vec::new(), pressure: Vec::new(), ..stroke.clone() },
@@ -49,7 +49,7 @@ impl Preview {
     pub fn extend(&mut self, samples: &[[f64; 3]], pressure: &[f64]) -> Result<Vec<u32>, SelectionError> {
         // Not the stroke so far, which grows with every sample.
         let Stroke { mode, kind, radius, .. } = self.stroke;
-        let new = Stroke { mode, kind, radius, points: samples.to_vec(), pressure: pressure.to_vec() };
+        let new = Stroke { mode, kind, radius, points: samples.to_vec(), pressure: pressure.to_vec(), depth: None };
         new.check().map_err(SelectionError::Stroke)?;
         // A stroke has a factor at every point or at none: what came without had the factor 1.
         let pressed = !pressure.is_empty() || !self.stroke.pressure.is_empty();
@@ -173,11 +173,11 @@ mod tests {
             let mut session = SelectionSession::new(space());
             for (m, k, at) in before {
                 let kind = [Kind::Foreground, Kind::Background][k as usize];
-                session.add_stroke(Stroke { mode: mode(m), kind, radius: 0.15, points: vec![at], pressure: Vec::new() }).unwrap();
+                session.add_stroke(Stroke { mode: mode(m), kind, radius: 0.15, points: vec![at], pressure: Vec::new(), depth: None }).unwrap();
             }
             let kinds = if mode(drawn) == Mode::Cluster { 3 } else { 2 };
             let kind = [Kind::Foreground, Kind::Background, Kind::Toggle][kind as usize % kinds];
-            let stroke = Stroke { mode: mode(drawn), kind, radius, points: Vec::new(), pressure: Vec::new() };
+            let stroke = Stroke { mode: mode(drawn), kind, radius, points: Vec::new(), pressure: Vec::new(), depth: None };
             let mut preview = Preview::begin(&session, &stroke).unwrap();
             let mut shown = session.mask().clone();
             for (sample, factor) in samples {
@@ -209,6 +209,7 @@ mod tests {
             radius: f64::NAN,
             points: Vec::new(),
             pressure: Vec::new(),
+            depth: None,
         };
         assert!(Preview::begin(&session, &stroke).is_err());
         let mut preview = Preview::begin(&session, &Stroke { radius: 0.1, ..stroke }).unwrap();

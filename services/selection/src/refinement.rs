@@ -153,7 +153,14 @@ mod tests {
             for (kind, points) in [(Kind::Foreground, &sac[..]), (Kind::Background, &vessel)] {
                 let points = normalized(&scene, points);
                 session
-                    .add_stroke(Stroke { mode: Mode::Walk, kind, radius: 0.02, points, pressure: Vec::new() })
+                    .add_stroke(Stroke {
+                        mode: Mode::Walk,
+                        kind,
+                        radius: 0.02,
+                        points,
+                        pressure: Vec::new(),
+                        depth: None,
+                    })
                     .unwrap();
             }
             let iou = |mask: &Mask| Agreement::of((0..scene.len()).map(|g| (mask.get(g), truth[g]))).iou;

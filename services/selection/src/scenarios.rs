@@ -33,7 +33,14 @@ fn space(scene: &Scene, made: &Made, options: WalkOptions) -> Arc<SelectionSpace
 }
 
 fn walk(scene: &Scene, kind: Kind, points: &[Vec3]) -> Stroke {
-    Stroke { mode: Mode::Walk, kind, radius: 0.03, points: normalized(scene, points), pressure: Vec::new() }
+    Stroke {
+        mode: Mode::Walk,
+        kind,
+        radius: 0.03,
+        points: normalized(scene, points),
+        pressure: Vec::new(),
+        depth: None,
+    }
 }
 
 /// A green stroke over the sac, to and fro so many times, and a red one along the vessel that spares the neck, both
@@ -126,8 +133,14 @@ fn following_the_proposals_beats_strokes_at_random() {
         let made = made(&scene, &ClusteringOptions { max_clusters: 600, ..ClusteringOptions::default() });
         let space = space(&scene, &made, WalkOptions::default());
         let answer = |point: [f64; 3]| {
-            let stroke =
-                |kind| Stroke { mode: Mode::Walk, kind, radius: 0.0, points: vec![point], pressure: Vec::new() };
+            let stroke = |kind| Stroke {
+                mode: Mode::Walk,
+                kind,
+                radius: 0.0,
+                points: vec![point],
+                pressure: Vec::new(),
+                depth: None,
+            };
             let cluster = space.cluster_of(space.hits(&stroke(Kind::Foreground))[0]).unwrap();
             let own = space.members(cluster);
             let is_sac = 2 * own.iter().filter(|g| truth[**g as usize]).count() > own.len();
@@ -252,6 +265,7 @@ fn a_green_stroke_on_one_wall_of_a_thin_shell_stays_there() {
             radius: 0.02,
             points: normalized(&scene, &arc),
             pressure: Vec::new(),
+            depth: None,
         })
         .unwrap();
     let agreement = Agreement::of((0..scene.len()).map(|g| (session.mask().get(g), outer[g])));

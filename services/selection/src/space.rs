@@ -362,7 +362,8 @@ impl SelectionSpace {
     #[must_use]
     pub fn hits(&self, stroke: &Stroke) -> Vec<u32> {
         let (samples, radius) = stroke.in_scene(&self.bounds);
-        let hits = self.brush.hits_pressed(&samples, radius, &stroke.pressure);
+        let behind = stroke.behind(&self.bounds);
+        let hits = self.brush.hits_seen(&samples, radius, &stroke.pressure, behind);
         if hits.is_empty() { self.instead_of_nothing(stroke, &samples) } else { hits }
     }
 

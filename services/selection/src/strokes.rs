@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
 
+use crate::polyline::Behind;
+
 /// What a stroke selects with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -57,6 +59,20 @@ pub struct Stroke {
     /// none where it is 1 everywhere.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pressure: Vec<f64>,
+    /// How far behind its samples it reaches; `None` as far as its radius.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<Depth>,
+}
+
+/// How far a stroke that was drawn over a surface reaches behind it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Depth {
+    /// Where the surface is seen from, in normalized coordinates of the scene's box.
+    pub eye: [f64; 3],
+    /// What is farther from the eye than the nearest place of the stroke by more than this is not hit: a fraction of the scene
+    /// box's longest edge, at least 0.
+    pub behind: f64,
 }
 
 /// The most samples of one stroke: at 90 a second, three hours without lifting the brush.
@@ -128,6 +144,13 @@ impl Stroke {
                 "it has {found} entries of `pressure` for {points} points; one a point is needed, or none"
             ));
         }
+        if let Some(Depth { eye, behind }) = self.depth
+            && !(eye.iter().all(|x| x.is_finite()) && behind >= 0.0 && behind.is_finite())
+        {
+            return Err(format!(
+                "it reaches {behind} behind what {eye:?} sees; numbers that are finite, and at least 0 behind"
+            ));
+        }
         match self.pressure.iter().position(|f| !(*f >= 0.0 && f.is_finite())) {
             Some(at) => {
                 Err(format!("the pressure at point {at} is {}; it must be finite and at least 0", self.pressure[at]))
@@ -141,5 +164,12 @@ impl Stroke {
     pub fn in_scene(&self, bounds: &SceneBox) -> (Vec<DVec3>, f64) {
         let samples = self.points.iter().map(|p| bounds.denormalize(DVec3::from_array(*p))).collect();
         (samples, self.radius * bounds.longest_edge())
+    }
+
+    /// How far behind its samples it reaches, in the scene frame.
+    #[must_use]
+    pub fn behind(&self, bounds: &SceneBox) -> Option<Behind> {
+        let Depth { eye, behind } = self.depth?;
+        Some(Behind { eye: bounds.denormalize(DVec3::from_array(eye)), most: behind * bounds.longest_edge() })
     }
 }

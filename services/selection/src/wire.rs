@@ -11,7 +11,7 @@ use sg_scene::edit::wire::{decode_mask, encode_mask};
 use sg_selection::operations::{Attribute, Combine, Operation};
 use sg_selection::session::Proposal;
 use sg_selection::steps::Step;
-use sg_selection::strokes::{self, Mode, Stroke};
+use sg_selection::strokes::{self, Depth, Mode, Stroke};
 use sg_selection::tuning::Tuning;
 
 /// A step as the selection takes it; `gaussians` is the length of its masks.
@@ -92,7 +92,12 @@ pub(crate) fn decode_stroke(stroke: &proto::Stroke) -> Result<Stroke, Fault> {
         return Err(Fault::exhausted(text));
     }
     let (points, pressure) = (points.to_vec(), stroke.pressure.clone());
-    let stroke = Stroke { mode, kind, radius: stroke.radius, points, pressure };
+    let depth = stroke.depth.as_ref().map(|depth| {
+        let eye = depth.eye.as_slice().try_into();
+        let eye = eye.map_err(|_| Fault::invalid(format!("an eye has {} coordinates; it takes 3", depth.eye.len())))?;
+        Ok(Depth { eye, behind: depth.behind })
+    });
+    let stroke = Stroke { mode, kind, radius: stroke.radius, points, pressure, depth: depth.transpose()? };
     stroke.check().map_err(Fault::invalid)?;
     Ok(stroke)
 }
@@ -110,7 +115,8 @@ fn encode_stroke(stroke: &Stroke) -> proto::Stroke {
     };
     let points = stroke.points.as_flattened().to_vec();
     let pressure = stroke.pressure.clone();
-    proto::Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points, pressure }
+    let depth = stroke.depth.map(|Depth { eye, behind }| proto::StrokeDepth { eye: eye.to_vec(), behind });
+    proto::Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points, pressure, depth }
 }
 
 fn decode_operation(operation: &proto::SelectionOperation) -> Result<Operation, Fault> {
@@ -259,6 +265,7 @@ mod tests {
                 radius: 0.1,
                 points: vec![[0.1, 0.2, 0.3]],
                 pressure: Vec::new(),
+                depth: None,
             }),
             Step::Stroke(Stroke {
                 mode: Mode::Walk,
@@ -266,6 +273,7 @@ mod tests {
                 radius: 0.1,
                 points: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
                 pressure: vec![0.5, 2.0],
+                depth: Some(Depth { eye: [0.5, -3.0, 0.5], behind: 0.01 }),
             }),
             Step::Given(mask),
             Step::Tuning(Tuning { leak: 0.003, threshold: -0.25 }),
@@ -310,7 +318,13 @@ mod tests {
         }
         for pressure in [vec![1.0; 2], vec![-1.0], vec![f64::NAN], vec![f64::INFINITY]] {
             let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
-            let stroke = proto::Stroke { mode, kind, radius: 0.1, points: vec![0.0; 3], pressure };
+            let stroke = proto::Stroke { mode, kind, radius: 0.1, points: vec![0.0; 3], pressure, depth: None };
+            assert!(decode_stroke(&stroke).is_err(), "{stroke:?}");
+        }
+        for (eye, behind) in [(vec![0.0; 2], 0.1), (vec![f64::NAN; 3], 0.1), (vec![0.0; 3], -0.1)] {
+            let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
+            let depth = Some(proto::StrokeDepth { eye, behind });
+            let stroke = proto::Stroke { mode, kind, radius: 0.1, points: vec![0.0; 3], pressure: Vec::new(), depth };
             assert!(decode_stroke(&stroke).is_err(), "{stroke:?}");
         }
         for (leak, threshold) in [(-1.0, 0.0), (f64::NAN, 0.0), (2000.0, 0.0), (0.1, 1.0), (0.1, f64::NAN)] {

@@ -60,6 +60,7 @@ fn a_trained_capture_is_clustered_and_walked_in() {
             radius: 0.02,
             points: vec![start],
             pressure: Vec::new(),
+            depth: None,
         };
         assert!(session.add_stroke(stroke).unwrap() > 0);
         let walk = session.walk().unwrap();

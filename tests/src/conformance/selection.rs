@@ -26,7 +26,14 @@ pub(super) const SUBJECT: Subject = Subject { role: ROLE, needs: &[role::SCENE],
 
 fn stroke(mode: StrokeMode) -> Stroke {
     let points = [SAC, SAC.map(|x| x + 0.01)].concat();
-    Stroke { mode: mode.into(), kind: StrokeKind::Foreground.into(), radius: STROKE, points, pressure: Vec::new() }
+    Stroke {
+        mode: mode.into(),
+        kind: StrokeKind::Foreground.into(),
+        radius: STROKE,
+        points,
+        pressure: Vec::new(),
+        depth: None,
+    }
 }
 
 fn strokes(mode: StrokeMode, restart: bool) -> StrokesRequest {

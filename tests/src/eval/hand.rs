@@ -135,7 +135,7 @@ impl<'a> Hand<'a> {
                 bounds.normalize(self.position[v as usize] + shift + tremor).to_array()
             })
             .collect();
-        Stroke { mode: Mode::Walk, kind, radius: RADIUS, points, pressure: Vec::new() }
+        Stroke { mode: Mode::Walk, kind, radius: RADIUS, points, pressure: Vec::new(), depth: None }
     }
 
     /// A random Gaussian of one side near a place.

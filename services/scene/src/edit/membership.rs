@@ -5,8 +5,8 @@ use std::sync::Arc;
 use sg_proto::limits::{MAX_STROKE_POINTS, MAX_STROKES};
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{
-    CommitSelection, DeleteUnit, RenameUnit, SaveUnit, Select, SelectionStep, SetOperation, Stroke, StrokeKind,
-    StrokeMode,
+    CommitSelection, DeleteUnit, RenameUnit, SaveUnit, Select, SelectionStep, SetOperation, Stroke, StrokeDepth,
+    StrokeKind, StrokeMode,
 };
 
 use super::draft::Draft;
@@ -228,6 +228,12 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
         if !stroke.pressure.iter().all(|f| *f >= 0.0 && f.is_finite()) {
             return wrong("the pressure must be finite and at least 0");
         }
+        let sound = |d: &StrokeDepth| {
+            d.eye.len() == 3 && d.eye.iter().all(|x| x.is_finite()) && d.behind >= 0.0 && d.behind.is_finite()
+        };
+        if !stroke.depth.as_ref().is_none_or(sound) {
+            return wrong("its depth must be an eye of three finite numbers and at least 0 behind it");
+        }
     }
     Ok(())
 }
@@ -264,6 +270,7 @@ mod tests {
             radius: 0.1,
             points: vec![0.0, 0.5, 1.0],
             pressure: vec![0.5],
+            depth: Some(StrokeDepth { eye: vec![0.5; 3], behind: 0.1 }),
         };
         assert_eq!(check_strokes(std::slice::from_ref(&good), 1), Ok(()));
         for bad in [
@@ -278,6 +285,8 @@ mod tests {
             Stroke { pressure: vec![-0.5], ..good.clone() },
             Stroke { pressure: vec![f64::INFINITY], ..good.clone() },
             Stroke { points: vec![0.0, 1.0], ..good.clone() },
+            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 2], behind: 0.1 }), ..good.clone() },
+            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 3], behind: -0.1 }), ..good.clone() },
             Stroke { points: vec![0.0, 1.0, f64::INFINITY], ..good.clone() },
             Stroke { points: vec![0.0; 3 * MAX_STROKE_POINTS + 3], pressure: vec![], ..good.clone() },
         ] {

@@ -23,7 +23,7 @@ fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionSpace
 }
 
 fn stroke(mode: Mode, kind: Kind, radius: f64, points: Vec<[f64; 3]>) -> Stroke {
-    Stroke { mode, kind, radius, points, pressure: Vec::new() }
+    Stroke { mode, kind, radius, points, pressure: Vec::new(), depth: None }
 }
 
 #[test]

@@ -130,7 +130,8 @@ fn a_walk_on_gaussians_reaches_as_far_as_one_on_clusters_with_the_leak_of_its_st
         .map(|i| Vec3::new(0.0, 0.0, 0.36) + 0.3 * Vec3::new((0.15 * i as f32).cos(), 0.0, (0.15 * i as f32).sin()))
         .collect();
     let points = normalized(&scene, &ring);
-    let stroke = Stroke { mode: Mode::Walk, kind: Kind::Foreground, radius: 0.02, points, pressure: Vec::new() };
+    let stroke =
+        Stroke { mode: Mode::Walk, kind: Kind::Foreground, radius: 0.02, points, pressure: Vec::new(), depth: None };
     let mut session =
         SelectionSession::new(Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, options)));
     session.add_stroke(stroke.clone()).unwrap();

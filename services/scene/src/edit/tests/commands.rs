@@ -252,6 +252,7 @@ fn a_committed_selection_must_fit_the_scene_and_follow_the_one_it_was_made_from(
         radius: 0.05,
         points: vec![0.5; 6],
         pressure: vec![],
+        depth: None,
     };
     let mask = Some(encode_mask(&Mask::from_fn(60, |i| i == 7)));
     let with = |mask, expected: &str, strokes| {
