@@ -1,53 +1,121 @@
-//! What the loop of the view costs beside drawing: processor time of its process for each picture of nothing, with the
-//! rest of the stack at peace and at work.
+//! What the loops of the view cost beside drawing, with the rest of the stack at peace and at work: of the view without a
+//! display the processor time of its process for each picture of nothing, of a window and of a headset's room the processor
+//! time of the thread of the loop for each frame (what fills pixels, on the cores or on a software device, are other threads).
 //!
 //!     cargo bench --workspace --bench frame_loop -- --seconds 10 --rounds 5
 
 #![allow(
     clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
     clippy::print_stdout,
+    clippy::print_stderr,
     reason = "a bench fails by its helpers and prints what it measured"
 )]
 
-use std::process::Stdio;
+use std::path::Path;
+use std::process::{Child, Command as Program, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use sg_proto::keys::{self, role};
 use sg_proto::render::{CaptureRequest, State};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Command, SetBackground, SetVisibility, Target};
+use sg_proto::scene::{Command, SetBackground, SetVisibility, Stroke, StrokeKind, StrokeMode, Target};
+use sg_proto::selection::SampleRequest;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
-use sg_tests::bench::{argument, processor_time};
+use sg_tests::bench::{argument, processor_time, thread_time};
+use sg_tests::screen::Screen;
+use sg_tests::small_scene::{SAC, STROKE};
 use sg_tests::stack::Stack;
 
-/// Pictures a second that the view is to draw.
+#[allow(dead_code, reason = "made for tests; a bench needs a runtime alone")]
+#[path = "../../render-node/tests/headset/monado.rs"]
+mod monado;
+
+/// Pictures a second that the view without a display is to draw.
 const PACE: f64 = 120.0;
-/// Changes of the scene a second while the stack is at work: a hand that drags, at a headset's pace.
+/// Changes of the scene a second while the stack is at work, and samples of a stroke: a hand at a headset's pace.
 const CHANGES: f64 = 90.0;
 /// Others that follow everything; one of them is stopped.
 const LISTENERS: usize = 4;
+/// The thread of a display's loop.
+const LOOP: &str = "display";
+
+/// A view that is looked at.
+struct Subject {
+    name: &'static str,
+    stack: Stack,
+    /// Whether it is the loop of a display rather than the whole process that counts.
+    display: bool,
+    /// What moves the mouse over the window.
+    mouse: Option<Program>,
+}
 
 /// A while of the view's life.
 #[derive(Debug, Clone, Copy)]
 struct While {
-    /// Of its process, microseconds for each picture.
+    /// Microseconds for each frame.
     cpu_us: f64,
-    pictures_a_second: f64,
+    frames_a_second: f64,
     changes_a_second: f64,
 }
 
 fn main() {
     let (time, rounds) = (Duration::from_secs(argument("--seconds", 10).into()), argument("--rounds", 5));
-    let settings = [
-        // One pixel of a scene that is hidden: nothing is rasterised.
-        "service.render-view.params.width=1".to_owned(),
-        "service.render-view.params.height=1".to_owned(),
-        format!("service.render-view.params.frames_per_second={PACE}"),
-        "defaults.liveness=600".to_owned(),
-    ];
-    let stack = Stack::up_with(&settings).unwrap();
+    println!("{rounds} rounds of {} s each way; median of the rounds (least to most)\n", time.as_secs());
+    println!("| loop | the rest of the stack | processor time a frame, µs | frames a second | changes a second |");
+    println!("| --- | --- | --- | --- | --- |");
+    let never = "defaults.liveness=600".to_owned();
+    // One pixel of a scene that is hidden: nothing is rasterised.
+    let pixel = |edge: &str| format!("service.render-view.params.{edge}=1");
+    let pace = format!("service.render-view.params.frames_per_second={PACE}");
+    let stack = Stack::up_with(&[pixel("width"), pixel("height"), pace, never.clone()]).unwrap();
+    measure(Subject { name: "view without a display", stack, display: false, mouse: None }, time, rounds);
+
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path().to_str().unwrap();
+    if let Some(screen) = Screen::open().unwrap() {
+        let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", home)];
+        let stack = Stack::up_of("desktop.toml", std::slice::from_ref(&never), &env).unwrap();
+        screen.window("Super-Gaussian", Duration::from_secs(60)).unwrap();
+        // To and fro over the picture and a panel, sixty times a second.
+        let mut mouse = Program::new("xdotool");
+        mouse.env("DISPLAY", screen.display()).stdout(Stdio::null());
+        for k in 0..20_000 {
+            let x = 200 + (k * 7) % 1000;
+            mouse.args(["mousemove", &x.to_string(), "400", "sleep", "0.0166"]);
+        }
+        measure(Subject { name: "window, 1440 × 900", stack, display: true, mouse: Some(mouse) }, time, rounds);
+    }
+    if monado::folder().is_some() {
+        let _alone = monado::alone();
+        let folder = monado::room();
+        let _runtime = monado::Runtime::start_in(&monado::Display::None, folder.path());
+        let exec = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ops/room-under-monado.sh");
+        let settings = [format!("service.render-view.exec={}", exec.display()), never];
+        let node = sg_tests::executable("supergaussian-render-node").unwrap();
+        let env = [
+            ("XDG_RUNTIME_DIR", folder.path().to_str().unwrap()),
+            ("SUPERGAUSSIAN_RENDER_NODE", node.to_str().unwrap()),
+        ];
+        let stack = Stack::up_of("vr.toml", &settings, &env).unwrap();
+        measure(Subject { name: "room under Monado", stack, display: true, mouse: None }, time, rounds);
+    } else {
+        eprintln!("SKIPPED: no Monado, the room is not measured");
+    }
+}
+
+/// Measures one view, at peace and at work in turn.
+fn measure(subject: Subject, time: Duration, rounds: u32) {
+    let Subject { name, stack, display, mouse } = subject;
     let pid = stack.ps().iter().find(|s| s["name"] == role::RENDER_VIEW).unwrap()["pid"].as_u64().unwrap();
+    let used = move || if display { thread_time(pid, LOOP) } else { processor_time(pid) };
+    let moving = mouse.map(|mut mouse| Ended(mouse.spawn().unwrap()));
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     runtime.block_on(async {
         let bus = stack.join(role::CLI).await.unwrap();
@@ -55,64 +123,79 @@ fn main() {
         change(&bus, Action::SetVisibility(SetVisibility { target: all, visible: false })).await;
         let (mut peace, mut work) = (Vec::new(), Vec::new());
         for _ in 0..rounds {
-            peace.push(measured(&bus, pid, time, &|| 0).await);
-            let mut listeners: Vec<_> = (0..LISTENERS)
+            peace.push(measured(&bus, (&used, display), time, &|| 0).await);
+            let listeners: Vec<Ended> = (0..LISTENERS)
                 .map(|_| {
                     let mut watch = stack.command().unwrap();
-                    watch.args(["watch", "--json", "--all"]).stdout(Stdio::null()).spawn().unwrap()
+                    Ended(watch.args(["watch", "--json", "--all"]).stdout(Stdio::null()).spawn().unwrap())
                 })
                 .collect();
             tokio::time::sleep(Duration::from_millis(500)).await;
-            let stopped = nix::unistd::Pid::from_raw(listeners[0].id().try_into().unwrap());
-            nix::sys::signal::kill(stopped, nix::sys::signal::Signal::SIGSTOP).unwrap();
-            let changes = std::sync::Arc::new(std::sync::atomic::AtomicU64::new(0));
-            let (counted, hand) = (changes.clone(), bus.clone());
-            let dragging = tokio::spawn(async move {
-                let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / CHANGES));
-                for n in 0_u64.. {
-                    beat.tick().await;
-                    let color = sg_proto::scene::Color { red: (n % 256) as f32 / 255.0, green: 0.5, blue: 0.5 };
-                    change(&hand, Action::SetBackground(SetBackground { color: Some(color) })).await;
-                    counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                }
-            });
-            let looking = tokio::spawn(look(bus.clone()));
-            let count = || changes.load(std::sync::atomic::Ordering::Relaxed);
-            work.push(measured(&bus, pid, time, &count).await);
-            dragging.abort();
-            looking.abort();
-            for listener in &mut listeners {
-                listener.kill().unwrap();
-                listener.wait().unwrap();
-            }
+            kill(Pid::from_raw(listeners[0].0.id().try_into().unwrap()), Signal::SIGSTOP).unwrap();
+            let changes = Arc::new(AtomicU64::new(0));
+            let busy = [
+                tokio::spawn(drag(bus.clone(), Arc::clone(&changes))),
+                tokio::spawn(draw(bus.clone())),
+                tokio::spawn(look(bus.clone())),
+            ];
+            work.push(measured(&bus, (&used, display), time, &|| changes.load(Ordering::Relaxed)).await);
+            busy.iter().for_each(tokio::task::JoinHandle::abort);
         }
-        let seconds = time.as_secs();
-        println!("{rounds} rounds of {seconds} s each way; median of the rounds (least to most)\n");
-        println!("| the rest of the stack | processor time a picture, µs | pictures a second | changes a second |");
-        println!("| --- | --- | --- | --- |");
-        let row = |name: &str, list: &[While]| {
+        let row = |rest: &str, list: &[While]| {
             let of = |what: fn(&While) -> f64| {
                 let mut all: Vec<f64> = list.iter().map(what).collect();
                 all.sort_by(f64::total_cmp);
                 format!("{:.0} ({:.0} to {:.0})", all[all.len() / 2], all[0], all[all.len() - 1])
             };
-            println!(
-                "| {name} | {} | {} | {} |",
-                of(|w| w.cpu_us),
-                of(|w| w.pictures_a_second),
-                of(|w| w.changes_a_second)
-            );
+            let (cpu, frames) = (of(|w| w.cpu_us), of(|w| w.frames_a_second));
+            println!("| {name} | {rest} | {cpu} | {frames} | {} |", of(|w| w.changes_a_second));
         };
         row("at peace", &peace);
-        row(&format!("at work: {LISTENERS} listeners, one of them stopped; changes; captures"), &work);
+        row("at work", &work);
     });
+    drop(moving);
+}
+
+/// A program that ends with what holds it.
+struct Ended(Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A hand that drags a colour: a change of the scene each time.
+async fn drag(bus: Bus, counted: Arc<AtomicU64>) {
+    let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / CHANGES));
+    for n in 0_u64.. {
+        beat.tick().await;
+        let color = sg_proto::scene::Color { red: (n % 256) as f32 / 255.0, green: 0.5, blue: 0.5 };
+        change(&bus, Action::SetBackground(SetBackground { color: Some(color) })).await;
+        counted.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A hand that draws a walk stroke to and fro and never lifts the brush.
+async fn draw(bus: Bus) {
+    let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / CHANGES));
+    for n in 0_u64.. {
+        beat.tick().await;
+        let points = SAC.map(|x| x + 0.05 * ((n % 40) as f64 / 20.0 - 1.0)).to_vec();
+        let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
+        let samples = Some(Stroke { mode, kind, radius: STROKE, points, pressure: Vec::new(), depth: None });
+        let request = SampleRequest { stroke: format!("bench-{}", n / 400), samples };
+        // Whether an answer comes in time is not what is measured.
+        let _ = bus.ask(&keys::SELECTION_SAMPLE, &request, &Context::root()).await;
+    }
 }
 
 /// Pictures on request, one after another.
 async fn look(bus: Bus) {
     let request = CaptureRequest { width: 64, height: 64, ..CaptureRequest::default() };
     loop {
-        // Whether one comes in time is not what is measured.
+        // As above.
         let _ = bus.ask(&keys::CAPTURE, &request, &Context::root()).await;
     }
 }
@@ -123,19 +206,38 @@ async fn change(bus: &Bus, action: Action) {
     bus.ask(&keys::SCENE_APPLY, &command, &context).await.unwrap();
 }
 
-async fn measured(bus: &Bus, pid: u64, time: Duration, changes: &dyn Fn() -> u64) -> While {
-    let (begun, before, drawn, changed) = (Instant::now(), processor_time(pid), frames(bus).await, changes());
+async fn measured(
+    bus: &Bus,
+    (used, display): (&impl Fn() -> Duration, bool),
+    time: Duration,
+    changes: &dyn Fn() -> u64,
+) -> While {
+    let (drawn, before) = frames(bus, used, display).await;
+    let (begun, changed) = (Instant::now(), changes());
     tokio::time::sleep(time).await;
-    let seconds = begun.elapsed().as_secs_f64();
-    let (used, pictures) = (processor_time(pid) - before, (frames(bus).await - drawn) as f64);
+    let (newest, after) = frames(bus, used, display).await;
+    let (seconds, frames) = (begun.elapsed().as_secs_f64(), (newest - drawn) as f64);
     While {
-        cpu_us: used.as_secs_f64() * 1e6 / pictures,
-        pictures_a_second: pictures / seconds,
+        cpu_us: (after - before).as_secs_f64() * 1e6 / frames,
+        frames_a_second: frames / seconds,
         changes_a_second: (changes() - changed) as f64 / seconds,
     }
 }
 
-async fn frames(bus: &Bus) -> u64 {
-    let state: State = bus.newest(&keys::VIEW_STATE, &Context::root()).await.unwrap();
-    state.frames
+/// Frames so far, and what they have taken. A display tells of its frames every second: just after it has.
+async fn frames(bus: &Bus, used: &impl Fn() -> Duration, display: bool) -> (u64, Duration) {
+    let told = async || -> State { bus.newest(&keys::VIEW_STATE, &Context::root()).await.unwrap() };
+    let first = told().await;
+    if !display {
+        return (first.frames, used());
+    }
+    let begun = Instant::now();
+    loop {
+        let state = told().await;
+        if state.shown != first.shown {
+            return (state.shown, used());
+        }
+        assert!(begun.elapsed() < Duration::from_secs(30), "the display shows nothing new");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
 }

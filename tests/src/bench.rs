@@ -1,6 +1,6 @@
 //! What the benches share: their arguments, what a process has used, how a list is told in one number.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The number behind `--name` on the command line, else another one.
@@ -24,23 +24,30 @@ pub fn quantile(list: &mut [f64], share: f64) -> f64 {
 /// Processor time that all threads of a process have used so far, to the nanosecond; 0 for one that is gone.
 #[must_use]
 pub fn processor_time(pid: u64) -> Duration {
-    schedule(pid, 0)
+    schedule(pid, 0, |_| true)
+}
+
+/// Processor time that the threads of this name of a process have used so far, to the nanosecond; 0 where there are none.
+#[must_use]
+pub fn thread_time(pid: u64, name: &str) -> Duration {
+    let is_named = |path: &Path| std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim_end() == name);
+    schedule(pid, 0, is_named)
 }
 
 /// How long the threads of a process have stood ready to run so far and waited for a core, to the nanosecond; 0 for one that
 /// is gone.
 #[must_use]
 pub fn waiting_time(pid: u64) -> Duration {
-    schedule(pid, 1)
+    schedule(pid, 1, |_| true)
 }
 
-/// Sum over a process's threads of one of the numbers that `/proc/PID/task/TID/schedstat` tells in nanoseconds.
-fn schedule(pid: u64, column: usize) -> Duration {
+/// Sum over some of a process's threads of one of the numbers that `/proc/PID/task/TID/schedstat` tells in nanoseconds.
+fn schedule(pid: u64, column: usize, counts: impl Fn(&Path) -> bool) -> Duration {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
     let told = |path: PathBuf| -> Option<u64> {
         std::fs::read_to_string(path.join("schedstat")).ok()?.split_whitespace().nth(column)?.parse().ok()
     };
-    Duration::from_nanos(threads.filter_map(|t| told(t.path())).sum())
+    Duration::from_nanos(threads.map(|t| t.path()).filter(|path| counts(path)).filter_map(told).sum())
 }
 
 #[cfg(test)]
@@ -62,5 +69,15 @@ mod tests {
             (0..100_000).for_each(|_| x = std::hint::black_box(x.sqrt() + 1.0));
         }
         assert_eq!(processor_time(u64::MAX), Duration::ZERO);
+        let named = std::thread::Builder::new().name("counted-alone".to_owned()).spawn(move || {
+            // Told from time to time alone.
+            while thread_time(pid, "counted-alone").is_zero() {
+                (0..100_000).for_each(|_| x = std::hint::black_box(x.sqrt() + 1.0));
+            }
+            thread_time(pid, "counted-alone")
+        });
+        let used = named.unwrap().join().unwrap();
+        assert!(used < processor_time(pid), "{used:?}");
+        assert_eq!(thread_time(pid, "no-such-thread"), Duration::ZERO);
     }
 }

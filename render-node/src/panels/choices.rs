@@ -104,7 +104,7 @@ impl Panels {
         }
         ui.add(Checkbox::new(&mut tools.limited, "only what is in front"));
         if tools.limited {
-            let text = super::control::percent;
+            let text = percent;
             Number { name: "brush depth", range: 0.0..=1.0, logarithmic: false, text }.show(ui, &mut tools.depth);
             let (least, most) = Tools::AROUND;
             let text = super::control::fine_percent;

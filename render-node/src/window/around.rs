@@ -65,7 +65,7 @@ impl Viewport {
             cx: camera.cx,
             cy: camera.cy,
             world_to_camera: camera.world_to_camera.to_vec(),
-            polygon: corners.iter().flat_map(|p| p.to_array()).collect(),
+            polygon: corners.iter().flat_map(DVec2::to_array).collect(),
             near: 0.0,
             far,
         };

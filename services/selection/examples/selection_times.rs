@@ -20,6 +20,7 @@ use sg_selection::seeds::voxel_seeds;
 use sg_selection::session::SelectionSession;
 use sg_selection::space::{SelectionSpace, WalkOptions};
 use sg_selection::strokes::{Kind, Mode, Stroke};
+use sg_selection::tuning::Tuning;
 
 /// Seconds of one call, and what it returned.
 fn timed<T>(f: impl FnOnce() -> T) -> (f64, T) {
@@ -91,6 +92,27 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     walks.sort_by(f64::total_cmp);
     println!("stroke and walk: median {:.2} ms, slowest {:.2} ms", walks[25], walks[49]);
+    let mut session = SelectionSession::new(Arc::clone(&space));
+    session.add_stroke(stroke(Kind::Foreground, 0.1))?;
+    let first = session.tuning();
+    for (what, leaks) in [("leak", true), ("threshold", false)] {
+        let mut tries = Vec::new();
+        for i in 0..50 {
+            let by = f64::from(i) / 50.0;
+            let tuning = match leaks {
+                true => Tuning { leak: 1e-4 * 1e4_f64.powf(by), ..first },
+                false => Tuning { threshold: 1.9 * by - 0.95, ..first },
+            };
+            let (seconds, done) = timed(|| session.tune(tuning));
+            done?;
+            tries.push(1e3 * seconds);
+        }
+        tries.sort_by(f64::total_cmp);
+        println!("another {what}: median {:.2} ms, slowest {:.2} ms", tries[25], tries[49]);
+    }
+    session.tune(first)?;
+    let (seconds, places) = timed(|| session.proposals(5).len());
+    println!("{places} proposals: {:.2} ms", 1e3 * seconds);
 
     let brush = Brush::of_scene(&scene);
     let radius = 0.03 * scene.bounds.longest_edge();

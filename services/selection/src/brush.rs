@@ -185,7 +185,9 @@ mod tests {
             };
             assert_eq!(hits, whole.iter().copied().filter(reached).collect::<Vec<_>>(), "{most}");
             let mut open = OpenStroke::new(scene.len(), 0.08).seen(behind);
-            samples.iter().for_each(|s| drop(open.extend(&brush, *s).len()));
+            for sample in &samples {
+                open.extend(&brush, *sample);
+            }
             let mut grown = open.hits().to_vec();
             grown.sort_unstable();
             assert_eq!(grown, hits, "{most}");

@@ -95,7 +95,7 @@ pub(crate) fn decode_stroke(stroke: &proto::Stroke) -> Result<Stroke, Fault> {
     let depth = stroke.depth.as_ref().map(|depth| {
         let eye = depth.eye.as_slice().try_into();
         let eye = eye.map_err(|_| Fault::invalid(format!("an eye has {} coordinates; it takes 3", depth.eye.len())))?;
-        Ok(Depth { eye, behind: depth.behind })
+        Ok::<_, Fault>(Depth { eye, behind: depth.behind })
     });
     let stroke = Stroke { mode, kind, radius: stroke.radius, points, pressure, depth: depth.transpose()? };
     stroke.check().map_err(Fault::invalid)?;
