@@ -25,6 +25,7 @@ use sg_render_node::room::first_place;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_scene::edit::EditState;
+use sg_tests::screen::Screen;
 use sg_tests::stack::Stack;
 use sg_tests::{executable, small_scene};
 
@@ -48,7 +49,7 @@ struct Person {
     pause: Duration,
 }
 
-fn up(folder: &Path, more: &[&str]) -> Stack {
+fn up(folder: &Path, more: &[&str], display: &str) -> Stack {
     let exec = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ops/room-under-monado.sh");
     let mut settings = vec![
         format!("service.render-view.exec={}", exec.display()),
@@ -57,7 +58,9 @@ fn up(folder: &Path, more: &[&str]) -> Stack {
     ];
     settings.extend(more.iter().map(|s| (*s).to_owned()));
     let node = executable("supergaussian-render-node").unwrap();
-    let env = [("XDG_RUNTIME_DIR", folder.to_str().unwrap()), ("SUPERGAUSSIAN_RENDER_NODE", node.to_str().unwrap())];
+    let folder = folder.to_str().unwrap();
+    let env =
+        [("XDG_RUNTIME_DIR", folder), ("SUPERGAUSSIAN_RENDER_NODE", node.to_str().unwrap()), ("DISPLAY", display)];
     Stack::up_of("vr.toml", &settings, &env).unwrap()
 }
 
@@ -228,7 +231,7 @@ fn a_person_brushes_names_and_saves_and_the_runtime_dies() {
     let _alone = monado::alone();
     let folder = monado::room();
     let runtime = Runtime::start_in(&Display::None, folder.path());
-    let stack = up(folder.path(), &[]);
+    let stack = up(folder.path(), &[], "");
     let tokio = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     tokio.block_on(async {
         let bus = stack.join(role::CLI).await.unwrap();
@@ -295,7 +298,7 @@ fn a_runtime_that_stands_still_holds_nobody_for_ever() {
     let folder = monado::room();
     let runtime = Runtime::start_in(&Display::None, folder.path());
     let signal = |signal| kill(Pid::from_raw(runtime.pid().try_into().unwrap()), signal).unwrap();
-    let mut stack = up(folder.path(), &["service.render-view.params.patience=5"]);
+    let mut stack = up(folder.path(), &["service.render-view.params.patience=5"], "");
     let tokio = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     tokio.block_on(async {
         let bus = stack.join(role::CLI).await.unwrap();
@@ -334,4 +337,58 @@ fn a_runtime_that_stands_still_holds_nobody_for_ever() {
     assert!(stack.ended(PATIENCE).is_some());
     assert!(begun.elapsed() < Duration::from_secs(15), "{:?}", begun.elapsed());
     signal(Signal::SIGCONT);
+}
+
+#[test]
+fn a_window_on_the_desk_shows_what_the_headset_does() {
+    if monado::folder().is_none() {
+        return;
+    }
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let _alone = monado::alone();
+    let folder = monado::room();
+    let runtime = Runtime::start_in(&Display::None, folder.path());
+    let puppet = Puppet::connect();
+    let stack = up(folder.path(), &["service.render-view.params.mirror=true"], screen.display());
+    let title = "what the headset shows";
+    let seen = |screen: &Screen| {
+        let begun = Instant::now();
+        loop {
+            // The scene is grey and nothing else on the screen is.
+            let share = screen.shot().unwrap().share([0, 0, 640, 640], |[r, g, b]| [r, g, b].iter().all(|c| *c > 90));
+            if share > 0.02 {
+                return;
+            }
+            assert!(begun.elapsed() < PATIENCE, "no scene in the mirror: {share}\n{}", logs(&stack));
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+    screen.window(title, PATIENCE).unwrap();
+    seen(&screen);
+    // Another runtime, another device: the same window.
+    drop(puppet);
+    runtime.kill();
+    let _runtime = Runtime::start_in(&Display::None, folder.path());
+    let _puppet = Puppet::connect();
+    said(&stack, "the headset is back", 1);
+    let tokio = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    let (bus, before) = tokio.block_on(async {
+        let bus = stack.join(role::CLI).await.unwrap();
+        let before = view(&bus, "frames", |v| v.display == "headset" && v.frames > 0).await.shown;
+        (bus, before)
+    });
+    seen(&screen);
+
+    // Closing it closes nothing else.
+    let pid = process(&stack);
+    screen.window(title, PATIENCE).unwrap();
+    screen.act(&["key", "ctrl+q"]).unwrap();
+    said(&stack, "the mirror was closed", 1);
+    let begun = Instant::now();
+    while screen.act(&["search", "--onlyvisible", "--name", title]).is_ok() {
+        assert!(begun.elapsed() < PATIENCE, "the window is still there");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    tokio.block_on(async { view(&bus, "frames without a mirror", |v| v.shown > before + 5).await });
+    assert_eq!(process(&stack), pid);
 }

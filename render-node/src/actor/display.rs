@@ -173,9 +173,9 @@ fn find(before: &Before) -> Result<Result<Headset, String>, StartError> {
 fn stand(before: Before, mut headset: Headset) -> Result<(), StartError> {
     let Before { scene, mut seat, params, there, .. } = before;
     let opened = PathBuf::from(&seat.newest().scene.geometry().path);
-    let Params { seated, left_handed, .. } = params;
+    let Params { seated, left_handed, mirror, .. } = params;
     let tools = Tools { seated, left_handed, ..tools(&params) };
-    let room = Room::new(room::Setup { scene, seat, tools, opened }, &headset);
+    let room = Room::new(room::Setup { scene, seat, tools, opened, mirror }, &headset);
     let held = headset.held();
     // Nobody waits any more once that was given up.
     let _ = there.send(Opened { display: Display::Headset, holds: Box::new(move || held.now()) });

@@ -28,6 +28,8 @@ pub(super) struct Params {
     pub(super) seated: bool,
     /// Whether the left hand does what the right one does otherwise.
     pub(super) left_handed: bool,
+    /// Whether a window shows what the left eye of a headset sees.
+    pub(super) mirror: bool,
     /// Seconds that a headset's runtime may hold the loop, 1 to 3600, before the process ends and is started again.
     pub(super) patience: f64,
     /// Folder for pictures that a person keeps in a display; by default the user's own for pictures.
@@ -80,6 +82,7 @@ impl Default for Params {
             resolution: 1.0,
             seated: false,
             left_handed: false,
+            mirror: false,
             patience: 30.0,
             pictures: None,
             quality: None,

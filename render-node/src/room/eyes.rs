@@ -68,6 +68,11 @@ impl Eyes {
         self.renderer.hide([&left, &right]);
     }
 
+    /// The left eye's newest picture.
+    pub(super) fn left(&self) -> Option<&wgpu::Texture> {
+        self.renderer.pictures().first()
+    }
+
     pub(super) fn late(&self) -> u64 {
         self.pacing.late()
     }

@@ -6,6 +6,7 @@
 mod acts;
 mod boards;
 mod eyes;
+mod mirror;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,6 +24,7 @@ pub use boards::first_place;
 
 use boards::Boards;
 use eyes::Eyes;
+use mirror::Mirror;
 
 /// Seconds of one frame before the headset has said how long one is.
 const FIRST_PERIOD: f64 = 1.0 / 90.0;
@@ -37,6 +39,8 @@ pub struct Setup {
     pub tools: Tools,
     /// What the scene was opened from: transfer functions are found beside it.
     pub opened: PathBuf,
+    /// Whether a window on the desk shows what the left eye sees, while [`Room::serve`] serves it.
+    pub mirror: bool,
 }
 
 /// A room.
@@ -65,13 +69,15 @@ pub struct Room {
     seated: bool,
     /// Revision of the scene that the newest frame shows.
     revision: u64,
+    /// Whether a window on the desk is to be opened.
+    mirrors: bool,
 }
 
 impl Room {
     /// A room around a headset that is there.
     #[must_use]
     pub fn new(setup: Setup, headset: &Headset) -> Self {
-        let Setup { scene, mut seat, tools, opened } = setup;
+        let Setup { scene, mut seat, tools, opened, mirror } = setup;
         let home = home(&scene, &mut seat, &tools, headset.origin());
         let mut panels = Panels::new(Place::Headset);
         for problem in panels.behind(&scene, Path::new(&opened)) {
@@ -97,6 +103,7 @@ impl Room {
             origin: headset.origin(),
             seated,
             revision: 0,
+            mirrors: mirror,
         }
     }
 
@@ -123,6 +130,11 @@ impl Room {
     /// # Errors
     /// [`XrError::Gone`] for a runtime that went away and did not come back.
     pub fn serve(mut self, headset: &mut Headset) -> Result<(), XrError> {
+        let mirror = self.mirrors.then(Mirror::open).transpose();
+        let mut mirror = mirror.unwrap_or_else(|why| {
+            tracing::warn!("the headset is not mirrored: {why}");
+            None
+        });
         loop {
             if self.seat.is_over() {
                 headset.leave();
@@ -134,15 +146,35 @@ impl Room {
                 Step::Away => {
                     // What was made with the device that has gone.
                     self.eyes = None;
+                    mirror.iter_mut().for_each(Mirror::put_away);
                     std::thread::sleep(PAUSE);
                 }
                 Step::Ended => return Ok(()),
             }
+            if step == Step::Shown {
+                self.show_in(&mut mirror, headset);
+            }
+            if mirror.as_mut().is_some_and(|m| !m.attend()) {
+                tracing::info!("the mirror was closed");
+                mirror = None;
+            }
             if let Some(reason) = self.lost.take() {
                 self.eyes = None;
+                mirror.iter_mut().for_each(Mirror::put_away);
                 headset.restart(reason);
             }
             self.tell(headset);
+        }
+    }
+
+    /// Shows what the left eye sees on the desk as well, for as long as that can be shown there.
+    fn show_in(&self, mirror: &mut Option<Mirror>, headset: &Headset) {
+        let picture = self.eyes.as_ref().and_then(Eyes::left);
+        if let Some((there, picture)) = mirror.as_mut().zip(picture)
+            && let Err(why) = there.show(headset, picture)
+        {
+            tracing::warn!("the headset is no longer mirrored: {why}");
+            *mirror = None;
         }
     }
 

@@ -173,7 +173,7 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     let headset = Headset::open(Options { resolution: 0.4, ..Options::default() }).unwrap();
     let shown = shown_of(&scene);
     let (seat, service) = Seat::new(shown);
-    let setup = Setup { scene, seat, tools: Tools { radius: 0.06, ..Tools::default() }, opened: path };
+    let setup = Setup { scene, seat, tools: Tools { radius: 0.06, ..Tools::default() }, opened: path, mirror: false };
     let room = Room::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default() };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
@@ -212,7 +212,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     let shown = shown_of(&scene);
     let (seat, service) = Seat::new(shown.clone());
     let tools = Tools { radius: 0.1, ..Tools::default() };
-    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: "scene.ply".into() };
+    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: "scene.ply".into(), mirror: false };
     let room = Room::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default() };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
