@@ -13,9 +13,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use glam::{DMat4, DQuat, DVec2};
+use sg_render_node::gpu::{Gpu, Renderer, Settings, Wanted};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
-use sg_render_node::render::{Options, Projection, Quality, RenderError, render};
+use sg_render_node::render::{Options, Projection, Quality, render};
 use sg_render_node::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -54,16 +55,18 @@ fn pixels(size: u32) -> Vec<(u32, u32)> {
     (0..RAYS).map(|k| (at(k, 0.754_877_666), at(k, 0.569_840_291))).collect()
 }
 
+/// Makes a picture of the scene at hand.
+type Draws<'a> = dyn FnMut(&Camera, Options) -> Result<Image, Box<dyn Error>> + 'a;
+
 /// What a turned camera sees along the ray through a pixel of the straight one: the same place of a tile, drawn so that the
 /// ray passes through the pixel's centre. `None` where the turned picture does not hold the ray.
 fn seen(
-    scene: &Scene,
-    look: &Appearance,
+    draw: &mut Draws<'_>,
     camera: &Camera,
     turn: &Turn,
     (x, y): (u32, u32),
     options: Options,
-) -> Result<Option<[f32; 4]>, RenderError> {
+) -> Result<Option<[f32; 4]>, Box<dyn Error>> {
     let focal = DVec2::new(camera.fx, camera.fy);
     let principal = DVec2::new(camera.cx, camera.cy);
     let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -85,13 +88,12 @@ fn seen(
         world_to_camera: (DMat4::from_quat(turn.rotation) * camera.view()).transpose().to_cols_array(),
         ..camera.clone()
     };
-    Ok(render(scene, look, &tile, options)?.image.pixel(column, row))
+    Ok(draw(&tile, options)?.pixel(column, row))
 }
 
 /// PSNR over the rays that both pictures hold and either sees something on.
 fn along_rays(
-    scene: &Scene,
-    look: &Appearance,
+    draw: &mut Draws<'_>,
     camera: &Camera,
     turn: &Turn,
     straight: &Image,
@@ -99,12 +101,38 @@ fn along_rays(
 ) -> Result<f64, Box<dyn Error>> {
     let (mut got, mut want) = (Vec::new(), Vec::new());
     for pixel in pixels(camera.width) {
-        let Some(turned) = seen(scene, look, camera, turn, pixel, options)? else { continue };
+        let Some(turned) = seen(draw, camera, turn, pixel, options)? else { continue };
         got.extend(turned);
         want.extend(straight.pixel(pixel.0, pixel.1).unwrap_or_default());
     }
     let row = |rgba: Vec<f32>| Image { width: (rgba.len() / 4) as u32, height: 1, rgba };
     Ok(Difference::between(&row(got), &row(want))?.footprint_psnr_db)
+}
+
+/// Milliseconds of five pictures, decibels along identical rays under each turn, decibels against the reference.
+fn row(
+    name: &str,
+    draw: &mut Draws<'_>,
+    camera: &Camera,
+    options: Options,
+    exact: &Image,
+) -> Result<(), Box<dyn Error>> {
+    let straight = draw(camera, options)?;
+    let mut times: Vec<f64> = (0..5)
+        .map(|_| {
+            let began = Instant::now();
+            draw(camera, options).map(|_| 1e3 * began.elapsed().as_secs_f64())
+        })
+        .collect::<Result<_, _>>()?;
+    times.sort_by(f64::total_cmp);
+    let Options { quality, projection } = options;
+    print!("| {name} | {projection:?} | {quality:?} | {:.0} |", times.get(2).copied().unwrap_or_default());
+    for turn in turns() {
+        let db = along_rays(draw, camera, &turn, &straight, options)?;
+        print!(" {db:.1} |");
+    }
+    println!(" {:.1} |", Difference::between(&straight, exact)?.footprint_psnr_db);
+    Ok(())
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -117,42 +145,47 @@ fn main() -> Result<(), Box<dyn Error>> {
             _ => files.push(argument),
         }
     }
+    let gpu = Gpu::open(Wanted::Any).inspect_err(|e| println!("SKIPPED on the device: {e}")).ok();
     for file in &files {
         let scene = load(Path::new(file), &LoadOptions::default())?.scene;
-        let look = Appearance::of(&scene);
-        let framed = view::default_view(&scene, size, size);
-        let bounds = view::visible_box(&scene);
-        let middle = 0.5 * (bounds.min + bounds.max);
-        let focal = 0.5 * f64::from(size) / (0.5 * FIELD_OF_VIEW.to_radians()).tan();
-        // Near enough that the scene fills the wider view.
-        let close = view::dolly(&framed, middle, framed.fx / focal);
-        let camera = Camera { fx: focal, fy: focal, ..close };
-        let name = Path::new(file).file_name().map_or_else(|| file.clone(), |n| n.to_string_lossy().into_owned());
-        println!("{name}: {} Gaussians, {size} x {size}, {FIELD_OF_VIEW}°\n", scene.len());
-        print!("| projection | quality | ms |");
-        for turn in turns() {
-            print!(" {} dB |", turn.name);
+        table(file, &scene, size, gpu.as_ref())?;
+    }
+    Ok(())
+}
+
+/// The table of one scene.
+fn table(file: &str, scene: &Scene, size: u32, gpu: Option<&Gpu>) -> Result<(), Box<dyn Error>> {
+    let look = Appearance::of(scene);
+    let framed = view::default_view(scene, size, size);
+    let bounds = view::visible_box(scene);
+    let middle = 0.5 * (bounds.min + bounds.max);
+    let focal = 0.5 * f64::from(size) / (0.5 * FIELD_OF_VIEW.to_radians()).tan();
+    // Near enough that the scene fills the wider view.
+    let close = view::dolly(&framed, middle, framed.fx / focal);
+    let camera = Camera { fx: focal, fy: focal, ..close };
+    let name = Path::new(file).file_name().map_or_else(|| file.to_owned(), |n| n.to_string_lossy().into_owned());
+    println!("{name}: {} Gaussians, {size} x {size}, {FIELD_OF_VIEW}°\n", scene.len());
+    print!("| drawn by | projection | quality | ms |");
+    for turn in turns() {
+        print!(" {} dB |", turn.name);
+    }
+    println!(" against its exact, dB |\n|---|---|---|---|{}---|", "---|".repeat(turns().len()));
+    let mut cores = |camera: &Camera, options| Ok(render(scene, &look, camera, options)?.image);
+    let mut renderer = gpu.map(|gpu| Renderer::new(gpu, scene)).transpose()?;
+    for projection in [Projection::Affine, Projection::PerRay] {
+        let exact = cores(&camera, Options { quality: Quality::Exact, projection })?;
+        for quality in [Quality::Exact, Quality::Standard, Quality::Fast] {
+            row("cores", &mut cores, &camera, Options { quality, projection }, &exact)?;
         }
-        println!(" against its exact, dB |\n|---|---|---|{}---|", "---|".repeat(turns().len()));
-        for projection in [Projection::Affine, Projection::PerRay] {
-            let exact = render(&scene, &look, &camera, Options { quality: Quality::Exact, projection })?.image;
-            for quality in [Quality::Exact, Quality::Standard, Quality::Fast] {
-                let options = Options { quality, projection };
-                let mut times: Vec<f64> = (0..5)
-                    .map(|_| {
-                        let began = Instant::now();
-                        render(&scene, &look, &camera, options).map(|_| 1e3 * began.elapsed().as_secs_f64())
-                    })
-                    .collect::<Result<_, _>>()?;
-                times.sort_by(f64::total_cmp);
-                let straight = render(&scene, &look, &camera, options)?.image;
-                print!("| {projection:?} | {quality:?} | {:.0} |", times.get(2).copied().unwrap_or_default());
-                for turn in turns() {
-                    let db = along_rays(&scene, &look, &camera, &turn, &straight, options)?;
-                    print!(" {db:.1} |");
-                }
-                println!(" {:.1} |", Difference::between(&straight, &exact)?.footprint_psnr_db);
-            }
+        let Some(renderer) = &mut renderer else { continue };
+        let mut device = |camera: &Camera, options| -> Result<Image, Box<dyn Error>> {
+            let Options { quality, projection } = options;
+            let settings = Settings { quality, projection, ..Settings::default() };
+            let (mut images, _) = renderer.picture(std::slice::from_ref(camera), &look, settings)?;
+            images.pop().ok_or_else(|| "the device made no picture".into())
+        };
+        for quality in [Quality::Standard, Quality::Fast] {
+            row("device, tiles", &mut device, &camera, Options { quality, projection }, &exact)?;
         }
     }
     Ok(())

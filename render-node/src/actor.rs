@@ -16,7 +16,7 @@ use sg_render_node::image::Image;
 use sg_render_node::metrics::FOOTPRINT;
 use sg_render_node::outline::{OutlineStyle, draw_outlines};
 use sg_render_node::pick::{SURFACE, front_ids};
-use sg_render_node::render::{Options, Quality, Rendered};
+use sg_render_node::render::{Options, Projection, Quality, Rendered};
 use sg_render_node::report::StageSeconds;
 use sg_render_node::view::scaled;
 use sg_render_node::window::threads;
@@ -263,6 +263,11 @@ impl Painter {
                 Quality::Exact => proto::Quality::Exact,
                 Quality::Standard => proto::Quality::Standard,
                 Quality::Fast => proto::Quality::Fast,
+            }
+            .into(),
+            projection: match self.params.projection {
+                Projection::Affine => proto::Projection::Affine,
+                Projection::PerRay => proto::Projection::PerRay,
             }
             .into(),
             highlight_selection: true,

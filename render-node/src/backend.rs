@@ -7,7 +7,7 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use crate::gpu::{Drawn, Gpu, GpuError, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
-use crate::render::{Options, Quality, Rendered, render};
+use crate::render::{Options, Rendered, render};
 use crate::report::{Report, StageSeconds};
 use crate::view;
 
@@ -87,7 +87,7 @@ impl Engine {
         )
     }
 
-    /// Draws one picture. The reference and the view-consistent projection are drawn by the cores, whatever draws the rest.
+    /// Draws one picture. References are drawn by the cores, whatever draws the rest.
     /// A lost device is opened again and the scene uploaded anew; where that fails, or the device has not enough room, the
     /// cores take over if they may.
     ///
@@ -102,7 +102,7 @@ impl Engine {
         let options = options.into();
         let device = self.device.as_mut().filter(|_| options.drawn_by_devices());
         let Some(device) = device else { return Ok(render(&self.scene, appearance, camera, options)?) };
-        match device.draw_or_reopen(&self.scene, appearance, camera, options.quality) {
+        match device.draw_or_reopen(&self.scene, appearance, camera, options) {
             Err(GpuError::Input(error)) => Err(error.into()),
             Err(error) if self.falls_back => {
                 if !matches!(error, GpuError::TooMany { .. }) {
@@ -144,20 +144,21 @@ impl OnDevice {
         scene: &Scene,
         appearance: &Appearance,
         camera: &Camera,
-        quality: Quality,
+        options: Options,
     ) -> Result<Rendered, GpuError> {
-        match self.draw(appearance, camera, quality) {
+        match self.draw(appearance, camera, options) {
             Err(GpuError::Lost { .. }) => {
                 *self = Self::open(self.wanted, scene, Some(self.rasterizer))?;
-                self.draw(appearance, camera, quality)
+                self.draw(appearance, camera, options)
             }
             outcome => outcome,
         }
     }
 
-    fn draw(&mut self, appearance: &Appearance, camera: &Camera, quality: Quality) -> Result<Rendered, GpuError> {
+    fn draw(&mut self, appearance: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, GpuError> {
         let began = Instant::now();
-        let settings = Settings { quality, rasterizer: self.rasterizer, shared_shading: false };
+        let Options { quality, projection } = options;
+        let settings = Settings { quality, projection, rasterizer: self.rasterizer, shared_shading: false };
         let (mut images, drawn) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
         let report = self.report(&drawn, began);
         match images.pop() {

@@ -26,7 +26,8 @@ pub enum Quality {
 }
 
 /// What a pixel sees of a Gaussian, and what orders Gaussians.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Projection {
     /// As 3DGS: each Gaussian becomes an ellipse on the picture, affinely at its centre, and all are ordered by the view z of
     /// their centres. Turning the camera changes what is seen along one and the same ray.
@@ -47,10 +48,10 @@ pub struct Options {
 }
 
 impl Options {
-    /// Whether graphics devices draw so; the reference and the view-consistent projection are for the cores.
+    /// Whether graphics devices draw so; references are for the cores.
     #[must_use]
     pub fn drawn_by_devices(self) -> bool {
-        self.quality != Quality::Exact && self.projection == Projection::Affine
+        self.quality != Quality::Exact
     }
 }
 
@@ -157,9 +158,9 @@ pub fn render(
         (Projection::Affine, Quality::Fast) => standard::render(scene, appearance, camera, Limits::FAST),
         (Projection::PerRay, Quality::Exact) => per_ray::exact::render(scene, appearance, camera),
         (Projection::PerRay, Quality::Standard) => {
-            per_ray::fast::render::<256>(scene, appearance, camera, Limits::STANDARD)
+            per_ray::fast::render::<1024>(scene, appearance, camera, Limits::STANDARD)
         }
-        (Projection::PerRay, Quality::Fast) => per_ray::fast::render::<64>(scene, appearance, camera, Limits::FAST),
+        (Projection::PerRay, Quality::Fast) => per_ray::fast::render::<256>(scene, appearance, camera, Limits::FAST),
     };
     report.seconds.total = began.elapsed().as_secs_f64();
     Ok(Rendered { image, report })

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use sg_render_node::gpu::{Rasterizer, Renderer, Settings};
 use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
-use sg_render_node::render::{Quality, render};
+use sg_render_node::render::{Options, Projection, Quality, render};
 use sg_render_node::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::load::{LoadOptions, load};
@@ -54,16 +54,26 @@ fn every_level_keeps_its_promise_from_all_sides() {
         let middle = 0.5 * (bounds.min + bounds.max);
         for (right, up, closer) in [(0.0, 0.0, 1.0), (120.0, 25.0, 1.0), (200.0, -40.0, 3.0)] {
             let camera = view::dolly(&view::orbit(&front, middle, right, up), middle, closer);
-            let exact = render(&scene, &appearance, &camera, Quality::Exact).unwrap().image;
-            for quality in [Quality::Standard, Quality::Fast] {
-                let drawn = render(&scene, &appearance, &camera, quality).unwrap();
-                held(&format!("{name} {right}°: cores"), quality, &drawn.image, &exact);
-                for rasterizer in [Rasterizer::Tiles, Rasterizer::Quads] {
-                    if let Some(device) = &mut device {
-                        let settings = Settings { quality, rasterizer, ..Settings::default() };
-                        let cameras = std::slice::from_ref(&camera);
-                        let (images, _) = device.picture(cameras, &appearance, settings).unwrap();
-                        held(&format!("{name} {right}°: {rasterizer:?}"), quality, &images[0], &exact);
+            for (projection, rasterizers) in [
+                (Projection::Affine, &[Rasterizer::Tiles, Rasterizer::Quads][..]),
+                (Projection::PerRay, &[Rasterizer::Tiles][..]),
+            ] {
+                // What all rays in order take is seconds: from one side for each scene.
+                if projection == Projection::PerRay && up != 25.0 {
+                    continue;
+                }
+                let draw = |quality| render(&scene, &appearance, &camera, Options { quality, projection }).unwrap();
+                let exact = draw(Quality::Exact).image;
+                let what = format!("{name} {right}°, {projection:?}");
+                for quality in [Quality::Standard, Quality::Fast] {
+                    held(&format!("{what}: cores"), quality, &draw(quality).image, &exact);
+                    for rasterizer in rasterizers.iter().copied() {
+                        if let Some(device) = &mut device {
+                            let settings = Settings { quality, rasterizer, projection, ..Settings::default() };
+                            let cameras = std::slice::from_ref(&camera);
+                            let (images, _) = device.picture(cameras, &appearance, settings).unwrap();
+                            held(&format!("{what}: {rasterizer:?}"), quality, &images[0], &exact);
+                        }
                     }
                 }
             }

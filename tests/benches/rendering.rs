@@ -281,7 +281,11 @@ fn main() {
                             && chosen(&name)
                             && (!shared_shading || job.turn.first().is_some_and(|eyes| eyes.len() > 1))
                         {
-                            add(job.device(&name, gpu, Settings { quality, rasterizer, shared_shading }));
+                            add(job.device(
+                                &name,
+                                gpu,
+                                Settings { quality, rasterizer, shared_shading, ..Settings::default() },
+                            ));
                         }
                     }
                 }

@@ -216,9 +216,10 @@ fn window(before: Before) -> Result<(), StartError> {
 
 /// The settings of a display as the launch file has them.
 fn tools(params: &Params) -> Tools {
-    let Params { quality, highlight_color, highlight_mix, .. } = *params;
+    let Params { quality, projection, highlight_color, highlight_mix, .. } = *params;
     Tools {
         quality: quality.unwrap_or(Quality::Standard),
+        projection,
         highlight: highlight_color.into(),
         highlight_mix,
         ..Tools::default()

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use sg_proto::limits;
 use sg_render_node::backend::Backend;
 use sg_render_node::gpu::Rasterizer;
-use sg_render_node::render::Quality;
+use sg_render_node::render::{Projection, Quality};
 
 /// Fastest steady pace of the view.
 const MAX_FRAMES_PER_SECOND: f64 = 240.0;
@@ -36,6 +36,9 @@ pub(super) struct Params {
     pub(super) pictures: Option<PathBuf>,
     /// Quality of the view's pictures: `exact`, `standard` (without this) or `fast`.
     pub(super) quality: Option<Quality>,
+    /// How the view and its display project: `affine` as 3DGS does, or `per-ray`, which changes nothing when a head turns and
+    /// costs more.
+    pub(super) projection: Projection,
     /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
     pub(super) backend: Backend,
     /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
@@ -86,6 +89,7 @@ impl Default for Params {
             patience: 30.0,
             pictures: None,
             quality: None,
+            projection: Projection::Affine,
             backend: Backend::Auto,
             rasterizer: None,
             frames_per_second: 0.0,

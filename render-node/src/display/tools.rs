@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::Scrubs;
 use crate::attributes::Attribute;
-use crate::render::Quality;
+use crate::render::{Projection, Quality};
 
 /// What a stroke of the brush means.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -87,6 +87,8 @@ pub struct Tools {
     pub showing: Showing,
     /// The best quality that is drawn; a display goes below while it could not keep its pace otherwise.
     pub quality: Quality,
+    /// How Gaussians are projected and ordered.
+    pub projection: Projection,
     /// Whether panels are light rather than dark.
     pub light_panels: bool,
     /// Size of everything in panels, 1 for the usual.
@@ -126,6 +128,7 @@ impl Default for Tools {
             highlight_opacity: 1.0,
             showing: Showing::default(),
             quality: Quality::Standard,
+            projection: Projection::default(),
             light_panels: false,
             scale: 1.0,
             left_handed: false,

@@ -12,6 +12,7 @@ mod kernel;
 mod look;
 mod passes;
 mod present;
+mod rays;
 mod renderer;
 mod sort;
 mod timing;

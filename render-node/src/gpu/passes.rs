@@ -8,7 +8,9 @@ use super::device::Gpu;
 use super::hidden::Hiding;
 use super::kernel::{Behind, Kernel, drawing, module};
 use super::look::Now;
+use super::rays::{RayPasses, Waiting};
 use super::sort::Sort;
+use crate::tiles::TILE;
 
 /// What projecting and shading is specialised on: a scene without highlights, masks or harmonics runs no line of theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -23,13 +25,26 @@ pub(super) struct Needs {
     overlay: bool,
     colors: bool,
     clips: bool,
+    per_ray: bool,
 }
 
 impl Needs {
-    pub(super) fn of(columns: &Columns, now: &Now) -> Self {
+    pub(super) fn of(columns: &Columns, now: &Now, per_ray: bool) -> Self {
         let Columns { lit, highlights, degree, half, .. } = *columns;
         let &Now { edits, sides, overlay, colors, directional, term, .. } = now;
-        Self { lit, highlights, degree, half, term, directional, masks: edits > 0, overlay, colors, clips: sides > 0 }
+        Self {
+            lit,
+            highlights,
+            degree,
+            half,
+            term,
+            directional,
+            masks: edits > 0,
+            overlay,
+            colors,
+            clips: sides > 0,
+            per_ray,
+        }
     }
 }
 
@@ -101,10 +116,17 @@ pub(super) struct Passes {
     hiding: Option<(Blending, Hiding)>,
     pub(super) compose_tiles: [wgpu::RenderPipeline; 2],
     pub(super) compose_quads: [wgpu::RenderPipeline; 2],
+    /// Made when they are first needed.
+    rays: HashMap<Waiting, RayPasses>,
 }
 
 /// What quadrilaterals are blended in and finished pictures are kept in.
 pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+/// The passes over tiles of so many pixels each way.
+pub(super) fn tiles_of(edge: u32) -> String {
+    format!("const TILE: u32 = {edge}u;\n{}", include_str!("shaders/tiles.wgsl"))
+}
 
 /// Both layers of a texture at once.
 pub(super) const BOTH: Option<NonZeroU32> = NonZeroU32::new(0b11);
@@ -112,7 +134,7 @@ pub(super) const BOTH: Option<NonZeroU32> = NonZeroU32::new(0b11);
 impl Passes {
     pub(super) fn new(gpu: &Gpu, columns: &Columns, multiview: bool) -> Self {
         let list = module(gpu, "list", include_str!("shaders/list.wgsl"));
-        let tiles = module(gpu, "tiles", include_str!("shaders/tiles.wgsl"));
+        let tiles = module(gpu, "tiles", &tiles_of(TILE as u32));
         let compose = module(gpu, "compose", include_str!("shaders/compose.wgsl"));
         let counts = [("BLOCKS", f64::from(columns.blocks)), ("PARTS", columns.parts.len() as f64)];
         let onto = wgpu::ColorTargetState { format: PICTURE, blend: None, write_mask: wgpu::ColorWrites::ALL };
@@ -129,7 +151,11 @@ impl Passes {
             projection: module(
                 gpu,
                 "project",
-                concat!(include_str!("shaders/scene.wgsl"), include_str!("shaders/project.wgsl")),
+                concat!(
+                    include_str!("shaders/scene.wgsl"),
+                    include_str!("shaders/ray.wgsl"),
+                    include_str!("shaders/project.wgsl")
+                ),
             ),
             specialised: HashMap::new(),
             sum_blocks: Kernel::new(gpu, &list, "sum_blocks", &counts),
@@ -148,6 +174,7 @@ impl Passes {
             hiding: None,
             compose_tiles: composing("from_tiles"),
             compose_quads: composing("from_quads"),
+            rays: HashMap::new(),
         }
     }
 
@@ -173,12 +200,23 @@ impl Passes {
         }
     }
 
+    /// The view-consistent mode's own.
+    pub(super) fn rays(&self, waiting: Option<Waiting>) -> Option<&RayPasses> {
+        self.rays.get(&waiting?)
+    }
+
+    /// Makes the view-consistent mode's own where they are not there yet.
+    pub(super) fn prepare_rays(&mut self, gpu: &Gpu, waiting: Waiting) {
+        self.rays.entry(waiting).or_insert_with(|| RayPasses::new(gpu, waiting));
+    }
+
     /// The kernels for these needs, made when they are first needed.
     pub(super) fn specialised(&mut self, gpu: &Gpu, needs: Needs) -> &Specialised {
         let (cull, projection) = (&self.cull, &self.projection);
         self.specialised.entry(needs).or_insert_with(|| {
             let flag = |on: bool| f64::from(u8::from(on));
-            let mark = [("MASKS", flag(needs.masks)), ("CLIPS", flag(needs.clips))];
+            let per_ray = ("PER_RAY", flag(needs.per_ray));
+            let mark = [("MASKS", flag(needs.masks)), ("CLIPS", flag(needs.clips)), per_ray];
             let project = [
                 ("LIT", flag(needs.lit)),
                 ("DEGREE", f64::from(needs.degree)),
@@ -189,6 +227,7 @@ impl Passes {
                 ("OVERLAY", flag(needs.overlay)),
                 ("COLORS", flag(needs.colors)),
                 ("HALF", flag(needs.half)),
+                per_ray,
             ];
             Specialised {
                 mark: Kernel::new(gpu, cull, "mark", &mark),

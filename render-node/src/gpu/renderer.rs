@@ -11,13 +11,14 @@ use super::device::Gpu;
 use super::hidden::Hidden;
 use super::look::Look;
 use super::passes::{Needs, Passes};
+use super::rays::Waiting;
 pub use super::timing::PassSeconds;
 use super::timing::{Span, Timing};
 use super::uniform::{FrameUniform, ViewUniform};
 use super::work::{Canvas, Ordering, PART_DISPATCHES, Quads, STRETCH, Tiles, Work, tile_count};
 use crate::image::Image;
 use crate::project::NEAR;
-use crate::render::{Quality, check_look, check_scene};
+use crate::render::{Projection, Quality, check_look, check_scene};
 use crate::standard::Limits;
 
 /// How splats are blended.
@@ -40,6 +41,24 @@ pub struct Settings {
     pub rasterizer: Rasterizer,
     /// Whether both eyes see the colours of the eye between them, which spares one of two evaluations of the shading.
     pub shared_shading: bool,
+    /// How Gaussians are projected and ordered. [`Projection::PerRay`] is drawn by tiles, whatever the rasterizer.
+    pub projection: Projection,
+}
+
+impl Settings {
+    /// What blends: rays need lists.
+    fn rasterizer(&self) -> Rasterizer {
+        if self.waiting().is_some() { Rasterizer::Tiles } else { self.rasterizer }
+    }
+
+    /// How layers are put in order on each ray, where they are.
+    fn waiting(&self) -> Option<Waiting> {
+        match (self.projection, self.quality) {
+            (Projection::Affine, _) => None,
+            (Projection::PerRay, Quality::Fast) => Some(Waiting { layers: 32, parts: 32 }),
+            (Projection::PerRay, _) => Some(Waiting { layers: 32, parts: 256 }),
+        }
+    }
 }
 
 /// What drawing did.
@@ -134,7 +153,7 @@ impl Renderer {
         gpu.check()?;
         let look = Look::new(gpu, columns.len, &columns.units);
         let passes = Passes::new(gpu, &columns, options.multiview.unwrap_or(!gpu.is_software()));
-        let work = Work::new(gpu, &columns, 1);
+        let work = Work::new(gpu, &columns, 1, false);
         let renderer = Self {
             look,
             passes,
@@ -268,14 +287,14 @@ impl Renderer {
                 self.gpu.name()
             )));
         }
-        if settings.rasterizer == Rasterizer::Quads && !self.blends_quads() {
+        if settings.rasterizer() == Rasterizer::Quads && !self.blends_quads() {
             return Err(GpuError::Views(format!("{} cannot blend in f32; draw with tiles", self.gpu.name())));
         }
-        let tiles: u32 = tile_count(size).iter().product();
-        if settings.rasterizer == Rasterizer::Tiles && self.gpu.is_software() && tiles > SOFTWARE_TILES {
+        let tiles: u32 = tile_count(size, settings.waiting().is_some()).iter().product();
+        if settings.rasterizer() == Rasterizer::Tiles && self.gpu.is_software() && tiles > SOFTWARE_TILES {
             return Err(GpuError::Views(format!(
-                "{} can list at most {SOFTWARE_TILES} tiles of 16 x 16 pixels for one Gaussian, not {tiles}; draw the picture \
-                 with quadrilaterals",
+                "{} can list at most {SOFTWARE_TILES} tiles for one Gaussian, not the {tiles} of this picture; draw it with \
+                 quadrilaterals, in the affine projection",
                 self.gpu.name()
             )));
         }
@@ -307,30 +326,35 @@ impl Renderer {
     /// Draws views that share one order into the pictures from `first` on.
     fn draw_together(&mut self, cameras: &[Camera], first: usize, settings: Settings) {
         let views = cameras.len() as u32;
-        if !self.work.serves(views) {
-            self.work = Work::new(&self.gpu, &self.columns, views);
+        let (rasterizer, waiting) = (settings.rasterizer(), settings.waiting());
+        let per_ray = waiting.is_some();
+        if !self.work.serves(views, per_ray) {
+            self.work = Work::new(&self.gpu, &self.columns, views, per_ray);
             self.bound = Bound::default();
         }
-        self.bind(settings.rasterizer);
+        if let Some(waiting) = waiting {
+            self.passes.prepare_rays(&self.gpu, waiting);
+        }
+        self.bind(rasterizer, waiting);
         self.write_frame(cameras, settings);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.timings[first].begin();
         self.encode_order(&mut encoder, first);
-        match settings.rasterizer {
+        match rasterizer {
             Rasterizer::Tiles => self.encode_tiles(&mut encoder, first, views),
             Rasterizer::Quads => self.encode_quads(&mut encoder, first),
         }
-        self.encode_compose(&mut encoder, first, settings.rasterizer);
+        self.encode_compose(&mut encoder, first, rasterizer);
         let asked = self.timings[first].ask(&mut encoder, &self.work.totals, &self.work.longest);
         self.gpu.queue.submit([encoder.finish()]);
         if asked {
-            self.tiled = settings.rasterizer == Rasterizer::Tiles;
+            self.tiled = rasterizer == Rasterizer::Tiles;
             self.timings[first].expect_answer();
         }
     }
 
-    fn bind(&mut self, rasterizer: Rasterizer) {
-        let needs = Needs::of(&self.columns, &self.look.now);
+    fn bind(&mut self, rasterizer: Rasterizer, waiting: Option<Waiting>) {
+        let needs = Needs::of(&self.columns, &self.look.now, waiting.is_some());
         let key = Some((needs, self.look.generation));
         let hides = self.hidden.is_some();
         let Self { gpu, columns, look, passes, frame, work, canvas, bound, .. } = self;
@@ -351,12 +375,12 @@ impl Renderer {
                 let capacity = wanted.clamp(FIRST_PAIRS.min(most), most);
                 let windows = self.pairs.div_ceil(capacity).clamp(1, WINDOWS) as u32;
                 let stretches = self.longest.div_ceil(STRETCH).max(1);
-                let fits = |t: &Tiles| t.holds(capacity, windows) && t.blends(self.longest);
+                let fits = |t: &Tiles| t.waiting == waiting && t.holds(capacity, windows) && t.blends(self.longest);
                 if !bound.tiles.as_ref().is_some_and(fits) {
                     // Freed first: both at once may not fit.
                     bound.tiles = None;
-                    bound.tiles =
-                        Some(Tiles::bind(gpu, frame, order, passes, canvas.size, (capacity, windows, stretches)));
+                    let lists = (capacity, windows, stretches);
+                    bound.tiles = Some(Tiles::bind(gpu, frame, order, passes, canvas.size, lists, waiting));
                 }
             }
         }
@@ -423,7 +447,7 @@ impl Renderer {
             background: now.background,
             limits: Vec4::new(cut as f32, ratio as f32, stop, NEAR as f32),
             size: self.canvas.size,
-            tiles: tile_count(self.canvas.size),
+            tiles: tile_count(self.canvas.size, settings.waiting().is_some()),
             view_count: cameras.len() as u32,
             capacity: self.work.capacity as u32,
             pair_capacity: self.bound.tiles.as_ref().map_or(0, |t| t.capacity as u32),
@@ -466,16 +490,23 @@ impl Renderer {
         let Self { passes, timings, work, bound, canvas, .. } = self;
         let timing = &mut timings[first];
         let Some(tiles) = &bound.tiles else { return };
-        let [across, down] = tile_count(canvas.size);
+        let [across, down] = tile_count(canvas.size, tiles.waiting.is_some());
+        let rays = passes.rays(tiles.waiting);
+        let affine = (&passes.touch, &passes.list_pairs, &passes.blend);
+        let (touch, list, blend) = rays.map_or(affine, |rays| (&rays.touch, &rays.list, &rays.blend));
         for (k, window) in tiles.windows.iter().enumerate() {
             {
                 let mut pass = timing.compute(encoder, Span::Bin);
                 if k == 0 {
-                    passes.touch.run_counted(&mut pass, &tiles.touch, &work.dispatches, 3);
+                    touch.run_counted(&mut pass, &tiles.touch, &work.dispatches, 3);
                     passes.sum_touched.run(&mut pass, &tiles.sum_touched, [1, 1, 1]);
                 }
                 passes.open_window.run(&mut pass, &window.open, [1, 1, 1]);
-                passes.list_pairs.run_counted(&mut pass, &window.list, &work.dispatches, 3);
+                list.run_counted(&mut pass, &window.list, &work.dispatches, 3);
+                if let (Some((depths, order)), Some(rays)) = (&tiles.by_depth, rays) {
+                    passes.pair_sort.run(&mut pass, depths, &tiles.dispatches, 0);
+                    rays.order.run_counted(&mut pass, order, &tiles.dispatches, 3);
+                }
                 passes.pair_sort.run(&mut pass, &tiles.sorting, &tiles.dispatches, 0);
                 passes.clear_lists.run(&mut pass, &tiles.clear_lists, [tiles.clear_groups, 1, 1]);
                 passes.find_ends.run_counted(&mut pass, &tiles.find_ends, &tiles.dispatches, 3);
@@ -483,7 +514,7 @@ impl Renderer {
             }
             let mut pass = timing.compute(encoder, Span::Blend);
             for stretch in &window.blend {
-                passes.blend.run(&mut pass, stretch, [across, down, views]);
+                blend.run(&mut pass, stretch, [across, down, views]);
             }
         }
     }

@@ -6,6 +6,7 @@ use super::hidden;
 use super::kernel::Kernel;
 use super::look::Look;
 use super::passes::{Needs, PICTURE, Passes};
+use super::rays::{EDGE, TINT, Waiting};
 use super::sort::{Pairs, Sorting};
 use super::uniform::Part;
 use crate::tiles::TILE;
@@ -21,6 +22,8 @@ pub(super) struct Work {
     /// Gaussians that can be listed at once.
     pub(super) capacity: u64,
     pub(super) views: u32,
+    /// Whether splats say what rays meet.
+    per_ray: bool,
     bits: wgpu::Buffer,
     blocks: wgpu::Buffer,
     stretches: wgpu::Buffer,
@@ -36,13 +39,15 @@ pub(super) struct Work {
 
 impl Work {
     /// For as many views; the capacity is the whole scene's unless a binding's limit is in the way.
-    pub(super) fn new(gpu: &Gpu, columns: &Columns, views: u32) -> Self {
-        let capacity = (columns.len as u64).min(gpu.largest_binding() / (VECTOR * u64::from(views))).max(1);
+    pub(super) fn new(gpu: &Gpu, columns: &Columns, views: u32, per_ray: bool) -> Self {
+        let tint = if per_ray { TINT } else { 1 };
+        let capacity = (columns.len as u64).min(gpu.largest_binding() / (tint * VECTOR * u64::from(views))).max(1);
         let blocks = u64::from(columns.blocks);
         let parts = columns.parts.len() as u64;
         Self {
             capacity,
             views,
+            per_ray,
             bits: gpu.storage("bits", 128 * blocks),
             blocks: gpu.storage("blocks", 4 * blocks),
             stretches: gpu.storage("stretches", 8 * parts),
@@ -54,14 +59,14 @@ impl Work {
                 wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE,
             ),
             listed: gpu.storage("listed", 4 * capacity),
-            splats: ["ellipses", "levels", "tints"]
-                .map(|label| gpu.storage(label, VECTOR * capacity * u64::from(views))),
+            splats: [("ellipses", 1), ("levels", 1), ("tints", tint)]
+                .map(|(label, vectors)| gpu.storage(label, vectors * VECTOR * capacity * u64::from(views))),
             depths: Pairs::new(gpu, "depths", capacity),
         }
     }
 
-    pub(super) fn serves(&self, views: u32) -> bool {
-        self.views == views
+    pub(super) fn serves(&self, views: u32, per_ray: bool) -> bool {
+        (self.views, self.per_ray) == (views, per_ray)
     }
 }
 
@@ -257,6 +262,10 @@ pub(super) struct Tiles {
     pub(super) find_ends: wgpu::BindGroup,
     pub(super) longest: wgpu::BindGroup,
     pub(super) sorting: Sorting,
+    /// The sort by depth in each tile and what takes its order up, before the sort by tile: of the view-consistent mode.
+    pub(super) by_depth: Option<(Sorting, wgpu::BindGroup)>,
+    /// How layers of a ray wait there.
+    pub(super) waiting: Option<Waiting>,
     /// Dispatches of the pairs' sort and of their ends.
     pub(super) dispatches: wgpu::Buffer,
     pub(super) compose: Vec<wgpu::BindGroup>,
@@ -293,10 +302,11 @@ impl Tiles {
         passes: &Passes,
         [width, height]: [u32; 2],
         (capacity, windows, stretches): (u64, u32, u32),
+        waiting: Option<Waiting>,
     ) -> Self {
         let views = work.views;
         let items = work.capacity * u64::from(views);
-        let tiles = views * tile_count([width, height]).iter().product::<u32>();
+        let tiles = views * tile_count([width, height], work.per_ray).iter().product::<u32>();
         let pixels = u64::from(views) * u64::from(width) * u64::from(height);
         let touched = gpu.storage("touched", 4 * items);
         let sums = gpu.storage("touched, summed", 4 * items.div_ceil(256));
@@ -310,6 +320,22 @@ impl Tiles {
         let bits = u32::BITS - tiles.saturating_sub(1).leading_zeros();
         let sorting = passes.pair_sort.bind(gpu, &work.totals, &pairs, bits.max(1));
         let (keys, splats) = (&pairs.keys[sorting.result()], &pairs.values[sorting.result()]);
+        let rays = passes.rays(waiting);
+        let depths = rays.map(|_| Pairs::new(gpu, "pairs by depth", capacity));
+        // What the sort by tile begins with is the other list in the order of depths.
+        let listed = usize::from(rays.is_some());
+        let by_depth = rays.zip(depths.as_ref()).map(|(rays, depths)| {
+            let sorting = passes.pair_sort.bind(gpu, &work.totals, depths, u32::BITS);
+            let buffers = [
+                (4, &work.totals),
+                (7, &pairs.keys[1]),
+                (8, &pairs.values[1]),
+                (16, &depths.values[sorting.result()]),
+                (17, &pairs.keys[0]),
+                (18, &pairs.values[0]),
+            ];
+            (sorting, rays.order.bind(gpu, &buffers))
+        });
         let blend = |window: u32, stretch: u32| {
             let part = gpu.buffer("stretch", 16, wgpu::BufferUsages::UNIFORM);
             // What was blended before is gone on with from the second on.
@@ -326,31 +352,35 @@ impl Tiles {
                 (12, levels),
                 (13, tints),
             ];
-            passes.blend.bind(gpu, &buffers)
+            rays.map_or(&passes.blend, |r| &r.blend).bind(gpu, &buffers)
         };
         let windows = (0..windows).map(|index| {
             let first = (capacity * u64::from(index)) as u32;
             let part = gpu.buffer("window", 16, wgpu::BufferUsages::UNIFORM);
             gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&Part { first, index, ..Part::default() }));
+            let list = [
+                (0, frame),
+                (1, &part),
+                (2, ellipses),
+                (3, values),
+                (4, &work.totals),
+                (5, &touched),
+                (6, &sums),
+                (7, &pairs.keys[listed]),
+                (8, &pairs.values[listed]),
+                (12, levels),
+            ];
             Window {
                 open: passes
                     .open_window
                     .bind(gpu, &[(0, frame), (1, &part), (4, &work.totals), (9, &dispatches), (14, &work.longest)]),
-                list: passes.list_pairs.bind(
-                    gpu,
-                    &[
-                        (0, frame),
-                        (1, &part),
-                        (2, ellipses),
-                        (3, values),
-                        (4, &work.totals),
-                        (5, &touched),
-                        (6, &sums),
-                        (7, &pairs.keys[0]),
-                        (8, &pairs.values[0]),
-                        (12, levels),
-                    ],
-                ),
+                list: match rays.zip(depths.as_ref()) {
+                    Some((rays, depths)) => {
+                        let of_rays = [(13, tints), (15, &depths.keys[0]), (16, &depths.values[0])];
+                        rays.list.bind(gpu, &[&list[..], &of_rays].concat())
+                    }
+                    None => passes.list_pairs.bind(gpu, &list),
+                },
                 blend: (0..stretches).map(|stretch| blend(index, stretch)).collect(),
             }
         });
@@ -360,7 +390,7 @@ impl Tiles {
             });
         Self {
             capacity,
-            touch: passes.touch.bind(
+            touch: rays.map_or(&passes.touch, |r| &r.touch).bind(
                 gpu,
                 &[(0, frame), (2, ellipses), (3, values), (4, &work.totals), (5, &touched), (6, &sums), (12, levels)],
             ),
@@ -370,6 +400,8 @@ impl Tiles {
             longest: passes.longest.bind(gpu, &[(0, frame), (10, &lists), (14, &work.longest)]),
             find_ends: passes.find_ends.bind(gpu, &[(4, &work.totals), (7, keys), (10, &lists)]),
             sorting,
+            by_depth,
+            waiting,
             dispatches,
             compose: compose.collect(),
             clear_groups: tiles.div_ceil(256),
@@ -378,6 +410,7 @@ impl Tiles {
 }
 
 /// Tiles across and down.
-pub(super) fn tile_count([width, height]: [u32; 2]) -> [u32; 2] {
-    [width.div_ceil(TILE as u32), height.div_ceil(TILE as u32)]
+pub(super) fn tile_count([width, height]: [u32; 2], per_ray: bool) -> [u32; 2] {
+    let edge = if per_ray { EDGE } else { TILE as u32 };
+    [width.div_ceil(edge), height.div_ceil(edge)]
 }

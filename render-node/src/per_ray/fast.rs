@@ -180,20 +180,35 @@ struct Pixel<const WINDOW: usize> {
     first: usize,
     count: usize,
     transmittance: f32,
+    /// What is seen through all layers so far, those that wait as well.
+    through: f32,
     color: Vec3,
 }
 
 impl<const WINDOW: usize> Pixel<WINDOW> {
-    const CLEAR: Self =
-        Self { waiting: [(0.0, 0.0, 0); WINDOW], first: 0, count: 0, transmittance: 1.0, color: Vec3::ZERO };
+    const CLEAR: Self = Self {
+        waiting: [(0.0, 0.0, 0); WINDOW],
+        first: 0,
+        count: 0,
+        transmittance: 1.0,
+        through: 1.0,
+        color: Vec3::ZERO,
+    };
 
     /// Nothing in front of the background again.
     fn clear(&mut self) {
-        (self.first, self.count, self.transmittance, self.color) = (0, 0, 1.0, Vec3::ZERO);
+        (self.first, self.count, self.color) = (0, 0, Vec3::ZERO);
+        (self.transmittance, self.through) = (1.0, 1.0);
     }
 
-    /// Takes one more layer up, behind those of equal depth; blends the nearest where there is no room.
-    fn push(&mut self, depth: f32, alpha: f32, item: u32, list: &[Narrow]) {
+    /// Takes one more layer up, behind those of equal depth; blends the nearest where there is no room. Behind all that wait,
+    /// where less than `stop` is seen through them, a layer would only take a nearer one's place.
+    fn push(&mut self, depth: f32, alpha: f32, item: u32, (list, stop): (&[Narrow], f32)) {
+        let deepest = self.waiting[(self.first + self.count.max(1) - 1) % WINDOW].0;
+        if self.through < stop && self.count > 0 && depth >= deepest {
+            return;
+        }
+        self.through *= 1.0 - alpha;
         if self.count == WINDOW {
             self.pop(list);
         }
@@ -270,7 +285,7 @@ fn tile<const WINDOW: usize>(
                 let Some((depths, alphas)) = splat.meet(row, half * LANES) else { continue };
                 for ((pixel, depth), alpha) in pixels.iter_mut().zip(depths).zip(alphas) {
                     if alpha > 0.0 && pixel.transmittance >= stop {
-                        pixel.push(depth, alpha, item as u32, &list);
+                        pixel.push(depth, alpha, item as u32, (&list, stop));
                     }
                 }
             }

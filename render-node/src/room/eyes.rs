@@ -6,7 +6,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::display::{Level, Pacing};
+use crate::display::{Level, Pacing, Tools};
 use crate::gpu::{Gpu, GpuError, Present, Rasterizer, Renderer, Settings, Vignette};
 use crate::hands::{Fov, Placement};
 use crate::render::Quality;
@@ -83,7 +83,7 @@ impl Eyes {
         frame: &mut Frame<'_>,
         placement: &Placement,
         look: &Appearance,
-        (best, darkened): (Quality, f64),
+        (tools, darkened): (&Tools, f64),
     ) -> Result<Result<(), GpuError>, XrError> {
         // What a frame cost is what lies between it and the next where that is more than the headset's own time; less says
         // that there was room.
@@ -93,7 +93,7 @@ impl Eyes {
             let cost = if between > 1.5 * frame.period { between } else { 0.5 * SHARE * frame.period };
             self.pacing.drew(cost, true);
         }
-        self.level = self.pacing.level(best, true);
+        self.level = self.pacing.level(tools.quality, true);
         self.hide(frame);
         let [width, height] = frame.size();
         let edge = |pixels: u32| ((f64::from(pixels) * self.level.scale) as u32).max(16);
@@ -103,7 +103,12 @@ impl Eyes {
             frame.eyes.iter().map(|eye| eye.camera(size, placement, background, look.light)).collect();
         let whole: Vec<Camera> =
             frame.eyes.iter().map(|eye| eye.camera([width, height], placement, background, look.light)).collect();
-        let settings = Settings { quality: self.level.quality, rasterizer: self.rasterizer, ..Settings::default() };
+        let settings = Settings {
+            quality: self.level.quality,
+            rasterizer: self.rasterizer,
+            projection: tools.projection,
+            ..Settings::default()
+        };
         if let Err(error) = self.renderer.draw(&cameras, look, settings) {
             return Ok(Err(error));
         }

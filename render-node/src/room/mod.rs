@@ -228,7 +228,7 @@ impl Room {
         let placement = self.acts.placement();
         let darkened = self.comfort.step(&placement, &frame.head, std::mem::take(&mut self.jumped), frame.period);
         let drawn = match &mut self.eyes {
-            Some(eyes) => eyes.draw(frame, &placement, look, (self.tools.quality, darkened))?,
+            Some(eyes) => eyes.draw(frame, &placement, look, (&self.tools, darkened))?,
             none => {
                 let period = if frame.period > 0.0 { frame.period } else { FIRST_PERIOD };
                 match Eyes::new(frame.gpu(), &self.scene, frame.format(), period) {

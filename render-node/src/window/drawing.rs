@@ -14,7 +14,7 @@ use crate::display::{Beside, Level};
 use crate::image::Image;
 use crate::outline::{OutlineStyle, draw_outlines};
 use crate::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
-use crate::render::Projection;
+use crate::render::{Options, Projection};
 use crate::view::scaled;
 
 /// Edge of the picture that ids are found in, over that of the window's.
@@ -30,6 +30,7 @@ pub(super) struct Wish {
     pub(super) cameras: Vec<Camera>,
     pub(super) look: Appearance,
     pub(super) level: Level,
+    pub(super) projection: Projection,
     /// Whether something moves, so that it has to be there soon.
     pub(super) moving: bool,
     /// Super-Gaussian of each Gaussian, where outlines are wanted.
@@ -74,9 +75,10 @@ fn draw(engine: &mut Engine, wish: &Wish) -> Result<ColorImage, String> {
     let mut eyes = Vec::with_capacity(wish.cameras.len());
     for camera in &wish.cameras {
         let camera = scaled(camera, wish.level.scale);
-        let mut image = engine.draw(&wish.look, &camera, wish.level.quality).map_err(|e| e.to_string())?.image;
+        let options = Options { quality: wish.level.quality, projection: wish.projection };
+        let mut image = engine.draw(&wish.look, &camera, options).map_err(|e| e.to_string())?.image;
         if let Some(labels) = &wish.outlines {
-            let front = front_ids(engine.scene(), &wish.look, &camera, Projection::Affine, SURFACE);
+            let front = front_ids(engine.scene(), &wish.look, &camera, wish.projection, SURFACE);
             let (ids, _) = front.map_err(|e| e.to_string())?;
             draw_outlines(&mut image, &ids, labels, OutlineStyle::default()).map_err(|e| e.to_string())?;
         }

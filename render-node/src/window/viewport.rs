@@ -353,7 +353,8 @@ impl Viewport {
             && let Some(Wished { cameras, look, .. }) = &self.wished
         {
             let level = self.pacing.level(tools.quality, moving);
-            self.draws.want(Wish { cameras: cameras.clone(), look: look.clone(), level, moving, outlines });
+            let projection = tools.projection;
+            self.draws.want(Wish { cameras: cameras.clone(), look: look.clone(), level, projection, moving, outlines });
             // A picture of what still moves is followed by another.
             self.settled = !moving;
         }

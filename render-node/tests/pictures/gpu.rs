@@ -1,23 +1,37 @@
-//! The graphics device against the reference: every case, both rasterizers, both levels.
+//! The graphics device against the reference: every case, both rasterizers, both projections, both levels.
 
 use sg_render_node::gpu::{Rasterizer, Renderer, Settings};
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::Quality::{Exact, Fast, Standard};
-use sg_render_node::render::render;
+use sg_render_node::render::{Options, Projection, render};
 
 use crate::cases;
 use crate::support::device;
 
 #[test]
 fn every_case_on_the_device() {
+    let settings = |rasterizer| Settings { rasterizer, ..Settings::default() };
+    hold(&[settings(Rasterizer::Tiles), settings(Rasterizer::Quads)]);
+}
+
+#[test]
+fn every_case_by_ray_on_the_device() {
+    hold(&[Settings { projection: Projection::PerRay, ..Settings::default() }]);
+}
+
+/// Holds pictures of one projection to what their level promises against that projection's reference.
+fn hold(each: &[Settings]) {
     let Some(gpu) = device() else { return };
     let mut broken = Vec::new();
     for case in cases::all() {
-        let exact = render(&case.scene, &case.appearance, &case.camera, Exact).unwrap().image;
+        let projection = each[0].projection;
+        let reference = Options { quality: Exact, projection };
+        let exact = render(&case.scene, &case.appearance, &case.camera, reference).unwrap().image;
         let mut renderer = Renderer::new(&gpu, &case.scene).unwrap();
-        for rasterizer in [Rasterizer::Tiles, Rasterizer::Quads] {
+        for settings in each {
+            let rasterizer = settings.rasterizer;
             for (quality, decibel, coverage) in [(Standard, 50.0, 0.01), (Fast, 40.0, 0.03)] {
-                let settings = Settings { quality, rasterizer, shared_shading: false };
+                let settings = Settings { quality, ..*settings };
                 let cameras = std::slice::from_ref(&case.camera);
                 let (images, drawn) = renderer.picture(cameras, &case.appearance, settings).unwrap();
                 let d = Difference::between(&images[0], &exact).unwrap();

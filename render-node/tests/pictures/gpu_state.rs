@@ -8,7 +8,7 @@ use sg_render_node::gpu::{Gpu, GpuError, Options, Rasterizer, Renderer, Settings
 use sg_render_node::image::Image;
 use sg_render_node::metrics::Difference;
 use sg_render_node::render::Quality::{Exact, Standard};
-use sg_render_node::render::render;
+use sg_render_node::render::{Projection, render};
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
@@ -42,15 +42,16 @@ fn two_eyes_see_what_each_sees_alone() {
     let appearance = Appearance::of(&scene);
     let middle = side_view(160, 120, 50.0);
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();
-    for rasterizer in BOTH {
+    let by_ray = Settings { projection: Projection::PerRay, ..Settings::default() };
+    for settings in [with(Rasterizer::Tiles), by_ray, with(Rasterizer::Quads)] {
         // Parallel axes share an order, canted ones have one each.
         for turn in [0.0, 0.1] {
             let eyes = [eye(&middle, -0.03, turn), eye(&middle, 0.03, -turn)];
-            let (pair, _) = renderer.picture(&eyes, &appearance, with(rasterizer)).unwrap();
+            let (pair, _) = renderer.picture(&eyes, &appearance, settings).unwrap();
             for (camera, image) in eyes.iter().zip(&pair) {
-                let (alone, _) = renderer.picture(std::slice::from_ref(camera), &appearance, with(rasterizer)).unwrap();
+                let (alone, _) = renderer.picture(std::slice::from_ref(camera), &appearance, settings).unwrap();
                 let largest = Difference::between(image, &alone[0]).unwrap().max_error;
-                assert!(largest < 2e-5, "{rasterizer:?}, turned {turn}: {largest}");
+                assert!(largest < 2e-5, "{settings:?}, turned {turn}: {largest}");
             }
             assert!(decibel(&pair[0], &pair[1]) < 40.0, "the eyes see different pictures");
         }
@@ -162,6 +163,14 @@ fn pairs_beyond_the_list_are_blended_in_windows() {
         assert!(drawn.tile_pairs > 10 * 1024, "{drawn:?}");
         assert_eq!(windows, whole);
     }
+    // Each window is in the order of the rays; from one to the next the order is that of the eye's distance.
+    let by_ray = Settings { projection: Projection::PerRay, ..Settings::default() };
+    let (whole, _) =
+        Renderer::new(&gpu, &scene).unwrap().picture(std::slice::from_ref(&middle), &appearance, by_ray).unwrap();
+    let (windows, drawn) = renderer.picture(std::slice::from_ref(&middle), &appearance, by_ray).unwrap();
+    let kept = decibel(&windows[0], &whole[0]);
+    println!("{} pairs by ray in windows of 1024: {kept:.1} dB", drawn.tile_pairs);
+    assert!(drawn.tile_pairs > 5 * 1024 && kept > 40.0, "{kept}");
     let huge = [side_view(1024, 768, 30.0)];
     let refused = renderer.picture(&huge, &appearance, Settings::default()).unwrap_err();
     assert!(refused.to_string().contains("draw it with quadrilaterals"), "{refused}");

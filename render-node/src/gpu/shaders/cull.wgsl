@@ -4,6 +4,7 @@
 // workgroup waits for another: block counts are written by one pass and summed by the next.
 
 override CLIPS: bool = false;
+override PER_RAY: bool = false;
 
 const BLOCK: u32 = 1024u;
 const WORDS: u32 = 32u;
@@ -36,6 +37,23 @@ fn clipped(at: vec3<f32>) -> bool {
     return false;
 }
 
+// Whether a ball around the level, with the dilation, lies on the inner side of one of the planes through the eye and the
+// picture's edges, or across it. Asked so that what is not a number stays.
+fn may_meet_rays(view: View, at: vec3<f32>, half: f32) -> bool {
+    let most = max(max(abs(at.x), abs(at.y)), abs(at.z));
+    let c = at / max(most, 1e-30);
+    let dilated = 0.5478 * length(c) * inverseSqrt(abs(view.lens.x * view.lens.y));
+    let reached = 1.001 * (half / max(most, 1e-30) + sqrt(2.0 * log(max(1.0 / frame.limits.x, frame.limits.y))) * dilated);
+    let edge = vec2<f32>(frame.size) - view.lens.zw;
+    let outside = vec4(
+        -(view.lens.x * c.x + view.lens.z * c.z) / length(view.lens.xz),
+        (view.lens.x * c.x - edge.x * c.z) / length(vec2(view.lens.x, edge.x)),
+        -(view.lens.y * c.y + view.lens.w * c.z) / length(view.lens.yw),
+        (view.lens.y * c.y - edge.y * c.z) / length(vec2(view.lens.y, edge.y)),
+    );
+    return !(max(max(outside.x, outside.y), max(outside.z, outside.w)) > reached);
+}
+
 fn may_reach(i: u32) -> bool {
     let center = centers[i];
     let shape = shapes[2u * i + 1u];
@@ -57,6 +75,12 @@ fn may_reach(i: u32) -> bool {
         let view = frame.views[v];
         let from_eye = away_from_eye(view, center.xyz);
         let at = vec3(dot(view.right.xyz, from_eye), dot(view.down.xyz, from_eye), dot(view.forward.xyz, from_eye));
+        if PER_RAY {
+            if may_meet_rays(view, at, radius * size) {
+                return true;
+            }
+            continue;
+        }
         if at.z <= frame.limits.w {
             continue;
         }

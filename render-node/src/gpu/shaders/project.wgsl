@@ -2,7 +2,8 @@
 //
 // A splat is three vectors. Ellipse: centre x, y, slope, per column. Level: per row, log2 of the opacity, log2 of the opacity
 // over the cut (below 0: not drawn), depth. Tint: colour, and 0. See standard.rs for the form. They lie in three buffers, so
-// that a binding's limit is reached by three times as many.
+// that a binding's limit is reached by three times as many. With PER_RAY the tint is three vectors and says what rays meet:
+// see ray.wgsl.
 
 override LIT: bool = false;
 override DEGREE: i32 = -1;
@@ -13,6 +14,7 @@ override OVERLAY: bool = false;
 override COLORS: bool = false;
 // Half precision of the shading columns and the harmonics.
 override HALF: bool = false;
+override PER_RAY: bool = false;
 
 @group(0) @binding(7) var<storage, read> surfaces: array<u32>;
 @group(0) @binding(8) var<storage, read> harmonics: array<u32>;
@@ -25,7 +27,6 @@ override HALF: bool = false;
 @group(0) @binding(15) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(16) var<storage, read_write> order: array<u32>;
 
-const DILATION: f32 = 0.3;
 // sqrt(log2(e) / 2)
 const SCALE: f32 = 0.84932180028801904;
 
@@ -175,8 +176,38 @@ fn in_scene(unit: Unit, v: vec3<f32>) -> vec3<f32> {
     return unit.x.xyz * v.x + unit.y.xyz * v.y + unit.z.xyz * v.z;
 }
 
-fn largest(v: vec3<f32>) -> f32 {
-    return max(max(abs(v.x), abs(v.y)), abs(v.z));
+// The ellipse that the affine projection makes of a Gaussian (Zwicker et al. 2002), for axes of which the longest is `longest`.
+fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool) -> Seen {
+    let slope = at.xy / at.z;
+    let pixels = view.lens.xy / at.z;
+    // In units of `size` pixels, so that all below is of order one.
+    var m0 = pixels.x * (rows[0] - slope.x * rows[2]);
+    var m1 = pixels.y * (rows[1] - slope.y * rows[2]);
+    let most = max(max(largest(m0), largest(m1)), 1e-30);
+    let size = clamp(longest * most, 1.0, 1e15);
+    let shrunk = min(longest * most, 1.0) / most;
+    m0 *= shrunk;
+    m1 *= shrunk;
+    let dilation = DILATION / (size * size);
+    let c = dot(m1, m1) + dilation;
+    let root = sqrt(c);
+    let across = cross(m0, m1) / root;
+    let variance = dot(across, across) + dilation * (dot(m0, m0) + dot(m1, m1) + dilation) / c;
+    let ellipse_slope = dot(m0, m1) / c;
+    let per_column = SCALE / (size * sqrt(variance));
+    let per_row = SCALE / (size * root);
+    let pixel = view.lens.xy * slope + view.lens.zw;
+    var seen: Seen;
+    seen.opacity = opacity;
+    if compensated {
+        seen.opacity *= compensation(m0, m1, dilation);
+    }
+    seen.range = log2(max(seen.opacity / frame.limits.x, frame.limits.y));
+    seen.ellipse = vec4(pixel, ellipse_slope, per_column);
+    seen.per_row = per_row;
+    seen.last = at.z;
+    seen.usable = at.z > frame.limits.w && is_finite(variance) && is_finite(c);
+    return seen;
 }
 
 @compute @workgroup_size(64)
@@ -236,36 +267,17 @@ fn project_one(j: u32) {
         let view = frame.views[v];
         let from_eye = away_from_eye(view, center.xyz);
         let at = vec3(dot(view.right.xyz, from_eye), dot(view.down.xyz, from_eye), dot(view.forward.xyz, from_eye));
-        let slope = at.xy / at.z;
-        let pixels = view.lens.xy / at.z;
-        let row_x = vec3(dot(view.right.xyz, ax), dot(view.right.xyz, ay), dot(view.right.xyz, az));
-        let row_y = vec3(dot(view.down.xyz, ax), dot(view.down.xyz, ay), dot(view.down.xyz, az));
-        let row_z = vec3(dot(view.forward.xyz, ax), dot(view.forward.xyz, ay), dot(view.forward.xyz, az));
-        // In units of `size` pixels, so that all below is of order one.
-        var m0 = pixels.x * (row_x - slope.x * row_z);
-        var m1 = pixels.y * (row_y - slope.y * row_z);
-        let most = max(max(largest(m0), largest(m1)), 1e-30);
-        let size = clamp(longest * most, 1.0, 1e15);
-        let shrunk = min(longest * most, 1.0) / most;
-        m0 *= shrunk;
-        m1 *= shrunk;
-        let dilation = DILATION / (size * size);
-        let c = dot(m1, m1) + dilation;
-        let root = sqrt(c);
-        let across = cross(m0, m1) / root;
-        let variance = dot(across, across) + dilation * (dot(m0, m0) + dot(m1, m1) + dilation) / c;
-        let ellipse_slope = dot(m0, m1) / c;
-        let per_column = SCALE / (size * sqrt(variance));
-        let per_row = SCALE / (size * root);
-        let pixel = view.lens.xy * slope + view.lens.zw;
-        var seen = opacity;
-        if unit.kind.w == 1u {
-            // The dilation takes as much opacity as it adds area: compensation() of project.rs.
-            let whole = cross(m0, m1);
-            let area = dot(whole, whole);
-            seen *= sqrt(area / (area + dilation * (dot(m0, m0) + dot(m1, m1) + dilation)));
+        let rows = array(
+            vec3(dot(view.right.xyz, ax), dot(view.right.xyz, ay), dot(view.right.xyz, az)),
+            vec3(dot(view.down.xyz, ax), dot(view.down.xyz, ay), dot(view.down.xyz, az)),
+            vec3(dot(view.forward.xyz, ax), dot(view.forward.xyz, ay), dot(view.forward.xyz, az)),
+        );
+        var seen: Seen;
+        if PER_RAY {
+            seen = seen_by_rays(view, at, rows, longest, opacity, unit.kind.w == 1u);
+        } else {
+            seen = seen_affinely(view, at, rows, longest, opacity, unit.kind.w == 1u);
         }
-        var range = log2(max(seen / frame.limits.x, frame.limits.y));
         var color = shared_color;
         if !shares {
             color = color_of(i, global, unit, replaced, given, center.xyz, view.eye.xyz);
@@ -273,24 +285,35 @@ fn project_one(j: u32) {
         if highlighted {
             color = max(mix(color, frame.overlay.xyz, frame.overlay.w), vec3(0.0));
         }
-        let reach = sqrt(range);
-        let half = vec2(reach * length(vec2(1.0 / per_column, ellipse_slope / per_row)), reach / per_row);
-        let usable = seen > 0.0 && at.z > frame.limits.w && is_finite(pixel.x) && is_finite(pixel.y)
-            && is_finite(variance) && is_finite(ellipse_slope) && is_finite(c)
-            && is_finite(color.x) && is_finite(color.y) && is_finite(color.z);
+        let pixel = seen.ellipse.xy;
+        let reach = sqrt(seen.range);
+        let tall = reach / seen.per_row;
+        let half = vec2(length(vec2(reach / seen.ellipse.w, seen.ellipse.z * tall)), tall);
+        let usable = seen.usable && seen.opacity > 0.0 && is_finite(pixel.x) && is_finite(pixel.y)
+            && is_finite(seen.ellipse.z) && is_finite(color.x) && is_finite(color.y) && is_finite(color.z);
         let inside = all(pixel + half >= vec2(0.0)) && all(pixel - half <= vec2<f32>(frame.size));
-        if depth <= frame.limits.w {
+        if PER_RAY {
+            if v == 0u {
+                depth = length_of(at);
+            }
+        } else if depth <= frame.limits.w {
             depth = at.z;
         }
         if usable && inside {
             drawn = true;
         } else {
-            range = -1.0;
+            seen.range = -1.0;
         }
         let to = v * frame.capacity + j;
-        ellipses[to] = vec4(pixel, ellipse_slope, per_column);
-        levels[to] = vec4(per_row, log2(max(seen, 1e-30)), range, at.z);
-        tints[to] = vec4(color, 0.0);
+        ellipses[to] = seen.ellipse;
+        levels[to] = vec4(seen.per_row, log2(max(seen.opacity, 1e-30)), seen.range, seen.last);
+        if PER_RAY {
+            tints[3u * to] = vec4(color, seen.over_per_row);
+            tints[3u * to + 1u] = seen.toward;
+            tints[3u * to + 2u] = seen.across;
+        } else {
+            tints[to] = vec4(color, 0.0);
+        }
     }
     keys[j] = select(0xffffffffu, bitcast<u32>(depth), drawn);
     order[j] = j;

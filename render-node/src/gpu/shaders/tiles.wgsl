@@ -1,4 +1,5 @@
-// Blends splats tile by tile: lists which splats touch which 16 x 16 tile in depth order, then blends each tile's list.
+// Blends splats tile by tile: lists which splats touch which square tile in depth order, then blends each tile's list.
+// TILE, the edge of one in pixels, stands before this text.
 //
 // Lists longer than the buffer holds are made and blended in windows of the depth order, front to back: what a pixel has
 // collected so far is kept between them.
@@ -63,16 +64,16 @@ fn extent(at: u32) -> Extent {
     e.tip = e.slope * e.tall * e.tall / e.wide;
     let rows = pixel_range(a.y - e.tall - MARGIN, a.y + e.tall + MARGIN, frame.size.y);
     if rows.x < rows.y {
-        e.first_row = rows.x / 16u;
-        e.end_row = (rows.y + 15u) / 16u;
+        e.first_row = rows.x / TILE;
+        e.end_row = (rows.y + TILE - 1u) / TILE;
     }
     return e;
 }
 
 // Tile columns that the level touches in one row of tiles: the twin of Grid::columns_touched in tiles.rs.
 fn columns(e: Extent, row: u32) -> vec2<u32> {
-    let top = max(f32(row * 16u) + 0.5 - e.center.y, -e.tall);
-    let bottom = min(f32(min((row + 1u) * 16u, frame.size.y)) - 0.5 - e.center.y, e.tall);
+    let top = max(f32(row * TILE) + 0.5 - e.center.y, -e.tall);
+    let bottom = min(f32(min((row + 1u) * TILE, frame.size.y)) - 0.5 - e.center.y, e.tall);
     if top > bottom {
         return vec2(0u);
     }
@@ -86,7 +87,7 @@ fn columns(e: Extent, row: u32) -> vec2<u32> {
     if range.x >= range.y {
         return vec2(0u);
     }
-    return vec2(range.x / 16u, (range.y + 15u) / 16u);
+    return vec2(range.x / TILE, (range.y + TILE - 1u) / TILE);
 }
 
 // Where the splat of an item lies in the list of splats; an item is a place in the depth order and a view.
@@ -237,10 +238,10 @@ const STRETCH: u32 = 32768u;
 
 // Every pixel walks its tile's list by itself: the lanes of a tile read the same splat at the same time, which a graphics
 // card serves from its nearest cache, and a device made of processor cores does not have to stop 256 lanes at barriers.
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(TILE, TILE)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
     let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
-    let at = vec2(group.x * 16u + local.x, group.y * 16u + local.y);
+    let at = vec2(group.x * TILE + local.x, group.y * TILE + local.y);
     if any(at >= frame.size) {
         return;
     }

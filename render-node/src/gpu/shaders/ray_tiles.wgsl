@@ -1,0 +1,193 @@
+// Blends splats ray by ray: the list of a tile in the order of the ray that sees each best within it, put in order again on
+// each ray. Goes behind tiles.wgsl and what is written out for layers that
+// wait (see rays.rs).
+
+// By pair: depth in its tile, and its place in the unsorted list. No depth is below 0, so that bits are ordered as they are.
+@group(0) @binding(15) var<storage, read_write> pair_depths: array<u32>;
+@group(0) @binding(16) var<storage, read_write> pair_places: array<u32>;
+// The list again, in the order of depths.
+@group(0) @binding(17) var<storage, read_write> ordered_tiles: array<u32>;
+@group(0) @binding(18) var<storage, read_write> ordered_splats: array<u32>;
+
+struct Meeting {
+    // Share of the way down from the opacity: |u|^2 s / (a^2 + s) of per_ray.rs is this times |u|^2.
+    off: f32,
+    depth: f32,
+}
+
+// Where the ray through a pixel meets a splat of which tint is the first vector.
+fn meet(at: vec2<f32>, ellipse: vec4<f32>, v_at: f32, v_per_row: f32, toward: vec4<f32>, across: vec4<f32>) -> Meeting {
+    let d = at - clamp(ellipse.xy, vec2(0.0), vec2<f32>(frame.size));
+    let a = toward.x + toward.y * d.x + toward.z * d.y;
+    let u = across.x + across.y * d.x + across.z * d.y;
+    let v = v_at + v_per_row * d.y;
+    let s = u * u + v * v;
+    let whole = a * a + s;
+    if a > 0.0 {
+        return Meeting(s / whole, min(across.w * (a / whole), 0.999 * FARTHEST));
+    }
+    return Meeting(1.0, 0.0);
+}
+
+@compute @workgroup_size(256)
+fn list_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32) {
+    let items = totals[0] * frame.view_count;
+    let begin = part.first;
+    let end = begin + frame.pair_capacity;
+    let per_view = frame.tiles.x * frame.tiles.y;
+    for (var block = group.x; block * 256u < items; block += groups.x) {
+        let item = block * 256u + lane;
+        var count = 0u;
+        if item < items {
+            count = touched[item];
+        }
+        var place = sums[block] + sum_up_to(lane, count) - count;
+        if count > 0u && place < end && place + count > begin {
+            let splat = splat_of(item);
+            let e = extent(splat);
+            let tint = tints[3u * splat];
+            let toward = tints[3u * splat + 1u];
+            let across = tints[3u * splat + 2u];
+            let ellipse = ellipses[splat];
+            let v_at = levels[splat].w;
+            let base = (item % frame.view_count) * per_view;
+            for (var row = e.first_row; row < e.end_row; row++) {
+                let span = columns(e, row);
+                for (var column = span.x; column < span.y; column++) {
+                    if place >= begin && place < end {
+                        let to = place - begin;
+                        let first = vec2<f32>(vec2(column, row) * TILE) + 0.5;
+                        let best = clamp(e.center, first, first + f32(TILE - 1u));
+                        pair_tiles[to] = base + row * frame.tiles.x + column;
+                        pair_splats[to] = splat;
+                        pair_depths[to] = bitcast<u32>(max(meet(best, ellipse, v_at, tint.w, toward, across).depth, 0.0));
+                        pair_places[to] = to;
+                    }
+                    place++;
+                }
+            }
+        }
+        workgroupBarrier();
+    }
+}
+
+@compute @workgroup_size(256)
+fn order_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    for (var k = 0u; k < 4u; k++) {
+        let i = group.x * 1024u + k * 256u + lane;
+        if i < totals[2] {
+            let unsorted = pair_places[i];
+            ordered_tiles[i] = pair_tiles[unsorted];
+            ordered_splats[i] = pair_splats[unsorted];
+        }
+    }
+}
+
+// Rounds of loops of one ray: what a device made of processor cores allows is 65,535, and it goes on without a word.
+const ROUNDS: u32 = 60000u;
+
+// What a layer is made of, and the first two vectors of its splat.
+fn layer_of(k: u32, center: vec2<f32>) -> Layer {
+    let splat = pair_splats[k];
+    let l = levels[splat];
+    let toward = tints[3u * splat + 1u];
+    let meeting = meet(center, ellipses[splat], l.w, tints[3u * splat].w, toward, tints[3u * splat + 2u]);
+    let below = toward.w * meeting.off;
+    if below <= l.z {
+        return Layer(meeting.depth, min(exp2(l.y - below), 1.0), k);
+    }
+    return Layer(meeting.depth, 0.0, k);
+}
+
+// Blends a layer behind all that were.
+fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
+    if layer.alpha > 0.0 {
+        let weight = layer.alpha * (*ray).transmittance;
+        (*ray).color += weight * tints[3u * pair_splats[layer.item]].xyz;
+        (*ray).transmittance -= weight;
+    }
+}
+
+// Blends the layers [first, last) of a list in the order of the ray, as many at once as there is room for: each time those that
+// come next in that order are looked for in the whole list.
+fn blend_in_order(ray: ptr<function, Ray>, first: u32, last: u32, center: vec2<f32>) {
+    let stop = frame.limits.z;
+    var rounds = 2u * (last - first);
+    var done = Layer(-1.0, 0.0, 0u);
+    var more = true;
+    while more && (*ray).transmittance >= stop && rounds + 2u * (last - first) < ROUNDS {
+        var next = nobody();
+        for (var k = first; k < last; k++) {
+            let layer = layer_of(k, center);
+            if layer.alpha > 0.0 && comes_behind(layer, done) {
+                keep_nearest(&next, layer);
+            }
+        }
+        pour(ray, &next);
+        done = deepest(&next);
+        more = done.depth < FARTHEST;
+        rounds += last - first + 1u;
+    }
+    if more && (*ray).transmittance >= stop {
+        // A list too long to look through again: the rest in the order of the tile.
+        for (var k = first; k < last; k++) {
+            let layer = layer_of(k, center);
+            if comes_behind(layer, done) {
+                blend_layer(ray, layer);
+            }
+        }
+    }
+}
+
+fn comes_behind(layer: Layer, other: Layer) -> bool {
+    return layer.depth > other.depth || (layer.depth == other.depth && layer.item > other.item);
+}
+
+@compute @workgroup_size(TILE, TILE)
+fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
+    let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
+    let at = vec2(group.x * TILE + local.x, group.y * TILE + local.y);
+    if any(at >= frame.size) {
+        return;
+    }
+    let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
+    let center = vec2<f32>(at) + 0.5;
+    var ray = Ray(vec3(0.0), 1.0);
+    if part.index > 0u {
+        ray = Ray(pixels[pixel].xyz, pixels[pixel].w);
+    }
+    let before = ray;
+    let list = lists[tile];
+    let first = list.x + part.block;
+    let last = max(min(list.y, first + STRETCH), first);
+    let stop = frame.limits.z;
+    var waiting = nobody_before();
+    // What is seen through all layers so far, those that wait as well.
+    var through = ray.transmittance;
+    // Greatest depth that has been blended, and the opacity of what came too late for its place before that.
+    var gone = -1.0;
+    var late = 0.0;
+    for (var k = first; k < last; k++) {
+        if ray.transmittance < stop || late > LATE {
+            break;
+        }
+        let layer = layer_of(k, center);
+        // Behind all that wait, where nothing is seen through them, a layer would only take a nearer one's place.
+        if layer.alpha > 0.0 && (through >= stop || layer.depth < deepest(&waiting).depth) {
+            through *= 1.0 - layer.alpha;
+            late += select(0.0, layer.alpha, layer.depth < gone);
+            // The nearest of those that wait makes room; at first those are nobody.
+            let nearest = wait_with(&waiting, layer);
+            blend_layer(&ray, nearest);
+            gone = max(gone, nearest.depth);
+        }
+    }
+    if late > LATE {
+        ray = before;
+        blend_in_order(&ray, first, last, center);
+    } else {
+        pour(&ray, &waiting);
+    }
+    pixels[pixel] = vec4(ray.color, ray.transmittance);
+}
