@@ -18,7 +18,7 @@ use nix::unistd::Pid;
 use sg_proto::keys::{self, role};
 use sg_proto::render;
 use sg_proto::scene::{ChangesRequest, State};
-use sg_render_node::display::{Offered, Shown, Tools};
+use sg_render_node::display::{Offered, Shown, Tools, Walks};
 use sg_render_node::hands::{Origin, Placement, Rectangle, Side, Stance};
 use sg_render_node::panels::{Panel, Panels, Place, theme};
 use sg_render_node::room::first_place;
@@ -197,8 +197,10 @@ async fn shown(bus: &Bus) -> Shown {
     let snapshot = bus.ask(&keys::SCENE_CHANGES, &request, &soon()).await.unwrap().snapshot.unwrap();
     let told = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
     let offered = Offered { scene: true, selection: true, agents: true };
+    let walks = bus.newest(&keys::SELECTION_STATE, &soon()).await.unwrap();
+    let walks = Some(Walks { tuning: walks.tuning, most_proposals: walks.most_proposals });
     let edited = Arc::new(EditState::from_snapshot(&snapshot).unwrap());
-    Shown { offered, undo: told.undo.into(), redo: told.redo.into(), ..Shown::of(edited) }
+    Shown { offered, walks, undo: told.undo.into(), redo: told.redo.into(), ..Shown::of(edited) }
 }
 
 /// Where a control of a panel is, in points, as a headset has it.
@@ -213,7 +215,12 @@ fn place_of(shown: &Shown, panel: Panel, typing: bool, label: &str) -> egui::Pos
         theme::apply(ui.ctx(), &tools);
         let _ = panels.show(panel, ui, &shown, &mut tools);
     });
-    harness.get_by_label(label).rect().center()
+    let at = harness.get_by_label(label).rect().center();
+    assert!(
+        egui::Rect::from_min_size(egui::Pos2::ZERO, panel.size()).contains(at),
+        "`{label}` is out of reach at {at}"
+    );
+    at
 }
 
 /// Where a place of the scene's box, normalized, is in the room at first.

@@ -14,7 +14,7 @@ use sg_scene::edit::UnitRef;
 use super::control::{Number, button_width, by_number, count, fine_percent, percent, section, section_that};
 use super::pick_color::{Picked, color_button};
 use super::typing::{Field, Typed};
-use super::{Output, Panel, Panels, scrolling, theme};
+use super::{Output, Panel, Panels, Place, scrolling, theme};
 use crate::display::{Request, Scrub, Shown, Tools};
 
 /// What the panel remembers.
@@ -58,7 +58,8 @@ impl Panels {
             section(ui, "Brush", true, |ui| self.brush(ui, tools));
         }
         if shown.tuning().is_some() {
-            section(ui, "Walk", true, |ui| self.walk(ui, shown, tools, asked));
+            // In a room the stick changes a walk, and what is below has to be in reach without scrolling.
+            section(ui, "Walk", self.place == Place::Window, |ui| self.walk(ui, shown, tools, asked));
         }
         section(ui, "Selection", true, |ui| {
             how_many(ui, shown);
