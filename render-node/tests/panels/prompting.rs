@@ -192,6 +192,9 @@ fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
     }
     panel.state_mut().walk();
     panel.run();
+    // In a room the section is folded until somebody wants it.
+    assert!(panel.query_by_label("leak").is_none());
+    press(&mut panel, "Walk");
     for (label, leak) in [("leak", true), ("threshold", false)] {
         panel.state_mut().asked.clear();
         slide(&mut panel, label, &[0.5, 0.7, 0.8]);
@@ -214,6 +217,9 @@ fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
     let mut panel = prompt();
     panel.state_mut().walk();
     panel.run();
+    // In a room the section is folded until somebody wants it.
+    assert!(panel.query_by_label("leak").is_none());
+    press(&mut panel, "Walk");
     let slider = panel.get_by_label("leak").rect();
     panel.drag_at(slider.center());
     panel.run();
@@ -226,6 +232,9 @@ fn places_for_a_next_stroke_are_asked_for_and_looked_at() {
     let mut panel = prompt();
     panel.state_mut().walk();
     panel.run();
+    // In a room the section is folded until somebody wants it.
+    assert!(panel.query_by_label("leak").is_none());
+    press(&mut panel, "Walk");
     press(&mut panel, "where to brush next?");
     let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
     assert_eq!(asked, [Request::Propose(5)]);
