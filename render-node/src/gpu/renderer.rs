@@ -298,6 +298,20 @@ impl Renderer {
                 self.gpu.name()
             )));
         }
+        // Tiles collect the pixels of all views that are drawn together in one buffer.
+        let fits = |views: u64| {
+            let bytes = 16 * views * u64::from(size[0]) * u64::from(size[1]);
+            settings.rasterizer() == Rasterizer::Quads || bytes <= self.gpu.largest_binding()
+        };
+        let all_fit = fits(cameras.len() as u64);
+        if !fits(1) {
+            let [width, height] = size;
+            return Err(GpuError::Views(format!(
+                "{} cannot hold {width} x {height} pixels in one buffer; draw the picture with quadrilaterals, in the affine \
+                 projection",
+                self.gpu.name()
+            )));
+        }
         for camera in cameras {
             check_look([self.columns.len, self.columns.units.len()], appearance, camera)?;
         }
@@ -312,7 +326,7 @@ impl Renderer {
             self.bound.tiles = None;
         }
         let forward = |c: &Camera| DMat3::from_mat4(c.view()).row(2);
-        let together = cameras.iter().all(|c| (forward(c) - forward(first)).abs().max_element() <= PARALLEL);
+        let together = all_fit && cameras.iter().all(|c| (forward(c) - forward(first)).abs().max_element() <= PARALLEL);
         if together {
             self.draw_together(cameras, 0, settings);
         } else {

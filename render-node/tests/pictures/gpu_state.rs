@@ -58,6 +58,26 @@ fn two_eyes_see_what_each_sees_alone() {
     }
 }
 
+/// Pixels of both eyes that are more than one buffer holds are collected one eye after the other.
+#[test]
+fn eyes_too_large_to_be_drawn_together_are_drawn_alone() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(&surface(40, 3));
+    let appearance = Appearance::of(&scene);
+    // On a device whose bindings hold 128 MiB, as lavapipe's do, 9.1 million pixels are too many and half of them are not.
+    let middle = side_view(2064, 2208, 50.0);
+    let eyes = [eye(&middle, -0.03, 0.0), eye(&middle, 0.03, 0.0)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let (pair, _) = renderer.picture(&eyes, &appearance, with(Rasterizer::Tiles)).unwrap();
+    let (alone, _) = renderer.picture(&eyes[1..], &appearance, with(Rasterizer::Tiles)).unwrap();
+    assert!(Difference::between(&pair[1], &alone[0]).unwrap().max_error < 2e-5);
+    if gpu.is_software() {
+        let huge = [side_view(4128, 2208, 50.0)];
+        let refused = renderer.picture(&huge, &appearance, with(Rasterizer::Tiles)).unwrap_err();
+        assert!(refused.to_string().contains("in one buffer"), "{refused}");
+    }
+}
+
 /// Many Gaussians at one depth: their order is the scene's, for both eyes and from picture to picture.
 #[test]
 fn equal_depths_keep_their_order_in_both_eyes() {
