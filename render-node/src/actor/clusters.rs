@@ -1,6 +1,7 @@
 //! The Super-Gaussians of the scene, as the selection process has found them.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use sg_proto::keys;
 use sg_render_node::structure::labels_of;
@@ -9,6 +10,10 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_scene::npy;
+
+/// How long the selection process is waited for: several times what a restarted one needs until it answers, and little
+/// enough that a stack without one is not kept waiting until the asker has given up.
+const SELECTION_WAIT: Duration = Duration::from_millis(500);
 
 /// The newest clusters that are known.
 #[derive(Default)]
@@ -29,7 +34,7 @@ impl Clusters {
         gaussians: usize,
         context: &Context,
     ) -> Result<Arc<[u32]>, Fault> {
-        let state = bus.newest(&keys::SELECTION_STATE, &context.next()).await?;
+        let state = bus.newest(&keys::SELECTION_STATE, &context.next().within(SELECTION_WAIT)).await?;
         if let Some(labels) = self.labels.as_ref().filter(|_| self.hash == state.labels_hash) {
             return Ok(Arc::clone(labels));
         }
