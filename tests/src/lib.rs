@@ -11,6 +11,7 @@ pub mod screen;
 pub mod shells;
 pub mod small_scene;
 pub mod stack;
+pub mod until;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

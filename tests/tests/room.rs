@@ -16,17 +16,16 @@ use glam::{DQuat, DVec2, DVec3};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use sg_proto::keys::{self, role};
-use sg_proto::render;
 use sg_proto::scene::{ChangesRequest, State};
 use sg_render_node::display::{Offered, Shown, Tools, Walks};
 use sg_render_node::hands::{Origin, Placement, Rectangle, Side, Stance};
 use sg_render_node::panels::{Panel, Panels, Place, theme};
 use sg_render_node::room::first_place;
 use sg_runtime::bus::Bus;
-use sg_runtime::context::Context;
 use sg_scene::edit::EditState;
 use sg_tests::screen::Screen;
 use sg_tests::stack::Stack;
+use sg_tests::until::{PATIENCE, scene, selected, soon, view};
 use sg_tests::{executable, small_scene};
 
 use monado::{Controller, Display, Puppet, Runtime};
@@ -34,13 +33,6 @@ use monado::{Controller, Display, Puppet, Runtime};
 #[allow(dead_code, reason = "made for tests within the runtime's folder; this one stands outside")]
 #[path = "../../render-node/tests/headset/monado.rs"]
 mod monado;
-
-/// How long anything may take on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-fn soon() -> Context {
-    Context::root().deadline_in(Duration::from_secs(10))
-}
 
 /// A stack whose room is under Monado, and the person in it.
 struct Person {
@@ -62,38 +54,6 @@ fn up(folder: &Path, more: &[&str], display: &str) -> Stack {
     let env =
         [("XDG_RUNTIME_DIR", folder), ("SUPERGAUSSIAN_RENDER_NODE", node.to_str().unwrap()), ("DISPLAY", display)];
     Stack::up_of("vr.toml", &settings, &env).unwrap()
-}
-
-/// The scene once it is as it has to be.
-async fn scene(bus: &Bus, what: &str, holds: impl Fn(&State) -> bool) -> State {
-    let begun = Instant::now();
-    loop {
-        let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-        if holds(&state) {
-            return state;
-        }
-        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-}
-
-/// The view once it is as it has to be.
-async fn view(bus: &Bus, what: &str, holds: impl Fn(&render::State) -> bool) -> render::State {
-    let begun = Instant::now();
-    loop {
-        let state = bus.newest(&keys::VIEW_STATE, &soon()).await;
-        if let Ok(state) = &state
-            && holds(state)
-        {
-            return state.clone();
-        }
-        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-}
-
-fn selected(state: &State) -> u64 {
-    state.selection.as_ref().map_or(0, |s| s.count)
 }
 
 fn units(state: &State) -> Vec<&str> {

@@ -8,51 +8,10 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use sg_proto::keys::{self, role};
-use sg_proto::render;
 use sg_proto::scene::State;
-use sg_runtime::bus::Bus;
-use sg_runtime::context::Context;
 use sg_tests::screen::{SIZE, Screen};
 use sg_tests::stack::Stack;
-
-/// How long anything may take on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-fn soon() -> Context {
-    Context::root().deadline_in(Duration::from_secs(10))
-}
-
-/// The scene once it is as it has to be.
-async fn scene(bus: &Bus, what: &str, holds: impl Fn(&State) -> bool) -> State {
-    let begun = Instant::now();
-    loop {
-        let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-        if holds(&state) {
-            return state;
-        }
-        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-}
-
-/// The view once it is as it has to be.
-async fn view(bus: &Bus, what: &str, holds: impl Fn(&render::State) -> bool) -> render::State {
-    let begun = Instant::now();
-    loop {
-        let state = bus.newest(&keys::VIEW_STATE, &soon()).await;
-        if let Ok(state) = &state
-            && holds(state)
-        {
-            return state.clone();
-        }
-        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-}
-
-fn selected(state: &State) -> u64 {
-    state.selection.as_ref().map_or(0, |s| s.count)
-}
+use sg_tests::until::{PATIENCE, scene, selected, soon, view};
 
 /// The middle of the picture where no panels are beside it.
 const MIDDLE: [i32; 2] = [SIZE[0] as i32 / 2, SIZE[1] as i32 / 2];

@@ -24,10 +24,11 @@ pub(super) struct Waiting {
     pub(super) parts: u32,
 }
 
-/// Compute passes that take the place of three of the affine mode, and one more.
+/// Compute passes that take the place of three of the affine mode, and two more.
 pub(super) struct RayPasses {
     pub(super) touch: Kernel,
     pub(super) list: Kernel,
+    pub(super) measure: Kernel,
     pub(super) order: Kernel,
     pub(super) blend: Kernel,
 }
@@ -40,7 +41,8 @@ impl RayPasses {
         let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
         Self {
             touch: kernel("touch"),
-            list: kernel("list_rays"),
+            list: kernel("list_pairs"),
+            measure: kernel("measure_rays"),
             order: kernel("order_rays"),
             blend: kernel("blend_rays"),
         }

@@ -517,9 +517,10 @@ impl Renderer {
                 }
                 passes.open_window.run(&mut pass, &window.open, [1, 1, 1]);
                 list.run_counted(&mut pass, &window.list, &work.dispatches, 3);
-                if let (Some((depths, order)), Some(rays)) = (&tiles.by_depth, rays) {
-                    passes.pair_sort.run(&mut pass, depths, &tiles.dispatches, 0);
-                    rays.order.run_counted(&mut pass, order, &tiles.dispatches, 3);
+                if let (Some(by_depth), Some(rays)) = (&tiles.by_depth, rays) {
+                    rays.measure.run_counted(&mut pass, &by_depth.measure, &tiles.dispatches, 3);
+                    passes.pair_sort.run(&mut pass, &by_depth.sorting, &tiles.dispatches, 0);
+                    rays.order.run_counted(&mut pass, &by_depth.order, &tiles.dispatches, 3);
                 }
                 passes.pair_sort.run(&mut pass, &tiles.sorting, &tiles.dispatches, 0);
                 passes.clear_lists.run(&mut pass, &tiles.clear_lists, [tiles.clear_groups, 1, 1]);

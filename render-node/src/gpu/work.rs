@@ -262,14 +262,22 @@ pub(super) struct Tiles {
     pub(super) find_ends: wgpu::BindGroup,
     pub(super) longest: wgpu::BindGroup,
     pub(super) sorting: Sorting,
-    /// The sort by depth in each tile and what takes its order up, before the sort by tile: of the view-consistent mode.
-    pub(super) by_depth: Option<(Sorting, wgpu::BindGroup)>,
+    /// Before the sort by tile, in the view-consistent mode.
+    pub(super) by_depth: Option<ByDepth>,
     /// How layers of a ray wait there.
     pub(super) waiting: Option<Waiting>,
     /// Dispatches of the pairs' sort and of their ends.
     pub(super) dispatches: wgpu::Buffer,
     pub(super) compose: Vec<wgpu::BindGroup>,
     pub(super) clear_groups: u32,
+}
+
+/// Pairs in the order of their depths, bound.
+pub(super) struct ByDepth {
+    pub(super) measure: wgpu::BindGroup,
+    pub(super) sorting: Sorting,
+    /// Takes that order up.
+    pub(super) order: wgpu::BindGroup,
 }
 
 /// One window of pairs.
@@ -334,7 +342,19 @@ impl Tiles {
                 (17, &pairs.keys[0]),
                 (18, &pairs.values[0]),
             ];
-            (sorting, rays.order.bind(gpu, &buffers))
+            let order = rays.order.bind(gpu, &buffers);
+            let buffers = [
+                (0, frame),
+                (2, ellipses),
+                (4, &work.totals),
+                (7, &pairs.keys[1]),
+                (8, &pairs.values[1]),
+                (12, levels),
+                (13, tints),
+                (15, &depths.keys[0]),
+                (16, &depths.values[0]),
+            ];
+            ByDepth { measure: rays.measure.bind(gpu, &buffers), sorting, order }
         });
         let blend = |window: u32, stretch: u32| {
             let part = gpu.buffer("stretch", 16, wgpu::BufferUsages::UNIFORM);
@@ -358,29 +378,25 @@ impl Tiles {
             let first = (capacity * u64::from(index)) as u32;
             let part = gpu.buffer("window", 16, wgpu::BufferUsages::UNIFORM);
             gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&Part { first, index, ..Part::default() }));
-            let list = [
-                (0, frame),
-                (1, &part),
-                (2, ellipses),
-                (3, values),
-                (4, &work.totals),
-                (5, &touched),
-                (6, &sums),
-                (7, &pairs.keys[listed]),
-                (8, &pairs.values[listed]),
-                (12, levels),
-            ];
             Window {
                 open: passes
                     .open_window
                     .bind(gpu, &[(0, frame), (1, &part), (4, &work.totals), (9, &dispatches), (14, &work.longest)]),
-                list: match rays.zip(depths.as_ref()) {
-                    Some((rays, depths)) => {
-                        let of_rays = [(13, tints), (15, &depths.keys[0]), (16, &depths.values[0])];
-                        rays.list.bind(gpu, &[&list[..], &of_rays].concat())
-                    }
-                    None => passes.list_pairs.bind(gpu, &list),
-                },
+                list: rays.map_or(&passes.list_pairs, |r| &r.list).bind(
+                    gpu,
+                    &[
+                        (0, frame),
+                        (1, &part),
+                        (2, ellipses),
+                        (3, values),
+                        (4, &work.totals),
+                        (5, &touched),
+                        (6, &sums),
+                        (7, &pairs.keys[listed]),
+                        (8, &pairs.values[listed]),
+                        (12, levels),
+                    ],
+                ),
                 blend: (0..stretches).map(|stretch| blend(index, stretch)).collect(),
             }
         });

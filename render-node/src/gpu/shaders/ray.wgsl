@@ -113,8 +113,9 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
 
     seen.opacity = opacity;
     if compensated {
-        let e = across_of(unit_or(c, vec3(0.0, 0.0, 1.0)));
-        let f = cross(unit_or(c, vec3(0.0, 0.0, 1.0)), e);
+        let axis = unit_or(c, vec3(0.0, 0.0, 1.0));
+        let e = across_of(axis);
+        let f = cross(axis, e);
         let m0 = rows[0] * e.x + rows[1] * e.y + rows[2] * e.z;
         let m1 = rows[0] * f.x + rows[1] * f.y + rows[2] * f.z;
         seen.opacity *= compensation(m0, m1, dilation);

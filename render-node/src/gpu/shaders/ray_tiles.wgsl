@@ -1,6 +1,5 @@
 // Blends splats ray by ray: the list of a tile in the order of the ray that sees each best within it, put in order again on
-// each ray. Goes behind tiles.wgsl and what is written out for layers that
-// wait (see rays.rs).
+// each ray. Goes behind tiles.wgsl and what is written out for layers that wait (see rays.rs).
 
 // By pair: depth in its tile, and its place in the unsorted list. No depth is below 0, so that bits are ordered as they are.
 @group(0) @binding(15) var<storage, read_write> pair_depths: array<u32>;
@@ -10,65 +9,41 @@
 @group(0) @binding(18) var<storage, read_write> ordered_splats: array<u32>;
 
 struct Meeting {
-    // Share of the way down from the opacity: |u|^2 s / (a^2 + s) of per_ray.rs is this times |u|^2.
-    off: f32,
+    // By how much log2 of the alpha is below that of the opacity.
+    below: f32,
     depth: f32,
 }
 
-// Where the ray through a pixel meets a splat of which tint is the first vector.
-fn meet(at: vec2<f32>, ellipse: vec4<f32>, v_at: f32, v_per_row: f32, toward: vec4<f32>, across: vec4<f32>) -> Meeting {
-    let d = at - clamp(ellipse.xy, vec2(0.0), vec2<f32>(frame.size));
+// Where the ray through a pixel meets a splat.
+fn meet(at: vec2<f32>, splat: u32) -> Meeting {
+    let d = at - clamp(ellipses[splat].xy, vec2(0.0), vec2<f32>(frame.size));
+    let toward = tints[3u * splat + 1u];
+    let across = tints[3u * splat + 2u];
     let a = toward.x + toward.y * d.x + toward.z * d.y;
     let u = across.x + across.y * d.x + across.z * d.y;
-    let v = v_at + v_per_row * d.y;
+    let v = levels[splat].w + tints[3u * splat].w * d.y;
     let s = u * u + v * v;
     let whole = a * a + s;
     if a > 0.0 {
-        return Meeting(s / whole, min(across.w * (a / whole), 0.999 * FARTHEST));
+        return Meeting(toward.w * (s / whole), min(across.w * (a / whole), 0.999 * FARTHEST));
     }
-    return Meeting(1.0, 0.0);
+    return Meeting(toward.w, 0.0);
 }
 
+// The depth of each listed pair: that on the ray through its tile that sees the splat best.
 @compute @workgroup_size(256)
-fn list_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32) {
-    let items = totals[0] * frame.view_count;
-    let begin = part.first;
-    let end = begin + frame.pair_capacity;
-    let per_view = frame.tiles.x * frame.tiles.y;
-    for (var block = group.x; block * 256u < items; block += groups.x) {
-        let item = block * 256u + lane;
-        var count = 0u;
-        if item < items {
-            count = touched[item];
-        }
-        var place = sums[block] + sum_up_to(lane, count) - count;
-        if count > 0u && place < end && place + count > begin {
-            let splat = splat_of(item);
-            let e = extent(splat);
-            let tint = tints[3u * splat];
-            let toward = tints[3u * splat + 1u];
-            let across = tints[3u * splat + 2u];
+fn measure_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    for (var k = 0u; k < 4u; k++) {
+        let i = group.x * 1024u + k * 256u + lane;
+        if i < totals[2] {
+            let splat = pair_splats[i];
             let ellipse = ellipses[splat];
-            let v_at = levels[splat].w;
-            let base = (item % frame.view_count) * per_view;
-            for (var row = e.first_row; row < e.end_row; row++) {
-                let span = columns(e, row);
-                for (var column = span.x; column < span.y; column++) {
-                    if place >= begin && place < end {
-                        let to = place - begin;
-                        let first = vec2<f32>(vec2(column, row) * TILE) + 0.5;
-                        let best = clamp(e.center, first, first + f32(TILE - 1u));
-                        pair_tiles[to] = base + row * frame.tiles.x + column;
-                        pair_splats[to] = splat;
-                        pair_depths[to] = bitcast<u32>(max(meet(best, ellipse, v_at, tint.w, toward, across).depth, 0.0));
-                        pair_places[to] = to;
-                    }
-                    place++;
-                }
-            }
+            let tile = pair_tiles[i] % (frame.tiles.x * frame.tiles.y);
+            let first = vec2<f32>(vec2(tile % frame.tiles.x, tile / frame.tiles.x) * TILE) + 0.5;
+            let best = clamp(ellipse.xy, first, first + f32(TILE - 1u));
+            pair_depths[i] = bitcast<u32>(max(meet(best, splat).depth, 0.0));
+            pair_places[i] = i;
         }
-        workgroupBarrier();
     }
 }
 
@@ -87,15 +62,13 @@ fn order_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
 // Rounds of loops of one ray: what a device made of processor cores allows is 65,535, and it goes on without a word.
 const ROUNDS: u32 = 60000u;
 
-// What a layer is made of, and the first two vectors of its splat.
+// The layer that a pair makes of a ray; of no opacity where it is not drawn.
 fn layer_of(k: u32, center: vec2<f32>) -> Layer {
     let splat = pair_splats[k];
     let l = levels[splat];
-    let toward = tints[3u * splat + 1u];
-    let meeting = meet(center, ellipses[splat], l.w, tints[3u * splat].w, toward, tints[3u * splat + 2u]);
-    let below = toward.w * meeting.off;
-    if below <= l.z {
-        return Layer(meeting.depth, min(exp2(l.y - below), 1.0), k);
+    let meeting = meet(center, splat);
+    if meeting.below <= l.z {
+        return Layer(meeting.depth, min(exp2(l.y - meeting.below), 1.0), k);
     }
     return Layer(meeting.depth, 0.0, k);
 }

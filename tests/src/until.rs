@@ -1,0 +1,61 @@
+//! Waits until what a running stack tells of itself is as a test has to have it.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot ask has failed")]
+
+use std::time::{Duration, Instant};
+
+use sg_proto::{keys, render, scene::State};
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+
+/// How long anything may take on a busy machine.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// How often it is looked.
+const LOOKS: Duration = Duration::from_millis(50);
+
+/// What one question may take.
+#[must_use]
+pub fn soon() -> Context {
+    Context::root().deadline_in(Duration::from_secs(10))
+}
+
+/// The scene once it is as it has to be.
+///
+/// # Panics
+/// It cannot be asked for, or is not so after [`PATIENCE`]; `what` is in the message.
+pub async fn scene(bus: &Bus, what: &str, holds: impl Fn(&State) -> bool) -> State {
+    let begun = Instant::now();
+    loop {
+        let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
+        if holds(&state) {
+            return state;
+        }
+        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
+        tokio::time::sleep(LOOKS).await;
+    }
+}
+
+/// The view once it is as it has to be. It may be away meanwhile.
+///
+/// # Panics
+/// It is not so after [`PATIENCE`]; `what` is in the message.
+pub async fn view(bus: &Bus, what: &str, holds: impl Fn(&render::State) -> bool) -> render::State {
+    let begun = Instant::now();
+    loop {
+        let state = bus.newest(&keys::VIEW_STATE, &soon()).await;
+        if let Ok(state) = &state
+            && holds(state)
+        {
+            return state.clone();
+        }
+        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
+        tokio::time::sleep(LOOKS).await;
+    }
+}
+
+/// Gaussians that are selected.
+#[must_use]
+pub fn selected(state: &State) -> u64 {
+    state.selection.as_ref().map_or(0, |s| s.count)
+}
