@@ -158,7 +158,7 @@ impl OnDevice {
     fn draw(&mut self, appearance: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, GpuError> {
         let began = Instant::now();
         let Options { quality, projection } = options;
-        let settings = Settings { quality, projection, rasterizer: self.rasterizer, shared_shading: false };
+        let settings = Settings { quality, projection, rasterizer: self.rasterizer, ..Settings::default() };
         let (mut images, drawn) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
         let report = self.report(&drawn, began);
         match images.pop() {

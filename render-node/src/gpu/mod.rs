@@ -6,6 +6,8 @@
 //! background. See `shaders/` for each.
 
 mod columns;
+mod depth;
+mod depth_layer;
 mod device;
 mod hidden;
 mod kernel;
@@ -13,6 +15,7 @@ mod look;
 mod passes;
 mod present;
 mod rays;
+mod reading;
 mod renderer;
 mod sort;
 mod timing;
@@ -20,6 +23,7 @@ mod uniform;
 mod vignette;
 mod work;
 
+pub use depth_layer::{DepthLayer, FARTHEST, NEAREST};
 pub use device::{Gpu, USEFUL, Wanted};
 pub use present::Present;
 pub use renderer::{Drawn, Options, PassSeconds, Rasterizer, Renderer, Settings};

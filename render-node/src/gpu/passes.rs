@@ -4,12 +4,14 @@ use std::collections::HashMap;
 use std::num::NonZeroU32;
 
 use super::columns::Columns;
+use super::depth::DepthPasses;
 use super::device::Gpu;
 use super::hidden::Hiding;
 use super::kernel::{Behind, Kernel, drawing, module};
 use super::look::Now;
 use super::rays::{RayPasses, Waiting};
 use super::sort::Sort;
+use crate::pick::SURFACE;
 use crate::tiles::TILE;
 
 /// What projecting and shading is specialised on: a scene without highlights, masks or harmonics runs no line of theirs.
@@ -70,13 +72,7 @@ impl Blending {
     }
 
     fn quads(gpu: &Gpu, both: bool, behind: Behind) -> Self {
-        let under = wgpu::BlendComponent {
-            src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
-            dst_factor: wgpu::BlendFactor::One,
-            operation: wgpu::BlendOperation::Add,
-        };
-        let blend = Some(wgpu::BlendState { color: under, alpha: under });
-        let target = wgpu::ColorTargetState { format: PICTURE, blend, write_mask: wgpu::ColorWrites::ALL };
+        let target = blended_under();
         let strip = wgpu::PrimitiveTopology::TriangleStrip;
         let text = include_str!("shaders/quads.wgsl");
         let quads = module(gpu, "quads", text);
@@ -109,15 +105,17 @@ pub(super) struct Passes {
     pub(super) clear_lists: Kernel,
     pub(super) find_ends: Kernel,
     pub(super) longest: Kernel,
-    pub(super) blend: Kernel,
+    blend: Kernel,
     /// Nothing on a device that cannot blend f32: in half precision a thousand faint layers lose a fifth of their coverage.
     pub(super) quads: Option<Blending>,
     /// The same where something is hidden, and what hides it; made when it first is.
     hiding: Option<(Blending, Hiding)>,
     pub(super) compose_tiles: [wgpu::RenderPipeline; 2],
     pub(super) compose_quads: [wgpu::RenderPipeline; 2],
-    /// Made when they are first needed.
-    rays: HashMap<Waiting, RayPasses>,
+    /// Made when they are first needed, with depths and without.
+    rays: HashMap<(Waiting, bool), RayPasses>,
+    /// Made when depths are first asked for.
+    depths: Option<DepthPasses>,
 }
 
 /// What quadrilaterals are blended in and finished pictures are kept in.
@@ -125,7 +123,23 @@ pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float
 
 /// The passes over tiles of so many pixels each way.
 pub(super) fn tiles_of(edge: u32) -> String {
-    format!("const TILE: u32 = {edge}u;\n{}", include_str!("shaders/tiles.wgsl"))
+    format!("const TILE: u32 = {edge}u;\n{}{}", surface(), include_str!("shaders/tiles.wgsl"))
+}
+
+/// The opacity of a surface, for shaders that look for one.
+pub(super) fn surface() -> String {
+    format!("const SURFACE: f32 = {SURFACE:?};\n")
+}
+
+/// A target in which what is drawn first keeps its share.
+pub(super) fn blended_under() -> wgpu::ColorTargetState {
+    let under = wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Add,
+    };
+    let blend = Some(wgpu::BlendState { color: under, alpha: under });
+    wgpu::ColorTargetState { format: PICTURE, blend, write_mask: wgpu::ColorWrites::ALL }
 }
 
 /// Both layers of a texture at once.
@@ -175,7 +189,24 @@ impl Passes {
             compose_tiles: composing("from_tiles"),
             compose_quads: composing("from_quads"),
             rays: HashMap::new(),
+            depths: None,
         }
+    }
+
+    /// What depths need, once [`Self::prepare_depths`] was called.
+    pub(super) fn depths(&self) -> Option<&DepthPasses> {
+        self.depths.as_ref()
+    }
+
+    /// Makes what depths need where it is not there yet.
+    pub(super) fn prepare_depths(&mut self, gpu: &Gpu) {
+        let quads = self.quads.is_some();
+        self.depths.get_or_insert_with(|| DepthPasses::new(gpu, quads));
+    }
+
+    /// What blends tiles in the affine mode.
+    pub(super) fn blend_of(&self, depths: bool) -> &Kernel {
+        self.depths.as_ref().filter(|_| depths).map_or(&self.blend, |d| &d.blend)
     }
 
     /// What blends quadrilaterals of so many views, where something is hidden or nothing: a pipeline for each, or one for both.
@@ -201,13 +232,13 @@ impl Passes {
     }
 
     /// The view-consistent mode's own.
-    pub(super) fn rays(&self, waiting: Option<Waiting>) -> Option<&RayPasses> {
-        self.rays.get(&waiting?)
+    pub(super) fn rays(&self, waiting: Option<Waiting>, depths: bool) -> Option<&RayPasses> {
+        self.rays.get(&(waiting?, depths))
     }
 
     /// Makes the view-consistent mode's own where they are not there yet.
-    pub(super) fn prepare_rays(&mut self, gpu: &Gpu, waiting: Waiting) {
-        self.rays.entry(waiting).or_insert_with(|| RayPasses::new(gpu, waiting));
+    pub(super) fn prepare_rays(&mut self, gpu: &Gpu, waiting: Waiting, depths: bool) {
+        self.rays.entry((waiting, depths)).or_insert_with(|| RayPasses::new(gpu, waiting, depths));
     }
 
     /// The kernels for these needs, made when they are first needed.

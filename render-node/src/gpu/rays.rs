@@ -34,8 +34,8 @@ pub(super) struct RayPasses {
 }
 
 impl RayPasses {
-    /// For one way of waiting.
-    pub(super) fn new(gpu: &Gpu, waiting: Waiting) -> Self {
+    /// For one way of waiting, with the depth of each pixel's front or without.
+    pub(super) fn new(gpu: &Gpu, waiting: Waiting, depths: bool) -> Self {
         let text = [&waiting_room(waiting), &tiles_of(EDGE), include_str!("shaders/ray_tiles.wgsl")].concat();
         let shader = module(gpu, "tiles, by ray", &text);
         let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
@@ -44,7 +44,7 @@ impl RayPasses {
             list: kernel("list_pairs"),
             measure: kernel("measure_rays"),
             order: kernel("order_rays"),
-            blend: kernel("blend_rays"),
+            blend: Kernel::new(gpu, &shader, "blend_rays", &[("DEPTHS", f64::from(u8::from(depths)))]),
         }
     }
 }
@@ -58,7 +58,7 @@ fn waiting_room(Waiting { layers, parts }: Waiting) -> String {
     [
         "// No layer is deeper.\nconst FARTHEST: f32 = 3e38;\n".to_owned(),
         format!("const LATE: f32 = {:?};\n", 1.0 / f64::from(parts)),
-        "struct Ray { color: vec3<f32>, transmittance: f32 }\n".to_owned(),
+        "struct Ray { color: vec3<f32>, transmittance: f32, front: f32 }\n".to_owned(),
         "struct Layer { depth: f32, alpha: f32, item: u32 }\n".to_owned(),
         format!("struct Waiting {{ {} }}\n", slots(&|k| format!("at{k}: Layer, "))),
         "fn nobody_before() -> Waiting { var none: Waiting; return none; }\n".to_owned(),

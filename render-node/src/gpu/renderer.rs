@@ -7,15 +7,17 @@ use sg_scene::model::Scene;
 
 use super::GpuError;
 use super::columns::{BLOCK, Columns};
+use super::depth::{self, Depths};
 use super::device::Gpu;
 use super::hidden::Hidden;
 use super::look::Look;
 use super::passes::{Needs, Passes};
 use super::rays::Waiting;
+use super::reading::bytes_of;
 pub use super::timing::PassSeconds;
 use super::timing::{Span, Timing};
 use super::uniform::{FrameUniform, ViewUniform};
-use super::work::{Canvas, Ordering, PART_DISPATCHES, Quads, STRETCH, Tiles, Work, tile_count};
+use super::work::{Canvas, Mode, Ordering, PART_DISPATCHES, Quads, STRETCH, Tiles, Work, tile_count};
 use crate::image::Image;
 use crate::project::NEAR;
 use crate::render::{Projection, Quality, check_look, check_scene};
@@ -43,6 +45,8 @@ pub struct Settings {
     pub shared_shading: bool,
     /// How Gaussians are projected and ordered. [`Projection::PerRay`] is drawn by tiles, whatever the rasterizer.
     pub projection: Projection,
+    /// Whether [`Renderer::depths`] are made as well.
+    pub depths: bool,
 }
 
 impl Settings {
@@ -132,6 +136,7 @@ struct Bound {
     ordering: Option<Ordering>,
     quads: Option<Quads>,
     tiles: Option<Tiles>,
+    depths: Option<(Rasterizer, Depths)>,
 }
 
 impl Renderer {
@@ -255,6 +260,25 @@ impl Renderer {
         &self.canvas.pictures
     }
 
+    /// How far away what the newest pictures show is, one for each of [`Self::pictures`] that was drawn with
+    /// [`Settings::depths`], else none: f32, view z in the scene's unit, 0 where the accumulated opacity stays below
+    /// [`crate::pick::SURFACE`]. Tiles and rays tell the depth of the Gaussian that brings a pixel there, as [`crate::pick`]
+    /// does: in the affine projection of its centre, by ray of the place where it is densest on the pixel's ray. Quadrilaterals
+    /// tell the mean depth of all centres that a pixel shows, by share, at a quarter of the width and height, rounded up.
+    #[must_use]
+    pub fn depths(&self) -> &[wgpu::Texture] {
+        &self.canvas.depths
+    }
+
+    /// [`Self::depths`] read back, rows from the top: it waits for the device.
+    ///
+    /// # Errors
+    /// [`GpuError`].
+    pub fn read_depths(&self) -> Result<Vec<Vec<f32>>, GpuError> {
+        let read = |t| bytes_of(&self.gpu, t, 4).map(|bytes| bytemuck::pod_collect_to_vec(&bytes));
+        self.canvas.depths.iter().map(read).collect()
+    }
+
     /// Waits until the newest picture is drawn: what drawing did, and whether all of it is in the picture. Where it is not,
     /// the next one makes room.
     ///
@@ -324,7 +348,10 @@ impl Renderer {
             self.canvas = Canvas::new(&self.gpu, size, cameras.len());
             self.bound.quads = None;
             self.bound.tiles = None;
+            self.bound.depths = None;
         }
+        let pictures = if settings.depths { cameras.len() } else { 0 };
+        depth::prepare(&self.gpu, &mut self.canvas.depths, (size, pictures), settings.rasterizer());
         let forward = |c: &Camera| DMat3::from_mat4(c.view()).row(2);
         let together = all_fit && cameras.iter().all(|c| (forward(c) - forward(first)).abs().max_element() <= PARALLEL);
         if together {
@@ -347,9 +374,12 @@ impl Renderer {
             self.bound = Bound::default();
         }
         if let Some(waiting) = waiting {
-            self.passes.prepare_rays(&self.gpu, waiting);
+            self.passes.prepare_rays(&self.gpu, waiting, settings.depths);
         }
-        self.bind(rasterizer, waiting);
+        if settings.depths {
+            self.passes.prepare_depths(&self.gpu);
+        }
+        self.bind(rasterizer, (waiting, settings.depths));
         self.write_frame(cameras, settings);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.timings[first].begin();
@@ -359,6 +389,9 @@ impl Renderer {
             Rasterizer::Quads => self.encode_quads(&mut encoder, first),
         }
         self.encode_compose(&mut encoder, first, rasterizer);
+        if settings.depths {
+            self.encode_depths(&mut encoder, first);
+        }
         let asked = self.timings[first].ask(&mut encoder, &self.work.totals, &self.work.longest);
         self.gpu.queue.submit([encoder.finish()]);
         if asked {
@@ -367,8 +400,8 @@ impl Renderer {
         }
     }
 
-    fn bind(&mut self, rasterizer: Rasterizer, waiting: Option<Waiting>) {
-        let needs = Needs::of(&self.columns, &self.look.now, waiting.is_some());
+    fn bind(&mut self, rasterizer: Rasterizer, mode: Mode) {
+        let needs = Needs::of(&self.columns, &self.look.now, mode.0.is_some());
         let key = Some((needs, self.look.generation));
         let hides = self.hidden.is_some();
         let Self { gpu, columns, look, passes, frame, work, canvas, bound, .. } = self;
@@ -389,14 +422,24 @@ impl Renderer {
                 let capacity = wanted.clamp(FIRST_PAIRS.min(most), most);
                 let windows = self.pairs.div_ceil(capacity).clamp(1, WINDOWS) as u32;
                 let stretches = self.longest.div_ceil(STRETCH).max(1);
-                let fits = |t: &Tiles| t.waiting == waiting && t.holds(capacity, windows) && t.blends(self.longest);
+                let fits = |t: &Tiles| t.mode == mode && t.holds(capacity, windows) && t.blends(self.longest);
                 if !bound.tiles.as_ref().is_some_and(fits) {
                     // Freed first: both at once may not fit.
                     bound.tiles = None;
+                    bound.depths = None;
                     let lists = (capacity, windows, stretches);
-                    bound.tiles = Some(Tiles::bind(gpu, frame, order, passes, canvas.size, lists, waiting));
+                    bound.tiles = Some(Tiles::bind(gpu, frame, order, passes, canvas.size, lists, mode));
                 }
             }
+        }
+        let Some(depths) = passes.depths().filter(|_| mode.1) else { return };
+        if bound.depths.as_ref().is_none_or(|(of, _)| *of != rasterizer) {
+            let made = match (rasterizer, &bound.tiles) {
+                (Rasterizer::Quads, _) => Depths::of_quads(gpu, frame, order, depths, canvas.size),
+                (Rasterizer::Tiles, Some(tiles)) => Depths::of_tiles(gpu, frame, (depths, tiles, work.views)),
+                (Rasterizer::Tiles, None) => return,
+            };
+            bound.depths = Some((rasterizer, made));
         }
     }
 
@@ -504,9 +547,9 @@ impl Renderer {
         let Self { passes, timings, work, bound, canvas, .. } = self;
         let timing = &mut timings[first];
         let Some(tiles) = &bound.tiles else { return };
-        let [across, down] = tile_count(canvas.size, tiles.waiting.is_some());
-        let rays = passes.rays(tiles.waiting);
-        let affine = (&passes.touch, &passes.list_pairs, &passes.blend);
+        let [across, down] = tile_count(canvas.size, tiles.mode.0.is_some());
+        let rays = passes.rays(tiles.mode.0, tiles.mode.1);
+        let affine = (&passes.touch, &passes.list_pairs, passes.blend_of(tiles.mode.1));
         let (touch, list, blend) = rays.map_or(affine, |rays| (&rays.touch, &rays.list, &rays.blend));
         for (k, window) in tiles.windows.iter().enumerate() {
             {
@@ -569,31 +612,15 @@ impl Renderer {
         }
     }
 
+    fn encode_depths(&self, encoder: &mut wgpu::CommandEncoder, first: usize) {
+        let (Some((_, depths)), Some(passes)) = (&self.bound.depths, self.passes.depths()) else { return };
+        let pictures = self.canvas.depths.get(first..).unwrap_or_default();
+        depths.encode(encoder, passes, &self.work.dispatches, pictures);
+    }
+
     fn read(&self, picture: &wgpu::Texture) -> Result<Image, GpuError> {
         let [width, height] = self.canvas.size;
-        let row = (16 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let staging = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("picture"),
-            size: u64::from(row) * u64::from(height),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_texture_to_buffer(
-            picture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &staging,
-                layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
-            },
-            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        );
-        self.gpu.queue.submit([encoder.finish()]);
-        let bytes = self.gpu.mapped(&staging)?;
-        let rgba = bytes
-            .chunks_exact(row as usize)
-            .flat_map(|line| line.get(..16 * width as usize).unwrap_or_default())
-            .copied()
-            .collect::<Vec<u8>>();
+        let rgba = bytes_of(&self.gpu, picture, 16)?;
         Ok(Image { width, height, rgba: bytemuck::pod_collect_to_vec(&rgba) })
     }
 }

@@ -65,6 +65,17 @@ impl Work {
         }
     }
 
+    /// What quadrilaterals are drawn from.
+    pub(super) fn of_quads<'a>(
+        &'a self,
+        frame: &'a wgpu::Buffer,
+        order: &Sorting,
+    ) -> [(u32, wgpu::BindingResource<'a>); 5] {
+        let [ellipses, levels, tints] = &self.splats;
+        let values = &self.depths.values[order.result()];
+        [(0, frame), (1, ellipses), (2, values), (3, levels), (4, tints)].map(|(at, b)| (at, b.as_entire_binding()))
+    }
+
     pub(super) fn serves(&self, views: u32, per_ray: bool) -> bool {
         (self.views, self.per_ray) == (views, per_ray)
     }
@@ -74,6 +85,8 @@ impl Work {
 pub(super) struct Canvas {
     pub(super) size: [u32; 2],
     pub(super) pictures: Vec<wgpu::Texture>,
+    /// Depths of them, where they are asked for.
+    pub(super) depths: Vec<wgpu::Texture>,
 }
 
 impl Canvas {
@@ -81,11 +94,11 @@ impl Canvas {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC;
-        Self { size, pictures: (0..views).map(|_| texture(gpu, size, 1, usage)).collect() }
+        Self { size, pictures: (0..views).map(|_| texture(gpu, size, 1, usage)).collect(), depths: Vec::new() }
     }
 }
 
-fn texture(gpu: &Gpu, [width, height]: [u32; 2], layers: u32, usage: wgpu::TextureUsages) -> wgpu::Texture {
+pub(super) fn texture(gpu: &Gpu, [width, height]: [u32; 2], layers: u32, usage: wgpu::TextureUsages) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("picture"),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
@@ -191,12 +204,8 @@ impl Quads {
     ) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         let blended = texture(gpu, size, work.views, usage);
-        let values = &work.depths.values[order.result()];
-        let draw = passes.quads_of(work.views, hides).0.iter().map(|pipeline| {
-            let [ellipses, levels, tints] = &work.splats;
-            let buffers = [(0, frame), (1, ellipses), (2, values), (3, levels), (4, tints)];
-            group(gpu, pipeline, &buffers.map(|(at, b)| (at, b.as_entire_binding())))
-        });
+        let pipelines = passes.quads_of(work.views, hides).0;
+        let draw = pipelines.iter().map(|pipeline| group(gpu, pipeline, &work.of_quads(frame, order)));
         let compose = (0..work.views).zip(&passes.compose_quads).map(|(k, pipeline)| {
             let view = layer(&blended, k);
             group(gpu, pipeline, &[(0, frame.as_entire_binding()), (2, wgpu::BindingResource::TextureView(&view))])
@@ -227,7 +236,7 @@ impl Quads {
     }
 }
 
-fn layer(texture: &wgpu::Texture, at: u32) -> wgpu::TextureView {
+pub(super) fn layer(texture: &wgpu::Texture, at: u32) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(wgpu::TextureViewDimension::D2),
         base_array_layer: at,
@@ -236,7 +245,7 @@ fn layer(texture: &wgpu::Texture, at: u32) -> wgpu::TextureView {
     })
 }
 
-fn group(
+pub(super) fn group(
     gpu: &Gpu,
     pipeline: &wgpu::RenderPipeline,
     resources: &[(u32, wgpu::BindingResource<'_>)],
@@ -252,6 +261,9 @@ fn group(
     })
 }
 
+/// What passes over tiles are specialised on: how layers of a ray wait in the view-consistent mode, and whether depths are noted.
+pub(super) type Mode = (Option<Waiting>, bool);
+
 /// Tiles, bound.
 pub(super) struct Tiles {
     pub(super) capacity: u64,
@@ -264,8 +276,10 @@ pub(super) struct Tiles {
     pub(super) sorting: Sorting,
     /// Before the sort by tile, in the view-consistent mode.
     pub(super) by_depth: Option<ByDepth>,
-    /// How layers of a ray wait there.
-    pub(super) waiting: Option<Waiting>,
+    /// How layers of a ray wait there, and whether depths are noted.
+    pub(super) mode: Mode,
+    /// Depth of each pixel's front, view after view, where depths are noted.
+    pub(super) fronts: wgpu::Buffer,
     /// Dispatches of the pairs' sort and of their ends.
     pub(super) dispatches: wgpu::Buffer,
     pub(super) compose: Vec<wgpu::BindGroup>,
@@ -310,8 +324,9 @@ impl Tiles {
         passes: &Passes,
         [width, height]: [u32; 2],
         (capacity, windows, stretches): (u64, u32, u32),
-        waiting: Option<Waiting>,
+        mode: Mode,
     ) -> Self {
+        let (waiting, depths_noted) = mode;
         let views = work.views;
         let items = work.capacity * u64::from(views);
         let tiles = views * tile_count([width, height], work.per_ray).iter().product::<u32>();
@@ -321,6 +336,7 @@ impl Tiles {
         let pairs = Pairs::new(gpu, "pairs", capacity);
         let dispatches = gpu.buffer("pair dispatches", 24, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE);
         let lists = gpu.storage("lists", 8 * u64::from(tiles));
+        let fronts = gpu.storage("fronts", if depths_noted { 4 * pixels } else { 0 });
         let pixels = gpu.storage("pixels", 16 * pixels);
         let values = &work.depths.values[order.result()];
         let [ellipses, levels, tints] = &work.splats;
@@ -328,7 +344,7 @@ impl Tiles {
         let bits = u32::BITS - tiles.saturating_sub(1).leading_zeros();
         let sorting = passes.pair_sort.bind(gpu, &work.totals, &pairs, bits.max(1));
         let (keys, splats) = (&pairs.keys[sorting.result()], &pairs.values[sorting.result()]);
-        let rays = passes.rays(waiting);
+        let rays = passes.rays(waiting, depths_noted);
         let depths = rays.map(|_| Pairs::new(gpu, "pairs by depth", capacity));
         // What the sort by tile begins with is the other list in the order of depths.
         let listed = usize::from(rays.is_some());
@@ -371,8 +387,9 @@ impl Tiles {
                 (11, &pixels),
                 (12, levels),
                 (13, tints),
+                (19, &fronts),
             ];
-            rays.map_or(&passes.blend, |r| &r.blend).bind(gpu, &buffers)
+            rays.map_or(passes.blend_of(depths_noted), |r| &r.blend).bind(gpu, &buffers)
         };
         let windows = (0..windows).map(|index| {
             let first = (capacity * u64::from(index)) as u32;
@@ -417,7 +434,8 @@ impl Tiles {
             find_ends: passes.find_ends.bind(gpu, &[(4, &work.totals), (7, keys), (10, &lists)]),
             sorting,
             by_depth,
-            waiting,
+            mode,
+            fronts,
             dispatches,
             compose: compose.collect(),
             clear_groups: tiles.div_ceil(256),

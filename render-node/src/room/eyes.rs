@@ -7,7 +7,7 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use crate::display::{Level, Pacing, Tools};
-use crate::gpu::{Gpu, GpuError, Present, Rasterizer, Renderer, Settings, Vignette};
+use crate::gpu::{DepthLayer, GpuError, Present, Rasterizer, Renderer, Settings, Vignette};
 use crate::hands::{Fov, Placement};
 use crate::render::Quality;
 use crate::xr::{Frame, XrError};
@@ -20,6 +20,8 @@ pub(super) struct Eyes {
     renderer: Renderer,
     present: Present,
     vignette: Vignette,
+    /// Where the runtime takes depths.
+    depths: Option<DepthLayer>,
     rasterizer: Rasterizer,
     pacing: Pacing,
     /// When the picture before was handed in.
@@ -32,8 +34,9 @@ pub(super) struct Eyes {
 }
 
 impl Eyes {
-    /// Uploads a scene to the headset's device; pictures are put onto images of `format`, one every `period` seconds.
-    pub(super) fn new(gpu: &Gpu, scene: &Scene, format: wgpu::TextureFormat, period: f64) -> Result<Self, GpuError> {
+    /// Uploads a scene to the headset's device; there is a picture every `period` seconds.
+    pub(super) fn new(frame: &Frame<'_>, scene: &Scene, period: f64) -> Result<Self, GpuError> {
+        let (gpu, format) = (frame.gpu(), frame.format());
         let renderer = Renderer::new(gpu, scene)?;
         let rasterizer = if renderer.blends_quads() { Rasterizer::Quads } else { Rasterizer::Tiles };
         let pacing = Pacing::new(SHARE * period);
@@ -41,6 +44,7 @@ impl Eyes {
         Ok(Self {
             present: Present::new(gpu, format),
             vignette: Vignette::new(gpu, format),
+            depths: frame.depth_format().map(|format| DepthLayer::new(gpu, format)),
             renderer,
             rasterizer,
             pacing,
@@ -107,6 +111,7 @@ impl Eyes {
             quality: self.level.quality,
             rasterizer: self.rasterizer,
             projection: tools.projection,
+            depths: self.depths.is_some(),
             ..Settings::default()
         };
         if let Err(error) = self.renderer.draw(&cameras, look, settings) {
@@ -114,7 +119,7 @@ impl Eyes {
         }
         self.pictures += 1;
         let gpu = frame.gpu().clone();
-        let Self { renderer, present, vignette, .. } = self;
+        let Self { renderer, present, vignette, depths, .. } = self;
         frame.draw_eyes(|targets| {
             let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             for (eye, (picture, target)) in renderer.pictures().iter().zip(targets).enumerate() {
@@ -126,6 +131,15 @@ impl Eyes {
             }
             gpu.queue().submit([encoder.finish()]);
         })?;
+        if let Some(depths) = depths {
+            frame.draw_depths(|targets| {
+                let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                for (picture, target) in renderer.depths().iter().zip(targets) {
+                    depths.encode(&mut encoder, picture, target, placement.scale);
+                }
+                gpu.queue().submit([encoder.finish()]);
+            })?;
+        }
         Ok(Ok(()))
     }
 }

@@ -231,7 +231,7 @@ impl Room {
             Some(eyes) => eyes.draw(frame, &placement, look, (&self.tools, darkened))?,
             none => {
                 let period = if frame.period > 0.0 { frame.period } else { FIRST_PERIOD };
-                match Eyes::new(frame.gpu(), &self.scene, frame.format(), period) {
+                match Eyes::new(frame, &self.scene, period) {
                     Ok(eyes) => {
                         *none = Some(eyes);
                         Ok(())

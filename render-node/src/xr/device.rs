@@ -10,10 +10,12 @@ use std::mem;
 
 use ash::vk::{self, Handle};
 use openxr as xr;
+use openxr::sys::CompositionLayerDepthInfoKHR as DepthInfo;
 use wgpu::hal::api::Vulkan;
 use wgpu::hal::{self, vulkan};
 
 use super::XrError;
+use super::target::Target;
 use crate::gpu::{Gpu, USEFUL};
 
 /// wgpu takes functions of 1.3 for granted where the device has them, so the instance has to be of 1.3 as well.
@@ -193,6 +195,10 @@ pub(super) fn textures(
     layers: u32,
 ) -> Result<Vec<wgpu::Texture>, XrError> {
     let size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
+    let handed_over = match format.has_depth_aspect() {
+        true => wgpu::TextureUses::DEPTH_STENCIL_WRITE,
+        false => wgpu::TextureUses::COLOR_TARGET,
+    };
     let images = swapchain.enumerate_images().map_err(|e| XrError::call("swapchain images", e))?;
     let wrapped = images.into_iter().map(|image| {
         let described = hal::TextureDescriptor {
@@ -202,12 +208,12 @@ pub(super) fn textures(
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format,
-            usage: wgpu::TextureUses::COLOR_TARGET,
+            usage: handed_over,
             memory_flags: hal::MemoryFlags::empty(),
             view_formats: Vec::new(),
         };
         // SAFETY: the image is the runtime's, made with this size, format and use on this device; it is External and has a
-        // callback, so wgpu destroys neither it nor its memory. The runtime hands images over as colour attachments.
+        // callback, so wgpu destroys neither it nor its memory. The runtime hands images over as attachments.
         unsafe {
             let device =
                 gpu.device().as_hal::<Vulkan>().ok_or_else(|| refused("graphics device", "it is not Vulkan's"))?;
@@ -229,9 +235,33 @@ pub(super) fn textures(
                     usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
                     view_formats: &[],
                 },
-                wgpu::TextureUses::COLOR_TARGET,
+                handed_over,
             ))
         }
     });
     wrapped.collect()
+}
+
+/// How far away what a view shows is: one layer of `depths`, stored between two planes so many metres ahead.
+pub(super) fn depth_of(depths: &Target, layer: u32, [near_z, far_z]: [f32; 2]) -> DepthInfo {
+    DepthInfo {
+        ty: DepthInfo::TYPE,
+        next: std::ptr::null(),
+        sub_image: depths.sub_image(layer).into_raw(),
+        min_depth: 0.0,
+        max_depth: 1.0,
+        near_z,
+        far_z,
+    }
+}
+
+/// A view that is handed in with its depths, which stay where they are until it is.
+pub(super) fn with_depth<'a>(
+    view: xr::CompositionLayerProjectionView<'a, xr::Vulkan>,
+    depth: &'a DepthInfo,
+) -> xr::CompositionLayerProjectionView<'a, xr::Vulkan> {
+    let mut raw = view.into_raw();
+    raw.next = (&raw const *depth).cast();
+    // SAFETY: the view was made by the safe builder, whose lifetime it keeps; what is chained to it lives as long.
+    unsafe { xr::CompositionLayerProjectionView::from_raw(raw) }
 }

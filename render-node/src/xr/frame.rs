@@ -8,8 +8,8 @@ use openxr as xr;
 use super::live::{Live, Looking};
 use super::mask::Triangle;
 use super::target::Target;
-use super::{XrError, space};
-use crate::gpu::Gpu;
+use super::{XrError, device, space};
+use crate::gpu::{FARTHEST, Gpu, NEAREST};
 use crate::hands::{Eye, HandInput, Pose, Rectangle, Side};
 
 /// A panel's images, made by [`super::Headset::panel`].
@@ -48,6 +48,7 @@ pub struct Frame<'a> {
     pub(super) raw: [(xr::Posef, xr::Fovf); 2],
     pub(super) quads: Vec<Quad>,
     pub(super) eyes_drawn: bool,
+    pub(super) depths_drawn: bool,
     /// The call that failed, so that the loss of the runtime is not mistaken for a mistake of who draws.
     pub(super) failed: Option<XrError>,
 }
@@ -72,6 +73,7 @@ impl<'a> Frame<'a> {
             raw: looking.raw,
             quads: Vec::new(),
             eyes_drawn: false,
+            depths_drawn: false,
             failed: None,
         }
     }
@@ -92,6 +94,13 @@ impl<'a> Frame<'a> {
     #[must_use]
     pub fn format(&self) -> wgpu::TextureFormat {
         self.live.format.wgpu
+    }
+
+    /// The format of the images that both eyes' depths are stored in, one of depths and of the size of their pictures; `None`
+    /// where the runtime takes none.
+    #[must_use]
+    pub fn depth_format(&self) -> Option<wgpu::TextureFormat> {
+        self.live.depths.as_ref().map(|(_, format)| format.wgpu)
     }
 
     /// What of the left and the right eye's picture lenses hide, and how often that has changed: nothing that is drawn there is
@@ -119,6 +128,24 @@ impl<'a> Frame<'a> {
         let done = self.live.eyes.draw(draw);
         self.eyes_drawn |= done.is_ok();
         self.keep(done)
+    }
+
+    /// Has the depths of both eyes' pictures stored, as [`crate::gpu::DepthLayer`] does, so that the runtime knows where in the
+    /// room is what they show. `draw` is as for [`Self::draw_eyes`], and is not called where the runtime takes no depths.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn draw_depths(&mut self, draw: impl FnOnce(&[wgpu::TextureView])) -> Result<(), XrError> {
+        let Some((depths, _)) = &mut self.live.depths else { return Ok(()) };
+        let done = depths.draw(draw);
+        self.depths_drawn |= done.is_ok();
+        self.keep(done)
+    }
+
+    /// Whether depths of this frame's pictures are handed in with them.
+    #[must_use]
+    pub fn has_depths(&self) -> bool {
+        self.depths_drawn && self.eyes_drawn
     }
 
     /// Has a panel drawn; it stays as it is until it is drawn again. `draw` is as for [`Self::draw_eyes`]; colours are
@@ -167,9 +194,16 @@ impl<'a> Frame<'a> {
             far(b).total_cmp(&far(a))
         });
         let live = &mut *self.live;
+        let depths = live.depths.as_ref().filter(|_| self.depths_drawn);
+        let depths = depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target, k, [NEAREST, FARTHEST])));
         let views = [0, 1].map(|k| {
             let (pose, fov) = self.raw[k];
-            xr::CompositionLayerProjectionView::new().pose(pose).fov(fov).sub_image(live.eyes.sub_image(k as u32))
+            let view = xr::CompositionLayerProjectionView::new().pose(pose).fov(fov);
+            let view = view.sub_image(live.eyes.sub_image(k as u32));
+            match &depths {
+                Some(depths) => device::with_depth(view, &depths[k]),
+                None => view,
+            }
         });
         let projection = xr::CompositionLayerProjection::new().space(&live.room).views(&views);
         let room_for = live.most_layers - usize::from(self.eyes_drawn);

@@ -28,6 +28,8 @@ pub(super) enum Happened {
 pub(super) struct Live {
     pub(super) panels: Vec<Option<Target>>,
     pub(super) eyes: Target,
+    /// Their depths, where the runtime takes them, and the format of those.
+    pub(super) depths: Option<(Target, Format)>,
     pub(super) actions: Actions,
     fingers: Option<Fingers>,
     bare: [BareHand; 2],
@@ -103,17 +105,24 @@ impl Live {
             instance.enumerate_environment_blend_modes(system, STEREO).map_err(|e| XrError::call("blend modes", e))?;
         let opaque = modes.contains(&xr::EnvironmentBlendMode::OPAQUE);
         let blend = if opaque { None } else { modes.first().copied() }.unwrap_or(xr::EnvironmentBlendMode::OPAQUE);
-        let format =
-            Format::of(&session).map_err(|e| XrError::call("formats", e))?.ok_or_else(|| lacks("images in sRGB"))?;
+        let [format, depth_format] = Format::of(&session).map_err(|e| XrError::call("formats", e))?;
+        let format = format.ok_or_else(|| lacks("images in sRGB"))?;
+        let depth_format = depth_format.filter(|_| extensions.khr_composition_layer_depth);
         let size = size(&instance, system, options.resolution)?;
         let mut mask = Mask::default();
         if extensions.khr_visibility_mask {
             (0..2).for_each(|eye| mask.ask(&session, eye));
         }
         let eyes = Target::new(&shared.gpu, &session, format, size, 2, held)?;
+        let depths = depth_format.and_then(|format| {
+            let target = Target::new(&shared.gpu, &session, format, size, 2, held);
+            let target = target.inspect_err(|e| tracing::warn!("the headset gets no depths: {e}"));
+            target.ok().map(|target| (target, format))
+        });
         let live = Self {
             panels: Vec::new(),
             eyes,
+            depths,
             actions,
             fingers,
             bare: Default::default(),
@@ -265,6 +274,7 @@ fn extensions(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     wanted.khr_vulkan_enable2 = offered.khr_vulkan_enable2;
     wanted.fb_display_refresh_rate = offered.fb_display_refresh_rate;
     wanted.khr_visibility_mask = offered.khr_visibility_mask;
+    wanted.khr_composition_layer_depth = offered.khr_composition_layer_depth;
     wanted.ext_hand_tracking = offered.ext_hand_tracking;
     wanted.ext_hand_interaction = offered.ext_hand_interaction;
     wanted.meta_touch_controller_plus = offered.meta_touch_controller_plus;

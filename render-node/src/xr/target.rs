@@ -30,10 +30,14 @@ impl Target {
         held: &Held,
     ) -> Result<Self, XrError> {
         let [width, height] = size;
+        let attachment = match format.wgpu.has_depth_aspect() {
+            true => xr::SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+            false => xr::SwapchainUsageFlags::COLOR_ATTACHMENT,
+        };
         let swapchain = session
             .create_swapchain(&xr::SwapchainCreateInfo {
                 create_flags: xr::SwapchainCreateFlags::EMPTY,
-                usage_flags: xr::SwapchainUsageFlags::COLOR_ATTACHMENT | xr::SwapchainUsageFlags::SAMPLED,
+                usage_flags: attachment | xr::SwapchainUsageFlags::SAMPLED,
                 format: format.raw,
                 sample_count: 1,
                 width,
@@ -94,10 +98,16 @@ const FORMATS: [Format; 2] = [
     Format { wgpu: wgpu::TextureFormat::Bgra8UnormSrgb, raw: ash::vk::Format::B8G8R8A8_SRGB.as_raw() as u32 },
 ];
 
+/// Formats of depths.
+const DEPTHS: [Format; 2] = [
+    Format { wgpu: wgpu::TextureFormat::Depth32Float, raw: ash::vk::Format::D32_SFLOAT.as_raw() as u32 },
+    Format { wgpu: wgpu::TextureFormat::Depth16Unorm, raw: ash::vk::Format::D16_UNORM.as_raw() as u32 },
+];
+
 impl Format {
-    /// The first that the runtime offers; `None` where it offers none.
-    pub(super) fn of(session: &xr::Session<xr::Vulkan>) -> xr::Result<Option<Self>> {
+    /// The first for colours and the first for depths that the runtime offers; `None` where it offers none.
+    pub(super) fn of(session: &xr::Session<xr::Vulkan>) -> xr::Result<[Option<Self>; 2]> {
         let offered = session.enumerate_swapchain_formats()?;
-        Ok(FORMATS.into_iter().find(|f| offered.contains(&f.raw)))
+        Ok([FORMATS, DEPTHS].map(|known| known.into_iter().find(|f| offered.contains(&f.raw))))
     }
 }

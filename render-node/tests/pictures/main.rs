@@ -4,6 +4,7 @@
 
 mod cases;
 mod closed_form;
+mod depths;
 mod editing;
 mod gpu;
 mod gpu_state;

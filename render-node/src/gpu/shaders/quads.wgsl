@@ -52,13 +52,18 @@ fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
     return corner_in(VIEW, vertex, instance);
 }
 
-@fragment
-fn blend(in: Corner) -> @location(0) vec4<f32> {
-    let d = in.position.xy - in.ellipse.xy;
+// What a splat adds at a place of the picture, pixels.
+fn layer(at: vec2<f32>, in: Corner) -> vec4<f32> {
+    let d = at - in.ellipse.xy;
     let u = (d.x - in.ellipse.z * d.y) * in.ellipse.w;
     let v = d.y * in.level.x;
     let below = u * u + v * v;
     // Blending nothing costs less than discarding does.
     let alpha = select(0.0, min(exp2(in.level.y - below), 1.0), below <= in.level.z);
     return vec4(in.color * alpha, alpha);
+}
+
+@fragment
+fn blend(in: Corner) -> @location(0) vec4<f32> {
+    return layer(in.position.xy, in);
 }

@@ -78,6 +78,9 @@ fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
     if layer.alpha > 0.0 {
         let weight = layer.alpha * (*ray).transmittance;
         (*ray).color += weight * tints[3u * pair_splats[layer.item]].xyz;
+        if surfaces((*ray).transmittance, (*ray).transmittance - weight) {
+            (*ray).front = max(layer.depth, frame.limits.w);
+        }
         (*ray).transmittance -= weight;
     }
 }
@@ -126,9 +129,9 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     }
     let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
     let center = vec2<f32>(at) + 0.5;
-    var ray = Ray(vec3(0.0), 1.0);
+    var ray = Ray(vec3(0.0), 1.0, 0.0);
     if part.index > 0u {
-        ray = Ray(pixels[pixel].xyz, pixels[pixel].w);
+        ray = Ray(pixels[pixel].xyz, pixels[pixel].w, 0.0);
     }
     let before = ray;
     let list = lists[tile];
@@ -163,4 +166,7 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         pour(&ray, &waiting);
     }
     pixels[pixel] = vec4(ray.color, ray.transmittance);
+    if DEPTHS && (ray.front > 0.0 || part.index == 0u) {
+        fronts[pixel] = ray.front;
+    }
 }

@@ -24,6 +24,15 @@
 @group(0) @binding(14) var<storage, read_write> longest_list: atomic<u32>;
 @group(0) @binding(12) var<storage, read> levels: array<vec4<f32>>;
 @group(0) @binding(13) var<storage, read> tints: array<vec4<f32>>;
+// Depth of each pixel's front, 0 where there is none; written where somebody asks for depths.
+@group(0) @binding(19) var<storage, read_write> fronts: array<f32>;
+
+override DEPTHS: bool = false;
+
+// Whether a layer brings the opacity of all so far to that of a surface.
+fn surfaces(before: f32, after: f32) -> bool {
+    return DEPTHS && 1.0 - before < SURFACE && 1.0 - after >= SURFACE;
+}
 
 // Pixels by which a level is taken to reach further, so that rounding here costs no pixel that blending would draw.
 const MARGIN: f32 = 0.01;
@@ -249,6 +258,7 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
     let center = vec2<f32>(at) + 0.5;
     var color = vec3(0.0);
     var transmittance = 1.0;
+    var front = 0.0;
     if part.index > 0u {
         color = pixels[pixel].xyz;
         transmittance = pixels[pixel].w;
@@ -271,8 +281,14 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
         if below <= l.z {
             let weight = min(exp2(l.y - below), 1.0) * transmittance;
             color += weight * tints[splat].xyz;
+            if surfaces(transmittance, transmittance - weight) {
+                front = l.w;
+            }
             transmittance -= weight;
         }
     }
     pixels[pixel] = vec4(color, transmittance);
+    if DEPTHS && (front > 0.0 || part.index == 0u) {
+        fronts[pixel] = front;
+    }
 }

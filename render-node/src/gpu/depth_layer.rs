@@ -1,0 +1,105 @@
+//! Onto a headset's depth image: how far away the scene is, as its runtime understands it.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::device::Gpu;
+
+/// Metres from the eye, along the axis it looks, to what a depth image stores as 0; what is nearer is stored so too.
+pub const NEAREST: f32 = 0.05;
+
+/// Metres to what a depth image stores as 1, and what stands there where nothing is seen.
+pub const FARTHEST: f32 = 1000.0;
+
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Range {
+    scale: f32,
+    nearest: f32,
+    farthest: f32,
+    spare: f32,
+}
+
+/// Puts depths of pictures onto depth images of one format.
+///
+/// A place z metres ahead is stored as f/(f − n) · (1 − n/z) with n = [`NEAREST`] and f = [`FARTHEST`], as a perspective
+/// projection between those planes does. An image of another size than the depths gets the nearest pixel's.
+#[derive(Debug)]
+pub struct DepthLayer {
+    gpu: Gpu,
+    pipeline: wgpu::RenderPipeline,
+    range: wgpu::Buffer,
+}
+
+impl DepthLayer {
+    /// For images of `format`, one of depths.
+    #[must_use]
+    pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("depth layer"),
+            source: wgpu::ShaderSource::Wgsl(include_str!("shaders/depth_layer.wgsl").into()),
+        });
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("depth layer"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("cover"),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Always),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("store"),
+                compilation_options: Default::default(),
+                targets: &[],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let range = gpu.buffer("depth range", size_of::<Range>() as u64, wgpu::BufferUsages::UNIFORM);
+        Self { gpu: gpu.clone(), pipeline, range }
+    }
+
+    /// Has `depths` (f32, such as one of [`super::Renderer::depths`]) stored in the whole of `target`, a unit of them being
+    /// `scale` metres. Work that is handed in together has one scale.
+    pub fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        depths: &wgpu::Texture,
+        target: &wgpu::TextureView,
+        scale: f64,
+    ) {
+        let range = Range { scale: scale as f32, nearest: NEAREST, farthest: FARTHEST, spare: 0.0 };
+        self.gpu.queue.write_buffer(&self.range, 0, bytemuck::bytes_of(&range));
+        let view = depths.create_view(&wgpu::TextureViewDescriptor::default());
+        let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("depth layer"),
+            layout: &self.pipeline.get_bind_group_layout(0),
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: self.range.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&view) },
+            ],
+        });
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("depth layer"),
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: target,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Store }),
+                stencil_ops: None,
+            }),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}

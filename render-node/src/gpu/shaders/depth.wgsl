@@ -1,0 +1,24 @@
+// How far away along the view's axis the front of each pixel is; 0 where there is none.
+
+override VIEW: u32 = 0u;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> fronts: array<f32>;
+@group(0) @binding(2) var blended: texture_2d<f32>;
+
+@vertex
+fn cover(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+    return vec4(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.5, 1.0);
+}
+
+@fragment
+fn depth_from_tiles(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<u32>(at.xy);
+    return vec4(fronts[(VIEW * frame.size.y + pixel.y) * frame.size.x + pixel.x], 0.0, 0.0, 1.0);
+}
+
+@fragment
+fn depth_from_quads(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    let p = textureLoad(blended, vec2<i32>(at.xy), 0);
+    return vec4(select(0.0, p.x / max(p.w, SURFACE), p.w >= SURFACE), 0.0, 0.0, 1.0);
+}

@@ -1,0 +1,34 @@
+// Puts depths of a scene onto a headset's depth image, as a perspective projection between two planes stores them.
+
+struct Range {
+    // Metres of a unit of the scene; the planes, metres.
+    scale: f32,
+    nearest: f32,
+    farthest: f32,
+    spare: f32,
+}
+
+@group(0) @binding(0) var<uniform> range: Range;
+@group(0) @binding(1) var depths: texture_2d<f32>;
+
+struct Covered {
+    @builtin(position) position: vec4<f32>,
+    // 0 to 1 across and down.
+    @location(0) at: vec2<f32>,
+}
+
+@vertex
+fn cover(@builtin(vertex_index) vertex: u32) -> Covered {
+    let corner = vec2(f32(vertex & 1u) * 2.0, f32(vertex >> 1u) * 2.0);
+    return Covered(vec4(corner.x * 2.0 - 1.0, 1.0 - corner.y * 2.0, 0.5, 1.0), corner);
+}
+
+@fragment
+fn store(in: Covered) -> @builtin(frag_depth) f32 {
+    let size = vec2<i32>(textureDimensions(depths));
+    // Depths of two surfaces have nothing between them: the nearest pixel tells.
+    let pixel = clamp(vec2<i32>(in.at * vec2<f32>(size)), vec2(0), size - 1);
+    let metres = textureLoad(depths, pixel, 0).x * range.scale;
+    let seen = select(range.farthest, clamp(metres, range.nearest, range.farthest), metres > 0.0);
+    return clamp(range.farthest / (range.farthest - range.nearest) * (1.0 - range.nearest / seen), 0.0, 1.0);
+}
