@@ -17,11 +17,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use glam::DVec3;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{StrokeMode, WalkTuning, command};
 use sg_proto::selection::{Proposal, ProposalsReply, SampleRequest, StrokesRequest};
 use sg_scene::edit::EditState;
 use sg_scene::mask::Mask;
+use sg_scene::model::SceneBox;
 
 pub use asked::Asked;
 pub use beside::Beside;
@@ -113,6 +115,13 @@ impl Shown {
     pub fn proposals(&self) -> &[Proposal] {
         let about = |p: &&Arc<ProposalsReply>| p.selection_hash == self.scene.selection().hash();
         self.proposals.as_ref().filter(about).filter(|_| self.most_proposals() > 0).map_or(&[], |p| &p.proposals)
+    }
+
+    /// Where in a scene with these bounds the proposal of a number from 0 lies.
+    #[must_use]
+    pub fn proposal_at(&self, bounds: SceneBox, number: usize) -> Option<DVec3> {
+        let normalized = DVec3::from_slice(self.proposals().get(number)?.point.get(..3)?);
+        Some(bounds.denormalize(normalized)).filter(|at| at.is_finite())
     }
 }
 

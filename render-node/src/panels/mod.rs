@@ -142,7 +142,8 @@ pub enum Wish {
     Place(u8),
     /// Keep a picture of the view.
     Screenshot,
-    /// Look at the place of this number, from 0, where a next stroke would tell most ([`Shown::proposals`]).
+    /// Look at the place of this number, from 0, where a next stroke would tell most ([`Shown::proposals`]); before the eyes of
+    /// a person, who turns by themselves, have it stand out.
     Proposal(u8),
 }
 

@@ -2,7 +2,8 @@
 
 use egui::style::{HandleShape, ScrollStyle, Selection, WidgetVisuals, Widgets};
 use egui::{
-    Color32, Context, CornerRadius, FontFamily, FontId, Frame, Margin, Shadow, Stroke, Style, TextStyle, Theme,
+    Align2, Color32, Context, CornerRadius, FontFamily, FontId, Frame, Margin, Painter, Pos2, Shadow, Stroke, Style,
+    TextStyle, Theme,
 };
 use egui::{Ui, Vec2, Visuals};
 use glam::Vec3;
@@ -51,6 +52,19 @@ pub fn color_of(sense: Sense) -> Color32 {
         Sense::Add => Color32::from_rgb(0, 158, 115),
         Sense::Remove => Color32::from_rgb(213, 94, 0),
     }
+}
+
+/// Points from the middle of a mark to the outside of its edge.
+pub const MARK: f32 = 12.0;
+
+/// Okabe and Ito's yellow, which neither adds nor takes away.
+const MARKED: Color32 = Color32::from_rgb(240, 228, 66);
+
+/// Marks the place of a number from 0 where a next stroke would tell most, written from 1; one that is lit is filled.
+pub fn mark(painter: &Painter, at: Pos2, number: usize, lit: bool) {
+    let (fill, text) = if lit { (MARKED, Color32::BLACK) } else { (Color32::from_black_alpha(190), MARKED) };
+    painter.circle(at, MARK - 1.0, fill, Stroke::new(2.0, MARKED));
+    painter.text(at, Align2::CENTER_CENTER, (number + 1).to_string(), FontId::proportional(14.0), text);
 }
 
 /// Gives a context the look that the tools ask for. Cheap where nothing changed.

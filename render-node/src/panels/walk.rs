@@ -35,7 +35,7 @@ impl Panels {
         self.proposals(ui, shown, asked);
     }
 
-    /// Where a next stroke would tell most, as rows to be looked at where the display can turn there.
+    /// Where a next stroke would tell most, as rows to be looked at or lit up where the display can.
     fn proposals(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
         let most = shown.most_proposals().min(PLACES);
         if most == 0 {
@@ -51,10 +51,14 @@ impl Panels {
             let unsure =
                 format!("{} unsure, {} Gaussians", percent(place.uncertainty), count(place.gaussians as usize));
             let wish = Wish::Proposal(k);
+            let does = match self.place {
+                Place::Window => "look there",
+                Place::Headset => "light up its mark, or no longer",
+            };
             if !self.fulfils.contains(&wish) {
                 ui.label(text);
                 ui.label(RichText::new(unsure).weak());
-            } else if ui.add(Button::new(text).wrap()).on_hover_text(format!("look there ({unsure})")).clicked() {
+            } else if ui.add(Button::new(text).wrap()).on_hover_text(format!("{does} ({unsure})")).clicked() {
                 asked.wishes.push(wish);
             }
         }

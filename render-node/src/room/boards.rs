@@ -19,7 +19,7 @@ const ANGLES: [(Panel, f64); 3] = [(Panel::Scene, -55.0), (Panel::Prompt, 50.0),
 const SHARPNESS: f32 = 1.5;
 
 /// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
-const LEGEND: (Vec2, f64) = (Vec2::new(330.0, 580.0), 0.4);
+const LEGEND: (Vec2, f64) = (Vec2::new(430.0, 580.0), 0.4);
 
 /// Points across a brush's ring.
 const RING: f32 = 64.0;
@@ -243,7 +243,7 @@ impl Boards {
 }
 
 /// Turned so that what lies in it is upright and seen from `eye`.
-fn facing(at: DVec3, eye: DVec3) -> DQuat {
+pub(super) fn facing(at: DVec3, eye: DVec3) -> DQuat {
     let back = (eye - at).normalize_or(DVec3::Z);
     let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
     DQuat::from_mat3(&glam::DMat3::from_cols(right, back.cross(right), back))

@@ -6,6 +6,7 @@
 mod acts;
 mod boards;
 mod eyes;
+mod marks;
 mod mirror;
 
 use std::path::{Path, PathBuf};
@@ -24,6 +25,7 @@ pub use boards::first_place;
 
 use boards::Boards;
 use eyes::Eyes;
+use marks::Marks;
 use mirror::Mirror;
 
 /// Seconds of one frame before the headset has said how long one is.
@@ -53,6 +55,7 @@ pub struct Room {
     acts: Acts,
     panels: Panels,
     boards: Boards,
+    marks: Marks,
     bookmarks: Bookmarks,
     comfort: Comfort,
     /// Whether the scene was put elsewhere at once since the last frame.
@@ -87,6 +90,7 @@ impl Room {
         Self {
             acts: Acts::new(&scene, home),
             boards: Boards::new(stance(&tools), headset.origin()),
+            marks: Marks::default(),
             scene,
             seat,
             tools,
@@ -123,6 +127,12 @@ impl Room {
     #[must_use]
     pub fn panel(&self, panel: Panel) -> Option<Rectangle> {
         self.boards.place(panel)
+    }
+
+    /// Where places for a next stroke were marked last, and which of them stands out.
+    #[must_use]
+    pub fn marks(&self) -> Vec<(Rectangle, bool)> {
+        self.marks.places()
     }
 
     /// Serves a headset on this thread until its session or its seat is over.
@@ -213,8 +223,11 @@ impl Room {
         self.panels.fulfils = vec![Wish::Fit, Wish::Bookmark];
         let kept = self.bookmarks.all().len().min(usize::from(u8::MAX)) as u8;
         self.panels.fulfils.extend((1..=kept).map(Wish::Place));
+        self.panels.fulfils.extend((0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)));
         let tips = self.acts.tips(&self.tools);
         let asked = self.boards.show(frame, &mut self.panels, &shown, &mut self.tools, tips)?;
+        let (bounds, placement) = (self.scene.bounds, self.acts.placement());
+        self.marks.show(frame, &shown, |k| shown.proposal_at(bounds, k).map(|at| placement.to_room(at)))?;
         self.take(asked, &shown, &mut requests);
         for request in requests {
             self.seat.ask(request);
@@ -275,8 +288,9 @@ impl Room {
                         self.acts.go(Some(place));
                     }
                 }
+                Wish::Proposal(number) => self.marks.light_up(number.into(), shown),
                 // Not among what is fulfilled.
-                Wish::Screenshot | Wish::Proposal(_) => (),
+                Wish::Screenshot => (),
             }
         }
     }

@@ -247,7 +247,7 @@ impl Desk {
                     );
                 }
                 Wish::Proposal(k) => {
-                    if let Some(at) = place_of(&self.scene, shown, k.into()) {
+                    if let Some(at) = shown.proposal_at(self.scene.bounds, k.into()) {
                         let view = &mut self.viewport.navigator.view;
                         *view = turned_to(*view, at);
                     }
@@ -403,12 +403,6 @@ impl Desk {
             };
         }
     }
-}
-
-/// Where in the scene a next stroke would tell most, by its number from 0.
-pub(super) fn place_of(scene: &Scene, shown: &Shown, number: usize) -> Option<DVec3> {
-    let normalized = DVec3::from_slice(shown.proposals().get(number)?.point.get(..3)?);
-    Some(scene.bounds.denormalize(normalized)).filter(|at| at.is_finite())
 }
 
 /// A view of a place from the same direction and distance.

@@ -1,19 +1,12 @@
 //! What lies over the picture of a window: the brush's ring, a lasso, places where a next stroke would tell most.
 
-use egui::{Align2, Color32, FontId, Pos2, Rect, Stroke, Ui, Vec2};
+use egui::{Color32, Pos2, Rect, Stroke, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use sg_scene::camera::Camera;
 
-use super::desk::place_of;
 use super::viewport::Viewport;
 use crate::display::{Sense, Shown, Tools};
-use crate::panels::theme::color_of;
-
-/// Points from the middle of a mark to its edge.
-const MARK: f32 = 11.0;
-
-/// Okabe and Ito's yellow, which neither adds nor takes away.
-const MARKED: Color32 = Color32::from_rgb(240, 228, 66);
+use crate::panels::theme::{color_of, mark};
 
 /// Where a place of the scene is seen in the window, and its depth along the axis; `None` behind the eye.
 fn seen_at(camera: &Camera, rect: Rect, at: DVec3) -> Option<(Pos2, f64)> {
@@ -33,10 +26,9 @@ impl Viewport {
         }
         let (painter, camera) = (ui.painter_at(rect), self.camera(rect));
         for k in 0..shown.proposals().len() {
-            let seen = place_of(&self.scene, shown, k).and_then(|at| seen_at(&camera, rect, at));
+            let seen = shown.proposal_at(self.scene.bounds, k).and_then(|at| seen_at(&camera, rect, at));
             let Some((at, _)) = seen.filter(|(at, _)| rect.contains(*at)) else { continue };
-            painter.circle(at, MARK, Color32::from_black_alpha(190), Stroke::new(2.0, MARKED));
-            painter.text(at, Align2::CENTER_CENTER, (k + 1).to_string(), FontId::proportional(14.0), MARKED);
+            mark(&painter, at, k, false);
         }
     }
 

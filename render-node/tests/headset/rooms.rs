@@ -6,13 +6,16 @@ use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec2, DVec3};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{StrokeKind, StrokeMode};
-use sg_render_node::display::{BrushMode, Offered, Request, Seat, Service, Shown, Tools};
+use sg_proto::scene::selection_step::Step as Done;
+use sg_proto::scene::{CommitSelection, SelectionStep, Stroke, StrokeKind, StrokeMode, WalkTuning};
+use sg_proto::selection::{Proposal, ProposalsReply};
+use sg_render_node::display::{BrushMode, Offered, Request, Seat, Service, Shown, Tools, Walks};
 use sg_render_node::hands::{Pose, Side};
-use sg_render_node::panels::{Panel, Panels, Place, theme};
+use sg_render_node::panels::{Panel, Panels, Place, Wish, theme};
 use sg_render_node::room::{Room, Setup};
-use sg_render_node::xr::{Frame, Headset, Options, PAUSE, Step};
+use sg_render_node::xr::{Frame, Headset, Options, PAUSE, Step, XrError};
 use sg_scene::edit::EditState;
+use sg_scene::edit::wire::encode_mask;
 use sg_scene::load::{LoadOptions, load};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
@@ -31,6 +34,8 @@ struct Person {
     asked: Vec<Request>,
     /// What the hands did in the newest frame.
     hands: [sg_render_node::hands::HandInput; 2],
+    /// Frames whose depths were handed in.
+    depths: u32,
 }
 
 impl Person {
@@ -39,10 +44,12 @@ impl Person {
         let begun = Instant::now();
         loop {
             assert!(begun.elapsed() < PATIENCE, "waited in vain for: {what}; asked so far: {:?}", self.asked);
-            let (room, hands) = (&mut self.room, &mut self.hands);
+            let (room, hands, depths) = (&mut self.room, &mut self.hands, &mut self.depths);
             let step = self.headset.frame(|frame: &mut Frame<'_>| {
                 *hands = frame.hands;
-                room.frame(frame)
+                room.frame(frame)?;
+                *depths += u32::from(frame.has_depths());
+                Ok::<(), XrError>(())
             });
             while let Ok(request) = self.service.requests.try_recv() {
                 self.asked.push(request);
@@ -95,7 +102,7 @@ impl Person {
     }
 
     /// Draws a stroke between two places of the room; it, as the seat was asked for it.
-    fn stroke(&mut self, side: Side, from: DVec3, to: DVec3) -> sg_proto::scene::Stroke {
+    fn stroke(&mut self, side: Side, from: DVec3, to: DVec3) -> Stroke {
         self.asked.clear();
         self.reach(side, from);
         self.trigger(side, 1.0);
@@ -130,16 +137,32 @@ impl Person {
 
 /// Where a control of a panel is, in points, as it is drawn in a headset.
 fn place_of(panel: Panel, shown: &Shown, tools: &Tools, typing: bool, label: &str) -> egui::Pos2 {
+    place_under(panel, shown, tools, (typing, None), label)
+}
+
+/// The same once what is folded under another label was unfolded.
+fn place_under(
+    panel: Panel,
+    shown: &Shown,
+    tools: &Tools,
+    (typing, folded): (bool, Option<&str>),
+    label: &str,
+) -> egui::Pos2 {
     use egui_kittest::kittest::Queryable as _;
     let mut panels = Panels::new(Place::Headset);
+    panels.fulfils = (0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)).collect();
     if typing {
         panels.name_selection();
     }
     let (shown, mut tools) = (shown.clone(), tools.clone());
-    let harness = egui_kittest::Harness::builder().with_size(panel.size()).build_ui(move |ui| {
+    let mut harness = egui_kittest::Harness::builder().with_size(panel.size()).build_ui(move |ui| {
         theme::apply(ui.ctx(), &tools);
         let _ = panels.show(panel, ui, &shown, &mut tools);
     });
+    if let Some(folded) = folded {
+        harness.get_by_label(folded).click();
+        harness.run();
+    }
     harness.get_by_label(label).rect().center()
 }
 
@@ -147,6 +170,27 @@ fn shown_of(scene: &Scene) -> Shown {
     let state = Arc::new(EditState::of_scene(scene, "scene.ply", "hash"));
     let offered = Offered { scene: true, selection: true, agents: false };
     Shown { offered, undo: Arc::from(["a stroke".to_owned()]), ..Shown::of(state) }
+}
+
+/// The same after a walk, with places of the scene's box where a next stroke would tell most.
+fn with_proposals(shown: &Shown, scene: &Arc<Scene>, places: &[[f64; 3]]) -> Shown {
+    let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
+    let stroke = Stroke { mode, kind, radius: 0.1, points: vec![0.5; 3], pressure: Vec::new(), depth: None };
+    let steps = vec![SelectionStep { step: Some(Done::Stroke(stroke)) }];
+    let mask = Some(encode_mask(&Mask::from_fn(scene.len(), |i| i < 2)));
+    let commit = Action::CommitSelection(CommitSelection { mask, steps, ..CommitSelection::default() });
+    let walked = Arc::new(shown.scene.after(scene, commit).unwrap());
+    let proposals = places.iter().map(|p| Proposal { point: p.to_vec(), expected_change: 40.0, ..Proposal::default() });
+    let selection_hash = walked.selection().hash().to_owned();
+    let proposals = ProposalsReply { proposals: proposals.collect(), selection_hash, proposals_ms: 1.0 };
+    let tuning = Some(WalkTuning { leak: 0.03, threshold: 0.0 });
+    Shown {
+        walks: Some(Walks { tuning, most_proposals: 16 }),
+        proposals: Some(Arc::new(proposals)),
+        selected: Arc::clone(walked.selection().mask()),
+        scene: walked,
+        ..shown.clone()
+    }
 }
 
 /// Of the screen, and so of the committed picture.
@@ -171,11 +215,11 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     let _runtime = Runtime::start(&Display::X(&screen));
     let puppet = Puppet::connect();
     let headset = Headset::open(Options { resolution: 0.4, ..Options::default() }).unwrap();
-    let shown = shown_of(&scene);
+    let shown = with_proposals(&shown_of(&scene), &scene, &[[0.6, 0.7, 0.9], [0.8, 0.5, 0.6]]);
     let (seat, service) = Seat::new(shown);
     let setup = Setup { scene, seat, tools: Tools { radius: 0.06, ..Tools::default() }, opened: path, mirror: false };
     let room = Room::new(setup, &headset);
-    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default() };
+    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
     person.reach(Side::Right, DVec3::new(0.12, 1.25, -0.6));
     person.aim(Side::Left, DVec3::new(-0.12, 1.2, -0.5), DVec3::new(-0.3, 0.3, -1.0));
@@ -184,6 +228,7 @@ fn inside_the_room_of_a_real_scene_is_composited() {
         frames += 1;
         frames > 6
     });
+    assert!(person.depths > 6, "the runtime takes depths, and has them with each frame: {}", person.depths);
     std::thread::sleep(Duration::from_millis(300));
     let (width, height, rgb) = screen.picture();
     assert_eq!([width, height], SIZE);
@@ -214,7 +259,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     let tools = Tools { radius: 0.1, ..Tools::default() };
     let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: "scene.ply".into(), mirror: false };
     let room = Room::new(setup, &headset);
-    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default() };
+    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
 
     // The scene stands a metre high before the person.
@@ -278,6 +323,31 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "invert"));
     person.until("an inversion", |p| p.asked.iter().any(|r| matches!(r, Request::Select(s) if !s.steps.is_empty())));
     assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "{:?}", person.asked);
+
+    // Places for a next stroke hang as discs where they are, and one that is chosen stands out; the scene stays where it is.
+    let stands = person.room.placement();
+    let proposed = with_proposals(&selected, &scene, &[[0.2, 0.5, 0.5], [0.9, 0.1, 0.4]]);
+    person.service.news.change(|shown| *shown = proposed.clone());
+    person.until("marks", |p| p.room.marks().len() == 2);
+    for (mark, place) in person.room.marks().iter().zip(&proposed.proposals().to_vec()) {
+        let want = stands.to_room(scene.bounds.denormalize(DVec3::from_slice(&place.point)));
+        assert!(mark.0.pose.position.distance(want) < 1e-9 && !mark.1, "{mark:?}, not at {want}");
+    }
+    let tools = person.room.tools().clone();
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &proposed, &tools, false, "Walk"));
+    let second = "2: about 40 Gaussians would change";
+    let row = place_under(Panel::Prompt, &proposed, &tools, (false, Some("Walk")), second);
+    let unfolded = Instant::now();
+    person.until("an unfolded section", |_| unfolded.elapsed() > Duration::from_millis(300));
+    person.press(Panel::Prompt, row);
+    person.until("a mark that stands out", |p| p.room.marks()[1].1);
+    let [one, two] = person.room.marks().try_into().unwrap();
+    assert!(!one.1 && two.0.size.x > 1.3 * one.0.size.x, "{one:?} {two:?}");
+    assert_eq!(person.room.placement(), stands);
+    person.press(Panel::Prompt, row);
+    person.until("none that stands out", |p| !p.room.marks()[1].1);
+    person.service.news.change(|shown| *shown = selected.clone());
+    person.until("no marks", |p| p.room.marks().is_empty());
 
     // A name on the keyboard that hangs there as long as it is needed, and the unit is saved.
     person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "name of the new unit"));
