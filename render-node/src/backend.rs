@@ -100,18 +100,50 @@ impl Engine {
         options: impl Into<Options>,
     ) -> Result<Rendered, GpuError> {
         let options = options.into();
-        let device = self.device.as_mut().filter(|_| options.drawn_by_devices());
-        let Some(device) = device else { return Ok(render(&self.scene, appearance, camera, options)?) };
-        match device.draw_or_reopen(&self.scene, appearance, camera, options) {
-            Err(GpuError::Input(error)) => Err(error.into()),
-            Err(error) if self.falls_back => {
+        match self.on_device(options, |device| device.draw(appearance, camera, options))? {
+            Some(rendered) => Ok(rendered),
+            None => Ok(render(&self.scene, appearance, camera, options)?),
+        }
+    }
+
+    /// Draws pictures of one or two cameras, complete when this returns, and leaves them on the device, as
+    /// [`Renderer::pictures`] has them; `None` where the cores draw.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn leave(
+        &mut self,
+        appearance: &Appearance,
+        cameras: &[Camera],
+        options: impl Into<Options>,
+    ) -> Result<Option<(&Gpu, &[wgpu::Texture])>, GpuError> {
+        let options = options.into();
+        let left = self.on_device(options, |device| device.leave(appearance, cameras, options))?;
+        let device = self.device.as_ref().filter(|_| left.is_some());
+        Ok(device.map(|d| (d.renderer.gpu(), d.renderer.pictures())))
+    }
+
+    /// Lets the device do something, opened anew where it was lost; `None` where the cores have to.
+    fn on_device<T>(
+        &mut self,
+        options: Options,
+        mut work: impl FnMut(&mut OnDevice) -> Result<T, GpuError>,
+    ) -> Result<Option<T>, GpuError> {
+        let Some(device) = self.device.as_mut().filter(|_| options.drawn_by_devices()) else { return Ok(None) };
+        let outcome = match work(device) {
+            Err(GpuError::Lost { .. }) => device.reopen(&self.scene).and_then(|()| work(device)),
+            outcome => outcome,
+        };
+        match outcome {
+            Ok(done) => Ok(Some(done)),
+            Err(error) if self.falls_back && !matches!(error, GpuError::Input(_)) => {
                 if !matches!(error, GpuError::TooMany { .. }) {
                     self.device = None;
                 }
                 self.trouble = Some(error);
-                Ok(render(&self.scene, appearance, camera, options)?)
+                Ok(None)
             }
-            outcome => outcome,
+            Err(error) => Err(error),
         }
     }
 
@@ -120,11 +152,10 @@ impl Engine {
         self.trouble.take()
     }
 
-    /// Gives the device up as a driver's reset would; nothing happens where the cores draw.
-    pub fn lose_device(&self) {
-        if let Some(device) = &self.device {
-            device.renderer.gpu().lose();
-        }
+    /// The device that draws, if one does.
+    #[must_use]
+    pub fn gpu(&self) -> Option<&Gpu> {
+        self.device.as_ref().map(|d| d.renderer.gpu())
     }
 }
 
@@ -138,33 +169,29 @@ impl OnDevice {
         Ok(Self { wanted, renderer, rasterizer })
     }
 
-    /// Draws; on a device opened anew where this one was lost.
-    fn draw_or_reopen(
-        &mut self,
-        scene: &Scene,
-        appearance: &Appearance,
-        camera: &Camera,
-        options: Options,
-    ) -> Result<Rendered, GpuError> {
-        match self.draw(appearance, camera, options) {
-            Err(GpuError::Lost { .. }) => {
-                *self = Self::open(self.wanted, scene, Some(self.rasterizer))?;
-                self.draw(appearance, camera, options)
-            }
-            outcome => outcome,
-        }
+    fn reopen(&mut self, scene: &Scene) -> Result<(), GpuError> {
+        *self = Self::open(self.wanted, scene, Some(self.rasterizer))?;
+        Ok(())
+    }
+
+    fn settings(&self, Options { quality, projection }: Options) -> Settings {
+        Settings { quality, projection, rasterizer: self.rasterizer, ..Settings::default() }
     }
 
     fn draw(&mut self, appearance: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, GpuError> {
         let began = Instant::now();
-        let Options { quality, projection } = options;
-        let settings = Settings { quality, projection, rasterizer: self.rasterizer, ..Settings::default() };
+        let settings = self.settings(options);
         let (mut images, drawn) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
         let report = self.report(&drawn, began);
         match images.pop() {
             Some(image) => Ok(Rendered { image, report }),
             None => Err(GpuError::Views("the device made no picture".to_owned())),
         }
+    }
+
+    fn leave(&mut self, appearance: &Appearance, cameras: &[Camera], options: Options) -> Result<(), GpuError> {
+        let settings = self.settings(options);
+        self.renderer.whole(cameras, appearance, settings).map(drop)
     }
 
     fn report(&self, drawn: &Drawn, began: Instant) -> Report {

@@ -1,14 +1,29 @@
 //! The window of a whole running stack, with a mouse and a keyboard that nobody holds.
 
-#![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::panic,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stderr,
+    reason = "a test fails by panicking"
+)]
 
-use std::process::Stdio;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::State;
+use sg_render_node::backend::{Backend, Engine};
+use sg_render_node::display::{Seat, Shown, Tools};
+use sg_render_node::gpu::{Gpu, Rasterizer, Wanted};
+use sg_render_node::window::{self, Setup};
+use sg_scene::edit::EditState;
+use sg_scene::load::{LoadOptions, load};
 use sg_tests::screen::{SIZE, Screen};
 use sg_tests::stack::Stack;
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
@@ -124,7 +139,7 @@ fn a_person_brushes_names_speaks_and_closes() {
     key("ctrl+q");
     let ended = stack.ended(PATIENCE);
     assert_eq!(ended, Some(Some(0)), "closing the window ends the stack\n{}", stack.log());
-    let kept = std::fs::read_to_string(std::path::Path::new(&home).join("supergaussian/window.toml")).unwrap();
+    let kept = std::fs::read_to_string(Path::new(&home).join("supergaussian/window.toml")).unwrap();
     assert!(kept.contains("radius"), "{kept}");
 }
 
@@ -227,4 +242,158 @@ fn frames_go_on_while_every_other_service_stands_still() {
         let (status, _, all) = stack.run(&["say", "hide everything"]).unwrap();
         assert_eq!(status, Some(0), "{all}");
     });
+}
+
+/// What the process of [`shows_a_scene_until_it_is_killed`] shows, and whether its pictures are copied.
+const SHOWN: [&str; 2] = ["SUPERGAUSSIAN_TESTS_SHOW", "SUPERGAUSSIAN_TESTS_COPY"];
+
+#[test]
+#[ignore = "the process that the test of a lost device starts"]
+fn shows_a_scene_until_it_is_killed() {
+    let [Ok(path), Ok(copies)] = SHOWN.map(std::env::var) else { return };
+    sg_runtime::telemetry::init_command();
+    let scene = load(Path::new(&path), &LoadOptions::default()).unwrap().scene;
+    let engine = Engine::new(scene.clone(), Backend::Gpu, Some(Rasterizer::Quads)).unwrap();
+    let gpu = engine.gpu().unwrap().clone();
+    let (seat, _service) = Seat::new(Shown::of(Arc::new(EditState::of_scene(&scene, &path, "hash"))));
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        std::io::stdin().read_line(&mut line).unwrap();
+        gpu.lose();
+    });
+    let setup = Setup {
+        scene: Arc::new(scene),
+        engine,
+        seat,
+        title: "shown".to_owned(),
+        tools: Tools::default(),
+        quality: None,
+        copies: Some(copies == "true"),
+        memory: None,
+        pictures: PathBuf::from(path).with_file_name("kept"),
+        opened: Box::new(|| ()),
+    };
+    window::run(setup).unwrap();
+}
+
+/// A process with a window, without its panels, that is killed when dropped.
+struct Showing {
+    process: Child,
+    log: PathBuf,
+}
+
+impl Showing {
+    fn start(screen: &Screen, scene: &Path, copies: bool) -> Self {
+        let log = scene.with_file_name(format!("log-{copies}"));
+        let process = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "shows_a_scene_until_it_is_killed", "--ignored", "--nocapture"])
+            .env("DISPLAY", screen.display())
+            .env("SUPERGAUSSIAN_LOG", "info,zenoh=error")
+            .envs(SHOWN.into_iter().zip([scene.as_os_str(), copies.to_string().as_ref()]))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(std::fs::File::create(&log).unwrap())
+            .spawn()
+            .unwrap();
+        screen.window("shown", PATIENCE).unwrap();
+        let this = Self { process, log };
+        // A key that comes before the window has its first frame is lost.
+        let panels = || screen.shot().unwrap().share([20, 100, 200, 600], |p| p != [0; 3]) > 0.5;
+        let begun = Instant::now();
+        while !panels() {
+            assert!(begun.elapsed() < PATIENCE, "no panels: {}", this.log());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        screen.act(&["key", "h"]).unwrap();
+        while panels() {
+            assert!(begun.elapsed() < PATIENCE, "panels stay: {}", this.log());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        this
+    }
+
+    fn lose(&mut self) {
+        writeln!(self.process.stdin.as_mut().unwrap(), "lose").unwrap();
+    }
+
+    fn log(&self) -> String {
+        std::fs::read_to_string(&self.log).unwrap()
+    }
+
+    /// How often the log says something.
+    fn said(&self, words: &str) -> usize {
+        self.log().matches(words).count()
+    }
+
+    /// The [`picture`] once it stays and something holds.
+    fn settled(&self, screen: &Screen, what: &str, holds: impl Fn(&[[u8; 3]]) -> bool) -> Vec<[u8; 3]> {
+        let picture = || picture(screen);
+        let (begun, mut before, mut same) = (Instant::now(), picture(), 0);
+        loop {
+            // Each motion is a frame; over the status line it changes nothing.
+            let [x, y] = [MIDDLE[0] + same, SIZE[1] as i32 - 10].map(|n| n.to_string());
+            screen.act(&["mousemove", &x, &y]).unwrap();
+            std::thread::sleep(Duration::from_millis(250));
+            let now = picture();
+            same = if now == before && holds(&now) { same + 1 } else { 0 };
+            // On a busy machine the best picture may follow a coarse one late.
+            if same == 16 {
+                return now;
+            }
+            assert!(begun.elapsed() < PATIENCE, "{what}: {}", self.log());
+            before = now;
+        }
+    }
+}
+
+impl Drop for Showing {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// The screen without the window's bars at its upper and lower edge.
+fn picture(screen: &Screen) -> Vec<[u8; 3]> {
+    screen.shot().unwrap().pixels[60 * SIZE[0]..(SIZE[1] - 60) * SIZE[0]].to_vec()
+}
+
+#[test]
+fn pictures_that_stay_on_the_device_are_those_that_are_copied_and_come_back_when_it_is_lost() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    if let Err(error) = Gpu::open(Wanted::Any) {
+        assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");
+        eprintln!("SKIPPED: {error}");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let scene = sg_tests::small_scene::write(folder.path()).unwrap();
+    let shows = |pixels: &[[u8; 3]]| pixels.iter().filter(|p| p[0] > 60).count() > 10_000;
+    let copied = {
+        let showing = Showing::start(&screen, &scene, true);
+        let picture = showing.settled(&screen, "a copied picture", shows);
+        assert_eq!(showing.said("pictures stay on"), 0);
+        picture
+    };
+    let mut showing = Showing::start(&screen, &scene, false);
+    let stays = showing.settled(&screen, "a picture that stays on the device", shows);
+    assert_eq!(showing.said("pictures stay on"), 1);
+    let apart =
+        |other: &[[u8; 3]]| stays.iter().flatten().zip(other.iter().flatten()).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(apart(&copied) <= Some(1), "{:?} of 255 apart", apart(&copied));
+
+    showing.lose();
+    let back = showing.settled(&screen, "a picture from a device opened anew", |now| {
+        shows(now) && showing.said("pictures stay on") == 2
+    });
+    assert_eq!(apart(&back), Some(0), "another picture than before");
+    let across: Vec<_> = (0..8).map(|k| [MIDDLE[0] + 12 * k, MIDDLE[1]]).collect();
+    let begun = Instant::now();
+    // All of a drag in one frame is a click.
+    while picture(&screen) == stays {
+        assert!(begun.elapsed() < PATIENCE, "no turn on the new device: {}", showing.log());
+        screen.drag(&across).unwrap();
+    }
+    showing.settled(&screen, "the picture after a turn", |now| shows(now) && now != stays);
+    assert!(showing.process.try_wait().unwrap().is_none());
 }

@@ -109,6 +109,7 @@ fn run(
     let (ending, ended) = oneshot::channel();
     let news = news.clone();
     let body = move || {
+        let _broken = Broken(host.clone());
         let outcome = see(before, &news).err();
         // Who waits for it to open ends the process as a failure if it did not; nobody waits once it has opened.
         match ending.send(outcome) {
@@ -123,6 +124,17 @@ fn run(
     let thread = std::thread::Builder::new().name("display".to_owned()).spawn(body);
     let thread = thread.map_err(|e| StartError::Failed(format!("no thread for the display: {e}")))?;
     Ok((ended, thread))
+}
+
+/// Ends the process as failed where the display's thread breaks off: what it was there for is gone.
+struct Broken(Host);
+
+impl Drop for Broken {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.fail("the display broke off; what it said stands before this".to_owned());
+        }
+    }
 }
 
 /// Serves the headset, or the window where that was asked for or there is none.
@@ -205,6 +217,7 @@ fn window(before: Before) -> Result<(), StartError> {
         title,
         tools: tools(&params),
         quality: params.quality,
+        copies: params.copies,
         memory: Memory::place(),
         pictures: params.pictures.unwrap_or_else(pictures),
         opened: Box::new(move || {

@@ -43,6 +43,8 @@ pub(super) struct Params {
     pub(super) backend: Backend,
     /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
     pub(super) rasterizer: Option<Rasterizer>,
+    /// Whether a window's pictures are copied from the device that draws them; without it only from one made of cores.
+    pub(super) copies: Option<bool>,
     /// Pictures a second that the view draws although nothing changes, for whoever records or mirrors it; 0 draws only
     /// what changed.
     pub(super) frames_per_second: f64,
@@ -92,6 +94,7 @@ impl Default for Params {
             projection: Projection::Affine,
             backend: Backend::Auto,
             rasterizer: None,
+            copies: None,
             frames_per_second: 0.0,
             // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
             highlight_color: [0.337, 0.706, 0.914],

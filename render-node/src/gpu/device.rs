@@ -1,14 +1,18 @@
 //! A graphics device: which one, what it allows, and whether it is still there.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use super::GpuError;
 
 /// Longest wait for a device's answer. A software device compiles its shaders at their first use, which takes it seconds, and
 /// a minute on a busy machine.
 pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// How often a waiting thread looks whether the device is done.
+const GLANCE: Duration = Duration::from_micros(200);
 
 /// Features that pictures are made faster or timed with; none is needed.
 pub const USEFUL: wgpu::Features =
@@ -32,7 +36,12 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
+    /// Where it comes from, unless it was opened elsewhere.
+    origin: Option<(wgpu::Instance, wgpu::Adapter)>,
     fault: Arc<Mutex<Option<GpuError>>>,
+    lost: Arc<AtomicBool>,
+    /// Held while work is handed in, and while a surface waits until none is left.
+    handing_in: Arc<Mutex<()>>,
 }
 
 impl fmt::Debug for Gpu {
@@ -80,14 +89,14 @@ impl Gpu {
                 wgpu::DeviceType::Cpu => 4,
             })
             .ok_or(GpuError::NoDevice { wanted })?;
-        Self::of_adapter(&adapter)
+        Self::of_adapter(instance, adapter)
     }
 
-    /// Opens the device of an adapter that was chosen elsewhere, as a window does that has to be shown on it.
+    /// Opens the device of an instance's adapter that was chosen elsewhere, as a window does that has to be shown by it.
     ///
     /// # Errors
     /// [`GpuError::Refused`] where it cannot be opened.
-    pub fn of_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
+    pub fn of_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Self, GpuError> {
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("supergaussian"),
@@ -96,7 +105,7 @@ impl Gpu {
             ..wgpu::DeviceDescriptor::default()
         }))
         .map_err(|e| GpuError::Refused { device: info.name.clone(), reason: e.to_string() })?;
-        Ok(Self::of_device(device, queue, info))
+        Ok(Self { origin: Some((instance, adapter)), ..Self::of_device(device, queue, info) })
     }
 
     /// A device that was opened elsewhere, as a headset's runtime has to, with as many of [`USEFUL`] as it has and all
@@ -111,9 +120,11 @@ impl Gpu {
                 *kept = Some(error);
             }
         };
-        let (lost, name) = (Arc::clone(&fault), info.name.clone());
+        let lost = Arc::new(AtomicBool::new(false));
+        let (gone, told, name) = (Arc::clone(&lost), Arc::clone(&fault), info.name.clone());
         device.set_device_lost_callback(move |_, reason| {
-            keep(&lost, GpuError::Lost { device: name.clone(), reason });
+            keep(&told, GpuError::Lost { device: name.clone(), reason });
+            gone.store(true, Ordering::Release);
         });
         let (broken, name) = (Arc::clone(&fault), info.name.clone());
         device.on_uncaptured_error(Arc::new(move |error| {
@@ -127,7 +138,19 @@ impl Gpu {
                 },
             );
         }));
-        Self { device, queue, info, fault }
+        Self { device, queue, info, origin: None, fault, lost, handing_in: Arc::default() }
+    }
+
+    /// Whether both are clones of one.
+    #[must_use]
+    pub fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.fault, &other.fault)
+    }
+
+    /// The instance and the adapter that it was opened from, by which it can show things: `None` for [`Self::of_device`].
+    #[must_use]
+    pub fn origin(&self) -> Option<&(wgpu::Instance, wgpu::Adapter)> {
+        self.origin.as_ref()
     }
 
     /// The device itself, for whoever draws beside the renderer.
@@ -136,7 +159,38 @@ impl Gpu {
         &self.device
     }
 
-    /// Where work for the device is handed in. What is handed in first is done first.
+    /// Hands work in. What is handed in first is done first.
+    pub fn submit(&self, commands: impl IntoIterator<Item = wgpu::CommandBuffer>) {
+        let _alone = self.alone();
+        self.queue.submit(commands);
+    }
+
+    /// Makes a surface of this device's instance anew, once all work is done: nobody can hand in more meanwhile, which wgpu
+    /// takes for a failure.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`] where the surface cannot be so, [`GpuError::Lost`]: it must not be drawn to then.
+    pub fn configure(&self, surface: &wgpu::Surface<'_>, config: &wgpu::SurfaceConfiguration) -> Result<(), GpuError> {
+        let alone = self.alone();
+        let refusals = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        surface.configure(&self.device, config);
+        let refused = pollster::block_on(refusals.pop());
+        drop(alone);
+        // Who is lost says so when asked.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        let failed = |e: wgpu::Error| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
+        match refused {
+            Some(error) => Err(failed(error)),
+            None if self.is_lost() => Err(self.is_gone()),
+            None => Ok(()),
+        }
+    }
+
+    fn alone(&self) -> MutexGuard<'_, ()> {
+        self.handing_in.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Where data for the device is handed in; work is by [`Self::submit`].
     #[must_use]
     pub fn queue(&self) -> &wgpu::Queue {
         &self.queue
@@ -159,6 +213,12 @@ impl Gpu {
         self.device.destroy();
     }
 
+    /// Whether it went away, whoever has been told.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Acquire)
+    }
+
     /// What broke since this was last asked.
     ///
     /// # Errors
@@ -170,11 +230,36 @@ impl Gpu {
         }
     }
 
-    /// Waits for all work handed in so far, at most [`PATIENCE`].
+    /// Waits for all work handed in so far, at most [`PATIENCE`]. Not inside the driver: there wgpu holds a lock that who shows
+    /// pictures on this device needs for each of them.
     pub(crate) fn wait(&self) -> Result<(), GpuError> {
-        let waited = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
-        self.check()?;
-        waited.map(drop).map_err(|e| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() })
+        let done = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&done);
+        let alone = self.alone();
+        self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release));
+        drop(alone);
+        let begun = Instant::now();
+        let failed = |reason: String| GpuError::Failed { device: self.info.name.clone(), reason };
+        loop {
+            let polled = self.device.poll(wgpu::PollType::Poll);
+            self.check()?;
+            polled.map_err(|e| failed(e.to_string()))?;
+            if done.load(Ordering::Acquire) {
+                return Ok(());
+            }
+            if self.is_lost() {
+                return Err(self.is_gone());
+            }
+            if begun.elapsed() > PATIENCE {
+                return Err(failed(format!("no answer within {} s", PATIENCE.as_secs())));
+            }
+            std::thread::sleep(GLANCE);
+        }
+    }
+
+    fn is_gone(&self) -> GpuError {
+        let reason = "nothing that was handed in will be done".to_owned();
+        GpuError::Lost { device: self.info.name.clone(), reason }
     }
 
     /// Most bytes of one buffer that a shader can reach.
@@ -212,7 +297,7 @@ impl Gpu {
         });
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
-        self.queue.submit([encoder.finish()]);
+        self.submit([encoder.finish()]);
         self.mapped(&staging)
     }
 

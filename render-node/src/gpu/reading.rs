@@ -22,7 +22,7 @@ pub(super) fn bytes_of(gpu: &Gpu, texture: &wgpu::Texture, pixel: u32) -> Result
         },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
     );
-    gpu.queue.submit([encoder.finish()]);
+    gpu.submit([encoder.finish()]);
     let bytes = gpu.mapped(&staging)?;
     let lines = bytes.chunks_exact(row as usize);
     Ok(lines.flat_map(|line| line.get(..(pixel * width) as usize).unwrap_or_default()).copied().collect())

@@ -240,6 +240,21 @@ impl Renderer {
         appearance: &Appearance,
         settings: Settings,
     ) -> Result<(Vec<Image>, Drawn), GpuError> {
+        let drawn = self.whole(cameras, appearance, settings)?;
+        let images = self.canvas.pictures.iter().map(|picture| self.read(picture)).collect::<Result<_, _>>()?;
+        Ok((images, drawn))
+    }
+
+    /// Draws [`Self::pictures`] and waits until they are there and complete, however much room they need.
+    ///
+    /// # Errors
+    /// [`GpuError`].
+    pub fn whole(
+        &mut self,
+        cameras: &[Camera],
+        appearance: &Appearance,
+        settings: Settings,
+    ) -> Result<Drawn, GpuError> {
         // An answer about an earlier picture must not be taken for one about this.
         self.gpu.wait()?;
         self.learn()?;
@@ -247,8 +262,7 @@ impl Renderer {
             self.draw(cameras, appearance, settings)?;
             let (drawn, complete) = self.finish()?;
             if complete {
-                let images = self.canvas.pictures.iter().map(|picture| self.read(picture)).collect::<Result<_, _>>()?;
-                return Ok((images, drawn));
+                return Ok(drawn);
             }
         }
     }
@@ -393,7 +407,7 @@ impl Renderer {
             self.encode_depths(&mut encoder, first);
         }
         let asked = self.timings[first].ask(&mut encoder, &self.work.totals, &self.work.longest);
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.submit([encoder.finish()]);
         if asked {
             self.tiled = rasterizer == Rasterizer::Tiles;
             self.timings[first].expect_answer();

@@ -129,7 +129,7 @@ mod tests {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             sort.run(&mut pass, &sorting, &dispatches, 0);
         }
-        gpu.queue.submit([encoder.finish()]);
+        gpu.submit([encoder.finish()]);
         let read = |buffer: &wgpu::Buffer| {
             bytemuck::pod_collect_to_vec::<u8, u32>(&gpu.read(buffer, 4 * u64::from(n)).unwrap())
         };

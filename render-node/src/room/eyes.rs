@@ -129,7 +129,7 @@ impl Eyes {
                     vignette.encode(&mut encoder, target, camera, eye == 1, darkened);
                 }
             }
-            gpu.queue().submit([encoder.finish()]);
+            gpu.submit([encoder.finish()]);
         })?;
         if let Some(depths) = depths {
             frame.draw_depths(|targets| {
@@ -137,7 +137,7 @@ impl Eyes {
                 for (picture, target) in renderer.depths().iter().zip(targets) {
                     depths.encode(&mut encoder, picture, target, placement.scale);
                 }
-                gpu.queue().submit([encoder.finish()]);
+                gpu.submit([encoder.finish()]);
             })?;
         }
         Ok(Ok(()))

@@ -108,9 +108,9 @@ impl Mirror {
         }
         if let (Some(glass), Some(shape)) = (&mut self.glass, headset.size()) {
             if std::mem::take(&mut self.desk.resized) {
-                glass.resize([size.width, size.height]);
+                glass.resize([size.width, size.height])?;
             }
-            glass.show(picture, shape);
+            glass.show(picture, shape)?;
             self.shown = Some(Instant::now());
         }
         Ok(())
@@ -129,33 +129,37 @@ impl Glass {
         let config = surface.get_default_config(adapter, width, height);
         let config = config.ok_or_else(|| format!("{} cannot show anything on this screen", gpu.name()))?;
         let config = wgpu::SurfaceConfiguration { present_mode, ..config };
-        surface.configure(gpu.device(), &config);
+        gpu.configure(&surface, &config).map_err(|e| e.to_string())?;
         let present = Present::new(&gpu, config.format);
         Ok(Self { gpu, surface, config, present })
     }
 
-    fn resize(&mut self, [width, height]: [u32; 2]) {
+    fn resize(&mut self, [width, height]: [u32; 2]) -> Result<(), String> {
         (self.config.width, self.config.height) = (width, height);
-        self.surface.configure(self.gpu.device(), &self.config);
+        self.configure()
+    }
+
+    fn configure(&self) -> Result<(), String> {
+        self.gpu.configure(&self.surface, &self.config).map_err(|e| e.to_string())
     }
 
     /// Shows a picture in this shape, whatever it was drawn at.
-    fn show(&mut self, picture: &wgpu::Texture, shape: [u32; 2]) {
+    fn show(&mut self, picture: &wgpu::Texture, shape: [u32; 2]) -> Result<(), String> {
         let frame = match self.surface.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => frame,
             wgpu::CurrentSurfaceTexture::Outdated | wgpu::CurrentSurfaceTexture::Lost => {
-                self.surface.configure(self.gpu.device(), &self.config);
-                return;
+                return self.configure();
             }
             // The next one will do.
-            _ => return,
+            _ => return Ok(()),
         };
         let view = frame.texture.create_view(&wgpu::TextureViewDescriptor::default());
         let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let area = fitted(shape, [self.config.width, self.config.height]);
         self.present.encode(&mut encoder, picture, &view, area, wgpu::LoadOp::Clear(wgpu::Color::BLACK));
-        self.gpu.queue().submit([encoder.finish()]);
+        self.gpu.submit([encoder.finish()]);
         self.gpu.queue().present(frame);
+        Ok(())
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Align2, Frame, Ui, Vec2};
+use egui::{Align2, Frame, TextureId, Ui, Vec2};
 use glam::DVec3;
 use sg_proto::scene::{
     Invert, Redo, SelectionOperation, SelectionStep, SetView, Undo, command, selection_operation, selection_step,
@@ -26,6 +26,7 @@ use super::{WindowError, drawing};
 use crate::attributes::Attribute;
 use crate::backend::Engine;
 use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Scrub, Seat, Showing, Shown, Tools};
+use crate::gpu::Gpu;
 use crate::panels::{NARROWEST, Output, Panel, Panels, Place, Wish, theme};
 
 /// Widths of the panels at first, points.
@@ -151,9 +152,20 @@ impl Desk {
         self.viewport.is_settled()
     }
 
-    /// Has textures made anew with the next frame, for another context.
-    pub fn forget_textures(&mut self) {
-        self.viewport.forget_textures();
+    /// Has textures made anew with the next frame, for another context. Pictures may stay on the device of `shown_by`, called
+    /// so among the panels.
+    pub(super) fn show_by(&mut self, shown_by: Option<(Gpu, TextureId)>) {
+        self.viewport.show_by(shown_by);
+    }
+
+    /// The device that draws pictures, if one does.
+    pub(super) fn drawn_by(&self) -> Option<&Gpu> {
+        self.viewport.drawn_by()
+    }
+
+    /// The newest picture where it lies on the device that shows the window, once.
+    pub(super) fn take_picture(&mut self) -> Option<wgpu::Texture> {
+        self.viewport.take_picture()
     }
 
     /// Shows a frame and takes in what was done in it.

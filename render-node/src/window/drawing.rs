@@ -11,11 +11,14 @@ use sg_scene::model::Scene;
 
 use crate::backend::Engine;
 use crate::display::{Beside, Level};
+use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::outline::{OutlineStyle, draw_outlines};
 use crate::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
 use crate::render::{Options, Projection};
 use crate::view::scaled;
+
+use super::handover::Handover;
 
 /// Edge of the picture that ids are found in, over that of the window's.
 const FRONT_SCALE: f64 = 0.5;
@@ -35,16 +38,28 @@ pub(super) struct Wish {
     pub(super) moving: bool,
     /// Super-Gaussian of each Gaussian, where outlines are wanted.
     pub(super) outlines: Option<Arc<[u32]>>,
+    /// The device that shows the window, where pictures may stay on it.
+    pub(super) shown_by: Option<Gpu>,
+}
+
+/// Where a picture is.
+pub(super) enum Picture {
+    /// In memory.
+    Pixels(ColorImage),
+    /// On the device that was said to show the window.
+    OnDevice(Gpu, wgpu::Texture),
 }
 
 /// A picture that is there.
 pub(super) struct Drawn {
-    pub(super) picture: Result<ColorImage, String>,
+    pub(super) picture: Result<Picture, String>,
     pub(super) level: Level,
     pub(super) moving: bool,
     pub(super) seconds: f64,
-    /// What drew it.
+    /// What drew it, and whether a device's picture came through memory.
     pub(super) engine: String,
+    /// The device that draws, if one does.
+    pub(super) drawn_by: Option<Gpu>,
 }
 
 /// What is in front at every place of a picture.
@@ -62,29 +77,46 @@ pub(super) fn pictures(
     pool: Arc<rayon::ThreadPool>,
     told: impl Fn() + Send + 'static,
 ) -> std::io::Result<Beside<Wish, Drawn>> {
+    let mut handover = None;
     let work = move |wish: Wish| {
         let began = Instant::now();
-        let picture = pool.install(|| draw(&mut engine, &wish));
+        let picture = pool.install(|| draw(&mut engine, &mut handover, &wish));
         let Wish { level, moving, .. } = wish;
-        Drawn { picture, level, moving, seconds: began.elapsed().as_secs_f64(), engine: engine.name() }
+        let seconds = began.elapsed().as_secs_f64();
+        let drawn_by = engine.gpu().cloned();
+        let copied = drawn_by.is_some() && matches!(picture, Ok(Picture::Pixels(_)));
+        let name = engine.name() + if copied { ", copied" } else { "" };
+        Drawn { picture, level, moving, seconds, engine: name, drawn_by }
     };
     Beside::new("draws", work, told)
 }
 
-fn draw(engine: &mut Engine, wish: &Wish) -> Result<ColorImage, String> {
-    let mut eyes = Vec::with_capacity(wish.cameras.len());
-    for camera in &wish.cameras {
-        let camera = scaled(camera, wish.level.scale);
-        let options = Options { quality: wish.level.quality, projection: wish.projection };
-        let mut image = engine.draw(&wish.look, &camera, options).map_err(|e| e.to_string())?.image;
+fn draw(engine: &mut Engine, handover: &mut Option<Handover>, wish: &Wish) -> Result<Picture, String> {
+    let cameras: Vec<_> = wish.cameras.iter().map(|camera| scaled(camera, wish.level.scale)).collect();
+    let options = Options { quality: wish.level.quality, projection: wish.projection };
+    // Outlines are drawn by the cores.
+    if let Some(shown_by) = wish.shown_by.as_ref().filter(|_| wish.outlines.is_none()) {
+        let left = engine.leave(&wish.look, &cameras, options).map_err(|e| e.to_string())?;
+        // A device opened anew does not show the window yet.
+        if let Some((gpu, pictures)) = left.filter(|(gpu, _)| gpu.is(shown_by)) {
+            if !handover.as_ref().is_some_and(|h| h.is_on(gpu)) {
+                *handover = None;
+            }
+            let picture = handover.get_or_insert_with(|| Handover::new(gpu)).put(pictures);
+            return Ok(Picture::OnDevice(shown_by.clone(), picture));
+        }
+    }
+    let mut eyes = Vec::with_capacity(cameras.len());
+    for camera in &cameras {
+        let mut image = engine.draw(&wish.look, camera, options).map_err(|e| e.to_string())?.image;
         if let Some(labels) = &wish.outlines {
-            let front = front_ids(engine.scene(), &wish.look, &camera, wish.projection, SURFACE);
+            let front = front_ids(engine.scene(), &wish.look, camera, wish.projection, SURFACE);
             let (ids, _) = front.map_err(|e| e.to_string())?;
             draw_outlines(&mut image, &ids, labels, OutlineStyle::default()).map_err(|e| e.to_string())?;
         }
         eyes.push(image);
     }
-    Ok(side_by_side(&eyes))
+    Ok(Picture::Pixels(side_by_side(&eyes)))
 }
 
 /// Pictures of one height beside each other, rounded as in a PNG.

@@ -11,6 +11,7 @@ mod drawing;
 mod dropped;
 mod ffmpeg;
 mod glass;
+mod handover;
 mod keep;
 mod marks;
 mod memory;
@@ -33,6 +34,7 @@ use winit::window::{Window, WindowId};
 
 use crate::backend::Engine;
 use crate::display::{Seat, Tools};
+use crate::gpu::Gpu;
 use crate::render::Quality;
 
 pub use desk::Desk;
@@ -61,6 +63,9 @@ pub enum WindowError {
 /// How often news from elsewhere is looked for while nothing is drawn.
 const GLANCE: Duration = Duration::from_millis(16);
 
+/// Frames in a row whose device or surface may be lost, each opened anew.
+const MOST_LOSSES: u32 = 5;
+
 /// What a window shows.
 pub struct Setup {
     /// The geometry.
@@ -75,6 +80,9 @@ pub struct Setup {
     pub tools: Tools,
     /// The best quality of pictures where it is given for this time: it comes before what is remembered.
     pub quality: Option<Quality>,
+    /// Whether pictures are copied from the device that draws them to another one that shows the window. Without it only where
+    /// the former is made of cores: it does one thing after the other, and the loop would wait for its pictures.
+    pub copies: Option<bool>,
     /// Where its layout is remembered; `None`: nowhere.
     pub memory: Option<PathBuf>,
     /// Where kept pictures go.
@@ -115,9 +123,15 @@ struct App {
 /// The open window.
 struct Opened {
     window: Arc<Window>,
-    glass: Glass,
+    /// Taken away before another is opened: a window has one at a time.
+    glass: Option<Glass>,
     input: egui_winit::State,
     desk: Desk,
+    copies: Option<bool>,
+    /// The newest device that draws which was tried for showing as well.
+    tried: Option<Gpu>,
+    /// Frames since one was shown whose device or surface was lost.
+    losses: u32,
     memory: Option<PathBuf>,
     /// What was remembered when it opened, and the quality that was given for this time.
     before: (Memory, Option<Quality>),
@@ -127,7 +141,7 @@ struct Opened {
 
 impl Opened {
     fn new(event_loop: &ActiveEventLoop, setup: Setup, wake: &EventLoopProxy<()>) -> Result<Self, WindowError> {
-        let Setup { scene, engine, seat, title, tools, quality, memory, pictures, opened } = setup;
+        let Setup { scene, engine, seat, title, tools, quality, copies, memory, pictures, opened } = setup;
         let read = memory.as_deref().map_or(Ok(None), Memory::read).unwrap_or_else(|why| {
             tracing::warn!("the window's layout is as it is at first: {why}");
             None
@@ -149,15 +163,57 @@ impl Opened {
             let _ = wake.send_event(());
         };
         let desk = Desk::new(scene, engine, (seat, tools), pictures, &remembered, told)?;
-        let glass = Glass::open(&window)?;
-        let input = fresh_input(&window, &glass);
+        let input = fresh_input(&window, None);
+        let (before, due) = ((remembered, quality), Some(Instant::now()));
+        let mut this = Self { window, glass: None, input, desk, copies, tried: None, losses: 0, memory, before, due };
+        this.open_glass()?;
         opened();
-        let before = (remembered, quality);
-        Ok(Self { window, glass, input, desk, memory, before, due: Some(Instant::now()) })
+        Ok(this)
+    }
+
+    /// The device that draws pictures, where they are to stay on it and that has not been tried.
+    fn untried(&self) -> Option<Gpu> {
+        let tried = |gpu: &Gpu| self.tried.as_ref().is_some_and(|tried| tried.is(gpu));
+        let stays = |gpu: &&Gpu| !self.copies.unwrap_or(gpu.is_software()) && !gpu.is_lost() && !tried(gpu);
+        self.desk.drawn_by().filter(stays).cloned()
+    }
+
+    /// Has the window shown anew: by the device that draws its pictures if they are to stay on it and it can show them, else by
+    /// one of its own.
+    fn open_glass(&mut self) -> Result<(), WindowError> {
+        self.glass = None;
+        let drawn_by = self.untried();
+        let opened = drawn_by.as_ref().and_then(|gpu| match Glass::open(&self.window, Some(gpu)) {
+            Ok(glass) => {
+                tracing::info!("pictures stay on {}, which draws them and shows the window", gpu.name());
+                Some(glass)
+            }
+            Err(error) => {
+                tracing::info!("pictures are copied from {}, which draws them: {error}", gpu.name());
+                None
+            }
+        });
+        if drawn_by.is_some() {
+            self.tried = drawn_by;
+        }
+        let glass = match opened {
+            Some(glass) => glass,
+            None => Glass::open(&self.window, None)?,
+        };
+        // What another device held, fonts among it, is told again by a new context alone.
+        self.input = fresh_input(&self.window, Some(&glass));
+        self.desk.show_by(glass.shows());
+        self.glass = Some(glass);
+        self.due = Some(Instant::now());
+        Ok(())
     }
 
     /// Paints a frame and finds out when the next one is due.
     fn frame(&mut self) -> Result<(), WindowError> {
+        // Whoever draws has opened a lost device anew.
+        if self.untried().is_some() {
+            self.open_glass()?;
+        }
         let raw = self.input.take_egui_input(&self.window);
         let ctx = self.input.egui_ctx().clone();
         let output = ctx.run_ui(raw, |ui| self.desk.show(ui));
@@ -165,12 +221,21 @@ impl Opened {
         let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
         let delay = output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
         self.due = Instant::now().checked_add(delay);
-        if self.glass.paint(&primitives, output.textures_delta, output.pixels_per_point) == Painted::Lost {
-            // What the lost device held, fonts among it, is told again by a new context alone.
-            self.glass = Glass::open(&self.window)?;
-            self.input = fresh_input(&self.window, &self.glass);
-            self.desk.forget_textures();
-            self.due = Some(Instant::now());
+        let Some(glass) = &mut self.glass else { return Ok(()) };
+        if let Some(picture) = self.desk.take_picture() {
+            glass.take(&picture);
+        }
+        match glass.paint(&primitives, output.textures_delta, output.pixels_per_point) {
+            Painted::Shown => self.losses = 0,
+            Painted::Passed => (),
+            Painted::Lost if self.losses >= MOST_LOSSES => {
+                return Err(WindowError::Surface(format!("its device was lost {MOST_LOSSES} times in a row")));
+            }
+            Painted::Lost => {
+                self.losses += 1;
+                // Not by the same device again: the loss of a surface may be the first that is heard of a lost device.
+                self.open_glass()?;
+            }
         }
         Ok(())
     }
@@ -192,7 +257,7 @@ impl Opened {
     }
 }
 
-fn fresh_input(window: &Window, glass: &Glass) -> egui_winit::State {
+fn fresh_input(window: &Window, glass: Option<&Glass>) -> egui_winit::State {
     let scale = Some(window.scale_factor() as f32);
     egui_winit::State::new(
         egui::Context::default(),
@@ -200,7 +265,7 @@ fn fresh_input(window: &Window, glass: &Glass) -> egui_winit::State {
         window,
         scale,
         window.theme(),
-        Some(glass.largest()),
+        glass.map(Glass::largest),
     )
 }
 
@@ -248,7 +313,9 @@ impl ApplicationHandler<()> for App {
             // Somebody else took it away; there is nothing left to ask how large it was.
             WindowEvent::Destroyed => event_loop.exit(),
             WindowEvent::Resized(PhysicalSize { width, height }) => {
-                opened.glass.resize(width, height);
+                if let Some(glass) = &mut opened.glass {
+                    glass.resize(width, height);
+                }
                 opened.window.request_redraw();
             }
             WindowEvent::RedrawRequested => {

@@ -3,17 +3,18 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Color32, Pos2, Rect, Response, Sense as Senses, TextureHandle, TextureOptions, Ui, Vec2};
+use egui::{Color32, Pos2, Rect, Response, Sense as Senses, TextureHandle, TextureId, TextureOptions, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
-use super::drawing::{Drawn, Front, Wish};
+use super::drawing::{Drawn, Front, Picture, Wish};
 use super::navigation::{Manner, Navigator};
 use crate::backend::Engine;
 use crate::display::{Beside, Hand, Level, Pacing, Request, Sense, Showing, Shown, Tip, Tools};
+use crate::gpu::Gpu;
 use crate::window::drawing;
 
 /// What the left button does.
@@ -99,7 +100,16 @@ pub(super) struct Viewport {
     finds: Beside<(Camera, Appearance), Option<Front>>,
     pub(super) front: Option<Front>,
     looked_for: Option<(Camera, Appearance)>,
-    picture: Option<TextureHandle>,
+    /// The newest picture, where it came through memory.
+    pixels: Option<TextureHandle>,
+    /// What the newest picture is called among the panels.
+    picture: Option<TextureId>,
+    /// The newest picture, where it lies on the device that shows the window and that has not been told of it.
+    on_device: Option<wgpu::Texture>,
+    /// The device that pictures may stay on, and what they are called then.
+    shown_by: Option<(Gpu, TextureId)>,
+    /// The device that draws, if one does.
+    drawn_by: Option<Gpu>,
     wished: Option<Wished>,
     changed: Instant,
     /// Whether what is shown is the best picture of what was wished last.
@@ -136,6 +146,7 @@ impl Viewport {
         told: impl Fn() + Clone + Send + 'static,
     ) -> Result<Self, super::WindowError> {
         let threads = |e: std::io::Error| super::WindowError::Threads(e.to_string());
+        let drawn_by = engine.gpu().cloned();
         Ok(Self {
             navigator,
             pointer: Pointer::default(),
@@ -146,7 +157,11 @@ impl Viewport {
             scene,
             front: None,
             looked_for: None,
+            pixels: None,
             picture: None,
+            on_device: None,
+            shown_by: None,
+            drawn_by,
             wished: None,
             changed: Instant::now(),
             settled: false,
@@ -175,10 +190,20 @@ impl Viewport {
         camera.map_or([1280, 960], |c| [c.width, c.height])
     }
 
-    /// Has the picture made anew, for another context.
-    pub(super) fn forget_textures(&mut self) {
-        self.picture = None;
-        self.wished = None;
+    /// Has the picture made anew, for another context; it may stay on the device of `shown_by`, called so among the panels.
+    pub(super) fn show_by(&mut self, shown_by: Option<(Gpu, TextureId)>) {
+        self.shown_by = shown_by;
+        (self.pixels, self.picture, self.on_device, self.wished) = (None, None, None, None);
+    }
+
+    /// The device that draws pictures, if one does.
+    pub(super) fn drawn_by(&self) -> Option<&Gpu> {
+        self.drawn_by.as_ref()
+    }
+
+    /// The newest picture where it lies on the device that shows the window, once.
+    pub(super) fn take_picture(&mut self) -> Option<wgpu::Texture> {
+        self.on_device.take()
     }
 
     /// Gives up a stroke or a lasso.
@@ -354,7 +379,9 @@ impl Viewport {
         {
             let level = self.pacing.level(tools.quality, moving);
             let projection = tools.projection;
-            self.draws.want(Wish { cameras: cameras.clone(), look: look.clone(), level, projection, moving, outlines });
+            let (cameras, look) = (cameras.clone(), look.clone());
+            let shown_by = self.shown_by.as_ref().map(|(gpu, _)| gpu.clone());
+            self.draws.want(Wish { cameras, look, level, projection, moving, outlines, shown_by });
             // A picture of what still moves is followed by another.
             self.settled = !moving;
         }
@@ -362,34 +389,53 @@ impl Viewport {
             ui.ctx().request_repaint_after(SETTLES);
         }
         self.look_for_front(rect, look, moving);
-        if let Some(picture) = &self.picture {
+        if let Some(picture) = self.picture {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-            ui.painter().image(picture.id(), rect, whole, Color32::WHITE);
+            ui.painter().image(picture, rect, whole, Color32::WHITE);
         }
         self.draw_marks(ui, rect, shown);
         self.draw_tip(ui, rect, tools);
     }
 
     fn take_in(&mut self, ui: &Ui) {
-        if let Some(Drawn { picture, level, moving, seconds, engine }) = self.draws.take() {
+        if let Some(Drawn { picture, level, moving, seconds, engine, drawn_by }) = self.draws.take() {
             self.pacing.drew(seconds, moving);
             self.newest.engine = engine;
             self.newest.seconds = seconds;
+            self.drawn_by = drawn_by;
             match picture {
-                Ok(image) => {
+                Ok(picture) => {
                     self.newest.level = Some(level);
                     self.newest.pictures += 1;
                     self.newest.trouble = None;
-                    match &mut self.picture {
-                        Some(texture) => texture.set(image, TextureOptions::LINEAR),
-                        None => self.picture = Some(ui.ctx().load_texture("picture", image, TextureOptions::LINEAR)),
-                    }
+                    self.hold(ui, picture);
                 }
                 Err(trouble) => self.newest.trouble = Some(trouble),
             }
         }
         if let Some(front) = self.finds.take() {
             self.front = front;
+        }
+    }
+
+    fn hold(&mut self, ui: &Ui, picture: Picture) {
+        match picture {
+            Picture::Pixels(image) => {
+                let texture = match self.pixels.take() {
+                    Some(mut texture) => {
+                        texture.set(image, TextureOptions::LINEAR);
+                        texture
+                    }
+                    None => ui.ctx().load_texture("picture", image, TextureOptions::LINEAR),
+                };
+                self.picture = Some(self.pixels.insert(texture).id());
+            }
+            // On a device that shows the window no more it is of no use; another picture has been wished for.
+            Picture::OnDevice(gpu, texture) => {
+                if let Some((_, id)) = self.shown_by.as_ref().filter(|(now, _)| now.is(&gpu)) {
+                    (self.picture, self.on_device, self.pixels) = (Some(*id), Some(texture), None);
+                }
+            }
         }
     }
 

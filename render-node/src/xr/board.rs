@@ -223,5 +223,5 @@ fn paint(
         renderer.render(&mut pass, jobs, screen);
     }
     work.push(encoder.finish());
-    gpu.queue().submit(work);
+    gpu.submit(work);
 }

@@ -248,10 +248,16 @@ fn an_engine_opens_a_lost_device_again() {
     assert!(engine.name().ends_with("tiles") || engine.name().ends_with("quads"), "{}", engine.name());
     let before = engine.draw(&look, &view, Standard).unwrap();
     assert!(before.report.drawn > 0 && before.report.gaussians == 2000);
-    engine.lose_device();
+    engine.gpu().unwrap().lose();
     let after = engine.draw(&look, &view, Standard).unwrap();
     assert_eq!(before.image, after.image);
     assert!(engine.take_trouble().is_none(), "a device came back");
+    engine.gpu().unwrap().lose();
+    let lost = engine.gpu().unwrap().clone();
+    let (gpu, left) = engine.leave(&look, std::slice::from_ref(&view), Standard).unwrap().unwrap();
+    assert!(!gpu.is(&lost) && !gpu.is_lost() && lost.is_lost(), "left on the device opened anew");
+    assert_eq!(left.iter().map(|t| [t.width(), t.height()]).collect::<Vec<_>>(), [[64, 48]]);
+    assert!(engine.leave(&look, std::slice::from_ref(&view), Exact).unwrap().is_none(), "the cores draw it");
     let reference = render(&scene, &look, &view, Exact).unwrap().image;
     assert_eq!(engine.draw(&look, &view, Exact).unwrap().image, reference);
     let mut cores = Engine::new(scene.clone(), Backend::Cpu, Some(Rasterizer::Quads)).unwrap();
