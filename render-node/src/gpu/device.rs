@@ -35,7 +35,7 @@ pub enum Wanted {
 pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
-    info: wgpu::AdapterInfo,
+    info: Arc<wgpu::AdapterInfo>,
     /// Where it comes from, unless it was opened elsewhere.
     origin: Option<(wgpu::Instance, wgpu::Adapter)>,
     fault: Arc<Mutex<Option<GpuError>>>,
@@ -138,7 +138,7 @@ impl Gpu {
                 },
             );
         }));
-        Self { device, queue, info, origin: None, fault, lost, handing_in: Arc::default() }
+        Self { device, queue, info: Arc::new(info), origin: None, fault, lost, handing_in: Arc::default() }
     }
 
     /// Whether both are clones of one.

@@ -1,6 +1,6 @@
 //! What hands do, whatever tells it.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::placement::Pose;
 
@@ -42,6 +42,8 @@ impl Side {
 pub struct HandInput {
     /// The palm, in the room; `None` while it is not tracked.
     pub grip: Option<Pose>,
+    /// Which way the open palm looks, a unit vector in the room.
+    pub palm: Option<DVec3>,
     /// What the hand points with: its −z.
     pub aim: Option<Pose>,
     /// How far the grip is squeezed, 0 to 1.

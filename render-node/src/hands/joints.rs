@@ -56,7 +56,9 @@ impl BareHand {
         };
         self.fist.press(squeeze);
         let click = self.pinch.press(trigger);
-        HandInput { grip: joints[PALM], aim: aim(joints), squeeze, trigger, click, ..HandInput::default() }
+        // The joint's y comes out of the back of the hand.
+        let palm = joints[PALM].map(|pose| pose.orientation * DVec3::NEG_Y);
+        HandInput { grip: joints[PALM], palm, aim: aim(joints), squeeze, trigger, click, ..HandInput::default() }
     }
 }
 

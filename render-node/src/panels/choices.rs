@@ -81,7 +81,8 @@ impl Panels {
     }
 
     /// The brush: what a stroke means and how wide it is.
-    pub(super) fn brush(&self, ui: &mut Ui, tools: &mut Tools) {
+    /// What a stroke means.
+    pub(super) fn modes(&self, ui: &mut Ui, tools: &mut Tools) {
         ui.horizontal_wrapped(|ui| {
             for mode in crate::display::BrushMode::ALL {
                 if choice(ui, tools.mode == mode, mode.name()) {
@@ -89,6 +90,10 @@ impl Panels {
                 }
             }
         });
+    }
+
+    pub(super) fn brush(&self, ui: &mut Ui, tools: &mut Tools) {
+        self.modes(ui, tools);
         let (least, most) = Tools::RADII;
         // A person thinks of a brush's width, the stroke carries its radius.
         let mut width = 2.0 * tools.radius;

@@ -125,8 +125,8 @@ impl Panels {
                     Wish::Bookmark => "keep this place".to_owned(),
                     Wish::Place(n) => format!("place {n}"),
                     Wish::Screenshot => "screenshot".to_owned(),
-                    // Stands with the walk that it is about.
-                    Wish::Proposal(_) => continue,
+                    // Stand with the walk that it is about, and at the wrist.
+                    Wish::Proposal(_) | Wish::Panels => continue,
                 };
                 if ui.button(text).clicked() {
                     asked.wishes.push(*wish);

@@ -46,6 +46,7 @@ pub mod transfer;
 mod typing;
 mod units;
 mod walk;
+mod wrist;
 
 use std::path::Path;
 
@@ -73,11 +74,13 @@ pub enum Panel {
     Language,
     /// The virtual keyboard.
     Keyboard,
+    /// The menu at the wrist of a person in a room.
+    Wrist,
 }
 
 impl Panel {
     /// All.
-    pub const ALL: [Self; 4] = [Self::Scene, Self::Prompt, Self::Language, Self::Keyboard];
+    pub const ALL: [Self; 5] = [Self::Scene, Self::Prompt, Self::Language, Self::Keyboard, Self::Wrist];
 
     /// What it is called.
     #[must_use]
@@ -87,6 +90,7 @@ impl Panel {
             Self::Prompt => "3D prompt",
             Self::Language => "Language",
             Self::Keyboard => "Keyboard",
+            Self::Wrist => "Wrist menu",
         }
     }
 
@@ -99,6 +103,7 @@ impl Panel {
             Self::Prompt => Vec2::new(420.0, 700.0),
             Self::Language => Vec2::new(560.0, 640.0),
             Self::Keyboard => Vec2::new(760.0, 320.0),
+            Self::Wrist => Vec2::new(340.0, 136.0),
         }
     }
 
@@ -114,7 +119,7 @@ impl Panel {
     #[must_use]
     pub fn has_content(self, shown: &Shown) -> bool {
         match self {
-            Self::Scene | Self::Keyboard => true,
+            Self::Scene | Self::Keyboard | Self::Wrist => true,
             Self::Prompt => shown.offered.selection || shown.offered.scene,
             Self::Language => shown.offered.agents,
         }
@@ -140,6 +145,8 @@ pub enum Wish {
     Bookmark,
     /// Go to the place kept under this number, from 1.
     Place(u8),
+    /// Show the panels that hang around a person where they were hidden, and the other way round.
+    Panels,
     /// Keep a picture of the view.
     Screenshot,
     /// Look at the place of this number, from 0, where a next stroke would tell most ([`Shown::proposals`]); before the eyes of
@@ -263,6 +270,7 @@ impl Panels {
                 self.keyboard(ui);
                 Output::default()
             }
+            Panel::Wrist => self.wrist(ui, shown, tools),
         };
         self.drawn[panel as usize] = self.typing.version();
         asked

@@ -325,6 +325,7 @@ impl Acts {
                 lines.push(("stick aside", "left: leak, right: threshold".to_owned()));
             }
             lines.push((two_or_menu, "panels".to_owned()));
+            lines.push(("palm to the eyes", "a menu".to_owned()));
         }
         lines.push(("stick pressed", "back to the first place".to_owned()));
         lines

@@ -21,6 +21,16 @@ const SHARPNESS: f32 = 1.5;
 /// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
 const LEGEND: (Vec2, f64) = (Vec2::new(430.0, 580.0), 0.4);
 
+/// Metres to the eyes that the wrist menu is made to be read from, and how far below the palm its middle is.
+const WRIST: (f64, f64) = (0.45, 0.08);
+
+/// How straight a palm looks at the eyes, as a cosine, before the wrist menu is there, and before it is gone again: a hand held
+/// out to its side looks inwards by itself.
+const TURNED: [f64; 2] = [0.9, 0.75];
+
+/// How straight the eyes look at the palm, likewise.
+const LOOKED_AT: f64 = 0.7;
+
 /// Points across a brush's ring.
 const RING: f32 = 64.0;
 
@@ -36,6 +46,8 @@ pub(super) struct Boards {
     /// Which panel a hand carries, and where it is in that hand.
     carried: [Option<(usize, Pose)>; 2],
     shown: bool,
+    /// Whether the wrist menu is there.
+    wrist: bool,
     /// What was drawn last.
     drawn: Option<(Shown, Tools)>,
 }
@@ -73,11 +85,13 @@ impl Boards {
     pub(super) fn new(stance: Stance, origin: Origin) -> Self {
         let eyes = eyes(stance, origin);
         let hung = |panel: Panel| (panel, Board::new(panel.size(), SHARPNESS, hangs(panel, eyes)));
-        let panels = [Panel::Scene, Panel::Prompt, Panel::Language, Panel::Keyboard].map(hung).into();
+        let mut panels: Vec<_> = [Panel::Scene, Panel::Prompt, Panel::Language, Panel::Keyboard].map(hung).into();
         let nowhere = |size: Vec2, metres: DVec2| {
             let pose = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
             Board::new(size, SHARPNESS, Rectangle { pose, size: metres })
         };
+        let wrist = DVec2::from(Panel::Wrist.least_metres(WRIST.0));
+        panels.push((Panel::Wrist, nowhere(Panel::Wrist.size(), wrist)));
         let metres = theme::metres_per_point(LEGEND.1);
         let legend = DVec2::new(f64::from(LEGEND.0.x), f64::from(LEGEND.0.y)) * metres;
         Self {
@@ -90,6 +104,7 @@ impl Boards {
             grips: [Switch::default(); 2],
             carried: [None; 2],
             shown: true,
+            wrist: false,
             drawn: None,
         }
     }
@@ -104,23 +119,32 @@ impl Boards {
         left
     }
 
-    /// Where a panel hangs.
+    /// Where a panel hangs, unless it is hidden.
     pub(super) fn place(&self, panel: Panel) -> Option<Rectangle> {
-        self.panels.iter().find(|(p, _)| *p == panel).map(|(_, board)| board.place)
+        let hidden = if panel == Panel::Wrist { !self.wrist } else { !self.shown };
+        self.panels.iter().find(|(p, _)| *p == panel && !hidden).map(|(_, board)| board.place)
     }
 
     /// Which panels hang there now.
     fn visible(&self, panels: &Panels, shown: &Shown) -> Vec<usize> {
         let hangs = |panel: Panel| match panel {
-            Panel::Keyboard => panels.is_typing(),
-            panel => panel.has_content(shown),
+            Panel::Wrist => self.wrist,
+            Panel::Keyboard => self.shown && panels.is_typing(),
+            panel => self.shown && panel.has_content(shown),
         };
-        let all = self.panels.iter().enumerate().filter(|(_, (panel, _))| self.shown && hangs(*panel));
+        let all = self.panels.iter().enumerate().filter(|(_, (panel, _))| hangs(*panel));
         all.map(|(k, _)| k).collect()
     }
 
     /// Takes in what hands point at and carry; what of them is the panels' now.
-    pub(super) fn step(&mut self, hands: &[HandInput; 2], panels: &Panels, shown: &Shown) -> Taken {
+    pub(super) fn step(
+        &mut self,
+        (hands, head): (&[HandInput; 2], &Pose),
+        panels: &Panels,
+        tools: &Tools,
+        shown: &Shown,
+    ) -> Taken {
+        self.turn_wrist(&hands[Acts::adds(tools).other().index()], head);
         let visible = self.visible(panels, shown);
         let rectangles: Vec<Rectangle> = visible.iter().map(|k| self.panels[*k].1.place).collect();
         self.pointed = self.pointer.step(&rectangles, hands);
@@ -134,8 +158,11 @@ impl Boards {
                 self.carried[k] = None;
                 continue;
             };
-            if !was && let Some((at, ..)) = nearest(&rectangles, &aim) {
-                let board = visible[at];
+            if !was
+                && let Some((at, ..)) = nearest(&rectangles, &aim)
+                && let board = visible[at]
+                && self.panels[board].0 != Panel::Wrist
+            {
                 let pose = self.panels[board].1.place.pose;
                 let back = aim.orientation.inverse();
                 let held =
@@ -161,6 +188,22 @@ impl Boards {
             pointed.rectangle = visible[pointed.rectangle];
         }
         taken
+    }
+
+    /// Has the wrist menu be at the hand that does not brush while its palm and the eyes look at each other.
+    fn turn_wrist(&mut self, hand: &HandInput, head: &Pose) {
+        let turned = |(grip, palm): (Pose, DVec3)| {
+            let way = (head.position - grip.position).normalize_or_zero();
+            let looks = palm.dot(way) > TURNED[usize::from(self.wrist)] && -head.forward().dot(way) > LOOKED_AT;
+            looks.then_some(grip)
+        };
+        let at = hand.grip.zip(hand.palm).and_then(turned);
+        self.wrist = at.is_some();
+        let board = self.panels.iter_mut().find(|(panel, _)| *panel == Panel::Wrist);
+        if let (Some(grip), Some((_, board))) = (at, board) {
+            let position = grip.position - DVec3::new(0.0, WRIST.1, 0.0);
+            board.place.pose = Pose { position, orientation: facing(position, head.position) };
+        }
     }
 
     /// Draws and hangs everything; what was asked for on it.

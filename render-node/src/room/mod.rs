@@ -123,7 +123,7 @@ impl Room {
         &self.tools
     }
 
-    /// Where a panel hangs, shown or not.
+    /// Where a panel hangs, unless it is hidden.
     #[must_use]
     pub fn panel(&self, panel: Panel) -> Option<Rectangle> {
         self.boards.place(panel)
@@ -204,7 +204,7 @@ impl Room {
         let drafted = self.drafts.over(&self.scene, &newest.scene);
         let shown = Shown { scene: drafted, ..Shown::clone(&newest) };
         let hands = frame.hands;
-        let taken = self.boards.step(&hands, &self.panels, &shown);
+        let taken = self.boards.step((&hands, &frame.head), &self.panels, &self.tools, &shown);
         let Did { mut requests, felt, panels, jumped } =
             self.acts.step(&hands, taken, (frame.head.position, frame.period), &mut self.tools, &shown);
         self.jumped |= jumped || frame.recentred;
@@ -212,15 +212,14 @@ impl Room {
             frame.pulse(side, strength, std::time::Duration::ZERO)?;
         }
         if panels {
-            let left = self.boards.turn_over(&mut self.panels);
-            self.take(left, &shown, &mut requests);
+            self.take(Output { wishes: vec![Wish::Panels], ..Output::default() }, &shown, &mut requests);
         }
         let highlighted = self.acts.highlighted(&shown, &self.tools);
         let Self { scene, dressing, tools, .. } = self;
         let look = dressing.look(scene, &shown.scene, &highlighted, shown.clusters.as_ref(), tools);
         self.draw(frame, &look)?;
         self.panels.numbers = self.dressing.legend();
-        self.panels.fulfils = vec![Wish::Fit, Wish::Bookmark];
+        self.panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Panels];
         let kept = self.bookmarks.all().len().min(usize::from(u8::MAX)) as u8;
         self.panels.fulfils.extend((1..=kept).map(Wish::Place));
         self.panels.fulfils.extend((0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)));
@@ -287,6 +286,10 @@ impl Room {
                         self.jumped = true;
                         self.acts.go(Some(place));
                     }
+                }
+                Wish::Panels => {
+                    let left = self.boards.turn_over(&mut self.panels);
+                    self.take(left, shown, requests);
                 }
                 Wish::Proposal(number) => self.marks.light_up(number.into(), shown),
                 // Not among what is fulfilled.

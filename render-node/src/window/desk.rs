@@ -258,6 +258,8 @@ impl Desk {
                         |number| format!("this is place {number} now"),
                     );
                 }
+                // Not among what is fulfilled.
+                Wish::Panels => (),
                 Wish::Proposal(k) => {
                     if let Some(at) = shown.proposal_at(self.scene.bounds, k.into()) {
                         let view = &mut self.viewport.navigator.view;

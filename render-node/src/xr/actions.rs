@@ -1,6 +1,6 @@
 //! What hands do, asked of the runtime: one set of actions for every controller.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use openxr as xr;
 
 use super::XrError;
@@ -136,8 +136,12 @@ impl Actions {
             let far = |action: &xr::Action<f32>| xr::Result::Ok(f64::from(action.state(session, hand)?.current_state));
             let stick = self.stick.state(session, hand)?.current_state;
             let [grip, aim] = &self.spaces[k];
+            let grip = pose(&grip.locate(room, time)?);
+            // The grip's x comes out of a left palm and goes into a right one.
+            let out = if side == Side::Left { DVec3::X } else { DVec3::NEG_X };
             read[k] = HandInput {
-                grip: pose(&grip.locate(room, time)?),
+                grip,
+                palm: grip.map(|grip| grip.orientation * out),
                 aim: pose(&aim.locate(room, time)?),
                 squeeze: far(&self.squeeze)?,
                 trigger: far(&self.trigger)?,

@@ -150,7 +150,8 @@ fn place_under(
 ) -> egui::Pos2 {
     use egui_kittest::kittest::Queryable as _;
     let mut panels = Panels::new(Place::Headset);
-    panels.fulfils = (0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)).collect();
+    panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Panels];
+    panels.fulfils.extend((0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)));
     if typing {
         panels.name_selection();
     }
@@ -292,6 +293,29 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.puppet.right.b = false;
     person.puppet.send();
     assert_eq!(person.stroke(Side::Right, a, b).mode(), StrokeMode::Cluster);
+    person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
+
+    // The other palm turned to the eyes has a menu below it, which needs no button and does not hide with the panels.
+    assert_eq!(person.room.panel(Panel::Wrist), None);
+    let (at, eyes) = (DVec3::new(-0.15, 1.35, -0.4), DVec3::new(0.0, 1.6, 0.0));
+    person.puppet.left.position = at.as_vec3().to_array();
+    person.puppet.left.orientation = DQuat::from_rotation_arc(DVec3::X, (eyes - at).normalize()).as_quat().to_array();
+    person.puppet.send();
+    person.until("the wrist menu", |p| p.room.panel(Panel::Wrist).is_some());
+    let menu = |person: &mut Person, label: &str| {
+        let tools = person.room.tools().clone();
+        person.press(Panel::Wrist, place_of(Panel::Wrist, &shown, &tools, false, label));
+    };
+    person.asked.clear();
+    menu(&mut person, "undo");
+    person.until("undo from the wrist", |p| p.asked.iter().any(undone));
+    menu(&mut person, "panels");
+    person.until("hidden panels", |p| p.room.panel(Panel::Prompt).is_none() && p.room.panel(Panel::Wrist).is_some());
+    menu(&mut person, "panels");
+    person.until("shown panels", |p| p.room.panel(Panel::Prompt).is_some());
+    assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "brushed nothing: {:?}", person.asked);
+    person.reach(Side::Left, middle + DVec3::new(-0.4, 0.6, 0.5));
+    person.until("no menu", |p| p.room.panel(Panel::Wrist).is_none());
     person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
 
     // Both grips: the scene grows with the hands.

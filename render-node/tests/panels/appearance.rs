@@ -68,11 +68,14 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
         stage.walk();
         stage.panels.fulfils = (0..3).map(Wish::Proposal).collect();
     }
+    if panel == Panel::Wrist {
+        stage.panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Panels];
+    }
     let mut harness = harness(stage);
     match panel {
         Panel::Scene => press(&mut harness, "vessel"),
         Panel::Prompt | Panel::Keyboard => press(&mut harness, "name of the new unit"),
-        Panel::Language => {}
+        Panel::Language | Panel::Wrist => {}
     }
     if panel == Panel::Keyboard {
         for key in ["shift", "a", "n", "e", "u", "r", "y", "s", "m"] {
@@ -280,6 +283,7 @@ fn pictures_for_the_documents() {
         (Panel::Prompt, false, "prompt"),
         (Panel::Language, false, "language"),
         (Panel::Keyboard, false, "keyboard"),
+        (Panel::Wrist, false, "wrist"),
     ] {
         canvas.draw(&busy(panel, light, 1.5)).write(&folder.join(format!("panel-{name}.png")));
     }

@@ -172,6 +172,33 @@ fn without_the_services_their_controls_are_not_there() {
     assert!(panel.query_by_label("grow").is_some());
 }
 
+#[test]
+fn the_wrist_menu_has_modes_steps_back_and_what_its_room_does() {
+    let mut stage = Stage::new(Panel::Wrist);
+    let mut menu = harness(std::mem::replace(&mut stage, Stage::new(Panel::Wrist)));
+    for label in ["panels", "fit all"] {
+        assert!(menu.query_by_label(label).is_none(), "{label} is nobody's");
+    }
+    press(&mut menu, "cluster");
+    assert_eq!(menu.state().tools.mode, BrushMode::Cluster);
+    stage.panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Panels];
+    stage.shown.offered = Offered { scene: true, ..Offered::default() };
+    let mut menu = harness(stage);
+    assert!(menu.query_by_label("walk").is_none(), "no selection process");
+    for label in ["undo", "redo", "panels", "fit all", "keep this place"] {
+        press(&mut menu, label);
+    }
+    let asked = &menu.state().asked;
+    let changes: Vec<_> = asked.iter().flat_map(|o| &o.requests).collect();
+    assert!(
+        matches!(changes.as_slice(), [Request::Change(a), Request::Change(b)]
+            if matches!(**a, Action::Undo(_)) && matches!(**b, Action::Redo(_))),
+        "{changes:?}"
+    );
+    let wishes: Vec<_> = asked.iter().flat_map(|o| o.wishes.clone()).collect();
+    assert_eq!(wishes, [Wish::Panels, Wish::Fit, Wish::Bookmark]);
+}
+
 /// Drags a slider to a share of its length and lets go there.
 fn slide(panel: &mut Harness<'_, Stage>, label: &str, shares: &[f32]) {
     let slider = panel.get_by_label(label).rect();
