@@ -4,6 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 use sg_scene::camera::{Camera, Light};
 
 use super::placement::{Placement, Pose};
+use super::pointing::Rectangle;
 
 /// What an eye sees, as angles from its forward axis in radians: right and up count positive, so `left` and `down` usually are
 /// negative. Need not be symmetric.
@@ -39,6 +40,21 @@ pub struct Eye {
 }
 
 impl Eye {
+    /// Whether the eye may see some of a rectangle: `false` says for certain that it sees none of it.
+    #[must_use]
+    pub fn may_see(&self, rectangle: &Rectangle) -> bool {
+        let [left, right, up, down] =
+            [self.fov.left, self.fov.right, self.fov.up, self.fov.down].map(|angle| angle.clamp(-1.57, 1.57).tan());
+        let back = self.pose.orientation.inverse();
+        // Where each corner lies against the five planes around what is seen, inside above 0.
+        let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
+            let at = back * (rectangle.point(DVec2::new(x, y)) - self.pose.position);
+            let ahead = -at.z;
+            [ahead, at.x - left * ahead, right * ahead - at.x, at.y - down * ahead, up * ahead - at.y]
+        });
+        (0..5).all(|plane| corners.iter().any(|corner| corner[plane] >= 0.0))
+    }
+
     /// The eye as a pinhole camera of a scene that stands in the room, drawn in the scene's own unit: the room is brought
     /// into the scene rather than the scene into the room, so that centres, cut-offs and the near plane stay the scene's.
     ///

@@ -5,9 +5,9 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::acts::{Acts, SeenTip, Taken};
 use crate::display::{Sense, Shown, Tools};
-use crate::hands::{HandInput, Origin, Pointed, Pointer, Pose, Rectangle, Side, Stance, Switch, nearest};
+use crate::hands::{Eye, HandInput, Origin, Pointed, Pointer, Pose, Rectangle, Side, Stance, Switch, nearest};
 use crate::panels::{Output, Panel, Panels, legend, theme};
-use crate::xr::{Board, Frame, XrError};
+use crate::xr::{Board, Counts, Frame, XrError};
 
 /// Metres from the person to panels that hang around them.
 const DISTANCE: f64 = 1.1;
@@ -36,8 +36,10 @@ const RING: f32 = 64.0;
 
 /// Panels of one person.
 pub(super) struct Boards {
-    panels: Vec<(Panel, Board)>,
+    panels: Vec<Hung>,
     legend: Board,
+    /// What the legend said last, and in which frame it was laid out.
+    said: (Option<Said>, u64),
     rings: [Board; 2],
     ring_senses: [Option<Sense>; 2],
     pointer: Pointer,
@@ -48,8 +50,22 @@ pub(super) struct Boards {
     shown: bool,
     /// Whether the wrist menu is there.
     wrist: bool,
-    /// What was drawn last.
-    drawn: Option<(Shown, Tools)>,
+    /// What there was to show in the newest frame.
+    newest: Option<(Shown, Tools)>,
+    frames: u64,
+}
+
+/// What a legend says: the hand that adds, the lines of that and of the other one, whether it is light, its scale.
+type Said = (Side, [Vec<(&'static str, String)>; 2], bool, f32);
+
+/// A panel that hangs in the room.
+struct Hung {
+    panel: Panel,
+    board: Board,
+    /// Whether what it shows may have changed since it was laid out.
+    stale: bool,
+    /// In which frame it was.
+    since: u64,
 }
 
 /// Where a panel hangs at first around a person whose eyes are at this height of the room, metres: upright at an angle, or,
@@ -84,19 +100,23 @@ impl Boards {
     /// Panels about a person.
     pub(super) fn new(stance: Stance, origin: Origin) -> Self {
         let eyes = eyes(stance, origin);
-        let hung = |panel: Panel| (panel, Board::new(panel.size(), SHARPNESS, hangs(panel, eyes)));
+        let hung = |panel: Panel| {
+            let board = Board::new(panel.size(), SHARPNESS, hangs(panel, eyes));
+            Hung { panel, board, stale: true, since: 0 }
+        };
         let mut panels: Vec<_> = [Panel::Scene, Panel::Prompt, Panel::Language, Panel::Keyboard].map(hung).into();
         let nowhere = |size: Vec2, metres: DVec2| {
             let pose = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
             Board::new(size, SHARPNESS, Rectangle { pose, size: metres })
         };
         let wrist = DVec2::from(Panel::Wrist.least_metres(WRIST.0));
-        panels.push((Panel::Wrist, nowhere(Panel::Wrist.size(), wrist)));
+        panels.push(Hung { panel: Panel::Wrist, board: nowhere(Panel::Wrist.size(), wrist), stale: true, since: 0 });
         let metres = theme::metres_per_point(LEGEND.1);
         let legend = DVec2::new(f64::from(LEGEND.0.x), f64::from(LEGEND.0.y)) * metres;
         Self {
             panels,
             legend: nowhere(LEGEND.0, legend),
+            said: (None, 0),
             rings: [0, 1].map(|_| nowhere(Vec2::splat(RING), DVec2::ONE)),
             ring_senses: [None; 2],
             pointer: Pointer::default(),
@@ -105,8 +125,14 @@ impl Boards {
             carried: [None; 2],
             shown: true,
             wrist: false,
-            drawn: None,
+            newest: None,
+            frames: 0,
         }
+    }
+
+    /// What a panel has cost so far.
+    pub(super) fn counts(&self, panel: Panel) -> Option<Counts> {
+        self.panels.iter().find(|hung| hung.panel == panel).map(|hung| hung.board.counts())
     }
 
     /// Shows what was hidden, and the other way round; what panels that are put away still had to say.
@@ -114,7 +140,7 @@ impl Boards {
         self.shown = !self.shown;
         let mut left = Output::default();
         if !self.shown {
-            self.panels.iter().for_each(|(panel, _)| left.join(panels.put_away(*panel)));
+            self.panels.iter().for_each(|hung| left.join(panels.put_away(hung.panel)));
         }
         left
     }
@@ -122,7 +148,7 @@ impl Boards {
     /// Where a panel hangs, unless it is hidden.
     pub(super) fn place(&self, panel: Panel) -> Option<Rectangle> {
         let hidden = if panel == Panel::Wrist { !self.wrist } else { !self.shown };
-        self.panels.iter().find(|(p, _)| *p == panel && !hidden).map(|(_, board)| board.place)
+        self.panels.iter().find(|hung| hung.panel == panel && !hidden).map(|hung| hung.board.place)
     }
 
     /// Which panels hang there now.
@@ -132,7 +158,7 @@ impl Boards {
             Panel::Keyboard => self.shown && panels.is_typing(),
             panel => self.shown && panel.has_content(shown),
         };
-        let all = self.panels.iter().enumerate().filter(|(_, (panel, _))| hangs(*panel));
+        let all = self.panels.iter().enumerate().filter(|(_, hung)| hangs(hung.panel));
         all.map(|(k, _)| k).collect()
     }
 
@@ -146,7 +172,7 @@ impl Boards {
     ) -> Taken {
         self.turn_wrist(&hands[Acts::adds(tools).other().index()], head);
         let visible = self.visible(panels, shown);
-        let rectangles: Vec<Rectangle> = visible.iter().map(|k| self.panels[*k].1.place).collect();
+        let rectangles: Vec<Rectangle> = visible.iter().map(|k| self.panels[*k].board.place).collect();
         self.pointed = self.pointer.step(&rectangles, hands);
         let mut taken = Taken::default();
         for side in Side::BOTH {
@@ -161,9 +187,9 @@ impl Boards {
             if !was
                 && let Some((at, ..)) = nearest(&rectangles, &aim)
                 && let board = visible[at]
-                && self.panels[board].0 != Panel::Wrist
+                && self.panels[board].panel != Panel::Wrist
             {
-                let pose = self.panels[board].1.place.pose;
+                let pose = self.panels[board].board.place.pose;
                 let back = aim.orientation.inverse();
                 let held =
                     Pose { position: back * (pose.position - aim.position), orientation: back * pose.orientation };
@@ -171,7 +197,7 @@ impl Boards {
             }
             if let Some((board, held)) = self.carried[k] {
                 taken.grips[k] = true;
-                let place = &mut self.panels[board].1.place;
+                let place = &mut self.panels[board].board.place;
                 place.pose = Pose {
                     position: aim.position + aim.orientation * held.position,
                     orientation: (aim.orientation * held.orientation).normalize(),
@@ -199,11 +225,22 @@ impl Boards {
         };
         let at = hand.grip.zip(hand.palm).and_then(turned);
         self.wrist = at.is_some();
-        let board = self.panels.iter_mut().find(|(panel, _)| *panel == Panel::Wrist);
-        if let (Some(grip), Some((_, board))) = (at, board) {
+        let board = self.panels.iter_mut().find(|hung| hung.panel == Panel::Wrist);
+        if let (Some(grip), Some(Hung { board, .. })) = (at, board) {
             let position = grip.position - DVec3::new(0.0, WRIST.1, 0.0);
             board.place.pose = Pose { position, orientation: facing(position, head.position) };
         }
+    }
+
+    /// Whose turn it is to be laid out anew because what it shows has changed, by its place among the panels, or behind them for
+    /// the legend: of those that somebody sees the one that has waited longest. Laying out a panel takes longer than all else that
+    /// a frame does beside the picture, and a scene that changes in every frame changes all of them.
+    fn turn(&self, eyes: &[Eye; 2], visible: &[usize], legend: bool) -> Option<usize> {
+        let sees = |place: &Rectangle| eyes.iter().any(|eye| eye.may_see(place));
+        let panels = visible.iter().filter_map(|k| self.panels.get(*k).map(|hung| (*k, hung)));
+        let panels = panels.filter(|(_, h)| h.stale && sees(&h.board.place)).map(|(k, hung)| (k, hung.since));
+        let legend = (legend && sees(&self.legend.place)).then_some((self.panels.len(), self.said.1));
+        panels.chain(legend).min_by_key(|(_, since)| *since).map(|(k, _)| k)
     }
 
     /// Draws and hangs everything; what was asked for on it.
@@ -215,17 +252,25 @@ impl Boards {
         tools: &mut Tools,
         tips: [Option<SeenTip>; 2],
     ) -> Result<Output, XrError> {
-        let changed = self.drawn.as_ref().is_none_or(|(s, t)| !same(s, shown) || t != tools);
-        self.drawn = Some((shown.clone(), tools.clone()));
+        self.frames += 1;
+        if self.newest.as_ref().is_none_or(|(s, t)| !same(s, shown) || t != tools) {
+            self.panels.iter_mut().for_each(|hung| hung.stale = true);
+            self.newest = Some((shown.clone(), tools.clone()));
+        }
+        let says = self.hang_legend(frame, tools, shown);
+        let visible = self.visible(panels, shown);
+        let news = says.is_some() && says != self.said.0;
+        let turn = self.turn(&frame.eyes, &visible, news);
         let hands = frame.hands;
         let mut asked = Output::default();
-        for k in self.visible(panels, shown) {
+        for k in visible {
             let pointed = self.pointed.filter(|p| p.rectangle == k);
-            let Some((panel, board)) = self.panels.get_mut(k) else { continue };
+            let Some(Hung { panel, board, stale, since }) = self.panels.get_mut(k) else { continue };
             let panel = *panel;
             let by = pointed.as_ref().map(|p| (p, &hands[p.side.index()]));
-            // Letters of the keyboard come up in another panel.
-            let changed = changed || panels.wants_drawing(panel);
+            // Who points at a panel waits for none; letters of the keyboard come up in another one.
+            let changed = turn == Some(k) || (*stale && by.is_some()) || panels.wants_drawing(panel);
+            let before = board.counts().laid_out;
             board.show(frame, by, Vec::new(), changed, |ui| {
                 theme::apply(ui.ctx(), tools);
                 asked.join(panels.show(panel, ui, shown, tools));
@@ -237,34 +282,43 @@ impl Boards {
                 }
                 mark(ui);
             })?;
+            if board.counts().laid_out > before {
+                (*stale, *since) = (false, self.frames);
+            }
         }
-        self.show_legend(frame, tools, shown, changed)?;
+        if let Some(says) = says {
+            self.show_legend(frame, tools, says, turn == Some(self.panels.len()))?;
+        }
         self.show_rings(frame, tips)?;
         Ok(asked)
     }
 
-    /// The tool legend, above the hand that does not brush, facing the eyes.
-    fn show_legend(
-        &mut self,
-        frame: &mut Frame<'_>,
-        tools: &Tools,
-        shown: &Shown,
-        changed: bool,
-    ) -> Result<(), XrError> {
+    /// Hangs the tool legend above the hand that does not brush, facing the eyes; what it says, where that hand is seen.
+    fn hang_legend(&mut self, frame: &Frame<'_>, tools: &Tools, shown: &Shown) -> Option<Said> {
         let adds = Acts::adds(tools);
-        let Some(wrist) = frame.hands[adds.other().index()].grip.filter(|_| self.shown) else { return Ok(()) };
+        let wrist = frame.hands[adds.other().index()].grip.filter(|_| self.shown)?;
         let position = wrist.position + DVec3::new(0.0, 0.2, 0.0);
         self.legend.place.pose = Pose { position, orientation: facing(position, frame.head.position) };
-        let sides = [adds, adds.other()];
-        let lines = sides.map(|side| Acts::legend(side, tools, shown));
-        self.legend.show(frame, None, Vec::new(), changed, |ui| {
+        let lines = [adds, adds.other()].map(|side| Acts::legend(side, tools, shown));
+        Some((adds, lines, tools.light_panels, tools.scale))
+    }
+
+    /// Shows it as it was, or with what it says now.
+    fn show_legend(&mut self, frame: &mut Frame<'_>, tools: &Tools, says: Said, anew: bool) -> Result<(), XrError> {
+        let (adds, lines, ..) = &says;
+        let before = self.legend.counts().laid_out;
+        self.legend.show(frame, None, Vec::new(), anew, |ui| {
             theme::apply(ui.ctx(), tools);
-            for (side, lines) in sides.iter().zip(&lines) {
+            for (side, lines) in [*adds, adds.other()].iter().zip(lines) {
                 ui.strong(if *side == Side::Left { "left hand" } else { "right hand" });
                 let lines: Vec<(&str, &str)> = lines.iter().map(|(b, does)| (*b, does.as_str())).collect();
                 ui.push_id(side.index(), |ui| legend(ui, &lines));
             }
-        })
+        })?;
+        if self.legend.counts().laid_out > before {
+            self.said = (Some(says), self.frames);
+        }
+        Ok(())
     }
 
     /// A ring as large as the brush at each tip, facing the eyes.

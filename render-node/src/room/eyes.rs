@@ -120,7 +120,7 @@ impl Eyes {
         self.pictures += 1;
         let gpu = frame.gpu().clone();
         let Self { renderer, present, vignette, depths, .. } = self;
-        frame.draw_eyes(|targets| {
+        frame.draw_eyes_and_depths(|targets, depth_targets| {
             let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             for (eye, (picture, target)) in renderer.pictures().iter().zip(targets).enumerate() {
                 let load = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
@@ -129,17 +129,13 @@ impl Eyes {
                     vignette.encode(&mut encoder, target, camera, eye == 1, darkened);
                 }
             }
+            if let Some(layer) = depths {
+                for (picture, target) in renderer.depths().iter().zip(depth_targets) {
+                    layer.encode(&mut encoder, picture, target, placement.scale);
+                }
+            }
             gpu.submit([encoder.finish()]);
         })?;
-        if let Some(depths) = depths {
-            frame.draw_depths(|targets| {
-                let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-                for (picture, target) in renderer.depths().iter().zip(targets) {
-                    depths.encode(&mut encoder, picture, target, placement.scale);
-                }
-                gpu.submit([encoder.finish()]);
-            })?;
-        }
         Ok(Ok(()))
     }
 }

@@ -18,7 +18,7 @@ use crate::display::{Drafts, Dressing, Pace, Request, Seat, Shown, Tools};
 use crate::gpu::GpuError;
 use crate::hands::{Bookmarks, Comfort, Origin, Placement, Rectangle, Stance};
 use crate::panels::{Output, Panel, Panels, Place, Wish};
-use crate::xr::{Frame, Headset, PAUSE, Step, XrError};
+use crate::xr::{Counts, Frame, Headset, PAUSE, Step, XrError};
 
 pub use acts::{Acts, Did, SeenTip, Taken};
 pub use boards::first_place;
@@ -127,6 +127,12 @@ impl Room {
     #[must_use]
     pub fn panel(&self, panel: Panel) -> Option<Rectangle> {
         self.boards.place(panel)
+    }
+
+    /// What a panel has cost so far.
+    #[must_use]
+    pub fn counts(&self, panel: Panel) -> Option<Counts> {
+        self.boards.counts(panel)
     }
 
     /// Where places for a next stroke were marked last, and which of them stands out.

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use egui::epaint::ClippedShape;
 use egui::{
     Event, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, RawInput, Rect, TouchPhase, Ui, Vec2,
 };
@@ -35,6 +36,18 @@ pub struct Board {
     due: Option<Instant>,
     /// Where the pointer is on it, and whether it presses.
     pointer: Option<(Pos2, bool)>,
+    /// What stands on it.
+    shapes: Vec<ClippedShape>,
+    counts: Counts,
+}
+
+/// What a board has cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Times that it was laid out.
+    pub laid_out: u64,
+    /// Times that it was drawn.
+    pub drawn: u64,
 }
 
 /// What one session's device draws it with.
@@ -57,7 +70,15 @@ impl Board {
             begun: Instant::now(),
             due: None,
             pointer: None,
+            shapes: Vec::new(),
+            counts: Counts::default(),
         }
+    }
+
+    /// What it has cost so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
     }
 
     /// What egui keeps of it. To be asked for again in every frame: it is another one when the runtime came back.
@@ -71,7 +92,8 @@ impl Board {
         [self.size.x, self.size.y].map(|points| (points * self.pixels_per_point).round().max(1.0) as u32)
     }
 
-    /// Shows the board in a frame, drawn anew if `changed`, if it is pointed at otherwise than before, or if egui asked for it.
+    /// Shows the board in a frame, laid out anew if `changed`, if it is pointed at otherwise than before, or if egui asked for it,
+    /// and drawn anew where it looks other than before.
     ///
     /// `pointed` is what points at *this* board, with the hand that does; its stick scrolls. `more` are other events, such as
     /// text; `ui` is as for [`egui::Context::run_ui`].
@@ -94,8 +116,8 @@ impl Board {
             None => (self.made(frame)?, true),
         };
         let due = self.due.is_some_and(|due| due <= Instant::now());
-        let drawn =
-            if new || changed || due || !events.is_empty() { self.draw(frame, &mut with, events, ui) } else { Ok(()) };
+        let asked = new || changed || due || !events.is_empty();
+        let drawn = if asked { self.draw(frame, (&mut with, new), events, ui) } else { Ok(()) };
         let panel = with.panel;
         self.drawn_with = Some(with);
         drawn?;
@@ -155,10 +177,11 @@ impl Board {
     fn draw(
         &mut self,
         frame: &mut Frame<'_>,
-        with: &mut DrawnWith,
+        (with, new): (&mut DrawnWith, bool),
         events: Vec<Event>,
         ui: impl FnMut(&mut Ui),
     ) -> Result<(), XrError> {
+        self.counts.laid_out += 1;
         let mut input = RawInput {
             screen_rect: Some(Rect::from_min_size(Pos2::ZERO, self.size)),
             time: Some(self.begun.elapsed().as_secs_f64()),
@@ -173,7 +196,10 @@ impl Board {
         let soon = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
         self.due = Instant::now().checked_add(soon).filter(|_| soon < Duration::from_secs(3600));
         let shapes = std::mem::take(&mut output.shapes);
-        let jobs = self.context.tessellate(shapes, output.pixels_per_point);
+        if !new && shapes == self.shapes && output.textures_delta.is_empty() {
+            return Ok(());
+        }
+        let jobs = self.context.tessellate(shapes.clone(), output.pixels_per_point);
         let gpu = frame.gpu().clone();
         let DrawnWith { panel, renderer } = with;
         for (id, deltas) in output.textures_delta.set.drain() {
@@ -186,6 +212,10 @@ impl Board {
         let drawn = frame.draw_panel(*panel, |target| paint(&gpu, renderer, target, &jobs, &screen));
         for id in output.textures_delta.free.drain() {
             renderer.free_texture(&id);
+        }
+        if drawn.is_ok() {
+            self.shapes = shapes;
+            self.counts.drawn += 1;
         }
         drawn
     }

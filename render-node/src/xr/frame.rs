@@ -130,15 +130,22 @@ impl<'a> Frame<'a> {
         self.keep(done)
     }
 
-    /// Has the depths of both eyes' pictures stored, as [`crate::gpu::DepthLayer`] does, so that the runtime knows where in the
-    /// room is what they show. `draw` is as for [`Self::draw_eyes`], and is not called where the runtime takes no depths.
+    /// As [`Self::draw_eyes`], with how far away is what the pictures show: `draw` is given the images of depths as well, in the
+    /// format of [`Self::depth_format`], and stores depths as [`crate::gpu::DepthLayer`] does; none where the runtime takes none.
     ///
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
-    pub fn draw_depths(&mut self, draw: impl FnOnce(&[wgpu::TextureView])) -> Result<(), XrError> {
-        let Some((depths, _)) = &mut self.live.depths else { return Ok(()) };
-        let done = depths.draw(draw);
-        self.depths_drawn |= done.is_ok();
+    pub fn draw_eyes_and_depths<T>(
+        &mut self,
+        draw: impl FnOnce(&[wgpu::TextureView], &[wgpu::TextureView]) -> T,
+    ) -> Result<T, XrError> {
+        let Live { eyes, depths, .. } = &mut *self.live;
+        let done = match depths {
+            Some((depths, _)) => depths.draw(|depths| eyes.draw(|eyes| draw(eyes, depths))).flatten(),
+            None => eyes.draw(|eyes| draw(eyes, &[])),
+        };
+        self.eyes_drawn |= done.is_ok();
+        self.depths_drawn |= done.is_ok() && self.live.depths.is_some();
         self.keep(done)
     }
 

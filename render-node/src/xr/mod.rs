@@ -20,7 +20,7 @@ mod target;
 
 use openxr::sys::Result as Code;
 
-pub use board::Board;
+pub use board::{Board, Counts};
 pub use frame::{Frame, PanelId, Quad};
 pub use headset::{Headset, Options, PAUSE, Paced, Step};
 pub use held::Held;

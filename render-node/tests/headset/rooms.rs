@@ -373,6 +373,36 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.service.news.change(|shown| *shown = selected.clone());
     person.until("no marks", |p| p.room.marks().is_empty());
 
+    // A scene that changes in every frame has one panel laid out in a frame, each in its turn, and what changed nothing that it
+    // shows draws none; at rest all are as they are.
+    person.aim(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5), DVec3::Y);
+    let counts = |p: &Person| [Panel::Scene, Panel::Prompt].map(|panel| p.room.counts(panel).unwrap());
+    let mut frames = 0_u64;
+    let mut begun = counts(&person);
+    person.until("changes", |p| {
+        if frames == 4 {
+            begun = counts(p);
+        }
+        frames += 1;
+        // Another scene in which nothing is different, as far as anybody sees.
+        p.service.news.change(|shown| shown.scene = Arc::new(EditState::clone(&shown.scene)));
+        frames == 34
+    });
+    let now = counts(&person);
+    let laid_out: Vec<u64> = begun.iter().zip(&now).map(|(a, b)| b.laid_out - a.laid_out).collect();
+    let drawn: Vec<u64> = begun.iter().zip(&now).map(|(a, b)| b.drawn - a.drawn).collect();
+    assert!(laid_out.iter().sum::<u64>() <= 30 && laid_out.iter().all(|n| (10..=20).contains(n)), "{laid_out:?}");
+    assert_eq!(drawn, [0, 0]);
+    let rest = |person: &mut Person| {
+        let mut frames = 0;
+        person.until("some frames", |_| {
+            frames += 1;
+            frames > 4
+        });
+        counts(person)
+    };
+    assert_eq!(rest(&mut person), rest(&mut person));
+
     // A name on the keyboard that hangs there as long as it is needed, and the unit is saved.
     person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "name of the new unit"));
     for key in ["s", "a", "c"] {
