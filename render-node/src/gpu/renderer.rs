@@ -45,7 +45,7 @@ pub struct Settings {
     pub shared_shading: bool,
     /// How Gaussians are projected and ordered. [`Projection::PerRay`] is drawn by tiles, whatever the rasterizer.
     pub projection: Projection,
-    /// Whether [`Renderer::depths`] are made as well.
+    /// Whether [`Renderer::depths`] are made as well; their time is not in [`PassSeconds`], but for what tiles and rays note.
     pub depths: bool,
 }
 
