@@ -16,6 +16,9 @@ const STAYS: [f64; 2] = [6.0, 12.0];
 /// Seconds in which it fades at the end.
 const FADES: f64 = 1.0;
 
+/// Most points that a line is wide at the usual size of text, and that it leaves to both sides.
+const WIDTH: (f32, f32) = (560.0, 32.0);
+
 /// When each line was first seen, seconds of the context's clock.
 #[derive(Debug, Default)]
 pub(super) struct Seen(BTreeMap<u64, f64>);
@@ -37,6 +40,8 @@ impl Panels {
     /// Lines that are worth knowing, newest last, each for some seconds; nothing of them can be pressed, and nothing waits for
     /// them. The clock is that of the context: call it of one context only.
     pub fn notices(&mut self, ui: &mut Ui, shown: &Shown) {
+        // Its area is as wide as what it showed last, be that nothing.
+        ui.set_max_width((WIDTH.0 * scale(ui)).min(ui.ctx().content_rect().width() - WIDTH.1));
         let now = ui.input(|i| i.time);
         let seen = &mut self.shown_notices.0;
         let oldest = shown.notices.first().map_or(u64::MAX, |n| n.number);

@@ -28,19 +28,20 @@ impl Viewport {
         if !shown.offered.selection {
             return;
         }
-        if response.dragged_by(egui::PointerButton::Primary)
-            && !alt
-            && let Some(at) = response.interact_pointer_pos()
+        let button = egui::PointerButton::Primary;
+        // A drag is told after a few points of the way, and begins where the button was pressed. One that is given up does
+        // not begin again.
+        if response.drag_started_by(button) && !alt {
+            self.lasso.extend(response.ctx.input(|i| i.pointer.press_origin()));
+        }
+        if response.dragged_by(button)
+            && let (Some(first), Some(at)) = (self.lasso.first().copied(), response.interact_pointer_pos())
         {
-            match (self.pointer, self.lasso.first().copied()) {
-                (Pointer::Rectangle, Some(first)) => {
-                    self.lasso = vec![first, Pos2::new(at.x, first.y), at, Pos2::new(first.x, at.y)];
-                }
-                _ if self.lasso.last().is_none_or(|last| last.distance(at) >= CORNER.0) => {
-                    self.lasso.push(at);
-                    self.lasso.truncate(CORNER.1);
-                }
-                _ => (),
+            if self.pointer == Pointer::Rectangle {
+                self.lasso = vec![first, Pos2::new(at.x, first.y), at, Pos2::new(first.x, at.y)];
+            } else if self.lasso.last().is_none_or(|last| last.distance(at) >= CORNER.0) {
+                self.lasso.push(at);
+                self.lasso.truncate(CORNER.1);
             }
         }
         if response.drag_stopped() {

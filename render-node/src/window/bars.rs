@@ -9,6 +9,12 @@ use crate::display::{BrushMode, Request, Sense, Shown};
 use crate::panels::theme;
 use crate::render::Quality;
 
+/// Points of the window's width from which shortcuts stand in two columns, at the usual size of text.
+const TWO_COLUMNS: f32 = 1100.0;
+
+/// Points of the window's height that the list of shortcuts leaves to its title and to what is around it.
+const AROUND_HELP: f32 = 110.0;
+
 impl Desk {
     /// Tools and what else can be pressed without opening a panel.
     pub(super) fn toolbar(&mut self, ui: &mut Ui, shown: &Shown, requests: &mut Vec<Request>) {
@@ -93,26 +99,37 @@ impl Desk {
         });
     }
 
-    /// The list of shortcuts.
+    /// The list of shortcuts, as wide as there is room for; what is too long is scrolled.
     pub(super) fn show_help(&mut self, ui: &Ui) {
-        let help = egui::Window::new("What keys and the mouse do").anchor(Align2::CENTER_CENTER, [0.0, 0.0]);
+        let room = ui.ctx().content_rect().size();
+        let scale = self.tools.scale;
+        let columns = if room.x < TWO_COLUMNS * scale { 1 } else { 2 };
+        let help = egui::Window::new("What keys and the mouse do").id(egui::Id::unique("help"));
+        let help = help.anchor(Align2::CENTER_CENTER, [0.0, 0.0]);
         help.open(&mut self.help).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
-            egui::Grid::new("shortcuts").num_columns(4).striped(true).show(ui, |ui| {
-                for pair in SHORTCUTS.chunks(2) {
-                    for shortcut in pair {
-                        ui.strong(shortcut.written);
-                        ui.label(shortcut.does);
+            let height = (room.y - AROUND_HELP * scale).max(AROUND_HELP * scale);
+            egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
+                // Lines as close as text is, not as buttons are.
+                ui.spacing_mut().interact_size.y = 0.0;
+                let grid = |name: &str| egui::Grid::new(name.to_owned()).spacing([14.0 * scale, 4.0 * scale]);
+                let rows = SHORTCUTS.len().div_ceil(columns);
+                grid("shortcuts").show(ui, |ui| {
+                    for row in 0..rows {
+                        for shortcut in SHORTCUTS.iter().skip(row).step_by(rows) {
+                            ui.strong(shortcut.written);
+                            ui.label(shortcut.does);
+                        }
+                        ui.end_row();
                     }
-                    ui.end_row();
-                }
-            });
-            ui.separator();
-            egui::Grid::new("mouse").num_columns(2).striped(true).show(ui, |ui| {
-                for (what, does) in MOUSE {
-                    ui.strong(*what);
-                    ui.label(*does);
-                    ui.end_row();
-                }
+                });
+                ui.separator();
+                grid("mouse").max_col_width(0.6 * room.x).show(ui, |ui| {
+                    for (what, does) in MOUSE {
+                        ui.strong(*what);
+                        ui.label(*does);
+                        ui.end_row();
+                    }
+                });
             });
         });
     }

@@ -10,6 +10,7 @@
 mod appearance;
 mod asking;
 mod curves;
+mod desk;
 mod legends;
 mod monkey;
 mod pace;
