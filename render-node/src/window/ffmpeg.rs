@@ -60,7 +60,11 @@ pub(super) fn video(
     let mut command = Command::new(program);
     command.args(["-nostdin", "-hide_banner", "-loglevel", "error", "-progress", "pipe:1", "-y"]);
     command.args(["-framerate", "30", "-i"]).arg(pictures.join("%04d.png"));
-    command.args(["-pix_fmt", "yuv420p", "-f", "mp4"]).arg(&part);
+    // Players take large pictures without a word for those of BT.709, while the program's own habit is BT.601: both are said,
+    // and that the numbers are those of PNGs. What is to be read first stands first, for whoever shows it in a page.
+    command.args(["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p", "-color_range", "tv"]);
+    command.args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]);
+    command.args(["-movflags", "+faststart", "-f", "mp4"]).arg(&part);
     // A group of its own, so that whatever it starts ends with it.
     command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(VideoError::Start)?;
@@ -127,6 +131,7 @@ mod tests {
     use std::os::unix::fs::PermissionsExt as _;
 
     use super::*;
+    use crate::image::Image;
 
     /// A program named `ffmpeg` that does this; `$out` is what it is to write.
     fn program(folder: &Path, does: &str) -> PathBuf {
@@ -167,6 +172,39 @@ mod tests {
         let (outcome, _, video) = made("sleep 50 & sleep 50", LONG, true);
         assert_eq!((outcome, video), (Err("the window was closed".to_owned()), None));
         assert!(begun.elapsed() < Duration::from_secs(20));
+    }
+
+    #[test]
+    #[allow(clippy::print_stderr, reason = "a skipped test says so")]
+    fn the_program_itself_makes_a_video_of_the_colours_that_the_pictures_have() {
+        let Some(program) = found(std::env::var_os("PATH").as_deref()) else {
+            let required = std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1");
+            assert!(!required, "ffmpeg is missing, and SUPERGAUSSIAN_REQUIRE_TOOLS=1");
+            eprintln!("SKIPPED: ffmpeg is not installed");
+            return;
+        };
+        let folder = tempfile::tempdir().unwrap();
+        // As large as pictures of a turn are, whose colours are guessed otherwise than those of small ones.
+        let (width, height, color) = (1280, 720, [208_u8, 96, 32]);
+        let rgba = [color[0], color[1], color[2], 255].map(|b| f32::from(b) / 255.0);
+        let image = Image { width, height, rgba: rgba.repeat((width * height) as usize) };
+        for k in 0..12 {
+            image.write_png(std::fs::File::create(folder.path().join(format!("{k:04}.png"))).unwrap()).unwrap();
+        }
+        let to = folder.path().join("turn.mp4");
+        let (done, stop) = (AtomicU32::new(0), AtomicBool::new(false));
+        video(&program, (folder.path(), &to), (&done, &stop), LONG).unwrap();
+        assert_eq!(done.into_inner(), 12);
+        let mut read = Command::new(&program);
+        read.args(["-nostdin", "-v", "info", "-i"]).arg(&to);
+        read.args(["-vf", "scale=in_color_matrix=bt709:in_range=tv", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]);
+        let read = read.output().unwrap();
+        let told = String::from_utf8_lossy(&read.stderr);
+        assert!(told.contains("yuv420p(tv, bt709") && told.contains("1280x720") && told.contains("30 fps"), "{told}");
+        assert_eq!(read.stdout.len(), 12 * 3 * (width * height) as usize, "{told}");
+        let seen = read.stdout.chunks_exact(3).step_by(997);
+        let off = seen.map(|p| p.iter().zip(color).map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0)).max();
+        assert!(off <= Some(3), "a colour is off by {off:?} of 255");
     }
 
     #[test]
