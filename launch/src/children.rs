@@ -19,6 +19,9 @@ use tokio::sync::mpsc;
 /// First argument by which this program knows that it stands between a supervisor and a service for a moment.
 pub(crate) const STAND_IN: &str = "become-child-of";
 
+/// First argument by which this program knows that it was started to outlive who started it.
+pub(crate) const ON_ITS_OWN: &str = "on-its-own";
+
 /// Longest line of a log that is kept whole, bytes.
 const MAX_LINE: usize = 64 << 10;
 
@@ -49,6 +52,18 @@ pub(crate) fn dies_with_us(program: &std::path::Path) -> std::process::Command {
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg0("supergaussian").arg(STAND_IN).arg(std::process::id().to_string()).arg(program);
     command
+}
+
+/// This program, to be run so that it outlives this process; its arguments follow. The other end is [`come_into_own`].
+pub(crate) fn on_its_own() -> std::process::Command {
+    let mut command = std::process::Command::new("/proc/self/exe");
+    command.arg0("supergaussian").arg(ON_ITS_OWN);
+    command
+}
+
+/// The other end of [`on_its_own`], before anything is opened: lets go of what was inherited.
+pub(crate) fn come_into_own() {
+    close_inherited();
 }
 
 /// The other end of [`dies_with_us`]: becomes the program named in the arguments. Returns only if it cannot.
@@ -92,8 +107,26 @@ pub(crate) fn start(
     lines: impl Lines + Clone,
     exits: mpsc::Sender<(Incarnation, Exit)>,
 ) -> io::Result<u32> {
-    let mut command = Command::from(dies_with_us(&order.executable));
-    command.args(&order.arguments).envs(order.env).process_group(0);
+    let mut command = dies_with_us(&order.executable);
+    command.args(&order.arguments).envs(order.env);
+    let (pid, ended) = run(command, lines)?;
+    tokio::spawn(async move {
+        // The receiver lives as long as the supervisor; without it nobody wants to know.
+        let _ = exits.send((order.incarnation, ended.await)).await;
+    });
+    Ok(pid)
+}
+
+/// Starts a command in a process group of its own: its process id, and how it ended, to be waited for.
+///
+/// # Errors
+/// What the system said.
+pub(crate) fn run(
+    command: std::process::Command,
+    lines: impl Lines + Clone,
+) -> io::Result<(u32, impl Future<Output = Exit> + Send + 'static)> {
+    let mut command = Command::from(command);
+    command.process_group(0);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn()?;
     let pid = child.id().ok_or_else(|| io::Error::other("the process was gone at once"))?;
@@ -102,17 +135,16 @@ pub(crate) fn start(
         child.stdout.take().map(|s| tokio::spawn(listen(BufReader::new(s), lines.clone(), last.clone()))),
         child.stderr.take().map(|s| tokio::spawn(listen(BufReader::new(s), lines, last.clone()))),
     ];
-    tokio::spawn(async move {
+    let ended = async move {
         let status = child.wait().await;
         // Whatever it started itself goes with it.
         let _ = signal(pid, Signal::SIGKILL);
         for stream in streams.into_iter().flatten() {
             let _ = tokio::time::timeout(LAST_WORDS, stream).await;
         }
-        // The receiver lives as long as the supervisor; without it nobody wants to know.
-        let _ = exits.send((order.incarnation, describe(status, &last))).await;
-    });
-    Ok(pid)
+        describe(status, &last)
+    };
+    Ok((pid, ended))
 }
 
 /// Sends a signal to a process and whatever it started. A process that is gone is no error.

@@ -9,7 +9,7 @@ use sg_runtime::process::EXIT_FAILED;
 
 use crate::terminal::{self, Done, Failure};
 use crate::{
-    capture, certificates, chaos, children, contract, demo, join, metrics, others, remote, say, swap, up, watch,
+    capture, certificates, chaos, children, contract, demo, join, metrics, open, others, remote, say, swap, up, watch,
 };
 
 /// Edit volumes by talking to them: starts the services, watches them, speaks to them.
@@ -28,6 +28,12 @@ enum Command {
     /// Make or load a scene, start the full stack, play a script, leave pictures and a transcript
     #[command(after_help = "Example: supergaussian demo bonsai_256x256x256_uint8.raw.zst --out bonsai-demo")]
     Demo(demo::DemoArgs),
+    /// Open a scene or volume in a window of its own, in a session of its own, until the window is closed
+    ///
+    /// Of a volume Gaussians are made first. What is edited is kept in the session's folder and found again when the same
+    /// file is opened the next time. A file that is dropped on a window is opened so.
+    #[command(after_help = "Example: supergaussian open skull/scene.toml")]
+    Open(open::OpenArgs),
     /// Start every service of a launch file and watch over them until Ctrl-C; if it runs already, read the file again
     ///
     /// Of a stack that runs the difference is applied: services that were added start, removed ones stop, one with another
@@ -139,12 +145,15 @@ enum Command {
 }
 
 pub(crate) fn main() -> ExitCode {
-    let mut arguments = std::env::args_os().skip(1);
-    if arguments.next().is_some_and(|a| a == children::STAND_IN) {
+    let mut arguments = std::env::args_os().skip(1).peekable();
+    if arguments.next_if(|a| a == children::STAND_IN).is_some() {
         terminal::tell(&children::stand_in(arguments));
         return ExitCode::from(EXIT_FAILED);
     }
-    let cli = Cli::parse();
+    if arguments.next_if(|a| a == children::ON_ITS_OWN).is_some() {
+        children::come_into_own();
+    }
+    let cli = Cli::parse_from(std::iter::once(OsString::from("supergaussian")).chain(arguments));
     sg_runtime::telemetry::init_command();
     terminal::finish(run(cli))
 }
@@ -153,6 +162,7 @@ fn run(cli: Cli) -> Done {
     let session = cli.session.as_deref();
     match cli.command {
         Command::Demo(arguments) => wait(demo::demo(arguments, session)),
+        Command::Open(arguments) => wait(open::open(&arguments, session)),
         Command::Up(arguments) => wait(up::up(&arguments, session)),
         Command::Down => wait(remote::down(session)),
         Command::Ps { json } => wait(remote::ps(session, json)),

@@ -14,6 +14,7 @@ mod join;
 mod leftovers;
 mod logs;
 mod metrics;
+mod open;
 mod others;
 mod proof;
 mod reload;

@@ -77,6 +77,8 @@ pub struct Ask<Q, R> {
     pub name: &'static str,
     /// Roles that may ask.
     pub senders: &'static [&'static str],
+    /// Whether other machines may not ask, whatever roles they run.
+    pub at_home: bool,
     /// What goes first.
     pub urgency: Urgency,
     /// What it is for.
@@ -132,11 +134,15 @@ impl<M> Copy for Slot<M> {}
 
 impl<Q: Name, R: Name> Ask<Q, R> {
     const fn new(role: &'static str, name: &'static str, senders: &'static [&'static str], doc: &'static str) -> Self {
-        Self { role, name, senders, urgency: Urgency::Ordinary, doc, types: PhantomData }
+        Self { role, name, senders, at_home: false, urgency: Urgency::Ordinary, doc, types: PhantomData }
     }
 
     const fn at(self, urgency: Urgency) -> Self {
         Self { urgency, ..self }
+    }
+
+    const fn at_home(self) -> Self {
+        Self { at_home: true, ..self }
     }
 
     fn row(&self) -> Row {
@@ -145,6 +151,7 @@ impl<Q: Name, R: Name> Ask<Q, R> {
             name: self.name,
             kind: Kind::Ask { request: Q::full_name(), reply: R::full_name() },
             senders: self.senders,
+            at_home: self.at_home,
             doc: self.doc,
         }
     }
@@ -165,6 +172,7 @@ impl<M: Name> Stream<M> {
             name: self.name,
             kind: Kind::Stream { message: M::full_name() },
             senders: &[],
+            at_home: false,
             doc: self.doc,
         }
     }
@@ -181,6 +189,7 @@ impl<M: Name> Slot<M> {
             name: self.name,
             kind: Kind::Slot { message: M::full_name() },
             senders: &[],
+            at_home: false,
             doc: self.doc,
         }
     }
@@ -219,6 +228,8 @@ pub struct Row {
     pub kind: Kind,
     /// For requests: who may ask. The answering, publishing or owning side is always the role itself.
     pub senders: &'static [&'static str],
+    /// For requests: whether other machines may not ask, whatever roles they run.
+    pub at_home: bool,
     /// What it is for.
     pub doc: &'static str,
 }
@@ -242,10 +253,10 @@ const SCENE_READERS: &[&str] =
     &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::RENDER_CAPTURE, role::AGENT_CORE, role::AGENT_FUNCTION];
 
 macro_rules! table {
-    ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?)$( at $urgency:ident)?;)*) => {
+    ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?)$( at $urgency:ident)?$( only $place:ident)?;)*) => {
         $(
             $(#[doc = $doc])+
-            pub const $ident: $type<$($message),+> = $type::new($role, $name, $($senders,)? concat!($($doc),+))$(.at(Urgency::$urgency))?;
+            pub const $ident: $type<$($message),+> = $type::new($role, $name, $($senders,)? concat!($($doc),+))$(.at(Urgency::$urgency))?$(.$place())?;
         )*
 
         /// Every row of the table.
@@ -350,6 +361,10 @@ table! {
     SWAP: Ask<launch::SwapRequest, launch::SwapReply> = (role::SUPERVISOR, "cmd/swap", &[role::CLI]);
     /// Reads the launch file again.
     RELOAD: Ask<launch::ReloadRequest, launch::ReloadReply> = (role::SUPERVISOR, "cmd/reload", &[role::CLI]);
+    /// Opens a scene or volume in a window and a session of their own.
+    OPEN: Ask<launch::OpenRequest, launch::OpenReply> = (role::SUPERVISOR, "cmd/open", &[role::CLI, role::RENDER_VIEW]) only at_home;
+    /// A session that was opened from this one failed.
+    OPEN_FAILED: Stream<launch::OpenFailed> = (role::SUPERVISOR, "event/open-failed");
     /// Stops the stack.
     DOWN: Ask<launch::DownRequest, launch::DownReply> = (role::SUPERVISOR, "cmd/down", &[role::CLI]);
     /// A machine that joined is there.

@@ -3,6 +3,7 @@
 
 pub mod bench;
 pub mod conformance;
+pub mod dropping;
 pub mod eval;
 pub mod hosts;
 pub mod made_scene;

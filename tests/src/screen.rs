@@ -1,8 +1,11 @@
 //! A screen that nobody looks at, and a mouse and a keyboard that nobody holds: Xvfb and xdotool.
 
 use std::io::{BufRead as _, BufReader};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+
+use crate::dropping;
 
 /// Width and height of the screen in pixels.
 pub const SIZE: [usize; 2] = [1440, 900];
@@ -129,6 +132,15 @@ impl Screen {
             std::thread::sleep(Duration::from_millis(30));
         }
         self.act(&["mouseup", "1"]).map(drop)
+    }
+
+    /// Drops a file on a window, given by its number.
+    ///
+    /// # Errors
+    /// That the window does not take it within `patience`.
+    pub fn drop_file(&self, window: &str, path: &Path, patience: Duration) -> Result<(), String> {
+        let number = window.parse().map_err(|e| format!("window `{window}`: {e}"))?;
+        dropping::drop_file(&self.display, number, path, patience)
     }
 
     /// What is on the screen.

@@ -209,7 +209,9 @@ impl Stack {
         self.run_root().join(SESSION)
     }
 
-    fn run_root(&self) -> PathBuf {
+    /// The folder of all sessions: its own, and those that were opened from it.
+    #[must_use]
+    pub fn run_root(&self) -> PathBuf {
         self.folder.path().join("run")
     }
 }

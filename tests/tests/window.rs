@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use sg_proto::keys::{self, role};
+use sg_proto::launch::OpenRequest;
 use sg_proto::scene::State;
 use sg_render_node::backend::{Backend, Engine};
 use sg_render_node::display::{Seat, Shown, Tools};
@@ -25,7 +26,8 @@ use sg_render_node::window::{self, Setup};
 use sg_scene::edit::EditState;
 use sg_scene::load::{LoadOptions, load};
 use sg_tests::screen::{SIZE, Screen};
-use sg_tests::stack::Stack;
+use sg_tests::small_scene;
+use sg_tests::stack::{SESSION, Stack};
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
 
 /// The middle of the picture where no panels are beside it.
@@ -141,6 +143,99 @@ fn a_person_brushes_names_speaks_and_closes() {
     assert_eq!(ended, Some(Some(0)), "closing the window ends the stack\n{}", stack.log());
     let kept = std::fs::read_to_string(Path::new(&home).join("supergaussian/window.toml")).unwrap();
     assert!(kept.contains("radius"), "{kept}");
+}
+
+/// Sessions that were opened from a stack; ended with their windows when dropped.
+struct Opened(PathBuf);
+
+impl Opened {
+    /// Runs the command to its end: whether that went well.
+    fn run(&self, arguments: &[&str]) -> bool {
+        sg_tests::command(&self.0).unwrap().args(arguments).output().unwrap().status.success()
+    }
+
+    /// Names of those that run.
+    fn names(&self) -> Vec<String> {
+        let folders = std::fs::read_dir(&self.0).unwrap().flatten();
+        let names = folders.map(|f| f.file_name().to_string_lossy().into_owned());
+        names.filter(|name| name != SESSION && self.run(&["ps", "--session", name])).collect()
+    }
+
+    /// Waits until as many run.
+    fn until(&self, count: usize) -> Vec<String> {
+        let begun = Instant::now();
+        loop {
+            let names = self.names();
+            if names.len() == count {
+                return names;
+            }
+            assert!(begun.elapsed() < PATIENCE, "{names:?} run and not {count}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Whether what is edited in one is kept.
+    fn keeps(&self, name: &str) -> bool {
+        let files = std::fs::read_dir(self.0.join(name)).unwrap().flatten();
+        files.map(|f| f.path()).any(|path| path.extension().is_some_and(|e| e == "sgproj"))
+    }
+}
+
+impl Drop for Opened {
+    fn drop(&mut self) {
+        for name in self.names() {
+            self.run(&["down", "--session", &name]);
+        }
+    }
+}
+
+#[test]
+fn a_dropped_scene_opens_in_a_window_and_a_session_of_its_own() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let other = home.path().join("an other");
+    std::fs::create_dir(&other).unwrap();
+    let scene = small_scene::write(&other).unwrap();
+    let broken = home.path().join("broken.ply");
+    std::fs::write(&broken, "ply\nno header\n").unwrap();
+    let home = home.path().display().to_string();
+    let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", &home)];
+    let mut stack = Stack::up_of("desktop.toml", &[], &env).unwrap();
+    let opened = Opened(stack.run_root());
+    let first = screen.window("Super-Gaussian", PATIENCE).unwrap();
+    let close = |window: &str| {
+        screen.act(&["windowfocus", "--sync", window]).unwrap();
+        screen.act(&["key", "ctrl+q"]).unwrap();
+    };
+    screen.drop_file(&first, &scene, PATIENCE).unwrap();
+    let second = screen.window("an other", PATIENCE).unwrap();
+    let names = opened.until(1);
+    assert!(names[0].starts_with("an-other-"), "{names:?}");
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let bus = stack.join(role::CLI).await.unwrap();
+        // It is there already, and another window of it would be another history of edits.
+        let request = OpenRequest { path: scene.display().to_string() };
+        let fault = bus.ask(&keys::OPEN, &request, &soon()).await.unwrap_err();
+        assert!(fault.message.contains(&names[0]), "{fault}");
+        let mut failed = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        screen.drop_file(&first, &broken, PATIENCE).unwrap();
+        let (told, _) = tokio::time::timeout(PATIENCE, failed.next()).await.unwrap().unwrap();
+        assert!(told.path.ends_with("broken.ply") && told.reason.contains("broken.ply:"), "{told:?}");
+    });
+    // The end of one leaves the other as it was.
+    close(&second);
+    opened.until(0);
+    assert!(stack.ps().iter().all(|s| s["state"] == "READY"), "{:?}", stack.ps());
+    assert!(opened.keeps(&names[0]));
+    screen.drop_file(&first, &scene, PATIENCE).unwrap();
+    let second = screen.window("an other", PATIENCE).unwrap();
+    assert_eq!(opened.until(1), names);
+    close(&first);
+    assert_eq!(stack.ended(PATIENCE), Some(Some(0)), "closing the window ends its stack\n{}", stack.log());
+    assert_eq!(opened.names(), names);
+    close(&second);
+    opened.until(0);
 }
 
 #[test]

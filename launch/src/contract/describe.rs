@@ -50,7 +50,8 @@ fn as_text(role: &str, rows: &[Row]) -> Vec<String> {
             Kind::Ask { request, reply } => {
                 let senders: Vec<_> =
                     row.senders.iter().map(|s| if *s == keys::ANY { "everybody" } else { s }).collect();
-                format!("answers    {} → {}  (from {})", short(request), short(reply), senders.join(", "))
+                let place = if row.at_home { "; of the supervisor's own machine" } else { "" };
+                format!("answers    {} → {}  (from {}{place})", short(request), short(reply), senders.join(", "))
             }
             Kind::Stream { message } => format!("publishes  {}", short(message)),
             Kind::Slot { message } => format!("owns       {}", short(message)),
@@ -70,7 +71,8 @@ fn as_text(role: &str, rows: &[Row]) -> Vec<String> {
 fn as_json(role: &str, rows: &[Row]) -> serde_json::Value {
     let own = |row: &Row| match &row.kind {
         Kind::Ask { request, reply } => json!({
-            "name": row.name, "kind": "ask", "request": request, "reply": reply, "senders": row.senders, "doc": row.doc.trim(),
+            "name": row.name, "kind": "ask", "request": request, "reply": reply, "senders": row.senders, "at_home": row.at_home,
+            "doc": row.doc.trim(),
         }),
         Kind::Stream { message } => {
             json!({"name": row.name, "kind": "stream", "message": message, "doc": row.doc.trim()})

@@ -34,8 +34,11 @@ use shipped::DENSEST;
 use summary::Summary;
 
 /// The shipped launch files, by name.
-const DESKTOP_FILE: (&str, &str) = ("desktop.toml", DESKTOP);
+pub(crate) const DESKTOP_FILE: (&str, &str) = ("desktop.toml", DESKTOP);
 const HEADLESS_FILE: (&str, &str) = ("headless.toml", HEADLESS);
+
+/// Gaussians that a volume becomes where nobody says how many.
+pub(crate) const GAUSSIANS: u32 = 100_000;
 
 /// What the names of demos' sessions begin with; the rest is the process id.
 const SESSION: &str = "demo-";
@@ -64,7 +67,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
     /// Gaussians that a volume becomes
-    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    #[arg(long, value_name = "N", default_value_t = GAUSSIANS)]
     gaussians: u32,
     /// Seed of the made volume and of the Gaussians' placement
     #[arg(long, value_name = "K", default_value_t = 0)]
@@ -172,12 +175,12 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
 }
 
 /// Whether a window can be opened here.
-fn has_display() -> bool {
+pub(crate) fn has_display() -> bool {
     std::env::var_os("DISPLAY").is_some_and(|display| !display.is_empty())
 }
 
 /// One of the shipped launch files.
-fn plan((name, text): (&str, &str), overrides: &[String], search: &Search) -> Result<LaunchFile, Failure> {
+pub(crate) fn plan((name, text): (&str, &str), overrides: &[String], search: &Search) -> Result<LaunchFile, Failure> {
     let source = Source { path: Path::new(name), text, overrides };
     read(source, search).map_err(|problems| Failure::Work(problems.to_string()))
 }

@@ -2,6 +2,7 @@
 
 mod act;
 mod nodes;
+mod opened;
 mod requests;
 mod session_lock;
 mod told;
@@ -9,6 +10,7 @@ mod told;
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use sg_launch::file::LaunchFile;
@@ -20,7 +22,7 @@ use sg_runtime::bus::{Bus, Following, Liveliness, Serving};
 use sg_runtime::metrics;
 use sg_runtime::session::SessionDir;
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 
 use crate::console::{Console, ServiceLog, Verbosity, Writer};
 use crate::leftovers::Roster;
@@ -70,6 +72,8 @@ pub(crate) struct Supervisor {
     nodes: Nodes,
     placed: mpsc::Receiver<Placed>,
     node_logs: Following<LogLines>,
+    /// For sessions that are opened from this one.
+    places: Arc<Semaphore>,
     /// Process id and instance of all that run on this machine.
     pids: HashMap<Incarnation, (u32, String)>,
     /// By service.
@@ -140,6 +144,7 @@ impl Supervisor {
             nodes,
             placed,
             node_logs,
+            places: Arc::new(Semaphore::new(opened::MOST)),
             pids: HashMap::new(),
             logs: HashMap::new(),
             width,

@@ -9,8 +9,8 @@ use sg_launch::reconcile::Event;
 use sg_proto::bus::MetricsReply;
 use sg_proto::keys;
 use sg_proto::launch::{
-    DownReply, JoinReply, JoinRequest, PsReply, ReloadReply, ReloadRequest, RestartReply, Service as ServiceMessage,
-    SwapReply, SwapRequest,
+    DownReply, JoinReply, JoinRequest, OpenReply, OpenRequest, PsReply, ReloadReply, ReloadRequest, RestartReply,
+    Service as ServiceMessage, SwapReply, SwapRequest,
 };
 use sg_runtime::bus::{Bus, Serving};
 use sg_runtime::fault::Fault;
@@ -27,6 +27,7 @@ pub(super) enum Request {
     Swap(SwapRequest, oneshot::Sender<Result<SwapReply, Fault>>),
     Reload(ReloadRequest, oneshot::Sender<Result<ReloadReply, Fault>>),
     Join(JoinRequest, oneshot::Sender<Result<JoinReply, Fault>>),
+    Open(OpenRequest, oneshot::Sender<Result<OpenReply, Fault>>),
     Down,
 }
 
@@ -87,6 +88,10 @@ impl Supervisor {
                 }
                 let _ = reply.send(answer);
                 return events;
+            }
+            Request::Open(request, reply) => {
+                let _ = reply.send(self.open_beside(&request));
+                Event::Tick
             }
             Request::Down => Event::Down,
         };
@@ -201,6 +206,15 @@ pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result
         }
     });
     let sender = requests.clone();
+    let open = bus.serve(&keys::OPEN, CAPACITY, move |request, _| {
+        let sender = sender.clone();
+        async move {
+            let (reply, answer) = oneshot::channel();
+            sender.send(Request::Open(request, reply)).await.map_err(|_| stopping())?;
+            answer.await.map_err(|_| stopping())?
+        }
+    });
+    let sender = requests.clone();
     let down = bus.serve(&keys::DOWN, CAPACITY, move |_, _| {
         let sender = sender.clone();
         async move {
@@ -210,5 +224,14 @@ pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result
     });
     let counted = |_, _| std::future::ready(Ok(MetricsReply { text: metrics::render() }));
     let metrics = bus.serve(&keys::METRICS, CAPACITY, counted);
-    Ok(vec![ps.await?, restart.await?, swap.await?, reload.await?, join.await?, down.await?, metrics.await?])
+    Ok(vec![
+        ps.await?,
+        restart.await?,
+        swap.await?,
+        reload.await?,
+        join.await?,
+        open.await?,
+        down.await?,
+        metrics.await?,
+    ])
 }

@@ -75,6 +75,31 @@ impl Bench {
         Up { child, errors }
     }
 
+    /// The command itself copied to a folder of its own, beside services and helpers that do this instead of their work.
+    pub(crate) fn among(&self, others: &[(&str, &str)]) -> PathBuf {
+        let folder = self.path().join("among");
+        std::fs::create_dir_all(&folder).unwrap();
+        let services = ["scene", "selection", "render-node", "agent-intent", "agent-function", "agent-core"];
+        for service in services {
+            self.script(&format!("among/supergaussian-{service}"), "exec sleep 60");
+        }
+        for (name, does) in others {
+            self.script(&format!("among/{name}"), does);
+        }
+        let command = folder.join("supergaussian");
+        std::fs::copy(env!("CARGO_BIN_EXE_supergaussian"), &command).unwrap();
+        command
+    }
+
+    /// Starts a stack by another copy of the command, on a display that nobody has to be able to open; none if it is empty.
+    pub(crate) fn up_by(&self, command: &Path, file: &Path, display: &str) -> Up {
+        let errors = self.path().join("up-by.err");
+        let stderr = std::fs::File::create(&errors).unwrap();
+        let mut up = Command::new(command);
+        up.arg("up").arg(file).env("SUPERGAUSSIAN_RUN_ROOT", self.path().join("run")).env("DISPLAY", display);
+        Up { child: up.stdin(Stdio::null()).stderr(stderr).spawn().unwrap(), errors }
+    }
+
     /// The services of a running stack, or nothing.
     pub(crate) fn ps(&self, session: &str) -> Vec<Value> {
         let (status, out, _) = self.run(&["ps", "--json", "--session", session]);

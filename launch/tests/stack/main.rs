@@ -5,6 +5,7 @@
 mod bench;
 mod faults;
 mod fixture;
+mod open;
 mod reload;
 mod swap;
 

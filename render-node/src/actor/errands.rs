@@ -1,6 +1,7 @@
 //! Carries out what a person asks for at a display, one thing after another; what is said to the agents takes its own time.
 
 use std::io;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
@@ -8,6 +9,7 @@ use std::time::Duration;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Source, Utterance};
+use sg_proto::launch::{OpenReply, OpenRequest};
 use sg_proto::scene::{Command, WalkTuning, command};
 use sg_proto::selection::{ProposalsRequest, SampleReply, SampleRequest, StrokesRequest, TuneReply, TuneRequest};
 use sg_render_node::display::{Asked, News, Request};
@@ -24,6 +26,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 /// How long a sample of a stroke may take: after that the hand is elsewhere.
 const GLANCE: Duration = Duration::from_millis(500);
+
+/// How long the supervisor may take to begin to open something.
+const ANSWER: Duration = Duration::from_secs(3);
 
 /// How long the agents may think.
 const THOUGHT: Duration = Duration::from_secs(120);
@@ -80,6 +85,10 @@ impl Hand {
             Request::Forget => forget(news),
             Request::Propose(count) => refused(news, propose(bus, news, count).await),
             Request::Say(text) => *said = Some(say(bus, news, text)),
+            Request::Open(path) => match open(bus, &path).await {
+                Ok(reply) => news.notice(opens(&path, &reply), false),
+                Err(fault) => refused(news, Err(fault)),
+            },
             Request::Withdraw => {
                 if let Some(id) = said.take() {
                     let outcome = bus.cancel(role::AGENT_CORE, &id).await;
@@ -164,6 +173,19 @@ fn show(news: &News, before: &mut Arc<Mask>, reply: &SampleReply) {
         shown.selected = after;
         (shown.tentative, shown.tried) = (true, None);
     });
+}
+
+/// Has a scene or volume opened in a window of its own.
+async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
+    let request = OpenRequest { path: path.display().to_string() };
+    bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(ANSWER)).await
+}
+
+/// What is being opened, for a person.
+fn opens(path: &Path, reply: &OpenReply) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str()).display();
+    let first = if reply.volume { "as soon as Gaussians are made of it, " } else { "" };
+    format!("{name}: {first}a window of its own opens (session {})", reply.session)
 }
 
 /// Says something to the agents, beside everything else; the id by which it can be withdrawn.

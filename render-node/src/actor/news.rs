@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use sg_proto::keys::{self, role};
 use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
+use sg_proto::launch::OpenFailed;
 use sg_proto::selection::Preview;
 use sg_render_node::display::{Conversation, Entry, News, Offered, Walks};
 use sg_runtime::blobs::Blobs;
@@ -42,6 +43,7 @@ pub(super) async fn follow(host: &Host, state: watch::Receiver<Followed>, news: 
         replies: bus.follow(&keys::REPLY, role::AGENT_CORE, WAITING).await?,
     };
     tokio::spawn(conversation(talk, news.clone()));
+    tokio::spawn(opened(bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, WAITING).await?, news.clone()));
     Ok(())
 }
 
@@ -134,6 +136,13 @@ async fn services(
         if seen.alive {
             all.push(seen.instance);
         }
+    }
+}
+
+/// What was opened from here and failed.
+async fn opened(mut failed: Following<OpenFailed>, news: News) {
+    while let Some((OpenFailed { path, session, reason }, _)) = failed.next().await {
+        news.notice(format!("{path} (session {session}): {reason}"), true);
     }
 }
 

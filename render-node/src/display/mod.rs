@@ -13,6 +13,7 @@ mod pacing;
 mod scrub;
 mod tools;
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -175,6 +176,8 @@ pub enum Request {
     Say(String),
     /// What was said last is withdrawn.
     Withdraw,
+    /// A scene or volume is opened in a window of its own.
+    Open(PathBuf),
 }
 
 impl Request {

@@ -17,6 +17,7 @@ use sg_scene::view::{View, framed_box};
 use sg_selection::brush::Brush;
 
 use super::bookmarks::Bookmarks;
+use super::dropped::{self, Dropped};
 use super::keep::{Keep, Keeper};
 use super::memory::Memory;
 use super::navigation::Navigator;
@@ -184,7 +185,7 @@ impl Desk {
                 self.act(action, &shown, &mut requests);
             }
         }
-        self.take_dropped(ui);
+        self.take_dropped(ui, &mut requests);
         if let Some(kept) = self.keeper.news() {
             self.line = kept.unwrap_or_else(|error| format!("nothing was kept: {error}"));
         }
@@ -404,14 +405,19 @@ impl Desk {
         self.line = "drawing a turn around the scene".to_owned();
     }
 
-    /// Files that were dropped on the window: a camera is looked from.
-    fn take_dropped(&mut self, ui: &Ui) {
+    /// Files that were dropped on the window: a camera is looked from, a scene or volume opened beside.
+    fn take_dropped(&mut self, ui: &Ui, requests: &mut Vec<Request>) {
         for path in ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_path_buf()).collect::<Vec<_>>()) {
             let view = &mut self.viewport.navigator.view;
-            self.line = match super::dropped::view_of(&path, view.target) {
-                Ok(seen) => {
+            self.line = match dropped::read(&path, view.target) {
+                Ok(Dropped::View(seen)) => {
                     *view = seen;
                     format!("seen as {} says", path.display())
+                }
+                Ok(Dropped::Other) => {
+                    let line = format!("{} is to be opened", path.display());
+                    requests.push(Request::Open(path));
+                    line
                 }
                 Err(why) => why,
             };

@@ -5,22 +5,40 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 use sg_scene::camera::Camera;
 use sg_scene::view::View;
+use sg_volume::ENDINGS;
 
-/// What a dropped file asks for.
+/// What names of scenes end with.
+const SCENES: [&str; 2] = [".ply", ".toml"];
+
+/// What a dropped file is.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Dropped {
+    /// A camera, and the view that it has.
+    View(View),
+    /// Another scene or a volume, as far as its name says.
+    Other,
+}
+
+/// Looks at a dropped file. A camera looks at the place on its axis that is nearest to `target`.
 ///
 /// # Errors
-/// What a person is told: how another scene is opened, or what is wrong with the file.
-pub(super) fn view_of(path: &Path, target: DVec3) -> Result<View, String> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-    if extension != "json" {
-        return Err(format!(
-            "{0}: a camera (.json) can be dropped here; `supergaussian demo {0}` opens another scene or volume",
-            path.display()
-        ));
+/// What a person is told: what can be dropped, or what is wrong with the file.
+pub(super) fn read(path: &Path, target: DVec3) -> Result<Dropped, String> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    if name.ends_with(".json") {
+        let camera = Camera::read(path).map_err(|e| e.to_string())?;
+        camera.check(&path.display().to_string()).map_err(|e| e.to_string())?;
+        return Ok(Dropped::View(seen_by(&camera, target)));
     }
-    let camera = Camera::read(path).map_err(|e| e.to_string())?;
-    camera.check(&path.display().to_string()).map_err(|e| e.to_string())?;
-    Ok(seen_by(&camera, target))
+    if path.is_dir() || SCENES.into_iter().chain(ENDINGS).any(|ending| name.ends_with(ending)) {
+        return Ok(Dropped::Other);
+    }
+    Err(format!(
+        "{}: a scene ({}, or a folder of iVR-GS), a volume ({}) or a camera (.json) can be dropped here",
+        path.display(),
+        SCENES.join(", "),
+        ENDINGS.join(", ")
+    ))
 }
 
 /// The view of a camera: it looks at the place on its axis that is nearest to `target`, if that is before it.
@@ -53,9 +71,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_camera_is_told_what_to_do_with() {
-        let said = view_of(Path::new("skull.nrrd"), DVec3::ZERO).unwrap_err();
-        assert!(said.contains("supergaussian demo skull.nrrd"), "{said}");
-        assert!(view_of(Path::new("no-such.json"), DVec3::ZERO).unwrap_err().contains("no-such.json"));
+    fn what_can_be_opened_is_told_from_what_cannot() {
+        for name in ["a.compressed.PLY", "skull/scene.toml", "skull.nrrd", "tooth_103x94x161_uint8.raw.zst", "."] {
+            assert_eq!(read(Path::new(name), DVec3::ZERO), Ok(Dropped::Other), "{name}");
+        }
+        for name in ["notes.pdf", "nrrd", "no-such-folder"] {
+            let said = read(Path::new(name), DVec3::ZERO).unwrap_err();
+            assert!(
+                said.starts_with(name) && [".ply", ".toml", ".nrrd", ".json"].iter().all(|e| said.contains(e)),
+                "{said}"
+            );
+        }
+        assert!(read(Path::new("no-such.json"), DVec3::ZERO).unwrap_err().contains("no-such.json"));
     }
 }

@@ -1,6 +1,6 @@
-//! The window's content without a window: how it is laid out, and what drags of the mouse ask for.
+//! The window's content without a window: what files that are dropped, and drags of the mouse, ask for.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use egui::{Pos2, Vec2};
@@ -25,6 +25,37 @@ fn desk(pointer: Pointer, folder: &Path) -> (Harness<'static, Desk>, Service) {
     let desk = Desk::new(Arc::clone(&scene), engine, (seat, tools), folder.to_owned(), &memory, || ()).unwrap();
     let harness = Harness::builder().with_size(Vec2::new(800.0, 600.0)).build_ui_state(|ui, desk| desk.show(ui), desk);
     (harness, service)
+}
+
+/// A file as the window's system hands it over.
+#[derive(Debug)]
+struct File(PathBuf);
+
+impl egui::DroppedFile for File {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        Err("nobody reads it here".to_owned())
+    }
+}
+
+#[test]
+fn dropped_scenes_and_volumes_are_asked_to_be_opened_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk(Pointer::Navigate, folder.path());
+    harness.step();
+    let files = ["/data/heart.ply", "/data/notes.pdf", "/data/skull/scene.toml", "/data/Tooth_2x2x2_uint8.RAW.zst"];
+    for file in files {
+        harness.input_mut().dropped_files.push(Arc::new(File(file.into())));
+    }
+    harness.step();
+    let asked: Vec<_> = service.requests.try_iter().collect();
+    let opened = [files[0], files[2], files[3]].map(|file| Request::Open(file.into()));
+    assert_eq!(asked, opened);
+    harness.step();
+    assert_eq!(service.requests.try_iter().count(), 0, "a file is dropped once");
 }
 
 #[test]

@@ -126,6 +126,7 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
                             tuned += 1;
                         }
                         Request::Sample(_) | Request::Forget => panic!("panels draw no strokes"),
+                        Request::Open(_) => panic!("panels open nothing"),
                     }
                 }
             }

@@ -114,6 +114,9 @@ pub enum ReadError {
     },
 }
 
+/// What names of files end with that [`read_volume`] reads, in small letters.
+pub const ENDINGS: [&str; 6] = [".raw", ".raw.gz", ".raw.zst", ".nrrd", ".nhdr", ".vti"];
+
 /// Reads a volume by its extension: `.raw`, `.raw.gz`, `.raw.zst` (the name carries `_XxYxZ_type[_be]`), `.nrrd`,
 /// `.nhdr`, `.vti`. Spacing, origin and orientation are kept in the file's physical units.
 ///
@@ -138,11 +141,8 @@ pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadErr
     } else if ends(".vti") {
         vti::read(source)
     } else {
-        Err(source.format(
-            "file name",
-            "no known volume extension",
-            "give one of .raw, .raw.gz, .raw.zst, .nrrd, .nhdr, .vti",
-        ))
+        let hint = format!("give one of {}", ENDINGS.join(", "));
+        Err(source.format("file name", "no known volume extension", hint))
     }
 }
 
