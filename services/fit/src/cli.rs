@@ -1,6 +1,7 @@
 //! The command: a volume becomes a scene folder; the made volume.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command's output and its one line of error")]
+#![allow(clippy::print_stdout, reason = "a command's output and its one line of error")]
 
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -131,10 +132,15 @@ pub(crate) fn run() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {}", failure.message);
+            tell(&format!("error: {}", failure.message));
             ExitCode::from(failure.status)
         }
     }
+}
+
+/// Says a line to a person. Nobody to read it is no reason to stop.
+fn tell(line: &str) {
+    let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
 #[derive(Serialize)]
@@ -167,7 +173,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         Some(file) => {
             let loaded = TransferFunction::load(file).map_err(input)?;
             for key in &loaded.ignored_keys {
-                eprintln!("note: {}: the key `{key}` means nothing here and is ignored", file.display());
+                tell(&format!("note: {}: the key `{key}` means nothing here and is ignored", file.display()));
             }
             loaded.function
         }
@@ -180,11 +186,11 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     bar.finish_and_clear();
     let mut start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
     for unit in start.report.units.iter().filter(|u| u.gaussians == 0) {
-        eprintln!("note: base unit `{}` shows nowhere in the volume; its file holds no Gaussian", unit.name);
+        tell(&format!("note: base unit `{}` shows nowhere in the volume; its file holds no Gaussian", unit.name));
     }
     let outside = start.report.voxels_outside_base_units;
     if outside > 0 {
-        eprintln!("note: {outside} visible voxels lie in no base unit's range and went to the nearest one");
+        tell(&format!("note: {outside} visible voxels lie in no base unit's range and went to the nearest one"));
     }
     // Looked up before anything is written, so that a wrong label volume leaves no half result.
     let truth = labels
@@ -216,14 +222,14 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         print!("{text}");
     } else {
         let r = &start.report;
-        eprintln!(
+        tell(&format!(
             "{}: {} Gaussians in {} base unit{} in {:.1} s",
             out.join("scene.toml").display(),
             r.gaussians,
             r.units.len(),
             if r.units.len() == 1 { "" } else { "s" },
             r.seconds.total
-        );
+        ));
     }
     Ok(())
 }
@@ -248,7 +254,7 @@ fn write_scene(
     }
     let saved = sg_scene::save(&out.join("scene.toml"), scene, &sg_scene::SaveOptions::default()).map_err(work)?;
     for warning in &saved.warnings {
-        eprintln!("note: {}", warning.message);
+        tell(&format!("note: {}", warning.message));
     }
     Ok(saved.files.into_iter().chain([target]).collect())
 }
@@ -309,13 +315,13 @@ fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Fa
     if json {
         print!("{text}");
     } else {
-        eprintln!("{}: {size} x {size} x {size} voxels", out.join(&truth.volume).display());
+        tell(&format!("{}: {size} x {size} x {size} voxels", out.join(&truth.volume).display()));
     }
     Ok(())
 }
 
 fn write_volume(target: &Path, volume: &Volume) -> Result<(), Failure> {
-    let failed = |e: std::io::Error| work(format!("{}: {e}; nothing was written", target.display()));
+    let failed = |e: io::Error| work(format!("{}: {e}; nothing was written", target.display()));
     let mut file = staged_file::StagedFile::create(target).map_err(failed)?;
     write_raw(volume.scalars(), &mut file).map_err(failed)?;
     file.commit().map_err(failed).map(|_| ())

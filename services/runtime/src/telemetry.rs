@@ -16,6 +16,8 @@ pub fn init_service(role: &str) {
         .with_span_list(false)
         // The bus warns of every client's end of a unix socket, which has no name and needs none.
         .with_env_filter(filter("info,zenoh=warn,zenoh_link_unixsock_stream=error"))
+        // It would be said on the very stream that nobody reads any more, by a panic.
+        .log_internal_errors(false)
         .with_writer(io::stderr);
     // A second call, as in tests that host several roles in one process, keeps the first subscriber.
     if subscriber.try_init().is_ok() {
@@ -29,6 +31,8 @@ pub fn init_command() {
         .without_time()
         .with_target(false)
         .with_env_filter(filter("warn,zenoh=error"))
+        // It would be said on the very stream that nobody reads any more, by a panic.
+        .log_internal_errors(false)
         .with_writer(io::stderr);
     let _ = subscriber.try_init();
 }
