@@ -1,6 +1,7 @@
-//! Times the parts of a selection on a scene file: neighbour graph, rounds of clustering, walk, brush.
+//! Times the parts of a selection on a scene file: neighbour graph, rounds of clustering, walk, other leaks and thresholds,
+//! proposals, brush.
 //!
-//! `cargo run --release -p sg-selection --example selection_times -- bonsai/scene.toml`
+//! `cargo run --release --workspace --example selection_times -- bonsai/scene.toml`
 #![allow(clippy::print_stdout, reason = "a bench prints its table")]
 
 use std::error::Error;
