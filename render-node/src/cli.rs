@@ -146,6 +146,8 @@ enum RasterizerName {
     Tiles,
     /// A quadrilateral for each Gaussian, in the fixed function.
     Quads,
+    /// The same in bands, between which pixels that let almost nothing through are closed.
+    Bands,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum, Serialize)]
@@ -289,6 +291,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     let rasterizer = match picture.rasterizer {
         RasterizerName::Tiles => Rasterizer::Tiles,
         RasterizerName::Quads => Rasterizer::Quads,
+        RasterizerName::Bands => Rasterizer::Bands,
     };
     let mut engine = Engine::new(scene, backend, Some(rasterizer)).map_err(Failure::work)?;
     let drawn = engine.draw(&appearance, &camera, options);

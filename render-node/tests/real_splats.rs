@@ -54,10 +54,9 @@ fn every_level_keeps_its_promise_from_all_sides() {
         let middle = 0.5 * (bounds.min + bounds.max);
         for (right, up, closer) in [(0.0, 0.0, 1.0), (120.0, 25.0, 1.0), (200.0, -40.0, 3.0)] {
             let camera = view::dolly(&view::orbit(&front, middle, right, up), middle, closer);
-            for (projection, rasterizers) in [
-                (Projection::Affine, &[Rasterizer::Tiles, Rasterizer::Quads][..]),
-                (Projection::PerRay, &[Rasterizer::Tiles][..]),
-            ] {
+            for (projection, rasterizers) in
+                [(Projection::Affine, &Rasterizer::ALL[..]), (Projection::PerRay, &[Rasterizer::Tiles][..])]
+            {
                 // What all rays in order take is seconds: from one side for each scene.
                 if projection == Projection::PerRay && up != 25.0 {
                     continue;

@@ -272,7 +272,7 @@ fn main() {
                     add(job.cpu(name, quality));
                 }
             }
-            for rasterizer in [Rasterizer::Tiles, Rasterizer::Quads] {
+            for rasterizer in Rasterizer::ALL {
                 for quality in [Quality::Standard, Quality::Fast] {
                     for shared_shading in [false, true] {
                         let shared = if shared_shading { ", one shading for both eyes" } else { "" };

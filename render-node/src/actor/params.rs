@@ -41,7 +41,7 @@ pub(super) struct Params {
     pub(super) projection: Projection,
     /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
     pub(super) backend: Backend,
-    /// How a graphics device blends, `tiles` or `quads`; without it what a trial at the start shows to be faster.
+    /// How a graphics device blends, `tiles`, `quads` or `bands`; without it what a trial at the start shows to be faster.
     pub(super) rasterizer: Option<Rasterizer>,
     /// Whether a window's pictures are copied from the device that draws them; without it only from one made of cores.
     pub(super) copies: Option<bool>,

@@ -145,7 +145,7 @@ impl Depths {
 fn size_of(picture: [u32; 2], rasterizer: Rasterizer) -> [u32; 2] {
     match rasterizer {
         Rasterizer::Tiles => picture,
-        Rasterizer::Quads => picture.map(|pixels| pixels.div_ceil(COARSE)),
+        Rasterizer::Quads | Rasterizer::Bands => picture.map(|pixels| pixels.div_ceil(COARSE)),
     }
 }
 

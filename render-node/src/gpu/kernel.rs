@@ -31,7 +31,7 @@ pub(super) enum Behind {
 }
 
 impl Behind {
-    fn state(self) -> Option<wgpu::DepthStencilState> {
+    pub(super) fn state(self) -> Option<wgpu::DepthStencilState> {
         let (hides, compare) = match self {
             Self::All => return None,
             Self::Hides => (true, wgpu::CompareFunction::Always),

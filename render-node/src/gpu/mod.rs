@@ -5,6 +5,7 @@
 //! in index order, project and shade, sort by the full 32-bit depth, blend by tiles or by quadrilaterals, put over the
 //! background. See `shaders/` for each.
 
+mod closing;
 mod columns;
 mod depth;
 mod depth_layer;

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::num::NonZeroU32;
 
+use super::closing::Closing;
 use super::columns::Columns;
 use super::depth::DepthPasses;
 use super::device::Gpu;
@@ -89,6 +90,13 @@ impl Blending {
     }
 }
 
+/// Blending that leaves pixels out, and what does that to them.
+pub(super) struct Tested {
+    blending: Blending,
+    pub(super) hiding: Hiding,
+    pub(super) closing: Closing,
+}
+
 /// All that draws.
 pub(super) struct Passes {
     cull: wgpu::ShaderModule,
@@ -108,8 +116,8 @@ pub(super) struct Passes {
     blend: Kernel,
     /// Nothing on a device that cannot blend f32: in half precision a thousand faint layers lose a fifth of their coverage.
     pub(super) quads: Option<Blending>,
-    /// The same where something is hidden, and what hides it; made when it first is.
-    hiding: Option<(Blending, Hiding)>,
+    /// The same where pixels may be hidden or closed; made when they first may be.
+    tested: Option<Tested>,
     pub(super) compose_tiles: [wgpu::RenderPipeline; 2],
     pub(super) compose_quads: [wgpu::RenderPipeline; 2],
     /// Made when they are first needed, with depths and without.
@@ -117,6 +125,9 @@ pub(super) struct Passes {
     /// Made when depths are first asked for.
     depths: Option<DepthPasses>,
 }
+
+/// Bands that quadrilaterals are drawn in, near to far. Each but the first is as long as all before it.
+pub(super) const BANDS: u64 = 5;
 
 /// What quadrilaterals are blended in and finished pictures are kept in.
 pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
@@ -147,7 +158,7 @@ pub(super) const BOTH: Option<NonZeroU32> = NonZeroU32::new(0b11);
 
 impl Passes {
     pub(super) fn new(gpu: &Gpu, columns: &Columns, multiview: bool) -> Self {
-        let list = module(gpu, "list", include_str!("shaders/list.wgsl"));
+        let list = module(gpu, "list", &format!("const BANDS: u32 = {BANDS}u;\n{}", include_str!("shaders/list.wgsl")));
         let tiles = module(gpu, "tiles", &tiles_of(TILE as u32));
         let compose = module(gpu, "compose", include_str!("shaders/compose.wgsl"));
         let counts = [("BLOCKS", f64::from(columns.blocks)), ("PARTS", columns.parts.len() as f64)];
@@ -185,7 +196,7 @@ impl Passes {
             longest: tile("longest"),
             blend: tile("blend"),
             quads: blends.then(|| Blending::quads(gpu, both, Behind::All)),
-            hiding: None,
+            tested: None,
             compose_tiles: composing("from_tiles"),
             compose_quads: composing("from_quads"),
             rays: HashMap::new(),
@@ -209,25 +220,25 @@ impl Passes {
         self.depths.as_ref().filter(|_| depths).map_or(&self.blend, |d| &d.blend)
     }
 
-    /// What blends quadrilaterals of so many views, where something is hidden or nothing: a pipeline for each, or one for both.
-    /// None on a device that cannot.
-    pub(super) fn quads_of(&self, views: u32, hides: bool) -> (&[wgpu::RenderPipeline], Option<NonZeroU32>) {
-        let all = self.quads.as_ref();
-        let seen = self.hiding.as_ref().map(|(seen, _)| seen);
-        let blending = if hides { seen } else { all };
+    /// What blends quadrilaterals of so many views, where pixels may be hidden or closed or not: a pipeline for each, or one for
+    /// both. None on a device that cannot.
+    pub(super) fn quads_of(&self, views: u32, tested: bool) -> (&[wgpu::RenderPipeline], Option<NonZeroU32>) {
+        let seen = self.tested.as_ref().map(|t| &t.blending);
+        let blending = if tested { seen } else { self.quads.as_ref() };
         blending.map_or((&[], None), |b| b.of(views))
     }
 
-    /// What hides, once [`Self::hide`] was called.
-    pub(super) fn hiding(&self) -> Option<&Hiding> {
-        self.hiding.as_ref().map(|(_, hiding)| hiding)
+    /// What hides and closes pixels, once [`Self::test`] was called.
+    pub(super) fn tested(&self) -> Option<&Tested> {
+        self.tested.as_ref()
     }
 
-    /// Makes what is needed where something is hidden.
-    pub(super) fn hide(&mut self, gpu: &Gpu) {
-        if let (Some(quads), None) = (&self.quads, &self.hiding) {
+    /// Makes what is needed where pixels may be hidden or closed.
+    pub(super) fn test(&mut self, gpu: &Gpu) {
+        if let (Some(quads), None) = (&self.quads, &self.tested) {
             let both = quads.together.is_some();
-            self.hiding = Some((Blending::quads(gpu, both, Behind::Seen), Hiding::new(gpu, both)));
+            let blending = Blending::quads(gpu, both, Behind::Seen);
+            self.tested = Some(Tested { blending, hiding: Hiding::new(gpu, both), closing: Closing::new(gpu) });
         }
     }
 

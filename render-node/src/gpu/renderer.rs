@@ -11,13 +11,15 @@ use super::depth::{self, Depths};
 use super::device::Gpu;
 use super::hidden::Hidden;
 use super::look::Look;
-use super::passes::{Needs, Passes};
+use super::passes::{BANDS, Needs, Passes};
 use super::rays::Waiting;
 use super::reading::bytes_of;
 pub use super::timing::PassSeconds;
-use super::timing::{Span, Timing};
+use super::timing::{Onto, Span, Timing};
 use super::uniform::{FrameUniform, ViewUniform};
-use super::work::{Canvas, Mode, Ordering, PART_DISPATCHES, Quads, STRETCH, Tiles, Work, tile_count};
+use super::work::{
+    ALL_DRAWN, BAND_DRAWS, Canvas, Mode, Ordering, PART_DISPATCHES, Quads, STRETCH, Tiles, Work, tile_count,
+};
 use crate::image::Image;
 use crate::project::NEAR;
 use crate::render::{Projection, Quality, check_look, check_scene};
@@ -32,6 +34,14 @@ pub enum Rasterizer {
     Tiles,
     /// A quadrilateral for each splat, blended by the fixed function.
     Quads,
+    /// The same in five bands, near to far, between which pixels that let almost nothing through are closed: solid surfaces
+    /// spare what lies behind them, and where one sees through everything it costs a test for each pixel.
+    Bands,
+}
+
+impl Rasterizer {
+    /// All.
+    pub const ALL: [Self; 3] = [Self::Tiles, Self::Quads, Self::Bands];
 }
 
 /// How pictures are made.
@@ -192,7 +202,7 @@ impl Renderer {
         self.columns.len
     }
 
-    /// Whether the device can draw with [`Rasterizer::Quads`].
+    /// Whether the device can draw with [`Rasterizer::Quads`] and [`Rasterizer::Bands`].
     #[must_use]
     pub fn blends_quads(&self) -> bool {
         self.passes.quads.is_some()
@@ -202,14 +212,7 @@ impl Renderer {
     /// height from the upper left. From the next picture on quadrilaterals are not blended there, and the background stays;
     /// visible pixels are the same to the last bit. Tiles are blended everywhere. Corners that are not finite hide nothing.
     pub fn hide(&mut self, eyes: [&[[Vec2; 3]]; 2]) {
-        let hid = self.hidden.is_some();
         self.hidden = Hidden::upload(&self.gpu, eyes);
-        if self.hidden.is_some() {
-            self.passes.hide(&self.gpu);
-        }
-        if self.hidden.is_some() != hid {
-            self.bound.quads = None;
-        }
     }
 
     /// Bytes that the scene's columns take on the device.
@@ -325,7 +328,7 @@ impl Renderer {
                 self.gpu.name()
             )));
         }
-        if settings.rasterizer() == Rasterizer::Quads && !self.blends_quads() {
+        if settings.rasterizer() != Rasterizer::Tiles && !self.blends_quads() {
             return Err(GpuError::Views(format!("{} cannot blend in f32; draw with tiles", self.gpu.name())));
         }
         let tiles: u32 = tile_count(size, settings.waiting().is_some()).iter().product();
@@ -339,7 +342,7 @@ impl Renderer {
         // Tiles collect the pixels of all views that are drawn together in one buffer.
         let fits = |views: u64| {
             let bytes = 16 * views * u64::from(size[0]) * u64::from(size[1]);
-            settings.rasterizer() == Rasterizer::Quads || bytes <= self.gpu.largest_binding()
+            settings.rasterizer() != Rasterizer::Tiles || bytes <= self.gpu.largest_binding()
         };
         let all_fit = fits(cameras.len() as u64);
         if !fits(1) {
@@ -400,7 +403,9 @@ impl Renderer {
         self.encode_order(&mut encoder, first);
         match rasterizer {
             Rasterizer::Tiles => self.encode_tiles(&mut encoder, first, views),
-            Rasterizer::Quads => self.encode_quads(&mut encoder, first),
+            Rasterizer::Quads | Rasterizer::Bands => {
+                self.encode_quads(&mut encoder, first, rasterizer == Rasterizer::Bands);
+            }
         }
         self.encode_compose(&mut encoder, first, rasterizer);
         if settings.depths {
@@ -417,7 +422,7 @@ impl Renderer {
     fn bind(&mut self, rasterizer: Rasterizer, mode: Mode) {
         let needs = Needs::of(&self.columns, &self.look.now, mode.0.is_some());
         let key = Some((needs, self.look.generation));
-        let hides = self.hidden.is_some();
+        let tested = self.hidden.is_some() || rasterizer == Rasterizer::Bands;
         let Self { gpu, columns, look, passes, frame, work, canvas, bound, .. } = self;
         if bound.needs != key {
             bound.needs = key;
@@ -427,8 +432,13 @@ impl Renderer {
             bound.ordering.get_or_insert_with(|| Ordering::bind(gpu, frame, (columns, look, work), passes, needs));
         let order = (&*work, &ordering.depths);
         match rasterizer {
-            Rasterizer::Quads => {
-                bound.quads.get_or_insert_with(|| Quads::bind(gpu, frame, order, passes, (canvas.size, hides)));
+            Rasterizer::Quads | Rasterizer::Bands => {
+                if tested {
+                    passes.test(gpu);
+                }
+                if bound.quads.as_ref().is_none_or(|q| q.is_tested() != tested) {
+                    bound.quads = Some(Quads::bind(gpu, frame, order, passes, (canvas.size, tested)));
+                }
             }
             Rasterizer::Tiles => {
                 let most = self.listed_pairs;
@@ -449,7 +459,7 @@ impl Renderer {
         let Some(depths) = passes.depths().filter(|_| mode.1) else { return };
         if bound.depths.as_ref().is_none_or(|(of, _)| *of != rasterizer) {
             let made = match (rasterizer, &bound.tiles) {
-                (Rasterizer::Quads, _) => Depths::of_quads(gpu, frame, order, depths, canvas.size),
+                (Rasterizer::Quads | Rasterizer::Bands, _) => Depths::of_quads(gpu, frame, order, depths, canvas.size),
                 (Rasterizer::Tiles, Some(tiles)) => Depths::of_tiles(gpu, frame, (depths, tiles, work.views)),
                 (Rasterizer::Tiles, None) => return,
             };
@@ -591,21 +601,34 @@ impl Renderer {
         }
     }
 
-    fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize) {
+    fn encode_quads(&mut self, encoder: &mut wgpu::CommandEncoder, first: usize, in_bands: bool) {
         let Self { gpu, passes, timings, work, bound, hidden, .. } = self;
         let timing = &mut timings[first];
         let Some(quads) = &bound.quads else { return };
-        let hiding = hidden.as_ref().zip(passes.hiding());
-        let (pipelines, mask) = passes.quads_of(work.views, hiding.is_some());
-        for (k, (group, pipeline)) in (0..).zip(quads.draw.iter().zip(pipelines)) {
-            let (target, depths) = (quads.target(k, mask.is_some()), quads.depths(k, mask.is_some()));
-            let mut pass = timing.drawing(encoder, Span::Blend, (&target, depths.as_ref()), mask);
-            if let Some((hidden, hiding)) = hiding {
-                hidden.encode(gpu, hiding, &mut pass, (first, work.views, k as usize));
+        let tested = passes.tested().filter(|_| quads.is_tested());
+        let (pipelines, mask) = passes.quads_of(work.views, quads.is_tested());
+        let draws = if in_bands { BANDS } else { 1 };
+        for band in 0..draws {
+            let draw = if in_bands { BAND_DRAWS + 4 * band } else { ALL_DRAWN };
+            let stays = band > 0;
+            if let (true, Some(tested)) = (stays, tested) {
+                for (k, group) in (0..).zip(&quads.close) {
+                    let depths = quads.depths(k, false);
+                    let onto = Onto { color: None, depths: depths.as_ref(), stays };
+                    tested.closing.encode(&mut timing.drawing(encoder, Span::Blend, onto, None), group);
+                }
             }
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
-            pass.draw_indirect(&work.dispatches, 24);
+            for (k, (group, pipeline)) in (0..).zip(quads.draw.iter().zip(pipelines)) {
+                let (target, depths) = (quads.target(k, mask.is_some()), quads.depths(k, mask.is_some()));
+                let onto = Onto { color: Some(&target), depths: depths.as_ref(), stays };
+                let mut pass = timing.drawing(encoder, Span::Blend, onto, mask);
+                if let (false, Some(hidden), Some(tested)) = (stays, hidden.as_ref(), tested) {
+                    hidden.encode(gpu, &tested.hiding, &mut pass, (first, work.views, k as usize));
+                }
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(0, group, &[]);
+                pass.draw_indirect(&work.dispatches, 4 * draw);
+            }
         }
     }
 
@@ -613,13 +636,14 @@ impl Renderer {
         let Self { passes, timings, bound, canvas, .. } = self;
         let timing = &mut timings[first];
         let (groups, pipelines) = match (rasterizer, &bound.quads, &bound.tiles) {
-            (Rasterizer::Quads, Some(quads), _) => (&quads.compose, &passes.compose_quads),
+            (Rasterizer::Quads | Rasterizer::Bands, Some(quads), _) => (&quads.compose, &passes.compose_quads),
             (Rasterizer::Tiles, _, Some(tiles)) => (&tiles.compose, &passes.compose_tiles),
             _ => return,
         };
         for ((group, pipeline), picture) in groups.iter().zip(pipelines).zip(canvas.pictures.iter().skip(first)) {
             let target = picture.create_view(&wgpu::TextureViewDescriptor::default());
-            let mut pass = timing.drawing(encoder, Span::Compose, (&target, None), None);
+            let mut pass =
+                timing.drawing(encoder, Span::Compose, Onto { color: Some(&target), depths: None, stays: false }, None);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             pass.draw(0..3, 0..1);

@@ -65,6 +65,16 @@ impl PassSeconds {
     }
 }
 
+/// What a pass draws onto.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Onto<'a> {
+    pub(super) color: Option<&'a wgpu::TextureView>,
+    /// How near what was drawn before is.
+    pub(super) depths: Option<&'a wgpu::TextureView>,
+    /// Whether what is there stays; else it is cleared, and nothing hides anything.
+    pub(super) stays: bool,
+}
+
 /// Timed passes of one picture at most; what comes after them is not timed.
 const SPANS: u32 = 64;
 
@@ -138,13 +148,12 @@ impl Timing {
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes })
     }
 
-    /// Begins a pass that draws into a cleared `target`, or into several layers of it at once, and is timed as `span`; before
-    /// nothing hides anything in `depths`, if there are any.
+    /// Begins a pass that draws onto something and is timed as `span`; into several layers of it at once where a mask says so.
     pub(super) fn drawing<'e>(
         &mut self,
         encoder: &'e mut wgpu::CommandEncoder,
         span: Span,
-        (target, depths): (&wgpu::TextureView, Option<&wgpu::TextureView>),
+        Onto { color, depths, stays }: Onto<'_>,
         multiview_mask: Option<NonZeroU32>,
     ) -> wgpu::RenderPass<'e> {
         let timestamp_writes = self.next(span).map(|(query_set, at)| wgpu::RenderPassTimestampWrites {
@@ -152,20 +161,22 @@ impl Timing {
             beginning_of_pass_write_index: Some(at),
             end_of_pass_write_index: Some(at + 1),
         });
+        let color = color.map(|view| wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: if stays { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT) },
+                store: wgpu::StoreOp::Store,
+            },
+        });
+        let far = if stays { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(1.0) };
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: None,
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: color.map(Some).as_slice(),
             depth_stencil_attachment: depths.map(|view| wgpu::RenderPassDepthStencilAttachment {
                 view,
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Discard }),
+                depth_ops: Some(wgpu::Operations { load: far, store: wgpu::StoreOp::Store }),
                 stencil_ops: None,
             }),
             timestamp_writes,

@@ -5,7 +5,7 @@ use super::device::Gpu;
 use super::hidden;
 use super::kernel::Kernel;
 use super::look::Look;
-use super::passes::{Needs, PICTURE, Passes};
+use super::passes::{BANDS, Needs, PICTURE, Passes};
 use super::rays::{EDGE, TINT, Waiting};
 use super::sort::{Pairs, Sorting};
 use super::uniform::Part;
@@ -14,8 +14,12 @@ use crate::tiles::TILE;
 /// Bytes of each of the three vectors of a splat.
 const VECTOR: u64 = 16;
 
-/// Words of the dispatches before those of the parts.
-pub(super) const PART_DISPATCHES: u64 = 10;
+/// Word of the dispatches at which the draw of all quadrilaterals stands.
+pub(super) const ALL_DRAWN: u64 = 6;
+
+/// Words of the dispatches before those of the bands, four each, and of the parts, three each.
+pub(super) const BAND_DRAWS: u64 = 10;
+pub(super) const PART_DISPATCHES: u64 = BAND_DRAWS + 4 * BANDS;
 
 /// Buffers whose size the scene decides.
 pub(super) struct Work {
@@ -187,10 +191,12 @@ impl Ordering {
 pub(super) struct Quads {
     /// A layer for each view.
     blended: wgpu::Texture,
-    /// The same of what hides, where something does.
+    /// The same of what hides, where pixels may be hidden or closed.
     depths: Option<wgpu::Texture>,
     /// One for each view, or one for both.
     pub(super) draw: Vec<wgpu::BindGroup>,
+    /// One for each view, where pixels may be closed.
+    pub(super) close: Vec<wgpu::BindGroup>,
     pub(super) compose: Vec<wgpu::BindGroup>,
 }
 
@@ -200,19 +206,21 @@ impl Quads {
         frame: &wgpu::Buffer,
         (work, order): (&Work, &Sorting),
         passes: &Passes,
-        (size, hides): ([u32; 2], bool),
+        (size, tested): ([u32; 2], bool),
     ) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         let blended = texture(gpu, size, work.views, usage);
-        let pipelines = passes.quads_of(work.views, hides).0;
+        let pipelines = passes.quads_of(work.views, tested).0;
         let draw = pipelines.iter().map(|pipeline| group(gpu, pipeline, &work.of_quads(frame, order)));
         let compose = (0..work.views).zip(&passes.compose_quads).map(|(k, pipeline)| {
             let view = layer(&blended, k);
             group(gpu, pipeline, &[(0, frame.as_entire_binding()), (2, wgpu::BindingResource::TextureView(&view))])
         });
-        let (draw, compose) = (draw.collect(), compose.collect());
-        let depths = hides.then(|| hidden::depths(gpu, size, work.views));
-        Self { blended, depths, draw, compose }
+        let closing = passes.tested().filter(|_| tested).map(|t| &t.closing);
+        let close = closing.into_iter().flat_map(|c| (0..work.views).map(|k| c.bind(gpu, frame, &layer(&blended, k))));
+        let (draw, close, compose) = (draw.collect(), close.collect(), compose.collect());
+        let depths = tested.then(|| hidden::depths(gpu, size, work.views));
+        Self { blended, depths, draw, close, compose }
     }
 
     /// What one view is blended in, or both are where they are drawn together.
@@ -223,6 +231,11 @@ impl Quads {
     /// As [`Self::target`], of what hides.
     pub(super) fn depths(&self, view: u32, together: bool) -> Option<wgpu::TextureView> {
         self.depths.as_ref().map(|depths| Self::part(depths, view, together))
+    }
+
+    /// Whether pixels may be hidden or closed.
+    pub(super) fn is_tested(&self) -> bool {
+        self.depths.is_some()
     }
 
     fn part(texture: &wgpu::Texture, view: u32, together: bool) -> wgpu::TextureView {

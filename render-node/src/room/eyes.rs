@@ -6,6 +6,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
+use crate::backend::fastest;
 use crate::display::{Level, Pacing, Tools};
 use crate::gpu::{DepthLayer, GpuError, Present, Rasterizer, Renderer, Settings, Vignette};
 use crate::hands::{Fov, Placement};
@@ -37,8 +38,12 @@ impl Eyes {
     /// Uploads a scene to the headset's device; there is a picture every `period` seconds.
     pub(super) fn new(frame: &Frame<'_>, scene: &Scene, period: f64) -> Result<Self, GpuError> {
         let (gpu, format) = (frame.gpu(), frame.format());
-        let renderer = Renderer::new(gpu, scene)?;
-        let rasterizer = if renderer.blends_quads() { Rasterizer::Quads } else { Rasterizer::Tiles };
+        let mut renderer = Renderer::new(gpu, scene)?;
+        let rasterizer = match renderer.blends_quads() {
+            // A trial would take a device made of cores seconds, in which nobody sees anything.
+            true if gpu.is_software() => Rasterizer::Quads,
+            _ => fastest(&mut renderer, scene)?,
+        };
         let pacing = Pacing::new(SHARE * period);
         let level = pacing.level(Quality::Standard, true);
         Ok(Self {

@@ -11,7 +11,7 @@ use crate::support::device;
 #[test]
 fn every_case_on_the_device() {
     let settings = |rasterizer| Settings { rasterizer, ..Settings::default() };
-    hold(&[settings(Rasterizer::Tiles), settings(Rasterizer::Quads)]);
+    hold(&Rasterizer::ALL.map(settings));
 }
 
 #[test]

@@ -17,8 +17,6 @@ use crate::cases;
 use crate::scenes::{camera, cloud, crowd, scene, side_view, surface};
 use crate::support::device;
 
-const BOTH: [Rasterizer; 2] = [Rasterizer::Tiles, Rasterizer::Quads];
-
 fn with(rasterizer: Rasterizer) -> Settings {
     Settings { rasterizer, ..Settings::default() }
 }
@@ -43,7 +41,7 @@ fn two_eyes_see_what_each_sees_alone() {
     let middle = side_view(160, 120, 50.0);
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();
     let by_ray = Settings { projection: Projection::PerRay, ..Settings::default() };
-    for settings in [with(Rasterizer::Tiles), by_ray, with(Rasterizer::Quads)] {
+    for settings in [with(Rasterizer::Tiles), by_ray, with(Rasterizer::Quads), with(Rasterizer::Bands)] {
         // Parallel axes share an order, canted ones have one each.
         for turn in [0.0, 0.1] {
             let eyes = [eye(&middle, -0.03, turn), eye(&middle, 0.03, -turn)];
@@ -92,7 +90,7 @@ fn equal_depths_keep_their_order_in_both_eyes() {
     let front = Camera::look_at(DVec3::ZERO, DVec3::Z, DVec3::NEG_Y, 50.0, 120, 90);
     let eyes = [eye(&front, -0.03, 0.0), eye(&front, 0.03, 0.0)];
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();
-    for rasterizer in BOTH {
+    for rasterizer in Rasterizer::ALL {
         let (first, _) = renderer.picture(&eyes, &appearance, with(rasterizer)).unwrap();
         let (again, _) = renderer.picture(&eyes, &appearance, with(rasterizer)).unwrap();
         assert_eq!(first, again, "the same picture to the last bit");
@@ -245,7 +243,7 @@ fn an_engine_opens_a_lost_device_again() {
     let look = Appearance::of(&scene);
     let view = side_view(64, 48, 40.0);
     let mut engine = Engine::new(scene.clone(), Backend::Gpu, None).unwrap();
-    assert!(engine.name().ends_with("tiles") || engine.name().ends_with("quads"), "{}", engine.name());
+    assert!(["tiles", "quads", "bands"].iter().any(|r| engine.name().ends_with(r)), "{}", engine.name());
     let before = engine.draw(&look, &view, Standard).unwrap();
     assert!(before.report.drawn > 0 && before.report.gaussians == 2000);
     engine.gpu().unwrap().lose();
@@ -340,7 +338,7 @@ fn a_hundred_thousand_layers_are_all_blended() {
     let view = [camera(60.0, 16, 16)];
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();
     let want = render(&scene, &look, &view[0], Exact).unwrap().image;
-    for rasterizer in BOTH {
+    for rasterizer in Rasterizer::ALL {
         let (images, _) = renderer.picture(&view, &look, with(rasterizer)).unwrap();
         println!("{rasterizer:?}: {:.1} dB", decibel(&images[0], &want));
         assert!(decibel(&images[0], &want) > 50.0);

@@ -13,7 +13,8 @@ const WORDS: u32 = 32u;
 @group(0) @binding(4) var<storage, read_write> stretches: array<vec2<u32>>;
 // Listed, marked, pairs in this window, pairs in all.
 @group(0) @binding(5) var<storage, read_write> totals: array<u32>;
-// Dispatches of the sort and of the tiles' lists, the quadrilaterals' draw, then a dispatch for each part.
+// Dispatches of the sort and of the tiles' lists, draws of all quadrilaterals and of each band of them, then a dispatch for
+// each part.
 @group(0) @binding(6) var<storage, read_write> dispatches: array<u32>;
 @group(0) @binding(7) var<storage, read_write> listed: array<u32>;
 @group(0) @binding(8) var<storage, read> parts: array<Part>;
@@ -54,6 +55,15 @@ fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
         dispatches[7] = count;
         dispatches[8] = 0u;
         dispatches[9] = 0u;
+        // Each band of quadrilaterals but the first is as long as all before it. Where it begins stands in its first vertex.
+        for (var b = 0u; b < BANDS; b++) {
+            let begin = select(count >> (BANDS - b), 0u, b == 0u);
+            let at = 10u + 4u * b;
+            dispatches[at] = 4u;
+            dispatches[at + 1u] = (count >> (BANDS - 1u - b)) - begin;
+            dispatches[at + 2u] = 4u * begin;
+            dispatches[at + 3u] = 0u;
+        }
         for (var p = 0u; p < PARTS; p++) {
             let begin = min(blocks[parts[p].block], count);
             var end = count;
@@ -61,9 +71,10 @@ fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
                 end = min(blocks[parts[p + 1u].block], count);
             }
             stretches[p] = vec2(begin, end - begin);
-            dispatches[10u + 3u * p] = groups(end - begin, 64u);
-            dispatches[11u + 3u * p] = 1u;
-            dispatches[12u + 3u * p] = 1u;
+            let at = 10u + 4u * BANDS + 3u * p;
+            dispatches[at] = groups(end - begin, 64u);
+            dispatches[at + 1u] = 1u;
+            dispatches[at + 2u] = 1u;
         }
     }
 }

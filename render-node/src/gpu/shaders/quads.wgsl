@@ -21,7 +21,7 @@ struct Corner {
 }
 
 fn corner_in(view: u32, vertex: u32, instance: u32) -> Corner {
-    let at = view * frame.capacity + order[instance];
+    let at = view * frame.capacity + order[(vertex >> 2u) + instance];
     let a = ellipses[at];
     let b = levels[at];
     var out: Corner;
@@ -31,7 +31,7 @@ fn corner_in(view: u32, vertex: u32, instance: u32) -> Corner {
     // The level is a disc in (u, v), and the square around it a parallelogram of pixels. (An octagon has a sixth less to
     // fill, and was twice as slow for splats of some hundred pixels.)
     let reach = sqrt(max(b.z, 0.0));
-    let sign = vec2(f32(vertex & 1u) * 2.0 - 1.0, f32(vertex >> 1u) * 2.0 - 1.0);
+    let sign = vec2(f32(vertex & 1u) * 2.0 - 1.0, f32((vertex >> 1u) & 1u) * 2.0 - 1.0);
     let dy = sign.y * (reach / b.x);
     let dx = sign.x * (reach / a.w) + a.z * dy;
     // One that reaches far out of the picture is drawn as the picture's part of its bounding box: rasterizers lose what they
