@@ -34,7 +34,7 @@ pub use draft::Drafts;
 pub use dressing::{Colors, Dressing, colors_of};
 pub use pacing::{Level, Pacing};
 pub use scrub::{LEAKS, Scrub, Scrubs, THRESHOLDS};
-pub use tools::{BrushMode, Showing, Tools};
+pub use tools::{BrushMode, Showing, Tools, Turns};
 
 /// Requests that may wait to be carried out; more are dropped and counted.
 pub const REQUESTS: usize = 64;

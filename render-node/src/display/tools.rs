@@ -44,6 +44,33 @@ impl BrushMode {
     }
 }
 
+/// How a stick pushed aside turns the scene in a room.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Turns {
+    /// By 30° at once, as if the person turned.
+    #[default]
+    AtOnce,
+    /// Evenly about the scene's middle.
+    Evenly,
+    /// Not at all.
+    Never,
+}
+
+impl Turns {
+    /// All, in the order of the panel.
+    pub const ALL: [Self; 3] = [Self::AtOnce, Self::Evenly, Self::Never];
+
+    /// What the panel calls it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AtOnce => "at once",
+            Self::Evenly => "evenly",
+            Self::Never => "not at all",
+        }
+    }
+}
+
 /// What is shown of the scene in this display.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Showing {
@@ -97,6 +124,8 @@ pub struct Tools {
     pub left_handed: bool,
     /// Whether the eyes' height is that of somebody who sits.
     pub seated: bool,
+    /// How a stick turns the scene.
+    pub turns: Turns,
 }
 
 impl Tools {
@@ -133,6 +162,7 @@ impl Default for Tools {
             scale: 1.0,
             left_handed: false,
             seated: false,
+            turns: Turns::default(),
         }
     }
 }

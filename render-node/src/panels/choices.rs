@@ -6,7 +6,7 @@ use super::control::{Number, choice, count, percent};
 use super::legend::color_numbers;
 use super::{Panels, Place};
 use crate::attributes::Attribute;
-use crate::display::{Showing, Shown, Tools};
+use crate::display::{Showing, Shown, Tools, Turns};
 use crate::render::Quality;
 
 const ATTRIBUTES: [Attribute; 6] = [
@@ -75,6 +75,14 @@ impl Panels {
             }
         });
         if self.place == Place::Headset {
+            ui.horizontal_wrapped(|ui| {
+                ui.label("a stick turns");
+                for turns in Turns::ALL {
+                    if choice(ui, tools.turns == turns, turns.name()) {
+                        tools.turns = turns;
+                    }
+                }
+            });
             ui.add(Checkbox::new(&mut tools.left_handed, "left-handed"));
             ui.add(Checkbox::new(&mut tools.seated, "seated"));
         }

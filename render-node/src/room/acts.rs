@@ -8,7 +8,7 @@ use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_selection::brush::Brush;
 
-use crate::display::{BrushMode, Hand, Request, Scrub, Scrubs, Sense, Shown, Tip, Tools};
+use crate::display::{BrushMode, Hand, Request, Scrub, Scrubs, Sense, Shown, Tip, Tools, Turns};
 use crate::hands::{HandInput, Handling, Placement, Side, Switch, Turning};
 
 /// How far before the controller its tip is, metres.
@@ -25,6 +25,9 @@ const PUSHED: f64 = 0.7;
 
 /// A stick at rest is within this of its middle.
 const REST: f64 = 0.3;
+
+/// Degrees that a scene turns evenly in a second of a stick at its end.
+const EVENLY: f64 = 45.0;
 
 /// Strength of what a hand feels when its stroke hits more.
 const TICK: f32 = 0.3;
@@ -84,8 +87,6 @@ pub struct Acts {
     scrub: Scrub,
     /// Whether the other hand's stick is pushed aside.
     pushed: bool,
-    /// How the stick turns the scene.
-    pub turning: Turning,
 }
 
 impl Acts {
@@ -104,7 +105,6 @@ impl Acts {
             hits: [0; 2],
             scrub: Scrub::default(),
             pushed: false,
-            turning: Turning::default(),
         }
     }
 
@@ -150,10 +150,14 @@ impl Acts {
         let mut did = Did::default();
         let may_grab = taken.grips.map(|taken| !taken);
         let before = self.placement();
-        self.handling.step(hands, may_grab, (head, self.turning, adds), seconds);
+        let turning = match tools.turns {
+            Turns::AtOnce => Turning::default(),
+            Turns::Evenly => Turning::Smooth(EVENLY),
+            Turns::Never => Turning::Off,
+        };
+        self.handling.step(hands, may_grab, (head, turning, adds), seconds);
         // What no hand holds moves by the stick alone.
-        let snaps = matches!(self.turning, Turning::Snap(_));
-        did.jumped = snaps && !self.handling.is_held() && before != self.placement();
+        did.jumped = tools.turns == Turns::AtOnce && !self.handling.is_held() && before != self.placement();
         if seconds.is_finite() {
             self.sticks(hands, taken, seconds.clamp(0.0, 0.1), tools, shown, &mut did);
         }
@@ -309,7 +313,8 @@ impl Acts {
                 Some(tuning) => format!("{} {}", tools.scrubs.name(), tools.scrubs.written(tuning)),
                 None => "width".to_owned(),
             };
-            lines.push(("stick", format!("turns; up and down: {changes}")));
+            let turns = if tools.turns == Turns::Never { "" } else { "turns; " };
+            lines.push(("stick", format!("{turns}up and down: {changes}")));
             lines.push((one, format!("next mode: {}", tools.mode.next().name())));
         }
         if shown.offered.scene {

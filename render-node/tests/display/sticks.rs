@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use sg_proto::scene::{StrokeMode, selection_step::Step};
-use sg_render_node::display::{BrushMode, Request, Scrubs, Shown, Tools};
+use sg_render_node::display::{BrushMode, Request, Scrubs, Shown, Tools, Turns};
 use sg_render_node::hands::{HandInput, Origin, Placement, Side, Stance};
 use sg_render_node::room::{Acts, Did, Taken};
 use sg_scene::model::Scene;
@@ -36,6 +36,22 @@ impl Room {
 }
 
 const UP: DVec2 = DVec2::Y;
+
+#[test]
+fn a_stick_turns_at_once_evenly_or_not_at_all() {
+    let scene = Arc::new(row_of_gaussians(6));
+    for (turns, degrees, jumps) in [(Turns::AtOnce, 30.0, 1), (Turns::Evenly, 45.0, 0), (Turns::Never, 0.0, 0)] {
+        let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
+        room.tools.turns = turns;
+        let before = room.acts.placement();
+        // A second at the end, and back.
+        let jumped = (0..100).filter(|_| room.frame(DVec2::ZERO, DVec2::X, Taken::default()).jumped).count();
+        room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default());
+        let turned = before.rotation.angle_between(room.acts.placement().rotation).to_degrees();
+        assert!((turned - degrees).abs() < 1e-6 && jumped == jumps, "{turns:?}: {turned}°, {jumped} jumps");
+        assert_eq!(room.legend(Side::Right).contains("turns"), turns != Turns::Never);
+    }
+}
 
 #[test]
 fn before_a_walk_sticks_say_how_wide_the_brush_is() {

@@ -9,7 +9,7 @@ use sg_proto::scene::{
 };
 use sg_render_node::attributes::{Attribute, Legend};
 use sg_render_node::color_map::ColorMap;
-use sg_render_node::display::{Offered, Request, Showing};
+use sg_render_node::display::{Offered, Request, Showing, Turns};
 use sg_render_node::panels::{Draft, Output, Panel, Place, Wish};
 use sg_render_node::render::Quality;
 
@@ -276,6 +276,8 @@ fn what_is_shown_is_this_displays_own() {
     press(&mut panel, "150 %");
     press(&mut panel, "light");
     press(&mut panel, "left-handed");
+    press(&mut panel, "evenly");
+    assert_eq!(panel.state().tools.turns, Turns::Evenly);
     let tools = &panel.state().tools;
     assert_eq!((tools.quality, tools.scale, tools.light_panels), (Quality::Fast, 1.5, true));
     assert!(tools.left_handed && !tools.seated);
