@@ -19,6 +19,7 @@ use sg_scene::edit::wire::encode_mask;
 use sg_scene::load::{LoadOptions, load};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_selection::brush::Brush;
 
 use crate::monado::{Controller, Display, Puppet, Runtime, Screen, is_inside, run_inside};
 use crate::{scenes, seen};
@@ -218,7 +219,8 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     let headset = Headset::open(Options { resolution: 0.4, ..Options::default() }).unwrap();
     let shown = with_proposals(&shown_of(&scene), &scene, &[[0.6, 0.7, 0.9], [0.8, 0.5, 0.6]]);
     let (seat, service) = Seat::new(shown);
-    let setup = Setup { scene, seat, tools: Tools { radius: 0.06, ..Tools::default() }, opened: path, mirror: false };
+    let tools = Tools { radius: 0.06, ..Tools::default() };
+    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: path, mirror: false };
     let room = Room::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
@@ -238,6 +240,21 @@ fn inside_the_room_of_a_real_scene_is_composited() {
         seen::write(&committed, SIZE, &rgb);
     }
     seen::compare(&committed, &rgb);
+
+    // A stroke over its surface is one of a region of it.
+    let placement = person.room.placement();
+    let there = |i: usize| scene.position(i).map(|at| placement.to_room(at));
+    let surface = |near: DVec3| {
+        let all = (0..scene.len()).filter_map(there);
+        all.min_by(|a, b| a.distance_squared(near).total_cmp(&b.distance_squared(near))).unwrap()
+    };
+    let (from, to) = (surface(DVec3::new(0.12, 1.25, -0.6)), surface(DVec3::new(0.22, 1.25, -0.65)));
+    let stroke = person.stroke(Side::Right, from, to);
+    assert_eq!((stroke.mode(), stroke.kind()), (StrokeMode::Walk, StrokeKind::Foreground));
+    let samples = stroke.points.chunks_exact(3).map(|p| scene.bounds.denormalize(DVec3::from_slice(p)));
+    let radius = stroke.radius * (scene.bounds.max - scene.bounds.min).max_element();
+    let hits = Brush::of_scene(&scene).hits(&samples.collect::<Vec<_>>(), radius).len();
+    assert!((100..scene.len() / 4).contains(&hits), "{hits} of {} Gaussians", scene.len());
 }
 
 #[test]
