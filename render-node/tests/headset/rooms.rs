@@ -254,7 +254,7 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     let samples = stroke.points.chunks_exact(3).map(|p| scene.bounds.denormalize(DVec3::from_slice(p)));
     let radius = stroke.radius * (scene.bounds.max - scene.bounds.min).max_element();
     let hits = Brush::of_scene(&scene).hits(&samples.collect::<Vec<_>>(), radius).len();
-    assert!((100..scene.len() / 4).contains(&hits), "{hits} of {} Gaussians", scene.len());
+    assert!((10..scene.len() / 4).contains(&hits), "{hits} of {} Gaussians", scene.len());
 }
 
 #[test]
