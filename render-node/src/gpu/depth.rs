@@ -9,7 +9,7 @@ use super::kernel::{Kernel, drawing, module};
 use super::passes::{blended_under, surface, tiles_of};
 use super::renderer::Rasterizer;
 use super::sort::Sorting;
-use super::work::{Tiles, Work, group, layer, texture};
+use super::work::{ALL_DRAWN, Tiles, Work, group, layer, texture};
 use crate::tiles::TILE;
 
 /// Edge in pixels of what one pixel of the depths by quadrilaterals stands for.
@@ -127,7 +127,7 @@ impl Depths {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             match strips {
-                true => pass.draw_indirect(dispatches, 24),
+                true => pass.draw_indirect(dispatches, 4 * ALL_DRAWN),
                 false => pass.draw(0..3, 0..1),
             }
         };
@@ -156,24 +156,11 @@ pub(super) fn prepare(
     (picture, views): ([u32; 2], usize),
     rasterizer: Rasterizer,
 ) {
-    let [width, height] = size_of(picture, rasterizer);
-    let fits = |t: &wgpu::Texture| [t.width(), t.height()] == [width, height];
-    if there.len() == views && there.iter().all(fits) {
+    let size = size_of(picture, rasterizer);
+    if there.len() == views && there.iter().all(|t| [t.width(), t.height()] == size) {
         return;
     }
-    let made = || {
-        gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("depths"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: DEPTHS,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                | wgpu::TextureUsages::TEXTURE_BINDING
-                | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
-    };
-    *there = (0..views).map(|_| made()).collect();
+    let usage =
+        wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
+    *there = (0..views).map(|_| gpu.texture("depths", (size, 1), DEPTHS, usage)).collect();
 }

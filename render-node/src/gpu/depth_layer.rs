@@ -36,7 +36,9 @@ impl DepthLayer {
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("depth layer"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("shaders/depth_layer.wgsl").into()),
+            source: wgpu::ShaderSource::Wgsl(
+                concat!(include_str!("shaders/cover.wgsl"), include_str!("shaders/depth_layer.wgsl")).into(),
+            ),
         });
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("depth layer"),

@@ -286,6 +286,26 @@ impl Gpu {
         })
     }
 
+    /// A texture of two dimensions without smaller copies of itself.
+    pub(crate) fn texture(
+        &self,
+        label: &str,
+        ([width, height], layers): ([u32; 2], u32),
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage,
+            view_formats: &[],
+        })
+    }
+
     /// The bytes of buffers once all work handed in so far is done. Not for the loop that draws.
     #[cfg(test)]
     pub(super) fn read(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {

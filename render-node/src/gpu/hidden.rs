@@ -92,15 +92,6 @@ impl Hidden {
 }
 
 /// A texture for how near things are, a layer for each view.
-pub(super) fn depths(gpu: &Gpu, [width, height]: [u32; 2], layers: u32) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("hidden"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: DEPTH,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    })
+pub(super) fn depths(gpu: &Gpu, size: [u32; 2], layers: u32) -> wgpu::Texture {
+    gpu.texture("hidden", (size, layers), DEPTH, wgpu::TextureUsages::RENDER_ATTACHMENT)
 }

@@ -22,7 +22,9 @@ impl Present {
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("present"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("shaders/present.wgsl").into()),
+            source: wgpu::ShaderSource::Wgsl(
+                concat!(include_str!("shaders/cover.wgsl"), include_str!("shaders/present.wgsl")).into(),
+            ),
         });
         let constants = [("CURVED", f64::from(u8::from(format.is_srgb())))];
         let triangles = wgpu::PrimitiveTopology::TriangleList;
@@ -78,16 +80,11 @@ impl Present {
         };
         let texture = match self.uploaded.take() {
             Some(kept) if kept.width() == width && kept.height() == height => kept,
-            _ => self.gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("picture from the CPU"),
-                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: wgpu::TextureFormat::Rgba32Float,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-                view_formats: &[],
-            }),
+            _ => {
+                let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+                let format = wgpu::TextureFormat::Rgba32Float;
+                self.gpu.texture("picture from the CPU", ([width, height], 1), format, usage)
+            }
         };
         self.gpu.queue.write_texture(
             texture.as_image_copy(),

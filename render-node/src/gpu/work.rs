@@ -102,17 +102,8 @@ impl Canvas {
     }
 }
 
-pub(super) fn texture(gpu: &Gpu, [width, height]: [u32; 2], layers: u32, usage: wgpu::TextureUsages) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("picture"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: PICTURE,
-        usage,
-        view_formats: &[],
-    })
+pub(super) fn texture(gpu: &Gpu, size: [u32; 2], layers: u32, usage: wgpu::TextureUsages) -> wgpu::Texture {
+    gpu.texture("picture", (size, layers), PICTURE, usage)
 }
 
 /// Passes up to the depth order, bound.

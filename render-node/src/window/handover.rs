@@ -46,17 +46,8 @@ impl Handover {
 }
 
 /// A place of so many pixels for a picture.
-pub(super) fn empty(gpu: &Gpu, [width, height]: [u32; 2]) -> wgpu::Texture {
-    gpu.device().create_texture(&wgpu::TextureDescriptor {
-        label: Some("picture of the window"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: FORMAT,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-            | wgpu::TextureUsages::TEXTURE_BINDING
-            | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    })
+pub(super) fn empty(gpu: &Gpu, size: [u32; 2]) -> wgpu::Texture {
+    let usage =
+        wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
+    gpu.texture("picture of the window", (size, 1), FORMAT, usage)
 }

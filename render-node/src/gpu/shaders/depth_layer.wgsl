@@ -1,4 +1,4 @@
-// Puts depths of a scene onto a headset's depth image, as a perspective projection between two planes stores them.
+// Follows cover.wgsl: puts depths of a scene onto a headset's depth image, as a perspective projection between two planes stores them.
 
 struct Range {
     // Metres of a unit of the scene; the planes, metres.
@@ -10,18 +10,6 @@ struct Range {
 
 @group(0) @binding(0) var<uniform> range: Range;
 @group(0) @binding(1) var depths: texture_2d<f32>;
-
-struct Covered {
-    @builtin(position) position: vec4<f32>,
-    // 0 to 1 across and down.
-    @location(0) at: vec2<f32>,
-}
-
-@vertex
-fn cover(@builtin(vertex_index) vertex: u32) -> Covered {
-    let corner = vec2(f32(vertex & 1u) * 2.0, f32(vertex >> 1u) * 2.0);
-    return Covered(vec4(corner.x * 2.0 - 1.0, 1.0 - corner.y * 2.0, 0.5, 1.0), corner);
-}
 
 @fragment
 fn store(in: Covered) -> @builtin(frag_depth) f32 {

@@ -1,21 +1,9 @@
-// Puts a picture onto a surface or a headset's image: its numbers as they are, whatever the target does to them.
+// Follows cover.wgsl: puts a picture onto a surface or a headset's image: its numbers as they are, whatever the target does to them.
 
 // Whether the target takes what is written for linear light and stores it by the sRGB curve.
 override CURVED: bool = false;
 
 @group(0) @binding(0) var picture: texture_2d<f32>;
-
-struct Covered {
-    @builtin(position) position: vec4<f32>,
-    // 0 to 1 across and down the area that is drawn to.
-    @location(0) at: vec2<f32>,
-}
-
-@vertex
-fn cover(@builtin(vertex_index) vertex: u32) -> Covered {
-    let corner = vec2(f32(vertex & 1u) * 2.0, f32(vertex >> 1u) * 2.0);
-    return Covered(vec4(corner.x * 2.0 - 1.0, 1.0 - corner.y * 2.0, 0.5, 1.0), corner);
-}
 
 fn pixel(at: vec2<i32>, size: vec2<i32>) -> vec3<f32> {
     return textureLoad(picture, clamp(at, vec2(0), size - 1), 0).xyz;
