@@ -34,7 +34,7 @@ use sg_tests::small_scene::{SAC, STROKE};
 use sg_tests::stack::Stack;
 
 #[allow(dead_code, reason = "made for tests; a bench needs a runtime alone")]
-#[path = "../../render-node/tests/headset/monado.rs"]
+#[path = "../../render-node/viewer/tests/headset/monado.rs"]
 mod monado;
 
 /// Pictures a second that the view without a display is to draw.

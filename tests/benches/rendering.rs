@@ -19,16 +19,16 @@ use std::time::Instant;
 
 use clap::Parser;
 use glam::{DMat4, DVec3};
-use sg_render_node::gpu::{Gpu, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
-use sg_render_node::image::Image;
-use sg_render_node::metrics::Difference;
-use sg_render_node::render::{Quality, render};
-use sg_render_node::view;
+use sg_formats::load::{LoadOptions, load};
+use sg_formats::save::{SaveOptions, save};
+use sg_gpu::{Gpu, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
+use sg_raster::image::Image;
+use sg_raster::metrics::Difference;
+use sg_raster::render::{Quality, render};
+use sg_raster::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
-use sg_scene::load::{LoadOptions, load};
 use sg_scene::model::Scene;
-use sg_scene::save::{SaveOptions, save};
 use sg_tests::bench::quantile;
 use sg_tests::shells::{Look, shells};
 

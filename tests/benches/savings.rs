@@ -12,10 +12,10 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use sg_render_node::gpu::{Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
-use sg_render_node::image::Image;
-use sg_render_node::metrics::Difference;
-use sg_render_node::view;
+use sg_gpu::{Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
+use sg_raster::image::Image;
+use sg_raster::metrics::Difference;
+use sg_raster::view;
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;

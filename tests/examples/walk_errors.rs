@@ -17,12 +17,12 @@ use plotters::prelude::{
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Deserialize;
-use sg_selection::neighbours::neighbour_graph;
-use sg_selection::vertices::Vertices;
-use sg_selection::walk::elimination::Elimination;
-use sg_selection::walk::multilevel::{Boundary, Multilevel};
-use sg_selection::walk::ordering::minimum_degree;
-use sg_selection::walk::{Conductance, Network, Precision, Problem, Seed, Solution, Solver, solve};
+use sg_clusters::neighbours::neighbour_graph;
+use sg_clusters::vertices::Vertices;
+use sg_walk::elimination::Elimination;
+use sg_walk::multilevel::{Boundary, Multilevel};
+use sg_walk::ordering::minimum_degree;
+use sg_walk::{Conductance, Network, Precision, Problem, Seed, Solution, Solver, solve};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -181,7 +181,7 @@ struct Case {
 
 /// The hard cases against rational arithmetic: largest entrywise relative error of p and q, and wrong sides.
 fn hard_cases() -> Outcome<String> {
-    let cases: Vec<Case> = serde_json::from_str(include_str!("../../services/selection/tests/walk_truth.json"))?;
+    let cases: Vec<Case> = serde_json::from_str(include_str!("../../services/selection/walk/tests/walk_truth.json"))?;
     let mut table = String::from(
         "| case (nodes) | elimination f64 | elimination f32 | Cholesky f64 | Cholesky f32 | conjugate gradients f64 |\n| --- | --- | --- | --- | --- | --- |\n",
     );
@@ -355,7 +355,7 @@ fn main() -> Outcome<()> {
     let page = between(&page, "sizes", &table(&points)?)?;
     let page = between(&page, "hard cases", &hard_cases()?)?;
     std::fs::create_dir_all(arguments.out.join("pictures"))?;
-    sg_scene::staged_file::replace(&arguments.out.join("pictures/walk-errors.svg"), plot(&points)?.as_bytes())?;
-    sg_scene::staged_file::replace(&path, page.as_bytes())?;
+    sg_formats::staged_file::replace(&arguments.out.join("pictures/walk-errors.svg"), plot(&points)?.as_bytes())?;
+    sg_formats::staged_file::replace(&path, page.as_bytes())?;
     Ok(())
 }

@@ -15,23 +15,23 @@ use std::time::{Duration, Instant};
 use glam::{DQuat, DVec2, DVec3};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use sg_edit::EditState;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{ChangesRequest, State};
-use sg_render_node::display::{Offered, Shown, Tools, Walks};
-use sg_render_node::hands::{Origin, Placement, Rectangle, Side, Stance};
-use sg_render_node::panels::{Panel, Panels, Place, theme};
-use sg_render_node::room::first_place;
 use sg_runtime::bus::Bus;
-use sg_scene::edit::EditState;
 use sg_tests::screen::Screen;
 use sg_tests::stack::Stack;
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
 use sg_tests::{executable, small_scene};
+use sg_viewer::display::{Offered, Shown, Tools, Walks};
+use sg_viewer::hands::{Origin, Placement, Rectangle, Side, Stance};
+use sg_viewer::panels::{Panel, Panels, Place, theme};
+use sg_viewer::room::first_place;
 
 use monado::{Controller, Display, Puppet, Runtime};
 
 #[allow(dead_code, reason = "made for tests within the runtime's folder; this one stands outside")]
-#[path = "../../render-node/tests/headset/monado.rs"]
+#[path = "../../render-node/viewer/tests/headset/monado.rs"]
 mod monado;
 
 /// A stack whose room is under Monado, and the person in it.

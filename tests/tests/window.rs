@@ -16,19 +16,19 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use sg_edit::EditState;
+use sg_formats::load::{LoadOptions, load};
+use sg_gpu::backend::{Backend, Engine};
+use sg_gpu::{Gpu, Rasterizer, Wanted};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::OpenRequest;
 use sg_proto::scene::State;
-use sg_render_node::backend::{Backend, Engine};
-use sg_render_node::display::{Seat, Shown, Tools};
-use sg_render_node::gpu::{Gpu, Rasterizer, Wanted};
-use sg_render_node::window::{self, Setup};
-use sg_scene::edit::EditState;
-use sg_scene::load::{LoadOptions, load};
 use sg_tests::screen::{SIZE, Screen};
 use sg_tests::small_scene;
 use sg_tests::stack::{SESSION, Stack};
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
+use sg_viewer::display::{Seat, Shown, Tools};
+use sg_viewer::window::{self, Setup};
 
 /// The middle of the picture where no panels are beside it.
 const MIDDLE: [i32; 2] = [SIZE[0] as i32 / 2, SIZE[1] as i32 / 2];

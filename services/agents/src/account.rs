@@ -6,9 +6,8 @@ use sg_proto::scene::{
     CommandResult, LightMode, NamedView, SetLight, SetOpacity, SetOperation, State, Target, set_view,
 };
 
-use crate::answer;
-use crate::color;
 use crate::wording::{capital, factor, grouped, is_plural, join, percent, target, the};
+use crate::{answer, color};
 
 fn subject(of: Option<&Target>) -> (String, &'static str) {
     let nothing = Target::default();

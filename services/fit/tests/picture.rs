@@ -3,8 +3,8 @@
 
 use glam::{DVec3, Vec3};
 use sg_fit::{Options, direct_start};
-use sg_render_node::metrics::Difference;
-use sg_render_node::render::{Quality, render};
+use sg_raster::metrics::Difference;
+use sg_raster::render::{Quality, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_volume::dvr::{self, Lighting, Pinhole};

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
-use sg_selection::clustering::Level;
+use sg_clusters::clustering::Level;
 use sg_tests::eval::{EvalError, Options, ablation, peers, plots, report};
 
 /// Evaluation tables: what the choices behind a result are worth, on scenes whose truth is known
@@ -160,7 +160,7 @@ fn selection_ablation(arguments: &Ablation) -> Result<(), EvalError> {
     let json = serde_json::to_string_pretty(&measured).unwrap_or_default() + "\n";
     for (name, text) in [("ablation.json", &json), ("ablation.md", &report::markdown(&measured, false))] {
         let path = arguments.out.join(name);
-        sg_scene::staged_file::replace(&path, text.as_bytes()).map_err(wrong(&path))?;
+        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(wrong(&path))?;
     }
     plots::draw(&measured, &arguments.out)?;
     tell(&format!("written to {}", arguments.out.display()));

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use sg_edit::wire::decode_mask;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
@@ -12,7 +13,6 @@ use sg_proto::scene::{
     Undo, WalkTuning,
 };
 use sg_proto::selection::{ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest};
-use sg_scene::edit::wire::decode_mask;
 
 use super::question::{Question, hold, refused_as, soon};
 use super::scene::named;
@@ -74,7 +74,7 @@ async fn geometry(stage: &Stage<'_>) -> Result<(), String> {
     let labels = content::whole(stage, &keys::SELECTION_CONTENT, &state.labels_hash).await?;
     let kept = std::fs::read(&state.labels_path).map_err(|e| format!("{}: {e}", state.labels_path))?;
     hold(labels == kept, || format!("{}: other bytes are sent than are kept", state.labels_path))?;
-    let labels = sg_scene::npy::read_labels(Path::new(&state.labels_path)).map_err(|e| e.to_string())?;
+    let labels = sg_formats::npy::read_labels(Path::new(&state.labels_path)).map_err(|e| e.to_string())?;
     let clusters = labels.iter().max().map_or(0, |l| l + 1);
     hold(labels.len() as u64 == scene.count && clusters == state.clusters as i32, || {
         format!("{} labels, {clusters} clusters in them", labels.len())

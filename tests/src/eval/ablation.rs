@@ -1,11 +1,11 @@
 //! The tables of the paper's appendix, on every subject.
 
 use serde::Serialize;
-use sg_selection::cluster_graph::GraphForm;
-use sg_selection::clustering::{ClusteringOptions, Level, Method};
-use sg_selection::features::FeatureKind;
-use sg_selection::geometry::{Geometry, GeometryOptions};
-use sg_selection::progress::Silent;
+use sg_clusters::cluster_graph::GraphForm;
+use sg_clusters::clustering::{ClusteringOptions, Level, Method};
+use sg_clusters::features::FeatureKind;
+use sg_clusters::geometry::{Geometry, GeometryOptions};
+use sg_clusters::progress::Silent;
 use sg_selection::space::{Background, WalkOptions};
 use sg_selection::strokes::Mode;
 

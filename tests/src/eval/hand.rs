@@ -11,8 +11,8 @@ use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use sg_clusters::neighbours::{Edge, Graph};
 use sg_scene::model::SceneBox;
-use sg_selection::neighbours::{Edge, Graph};
 use sg_selection::strokes::{Kind, Mode, Stroke};
 
 use super::solid::normal;
@@ -190,7 +190,7 @@ fn ways(graph: &Graph, sources: &[u32], allowed: impl Fn(u32) -> bool) -> (Vec<f
 
 /// The neighbour graph of a geometry with its bridges, over scene-wide indices.
 #[must_use]
-pub fn scene_graph(geometry: &sg_selection::geometry::Geometry) -> Graph {
+pub fn scene_graph(geometry: &sg_clusters::geometry::Geometry) -> Graph {
     let edges = geometry.units.iter().flat_map(|unit| {
         let index = &unit.vertices.gaussian;
         unit.joined().edges().map(|e| Edge { a: index[e.a as usize], b: index[e.b as usize], length: e.length })

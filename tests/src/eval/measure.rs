@@ -6,11 +6,11 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use sg_selection::cluster_graph::ClusterGraph;
-use sg_selection::clustering::{Clustering, ClusteringOptions, ClusteringReport, cluster};
-use sg_selection::geometry::Geometry;
+use sg_clusters::cluster_graph::ClusterGraph;
+use sg_clusters::clustering::{Clustering, ClusteringOptions, ClusteringReport, cluster};
+use sg_clusters::geometry::Geometry;
+use sg_clusters::progress::Silent;
 use sg_selection::metrics::{Agreement, PartitionAgreement, best_union_iou};
-use sg_selection::progress::Silent;
 use sg_selection::session::SelectionSession;
 use sg_selection::space::{SelectionSpace, WalkOptions};
 use sg_selection::strokes::Mode;

@@ -16,9 +16,9 @@ pub mod subject;
 
 use std::path::PathBuf;
 
-use sg_selection::clustering::ClusterError;
-use sg_selection::geometry::GeometryError;
-use sg_selection::neighbours::GraphError;
+use sg_clusters::clustering::ClusterError;
+use sg_clusters::geometry::GeometryError;
+use sg_clusters::neighbours::GraphError;
 
 /// An evaluation could not be done.
 #[derive(Debug, thiserror::Error)]

@@ -10,16 +10,16 @@ use std::time::Instant;
 
 use glam::DVec3;
 use serde::Serialize;
-use sg_scene::npy::{NpyError, write_array, write_labels};
-use sg_selection::cluster_graph::{ClusterGraph, GraphForm, gaussian_network};
-use sg_selection::clustering::{Clustering, ClusteringOptions, Level, cluster};
-use sg_selection::features::WIDTH;
-use sg_selection::geometry::{Geometry, GeometryOptions};
-use sg_selection::progress::{Progress, Silent, Stage};
-use sg_selection::seeds::voxel_seeds;
-use sg_selection::walk::multilevel::{Boundary, Multilevel};
-use sg_selection::walk::ordering::minimum_degree;
-use sg_selection::walk::{Network, Precision, Problem, Seed, Solver, WalkError, solve};
+use sg_clusters::cluster_graph::{ClusterGraph, GraphForm, gaussian_network};
+use sg_clusters::clustering::{Clustering, ClusteringOptions, Level, cluster};
+use sg_clusters::features::WIDTH;
+use sg_clusters::geometry::{Geometry, GeometryOptions};
+use sg_clusters::progress::{Progress, Silent, Stage};
+use sg_clusters::seeds::voxel_seeds;
+use sg_formats::npy::{NpyError, write_array, write_labels};
+use sg_walk::multilevel::{Boundary, Multilevel};
+use sg_walk::ordering::minimum_degree;
+use sg_walk::{Network, Precision, Problem, Seed, Solver, WalkError, solve};
 
 use super::EvalError;
 use super::shapes::shape;

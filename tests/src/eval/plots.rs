@@ -54,7 +54,7 @@ pub fn draw(ablation: &Ablation, folder: &Path) -> Result<Vec<&'static str>, Eva
         };
         let wrong = |why: String| EvalError::Plot { path: path.display().to_string(), why };
         drawn.map_err(|e: Box<dyn std::error::Error>| wrong(e.to_string()))?;
-        sg_scene::staged_file::replace(&path, text.as_bytes()).map_err(|e| wrong(e.to_string()))?;
+        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(|e| wrong(e.to_string()))?;
         names.push(name);
         Ok::<(), EvalError>(())
     };

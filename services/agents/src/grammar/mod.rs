@@ -30,8 +30,7 @@ use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::scene::{BaseUnit, Selection, State};
 use winnow::stream::TokenSlice;
 
-use crate::names;
-use crate::words;
+use crate::{names, words};
 use phrase::{Input, Known};
 use sentence::{Beginnings, Sentence};
 

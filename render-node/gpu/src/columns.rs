@@ -1,0 +1,270 @@
+//! A scene's columns on the device, uploaded once.
+//!
+//! What a column costs is paid only by scenes that have it: shading columns, harmonics of the degree there is. Centres are
+//! stored after the units' transforms in f64, and relative to the middle of a scene that lies far from the origin.
+
+use glam::{DMat3, DVec3, Vec3, Vec4};
+use half::f16;
+use rayon::prelude::*;
+use sg_scene::model::{BaseUnit, Scene};
+
+use super::device::Gpu;
+use super::uniform::{Part, Unit};
+use sg_raster::shading::NormalTransform;
+
+/// Gaussians that are counted together when they are listed.
+pub(super) const BLOCK: usize = 1024;
+
+/// Bytes behind the last Gaussian of a column.
+const PADDING: u64 = 16;
+
+/// Words of the shading columns of one Gaussian in full and in half precision.
+const SURFACE: [usize; 2] = [10, 5];
+
+/// A scene on the device.
+pub(super) struct Columns {
+    pub(super) parts: Vec<PartColumns>,
+    pub(super) part_table: wgpu::Buffer,
+    pub(super) units: Vec<Unit>,
+    /// Added to what is stored to get a centre of the scene frame.
+    pub(super) origin: DVec3,
+    pub(super) len: usize,
+    pub(super) blocks: u32,
+    pub(super) lit: bool,
+    pub(super) highlights: bool,
+    /// −1 without harmonics.
+    pub(super) degree: i32,
+    pub(super) half: bool,
+    /// Gaussians with a NaN or infinite attribute, which are stored with opacity 0.
+    pub(super) non_finite: usize,
+    /// Bytes on the device.
+    pub(super) bytes: u64,
+}
+
+/// Gaussians whose columns each fit one binding.
+pub(super) struct PartColumns {
+    pub(super) part: Part,
+    pub(super) uniform: wgpu::Buffer,
+    pub(super) centers: wgpu::Buffer,
+    pub(super) shapes: wgpu::Buffer,
+    pub(super) surfaces: wgpu::Buffer,
+    pub(super) harmonics: wgpu::Buffer,
+}
+
+/// What of one Gaussian goes to the device.
+struct Row {
+    center: Vec4,
+    shape: [Vec4; 2],
+    surface: [f32; 10],
+    finite: bool,
+}
+
+impl Columns {
+    /// Uploads; `half` stores shading columns and harmonics in half precision.
+    pub(super) fn upload(gpu: &Gpu, scene: &Scene, half: bool) -> Self {
+        let origin = origin(scene);
+        let lit = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+        let degree = scene
+            .units
+            .iter()
+            .filter(|u| u.gaussians.shading.is_none())
+            .filter_map(|u| u.gaussians.harmonics.as_ref().map(|h| i32::from(h.degree)))
+            .max()
+            .unwrap_or(-1);
+        let surface_words = if lit { SURFACE[usize::from(half)] } else { 0 };
+        let coefficients = if degree < 0 { 0 } else { 3 * ((degree + 1) * (degree + 1)) as usize };
+        let harmonic_bytes = coefficients * if half { 2 } else { 4 };
+        // The largest column decides how many Gaussians share a binding; whole blocks, so that parts begin at one.
+        let widest = 32.max(4 * surface_words).max(harmonic_bytes) as u64;
+        // A word behind each column is read together with its last one.
+        let most = ((gpu.largest_binding() - PADDING) / widest) as usize / BLOCK * BLOCK;
+        let mut columns = Self {
+            parts: Vec::new(),
+            part_table: gpu.storage("parts", 0),
+            units: scene.units.iter().map(unit).collect(),
+            origin,
+            len: scene.len(),
+            blocks: 0,
+            lit,
+            highlights: scene
+                .units
+                .iter()
+                .any(|u| u.gaussians.shading.as_ref().is_some_and(|s| s.specular.iter().any(|ks| *ks != 0.0))),
+            degree,
+            half,
+            non_finite: 0,
+            bytes: 0,
+        };
+        for first in (0..scene.len()).step_by(most.max(BLOCK)) {
+            let end = (first + most.max(BLOCK)).min(scene.len());
+            columns.upload_part(gpu, scene, first..end, [surface_words, coefficients]);
+        }
+        let table: Vec<Part> = columns.parts.iter().map(|p| p.part).collect();
+        columns.part_table = gpu.storage("parts", size_of_val(table.as_slice()) as u64);
+        gpu.queue.write_buffer(&columns.part_table, 0, bytemuck::cast_slice(&table));
+        columns
+    }
+
+    fn upload_part(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        range: std::ops::Range<usize>,
+        [surface_words, coefficients]: [usize; 2],
+    ) {
+        let rows: Vec<Row> = range
+            .clone()
+            .into_par_iter()
+            .map(|i| {
+                let index = unit_index(scene, i);
+                match scene.units.get(index as usize) {
+                    Some(unit) => row(unit, i - unit.first, self.origin, index),
+                    None => Row::nothing(index),
+                }
+            })
+            .collect();
+        self.non_finite += rows.iter().filter(|r| !r.finite).count();
+        let part = Part {
+            first: range.start as u32,
+            count: range.len() as u32,
+            index: self.parts.len() as u32,
+            block: self.blocks,
+        };
+        let upload = |label: &str, words: &[u8]| {
+            let buffer = gpu.storage(label, words.len() as u64 + PADDING);
+            gpu.queue.write_buffer(&buffer, 0, words);
+            buffer
+        };
+        let centers: Vec<Vec4> = rows.iter().map(|r| r.center).collect();
+        let shapes: Vec<Vec4> = rows.iter().flat_map(|r| r.shape).collect();
+        let surfaces: Vec<u8> = match surface_words {
+            0 => Vec::new(),
+            5 => rows.iter().flat_map(|r| r.surface).flat_map(|x| f16::from_f32(x).to_le_bytes()).collect(),
+            _ => rows.iter().flat_map(|r| r.surface).flat_map(f32::to_le_bytes).collect(),
+        };
+        let harmonics: Vec<u8> = if coefficients == 0 {
+            Vec::new()
+        } else {
+            let values = range.clone().flat_map(|i| harmonics_of(scene, i, coefficients));
+            if self.half {
+                let mut bytes: Vec<u8> = values.flat_map(|x| f16::from_f32(x).to_le_bytes()).collect();
+                bytes.resize(bytes.len().next_multiple_of(4), 0);
+                bytes
+            } else {
+                values.flat_map(f32::to_le_bytes).collect()
+            }
+        };
+        let uniform = gpu.buffer("part", size_of::<Part>() as u64, wgpu::BufferUsages::UNIFORM);
+        gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&part));
+        self.bytes += (48 * rows.len() + surfaces.len() + harmonics.len()) as u64;
+        self.blocks += (rows.len() as u32).div_ceil(BLOCK as u32);
+        self.parts.push(PartColumns {
+            part,
+            uniform,
+            centers: upload("centres", bytemuck::cast_slice(&centers)),
+            shapes: upload("shapes", bytemuck::cast_slice(&shapes)),
+            surfaces: upload("surfaces", &surfaces),
+            harmonics: upload("harmonics", &harmonics),
+        });
+    }
+}
+
+/// What centres are stored relative to: nothing where they are stored as the file has them, exactly; the middle of the
+/// finite centres (scene frame, rounded as they are) where they lie so far from the origin that f32 would lose what the file
+/// holds once the units' transforms have moved them.
+fn origin(scene: &Scene) -> DVec3 {
+    let (low, high) = (0..scene.len())
+        .into_par_iter()
+        .filter_map(|i| scene.position(i).filter(|p| p.is_finite()))
+        .fold(|| (DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+        .reduce(|| (DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let middle = 0.5 * (low + high);
+    let far = middle.is_finite() && middle.abs().max_element() > 16.0 * (high - low).max_element();
+    if far { middle.as_vec3().as_dvec3() } else { DVec3::ZERO }
+}
+
+fn unit_index(scene: &Scene, i: usize) -> u32 {
+    scene.units.partition_point(|u| u.range().end <= i) as u32
+}
+
+fn unit(unit: &BaseUnit) -> Unit {
+    let look = if unit.gaussians.shading.is_some() {
+        1
+    } else if unit.gaussians.harmonics.is_some() {
+        2
+    } else {
+        0
+    };
+    let model = match unit.shading {
+        sg_scene::model::ShadingModel::Paper => 0,
+        sg_scene::model::ShadingModel::IvrgsTrain => 1,
+        sg_scene::model::ShadingModel::IvrgsViewer => 2,
+    };
+    Unit { kind: [model, look, 1, u32::from(unit.gaussians.antialiased)], ..Unit::of_transform(unit.transform) }
+}
+
+fn row(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Row {
+    let g = &unit.gaussians;
+    let position = g.position.get(i).copied().unwrap_or(Vec3::NAN);
+    let scale = g.log_scale.get(i).copied().unwrap_or(Vec3::NAN).as_dvec3().exp().as_vec3();
+    let stored = g.rotation.get(i).copied().unwrap_or([f32::NAN; 4]);
+    let logit = g.opacity_logit.get(i).copied().unwrap_or(f32::NAN);
+    let center = (unit.transform.transform_point3(position.as_dvec3()) - origin).as_vec3();
+    let opacity = (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32;
+    let surface = g.shading.as_ref().map_or(Some([0.0; 10]), |s| {
+        let normal = NormalTransform::of(DMat3::from_mat4(unit.transform)).apply(s.normal.get(i)?.as_dvec3());
+        let (offset, n) = (*s.offset_color.get(i)?, normal.as_vec3());
+        Some([
+            offset.x,
+            offset.y,
+            offset.z,
+            n.x,
+            n.y,
+            n.z,
+            *s.ambient.get(i)?,
+            *s.diffuse.get(i)?,
+            *s.specular.get(i)?,
+            *s.shininess.get(i)?,
+        ])
+    });
+    let finite = position.is_finite()
+        && center.is_finite()
+        && scale.is_finite()
+        && stored.iter().all(|q| q.is_finite())
+        && opacity.is_finite()
+        && surface.is_some_and(|s| s.iter().all(|x| x.is_finite()));
+    if !finite {
+        return Row::nothing(index);
+    }
+    let q = g.unit_rotation(i);
+    let rotation = Vec4::new(q.x as f32, q.y as f32, q.z as f32, q.w as f32);
+    Row {
+        center: center.extend(opacity),
+        shape: [rotation, scale.extend(f32::from_bits(index))],
+        surface: surface.unwrap_or([0.0; 10]),
+        finite,
+    }
+}
+
+impl Row {
+    /// What no pass draws.
+    fn nothing(index: u32) -> Self {
+        let shape = [Vec4::W, Vec3::ZERO.extend(f32::from_bits(index))];
+        Self { center: Vec4::ZERO, shape, surface: [0.0; 10], finite: false }
+    }
+}
+
+/// Coefficients of one Gaussian, filled up with zeros to the scene's degree.
+fn harmonics_of(scene: &Scene, i: usize, coefficients: usize) -> Vec<f32> {
+    let mut values = Vec::with_capacity(coefficients);
+    if let Some((unit, local)) = scene.locate(i)
+        && let Some(h) = &unit.gaussians.harmonics
+    {
+        values.extend(h.dc.get(local).copied().unwrap_or_default());
+        let k = h.rest_per_gaussian();
+        let rest = h.rest.get(local * k..(local + 1) * k).unwrap_or_default();
+        values.extend(rest.iter().take(coefficients / 3 - 1).flatten());
+    }
+    values.resize(coefficients, 0.0);
+    values
+}

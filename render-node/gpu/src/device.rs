@@ -1,0 +1,333 @@
+//! A graphics device: which one, what it allows, and whether it is still there.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::GpuError;
+
+/// Longest wait for a device's answer. A software device compiles its shaders at their first use, which takes it seconds, and
+/// a minute on a busy machine.
+pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// How often a waiting thread looks whether the device is done.
+const GLANCE: Duration = Duration::from_micros(200);
+
+/// Features that pictures are made faster or timed with; none is needed.
+pub const USEFUL: wgpu::Features =
+    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::MULTIVIEW);
+
+/// Which devices will do.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Wanted {
+    /// A graphics card, else whatever there is.
+    #[default]
+    Any,
+    /// A graphics card.
+    Hardware,
+    /// A device made of processor cores (such as lavapipe).
+    Software,
+}
+
+/// An open device. Clones share it.
+#[derive(Clone)]
+pub struct Gpu {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    info: Arc<wgpu::AdapterInfo>,
+    /// Where it comes from, unless it was opened elsewhere.
+    origin: Option<(wgpu::Instance, wgpu::Adapter)>,
+    fault: Arc<Mutex<Option<GpuError>>>,
+    lost: Arc<AtomicBool>,
+    /// Held while work is handed in, and while a surface waits until none is left.
+    handing_in: Arc<Mutex<()>>,
+}
+
+impl fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Gpu").field("name", &self.info.name).field("kind", &self.info.device_type).finish()
+    }
+}
+
+/// Whether the system shows anything that a driver of a graphics card could use. Loading every Vulkan driver to learn that
+/// there is none takes a third of a second, which a restarted view does not have.
+fn card_may_be_present() -> bool {
+    let shown = |folder: &str, begins: &str| {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.into_iter().any(|e| e.file_name().to_string_lossy().starts_with(begins))
+    };
+    cfg!(not(target_os = "linux")) || shown("/dev/dri", "render") || shown("/dev", "nvidia") || shown("/dev", "dxg")
+}
+
+impl Gpu {
+    /// Opens a device through Vulkan.
+    ///
+    /// # Errors
+    /// [`GpuError::NoDevice`] where none will do, [`GpuError::Refused`] where it cannot be opened.
+    pub fn open(wanted: Wanted) -> Result<Self, GpuError> {
+        if wanted == Wanted::Hardware && !card_may_be_present() {
+            return Err(GpuError::NoDevice { wanted });
+        }
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        let instance = wgpu::Instance::new(descriptor);
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        let software = |a: &wgpu::Adapter| a.get_info().device_type == wgpu::DeviceType::Cpu;
+        let adapter = adapters
+            .into_iter()
+            .filter(|a| match wanted {
+                Wanted::Any => true,
+                Wanted::Hardware => !software(a),
+                Wanted::Software => software(a),
+            })
+            .min_by_key(|a| match a.get_info().device_type {
+                wgpu::DeviceType::DiscreteGpu => 0,
+                wgpu::DeviceType::VirtualGpu => 1,
+                wgpu::DeviceType::IntegratedGpu => 2,
+                wgpu::DeviceType::Other => 3,
+                wgpu::DeviceType::Cpu => 4,
+            })
+            .ok_or(GpuError::NoDevice { wanted })?;
+        Self::of_adapter(instance, adapter)
+    }
+
+    /// Opens the device of an instance's adapter that was chosen elsewhere, as a window does that has to be shown by it.
+    ///
+    /// # Errors
+    /// [`GpuError::Refused`] where it cannot be opened.
+    pub fn of_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Self, GpuError> {
+        let info = adapter.get_info();
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("supergaussian"),
+            required_features: adapter.features() & USEFUL,
+            required_limits: adapter.limits(),
+            ..wgpu::DeviceDescriptor::default()
+        }))
+        .map_err(|e| GpuError::Refused { device: info.name.clone(), reason: e.to_string() })?;
+        Ok(Self { origin: Some((instance, adapter)), ..Self::of_device(device, queue, info) })
+    }
+
+    /// A device that was opened elsewhere, as a headset's runtime has to, with as many of [`USEFUL`] as it has and all
+    /// its limits. It must not have been given a handler of lost devices or errors before.
+    #[must_use]
+    pub fn of_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
+        let fault = Arc::new(Mutex::new(None));
+        let keep = |fault: &Arc<Mutex<Option<GpuError>>>, error: GpuError| {
+            let mut kept = fault.lock().unwrap_or_else(PoisonError::into_inner);
+            // What broke first is the cause; a lost device outranks what followed from it.
+            if kept.is_none() || matches!(error, GpuError::Lost { .. }) {
+                *kept = Some(error);
+            }
+        };
+        let lost = Arc::new(AtomicBool::new(false));
+        let (gone, told, name) = (Arc::clone(&lost), Arc::clone(&fault), info.name.clone());
+        device.set_device_lost_callback(move |_, reason| {
+            keep(&told, GpuError::Lost { device: name.clone(), reason });
+            gone.store(true, Ordering::Release);
+        });
+        let (broken, name) = (Arc::clone(&fault), info.name.clone());
+        device.on_uncaptured_error(Arc::new(move |error| {
+            let device = name.clone();
+            let reason = error.to_string();
+            keep(
+                &broken,
+                match error {
+                    wgpu::Error::OutOfMemory { .. } => GpuError::Memory { device, reason },
+                    _ => GpuError::Failed { device, reason },
+                },
+            );
+        }));
+        Self { device, queue, info: Arc::new(info), origin: None, fault, lost, handing_in: Arc::default() }
+    }
+
+    /// Whether both are clones of one.
+    #[must_use]
+    pub fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.fault, &other.fault)
+    }
+
+    /// The instance and the adapter that it was opened from, by which it can show things: `None` for [`Self::of_device`].
+    #[must_use]
+    pub fn origin(&self) -> Option<&(wgpu::Instance, wgpu::Adapter)> {
+        self.origin.as_ref()
+    }
+
+    /// The device itself, for whoever draws beside the renderer.
+    #[must_use]
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// Hands work in. What is handed in first is done first.
+    pub fn submit(&self, commands: impl IntoIterator<Item = wgpu::CommandBuffer>) {
+        let _alone = self.alone();
+        self.queue.submit(commands);
+    }
+
+    /// Makes a surface of this device's instance anew, once all work is done: nobody can hand in more meanwhile, which wgpu
+    /// takes for a failure.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`] where the surface cannot be so, [`GpuError::Lost`]: it must not be drawn to then.
+    pub fn configure(&self, surface: &wgpu::Surface<'_>, config: &wgpu::SurfaceConfiguration) -> Result<(), GpuError> {
+        let alone = self.alone();
+        let refusals = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        surface.configure(&self.device, config);
+        let refused = pollster::block_on(refusals.pop());
+        drop(alone);
+        // Who is lost says so when asked.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        let failed = |e: wgpu::Error| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
+        match refused {
+            Some(error) => Err(failed(error)),
+            None if self.is_lost() => Err(self.is_gone()),
+            None => Ok(()),
+        }
+    }
+
+    fn alone(&self) -> MutexGuard<'_, ()> {
+        self.handing_in.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Where data for the device is handed in; work is by [`Self::submit`].
+    #[must_use]
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
+    }
+
+    /// The device's own name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.info.name
+    }
+
+    /// Whether the device is made of processor cores.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Gives the device up as a driver's reset would: whoever draws with it is told that it is lost.
+    pub fn lose(&self) {
+        self.device.destroy();
+    }
+
+    /// Whether it went away, whoever has been told.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Acquire)
+    }
+
+    /// What broke since this was last asked.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`], [`GpuError::Memory`] or [`GpuError::Failed`], each once.
+    pub fn check(&self) -> Result<(), GpuError> {
+        match self.fault.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits for all work handed in so far, at most [`PATIENCE`]. Not inside the driver: there wgpu holds a lock that who shows
+    /// pictures on this device needs for each of them.
+    pub fn wait(&self) -> Result<(), GpuError> {
+        let done = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&done);
+        let alone = self.alone();
+        self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release));
+        drop(alone);
+        let begun = Instant::now();
+        let failed = |reason: String| GpuError::Failed { device: self.info.name.clone(), reason };
+        loop {
+            let polled = self.device.poll(wgpu::PollType::Poll);
+            self.check()?;
+            polled.map_err(|e| failed(e.to_string()))?;
+            if done.load(Ordering::Acquire) {
+                return Ok(());
+            }
+            if self.is_lost() {
+                return Err(self.is_gone());
+            }
+            if begun.elapsed() > PATIENCE {
+                return Err(failed(format!("no answer within {} s", PATIENCE.as_secs())));
+            }
+            std::thread::sleep(GLANCE);
+        }
+    }
+
+    fn is_gone(&self) -> GpuError {
+        let reason = "nothing that was handed in will be done".to_owned();
+        GpuError::Lost { device: self.info.name.clone(), reason }
+    }
+
+    /// Most bytes of one buffer that a shader can reach.
+    pub(super) fn largest_binding(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    pub(super) fn has(&self, feature: wgpu::Features) -> bool {
+        self.device.features().contains(feature)
+    }
+
+    /// A buffer that shaders read and write; never of no length, so that it can always be bound.
+    pub(super) fn storage(&self, label: &str, bytes: u64) -> wgpu::Buffer {
+        self.buffer(label, bytes, wgpu::BufferUsages::STORAGE)
+    }
+
+    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.max(256).next_multiple_of(16),
+            usage: usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// A texture of two dimensions without smaller copies of itself.
+    pub fn texture(
+        &self,
+        label: &str,
+        ([width, height], layers): ([u32; 2], u32),
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage,
+            view_formats: &[],
+        })
+    }
+
+    /// The bytes of buffers once all work handed in so far is done. Not for the loop that draws.
+    #[cfg(test)]
+    pub(super) fn read(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
+        self.submit([encoder.finish()]);
+        self.mapped(&staging)
+    }
+
+    /// The bytes of a buffer that can be mapped, once all work handed in so far is done.
+    pub(super) fn mapped(&self, staging: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
+        staging.map_async(wgpu::MapMode::Read, .., |_| ());
+        self.wait()?;
+        let failed = |e: &dyn fmt::Display| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
+        let bytes = staging.get_mapped_range(..).map_err(|e| failed(&e))?.to_vec();
+        staging.unmap();
+        Ok(bytes)
+    }
+}

@@ -1,0 +1,119 @@
+//! The levels' promises on trained scenes. Found by `SUPERGAUSSIAN_DATA`.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and says what it measured")]
+
+use std::path::{Path, PathBuf};
+
+use glam::{DVec3, Vec3};
+use sg_formats::load::{LoadOptions, load};
+use sg_gpu::{Rasterizer, Renderer, Settings};
+use sg_raster::image::Image;
+use sg_raster::metrics::Difference;
+use sg_raster::render::{Options, Projection, Quality, render};
+use sg_raster::view;
+use sg_scene::appearance::Appearance;
+use sg_scene::model::Scene;
+
+mod support;
+
+use support::device;
+
+fn data() -> Option<PathBuf> {
+    let folder = std::env::var_os("SUPERGAUSSIAN_DATA").map(PathBuf::from);
+    if folder.is_none() {
+        let required = std::env::var("SUPERGAUSSIAN_REQUIRE_DATA").is_ok_and(|v| v == "1");
+        assert!(!required, "SUPERGAUSSIAN_DATA must name the folder of the real data");
+        println!("SKIPPED: real splats; set SUPERGAUSSIAN_DATA to the folder of the real data");
+    }
+    folder
+}
+
+/// Loads a scene, unpacked to a temporary place where it is stored as `.zst`.
+fn scene(path: &Path) -> Scene {
+    if path.extension().is_some_and(|e| e == "zst") {
+        let folder = tempfile::tempdir().unwrap();
+        let plain = folder.path().join("scene.ply");
+        let packed = std::fs::read(path).unwrap();
+        std::fs::write(&plain, zstd::decode_all(&packed[..]).unwrap()).unwrap();
+        return load(&plain, &LoadOptions::default()).unwrap().scene;
+    }
+    load(path, &LoadOptions::default()).unwrap().scene
+}
+
+#[test]
+fn every_level_keeps_its_promise_from_all_sides() {
+    let Some(data) = data() else { return };
+    let gpu = device();
+    for name in ["donut_fused.ply", "biker.compressed.ply", "playbot_lod3_31000.ply.zst"] {
+        let scene = scene(&data.join("splats").join(name));
+        let mut device = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
+        let mut appearance = Appearance::of(&scene);
+        appearance.background = Vec3::ONE;
+        let front = view::default_view(&scene, 344, 368);
+        let bounds = view::visible_box(&scene);
+        let middle = 0.5 * (bounds.min + bounds.max);
+        for (right, up, closer) in [(0.0, 0.0, 1.0), (120.0, 25.0, 1.0), (200.0, -40.0, 3.0)] {
+            let camera = view::dolly(&view::orbit(&front, middle, right, up), middle, closer);
+            for (projection, rasterizers) in
+                [(Projection::Affine, &Rasterizer::ALL[..]), (Projection::PerRay, &[Rasterizer::Tiles][..])]
+            {
+                // What all rays in order take is seconds: from one side for each scene.
+                if projection == Projection::PerRay && up != 25.0 {
+                    continue;
+                }
+                let draw = |quality| render(&scene, &appearance, &camera, Options { quality, projection }).unwrap();
+                let exact = draw(Quality::Exact).image;
+                let what = format!("{name} {right}°, {projection:?}");
+                for quality in [Quality::Standard, Quality::Fast] {
+                    held(&format!("{what}: cores"), quality, &draw(quality).image, &exact);
+                    for rasterizer in rasterizers.iter().copied() {
+                        if let Some(device) = &mut device {
+                            let settings = Settings { quality, rasterizer, projection, ..Settings::default() };
+                            let cameras = std::slice::from_ref(&camera);
+                            let (images, _) = device.picture(cameras, &appearance, settings).unwrap();
+                            held(&format!("{what}: {rasterizer:?}"), quality, &images[0], &exact);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn held(what: &str, quality: Quality, image: &Image, exact: &Image) {
+    let (decibel, coverage) = if quality == Quality::Standard { (50.0, 0.01) } else { (40.0, 0.03) };
+    assert!(image.rgba.iter().all(|x| x.is_finite()));
+    let d = Difference::between(image, exact).unwrap();
+    println!(
+        "{what}, {quality:?} {:.1} dB, footprint {:.1} dB, coverage {:.4} %, max {:.4}, {:.4} % above 2/255",
+        d.psnr_db,
+        d.footprint_psnr_db,
+        100.0 * d.coverage_error,
+        d.max_error,
+        100.0 * d.footprint_share_above_2_of_255,
+    );
+    assert!(d.psnr_db >= decibel && d.footprint_psnr_db >= decibel, "{d:?}");
+    assert!(d.coverage_error <= coverage, "{d:?}");
+    assert!(quality != Quality::Standard || d.footprint_share_above_2_of_255 <= 1e-3, "{d:?}");
+}
+
+/// The robot hovers over its patch of ground and looks at the camera with blue eyes.
+#[test]
+fn playbot_stands_upright() {
+    let Some(data) = data() else { return };
+    let scene = scene(&data.join("splats").join("playbot_lod3_31000.ply.zst"));
+    let camera = view::default_view(&scene, 256, 256);
+    let image = render(&scene, &Appearance::of(&scene), &camera, Quality::Standard).unwrap().image;
+    let mean = |from: u32, to: u32| {
+        let sum: DVec3 = (from..to)
+            .flat_map(|y| (0..256).map(move |x| (x, y)))
+            .filter_map(|(x, y)| image.pixel(x, y))
+            .map(|[_, g, b, a]| DVec3::new(g.into(), b.into(), a.into()))
+            .sum();
+        sum / f64::from((to - from) * 256)
+    };
+    let (sky, head, ground) = (mean(0, 60), mean(90, 110), mean(165, 180));
+    assert!(sky.z < 0.01 && head.z > 0.1 && head.z < 0.35 && ground.z > 0.5, "{sky} {head} {ground}");
+    let eye = image.pixel(121, 101).unwrap();
+    assert!(eye[2] > 0.3 && eye[2] > 5.0 * eye[0], "a blue eye: {eye:?}");
+}

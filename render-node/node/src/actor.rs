@@ -1,0 +1,497 @@
+//! The render process, offscreen, in one of two roles: *view* draws the shared viewpoint whenever the scene changes,
+//! *capture* draws pictures on request.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::{DVec3, Vec3};
+use sg_edit::EditState;
+use sg_edit::wire::encode_color;
+use sg_formats::known::read_known;
+use sg_gpu::GpuError;
+use sg_gpu::backend::Engine;
+use sg_proto::keys::{self, role};
+use sg_proto::render as proto;
+use sg_proto::selection::Preview;
+use sg_raster::image::Image;
+use sg_raster::metrics::FOOTPRINT;
+use sg_raster::outline::{OutlineStyle, draw_outlines};
+use sg_raster::pick::{SURFACE, front_ids};
+use sg_raster::render::{Options, Projection, Quality, Rendered};
+use sg_raster::report::StageSeconds;
+use sg_raster::view::scaled;
+use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::blobs::Blobs;
+use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::metrics::{self, Metric};
+use sg_runtime::process::{Host, StartError};
+use sg_runtime::scene_feed::{SceneFeed, Update};
+use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
+use sg_scene::camera::Camera;
+use sg_scene::mask::Mask;
+use sg_viewer::display::{Showing, colors_of};
+use sg_viewer::window::threads;
+use tokio::sync::watch;
+use tokio::time::{Interval, MissedTickBehavior};
+
+mod asked;
+mod clusters;
+mod display;
+mod errands;
+mod following;
+mod news;
+mod params;
+mod patience;
+mod picked;
+mod preview;
+
+use asked::{clips, projection, showing};
+use clusters::Clusters;
+use following::Followed;
+use params::{Display, Params};
+
+/// Pictures that may be asked for while one is drawn.
+const QUEUE: usize = 8;
+
+/// Longest edge of the picture that a unit's coverage is measured in, pixels.
+const MEASURE_PIXELS: u32 = 256;
+
+/// Most units whose coverage one request measures.
+const MEASURE_UNITS: usize = 64;
+
+/// Loads and begins to serve.
+///
+/// # Errors
+/// Wrong parameters, a scene that cannot be read, a bus that cannot be used.
+pub(crate) async fn start(host: Host) -> Result<(), StartError> {
+    let params: Params = host.params()?;
+    params.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+    let mut feed = SceneFeed::open(host.bus()).await?;
+    let state = loop {
+        match feed.next().await {
+            Some((Update::Snapshot(state), _)) => break state,
+            Some((Update::Event(_), _)) => (),
+            None => return Err(StartError::Failed("the bus closed before the scene was known".to_owned())),
+        }
+    };
+    let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
+    let geometry = state.geometry();
+    let path = host.scene_path(&geometry.path, &geometry.hash).await?;
+    let scene = tokio::task::block_in_place(|| read_known(&path, &geometry.hash))
+        .map_err(|e| StartError::Input(e.to_string()))?;
+    let gaussians = scene.len() as u64;
+    if params.display != Display::None {
+        if host.role() != role::RENDER_VIEW {
+            return Err(StartError::Input(format!("`display` is for the role `{}` alone", role::RENDER_VIEW)));
+        }
+        return display::open(&host, scene, following::follow(feed, state), &params).await;
+    }
+    let (backend, rasterizer) = (params.backend, params.rasterizer);
+    let mut engine = tokio::task::block_in_place(|| Engine::new(scene, backend, rasterizer))
+        .map_err(|e| StartError::Failed(e.to_string()))?;
+    if let Some(trouble) = engine.take_trouble() {
+        tracing::warn!("{trouble}");
+    }
+    tracing::info!(gaussians, engine = engine.name(), "scene read");
+
+    let state = following::follow(feed, state);
+    let (row, content) = match host.role() {
+        role::RENDER_VIEW => (&keys::VIEW_STATE, &keys::VIEW_CONTENT),
+        role::RENDER_CAPTURE => (&keys::CAPTURE_STATE, &keys::CAPTURE_CONTENT),
+        other => {
+            return Err(StartError::Input(format!(
+                "role `{other}` is not one of a render node: use `{}` or `{}`",
+                role::RENDER_VIEW,
+                role::RENDER_CAPTURE
+            )));
+        }
+    };
+    let display = params.display.name().to_owned();
+    let told = proto::State { gaussians, engine: engine.name(), display, ..proto::State::default() };
+    let painter = Painter {
+        bus: host.bus().clone(),
+        blobs: host.blobs().clone(),
+        engine,
+        clusters: Clusters::default(),
+        state: state.clone(),
+        pool: threads().map_err(|e| StartError::Failed(format!("threads to draw with: {e}")))?,
+        owned: host.bus().own(row, told.clone()).await?,
+        told,
+        shown: preview::follow(host.bus()).await?,
+        params,
+    };
+    let mut shown = painter.shown.clone();
+    host.serve_content(content).await?;
+    let mut pace = Pace::new(painter.params.frames_per_second);
+    let (mailbox, _) = host.spawn(painter, QUEUE);
+    if host.role() == role::RENDER_VIEW {
+        tokio::spawn(async move {
+            let mut state = state;
+            state.mark_changed();
+            loop {
+                // Newest value: revisions that pass while a picture is drawn are skipped, and counted.
+                tokio::select! {
+                    changed = state.changed() => if changed.is_err() { break },
+                    changed = shown.changed() => if changed.is_err() { break },
+                    () = pace.due() => {}
+                }
+                let context = state.borrow_and_update().context.clone();
+                let (done, drawn) = tokio::sync::oneshot::channel();
+                if mailbox.tell(Message::View { context, done }).is_ok() {
+                    let _ = drawn.await;
+                }
+            }
+        });
+    } else {
+        let picks = mailbox.clone();
+        host.serve(&keys::PICK, QUEUE, move |request, context| {
+            let mailbox = picks.clone();
+            async move { mailbox.ask(context.deadline, |reply| Message::Pick { request, context, reply }).await }
+        })
+        .await?;
+        host.serve(&keys::CAPTURE, QUEUE, move |request, context| {
+            let mailbox = mailbox.clone();
+            async move { mailbox.ask(context.deadline, |reply| Message::Capture { request, context, reply }).await }
+        })
+        .await?;
+    }
+    Ok(())
+}
+
+/// When the view draws although nothing changed.
+struct Pace(Option<Interval>);
+
+impl Pace {
+    fn new(per_second: f64) -> Self {
+        Self((per_second > 0.0).then(|| {
+            let mut interval = tokio::time::interval(Duration::from_secs_f64(1.0 / per_second));
+            // A picture that took longer than its turn is not made up for.
+            interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
+            interval
+        }))
+    }
+
+    async fn due(&mut self) {
+        match &mut self.0 {
+            Some(interval) => drop(interval.tick().await),
+            None => std::future::pending().await,
+        }
+    }
+}
+
+enum Message {
+    /// Draw the shared viewpoint as it is now.
+    View { context: Context, done: tokio::sync::oneshot::Sender<()> },
+    /// Say what is in front.
+    Pick { request: proto::PickRequest, context: Context, reply: Reply<proto::PickReply> },
+    /// Draw a picture on request.
+    Capture { request: proto::CaptureRequest, context: Context, reply: Reply<proto::Frame> },
+}
+
+/// Draws, one picture at a time.
+struct Painter {
+    bus: Bus,
+    blobs: Blobs,
+    engine: Engine,
+    state: watch::Receiver<Followed>,
+    /// All of a picture is made in it, so that none of that work keeps a hand waiting.
+    pool: Arc<rayon::ThreadPool>,
+    owned: Owned<proto::State>,
+    told: proto::State,
+    clusters: Clusters,
+    /// What will be selected as soon as it is durable.
+    shown: watch::Receiver<Option<Preview>>,
+    params: Params,
+}
+
+/// What may be seen of the painter.
+#[derive(Clone)]
+struct Seen(proto::State);
+
+impl fmt::Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let proto::State { revision, frames, skipped_revisions, render_ms, engine, .. } = &self.0;
+        write!(
+            f,
+            "revision {revision}, {frames} pictures, {skipped_revisions} skipped, newest {render_ms:.0} ms, drawn by {engine}"
+        )
+    }
+}
+
+impl Actor for Painter {
+    type Message = Message;
+    type State = Seen;
+
+    fn name(&self) -> &'static str {
+        "painter"
+    }
+
+    fn state(&self) -> Seen {
+        Seen(self.told.clone())
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        match message {
+            Message::View { context, done } => {
+                self.draw_view(&context).await;
+                // The pacing task ends with the process.
+                let _ = done.send(());
+            }
+            Message::Pick { request, context, reply } => {
+                let _ = reply.send(self.pick(&request, &context).await);
+            }
+            Message::Capture { request, context, reply } => {
+                let outcome = self.capture(&request, &context).await;
+                // An asker that has gone away misses only the picture.
+                let _ = reply.send(outcome);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Painter {
+    /// Draws the shared viewpoint and tells of it; a picture that cannot be drawn or kept is logged, the next may succeed.
+    async fn draw_view(&mut self, context: &Context) {
+        let request = proto::CaptureRequest {
+            width: self.params.width,
+            height: self.params.height,
+            quality: match self.params.quality.unwrap_or(Quality::Standard) {
+                Quality::Exact => proto::Quality::Exact,
+                Quality::Standard => proto::Quality::Standard,
+                Quality::Fast => proto::Quality::Fast,
+            }
+            .into(),
+            projection: match self.params.projection {
+                Projection::Affine => proto::Projection::Affine,
+                Projection::PerRay => proto::Projection::PerRay,
+            }
+            .into(),
+            highlight_selection: true,
+            ..proto::CaptureRequest::default()
+        };
+        let (state, highlighted) = {
+            let newest = self.state.borrow();
+            (Arc::clone(&newest.state), newest.highlighted(self.shown.borrow_and_update().as_ref()))
+        };
+        let frame = match self.work(|painter| painter.draw(&state, &request, highlighted, None)) {
+            Ok(frame) => frame,
+            Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
+        };
+        self.tell(&frame, context).await;
+        if let Err(fault) = self.bus.publish(&keys::VIEW_FRAME, &frame, &context.next()).await {
+            tracing::warn!(%fault, "a picture could not be announced");
+        }
+    }
+
+    async fn capture(&mut self, request: &proto::CaptureRequest, context: &Context) -> Result<proto::Frame, Fault> {
+        let state = self.at_least(request.at_least_revision, context).await?;
+        let labels = match showing(request) {
+            Showing::Clusters | Showing::FirstComponent | Showing::Outlines => Some(self.labels(context).await?),
+            _ => None,
+        };
+        let selected = Arc::clone(state.selection().mask());
+        let mut frame = self.work(|painter| painter.draw(&state, request, selected, labels.as_deref()))?;
+        if request.measure_units {
+            frame.units = self.work(|painter| painter.measure(&state, request))?;
+        }
+        self.tell(&frame, context).await;
+        Ok(frame)
+    }
+
+    /// What is in front at a place or along a ray.
+    async fn pick(&mut self, request: &proto::PickRequest, context: &Context) -> Result<proto::PickReply, Fault> {
+        let state = self.at_least(request.at_least_revision, context).await?;
+        let hit = self.work(|painter| picked::pick(painter.engine.scene(), &state, request))?;
+        // A scene without a selection process has no clusters, and is picked in all the same.
+        let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
+        Ok(picked::reply(&state, hit, labels.as_deref()))
+    }
+
+    /// The newest state, once it is at least of this revision.
+    async fn at_least(&mut self, wanted: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
+        let arrived = self.state.wait_for(|newest| newest.state.revision() >= wanted);
+        match tokio::time::timeout_at(context.deadline.into(), arrived).await {
+            Ok(Ok(newest)) => Ok(Arc::clone(&newest.state)),
+            Ok(Err(_)) => Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
+            Err(_) => Err(Fault::deadline(format!("revision {wanted} of the scene did not arrive in time"))),
+        }
+    }
+
+    async fn labels(&mut self, context: &Context) -> Result<Arc<[u32]>, Fault> {
+        let gaussians = self.engine.scene().len();
+        self.clusters.newest(&self.bus, &self.blobs, gaussians, context).await
+    }
+
+    async fn tell(&mut self, frame: &proto::Frame, context: &Context) {
+        let passed = frame.revision.saturating_sub(self.told.revision + 1);
+        if self.told.frames > 0 {
+            self.told.skipped_revisions += passed;
+        }
+        self.told.revision = frame.revision;
+        self.told.frames += 1;
+        self.told.render_ms = frame.render_ms;
+        if let Err(fault) = self.owned.set(self.told.clone(), &context.next()).await {
+            tracing::warn!(%fault, "the state could not be published");
+        }
+    }
+
+    /// Does something on the threads that draw, and waits for it.
+    fn work<T: Send>(&mut self, what: impl FnOnce(&mut Self) -> T + Send) -> T {
+        let pool = Arc::clone(&self.pool);
+        tokio::task::block_in_place(|| pool.install(|| what(self)))
+    }
+
+    /// Draws a picture of a state, with `selected` highlighted where the request asks for that.
+    fn draw(
+        &mut self,
+        state: &EditState,
+        request: &proto::CaptureRequest,
+        selected: Arc<Mask>,
+        labels: Option<&[u32]>,
+    ) -> Result<proto::Frame, Fault> {
+        let start = Instant::now();
+        let camera = camera_of(state, request)?;
+        let projection = projection(request.projection());
+        let mut look = if request.only_units.is_empty() {
+            state.appearance()
+        } else {
+            let mut look = alone(state, &request.only_units)?;
+            look.base.iter_mut().for_each(|base| base.visible = true);
+            let others = look.units.len() - 1;
+            look.units.iter_mut().take(others).for_each(|unit| unit.visible = true);
+            look
+        };
+        if request.highlight_selection && !selected.is_none() {
+            look.overlay = Some(Overlay {
+                mask: selected,
+                color: Vec3::from_array(self.params.highlight_color),
+                mix: self.params.highlight_mix,
+                opacity: 1.0,
+            });
+        }
+        look.clips = clips(&request.clips)?;
+        let quality = match request.quality() {
+            proto::Quality::Exact => Quality::Exact,
+            proto::Quality::Unspecified | proto::Quality::Standard => Quality::Standard,
+            proto::Quality::Fast => Quality::Fast,
+        };
+        let showing = showing(request);
+        let (colors, legend) =
+            colors_of(self.engine.scene(), labels, showing).map_err(|e| Fault::invalid(e.to_string()))?;
+        look.colors = colors;
+        let Rendered { mut image, .. } = self.render(&look, &camera, Options { quality, projection })?;
+        if let (Showing::Outlines, Some(labels)) = (showing, labels) {
+            let front = front_ids(self.engine.scene(), &look, &camera, projection, SURFACE);
+            let (ids, _) = front.map_err(|e| Fault::invalid(e.to_string()))?;
+            let drawn = draw_outlines(&mut image, &ids, labels, OutlineStyle::default());
+            drawn.map_err(|e| Fault::internal(e.to_string()))?;
+        }
+        let kept = |e: &dyn fmt::Display| Fault::exhausted(e.to_string());
+        let (mut npy, mut png) = (Vec::new(), Vec::new());
+        image.write_npy(&mut npy).map_err(|e| kept(&e))?;
+        image.write_png(&mut png).map_err(|e| kept(&e))?;
+        let (hash, npy_path) = self.blobs.put(&npy, "npy").map_err(|e| kept(&e))?;
+        let (png_hash, png_path) = self.blobs.put(&png, "png").map_err(|e| kept(&e))?;
+        Ok(proto::Frame {
+            width: image.width,
+            height: image.height,
+            revision: state.revision(),
+            hash,
+            npy_path: npy_path.display().to_string(),
+            png_path: png_path.display().to_string(),
+            camera: Some(proto::Camera {
+                fx: camera.fx,
+                fy: camera.fy,
+                cx: camera.cx,
+                cy: camera.cy,
+                world_to_camera: camera.world_to_camera.to_vec(),
+            }),
+            render_ms: start.elapsed().as_secs_f64() * 1e3,
+            coverage: covered(&image, look.background).0,
+            units: Vec::new(),
+            png_hash,
+            legend: legend.map(|l| asked::legend(showing, &l)),
+        })
+    }
+
+    fn render(&mut self, look: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, Fault> {
+        let drawn = self.engine.draw(look, camera, options).map_err(|e| match e {
+            GpuError::Input(_) | GpuError::Views(_) => Fault::invalid(e.to_string()),
+            _ => Fault::exhausted(e.to_string()),
+        })?;
+        if let Some(trouble) = self.engine.take_trouble() {
+            tracing::warn!("{trouble}; the cores draw");
+            self.told.engine = self.engine.name();
+        }
+        let StageSeconds { preprocess, sort, bin, raster, .. } = drawn.report.seconds;
+        for (pass, seconds) in [("preprocess", preprocess), ("sort", sort), ("bin", bin), ("raster", raster)] {
+            metrics::observe(Metric::PassSeconds, &[("pass", pass)], Duration::from_secs_f64(seconds.max(0.0)));
+        }
+        Ok(drawn)
+    }
+
+    /// What each unit covers of the picture when it is drawn alone; nothing where it is hidden. Derived units are left out:
+    /// a person did not make them.
+    fn measure(
+        &mut self,
+        state: &EditState,
+        request: &proto::CaptureRequest,
+    ) -> Result<Vec<proto::UnitCoverage>, Fault> {
+        let scale =
+            f64::from(MEASURE_PIXELS) / f64::from(request.width.max(request.height)).max(f64::from(MEASURE_PIXELS));
+        let camera = scaled(&camera_of(state, request)?, scale);
+        let clips = clips(&request.clips)?;
+        let options = Options { quality: Quality::Fast, projection: projection(request.projection()) };
+        let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());
+        let base = state.base_units().iter().map(|b| b.name.clone());
+        base.chain(saved)
+            .take(MEASURE_UNITS)
+            .map(|unit| {
+                let look = Appearance { clips: clips.clone(), ..alone(state, std::slice::from_ref(&unit))? };
+                let Rendered { image, .. } = self.render(&look, &camera, options)?;
+                let (share, color) = covered(&image, look.background);
+                Ok(proto::UnitCoverage { unit, share, mean_color: color.map(encode_color) })
+            })
+            .collect()
+    }
+}
+
+/// The camera that a request is drawn with.
+fn camera_of(state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
+    asked::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))
+}
+
+/// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one
+/// that hides the rest.
+fn alone(state: &EditState, names: &[String]) -> Result<Appearance, Fault> {
+    let mut shown = Mask::empty(state.count());
+    for name in names {
+        let unit = state.find(name).map_err(|e| Fault::new(e.code(), e.to_string()).with_details(e.details()))?;
+        shown.union_with(&state.members(unit));
+    }
+    shown.invert();
+    let mut look = state.appearance();
+    look.units.push(UnitAppearance { mask: Arc::new(shown), color: None, opacity: 1.0, visible: false });
+    Ok(look)
+}
+
+/// Share of the pixels with coverage above 1/1024, and the mean colour there without the background, weighted by coverage.
+fn covered(image: &Image, background: Vec3) -> (f64, Option<Vec3>) {
+    let (mut pixels, mut weight, mut sum) = (0_u64, 0.0_f64, DVec3::ZERO);
+    for pixel in image.pixels() {
+        if let &[r, g, b, a] = pixel
+            && a > FOOTPRINT
+        {
+            pixels += 1;
+            weight += f64::from(a);
+            sum += (Vec3::new(r, g, b) - (1.0 - a) * background).as_dvec3();
+        }
+    }
+    let all = u64::from(image.width) * u64::from(image.height);
+    let color = (weight > 0.0).then(|| (sum / weight).as_vec3().clamp(Vec3::ZERO, Vec3::ONE));
+    (pixels as f64 / all.max(1) as f64, color)
+}

@@ -1,0 +1,49 @@
+//! The Super-Gaussians of the scene, as the selection process has found them.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use sg_formats::npy;
+use sg_proto::keys;
+use sg_raster::structure::labels_of;
+use sg_runtime::blobs::Blobs;
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+
+/// How long the selection process is waited for: several times what a restarted one needs until it answers, and little
+/// enough that a stack without one is not kept waiting until the asker has given up.
+const SELECTION_WAIT: Duration = Duration::from_millis(500);
+
+/// The newest clusters that are known.
+#[derive(Default)]
+pub(super) struct Clusters {
+    hash: String,
+    labels: Option<Arc<[u32]>>,
+}
+
+impl Clusters {
+    /// The Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none; read again only where the selection has others.
+    ///
+    /// # Errors
+    /// `Unavailable` while there is no selection process; labels that cannot be had or do not fit `gaussians`.
+    pub(super) async fn newest(
+        &mut self,
+        bus: &Bus,
+        blobs: &Blobs,
+        gaussians: usize,
+        context: &Context,
+    ) -> Result<Arc<[u32]>, Fault> {
+        let state = bus.newest(&keys::SELECTION_STATE, &context.next().within(SELECTION_WAIT)).await?;
+        if let Some(labels) = self.labels.as_ref().filter(|_| self.hash == state.labels_hash) {
+            return Ok(Arc::clone(labels));
+        }
+        let place = (state.labels_path.as_str(), state.labels_hash.as_str());
+        let path = blobs.fetch(bus, &keys::SELECTION_CONTENT, place, &context.next()).await?;
+        let labels = tokio::task::block_in_place(|| npy::read_labels(&path));
+        let labels = labels.map_err(|e| Fault::internal(e.to_string()))?;
+        let labels: Arc<[u32]> = labels_of(labels, gaussians).map_err(|e| Fault::internal(e.to_string()))?.into();
+        (self.hash, self.labels) = (state.labels_hash, Some(Arc::clone(&labels)));
+        Ok(labels)
+    }
+}

@@ -1,0 +1,130 @@
+//! What a launch file says to a render process.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+use sg_gpu::Rasterizer;
+use sg_gpu::backend::Backend;
+use sg_proto::limits;
+use sg_raster::render::{Projection, Quality};
+
+/// Fastest steady pace of the view.
+const MAX_FRAMES_PER_SECOND: f64 = 240.0;
+
+/// Parameters in the launch file.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Params {
+    /// Width of the view's pictures, pixels.
+    pub(super) width: u32,
+    /// Height of the view's pictures, pixels.
+    pub(super) height: u32,
+    /// Where the view is seen besides its pictures: `none`, a `window` on this machine, or a `headset` (a window where there
+    /// is none).
+    pub(super) display: Display,
+    /// Factor on the resolution that a headset recommends.
+    pub(super) resolution: f64,
+    /// Whether a person in a headset sits.
+    pub(super) seated: bool,
+    /// Whether the left hand does what the right one does otherwise.
+    pub(super) left_handed: bool,
+    /// Whether a window shows what the left eye of a headset sees.
+    pub(super) mirror: bool,
+    /// Seconds that a headset's runtime may hold the loop, 1 to 3600, before the process ends and is started again.
+    pub(super) patience: f64,
+    /// Folder for pictures that a person keeps in a display; by default the user's own for pictures.
+    pub(super) pictures: Option<PathBuf>,
+    /// Quality of the view's pictures: `exact`, `standard` (without this) or `fast`.
+    pub(super) quality: Option<Quality>,
+    /// How the view and its display project: `affine` as 3DGS does, or `per-ray`, which changes nothing when a head turns and
+    /// costs more.
+    pub(super) projection: Projection,
+    /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
+    pub(super) backend: Backend,
+    /// How a graphics device blends, `tiles`, `quads` or `bands`; without it what a trial at the start shows to be faster.
+    pub(super) rasterizer: Option<Rasterizer>,
+    /// Whether a window's pictures are copied from the device that draws them; without it only from one made of cores.
+    pub(super) copies: Option<bool>,
+    /// Pictures a second that the view draws although nothing changes, for whoever records or mirrors it; 0 draws only
+    /// what changed.
+    pub(super) frames_per_second: f64,
+    /// Colour of a highlighted selection.
+    pub(super) highlight_color: [f32; 3],
+    /// Share of that colour, 0 to 1.
+    pub(super) highlight_mix: f32,
+}
+
+/// Where a view is seen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Display {
+    /// In the pictures that it tells of.
+    #[default]
+    None,
+    /// In a window.
+    Window,
+    /// In a headset; without one, in a window.
+    Headset,
+}
+
+impl Display {
+    /// As the launch file says it.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Window => "window",
+            Self::Headset => "headset",
+        }
+    }
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            width: 640,
+            height: 640,
+            display: Display::None,
+            resolution: 1.0,
+            seated: false,
+            left_handed: false,
+            mirror: false,
+            patience: 30.0,
+            pictures: None,
+            quality: None,
+            projection: Projection::Affine,
+            backend: Backend::Auto,
+            rasterizer: None,
+            copies: None,
+            frames_per_second: 0.0,
+            // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
+            highlight_color: [0.337, 0.706, 0.914],
+            highlight_mix: 0.6,
+        }
+    }
+}
+
+impl Params {
+    /// In words, what cannot be.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let side = 1..=limits::MAX_PICTURE_PIXELS;
+        if !side.contains(&self.width) || !side.contains(&self.height) {
+            return Err(format!("a picture of {} x {} pixels; 1 to {} each", self.width, self.height, side.end()));
+        }
+        if !(0.0..=MAX_FRAMES_PER_SECOND).contains(&self.frames_per_second) {
+            return Err(format!(
+                "frames_per_second = {}; 0 for pictures of changes alone, else up to {MAX_FRAMES_PER_SECOND}",
+                self.frames_per_second
+            ));
+        }
+        if !(0.1..=4.0).contains(&self.resolution) {
+            return Err(format!("resolution = {}; a factor from 0.1 to 4", self.resolution));
+        }
+        if !(1.0..=3600.0).contains(&self.patience) {
+            return Err(format!("patience = {}; seconds from 1 to 3600", self.patience));
+        }
+        if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
+            return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,216 @@
+//! One picture of a scene.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use sg_scene::appearance::{Appearance, Clip, HalfSpace};
+use sg_scene::camera::{Camera, CameraError};
+use sg_scene::model::{ColumnLength, Scene};
+
+use crate::exact;
+use crate::image::Image;
+use crate::per_ray;
+use crate::report::Report;
+use crate::standard;
+use crate::standard::Limits;
+
+/// How much error a picture may have against [`Quality::Exact`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Quality {
+    /// The reference: f64, no cut-off that a picture could show.
+    Exact,
+    /// At least 50 dB over the frame and over the footprint, coverage error at most 1 %.
+    #[default]
+    Standard,
+    /// At least 40 dB over the frame and over the footprint, coverage error at most 3 %.
+    Fast,
+}
+
+/// What a pixel sees of a Gaussian, and what orders Gaussians.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Projection {
+    /// As 3DGS: each Gaussian becomes an ellipse on the picture, affinely at its centre, and all are ordered by the view z of
+    /// their centres. Turning the camera changes what is seen along one and the same ray.
+    #[default]
+    Affine,
+    /// Each Gaussian is evaluated along each pixel's ray, and ordered there by where on the ray it is densest. Turning the
+    /// camera changes nothing. Gaussians beside and behind the eye count where they reach the ray; there is no near plane.
+    PerRay,
+}
+
+/// How to draw. A [`Quality`] alone stands for it with everything else at its default.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Options {
+    /// How exact.
+    pub quality: Quality,
+    /// How Gaussians are projected and ordered. Each has its own reference.
+    pub projection: Projection,
+}
+
+impl Options {
+    /// Whether graphics devices draw so; references are for the cores.
+    #[must_use]
+    pub fn drawn_by_devices(self) -> bool {
+        self.quality != Quality::Exact
+    }
+}
+
+impl From<Quality> for Options {
+    fn from(quality: Quality) -> Self {
+        Self { quality, ..Self::default() }
+    }
+}
+
+/// A picture and what making it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rendered {
+    /// The picture.
+    pub image: Image,
+    /// Counts and seconds.
+    pub report: Report,
+}
+
+/// Input that makes no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The camera's numbers.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// Columns of different lengths.
+    #[error("base unit `{unit}`: {source}")]
+    Columns {
+        /// Name of the base unit.
+        unit: String,
+        /// Which column.
+        source: ColumnLength,
+    },
+    /// An appearance of another scene.
+    #[error("the appearance has settings for {found} base units, the scene has {expected}")]
+    BaseUnits {
+        /// Base units in the appearance.
+        found: usize,
+        /// Base units in the scene.
+        expected: usize,
+    },
+    /// A mask of another scene.
+    #[error("{what} speaks about {found} Gaussians, the scene has {expected}; make it from this scene")]
+    Mask {
+        /// Which mask.
+        what: String,
+        /// Its length.
+        found: usize,
+        /// Gaussians in the scene.
+        expected: usize,
+    },
+    /// Colours of another scene.
+    #[error("there are colours for {found} Gaussians, the scene has {expected}; make them from this scene")]
+    Colors {
+        /// Colours given.
+        found: usize,
+        /// Gaussians in the scene.
+        expected: usize,
+    },
+    /// A clip that encloses nothing.
+    #[error("clip {index} has no side, or one whose normal is zero or that is not finite")]
+    Clip {
+        /// Which clip, from 0.
+        index: usize,
+    },
+    /// A level of accumulated opacity that there is not.
+    #[error("a front surface at an accumulated opacity of {level}; give a level above 0 and at most 1")]
+    Level {
+        /// The level.
+        level: f64,
+    },
+    /// A ray without a direction.
+    #[error("the ray has no direction")]
+    Ray,
+    /// A background that is not finite.
+    #[error("the background colour is not finite")]
+    Background,
+    /// More Gaussians than 32-bit indices reach.
+    #[error("{found} Gaussians are more than the 4294967295 that one picture can hold; draw the scene in parts")]
+    TooMany {
+        /// Gaussians in the scene.
+        found: usize,
+    },
+}
+
+/// Draws a scene as `appearance` says; the light and the background are the appearance's, not the camera's.
+///
+/// Runs on the current rayon thread pool; the picture does not depend on its number of threads. Gaussians with a NaN or
+/// infinite attribute are left out and counted, so that every pixel is finite.
+///
+/// # Errors
+/// [`RenderError`] if the camera makes no picture or the parts do not belong together.
+pub fn render(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    options: impl Into<Options>,
+) -> Result<Rendered, RenderError> {
+    check(scene, appearance, camera)?;
+    let began = Instant::now();
+    let Options { quality, projection } = options.into();
+    let (image, mut report) = match (projection, quality) {
+        (Projection::Affine, Quality::Exact) => exact::render(scene, appearance, camera),
+        (Projection::Affine, Quality::Standard) => standard::render(scene, appearance, camera, Limits::STANDARD),
+        (Projection::Affine, Quality::Fast) => standard::render(scene, appearance, camera, Limits::FAST),
+        (Projection::PerRay, Quality::Exact) => per_ray::exact::render(scene, appearance, camera),
+        (Projection::PerRay, Quality::Standard) => {
+            per_ray::fast::render::<1024>(scene, appearance, camera, Limits::STANDARD)
+        }
+        (Projection::PerRay, Quality::Fast) => per_ray::fast::render::<256>(scene, appearance, camera, Limits::FAST),
+    };
+    report.seconds.total = began.elapsed().as_secs_f64();
+    Ok(Rendered { image, report })
+}
+
+pub(crate) fn check(scene: &Scene, appearance: &Appearance, camera: &Camera) -> Result<(), RenderError> {
+    check_scene(scene)?;
+    check_look([scene.len(), scene.units.len()], appearance, camera)
+}
+
+/// Checks what stays the same from picture to picture.
+pub fn check_scene(scene: &Scene) -> Result<(), RenderError> {
+    if u32::try_from(scene.len()).is_err() {
+        return Err(RenderError::TooMany { found: scene.len() });
+    }
+    for unit in &scene.units {
+        unit.gaussians.check_lengths().map_err(|source| RenderError::Columns { unit: unit.name.clone(), source })?;
+    }
+    Ok(())
+}
+
+/// Checks what may change, for a scene of so many Gaussians in so many base units.
+pub fn check_look(
+    [gaussians, base_units]: [usize; 2],
+    appearance: &Appearance,
+    camera: &Camera,
+) -> Result<(), RenderError> {
+    camera.check("camera")?;
+    if !appearance.background.is_finite() {
+        return Err(RenderError::Background);
+    }
+    if appearance.base.len() != base_units {
+        return Err(RenderError::BaseUnits { found: appearance.base.len(), expected: base_units });
+    }
+    if let Some(colors) = appearance.colors.as_ref().filter(|c| c.len() != gaussians) {
+        return Err(RenderError::Colors { found: colors.len(), expected: gaussians });
+    }
+    let usable = |s: &HalfSpace| s.normal.is_finite() && s.normal != DVec3::ZERO && s.offset.is_finite();
+    let broken = |c: &Clip| c.sides.is_empty() || !c.sides.iter().all(usable);
+    if let Some(index) = appearance.clips.iter().position(broken) {
+        return Err(RenderError::Clip { index });
+    }
+    let masks = appearance.units.iter().enumerate().map(|(k, u)| (format!("editable unit {k}"), &u.mask));
+    let overlay = appearance.overlay.iter().map(|o| ("the overlay".to_owned(), &o.mask));
+    for (what, mask) in masks.chain(overlay) {
+        if mask.len() != gaussians {
+            return Err(RenderError::Mask { what, found: mask.len(), expected: gaussians });
+        }
+    }
+    Ok(())
+}

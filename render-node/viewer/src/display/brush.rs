@@ -1,0 +1,247 @@
+//! The brush of one display: what would change before it is pressed, what changes while it is drawn, and the messages that
+//! a stroke makes.
+//!
+//! Hits are found here, so that what is seen follows the hand in the same frame: for single Gaussians and whole
+//! Super-Gaussians that is all there is to it, for a walk it is what the stroke seeds, and the region follows with the
+//! selection's own answer ([`super::Shown::selected`]).
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use sg_clusters::polyline::Behind;
+use sg_proto::scene::{Stroke, StrokeDepth, StrokeKind, StrokeMode};
+use sg_proto::selection::{SampleRequest, StrokesRequest};
+use sg_scene::mask::Mask;
+use sg_scene::model::{Scene, SceneBox};
+use sg_selection::brush::{Brush, OpenStroke};
+
+use super::{BrushMode, Request, Tools};
+use sg_raster::structure::NO_CLUSTER;
+
+/// Least way between two samples, as a share of the brush's radius: closer ones hit nothing new.
+const STEP: f64 = 0.25;
+
+/// Which way a stroke acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sense {
+    /// It adds to the selection.
+    Add,
+    /// It takes away.
+    Remove,
+}
+
+/// Where a brush is, in the scene frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tip {
+    /// Its middle, scene coordinates.
+    pub at: DVec3,
+    /// Factor on its radius, such as from a trigger's pressure; 1 without.
+    pub pressure: f64,
+}
+
+/// A brush over one scene.
+#[derive(Debug)]
+pub struct Hand {
+    brush: Arc<Brush>,
+    bounds: SceneBox,
+    gaussians: usize,
+    strokes: u64,
+    /// What tells this hand's strokes from those of others.
+    name: String,
+    under_way: Option<UnderWay>,
+    /// Where the surface under the brush is seen from, where it is brushed over from somewhere.
+    pub eye: Option<DVec3>,
+}
+
+#[derive(Debug)]
+struct UnderWay {
+    id: String,
+    mode: BrushMode,
+    sense: Sense,
+    /// Fraction of the box's longest edge.
+    radius: f64,
+    pressed: bool,
+    open: OpenStroke,
+    points: Vec<f64>,
+    pressure: Vec<f64>,
+    depth: Option<StrokeDepth>,
+    /// Samples that have been told.
+    told: usize,
+    last: Option<DVec3>,
+}
+
+impl Hand {
+    /// A hand over a scene; `name` tells it from other hands of the session.
+    #[must_use]
+    pub fn new(scene: &Scene, brush: Arc<Brush>, name: impl Into<String>) -> Self {
+        let (bounds, gaussians) = (scene.bounds, scene.len());
+        Self { brush, bounds, gaussians, strokes: 0, name: name.into(), under_way: None, eye: None }
+    }
+
+    /// The radius in the scene's length unit.
+    #[must_use]
+    pub fn radius(&self, tools: &Tools) -> f64 {
+        tools.radius * self.bounds.longest_edge()
+    }
+
+    /// What a brush over a surface does not reach, where that is limited.
+    fn behind(&self, tools: &Tools) -> Option<Behind> {
+        let most = tools.depth.clamp(0.0, 1.0) * self.radius(tools);
+        self.eye.filter(|_| tools.limited).map(|eye| Behind { eye, most })
+    }
+
+    /// Whether a stroke is being drawn.
+    #[must_use]
+    pub fn draws(&self) -> bool {
+        self.under_way.is_some()
+    }
+
+    /// Gaussians that the stroke under way has hit.
+    #[must_use]
+    pub fn hits(&self) -> usize {
+        self.under_way.as_ref().map_or(0, |s| s.open.hits().len())
+    }
+
+    /// What would be selected if the brush were pressed at `tip`: with `selected` as it is, for whoever shows it.
+    #[must_use]
+    pub fn would_select(
+        &self,
+        tools: &Tools,
+        tip: Tip,
+        sense: Sense,
+        selected: &Mask,
+        clusters: Option<&[u32]>,
+    ) -> Mask {
+        let radius = self.radius(tools) * tip.pressure.max(0.0);
+        let hits = self.brush.hits_seen(&[tip.at], radius, &[], self.behind(tools));
+        changed(selected, &hits, tools.mode, sense, clusters)
+    }
+
+    /// Presses the brush and gives the first sample.
+    pub fn press(&mut self, tools: &Tools, tip: Tip, sense: Sense) {
+        self.strokes += 1;
+        let behind = self.behind(tools);
+        let depth = behind.map(|Behind { eye, .. }| StrokeDepth {
+            eye: self.bounds.normalize(eye).to_array().to_vec(),
+            behind: tools.depth.clamp(0.0, 1.0) * tools.radius,
+        });
+        self.under_way = Some(UnderWay {
+            id: format!("{}-{}", self.name, self.strokes),
+            mode: tools.mode,
+            sense,
+            radius: tools.radius,
+            pressed: tools.pressure,
+            open: OpenStroke::new(self.gaussians, self.radius(tools)).seen(behind),
+            points: Vec::new(),
+            pressure: Vec::new(),
+            depth,
+            told: 0,
+            last: None,
+        });
+        self.sample(tip);
+    }
+
+    /// Goes on to `tip`. A sample that is hardly away from the last one, or is nowhere, is left out.
+    pub fn sample(&mut self, tip: Tip) {
+        let Some(stroke) = &mut self.under_way else { return };
+        let step = STEP * stroke.radius * self.bounds.longest_edge();
+        let near = stroke.last.is_some_and(|last| last.distance(tip.at) < step);
+        if near || !tip.at.is_finite() || stroke.points.len() / 3 >= sg_proto::limits::MAX_STROKE_POINTS {
+            return;
+        }
+        stroke.last = Some(tip.at);
+        stroke.points.extend(self.bounds.normalize(tip.at).to_array());
+        if stroke.pressed {
+            let factor = if tip.pressure.is_finite() { tip.pressure.max(0.0) } else { 1.0 };
+            stroke.pressure.push(factor);
+            stroke.open.extend_pressed(&self.brush, tip.at, factor);
+        } else {
+            stroke.open.extend(&self.brush, tip.at);
+        }
+    }
+
+    /// The samples that have not been told yet, for the selection's preview; each is told once.
+    #[must_use]
+    pub fn news(&mut self) -> Option<Request> {
+        let stroke = self.under_way.as_mut()?;
+        let samples = stroke.points.len() / 3;
+        if samples == stroke.told {
+            return None;
+        }
+        let from = std::mem::replace(&mut stroke.told, samples);
+        let samples = stroke.message(from);
+        Some(Request::Sample(SampleRequest { stroke: stroke.id.clone(), samples: Some(samples) }))
+    }
+
+    /// What is selected with the stroke under way, as far as this display can tell: `selected` itself where the selection has
+    /// told of the stroke already.
+    #[must_use]
+    pub fn selects(&self, selected: &Arc<Mask>, clusters: Option<&[u32]>) -> Arc<Mask> {
+        match &self.under_way {
+            Some(stroke) if !stroke.open.hits().is_empty() => {
+                Arc::new(changed(selected, stroke.open.hits(), stroke.mode, stroke.sense, clusters))
+            }
+            _ => Arc::clone(selected),
+        }
+    }
+
+    /// Lifts the brush: the whole stroke, to be selected with.
+    #[must_use]
+    pub fn release(&mut self) -> Option<Request> {
+        let stroke = self.under_way.take().filter(|s| !s.points.is_empty())?;
+        Some(Request::Select(StrokesRequest { strokes: vec![stroke.message(0)], ..StrokesRequest::default() }))
+    }
+
+    /// Lets go of the stroke as if it had not been begun.
+    pub fn abandon(&mut self) {
+        self.under_way = None;
+    }
+}
+
+impl UnderWay {
+    /// The samples from this one on.
+    fn message(&self, from: usize) -> Stroke {
+        let mode = match self.mode {
+            BrushMode::Walk => StrokeMode::Walk,
+            BrushMode::Cluster => StrokeMode::Cluster,
+            BrushMode::Point => StrokeMode::Point,
+        };
+        let kind = match self.sense {
+            Sense::Add => StrokeKind::Foreground,
+            Sense::Remove => StrokeKind::Background,
+        };
+        Stroke {
+            mode: mode.into(),
+            kind: kind.into(),
+            radius: self.radius,
+            points: self.points.get(3 * from..).unwrap_or_default().to_vec(),
+            pressure: self.pressure.get(from..).unwrap_or_default().to_vec(),
+            depth: self.depth.clone(),
+        }
+    }
+}
+
+/// A mask with what a brush hit added or taken away: whole clusters in cluster mode, where they are known.
+fn changed(selected: &Mask, hits: &[u32], mode: BrushMode, sense: Sense, clusters: Option<&[u32]>) -> Mask {
+    let mut mask = selected.clone();
+    let on = sense == Sense::Add;
+    let mut set = |i: usize| {
+        if i < mask.len() {
+            mask.set(i, on);
+        }
+    };
+    hits.iter().for_each(|i| set(*i as usize));
+    if let (BrushMode::Cluster, Some(labels)) = (mode, clusters) {
+        let mut hit: Vec<u32> = hits.iter().filter_map(|i| labels.get(*i as usize)).copied().collect();
+        hit.sort_unstable();
+        hit.dedup();
+        if hit.iter().any(|label| *label != NO_CLUSTER) {
+            for (i, label) in labels.iter().enumerate() {
+                if *label != NO_CLUSTER && hit.binary_search(label).is_ok() {
+                    set(i);
+                }
+            }
+        }
+    }
+    mask
+}

@@ -1,0 +1,168 @@
+//! What a person's hands and panels set of one display; nothing of it belongs to the scene.
+
+use glam::Vec3;
+
+use super::Scrubs;
+use sg_raster::attributes::Attribute;
+use sg_raster::render::{Projection, Quality};
+
+/// What a stroke of the brush means.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BrushMode {
+    /// Seeds a random walk over the cluster graph.
+    #[default]
+    Walk,
+    /// Changes whole Super-Gaussians.
+    Cluster,
+    /// Changes single Gaussians.
+    Point,
+}
+
+impl BrushMode {
+    /// All, in the order in which a button goes through them.
+    pub const ALL: [Self; 3] = [Self::Walk, Self::Cluster, Self::Point];
+
+    /// What panels and the legend call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Walk => "walk",
+            Self::Cluster => "cluster",
+            Self::Point => "point",
+        }
+    }
+
+    /// The one after it.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::Walk => Self::Cluster,
+            Self::Cluster => Self::Point,
+            Self::Point => Self::Walk,
+        }
+    }
+}
+
+/// How a stick pushed aside turns the scene in a room.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Turns {
+    /// By 30° at once, as if the person turned.
+    #[default]
+    AtOnce,
+    /// Evenly about the scene's middle.
+    Evenly,
+    /// Not at all.
+    Never,
+}
+
+impl Turns {
+    /// All, in the order of the panel.
+    pub const ALL: [Self; 3] = [Self::AtOnce, Self::Evenly, Self::Never];
+
+    /// What the panel calls it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AtOnce => "at once",
+            Self::Evenly => "evenly",
+            Self::Never => "not at all",
+        }
+    }
+}
+
+/// What is shown of the scene in this display.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Showing {
+    /// The scene as it is edited.
+    #[default]
+    Scene,
+    /// Super-Gaussians in colours of their own.
+    Clusters,
+    /// Super-Gaussians by where they lie along the first principal axis.
+    FirstComponent,
+    /// The scene with the outlines of Super-Gaussians.
+    Outlines,
+    /// An attribute of each Gaussian as its colour.
+    Attribute(Attribute),
+}
+
+/// The settings of one display.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tools {
+    /// What a stroke means.
+    pub mode: BrushMode,
+    /// The brush's radius as a fraction of the longest edge of the scene's box.
+    pub radius: f64,
+    /// Whether strokes, lassos and rectangles over a surface reach only so far behind it.
+    pub limited: bool,
+    /// How far a brush reaches behind the surface then, as a share of its radius, 0 to 1.
+    pub depth: f64,
+    /// How far lassos and rectangles do, as a fraction of the longest edge of the scene's box.
+    pub around: f64,
+    /// Which number of the last walk the stick, keys and the wheel change.
+    pub scrubs: Scrubs,
+    /// Whether the trigger's pressure narrows the brush.
+    pub pressure: bool,
+    /// Colour of the highlighted selection.
+    pub highlight: Vec3,
+    /// Share of that colour, 0 to 1.
+    pub highlight_mix: f32,
+    /// Factor on the opacity of what is selected.
+    pub highlight_opacity: f32,
+    /// What is shown.
+    pub showing: Showing,
+    /// The best quality that is drawn; a display goes below while it could not keep its pace otherwise.
+    pub quality: Quality,
+    /// How Gaussians are projected and ordered.
+    pub projection: Projection,
+    /// Whether panels are light rather than dark.
+    pub light_panels: bool,
+    /// Size of everything in panels, 1 for the usual.
+    pub scale: f32,
+    /// Whether what the dominant hand does is done by the left one.
+    pub left_handed: bool,
+    /// Whether the eyes' height is that of somebody who sits.
+    pub seated: bool,
+    /// How a stick turns the scene.
+    pub turns: Turns,
+}
+
+impl Tools {
+    /// The narrowest and the widest brush, fractions of the box's longest edge.
+    pub const RADII: (f64, f64) = (0.001, 0.25);
+
+    /// The least and the greatest [`Self::around`].
+    pub const AROUND: (f64, f64) = (0.002, 0.5);
+
+    /// Multiplies the brush's radius, within [`Self::RADII`].
+    pub fn widen(&mut self, factor: f64) {
+        self.radius = (self.radius * factor).clamp(Self::RADII.0, Self::RADII.1);
+    }
+}
+
+impl Default for Tools {
+    fn default() -> Self {
+        Self {
+            mode: BrushMode::default(),
+            radius: 0.02,
+            limited: false,
+            depth: 0.3,
+            around: 0.05,
+            scrubs: Scrubs::default(),
+            pressure: false,
+            // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
+            highlight: Vec3::new(0.337, 0.706, 0.914),
+            highlight_mix: 0.6,
+            highlight_opacity: 1.0,
+            showing: Showing::default(),
+            quality: Quality::Standard,
+            projection: Projection::default(),
+            light_panels: false,
+            scale: 1.0,
+            left_handed: false,
+            seated: false,
+            turns: Turns::default(),
+        }
+    }
+}

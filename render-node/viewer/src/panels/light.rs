@@ -1,0 +1,177 @@
+//! Light, the shown part of the shading, background, viewpoint.
+
+use egui::Ui;
+use glam::{DVec3, Vec3};
+use sg_edit::wire::{encode_color, encode_term, encode_vector};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{self as proto, NamedView, SetBackground, SetLight, SetTerm, SetView, set_view};
+use sg_scene::appearance::ShadingTerm;
+use sg_scene::camera::LightMode;
+
+use super::control::{Number, choice};
+use super::pick_color::{Picked, color_button};
+use super::{Output, Panel, Panels, Wish};
+use crate::display::Shown;
+
+/// Backgrounds that are often wanted.
+const BACKGROUNDS: [(&str, Vec3); 3] = [("black", Vec3::ZERO), ("grey", Vec3::splat(0.5)), ("white", Vec3::ONE)];
+
+/// Which part of the shading a button shows.
+const TERMS: [(&str, ShadingTerm); 5] = [
+    ("full", ShadingTerm::Full),
+    ("normal", ShadingTerm::Normal),
+    ("ambient", ShadingTerm::Ambient),
+    ("diffuse", ShadingTerm::Diffuse),
+    ("specular", ShadingTerm::Specular),
+];
+
+/// Viewpoints by name.
+const VIEWS: [(&str, NamedView); 7] = [
+    ("front", NamedView::Front),
+    ("back", NamedView::Back),
+    ("left", NamedView::Left),
+    ("right", NamedView::Right),
+    ("top", NamedView::Top),
+    ("bottom", NamedView::Bottom),
+    ("as opened", NamedView::Initial),
+];
+
+impl Panels {
+    pub(super) fn light(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+        let light = shown.scene.light();
+        let from = |mode: proto::LightMode, direction: Option<DVec3>| {
+            let direction = direction.map(encode_vector);
+            Action::SetLight(SetLight { mode: mode.into(), direction, ..SetLight::default() })
+        };
+        ui.horizontal_wrapped(|ui| {
+            ui.label("light from");
+            if choice(ui, light.mode == LightMode::Headlight, "the eye") {
+                asked.change(from(proto::LightMode::Headlight, None));
+            }
+            if choice(ui, light.mode == LightMode::Direction, "one direction") {
+                asked.change(from(proto::LightMode::Direction, None));
+            }
+        });
+        if light.mode == LightMode::Direction {
+            let [mut around, mut height] = angles(Vec3::from_array(light.direction).as_dvec3());
+            let number = |name, range| Number { name, range, logarithmic: false, text: degrees };
+            let moved = number("around", -180.0..=180.0).show(ui, &mut around);
+            if moved | number("height", -90.0..=90.0).show(ui, &mut height) {
+                self.hold(Panel::Scene, from(proto::LightMode::Unspecified, Some(direction(around, height))));
+            }
+            let view = shown.scene.view();
+            if ui.button("from the present viewpoint").clicked() {
+                asked
+                    .change(from(proto::LightMode::Unspecified, Some((view.eye - view.target).normalize_or(DVec3::Z))));
+            }
+        }
+        for (name, present, command) in [
+            ("ambient", light.ka, (|x| SetLight { ambient: Some(x), ..SetLight::default() }) as fn(f32) -> SetLight),
+            ("diffuse", light.kd, |x| SetLight { diffuse: Some(x), ..SetLight::default() }),
+            ("specular", light.ks, |x| SetLight { specular: Some(x), ..SetLight::default() }),
+            ("shininess", light.shininess, |x| SetLight { shininess: Some(x), ..SetLight::default() }),
+        ] {
+            let mut value = f64::from(present);
+            if (Number { name, range: 0.0..=3.0, logarithmic: false, text: times }).show(ui, &mut value) {
+                self.hold(Panel::Scene, Action::SetLight(command(value as f32)));
+            }
+        }
+        ui.label("part of the shading");
+        ui.horizontal_wrapped(|ui| {
+            for (name, term) in TERMS {
+                let button = egui::Button::new(name).selected(shown.scene.term() == term);
+                let response = ui.add(button);
+                let hears = format!("shading: {name}");
+                ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(hears.as_str()));
+                if response.clicked() {
+                    asked.change(Action::SetTerm(SetTerm { term: encode_term(term).into() }));
+                }
+            }
+        });
+        self.background(ui, shown, asked);
+    }
+
+    fn background(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+        let present = shown.scene.background();
+        let set = |rgb: Vec3| Action::SetBackground(SetBackground { color: Some(encode_color(rgb)) });
+        ui.horizontal_wrapped(|ui| {
+            ui.label("background");
+            if let Some(Picked::Color(rgb)) = color_button(ui, "background colour", Some(present), None) {
+                self.hold(Panel::Scene, set(rgb));
+            }
+            for (name, rgb) in BACKGROUNDS {
+                if choice(ui, present == rgb, name) {
+                    asked.change(set(rgb));
+                }
+            }
+        });
+    }
+
+    pub(super) fn viewpoint(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+        if shown.offered.scene {
+            ui.horizontal_wrapped(|ui| {
+                for (name, view) in VIEWS {
+                    if ui.button(name).clicked() {
+                        let change = Some(set_view::Change::Named(view.into()));
+                        asked.change(Action::SetView(SetView { change }));
+                    }
+                }
+            });
+        }
+        ui.horizontal_wrapped(|ui| {
+            for wish in &self.fulfils {
+                let text = match wish {
+                    Wish::Fit => "fit all".to_owned(),
+                    Wish::Bookmark => "keep this place".to_owned(),
+                    Wish::Place(n) => format!("place {n}"),
+                    Wish::Screenshot => "screenshot".to_owned(),
+                    // Stand with the walk that it is about, and at the wrist.
+                    Wish::Proposal(_) | Wish::Panels => continue,
+                };
+                if ui.button(text).clicked() {
+                    asked.wishes.push(*wish);
+                }
+            }
+        });
+    }
+}
+
+/// Degrees around the upright axis (0 from the front, that is -y, positive towards +x) and above the horizon.
+fn angles(direction: DVec3) -> [f64; 2] {
+    let d = direction.normalize_or(DVec3::Z);
+    // Straight up there is no way around.
+    let around = if d.x.hypot(d.y) > 1e-6 { d.x.atan2(-d.y).to_degrees() } else { 0.0 };
+    [around, d.z.clamp(-1.0, 1.0).asin().to_degrees()]
+}
+
+fn direction(around: f64, height: f64) -> DVec3 {
+    let (around, height) = (around.to_radians(), height.to_radians());
+    DVec3::new(height.cos() * around.sin(), -height.cos() * around.cos(), height.sin())
+}
+
+fn degrees(x: f64) -> String {
+    format!("{x:.0}°")
+}
+
+fn times(x: f64) -> String {
+    format!("× {x:.2}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_comes_back_from_its_angles() {
+        for around in [-179.0, -90.0, 0.0, 45.0, 180.0] {
+            for height in [-80.0, 0.0, 33.0] {
+                let back = angles(direction(around, height));
+                assert!(
+                    (back[0] - around).abs() < 1e-9 && (back[1] - height).abs() < 1e-9,
+                    "{around} {height} {back:?}"
+                );
+            }
+        }
+        assert!((direction(0.0, 0.0) - DVec3::NEG_Y).length() < 1e-12, "the front view's eye is at -y");
+    }
+}

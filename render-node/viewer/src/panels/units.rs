@@ -1,0 +1,245 @@
+//! Base units and editable units: a row each, and more about the chosen one.
+
+use std::sync::Arc;
+
+use egui::{Align, Button, Rect, RichText, Ui, vec2};
+use glam::Vec3;
+use sg_edit::UnitRef;
+use sg_proto::limits::MAX_NAME_BYTES;
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation, SetView, set_view};
+
+use super::control::{Number, bare_slider, button_width, cell, count, icon, percent, scale};
+use super::icon::Icon;
+use super::pick_color::{Picked, color_button};
+use super::typing::{Field, Typed};
+use super::{Output, Panel, Panels, ask, theme};
+use crate::display::Shown;
+use sg_raster::structure::NO_CLUSTER;
+
+/// One unit as its row shows it.
+struct Row {
+    unit: UnitRef,
+    name: String,
+    color: Option<Vec3>,
+    opacity: f32,
+    visible: bool,
+}
+
+/// How many Super-Gaussians there are, counted once for each clustering.
+#[derive(Debug, Default)]
+pub(super) struct Clusters(Option<(Arc<[u32]>, usize)>);
+
+impl Clusters {
+    /// Number of Super-Gaussians.
+    pub(super) fn count(&mut self, clusters: &Arc<[u32]>) -> usize {
+        match &self.0 {
+            Some((of, count)) if Arc::ptr_eq(of, clusters) => *count,
+            _ => {
+                let most = clusters.iter().filter(|c| **c != NO_CLUSTER).max();
+                let count = most.map_or(0, |c| *c as usize + 1);
+                self.0 = Some((Arc::clone(clusters), count));
+                count
+            }
+        }
+    }
+}
+
+impl Panels {
+    pub(super) fn base_units(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+        for (i, base) in shown.scene.base_units().iter().enumerate() {
+            let row = Row {
+                unit: UnitRef::Base(i),
+                name: base.name.clone(),
+                color: Some(base.palette),
+                opacity: base.opacity,
+                visible: base.visible,
+            };
+            self.row(ui, shown, &row, asked);
+        }
+    }
+
+    /// Editable units: those that a person saved, or those that commands made.
+    pub(super) fn editable_units(&mut self, ui: &mut Ui, shown: &Shown, derived: bool, asked: &mut Output) {
+        for unit in shown.scene.units().filter(|u| u.derived == derived) {
+            let row = Row {
+                unit: UnitRef::Editable(unit.id),
+                name: unit.name.clone(),
+                color: unit.color,
+                opacity: unit.opacity,
+                visible: unit.visible,
+            };
+            self.row(ui, shown, &row, asked);
+        }
+    }
+
+    fn row(&mut self, ui: &mut Ui, shown: &Shown, row: &Row, asked: &mut Output) {
+        let chosen = self.chosen == Some(row.unit);
+        let free = !self.locked.contains(&row.unit);
+        // A scene may have a thousand units, of which a panel shows twenty.
+        let place = Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), ui.spacing().interact_size.y));
+        if !chosen && !ui.is_rect_visible(place) {
+            ui.allocate_space(place.size());
+            return;
+        }
+        ui.push_id(&row.name, |ui| {
+            if !chosen {
+                ui.horizontal(|ui| self.line(ui, shown, row, free, asked));
+                return;
+            }
+            theme::card(ui).show(ui, |ui| {
+                ui.horizontal(|ui| self.line(ui, shown, row, free, asked));
+                self.details(ui, shown, row, free, asked);
+            });
+        });
+    }
+
+    fn line(&mut self, ui: &mut Ui, shown: &Shown, row: &Row, free: bool, asked: &mut Output) {
+        let (scale, gap, side) = (scale(ui), ui.spacing().item_spacing.x, ui.spacing().interact_size.y);
+        let name = &row.name;
+        let chosen = self.chosen == Some(row.unit);
+        if shown.offered.scene {
+            ui.add_enabled_ui(free, |ui| {
+                let does = if row.visible { format!("hide {name}") } else { format!("show {name}") };
+                if icon(ui, Icon::Eye, row.visible, &does) {
+                    asked.change(ask::set_visibility(ask::unit(name), !row.visible));
+                }
+            });
+            ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, asked));
+        }
+        // What is to the right of the name: a slider, its number, the lock.
+        // In a narrow dock the slider gives way to the name; the chosen unit has another.
+        let number = 54.0 * scale;
+        let room = ui.available_width() - number - side - 3.0 * gap;
+        let slider = (room - 100.0 * scale).min(96.0 * scale);
+        let slider = if slider < 36.0 * scale { 0.0 } else { slider };
+        let name_width = if shown.offered.scene { room - slider } else { ui.available_width() };
+        let size = vec2(name_width.max(40.0 * scale), side);
+        let text = if row.visible { RichText::new(name) } else { RichText::new(name).weak() };
+        let button = Button::new(text).selected(chosen).truncate().min_size(size).frame_when_inactive(chosen);
+        let shape = egui::Layout::left_to_right(Align::Center).with_main_justify(true).with_main_align(Align::Min);
+        let pressed = ui.allocate_ui_with_layout(size, shape, |ui| ui.add(button).clicked()).inner;
+        if pressed {
+            self.chosen = if chosen { None } else { Some(row.unit) };
+            self.renaming = None;
+            self.typing.forget(Field::NewName);
+        }
+        if !shown.offered.scene {
+            return;
+        }
+        ui.add_enabled_ui(free, |ui| {
+            let mut opacity = f64::from(row.opacity);
+            let what = format!("opacity of {name}");
+            if slider > 0.0 && bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
+                self.hold(Panel::Scene, ask::set_opacity(name, opacity as f32));
+            }
+            cell(ui, number, Align::Max, RichText::new(percent(opacity)).weak());
+        });
+        let does = if free { format!("lock {name}") } else { format!("unlock {name}") };
+        if icon(ui, Icon::Lock, !free, &does) {
+            if free {
+                self.locked.push(row.unit);
+            } else {
+                self.locked.retain(|u| *u != row.unit);
+            }
+        }
+    }
+
+    fn unit_color(&mut self, ui: &mut Ui, row: &Row, asked: &mut Output) {
+        let own = match row.unit {
+            UnitRef::Base(_) => "palette of the file",
+            UnitRef::Editable(_) => "its own colours",
+        };
+        match color_button(ui, &format!("colour of {}", row.name), row.color, Some(own)) {
+            Some(Picked::Color(rgb)) => self.hold(Panel::Scene, ask::set_color(&row.name, Some(rgb))),
+            Some(Picked::Own) => asked.change(ask::set_color(&row.name, None)),
+            None => {}
+        }
+    }
+
+    fn details(&mut self, ui: &mut Ui, shown: &Shown, row: &Row, free: bool, asked: &mut Output) {
+        let members = match row.unit {
+            UnitRef::Base(i) => shown.scene.base_units().get(i).map_or(0, |b| b.count),
+            UnitRef::Editable(id) => shown.scene.units().find(|u| u.id == id).map_or(0, |u| u.mask.count()),
+        };
+        let share = members as f64 / shown.scene.count().max(1) as f64;
+        let what = match row.unit {
+            UnitRef::Base(_) => "base unit",
+            UnitRef::Editable(_) => "unit",
+        };
+        ui.label(RichText::new(format!("{what}, {} Gaussians ({})", count(members), percent(share))).weak());
+        if let UnitRef::Base(i) = row.unit
+            && let Some(Some(curve)) = self.curves.get(i)
+        {
+            curve.show(ui, &row.name);
+        }
+        if !shown.offered.scene {
+            return;
+        }
+        self.pick(ui, row, asked);
+        ui.add_enabled_ui(free, |ui| {
+            let mut opacity = f64::from(row.opacity);
+            let number = Number { name: "opacity factor", range: 0.0..=2.0, logarithmic: false, text: percent };
+            if number.show(ui, &mut opacity) {
+                self.hold(Panel::Scene, ask::set_opacity(&row.name, opacity as f32));
+            }
+            if let UnitRef::Editable(id) = row.unit {
+                self.name_or_delete(ui, row, id, asked);
+            }
+        });
+    }
+
+    /// What concerns the selection and the view rather than the unit, and is free whatever is locked.
+    fn pick(&mut self, ui: &mut Ui, row: &Row, asked: &mut Output) {
+        let select = |operation: SetOperation| {
+            Action::Select(Select { target: Some(ask::unit(&row.name)), operation: operation.into() })
+        };
+        ui.horizontal_wrapped(|ui| {
+            for (text, operation) in [
+                ("select", SetOperation::Replace),
+                ("add to selection", SetOperation::Add),
+                ("take from selection", SetOperation::Remove),
+            ] {
+                if ui.button(text).clicked() {
+                    asked.change(select(operation));
+                }
+            }
+            if ui.button("solo").on_hover_text("show this and hide all else").clicked() {
+                asked.change(ask::show_only(&row.name));
+            }
+            if ui.button("look at it").clicked() {
+                let change = Some(set_view::Change::Focus(ask::unit(&row.name)));
+                asked.change(Action::SetView(SetView { change }));
+            }
+        });
+    }
+
+    fn name_or_delete(&mut self, ui: &mut Ui, row: &Row, id: u64, asked: &mut Output) {
+        if self.renaming == Some(id) {
+            ui.horizontal(|ui| {
+                let width = ui.available_width() - button_width(ui, "rename") - ui.spacing().item_spacing.x;
+                let came = self.typing.edit(ui, Field::NewName, "new name", width, MAX_NAME_BYTES);
+                let renamed = ui.button("rename").clicked();
+                if came == Typed::Going && !renamed {
+                    return;
+                }
+                self.renaming = None;
+                let new_name = self.typing.text(Field::NewName).trim().to_owned();
+                if came != Typed::GivenUp && !new_name.is_empty() && new_name != row.name {
+                    asked.change(Action::RenameUnit(RenameUnit { name: row.name.clone(), new_name }));
+                }
+            });
+            return;
+        }
+        ui.horizontal(|ui| {
+            if ui.button("rename").clicked() {
+                self.renaming = Some(id);
+                self.typing.set(Field::NewName, row.name.clone());
+                self.typing.turn_to(Field::NewName);
+            }
+            if ui.button("delete").on_hover_text("its Gaussians stay; undo brings the unit back").clicked() {
+                asked.change(Action::DeleteUnit(DeleteUnit { name: row.name.clone() }));
+            }
+        });
+    }
+}

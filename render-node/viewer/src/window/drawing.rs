@@ -1,0 +1,187 @@
+//! What draws a window's pictures beside its loop, and what finds out what is in front in them.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use egui::{Color32, ColorImage};
+use glam::DVec2;
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
+
+use crate::display::{Beside, Level};
+use sg_gpu::Gpu;
+use sg_gpu::backend::Engine;
+use sg_raster::image::Image;
+use sg_raster::outline::{OutlineStyle, draw_outlines};
+use sg_raster::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
+use sg_raster::render::{Options, Projection};
+use sg_raster::view::scaled;
+
+use super::handover::Handover;
+
+/// Edge of the picture that ids are found in, over that of the window's.
+const FRONT_SCALE: f64 = 0.5;
+
+/// Work beside a window's loop gives way to everything else by so many steps of the scheduler's scale.
+const NICE: i32 = 10;
+
+/// A picture that is wanted.
+#[derive(Debug, Clone)]
+pub(super) struct Wish {
+    /// One camera, or two whose pictures stand side by side.
+    pub(super) cameras: Vec<Camera>,
+    pub(super) look: Appearance,
+    pub(super) level: Level,
+    pub(super) projection: Projection,
+    /// Whether something moves, so that it has to be there soon.
+    pub(super) moving: bool,
+    /// Super-Gaussian of each Gaussian, where outlines are wanted.
+    pub(super) outlines: Option<Arc<[u32]>>,
+    /// The device that shows the window, where pictures may stay on it.
+    pub(super) shown_by: Option<Gpu>,
+}
+
+/// Where a picture is.
+pub(super) enum Picture {
+    /// In memory.
+    Pixels(ColorImage),
+    /// On the device that was said to show the window.
+    OnDevice(Gpu, wgpu::Texture),
+}
+
+/// A picture that is there.
+pub(super) struct Drawn {
+    pub(super) picture: Result<Picture, String>,
+    pub(super) level: Level,
+    pub(super) moving: bool,
+    pub(super) seconds: f64,
+    /// What drew it, and whether a device's picture came through memory.
+    pub(super) engine: String,
+    /// The device that draws, if one does.
+    pub(super) drawn_by: Option<Gpu>,
+}
+
+/// What is in front at every place of a picture.
+#[derive(Debug, Clone)]
+pub(super) struct Front {
+    /// The window's camera, not that of the ids.
+    camera: Camera,
+    look: Appearance,
+    ids: FrontIds,
+}
+
+/// Draws wishes with an engine, on `pool`; `told` after each.
+pub(super) fn pictures(
+    mut engine: Engine,
+    pool: Arc<rayon::ThreadPool>,
+    told: impl Fn() + Send + 'static,
+) -> std::io::Result<Beside<Wish, Drawn>> {
+    let mut handover = None;
+    let work = move |wish: Wish| {
+        let began = Instant::now();
+        let picture = pool.install(|| draw(&mut engine, &mut handover, &wish));
+        let Wish { level, moving, .. } = wish;
+        let seconds = began.elapsed().as_secs_f64();
+        let drawn_by = engine.gpu().cloned();
+        let copied = drawn_by.is_some() && matches!(picture, Ok(Picture::Pixels(_)));
+        let name = engine.name() + if copied { ", copied" } else { "" };
+        Drawn { picture, level, moving, seconds, engine: name, drawn_by }
+    };
+    Beside::new("draws", work, told)
+}
+
+fn draw(engine: &mut Engine, handover: &mut Option<Handover>, wish: &Wish) -> Result<Picture, String> {
+    let cameras: Vec<_> = wish.cameras.iter().map(|camera| scaled(camera, wish.level.scale)).collect();
+    let options = Options { quality: wish.level.quality, projection: wish.projection };
+    // Outlines are drawn by the cores.
+    if let Some(shown_by) = wish.shown_by.as_ref().filter(|_| wish.outlines.is_none()) {
+        let left = engine.leave(&wish.look, &cameras, options).map_err(|e| e.to_string())?;
+        // A device opened anew does not show the window yet.
+        if let Some((gpu, pictures)) = left.filter(|(gpu, _)| gpu.is(shown_by)) {
+            if !handover.as_ref().is_some_and(|h| h.is_on(gpu)) {
+                *handover = None;
+            }
+            let picture = handover.get_or_insert_with(|| Handover::new(gpu)).put(pictures);
+            return Ok(Picture::OnDevice(shown_by.clone(), picture));
+        }
+    }
+    let mut eyes = Vec::with_capacity(cameras.len());
+    for camera in &cameras {
+        let mut image = engine.draw(&wish.look, camera, options).map_err(|e| e.to_string())?.image;
+        if let Some(labels) = &wish.outlines {
+            let front = front_ids(engine.scene(), &wish.look, camera, wish.projection, SURFACE);
+            let (ids, _) = front.map_err(|e| e.to_string())?;
+            draw_outlines(&mut image, &ids, labels, OutlineStyle::default()).map_err(|e| e.to_string())?;
+        }
+        eyes.push(image);
+    }
+    Ok(Picture::Pixels(side_by_side(&eyes)))
+}
+
+/// Pictures of one height beside each other, rounded as in a PNG.
+fn side_by_side(images: &[Image]) -> ColorImage {
+    let height = images.iter().map(|i| i.height).min().unwrap_or(0) as usize;
+    let width: usize = images.iter().map(|i| i.width as usize).sum();
+    let byte = |x: f32| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
+    let mut pixels = Vec::with_capacity(width * height);
+    for y in 0..height {
+        for image in images {
+            let row = 4 * image.width as usize;
+            let line = image.rgba.get(y * row..(y + 1) * row).unwrap_or_default();
+            pixels.extend(line.chunks_exact(4).map(|p| Color32::from_rgb(byte(p[0]), byte(p[1]), byte(p[2]))));
+        }
+    }
+    ColorImage::new([width, height], pixels)
+}
+
+/// Finds what is in front for cameras and looks, on `pool`; `told` after each.
+pub(super) fn fronts(
+    scene: Arc<Scene>,
+    pool: Arc<rayon::ThreadPool>,
+    told: impl Fn() + Send + 'static,
+) -> std::io::Result<Beside<(Camera, Appearance), Option<Front>>> {
+    let work = move |(camera, look): (Camera, Appearance)| {
+        let small = scaled(&camera, FRONT_SCALE);
+        let found = pool.install(|| front_ids(&scene, &look, &small, Projection::Affine, SURFACE));
+        // A picture that cannot be drawn says so itself.
+        found.ok().map(|(ids, _)| Front { camera, look, ids })
+    };
+    Beside::new("finds-front", work, told)
+}
+
+impl Front {
+    /// Whether it is that of this camera.
+    pub(super) fn is_of(&self, camera: &Camera) -> bool {
+        self.camera == *camera
+    }
+
+    /// What is in front at a place of the window's picture, pixels.
+    pub(super) fn at(&self, scene: &Scene, at: DVec2) -> Option<Hit> {
+        let scale = DVec2::new(
+            f64::from(self.ids.width) / f64::from(self.camera.width),
+            f64::from(self.ids.height) / f64::from(self.camera.height),
+        );
+        let place = at * scale;
+        if place.min_element() < 0.0 {
+            return None;
+        }
+        let id = self.ids.at(place.x as u32, place.y as u32)?;
+        hit_of(scene, &self.look, &self.camera, id, at)
+    }
+}
+
+/// Threads that draw, as many as there are cores, behind everything else: a hand that waits for a few microseconds of another
+/// process is not to wait for a picture.
+///
+/// # Errors
+/// What the system says where it gives no threads.
+pub fn threads() -> Result<Arc<rayon::ThreadPool>, rayon::ThreadPoolBuildError> {
+    let lowered = |_| {
+        if let Err(error) = rustix::process::setpriority_process(None, NICE) {
+            tracing::warn!(%error, "drawing goes at the priority of everything else");
+        }
+    };
+    let builder = rayon::ThreadPoolBuilder::new().thread_name(|k| format!("draws-{k}")).start_handler(lowered);
+    builder.build().map(Arc::new)
+}

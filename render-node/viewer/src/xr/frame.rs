@@ -1,0 +1,256 @@
+//! One frame while it is made.
+
+use std::time::Duration;
+
+use glam::DVec2;
+use openxr as xr;
+
+use super::live::{Live, Looking};
+use super::mask::Triangle;
+use super::target::Target;
+use super::{XrError, device, space};
+use crate::hands::{Eye, HandInput, Pose, Rectangle, Side};
+use sg_gpu::{FARTHEST, Gpu, NEAREST};
+
+/// A panel's images, made by [`super::Headset::panel`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct PanelId {
+    pub(super) at: usize,
+    /// Which session it was made in.
+    pub(super) session: u64,
+}
+
+/// A panel as it hangs in the room.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quad {
+    /// What is on it.
+    pub panel: PanelId,
+    /// Where it hangs and how large it is.
+    pub place: Rectangle,
+}
+
+/// One frame: where eyes and hands will be when it is shown, and what it is drawn to.
+pub struct Frame<'a> {
+    /// Left and right.
+    pub eyes: [Eye; 2],
+    /// Between them.
+    pub head: Pose,
+    /// Left and right.
+    pub hands: [HandInput; 2],
+    /// When it will be shown, in seconds on the runtime's clock.
+    pub seconds: f64,
+    /// Seconds from one frame to the next.
+    pub period: f64,
+    /// Whether the person has centred the room anew since the last frame: all of it may have moved.
+    pub recentred: bool,
+    pub(super) live: &'a mut Live,
+    pub(super) session: u64,
+    pub(super) raw: [(xr::Posef, xr::Fovf); 2],
+    pub(super) quads: Vec<Quad>,
+    pub(super) eyes_drawn: bool,
+    pub(super) depths_drawn: bool,
+    /// The call that failed, so that the loss of the runtime is not mistaken for a mistake of who draws.
+    pub(super) failed: Option<XrError>,
+}
+
+impl<'a> Frame<'a> {
+    pub(super) fn new(
+        live: &'a mut Live,
+        looking: Looking,
+        hands: [HandInput; 2],
+        (session, time, period): (u64, xr::Time, xr::Duration),
+    ) -> Self {
+        let seconds = |nanoseconds: i64| nanoseconds as f64 * 1e-9;
+        Self {
+            eyes: looking.eyes,
+            head: looking.head,
+            hands,
+            seconds: seconds(time.as_nanos()),
+            period: seconds(period.as_nanos()),
+            recentred: std::mem::take(&mut live.recentred),
+            live,
+            session,
+            raw: looking.raw,
+            quads: Vec::new(),
+            eyes_drawn: false,
+            depths_drawn: false,
+            failed: None,
+        }
+    }
+
+    /// The device that everything is drawn with.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
+        &self.live.shared.gpu
+    }
+
+    /// Width and height of each eye's picture, pixels.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        self.live.eyes.size
+    }
+
+    /// The format of what eyes and panels are drawn to, as [`super::Headset::format`].
+    #[must_use]
+    pub fn format(&self) -> wgpu::TextureFormat {
+        self.live.format.wgpu
+    }
+
+    /// The format of the images that both eyes' depths are stored in, one of depths and of the size of their pictures; `None`
+    /// where the runtime takes none.
+    #[must_use]
+    pub fn depth_format(&self) -> Option<wgpu::TextureFormat> {
+        self.live.depths.as_ref().map(|(_, format)| format.wgpu)
+    }
+
+    /// What of the left and the right eye's picture lenses hide, and how often that has changed: nothing that is drawn there is
+    /// seen. Empty where the runtime does not tell.
+    #[must_use]
+    pub fn hidden(&self) -> (u64, &[Vec<Triangle>; 2]) {
+        (self.live.mask.version, &self.live.mask.eyes)
+    }
+
+    /// Makes images for a panel of so many pixels, as [`super::Headset::panel`] does between frames.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn panel(&mut self, size: [u32; 2]) -> Result<PanelId, XrError> {
+        let made = self.live.panel(size, self.session);
+        self.keep(made)
+    }
+
+    /// Has both eyes' pictures drawn. `draw` is given what to draw to, left and right, in the format of
+    /// [`super::Headset::format`], and has handed its work in when it returns. What a frame does not draw is not shown.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn draw_eyes<T>(&mut self, draw: impl FnOnce(&[wgpu::TextureView]) -> T) -> Result<T, XrError> {
+        let done = self.live.eyes.draw(draw);
+        self.eyes_drawn |= done.is_ok();
+        self.keep(done)
+    }
+
+    /// As [`Self::draw_eyes`], with how far away is what the pictures show: `draw` is given the images of depths as well, in the
+    /// format of [`Self::depth_format`], and stores depths as [`sg_gpu::DepthLayer`] does; none where the runtime takes none.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn draw_eyes_and_depths<T>(
+        &mut self,
+        draw: impl FnOnce(&[wgpu::TextureView], &[wgpu::TextureView]) -> T,
+    ) -> Result<T, XrError> {
+        let Live { eyes, depths, .. } = &mut *self.live;
+        let done = match depths {
+            Some((depths, _)) => depths.draw(|depths| eyes.draw(|eyes| draw(eyes, depths))).flatten(),
+            None => eyes.draw(|eyes| draw(eyes, &[])),
+        };
+        self.eyes_drawn |= done.is_ok();
+        self.depths_drawn |= done.is_ok() && self.live.depths.is_some();
+        self.keep(done)
+    }
+
+    /// Whether depths of this frame's pictures are handed in with them.
+    #[must_use]
+    pub fn has_depths(&self) -> bool {
+        self.depths_drawn && self.eyes_drawn
+    }
+
+    /// Has a panel drawn; it stays as it is until it is drawn again. `draw` is as for [`Self::draw_eyes`]; colours are
+    /// multiplied by their alpha, as egui's are.
+    ///
+    /// # Errors
+    /// [`XrError::NoPanel`], [`XrError::Call`].
+    pub fn draw_panel<T>(&mut self, panel: PanelId, draw: impl FnOnce(&wgpu::TextureView) -> T) -> Result<T, XrError> {
+        let target = find(&mut self.live.panels, self.session, panel)?;
+        let done = target.draw(|layers| layers.first().map(draw));
+        self.keep(done)?.ok_or(XrError::NoPanel)
+    }
+
+    /// Shows a panel in this frame, in front of the scene. Of several the nearer covers the farther. One that was never drawn
+    /// is not shown.
+    pub fn show(&mut self, quad: Quad) {
+        self.quads.push(quad);
+    }
+
+    /// Lets a hand feel something, of strength 0 to 1; a length of zero is the shortest that can be felt.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn pulse(&mut self, side: Side, strength: f32, length: Duration) -> Result<(), XrError> {
+        let Live { actions, session, held, .. } = &*self.live;
+        let done = held.during("a pulse", || actions.pulse(session, side, strength, length));
+        self.keep(done.map_err(|e| XrError::call("pulse", e)))
+    }
+
+    fn keep<T>(&mut self, outcome: Result<T, XrError>) -> Result<T, XrError> {
+        outcome.inspect_err(|error| {
+            if let XrError::Call { what, code } = error {
+                self.failed = Some(XrError::call(what, *code));
+            }
+        })
+    }
+
+    /// Hands the frame in: the eyes' pictures, and in front of them the panels from far to near.
+    pub(super) fn end(mut self, time: xr::Time) -> Result<(), XrError> {
+        if let Some(failed) = self.failed.take() {
+            return Err(failed);
+        }
+        let head = self.head.position;
+        self.quads.sort_by(|a, b| {
+            let far = |q: &Quad| q.place.pose.position.distance_squared(head);
+            far(b).total_cmp(&far(a))
+        });
+        let live = &mut *self.live;
+        let depths = live.depths.as_ref().filter(|_| self.depths_drawn);
+        let depths = depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target, k, [NEAREST, FARTHEST])));
+        let views = [0, 1].map(|k| {
+            let (pose, fov) = self.raw[k];
+            let view = xr::CompositionLayerProjectionView::new().pose(pose).fov(fov);
+            let view = view.sub_image(live.eyes.sub_image(k as u32));
+            match &depths {
+                Some(depths) => device::with_depth(view, &depths[k]),
+                None => view,
+            }
+        });
+        let projection = xr::CompositionLayerProjection::new().space(&live.room).views(&views);
+        let room_for = live.most_layers - usize::from(self.eyes_drawn);
+        let hung: Vec<(&Target, &Quad)> = self
+            .quads
+            .iter()
+            .filter_map(|quad| {
+                let target = live.panels.get(quad.panel.at).and_then(Option::as_ref);
+                target.filter(|t| t.drawn && quad.panel.session == self.session).map(|t| (t, quad))
+            })
+            .collect();
+        // The farthest give way.
+        let hung = hung.get(hung.len().saturating_sub(room_for)..).unwrap_or_default();
+        let quads: Vec<xr::CompositionLayerQuad<'_, xr::Vulkan>> = hung
+            .iter()
+            .map(|(target, quad)| {
+                let DVec2 { x, y } = quad.place.size;
+                xr::CompositionLayerQuad::new()
+                    .space(&live.room)
+                    .eye_visibility(xr::EyeVisibility::BOTH)
+                    .layer_flags(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA)
+                    .sub_image(target.sub_image(0))
+                    .pose(space::raw(&quad.place.pose))
+                    .size(xr::Extent2Df { width: x as f32, height: y as f32 })
+            })
+            .collect();
+        let mut layers: Vec<&xr::CompositionLayerBase<'_, xr::Vulkan>> = Vec::with_capacity(1 + quads.len());
+        if self.eyes_drawn {
+            layers.push(&projection);
+        }
+        layers.extend(quads.iter().map(|quad| -> &xr::CompositionLayerBase<'_, xr::Vulkan> { quad }));
+        let (stream, blend) = (&mut live.stream, live.blend);
+        live.held.during("taking a frame", || stream.end(time, blend, &layers)).map_err(|e| XrError::call("frame", e))
+    }
+}
+
+/// The panel of that name, if it was made in this session.
+pub(super) fn find(panels: &mut [Option<Target>], session: u64, panel: PanelId) -> Result<&mut Target, XrError> {
+    if panel.session != session {
+        return Err(XrError::NoPanel);
+    }
+    panels.get_mut(panel.at).and_then(Option::as_mut).ok_or(XrError::NoPanel)
+}

@@ -1,0 +1,433 @@
+//! The headset as the loop sees it: there, away, or back.
+
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, TryRecvError};
+use std::time::{Duration, Instant};
+
+use openxr as xr;
+
+use super::frame::{Frame, PanelId};
+use super::live::{Happened, Live};
+use super::{Held, XrError};
+use crate::hands::{Origin, Stance};
+use sg_gpu::Gpu;
+
+/// How long the loop may rest before it asks again when [`Headset::frame`] had nothing to wait for.
+pub const PAUSE: Duration = Duration::from_millis(10);
+
+/// How a headset is used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Factor on the width and height that the runtime recommends, 0.1 to 4.
+    pub resolution: f64,
+    /// Frames in a second, where the runtime lets one choose; the nearest that it offers.
+    pub refresh_rate: Option<f32>,
+    /// Standing, the room's floor is at y = 0 where the runtime knows it; seated, the eyes are.
+    pub stance: Stance,
+    /// Pause before a runtime that went away is looked for again.
+    pub retry_pause: Duration,
+    /// How often it is looked for.
+    pub tries: u32,
+    /// How long a runtime may take to answer when it is looked for, before it is taken for one that hangs.
+    pub patience: Duration,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            resolution: 1.0,
+            refresh_rate: None,
+            stance: Stance::Standing,
+            retry_pause: Duration::from_secs(1),
+            tries: 300,
+            patience: Duration::from_secs(20),
+        }
+    }
+}
+
+/// What became of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// It was drawn and handed in.
+    Shown,
+    /// Nobody would see it: handed in without being drawn.
+    Hidden,
+    /// The session is not running; nothing was waited for, see [`PAUSE`].
+    Idle,
+    /// The runtime is gone, and with it the device: what was made with it is to be dropped. Nothing was waited for.
+    Away,
+    /// The runtime is there again, with another device and no panels.
+    Back,
+    /// The session is over, as [`Headset::leave`] or the person asked. Nothing comes any more.
+    Ended,
+}
+
+/// How frames keep up.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Paced {
+    /// Frames drawn and handed in.
+    pub shown: u64,
+    /// Frames of the display for which nothing new was there in time.
+    pub missed: u64,
+    /// Seconds from one frame to the next, as the runtime has it.
+    pub period: f64,
+    /// Seconds from the end of the newest wait until the frame was handed in: what there is one period for.
+    pub work: f64,
+}
+
+enum State {
+    Open(Box<Live>),
+    Away { since: XrError, next: Instant, asked: Option<Asked> },
+    Ended,
+}
+
+/// A runtime that was asked for a session, on a thread of its own: one that is stopped does not answer, and nobody can be
+/// taken back from it. While it has not answered it is not asked again, since a process has one session.
+struct Asked {
+    answer: Receiver<Result<Box<Live>, XrError>>,
+    /// When it is taken for one that hangs.
+    until: Instant,
+}
+
+impl Asked {
+    fn begin(options: Options, held: &Held) -> Result<Self, XrError> {
+        let (says, answer) = mpsc::sync_channel(1);
+        // The loop does not wait here: nothing holds it.
+        let held = held.clone();
+        let ask = move || {
+            // Whoever has given up meanwhile wants no session: it ends here.
+            let _ = says.send(Live::open(&options, &held).map(Box::new));
+        };
+        let thread = std::thread::Builder::new().name("headset".to_owned()).spawn(ask);
+        thread.map_err(|e| XrError::Silent { reason: format!("no thread to ask on: {e}") })?;
+        Ok(Self { answer, until: Instant::now() + options.patience })
+    }
+
+    /// The answer, waited for no longer than until the runtime is taken for one that hangs.
+    fn wait(&self, patience: Duration) -> Result<Box<Live>, XrError> {
+        match self.answer.recv_timeout(self.until.saturating_duration_since(Instant::now())) {
+            Ok(answer) => answer,
+            Err(RecvTimeoutError::Timeout) => Err(silent(patience)),
+            Err(RecvTimeoutError::Disconnected) => Err(broken()),
+        }
+    }
+}
+
+fn silent(patience: Duration) -> XrError {
+    XrError::Silent { reason: format!("for {:.0} s", patience.as_secs_f64()) }
+}
+
+fn broken() -> XrError {
+    XrError::Silent { reason: "asking it failed".to_owned() }
+}
+
+/// A headset.
+///
+/// All of its frames, and all work for its device, belong to one thread. When [`Step::Away`] is told, whoever drew drops
+/// what was made with [`Self::gpu`]; when [`Step::Back`] is, it is made anew.
+pub struct Headset {
+    state: State,
+    options: Options,
+    /// How often the runtime was looked for since a frame was last shown.
+    tries: u32,
+    session: u64,
+    paced: Paced,
+    last_shown: Option<xr::Time>,
+    held: Held,
+}
+
+impl Headset {
+    /// Finds runtime and headset and begins a session.
+    ///
+    /// # Errors
+    /// [`XrError`]: what is missing, and what to do.
+    pub fn open(options: Options) -> Result<Self, XrError> {
+        let held = Held::default();
+        let live = Asked::begin(options, &held)?.wait(options.patience)?;
+        Ok(Self {
+            state: State::Open(live),
+            options,
+            tries: 0,
+            session: 0,
+            paced: Paced::default(),
+            last_shown: None,
+            held,
+        })
+    }
+
+    /// Whether the runtime holds the loop, for somebody beside it.
+    #[must_use]
+    pub fn held(&self) -> Held {
+        self.held.clone()
+    }
+
+    fn live(&self) -> Option<&Live> {
+        match &self.state {
+            State::Open(live) => Some(live),
+            State::Away { .. } | State::Ended => None,
+        }
+    }
+
+    /// The device; `None` while the runtime is away.
+    #[must_use]
+    pub fn gpu(&self) -> Option<&Gpu> {
+        self.live().map(|l| &l.shared.gpu)
+    }
+
+    /// Where the device comes from: a window whose surface this instance made, and which suits this adapter, can show on the
+    /// same device what the headset does. `None` while the runtime is away.
+    #[must_use]
+    pub fn made_of(&self) -> Option<(&wgpu::Instance, &wgpu::Adapter)> {
+        self.live().map(|l| (&l.shared.made_of.0, &l.shared.made_of.1))
+    }
+
+    /// Format of what eyes and panels are drawn to, one that stores by the sRGB curve: what [`sg_gpu::Present`] and
+    /// egui's renderer are made for. `None` while the runtime is away.
+    #[must_use]
+    pub fn format(&self) -> Option<wgpu::TextureFormat> {
+        self.live().map(|l| l.format.wgpu)
+    }
+
+    /// Width and height of each eye's picture; `None` while the runtime is away.
+    #[must_use]
+    pub fn size(&self) -> Option<[u32; 2]> {
+        self.live().map(|l| l.eyes.size)
+    }
+
+    /// What is at y = 0 of the room.
+    #[must_use]
+    pub fn origin(&self) -> Origin {
+        self.live().map_or(Origin::Floor, |l| l.origin)
+    }
+
+    /// The runtime and the headset, for people to read; `None` while it is away.
+    #[must_use]
+    pub fn names(&self) -> Option<[&str; 2]> {
+        self.live().map(|l| [l.runtime.as_str(), l.system.as_str()])
+    }
+
+    /// The controllers in use, left and right, as paths of OpenXR's interaction profiles.
+    #[must_use]
+    pub fn controllers(&self) -> [Option<String>; 2] {
+        self.live().map(Live::controllers).unwrap_or_default()
+    }
+
+    /// Controllers that would be understood but that the runtime does not know.
+    #[must_use]
+    pub fn unknown_controllers(&self) -> &[&'static str] {
+        self.live().map_or(&[], |l| &l.actions.unknown)
+    }
+
+    /// Whether the person's hands are given to this session and not to the runtime's own menu.
+    #[must_use]
+    pub fn is_focused(&self) -> bool {
+        self.live().is_some_and(|l| l.life.is_focused())
+    }
+
+    /// Refresh rates that can be chosen; empty where the runtime chooses.
+    #[must_use]
+    pub fn refresh_rates(&self) -> Vec<f32> {
+        self.live().map(Live::rates).unwrap_or_default()
+    }
+
+    /// Asks for the refresh rate nearest to this one, now and whenever the runtime comes back.
+    pub fn set_refresh_rate(&mut self, rate: f32) {
+        self.options.refresh_rate = Some(rate);
+        if let Some(live) = self.live() {
+            live.ask_for_rate(Some(rate));
+        }
+    }
+
+    /// How frames keep up.
+    #[must_use]
+    pub fn paced(&self) -> Paced {
+        self.paced
+    }
+
+    /// Why the runtime is away, while it is.
+    #[must_use]
+    pub fn away(&self) -> Option<&XrError> {
+        match &self.state {
+            State::Away { since, .. } => Some(since),
+            State::Open(_) | State::Ended => None,
+        }
+    }
+
+    /// Makes images for a panel of so many pixels.
+    ///
+    /// # Errors
+    /// [`XrError::NoPanel`] while the runtime is away, [`XrError::Call`] when it fails.
+    pub fn panel(&mut self, size: [u32; 2]) -> Result<PanelId, XrError> {
+        let State::Open(live) = &mut self.state else { return Err(XrError::NoPanel) };
+        live.panel(size, self.session)
+    }
+
+    /// Gives a panel's images back; one that is not there changes nothing.
+    pub fn drop_panel(&mut self, panel: PanelId) {
+        let session = self.session;
+        if let State::Open(live) = &mut self.state
+            && panel.session == session
+            && let Some(slot) = live.panels.get_mut(panel.at)
+        {
+            let _ = live.shared.gpu.wait();
+            self.held.during("a panel's end", || *slot = None);
+        }
+    }
+
+    /// Asks the runtime to end the session: [`Step::Ended`] comes when it has. While it is away the session ends at once.
+    pub fn leave(&mut self) {
+        if let State::Open(live) = &self.state
+            && live.life.is_running()
+            && self.held.during("the session's end", || live.session.request_exit()).is_ok()
+        {
+            return;
+        }
+        self.put(State::Ended);
+    }
+
+    /// Gives runtime and device up and looks for them anew at once, as when the device was lost
+    /// ([`sg_gpu::GpuError::Lost`]): [`Step::Away`] until [`Step::Back`]. While the runtime is away or the session has ended,
+    /// nothing changes.
+    pub fn restart(&mut self, reason: String) {
+        if self.live().is_some() {
+            let lost = XrError::Device { reason };
+            tracing::warn!(reason = %lost, "the headset is opened anew");
+            self.put(State::Away { since: lost, next: Instant::now(), asked: None });
+        }
+    }
+
+    /// Makes one frame: takes in what the runtime tells, waits for the frame's time, has it drawn and hands it in.
+    ///
+    /// `draw` is called where there is something to see, after the wait. A runtime that goes away on the way is no error but
+    /// [`Step::Away`], whatever `draw` returned.
+    ///
+    /// # Errors
+    /// What `draw` returned; [`XrError::Gone`] when the runtime has been looked for as often as [`Options::tries`] says.
+    pub fn frame<E: From<XrError>>(&mut self, draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>) -> Result<Step, E> {
+        let live = match &mut self.state {
+            State::Open(live) => live,
+            State::Away { .. } => return Ok(self.look_again()?),
+            State::Ended => return Ok(Step::Ended),
+        };
+        match made(live, self.session, &mut self.paced, &mut self.last_shown, draw) {
+            Ok((step, drawn)) => {
+                match step {
+                    Step::Shown => self.tries = 0,
+                    Step::Ended => self.put(State::Ended),
+                    Step::Hidden | Step::Idle | Step::Away | Step::Back => {}
+                }
+                drawn.map(|()| step)
+            }
+            Err(lost) => {
+                tracing::warn!(reason = %lost, "the headset's runtime is gone; it is looked for again");
+                self.away_for(lost);
+                Ok(Step::Away)
+            }
+        }
+    }
+
+    /// Goes on in another state; a session that there was ends here.
+    fn put(&mut self, state: State) {
+        if !matches!(state, State::Open(_)) {
+            self.last_shown = None;
+        }
+        let before = std::mem::replace(&mut self.state, state);
+        self.held.during("the session's end", || drop(before));
+    }
+
+    fn away_for(&mut self, since: XrError) {
+        self.put(State::Away { since, next: Instant::now() + self.options.retry_pause, asked: None });
+    }
+
+    /// Looks for the runtime, as often as it may be looked for, without waiting for its answer.
+    fn look_again(&mut self) -> Result<Step, XrError> {
+        let (options, now) = (self.options, Instant::now());
+        let State::Away { since, next, asked } = &mut self.state else { return Ok(Step::Away) };
+        let reason = match asked.as_ref().map(|waits| (waits.until, waits.answer.try_recv())) {
+            None if now < *next => return Ok(Step::Away),
+            None => {
+                self.tries += 1;
+                match Asked::begin(options, &self.held) {
+                    Ok(waits) => {
+                        *asked = Some(waits);
+                        return Ok(Step::Away);
+                    }
+                    Err(reason) => reason,
+                }
+            }
+            Some((_, Ok(Ok(live)))) => {
+                tracing::info!(tries = self.tries, "the headset is back");
+                self.put(State::Open(live));
+                self.session += 1;
+                return Ok(Step::Back);
+            }
+            Some((_, Ok(Err(reason)))) => reason,
+            Some((_, Err(TryRecvError::Disconnected))) => broken(),
+            Some((until, Err(TryRecvError::Empty))) if now < until => return Ok(Step::Away),
+            Some((_, Err(TryRecvError::Empty))) => {
+                // It is asked already, and only its answer can tell more; that it is waited for still counts as a try.
+                self.tries += 1;
+                if self.tries < options.tries {
+                    *since = silent(options.patience);
+                    if let Some(waits) = asked {
+                        waits.until = now + options.patience;
+                    }
+                    return Ok(Step::Away);
+                }
+                silent(options.patience)
+            }
+        };
+        if self.tries >= options.tries {
+            self.put(State::Ended);
+            return Err(XrError::Gone { tries: self.tries, reason: Box::new(reason) });
+        }
+        self.away_for(reason);
+        Ok(Step::Away)
+    }
+}
+
+/// A frame of a session that is there: what became of it and what `draw` returned, or how the runtime was lost.
+fn made<E>(
+    live: &mut Live,
+    session: u64,
+    paced: &mut Paced,
+    last_shown: &mut Option<xr::Time>,
+    draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>,
+) -> Result<(Step, Result<(), E>), XrError> {
+    let held = live.held.clone();
+    match held.during("what happened", || live.events())? {
+        Happened::Nothing => {}
+        Happened::Left => return Ok((Step::Ended, Ok(()))),
+        Happened::Lost => return Err(XrError::call("session", xr::sys::Result::ERROR_SESSION_LOST)),
+    }
+    if !live.life.is_running() {
+        *last_shown = None;
+        return Ok((Step::Idle, Ok(())));
+    }
+    let call = |e| XrError::call("frame", e);
+    let waited = held.during("a frame's time", || live.waiter.wait()).map_err(call)?;
+    let begun = Instant::now();
+    held.during("a frame's begin", || live.stream.begin()).map_err(call)?;
+    // What the device has to say of earlier frames, its own loss above all; nothing is waited for.
+    let _ = live.shared.gpu.device().poll(wgpu::PollType::Poll);
+    let time = waited.predicted_display_time;
+    let period = waited.predicted_display_period;
+    let seen = waited.should_render;
+    let looking = if seen { held.during("where eyes are", || live.look(time)).map_err(call)? } else { None };
+    let hands = held.during("what hands do", || live.hands(time)).map_err(call)?;
+    let Some(looking) = looking else {
+        *last_shown = None;
+        held.during("taking a frame", || live.stream.end(time, live.blend, &[])).map_err(call)?;
+        return Ok((Step::Hidden, Ok(())));
+    };
+    let mut frame = Frame::new(live, looking, hands, (session, time, period));
+    let drawn = draw(&mut frame);
+    frame.end(time)?;
+    paced.shown += 1;
+    paced.period = period.as_nanos() as f64 * 1e-9;
+    paced.work = begun.elapsed().as_secs_f64();
+    if let Some(last) = last_shown.replace(time) {
+        let periods = (time.as_nanos() - last.as_nanos()) as f64 / (period.as_nanos().max(1)) as f64;
+        paced.missed += (periods.round() as u64).saturating_sub(1);
+    }
+    Ok((Step::Shown, drawn))
+}

@@ -1,0 +1,119 @@
+//! What sticks do in the room, before and after a walk.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use sg_proto::scene::{StrokeMode, selection_step::Step};
+use sg_scene::model::Scene;
+use sg_viewer::display::{BrushMode, Request, Scrubs, Shown, Tools, Turns};
+use sg_viewer::hands::{HandInput, Origin, Placement, Side, Stance};
+use sg_viewer::room::{Acts, Did, Taken};
+
+use crate::brush::row_of_gaussians;
+use crate::scrubbing::{FIRST, after_steps, stroke};
+
+struct Room {
+    acts: Acts,
+    tools: Tools,
+    shown: Shown,
+}
+
+impl Room {
+    fn new(scene: &Arc<Scene>, shown: Shown) -> Self {
+        let home = Placement::fit(scene.bounds, DVec3::Z, DVec3::Y, Stance::Standing, Origin::Floor);
+        Self { acts: Acts::new(scene, home), tools: Tools::default(), shown }
+    }
+
+    /// A frame of a hundredth of a second with these sticks, left and right.
+    fn frame(&mut self, left: DVec2, right: DVec2, taken: Taken) -> Did {
+        let hands = [left, right].map(|stick| HandInput { stick, ..HandInput::default() });
+        self.acts.step(&hands, taken, (DVec3::ZERO, 0.01), &mut self.tools, &self.shown)
+    }
+
+    fn legend(&self, side: Side) -> String {
+        Acts::legend(side, &self.tools, &self.shown).iter().map(|(what, does)| format!("{what}: {does}\n")).collect()
+    }
+}
+
+const UP: DVec2 = DVec2::Y;
+
+#[test]
+fn a_stick_turns_at_once_evenly_or_not_at_all() {
+    let scene = Arc::new(row_of_gaussians(6));
+    for (turns, degrees, jumps) in [(Turns::AtOnce, 30.0, 1), (Turns::Evenly, 45.0, 0), (Turns::Never, 0.0, 0)] {
+        let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
+        room.tools.turns = turns;
+        let before = room.acts.placement();
+        // A second at the end, and back.
+        let jumped = (0..100).filter(|_| room.frame(DVec2::ZERO, DVec2::X, Taken::default()).jumped).count();
+        room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default());
+        let turned = before.rotation.angle_between(room.acts.placement().rotation).to_degrees();
+        assert!((turned - degrees).abs() < 1e-6 && jumped == jumps, "{turns:?}: {turned}°, {jumped} jumps");
+        assert_eq!(room.legend(Side::Right).contains("turns"), turns != Turns::Never);
+    }
+}
+
+#[test]
+fn before_a_walk_sticks_say_how_wide_the_brush_is() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
+    let radius = room.tools.radius;
+    assert_eq!(room.frame(DVec2::ZERO, UP, Taken::default()).requests, []);
+    let wider = room.tools.radius;
+    assert!(wider > radius);
+    assert_eq!(room.frame(UP, DVec2::ZERO, Taken::default()).requests, []);
+    assert!(room.tools.radius > wider);
+    assert!(room.legend(Side::Right).contains("up and down: width") && !room.legend(Side::Left).contains("leak"));
+}
+
+#[test]
+fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Walk)]));
+    let radius = room.tools.radius;
+    let mut newest = FIRST;
+    for _ in 0..10 {
+        let did = room.frame(DVec2::ZERO, UP, Taken::default());
+        let [Request::Tune(tuning)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
+        assert!(tuning.leak > newest.leak && tuning.threshold == FIRST.threshold);
+        newest = *tuning;
+    }
+    assert!((newest.leak / FIRST.leak).log10() > 0.13, "a tenth of a second at the end: {newest:?}");
+    assert_eq!(room.tools.radius, radius);
+    // At rest again, it is one step.
+    let did = room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default());
+    let [Request::Select(asked)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
+    assert_eq!(asked.steps.first().and_then(|s| s.step.clone()), Some(Step::Tuning(newest)));
+    assert_eq!(room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default()).requests, []);
+    // The other hand has the width, and says aside which of the two numbers it is.
+    room.frame(UP, DVec2::ZERO, Taken::default());
+    assert!(room.tools.radius > radius);
+    room.frame(DVec2::X, DVec2::ZERO, Taken::default());
+    assert_eq!(room.tools.scrubs, Scrubs::Threshold);
+    assert!(room.legend(Side::Right).contains("up and down: threshold 0.00"), "{}", room.legend(Side::Right));
+    assert!(room.legend(Side::Left).contains("left: leak"), "{}", room.legend(Side::Left));
+    let did = room.frame(DVec2::ZERO, -UP, Taken::default());
+    assert!(matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold < 0.0 && t.leak == newest.leak));
+    room.frame(-DVec2::X, DVec2::ZERO, Taken::default());
+    assert_eq!(room.tools.scrubs, Scrubs::Leak);
+}
+
+#[test]
+fn a_stick_that_belongs_to_a_panel_or_to_another_mode_scrubs_nothing() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Walk)]));
+    let radius = room.tools.radius;
+    for taken in
+        [Taken { triggers: [false, true], ..Taken::default() }, Taken { grips: [false, true], ..Taken::default() }]
+    {
+        assert_eq!(room.frame(DVec2::ZERO, UP, taken).requests, []);
+    }
+    assert_eq!(room.tools.radius, radius);
+    room.tools.mode = BrushMode::Point;
+    assert_eq!(room.frame(DVec2::ZERO, UP, Taken::default()).requests, []);
+    assert!(room.tools.radius > radius);
+    // With the hands changed, the left one scrubs.
+    room.tools = Tools { left_handed: true, ..Tools::default() };
+    let did = room.frame(UP, DVec2::ZERO, Taken::default());
+    assert!(matches!(did.requests.as_slice(), [Request::Tune(_)]));
+}

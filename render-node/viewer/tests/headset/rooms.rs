@@ -1,0 +1,431 @@
+//! A person in a room with a scene and panels, under Monado: brushing with both hands, buttons, holding, panels, typing.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::{DQuat, DVec2, DVec3};
+use sg_edit::EditState;
+use sg_edit::wire::encode_mask;
+use sg_formats::load::{LoadOptions, load};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::selection_step::Step as Done;
+use sg_proto::scene::{CommitSelection, SelectionStep, Stroke, StrokeKind, StrokeMode, WalkTuning};
+use sg_proto::selection::{Proposal, ProposalsReply};
+use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
+use sg_selection::brush::Brush;
+use sg_viewer::display::{BrushMode, Offered, Request, Seat, Service, Shown, Tools, Walks};
+use sg_viewer::hands::{Pose, Side};
+use sg_viewer::panels::{Panel, Panels, Place, Wish, theme};
+use sg_viewer::room::{Room, Setup};
+use sg_viewer::xr::{Frame, Headset, Options, PAUSE, Step, XrError};
+
+use crate::monado::{Controller, Display, Puppet, Runtime, Screen, is_inside, run_inside};
+use crate::{scenes, seen};
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A person with everything around them.
+struct Person {
+    headset: Headset,
+    room: Room,
+    service: Service,
+    puppet: Puppet,
+    asked: Vec<Request>,
+    /// What the hands did in the newest frame.
+    hands: [sg_viewer::hands::HandInput; 2],
+    /// Frames whose depths were handed in.
+    depths: u32,
+}
+
+impl Person {
+    /// Makes frames until `done` says so after one that was shown.
+    fn until(&mut self, what: &str, mut done: impl FnMut(&Self) -> bool) {
+        let begun = Instant::now();
+        loop {
+            assert!(begun.elapsed() < PATIENCE, "waited in vain for: {what}; asked so far: {:?}", self.asked);
+            let (room, hands, depths) = (&mut self.room, &mut self.hands, &mut self.depths);
+            let step = self.headset.frame(|frame: &mut Frame<'_>| {
+                *hands = frame.hands;
+                room.frame(frame)?;
+                *depths += u32::from(frame.has_depths());
+                Ok::<(), XrError>(())
+            });
+            while let Ok(request) = self.service.requests.try_recv() {
+                self.asked.push(request);
+            }
+            match step.unwrap() {
+                Step::Shown if done(self) => return,
+                Step::Shown | Step::Hidden => (),
+                _ => std::thread::sleep(PAUSE),
+            }
+        }
+    }
+
+    fn controller(&mut self, side: Side) -> &mut Controller {
+        match side {
+            Side::Left => &mut self.puppet.left,
+            Side::Right => &mut self.puppet.right,
+        }
+    }
+
+    /// Moves a hand so that it aims from `from` along `direction`, and waits until it does.
+    fn aim(&mut self, side: Side, from: DVec3, direction: DVec3) {
+        let k = side.index();
+        let (aim, grip) = self.hands[k].aim.zip(self.hands[k].grip).expect("a hand that is tracked");
+        // How the ray lies in the hand stays the same.
+        let back = grip.orientation.inverse();
+        let (turn, way) = (back * aim.orientation, back * (aim.position - grip.position));
+        let wanted = DQuat::from_rotation_arc(DVec3::NEG_Z, direction.normalize());
+        let orientation = (wanted * turn.inverse()).normalize();
+        let position = from - orientation * way;
+        let controller = self.controller(side);
+        controller.position = position.as_vec3().to_array();
+        controller.orientation = orientation.as_quat().to_array();
+        self.puppet.send();
+        let there = |hand: Option<Pose>| {
+            hand.is_some_and(|a| a.position.distance(from) < 2e-3 && a.forward().dot(direction.normalize()) > 0.9999)
+        };
+        self.until("a hand that aims", |p| there(p.hands[k].aim));
+    }
+
+    /// Brings the tip of a brush to a place of the room.
+    fn reach(&mut self, side: Side, at: DVec3) {
+        self.aim(side, at - DVec3::new(0.0, 0.0, -0.08), DVec3::NEG_Z);
+    }
+
+    fn trigger(&mut self, side: Side, pulled: f32) {
+        self.controller(side).trigger = pulled;
+        self.puppet.send();
+        let k = side.index();
+        self.until("a trigger", |p| (p.hands[k].trigger - f64::from(pulled)).abs() < 0.05);
+    }
+
+    /// Draws a stroke between two places of the room; it, as the seat was asked for it.
+    fn stroke(&mut self, side: Side, from: DVec3, to: DVec3) -> Stroke {
+        self.asked.clear();
+        self.reach(side, from);
+        self.trigger(side, 1.0);
+        self.reach(side, to);
+        self.trigger(side, 0.0);
+        let whole = |request: &Request| match request {
+            Request::Select(strokes) => strokes.strokes.first().cloned(),
+            _ => None,
+        };
+        self.until("a stroke", |p| p.asked.iter().any(|r| whole(r).is_some()));
+        assert!(self.asked.iter().any(|r| matches!(r, Request::Sample(_))), "told as it grows: {:?}", self.asked);
+        self.asked.iter().find_map(whole).unwrap()
+    }
+
+    /// Points at a place of a panel (points from its upper left) with the right hand and pulls the trigger once.
+    fn press(&mut self, panel: Panel, at: egui::Pos2) {
+        let place = self.room.panel(panel).unwrap();
+        let size = panel.size();
+        let on = place.point(DVec2::new(f64::from(at.x / size.x), f64::from(at.y / size.y)));
+        let from = on + 0.4 * (place.pose.orientation * DVec3::Z);
+        self.aim(Side::Right, from, on - from);
+        // egui knows what is under the pointer one frame after it came there.
+        let mut frames = 0;
+        self.until("two frames", |_| {
+            frames += 1;
+            frames > 2
+        });
+        self.trigger(Side::Right, 1.0);
+        self.trigger(Side::Right, 0.0);
+    }
+}
+
+/// Where a control of a panel is, in points, as it is drawn in a headset.
+fn place_of(panel: Panel, shown: &Shown, tools: &Tools, typing: bool, label: &str) -> egui::Pos2 {
+    place_under(panel, shown, tools, (typing, None), label)
+}
+
+/// The same once what is folded under another label was unfolded.
+fn place_under(
+    panel: Panel,
+    shown: &Shown,
+    tools: &Tools,
+    (typing, folded): (bool, Option<&str>),
+    label: &str,
+) -> egui::Pos2 {
+    use egui_kittest::kittest::Queryable as _;
+    let mut panels = Panels::new(Place::Headset);
+    panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Panels];
+    panels.fulfils.extend((0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)));
+    if typing {
+        panels.name_selection();
+    }
+    let (shown, mut tools) = (shown.clone(), tools.clone());
+    let mut harness = egui_kittest::Harness::builder().with_size(panel.size()).build_ui(move |ui| {
+        theme::apply(ui.ctx(), &tools);
+        let _ = panels.show(panel, ui, &shown, &mut tools);
+    });
+    if let Some(folded) = folded {
+        harness.get_by_label(folded).click();
+        harness.run();
+    }
+    harness.get_by_label(label).rect().center()
+}
+
+fn shown_of(scene: &Scene) -> Shown {
+    let state = Arc::new(EditState::of_scene(scene, "scene.ply", "hash"));
+    let offered = Offered { scene: true, selection: true, agents: false };
+    Shown { offered, undo: Arc::from(["a stroke".to_owned()]), ..Shown::of(state) }
+}
+
+/// The same after a walk, with places of the scene's box where a next stroke would tell most.
+fn with_proposals(shown: &Shown, scene: &Arc<Scene>, places: &[[f64; 3]]) -> Shown {
+    let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
+    let stroke = Stroke { mode, kind, radius: 0.1, points: vec![0.5; 3], pressure: Vec::new(), depth: None };
+    let steps = vec![SelectionStep { step: Some(Done::Stroke(stroke)) }];
+    let mask = Some(encode_mask(&Mask::from_fn(scene.len(), |i| i < 2)));
+    let commit = Action::CommitSelection(CommitSelection { mask, steps, ..CommitSelection::default() });
+    let walked = Arc::new(shown.scene.after(scene, commit).unwrap());
+    let proposals = places.iter().map(|p| Proposal { point: p.to_vec(), expected_change: 40.0, ..Proposal::default() });
+    let selection_hash = walked.selection().hash().to_owned();
+    let proposals = ProposalsReply { proposals: proposals.collect(), selection_hash, proposals_ms: 1.0 };
+    let tuning = Some(WalkTuning { leak: 0.03, threshold: 0.0 });
+    Shown {
+        walks: Some(Walks { tuning, most_proposals: 16 }),
+        proposals: Some(Arc::new(proposals)),
+        selected: Arc::clone(walked.selection().mask()),
+        scene: walked,
+        ..shown.clone()
+    }
+}
+
+/// Of the screen, and so of the committed picture.
+const SIZE: [u32; 2] = [960, 540];
+
+#[test]
+fn the_room_of_a_real_scene_is_composited() {
+    if seen::data().is_some() {
+        run_inside("rooms::inside_the_room_of_a_real_scene_is_composited");
+    }
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_the_room_of_a_real_scene_is_composited() {
+    if !is_inside() {
+        return;
+    }
+    let path = seen::data().unwrap().join("splats/donut_fused.ply");
+    let scene = Arc::new(load(&path, &LoadOptions::default()).unwrap().scene);
+    let screen = Screen::start(SIZE);
+    let _runtime = Runtime::start(&Display::X(&screen));
+    let puppet = Puppet::connect();
+    let headset = Headset::open(Options { resolution: 0.4, ..Options::default() }).unwrap();
+    let shown = with_proposals(&shown_of(&scene), &scene, &[[0.6, 0.7, 0.9], [0.8, 0.5, 0.6]]);
+    let (seat, service) = Seat::new(shown);
+    let tools = Tools { radius: 0.06, ..Tools::default() };
+    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: path, mirror: false };
+    let room = Room::new(setup, &headset);
+    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
+    person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
+    person.reach(Side::Right, DVec3::new(0.12, 1.25, -0.6));
+    person.aim(Side::Left, DVec3::new(-0.12, 1.2, -0.5), DVec3::new(-0.3, 0.3, -1.0));
+    let mut frames = 0;
+    person.until("some frames", |_| {
+        frames += 1;
+        frames > 6
+    });
+    assert!(person.depths > 6, "the runtime takes depths, and has them with each frame: {}", person.depths);
+    std::thread::sleep(Duration::from_millis(300));
+    let (width, height, rgb) = screen.picture();
+    assert_eq!([width, height], SIZE);
+    let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/headset/room.png");
+    if std::env::var_os("SUPERGAUSSIAN_PICTURES").is_some_and(|v| v == "write") {
+        seen::write(&committed, SIZE, &rgb);
+    }
+    seen::compare(&committed, &rgb);
+
+    // A stroke over its surface is one of a region of it.
+    let placement = person.room.placement();
+    let there = |i: usize| scene.position(i).map(|at| placement.to_room(at));
+    let surface = |near: DVec3| {
+        let all = (0..scene.len()).filter_map(there);
+        all.min_by(|a, b| a.distance_squared(near).total_cmp(&b.distance_squared(near))).unwrap()
+    };
+    let (from, to) = (surface(DVec3::new(0.12, 1.25, -0.6)), surface(DVec3::new(0.22, 1.25, -0.65)));
+    let stroke = person.stroke(Side::Right, from, to);
+    assert_eq!((stroke.mode(), stroke.kind()), (StrokeMode::Walk, StrokeKind::Foreground));
+    let samples = stroke.points.chunks_exact(3).map(|p| scene.bounds.denormalize(DVec3::from_slice(p)));
+    let radius = stroke.radius * (scene.bounds.max - scene.bounds.min).max_element();
+    let hits = Brush::of_scene(&scene).hits(&samples.collect::<Vec<_>>(), radius).len();
+    assert!((10..scene.len() / 4).contains(&hits), "{hits} of {} Gaussians", scene.len());
+}
+
+#[test]
+fn a_person_brushes_holds_and_types_with_both_hands() {
+    run_inside("rooms::inside_a_person_brushes_holds_and_types_with_both_hands");
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_a_person_brushes_holds_and_types_with_both_hands() {
+    if !is_inside() {
+        return;
+    }
+    let _runtime = Runtime::start(&Display::None);
+    let puppet = Puppet::connect();
+    let headset = Headset::open(Options { resolution: 0.3, ..Options::default() }).unwrap();
+    let scene = Arc::new(scenes::scene(&scenes::surface(400, 7)));
+    let shown = shown_of(&scene);
+    let (seat, service) = Seat::new(shown.clone());
+    let tools = Tools { radius: 0.1, ..Tools::default() };
+    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: "scene.ply".into(), mirror: false };
+    let room = Room::new(setup, &headset);
+    let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
+    person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
+
+    // The scene stands a metre high before the person.
+    let middle = person.room.placement().to_room(0.5 * (scene.bounds.min + scene.bounds.max));
+    assert!(middle.distance(DVec3::new(0.0, 1.2, -0.8)) < 1e-6, "{middle}");
+
+    // Right adds, left takes away, both in normalized places of the scene's box.
+    let (a, b) = (middle - 0.1 * DVec3::X, middle + 0.1 * DVec3::X);
+    let stroke = person.stroke(Side::Right, a, b);
+    assert_eq!((stroke.mode(), stroke.kind()), (StrokeMode::Walk, StrokeKind::Foreground));
+    assert!(stroke.points.len() >= 6 && (stroke.radius - 0.1).abs() < 1e-9, "{stroke:?}");
+    let at = |k: usize| {
+        person.room.placement().to_room(scene.bounds.denormalize(DVec3::from_slice(&stroke.points[3 * k..])))
+    };
+    assert!(at(0).distance(a) < 5e-3, "{} instead of {a}", at(0));
+    person.reach(Side::Right, middle + DVec3::new(0.0, 0.6, 0.5));
+    let stroke = person.stroke(Side::Left, a, b);
+    assert_eq!(stroke.kind(), StrokeKind::Background);
+    person.reach(Side::Left, middle + DVec3::new(-0.4, 0.6, 0.5));
+
+    // A: the next mode; B: undo; on the other hand: redo.
+    person.puppet.right.a = true;
+    person.puppet.send();
+    person.until("another mode", |p| p.room.tools().mode == BrushMode::Cluster);
+    person.puppet.right.a = false;
+    person.puppet.right.b = true;
+    person.puppet.send();
+    let undone = |r: &Request| matches!(r, Request::Change(a) if matches!(**a, Action::Undo(_)));
+    person.until("undo", |p| p.asked.iter().any(undone));
+    person.puppet.right.b = false;
+    person.puppet.send();
+    assert_eq!(person.stroke(Side::Right, a, b).mode(), StrokeMode::Cluster);
+    person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
+
+    // The other palm turned to the eyes has a menu below it, which needs no button and does not hide with the panels.
+    assert_eq!(person.room.panel(Panel::Wrist), None);
+    let (at, eyes) = (DVec3::new(-0.15, 1.35, -0.4), DVec3::new(0.0, 1.6, 0.0));
+    person.puppet.left.position = at.as_vec3().to_array();
+    person.puppet.left.orientation = DQuat::from_rotation_arc(DVec3::X, (eyes - at).normalize()).as_quat().to_array();
+    person.puppet.send();
+    person.until("the wrist menu", |p| p.room.panel(Panel::Wrist).is_some());
+    let menu = |person: &mut Person, label: &str| {
+        let tools = person.room.tools().clone();
+        person.press(Panel::Wrist, place_of(Panel::Wrist, &shown, &tools, false, label));
+    };
+    person.asked.clear();
+    menu(&mut person, "undo");
+    person.until("undo from the wrist", |p| p.asked.iter().any(undone));
+    menu(&mut person, "panels");
+    person.until("hidden panels", |p| p.room.panel(Panel::Prompt).is_none() && p.room.panel(Panel::Wrist).is_some());
+    menu(&mut person, "panels");
+    person.until("shown panels", |p| p.room.panel(Panel::Prompt).is_some());
+    assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "brushed nothing: {:?}", person.asked);
+    person.reach(Side::Left, middle + DVec3::new(-0.4, 0.6, 0.5));
+    person.until("no menu", |p| p.room.panel(Panel::Wrist).is_none());
+    person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
+
+    // Both grips: the scene grows with the hands.
+    let before = person.room.placement();
+    let ahead = DVec3::NEG_Z;
+    for (side, x) in [(Side::Left, -0.1), (Side::Right, 0.1)] {
+        person.aim(side, middle + DVec3::new(x, 0.0, 0.2), ahead);
+        person.controller(side).squeeze = 1.0;
+        person.puppet.send();
+    }
+    person.until("two grips", |p| p.hands.iter().all(|h| h.squeeze > 0.9));
+    for (side, x) in [(Side::Left, -0.2), (Side::Right, 0.2)] {
+        person.aim(side, middle + DVec3::new(x, 0.0, 0.2), ahead);
+    }
+    let grown = person.room.placement().scale / before.scale;
+    assert!((grown - 2.0).abs() < 0.1, "twice as far apart, {grown} times as large");
+    for side in Side::BOTH {
+        person.controller(side).squeeze = 0.0;
+    }
+    person.puppet.send();
+    person.until("open grips", |p| p.hands.iter().all(|h| h.squeeze < 0.1));
+
+    // On a panel the trigger presses, and brushes nothing.
+    let mask = Arc::new(Mask::from_fn(scene.len(), |i| i < 10));
+    let selected = Shown { selected: mask, ..shown };
+    person.service.news.change(|shown| *shown = selected.clone());
+    person.asked.clear();
+    let tools = person.room.tools().clone();
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "invert"));
+    person.until("an inversion", |p| p.asked.iter().any(|r| matches!(r, Request::Select(s) if !s.steps.is_empty())));
+    assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "{:?}", person.asked);
+
+    // Places for a next stroke hang as discs where they are, and one that is chosen stands out; the scene stays where it is.
+    let stands = person.room.placement();
+    let proposed = with_proposals(&selected, &scene, &[[0.2, 0.5, 0.5], [0.9, 0.1, 0.4]]);
+    person.service.news.change(|shown| *shown = proposed.clone());
+    person.until("marks", |p| p.room.marks().len() == 2);
+    for (mark, place) in person.room.marks().iter().zip(&proposed.proposals().to_vec()) {
+        let want = stands.to_room(scene.bounds.denormalize(DVec3::from_slice(&place.point)));
+        assert!(mark.0.pose.position.distance(want) < 1e-9 && !mark.1, "{mark:?}, not at {want}");
+    }
+    let tools = person.room.tools().clone();
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &proposed, &tools, false, "Walk"));
+    let second = "2: about 40 Gaussians would change";
+    let row = place_under(Panel::Prompt, &proposed, &tools, (false, Some("Walk")), second);
+    let unfolded = Instant::now();
+    person.until("an unfolded section", |_| unfolded.elapsed() > Duration::from_millis(300));
+    person.press(Panel::Prompt, row);
+    person.until("a mark that stands out", |p| p.room.marks()[1].1);
+    let [one, two] = person.room.marks().try_into().unwrap();
+    assert!(!one.1 && two.0.size.x > 1.3 * one.0.size.x, "{one:?} {two:?}");
+    assert_eq!(person.room.placement(), stands);
+    person.press(Panel::Prompt, row);
+    person.until("none that stands out", |p| !p.room.marks()[1].1);
+    person.service.news.change(|shown| *shown = selected.clone());
+    person.until("no marks", |p| p.room.marks().is_empty());
+
+    // A scene that changes in every frame has one panel laid out in a frame, each in its turn, and what changed nothing that it
+    // shows draws none; at rest all are as they are.
+    person.aim(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5), DVec3::Y);
+    let counts = |p: &Person| [Panel::Scene, Panel::Prompt].map(|panel| p.room.counts(panel).unwrap());
+    let mut frames = 0_u64;
+    let mut begun = counts(&person);
+    person.until("changes", |p| {
+        if frames == 4 {
+            begun = counts(p);
+        }
+        frames += 1;
+        // Another scene in which nothing is different, as far as anybody sees.
+        p.service.news.change(|shown| shown.scene = Arc::new(EditState::clone(&shown.scene)));
+        frames == 34
+    });
+    let now = counts(&person);
+    let laid_out: Vec<u64> = begun.iter().zip(&now).map(|(a, b)| b.laid_out - a.laid_out).collect();
+    let drawn: Vec<u64> = begun.iter().zip(&now).map(|(a, b)| b.drawn - a.drawn).collect();
+    assert!(laid_out.iter().sum::<u64>() <= 30 && laid_out.iter().all(|n| (10..=20).contains(n)), "{laid_out:?}");
+    assert_eq!(drawn, [0, 0]);
+    let rest = |person: &mut Person| {
+        let mut frames = 0;
+        person.until("some frames", |_| {
+            frames += 1;
+            frames > 4
+        });
+        counts(person)
+    };
+    assert_eq!(rest(&mut person), rest(&mut person));
+
+    // A name on the keyboard that hangs there as long as it is needed, and the unit is saved.
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "name of the new unit"));
+    for key in ["s", "a", "c"] {
+        person.press(Panel::Keyboard, place_of(Panel::Keyboard, &selected, &tools, true, key));
+    }
+    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "save"));
+    let saved = |r: &Request| matches!(r, Request::Change(a) if matches!(&**a, Action::SaveUnit(s) if s.name == "sac"));
+    person.until("a saved unit", |p| p.asked.iter().any(saved));
+}

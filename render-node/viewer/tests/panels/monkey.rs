@@ -1,0 +1,178 @@
+//! Whatever is pressed: only what the services offer is asked for, and the scene's owner takes it.
+
+use std::sync::Arc;
+
+use egui::{Event, Key, Pos2, Role};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{By, NodeT, Queryable};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sg_edit::EditError;
+use sg_proto::scene::command::Action;
+use sg_scene::model::Scene;
+use sg_viewer::display::{Drafts, Offered, Request};
+use sg_viewer::panels::{Draft, Output, Panel, Wish};
+
+use crate::stage::{Stage, harness, press, scene};
+
+/// Presses, drags, scrolls and types at random; what came out.
+fn play(harness: &mut Harness<'_, Stage>, random: &mut ChaCha8Rng) -> Vec<Output> {
+    let size = harness.ctx.content_rect().size();
+    let control = |role: Role| matches!(role, Role::Button | Role::CheckBox | Role::Slider | Role::TextInput);
+    let controls: Vec<_> =
+        harness.query_all(By::new().predicate(|n| control(n.role()))).map(|n| n.rect().center()).collect();
+    // Mostly onto a control, sometimes beside all of them.
+    let at = |random: &mut ChaCha8Rng| match random.random_range(0..controls.len() + 5) {
+        k if k < controls.len() => controls[k],
+        _ => Pos2::new(random.random::<f32>() * size.x, random.random::<f32>() * size.y),
+    };
+    harness.state_mut().asked.clear();
+    let first = at(random);
+    match random.random_range(0..10) {
+        0..6 => {
+            harness.drag_at(first);
+            harness.drop_at(first);
+        }
+        6..8 => {
+            let second = at(random);
+            harness.drag_at(first);
+            harness.hover_at(Pos2::new(second.x, first.y));
+            harness.drop_at(Pos2::new(second.x, first.y));
+        }
+        8 => {
+            harness.event(Event::Text(["a", "Sac", " ", "ünit", "9"][random.random_range(0..5)].to_owned()));
+            harness.key_press([Key::Enter, Key::Backspace, Key::Escape, Key::Tab][random.random_range(0..4)]);
+        }
+        _ => {
+            harness.hover_at(first);
+            let delta = egui::vec2(0.0, random.random_range(-300.0..300.0));
+            let (unit, source) = (egui::MouseWheelUnit::Point, egui::MouseWheelSource::Wheel);
+            let modifiers = egui::Modifiers::NONE;
+            harness.event(Event::MouseWheel { unit, delta, modifiers, phase: egui::TouchPhase::Move, source });
+        }
+    }
+    harness.step();
+    harness.run_steps(1);
+    std::mem::take(&mut harness.state_mut().asked)
+}
+
+/// What the scene's owner would make of a change; refusals that a person can do nothing about are a fault of the panel.
+fn take(harness: &mut Harness<'_, Stage>, scene: &Arc<Scene>, action: &Action) {
+    let shown = &mut harness.state_mut().shown;
+    match shown.scene.after(scene, action.clone()) {
+        Ok(state) => {
+            shown.scene = Arc::new(state);
+            shown.selected = Arc::clone(shown.scene.selection().mask());
+        }
+        // A state alone knows no history; whoever has it does.
+        Err(EditError::NothingToUndo | EditError::NothingToRedo) => {}
+        // Names are the person's own, and nothing may be left to look at.
+        Err(EditError::NameTaken(_) | EditError::BaseUnit { .. } | EditError::NothingToSee(_)) => {}
+        Err(error) => panic!("{action:?}: {error}"),
+    }
+}
+
+#[test]
+fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
+    let scene = scene();
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let (mut changes, mut held, mut selects, mut said, mut wished, mut tuned) = (0, 0, 0, 0, 0, 0);
+    for round in 0..12 {
+        let panel = [Panel::Scene, Panel::Prompt, Panel::Language][round % 3];
+        let offered = if round < 6 {
+            Offered { scene: true, selection: true, agents: true }
+        } else {
+            Offered { scene: random.random(), selection: random.random(), agents: random.random() }
+        };
+        let mut stage = Stage::new(panel);
+        stage.shown.offered = offered;
+        stage.panels.fulfils = vec![Wish::Fit, Wish::Screenshot];
+        if round % 4 < 2 {
+            stage.walk();
+        }
+        if round % 2 == 1 {
+            stage.show.push(Panel::Keyboard);
+        }
+        stage.height = Some(1500.0);
+        let mut harness = harness(stage);
+        harness.set_size(egui::vec2(harness.ctx.content_rect().width(), 1500.0));
+        for part in ["Viewpoint", "Light and background", "History", "Made by commands", "Walk"] {
+            if harness.query_by_label(part).is_some() {
+                press(&mut harness, part);
+            }
+        }
+        for _ in 0..250 {
+            for output in play(&mut harness, &mut random) {
+                assert!(!matches!(output.draft, Some(Draft::Hold(_))) || offered.scene);
+                held += u32::from(matches!(output.draft, Some(Draft::Hold(_))));
+                wished += output.wishes.len();
+                for request in output.requests {
+                    match request {
+                        Request::Change(action) => {
+                            assert!(offered.scene, "{action:?}");
+                            changes += 1;
+                            take(&mut harness, &scene, &action);
+                        }
+                        Request::Select(_) => {
+                            assert!(offered.selection);
+                            selects += 1;
+                        }
+                        Request::Say(_) | Request::Withdraw => {
+                            assert!(offered.agents);
+                            said += 1;
+                        }
+                        Request::Tune(_) | Request::Propose(_) => {
+                            assert!(harness.state().shown.tuning().is_some(), "there is a walk, and who does it again");
+                            tuned += 1;
+                        }
+                        Request::Sample(_) | Request::Forget => panic!("panels draw no strokes"),
+                        Request::Open(_) => panic!("panels open nothing"),
+                    }
+                }
+            }
+        }
+    }
+    println!("{changes} changes, {held} drafts, {selects} selections, {tuned} tried, {said} said, {wished} wishes");
+    assert!(changes > 100 && held > 20 && selects > 20 && tuned > 5 && said > 20 && wished > 0);
+}
+
+#[test]
+fn a_control_shows_what_the_hand_makes_of_it_until_the_scene_tells_of_it() {
+    let scene = scene();
+    let mut panel = harness(Stage::new(Panel::Scene));
+    let told = Arc::clone(&panel.state().shown.scene);
+    let mut drafts = Drafts::default();
+    let value =
+        |panel: &Harness<'_, Stage>| panel.get_by_label("opacity of vessel").accesskit_node().numeric_value().unwrap();
+    // One turn of a display's loop: draw, pass on what is under the hand, show the scene with it.
+    let mut turn = |panel: &mut Harness<'_, Stage>| {
+        panel.step();
+        let mut asked = Vec::new();
+        for output in std::mem::take(&mut panel.state_mut().asked) {
+            match output.draft {
+                Some(Draft::Hold(action)) => drafts.hold(action),
+                Some(Draft::Release(action)) => drafts.release(action, told.revision()),
+                None => {}
+            }
+            asked.extend(output.requests);
+        }
+        panel.state_mut().shown.scene = drafts.over(&scene, &told);
+        asked
+    };
+    let rect = panel.get_by_label("opacity of vessel").rect();
+    let aim = egui::pos2(rect.left() + 0.3 * rect.width(), rect.center().y);
+    panel.drag_at(rect.center());
+    turn(&mut panel);
+    panel.hover_at(aim);
+    turn(&mut panel);
+    turn(&mut panel);
+    let under_the_hand = value(&panel);
+    assert!((0.2..0.35).contains(&under_the_hand), "{under_the_hand}");
+    panel.drop_at(aim);
+    let mut asked = turn(&mut panel);
+    for _ in 0..3 {
+        asked.extend(turn(&mut panel));
+        assert_eq!(value(&panel), under_the_hand, "it does not jump back while the scene takes its time");
+    }
+    assert_eq!(asked.len(), 1, "{asked:?}");
+}

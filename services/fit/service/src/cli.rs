@@ -1,0 +1,350 @@
+//! The command: a volume becomes a scene folder; the made volume.
+#![allow(clippy::print_stdout, reason = "a command's output and its one line of error")]
+
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::{Args, Parser, Subcommand};
+use glam::DVec3;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use sg_fit::direct::MAX_GAUSSIANS;
+use sg_fit::truth::labels_of;
+use sg_fit::{Options, Progress, Report, direct_start};
+use sg_formats::{npy, staged_file};
+use sg_scene::model::Scene;
+use sg_volume::phantom::{self, VesselTree};
+use sg_volume::{TransferFunction, Volume, automatic, raw_file_name, read_volume, write_raw};
+
+const EXAMPLE: &str = "Example:
+  supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai";
+
+/// A volume becomes an editable scene of Gaussians: `DIR/scene.toml` and one PLY per base unit.
+#[derive(Parser)]
+#[command(
+    name = "supergaussian-fit",
+    version,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = EXAMPLE
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    fit: FitArgs,
+    /// Machine-readable report on standard output.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct FitArgs {
+    /// The volume: .raw[.gz|.zst] with _XxYxZ_type in its name, .nrrd, .nhdr or .vti.
+    #[arg(required = true)]
+    volume: Option<PathBuf>,
+    /// Transfer function; without one a sensible one is made from the histogram.
+    #[arg(long, value_name = "TF.json")]
+    transfer_function: Option<PathBuf>,
+    /// Folder for scene.toml, the PLY files and the transfer function; made if absent.
+    #[arg(long, value_name = "DIR", required = true)]
+    out: Option<PathBuf>,
+    /// Place Gaussians from the volume itself, without training.
+    #[arg(long)]
+    initial_only: bool,
+    /// Most Gaussians in all base units together.
+    #[arg(long, value_name = "N", default_value_t = Options::default().gaussians, value_parser = gaussians)]
+    gaussians: usize,
+    /// Seed of the placement; one seed gives one scene on any number of threads.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    seed: u64,
+    /// Thickness along the gradient at plain boundaries, relative to the Gaussian's cell (1: as thick as wide).
+    #[arg(long, value_name = "F", default_value_t = Options::default().flattening, value_parser = flattening)]
+    flattening: f64,
+    /// Where to write the report as JSON.
+    #[arg(long, value_name = "R.json")]
+    report: Option<PathBuf>,
+    /// A label volume of the same place: the label under each Gaussian's centre goes to --out-truth.
+    #[arg(long, value_name = "LABELVOLUME", requires = "out_truth")]
+    labels: Option<PathBuf>,
+    /// Labels of the Gaussians in scene order, int32 (n,), or uint8 0/1 with --truth-value.
+    #[arg(long, value_name = "labels.npy", requires = "labels")]
+    out_truth: Option<PathBuf>,
+    /// Write 1 where the label is K and 0 elsewhere.
+    #[arg(long, value_name = "K", requires = "labels", allow_negative_numbers = true)]
+    truth_value: Option<i32>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Make a volume with exact truth: a vessel tree that carries an aneurysm.
+    #[command(after_help = "Example:\n  supergaussian fit phantom --out phantom --size 128")]
+    Phantom {
+        /// Folder for the volume, its labels, its transfer function and truth.json; made if absent.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Voxels along each edge.
+        #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u16).range(8..=1024))]
+        size: u16,
+        /// Seed of the noise.
+        #[arg(long, value_name = "K", default_value_t = 0)]
+        seed: u64,
+    },
+}
+
+fn gaussians(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|n| (1..=MAX_GAUSSIANS).contains(n))
+        .ok_or_else(|| format!("give a whole number from 1 to {MAX_GAUSSIANS}"))
+}
+
+fn flattening(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|&f| f > 0.0 && f <= 1.0).ok_or_else(|| "give a number above 0 and at most 1".to_owned())
+}
+
+/// A failure with its exit status: 1 the work failed, 2 the input is wrong.
+struct Failure {
+    status: u8,
+    message: String,
+}
+
+#[allow(clippy::needless_pass_by_value, reason = "handed to map_err")]
+fn input(e: impl ToString) -> Failure {
+    Failure { status: 2, message: e.to_string() }
+}
+
+#[allow(clippy::needless_pass_by_value, reason = "handed to map_err")]
+fn work(e: impl ToString) -> Failure {
+    Failure { status: 1, message: e.to_string() }
+}
+
+/// Runs the command of this process's arguments.
+pub(crate) fn run() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Some(Command::Phantom { out, size, seed }) => make_phantom(&out, usize::from(size), seed, cli.json),
+        None => fit(&cli.fit, cli.json),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            tell(&format!("error: {}", failure.message));
+            ExitCode::from(failure.status)
+        }
+    }
+}
+
+/// Says a line to a person. Nobody to read it is no reason to stop.
+fn tell(line: &str) {
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+#[derive(Serialize)]
+struct FitReport<'a> {
+    volume: &'a Path,
+    dims: [usize; 3],
+    scalar_type: &'static str,
+    /// The file, or nothing where it was made from the histogram.
+    transfer_function: Option<&'a Path>,
+    files: Vec<PathBuf>,
+    read_seconds: f64,
+    write_seconds: f64,
+    #[serde(flatten)]
+    direct: &'a Report,
+}
+
+fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
+    let (Some(path), Some(out)) = (&args.volume, &args.out) else {
+        return Err(input("a volume and --out DIR are needed; see --help"));
+    };
+    if !args.initial_only {
+        return Err(input("training is not available yet, only the direct start: add --initial-only"));
+    }
+    let clock = Instant::now();
+    let volume = read_volume(path).map_err(input)?;
+    let labels = args.labels.as_deref().map(read_volume).transpose().map_err(input)?;
+    let field = volume.to_field();
+    let read_seconds = clock.elapsed().as_secs_f64();
+    let function = match &args.transfer_function {
+        Some(file) => {
+            let loaded = TransferFunction::load(file).map_err(input)?;
+            for key in &loaded.ignored_keys {
+                tell(&format!("note: {}: the key `{key}` means nothing here and is ignored", file.display()));
+            }
+            loaded.function
+        }
+        None => automatic(&field, volume.variable()).map_err(|e| input(format!("{}: {e}", path.display())))?,
+    };
+    let bar = progress_bar();
+    let options =
+        Options { gaussians: args.gaussians, seed: args.seed, flattening: args.flattening, ..Options::default() };
+    let result = direct_start(&field, &function, &options, |p| show(&bar, p));
+    bar.finish_and_clear();
+    let mut start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
+    for unit in start.report.units.iter().filter(|u| u.gaussians == 0) {
+        tell(&format!("note: base unit `{}` shows nowhere in the volume; its file holds no Gaussian", unit.name));
+    }
+    let outside = start.report.voxels_outside_base_units;
+    if outside > 0 {
+        tell(&format!("note: {outside} visible voxels lie in no base unit's range and went to the nearest one"));
+    }
+    // Looked up before anything is written, so that a wrong label volume leaves no half result.
+    let truth = labels
+        .map(|l| labels_of(&start.scene, &l))
+        .transpose()
+        .map_err(|e| input(format!("{}: {e}", args.labels.as_deref().unwrap_or(path).display())))?;
+
+    let clock = Instant::now();
+    let mut files = write_scene(out, &mut start.scene, args.transfer_function.as_deref(), &function)?;
+    if let (Some(truth), Some(file)) = (truth, &args.out_truth) {
+        write_truth(file, &truth, args.truth_value)?;
+        files.push(file.clone());
+    }
+    let report = FitReport {
+        volume: path,
+        dims: field.grid().dims(),
+        scalar_type: volume.scalars().scalar_type().name(),
+        transfer_function: args.transfer_function.as_deref(),
+        files,
+        read_seconds,
+        write_seconds: clock.elapsed().as_secs_f64(),
+        direct: &start.report,
+    };
+    let text = serde_json::to_string_pretty(&report).map_err(work)? + "\n";
+    if let Some(file) = &args.report {
+        write(file, text.as_bytes())?;
+    }
+    if json {
+        print!("{text}");
+    } else {
+        let r = &start.report;
+        tell(&format!(
+            "{}: {} Gaussians in {} base unit{} in {:.1} s",
+            out.join("scene.toml").display(),
+            r.gaussians,
+            r.units.len(),
+            if r.units.len() == 1 { "" } else { "s" },
+            r.seconds.total
+        ));
+    }
+    Ok(())
+}
+
+/// Writes the transfer function, then the scene that names it.
+fn write_scene(
+    out: &Path,
+    scene: &mut Scene,
+    given: Option<&Path>,
+    function: &TransferFunction,
+) -> Result<Vec<PathBuf>, Failure> {
+    make_folder(out)?;
+    let name = given.and_then(Path::file_name).map_or_else(|| "automatic.tf.json".into(), PathBuf::from);
+    let target = out.join(&name);
+    match given {
+        // The file as it was given, unknown keys and all.
+        Some(file) => write(&target, &std::fs::read(file).map_err(|e| input(format!("{}: {e}", file.display())))?)?,
+        None => write(&target, function.to_json().map_err(work)?.as_bytes())?,
+    }
+    for unit in &mut scene.units {
+        unit.transfer_function = Some(name.clone());
+    }
+    let saved = sg_formats::save(&out.join("scene.toml"), scene, &sg_formats::SaveOptions::default()).map_err(work)?;
+    for warning in &saved.warnings {
+        tell(&format!("note: {}", warning.message));
+    }
+    Ok(saved.files.into_iter().chain([target]).collect())
+}
+
+fn write_truth(file: &Path, labels: &[i32], value: Option<i32>) -> Result<(), Failure> {
+    match value {
+        None => npy::write_array(file, &[labels.len()], labels),
+        Some(value) => {
+            let mask: Vec<u8> = labels.iter().map(|&l| u8::from(l == value)).collect();
+            npy::write_array(file, &[mask.len()], &mask)
+        }
+    }
+    .map_err(work)
+}
+
+/// What the made volume's truth is, in the normalized coordinates of its box and in voxels.
+#[derive(Serialize)]
+struct PhantomTruth {
+    volume: String,
+    labels: String,
+    transfer_function: String,
+    label_sac: u8,
+    label_vessel: u8,
+    sac_center: [f64; 3],
+    sac_radius: f64,
+    parent_point: [f64; 3],
+    parent_radius: f64,
+    parent_axis: Vec<[f64; 3]>,
+    sac_center_voxels: [f64; 3],
+    sac_radius_voxels: f64,
+}
+
+fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Failure> {
+    let tree = VesselTree::new();
+    let made = tree.rasterize(size, seed).map_err(input)?;
+    let (volume, labels) = (made.volume().map_err(work)?, made.labels().map_err(work)?);
+    make_folder(out)?;
+    let truth = PhantomTruth {
+        volume: raw_file_name("phantom", &volume),
+        labels: raw_file_name("phantom_labels", &labels),
+        transfer_function: "phantom.tf.json".to_owned(),
+        label_sac: phantom::LABEL_SAC,
+        label_vessel: phantom::LABEL_VESSEL,
+        sac_center: tree.sac_center().to_array(),
+        sac_radius: tree.sac_radius(),
+        parent_point: tree.parent_point().to_array(),
+        parent_radius: tree.parent_radius(),
+        parent_axis: tree.parent_axis().iter().map(DVec3::to_array).collect(),
+        sac_center_voxels: (tree.sac_center() * size as f64 - 0.5).to_array(),
+        sac_radius_voxels: tree.sac_radius() * size as f64,
+    };
+    write_volume(&out.join(&truth.volume), &volume)?;
+    write_volume(&out.join(&truth.labels), &labels)?;
+    let function = phantom::transfer_function().to_json().map_err(work)?;
+    write(&out.join(&truth.transfer_function), function.as_bytes())?;
+    let text = serde_json::to_string_pretty(&truth).map_err(work)? + "\n";
+    write(&out.join("truth.json"), text.as_bytes())?;
+    if json {
+        print!("{text}");
+    } else {
+        tell(&format!("{}: {size} x {size} x {size} voxels", out.join(&truth.volume).display()));
+    }
+    Ok(())
+}
+
+fn write_volume(target: &Path, volume: &Volume) -> Result<(), Failure> {
+    let failed = |e: io::Error| work(format!("{}: {e}; nothing was written", target.display()));
+    let mut file = staged_file::StagedFile::create(target).map_err(failed)?;
+    write_raw(volume.scalars(), &mut file).map_err(failed)?;
+    file.commit().map_err(failed).map(|_| ())
+}
+
+fn write(target: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    staged_file::replace(target, bytes).map_err(|e| work(format!("{}: {e}; nothing was written", target.display())))
+}
+
+fn make_folder(out: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(out).map_err(|e| work(format!("{}: {e}; give a folder that can be written", out.display())))
+}
+
+/// A bar on standard error; it draws nothing where that is no terminal.
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::new(0);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn show(bar: &ProgressBar, p: Progress) {
+    bar.set_length(p.of as u64);
+    bar.set_position(p.done as u64);
+    bar.set_message(p.stage);
+}

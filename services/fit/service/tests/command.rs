@@ -1,0 +1,183 @@
+//! The command on the made volume: files, reports, exit statuses, and one clear line for what is wrong.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn fit(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_supergaussian-fit")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+fn ok(folder: &Path, arguments: &[&str]) -> Output {
+    let output = fit(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+fn json(bytes: &[u8]) -> Value {
+    serde_json::from_slice(bytes).unwrap()
+}
+
+/// Values of a version-1 `.npy` file whose header names this type.
+fn npy(path: &Path, dtype: &str) -> Vec<u8> {
+    let bytes = std::fs::read(path).unwrap();
+    let header = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let text = String::from_utf8_lossy(&bytes[10..10 + header]).into_owned();
+    assert!(text.contains(dtype), "{text}");
+    bytes[10 + header..].to_vec()
+}
+
+const FIT: [&str; 8] = [
+    "made/phantom_48x48x48_uint8.raw",
+    "--transfer-function",
+    "made/phantom.tf.json",
+    "--initial-only",
+    "--gaussians",
+    "4000",
+    "--out",
+    "scene",
+];
+
+#[test]
+fn a_volume_becomes_a_scene_folder_with_its_truth() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let truth = json(&ok(d, &["phantom", "--out", "made", "--size", "48", "--seed", "1", "--json"]).stdout);
+    assert_eq!(json(&std::fs::read(d.join("made/truth.json")).unwrap()), truth);
+    assert_eq!(truth["volume"], "phantom_48x48x48_uint8.raw");
+
+    let labels = ["--labels", "made/phantom_labels_48x48x48_uint8.raw", "--out-truth", "labels.npy"];
+    let output = ok(d, &[&FIT[..], &labels, &["--report", "report.json", "--json"]].concat());
+    let report = json(&output.stdout);
+    assert_eq!(report, json(&std::fs::read(d.join("report.json")).unwrap()));
+    let n = report["gaussians"].as_u64().unwrap() as usize;
+    assert!((3800..=4000).contains(&n), "{report}");
+    assert_eq!(report["units"][0]["name"], "vessels");
+    assert_eq!(report["dims"], serde_json::json!([48, 48, 48]));
+    assert!(report["seconds"]["total"].as_f64().unwrap() > 0.0);
+
+    let scene = sg_formats::load(&d.join("scene/scene.toml"), &sg_formats::LoadOptions::default()).unwrap().scene;
+    assert_eq!(scene.len(), n);
+    assert_eq!(scene.bounds.min, glam::DVec3::splat(-0.5));
+    assert_eq!(scene.bounds.max, glam::DVec3::splat(47.5));
+    assert!(scene.units[0].oriented_normals);
+    assert_eq!(scene.units[0].transfer_function.as_deref(), Some(Path::new("phantom.tf.json")));
+    assert_eq!(
+        std::fs::read(d.join("scene/phantom.tf.json")).unwrap(),
+        std::fs::read(d.join("made/phantom.tf.json")).unwrap()
+    );
+    let mut names: Vec<_> =
+        std::fs::read_dir(d.join("scene")).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["phantom.tf.json", "scene.toml", "vessels.ply"], "no temporary file is left");
+
+    // The labels are those of the analytic shape.
+    let tree = sg_volume::phantom::VesselTree::new();
+    let labels = npy(&d.join("labels.npy"), "<i4");
+    let labels: Vec<i32> = labels.chunks(4).map(|b| i32::from_le_bytes(b.try_into().unwrap())).collect();
+    assert_eq!(labels.len(), n);
+    let agreeing = (0..n)
+        .filter(|&i| {
+            let p = scene.bounds.normalize(scene.position(i).unwrap());
+            labels[i] == if tree.on_sac_side(p) { 1 } else { 2 }
+        })
+        .count();
+    assert!(agreeing as f64 > 0.99 * n as f64, "{agreeing} of {n}");
+    assert!(labels.iter().filter(|&&l| l == 1).count() > n / 8);
+
+    let mask = [&FIT[..], &["--labels", "made/phantom_labels_48x48x48_uint8.raw", "--out-truth", "sac.npy"]];
+    ok(d, &[&mask.concat()[..], &["--truth-value", "1"]].concat());
+    let mask = npy(&d.join("sac.npy"), "|u1");
+    assert!(mask.iter().zip(&labels).all(|(&m, &l)| (m == 1) == (l == 1)));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    for (seed, out) in [("1", "a"), ("1", "b"), ("2", "c")] {
+        ok(d, &["phantom", "--out", out, "--size", "24", "--seed", seed]);
+        let volume = format!("{out}/phantom_24x24x24_uint8.raw");
+        let scene = format!("{out}/scene");
+        ok(d, &[&volume, "--initial-only", "--gaussians", "500", "--seed", seed, "--out", &scene]);
+    }
+    let same = |name: &str| {
+        let read = |folder: &str| std::fs::read(d.join(folder).join(name)).unwrap();
+        (read("a") == read("b"), read("a") == read("c"))
+    };
+    assert_eq!(same("phantom_24x24x24_uint8.raw"), (true, false));
+    assert_eq!(same("phantom_labels_24x24x24_uint8.raw"), (true, true));
+    // Without a transfer function one is made and stored, and its unit is "material".
+    assert_eq!(same("scene/material.ply"), (true, false));
+    let made = sg_volume::TransferFunction::load(&d.join("a/scene/automatic.tf.json")).unwrap();
+    assert!(made.ignored_keys.is_empty());
+}
+
+#[test]
+fn wrong_input_ends_with_status_2_and_one_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    ok(d, &["phantom", "--out", "made", "--size", "16"]);
+    let volume = "made/phantom_16x16x16_uint8.raw";
+    let write = |name: &str, text: &[u8]| std::fs::write(d.join(name), text).unwrap();
+    write("cut_16x16x16_uint8.raw", &[0; 4000]);
+    write("flat_4x4x4_uint8.raw", &[7; 64]);
+    write("labels_4x4x4_uint8.raw", &[1; 64]);
+    write("half_16x16x16_float32.raw", &0.5_f32.to_le_bytes().repeat(4096));
+    write("clear.tf.json", br#"{"domain":[0,255],"points":[{"value":0,"color":[1,1,1],"opacity":0}]}"#);
+    write("broken.tf.json", b"{\"domain\":[0,255],\n\"points\":}");
+    write("order.tf.json", br#"{"domain":[255,0],"points":[{"value":0,"color":[1,1,1],"opacity":0}]}"#);
+    let base = |volume: &'static str| vec![volume, "--initial-only", "--out", "out"];
+    let with = |more: &[&'static str]| [base("made/phantom_16x16x16_uint8.raw"), more.to_vec()].concat();
+    let cases: Vec<(Vec<&str>, &[&str])> = vec![
+        (vec![volume, "--out", "out"], &["--initial-only"]),
+        (base("absent_1x1x1_uint8.raw"), &["absent_1x1x1_uint8.raw"]),
+        (base("cut_16x16x16_uint8.raw"), &["cut_16x16x16", "expected 4096 bytes", "found 4000"]),
+        (base("flat_4x4x4_uint8.raw"), &["every voxel has the value 7", "transfer function"]),
+        (with(&["--transfer-function", "clear.tf.json"]), &["nothing is visible", "opacity 0"]),
+        (with(&["--transfer-function", "broken.tf.json"]), &["broken.tf.json", "line 2"]),
+        (with(&["--transfer-function", "order.tf.json"]), &["order.tf.json", "domain"]),
+        (with(&["--transfer-function", "absent.json"]), &["absent.json"]),
+        (with(&["--labels", "labels_4x4x4_uint8.raw", "--out-truth", "t.npy"]), &["labels_4x4x4", "same place"]),
+        (
+            with(&["--labels", "half_16x16x16_float32.raw", "--out-truth", "t.npy"]),
+            &["half_16", "0.5", "whole numbers"],
+        ),
+    ];
+    for (arguments, parts) in cases {
+        let output = fit(d, &arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert_eq!(error.trim_end().lines().count(), 1, "{arguments:?}: {error}");
+        for part in parts {
+            assert!(error.contains(part), "{arguments:?}: `{part}` is not in: {error}");
+        }
+        assert!(output.stdout.is_empty());
+        assert!(!d.join("out").exists(), "{arguments:?}: a failed run leaves nothing");
+    }
+    // What the argument parser refuses has the same status.
+    for arguments in [
+        vec![],
+        vec!["--initial-only"],
+        with(&["--gaussians", "0"]),
+        with(&["--flattening", "2"]),
+        with(&["--labels", volume]),
+        vec!["phantom", "--out", "x", "--size", "3"],
+    ] {
+        assert_eq!(fit(d, &arguments).status.code(), Some(2), "{arguments:?}");
+    }
+    // A place that can't be written is a failure of the work.
+    write("file", b"");
+    let output = fit(d, &[volume, "--initial-only", "--out", "file/scene"]);
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn help_shows_an_example() {
+    for arguments in [vec!["--help"], vec!["phantom", "--help"]] {
+        let output = ok(Path::new("."), &arguments);
+        assert!(String::from_utf8_lossy(&output.stdout).contains("Example:\n  supergaussian fit "));
+    }
+}

@@ -1,0 +1,145 @@
+//! Derived units: the look of Gaussians that a command addressed otherwise than by a unit's name.
+//!
+//! "Make the selection red" and "fade everything else" leave a unit behind that carries the look, marked as derived. What
+//! a derived unit says lasts until a later command says something about the same attribute of the same Gaussians: that
+//! takes them out of it. A derived unit that says nothing any more is gone. So "show only the sac", then "show the vessel"
+//! shows the vessel, though the first command hid it through a derived unit.
+
+use std::sync::Arc;
+
+use super::draft::Draft;
+use super::error::EditError;
+use super::state::Unit;
+use sg_scene::mask::Mask;
+
+/// What a unit can say about its members.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Attribute {
+    /// Their colour.
+    Color,
+    /// The factor on their opacity.
+    Opacity,
+    /// Whether they are drawn.
+    Visibility,
+}
+
+impl Attribute {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Color => "colour",
+            Self::Opacity => "opacity",
+            Self::Visibility => "hidden",
+        }
+    }
+}
+
+impl Unit {
+    /// Whether it says something about an attribute.
+    fn says(&self, attribute: Attribute) -> bool {
+        match attribute {
+            Attribute::Color => self.color.is_some(),
+            Attribute::Opacity => self.opacity != 1.0,
+            Attribute::Visibility => !self.visible,
+        }
+    }
+
+    /// The same unit, saying nothing about an attribute.
+    fn silent_on(&self, attribute: Attribute) -> Self {
+        let mut unit = self.clone();
+        match attribute {
+            Attribute::Color => unit.color = None,
+            Attribute::Opacity => unit.opacity = 1.0,
+            Attribute::Visibility => unit.visible = true,
+        }
+        unit
+    }
+
+    /// The same unit, saying nothing about any other attribute.
+    fn only(&self, attribute: Attribute) -> Self {
+        [Attribute::Color, Attribute::Opacity, Attribute::Visibility]
+            .into_iter()
+            .filter(|other| *other != attribute)
+            .fold(self.clone(), |unit, other| unit.silent_on(other))
+    }
+}
+
+impl Draft<'_> {
+    /// Takes members out of whatever derived units other than `except` say about an attribute. What those units say about
+    /// their other members and about other attributes stays as it was.
+    pub(super) fn supersede(
+        &mut self,
+        attribute: Attribute,
+        members: &Mask,
+        except: Option<u64>,
+    ) -> Result<(), EditError> {
+        let concerned: Vec<Unit> = self
+            .state
+            .units
+            .values()
+            .filter(|u| u.derived && Some(u.id) != except && u.says(attribute) && u.mask.intersects(members))
+            .cloned()
+            .collect();
+        for unit in concerned {
+            let mut rest = (*unit.mask).clone();
+            rest.subtract(members);
+            let rest = Arc::new(rest);
+            let others = unit.silent_on(attribute);
+            if rest.is_none() {
+                self.insert(others);
+            } else if others.is_neutral() {
+                self.insert(Unit { mask: rest, ..unit });
+            } else {
+                // One unit for the attribute over what is left, one for the rest of the look over all members. The part
+                // with the colour keeps the id: among colours, and only there, the order of units matters.
+                let part = Unit { mask: rest, ..unit.only(attribute) };
+                let (stays, mut leaves, word) = match attribute {
+                    Attribute::Color => (part, others, "look"),
+                    _ => (others, part, attribute.word()),
+                };
+                leaves.id = self.fresh_id()?;
+                leaves.name = self.state.free_name(&format!("{} ({word})", unit.name));
+                self.insert(stays);
+                self.insert(leaves);
+            }
+        }
+        self.tidy();
+        Ok(())
+    }
+
+    /// Takes the colour of derived units other than `except` whose members are all among these.
+    pub(super) fn drop_covered_colors(&mut self, members: &Mask, except: Option<u64>) {
+        for unit in self.state.units.values_mut() {
+            if unit.derived && Some(unit.id) != except && unit.mask.is_subset_of(members) {
+                unit.color = None;
+            }
+        }
+        self.tidy();
+    }
+
+    /// Id of the derived unit of exactly these members, if there is one; `newest` asks for one that lies over all others.
+    pub(super) fn derived_of(&self, members: &Mask, newest: bool) -> Option<u64> {
+        let last = self.state.units.keys().next_back().copied();
+        self.state
+            .units
+            .values()
+            .rev()
+            .find(|u| u.derived && *u.mask == *members && (!newest || Some(u.id) == last))
+            .map(|u| u.id)
+    }
+
+    /// Makes a derived unit that says nothing yet, with a free name after `stem`; `numbered` counts from 1.
+    pub(super) fn derive(&mut self, members: &Mask, stem: &str, numbered: bool) -> Result<u64, EditError> {
+        let id = self.fresh_id()?;
+        let name = if numbered {
+            (1_u32..)
+                .map(|n| format!("{stem} {n}"))
+                .find(|name| self.state.is_taken(name, None).is_none())
+                .unwrap_or_else(|| stem.to_owned())
+        } else {
+            self.state.free_name(stem)
+        };
+        let mask = Arc::new(members.clone());
+        self.insert(Unit { id, name, mask, color: None, opacity: 1.0, visible: true, derived: true });
+        Ok(id)
+    }
+}

@@ -1,0 +1,285 @@
+//! The owner of the state: carries commands out, one after another.
+
+use std::sync::Arc;
+
+use prost::Message as _;
+use sg_proto::limits::{MAX_MESSAGE_BYTES, MAX_NAME_BYTES};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{Change as ChangeMessage, Command, CommandResult, Event, State};
+
+use super::draft::{Draft, touched};
+use super::error::EditError;
+use super::history::{Entry, History, HistoryMove};
+use super::replica::ReplicaError;
+use super::state::{Change, EditState};
+use super::wire::{decode_change, encode_change};
+use sg_scene::model::Scene;
+
+/// Lines of undo and redo that a state message carries.
+const HISTORY_LINES: usize = 20;
+
+/// The scene's state with what is needed to change it. Deterministic: the same commands make the same states, ids and
+/// summaries everywhere.
+#[derive(Debug, Clone)]
+pub struct Editor {
+    scene: Arc<Scene>,
+    initial: EditState,
+    state: EditState,
+    history: History,
+    next_unit: u64,
+}
+
+/// What an accepted command did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Applied {
+    /// Every value that changed, as it stands after the command.
+    pub event: Event,
+    /// The same values as they stood before, in the form of an event's changes.
+    pub inverse: Vec<ChangeMessage>,
+    /// The outcome for who asked.
+    pub result: CommandResult,
+    /// What it did to the history.
+    pub history: HistoryMove,
+}
+
+impl EditState {
+    /// This state as it would be after an action, for a display that shows a change while it is being made. What history
+    /// knows is not known here: undo, redo and reset are refused or change nothing.
+    ///
+    /// # Errors
+    /// [`EditError`] as the scene's owner would refuse the action.
+    pub fn after(&self, scene: &Arc<Scene>, action: Action) -> Result<Self, EditError> {
+        let next_unit = self.units.keys().next_back().map_or(1, |last| last + 1);
+        let editor = Editor { next_unit, ..Editor::new(Arc::clone(scene), self.clone()) };
+        let command = Command { id: "draft".to_owned(), expected_revision: 0, action: Some(action) };
+        Ok(editor.carried_out(&command)?.0)
+    }
+}
+
+impl Editor {
+    /// The owner of a state as a scene is opened; `initial` is [`EditState::of_scene`] of it.
+    #[must_use]
+    pub fn new(scene: Arc<Scene>, initial: EditState) -> Self {
+        Self { scene, state: initial.clone(), initial, history: History::default(), next_unit: 1 }
+    }
+
+    /// The owner of a state as it was stored.
+    pub fn restored(scene: Arc<Scene>, initial: EditState, state: EditState, history: History, next_unit: u64) -> Self {
+        Self { scene, initial, state, history, next_unit }
+    }
+
+    /// The present state.
+    #[must_use]
+    pub fn state(&self) -> &EditState {
+        &self.state
+    }
+
+    /// The state as it was when the scene was opened.
+    #[must_use]
+    pub fn initial(&self) -> &EditState {
+        &self.initial
+    }
+
+    /// Entries that undo and redo reach.
+    #[must_use]
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Id that the next editable unit gets.
+    #[must_use]
+    pub fn next_unit(&self) -> u64 {
+        self.next_unit
+    }
+
+    /// The present state as a message, with what undo would take back and redo bring back.
+    #[must_use]
+    pub fn message(&self, with_masks: bool) -> State {
+        let lines = |entries: &mut dyn Iterator<Item = &Entry>| entries.map(|e| e.label.clone()).collect();
+        State {
+            undo: lines(&mut self.history.undoable(HISTORY_LINES)),
+            redo: lines(&mut self.history.redoable(HISTORY_LINES)),
+            ..self.state.state(with_masks)
+        }
+    }
+
+    /// Carries a command out, or refuses it and changes nothing.
+    ///
+    /// Ids are not remembered here: who calls looks up whether a command has been seen before.
+    ///
+    /// # Errors
+    /// [`EditError`].
+    pub fn apply(&mut self, command: &Command) -> Result<Applied, EditError> {
+        self.apply_with(command, |_| Ok(()))
+    }
+
+    /// As [`Editor::apply`], but the change takes place only if `keep` has made it durable.
+    ///
+    /// # Errors
+    /// [`EditError`] or what `keep` says; either way nothing has changed.
+    pub fn apply_with<E: From<EditError>>(
+        &mut self,
+        command: &Command,
+        keep: impl FnOnce(&Applied) -> Result<(), E>,
+    ) -> Result<Applied, E> {
+        let (next, applied, entry) = self.carried_out(command)?;
+        keep(&applied)?;
+        self.next_unit = next_unit(self.next_unit, &entry.forward);
+        self.state = next;
+        self.history.step(applied.history, || entry);
+        Ok(applied)
+    }
+
+    /// Takes an accepted command up again from what was stored of it.
+    pub fn replay(&mut self, event: &Event, inverse: &[ChangeMessage], step: HistoryMove) -> Result<(), ReplicaError> {
+        let entry = stored_entry(event, inverse, self.state.count())?;
+        self.state.apply_event(event)?;
+        self.next_unit = next_unit(self.next_unit, &entry.forward);
+        self.history.step(step, || entry);
+        Ok(())
+    }
+
+    fn carried_out(&self, command: &Command) -> Result<(EditState, Applied, Entry), EditError> {
+        check_id(&command.id)?;
+        let found = self.state.revision;
+        if command.expected_revision != 0 && command.expected_revision != found {
+            return Err(EditError::Moved { expected: command.expected_revision, found });
+        }
+        let missing =
+            || EditError::Malformed { field: "action", reason: "the command does nothing; set one".to_owned() };
+        let (mut next, step, summary) = match command.action.as_ref().ok_or_else(missing)? {
+            Action::Undo(undo) => self.taken_back(undo.steps.max(1) as usize)?,
+            Action::Redo(redo) => self.brought_back(redo.steps.max(1) as usize)?,
+            action => self.drafted(action)?,
+        };
+        let (before, after) = (snapshot_bytes(&self.state), snapshot_bytes(&next));
+        if after > MAX_MESSAGE_BYTES && after > before {
+            return Err(EditError::TooLarge {
+                what: "the scene's masks and steps of selection",
+                bytes: after,
+                limit: MAX_MESSAGE_BYTES,
+            });
+        }
+        let revision = found + 1;
+        next.revision = revision;
+        let forward = self.state.changes_to(&next);
+        let backward = next.changes_to(&self.state);
+        let event = Event {
+            revision,
+            command_id: command.id.clone(),
+            summary: summary.clone(),
+            changes: forward.iter().map(encode_change).collect(),
+        };
+        let bytes = event.encoded_len();
+        if bytes > MAX_MESSAGE_BYTES {
+            return Err(EditError::TooLarge { what: "the change", bytes, limit: MAX_MESSAGE_BYTES });
+        }
+        let result = CommandResult {
+            id: command.id.clone(),
+            revision,
+            summary: summary.clone(),
+            repeated: false,
+            units: touched(&forward, &self.state),
+            selection_hash: next.selection.hash().to_owned(),
+        };
+        let inverse = backward.iter().map(encode_change).collect();
+        let entry = Entry { revision, label: summary, forward, backward };
+        Ok((next, Applied { event, inverse, result, history: step }, entry))
+    }
+
+    fn drafted(&self, action: &Action) -> Result<(EditState, HistoryMove, String), EditError> {
+        let mut draft =
+            Draft { scene: &self.scene, initial: &self.initial, state: self.state.clone(), next_unit: self.next_unit };
+        let summary = match action {
+            Action::SetColor(a) => draft.set_color(a)?,
+            Action::SetOpacity(a) => draft.set_opacity(a)?,
+            Action::SetVisibility(a) => draft.set_visibility(a)?,
+            Action::ShowOnly(a) => draft.show_only(a)?,
+            Action::SetLight(a) => draft.set_light(a)?,
+            Action::SetBackground(a) => draft.set_background(a)?,
+            Action::SetTerm(a) => draft.set_term(a)?,
+            Action::SetView(a) => draft.set_view(a)?,
+            Action::CommitSelection(a) => draft.commit_selection(a)?,
+            Action::Select(a) => draft.select(a)?,
+            Action::SaveUnit(a) => draft.save_unit(a)?,
+            Action::DeleteUnit(a) => draft.delete_unit(a)?,
+            Action::RenameUnit(a) => draft.rename_unit(a)?,
+            Action::Reset(_) => draft.reset(),
+            // Carried out on the history by the caller.
+            Action::Undo(_) | Action::Redo(_) => String::new(),
+        };
+        draft.tidy();
+        let next = draft.state;
+        // A command that only says what it is about is nothing that a person would want to take back.
+        let changed = self.state.changes_to(&next).iter().any(|c| !matches!(c, Change::Focus(_)));
+        Ok((next, if changed { HistoryMove::Push } else { HistoryMove::Keep }, summary))
+    }
+
+    fn taken_back(&self, steps: usize) -> Result<(EditState, HistoryMove, String), EditError> {
+        let entries: Vec<_> = self.history.undoable(steps).collect();
+        let next = self.with_values(entries.iter().flat_map(|e| &e.backward));
+        let summary = match entries.as_slice() {
+            [] => return Err(EditError::NothingToUndo),
+            [entry] => format!("took back: {}", entry.label),
+            many => format!("took back {} changes", many.len()),
+        };
+        Ok((next?, HistoryMove::Undo(entries.len()), summary))
+    }
+
+    fn brought_back(&self, steps: usize) -> Result<(EditState, HistoryMove, String), EditError> {
+        let entries: Vec<_> = self.history.redoable(steps).collect();
+        let next = self.with_values(entries.iter().flat_map(|e| &e.forward));
+        let summary = match entries.as_slice() {
+            [] => return Err(EditError::NothingToRedo),
+            [entry] => format!("brought back: {}", entry.label),
+            many => format!("brought back {} changes", many.len()),
+        };
+        Ok((next?, HistoryMove::Redo(entries.len()), summary))
+    }
+
+    fn with_values<'a>(&self, values: impl Iterator<Item = &'a Change>) -> Result<EditState, EditError> {
+        let mut next = self.state.clone();
+        for value in values {
+            let misfit = |m: super::state::Misfit| EditError::Malformed { field: "history", reason: m.to_string() };
+            next.put(value.clone()).map_err(misfit)?;
+        }
+        Ok(next)
+    }
+}
+
+/// At least as many bytes as a snapshot takes: readers must be able to get one.
+fn snapshot_bytes(state: &EditState) -> usize {
+    let mask = state.count().div_ceil(8) + 64;
+    let names: usize = state.names().map(|(name, _)| name.len() + 128).sum();
+    mask * state.units.len() + 64 + state.selection.bytes() + names + state.geometry.path.len() + (64 << 10)
+}
+
+/// Whether an id can name a command: not empty, at most 128 bytes.
+///
+/// # Errors
+/// [`EditError::Malformed`].
+pub fn check_id(id: &str) -> Result<(), EditError> {
+    if id.is_empty() || id.len() > MAX_NAME_BYTES {
+        let reason = format!("an id has 1 to {MAX_NAME_BYTES} bytes, unique to the change; this has {}", id.len());
+        return Err(EditError::Malformed { field: "id", reason });
+    }
+    Ok(())
+}
+
+/// A history entry from what was stored of a command.
+pub fn stored_entry(event: &Event, inverse: &[ChangeMessage], count: usize) -> Result<Entry, ReplicaError> {
+    let revision = event.revision;
+    let decoded = |changes: &[ChangeMessage]| {
+        changes
+            .iter()
+            .map(|c| decode_change(c, count).map_err(|source| ReplicaError::Message { revision, source }))
+            .collect::<Result<Vec<_>, _>>()
+    };
+    Ok(Entry { revision, label: event.summary.clone(), forward: decoded(&event.changes)?, backward: decoded(inverse)? })
+}
+
+/// The next id after changes that may hold fresh ones; follows from the changes alone, so that a replay makes the same ids.
+fn next_unit(present: u64, changes: &[Change]) -> u64 {
+    let ids = changes.iter().filter_map(|c| if let Change::Unit(unit) = c { Some(unit.id) } else { None });
+    ids.fold(present, |next, id| next.max(id.saturating_add(1)))
+}

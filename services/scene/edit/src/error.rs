@@ -1,0 +1,173 @@
+//! Why a command was refused. A refused command changes nothing and leaves no trace.
+
+use sg_proto::bus::Code;
+
+use sg_scene::view::ViewError;
+
+/// A command that does not fit the scene or makes no sense.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EditError {
+    /// No unit has this name.
+    #[error("there is no unit `{name}`{}", hint(near))]
+    UnknownUnit {
+        /// As asked for.
+        name: String,
+        /// Names that are close to it, closest first; all names where none is close.
+        near: Vec<String>,
+    },
+    /// More than one unit has this name, in different capitals.
+    #[error("`{name}` may mean {}; write it in the capitals of the one that is meant", meant.join(" or "))]
+    Ambiguous {
+        /// As asked for.
+        name: String,
+        /// What it may mean.
+        meant: Vec<String>,
+    },
+    /// A unit to be made has the name of another.
+    #[error("there is a unit `{0}` already; choose another name or ask for it to be replaced")]
+    NameTaken(String),
+    /// Only editable units can be treated so.
+    #[error("`{name}` is a base unit of the file and cannot be {verb}; {remedy}")]
+    BaseUnit {
+        /// Its name.
+        name: String,
+        /// What cannot be done to it.
+        verb: &'static str,
+        /// What can.
+        remedy: &'static str,
+    },
+    /// The command needs a selection.
+    #[error("nothing is selected; brush or select something first")]
+    NothingSelected,
+    /// The target names nothing.
+    #[error("the command does not say what it is about; name units, the selection or everything")]
+    NoTarget,
+    /// The target has no Gaussians.
+    #[error("{0} has no Gaussians; there is nothing to act on")]
+    EmptyTarget(String),
+    /// Nothing visible can be looked at.
+    #[error("{0} has no visible Gaussian at a finite position; there is nothing to look at")]
+    NothingToSee(String),
+    /// There is no earlier state.
+    #[error("there is nothing to undo")]
+    NothingToUndo,
+    /// There is no later state.
+    #[error("there is nothing to redo")]
+    NothingToRedo,
+    /// The scene is not at the revision that the sender saw.
+    #[error("the scene has moved on to revision {found} from {expected}; look again and repeat the command")]
+    Moved {
+        /// What the sender saw.
+        expected: u64,
+        /// Where the scene is.
+        found: u64,
+    },
+    /// Another selection stands there than the one that the new one was made from.
+    #[error("the selection has changed since this one was begun; start again from the present one")]
+    SelectionMoved {
+        /// Hash of the selection that stands there.
+        found: String,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{field}` is {found}; it must be a finite number")]
+    NotFinite {
+        /// The field of the command.
+        field: &'static str,
+        /// What stands there.
+        found: f64,
+    },
+    /// A number lies outside its range.
+    #[error("`{field}` is {found}; it must be {want}")]
+    OutOfRange {
+        /// The field of the command.
+        field: &'static str,
+        /// What stands there.
+        found: f64,
+        /// What would be taken.
+        want: &'static str,
+    },
+    /// A viewpoint shows nothing.
+    #[error("{0}")]
+    View(#[from] ViewError),
+    /// A field is missing or malformed.
+    #[error("`{field}`: {reason}")]
+    Malformed {
+        /// The field of the command.
+        field: &'static str,
+        /// What is wrong and what would be taken.
+        reason: String,
+    },
+    /// There are as many of something as there may be.
+    #[error("there would be more than {limit} {what}; {remedy}")]
+    TooMany {
+        /// Of what.
+        what: &'static str,
+        /// How many there may be.
+        limit: usize,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// What changes, or all masks and strokes together, would not fit one message.
+    #[error(
+        "{what} would take {bytes} bytes, more than the {limit} of one message; change less at a time or delete units"
+    )]
+    TooLarge {
+        /// Of what.
+        what: &'static str,
+        /// Size of the event.
+        bytes: usize,
+        /// Largest size.
+        limit: usize,
+    },
+}
+
+impl EditError {
+    /// The canonical code under which the refusal travels.
+    #[must_use]
+    pub fn code(&self) -> Code {
+        match self {
+            Self::UnknownUnit { .. } => Code::NotFound,
+            Self::NameTaken(_) => Code::AlreadyExists,
+            Self::BaseUnit { .. }
+            | Self::NothingSelected
+            | Self::EmptyTarget(_)
+            | Self::NothingToSee(_)
+            | Self::NothingToUndo
+            | Self::NothingToRedo
+            | Self::Moved { .. }
+            | Self::SelectionMoved { .. } => Code::FailedPrecondition,
+            Self::OutOfRange { .. } | Self::View(ViewError::Distance(_) | ViewError::FieldOfView(_)) => {
+                Code::OutOfRange
+            }
+            Self::Ambiguous { .. }
+            | Self::NoTarget
+            | Self::NotFinite { .. }
+            | Self::View(_)
+            | Self::Malformed { .. } => Code::InvalidArgument,
+            Self::TooMany { .. } | Self::TooLarge { .. } => Code::ResourceExhausted,
+        }
+    }
+
+    /// Facts for a program: names that would have been valid, the revision or hash that stands there.
+    #[must_use]
+    pub fn details(&self) -> Vec<String> {
+        match self {
+            Self::UnknownUnit { near, .. } => near.clone(),
+            Self::Ambiguous { meant, .. } => meant.clone(),
+            Self::Moved { found, .. } => vec![found.to_string()],
+            Self::SelectionMoved { found } => vec![found.clone()],
+            _ => Vec::new(),
+        }
+    }
+}
+
+fn hint(near: &[String]) -> String {
+    match near {
+        [] => "; the scene has no units".to_owned(),
+        [one] => format!("; did you mean `{one}`?"),
+        many => {
+            let shown: Vec<_> = many.iter().take(6).map(|n| format!("`{n}`")).collect();
+            format!("; there are {}{}", shown.join(", "), if many.len() > 6 { ", …" } else { "" })
+        }
+    }
+}

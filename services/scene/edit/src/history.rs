@@ -1,0 +1,155 @@
+//! What undo takes back and redo brings back.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::state::Change;
+
+/// Most changes that can be taken back.
+pub(super) const MAX_ENTRIES: usize = 1000;
+/// Most bytes of masks and steps that undo and redo hold on to; beyond it the oldest changes cannot be taken back.
+pub(super) const MAX_BYTES: usize = 256 << 20;
+
+/// One accepted command's values after and before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Revision that the command made.
+    pub revision: u64,
+    /// What happened, one line.
+    pub label: String,
+    /// Values after it.
+    pub forward: Vec<Change>,
+    /// Values before it.
+    pub backward: Vec<Change>,
+}
+
+impl Entry {
+    /// Bytes of masks and steps, as if nothing were shared.
+    fn bytes(&self) -> usize {
+        let of = |change: &Change| match change {
+            Change::Unit(unit) => unit.mask.len().div_ceil(8),
+            Change::Selection(selection) => selection.bytes(),
+            _ => 0,
+        };
+        self.forward.iter().chain(&self.backward).map(of).sum()
+    }
+}
+
+/// What a command does to the history.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HistoryMove {
+    /// Nothing: it changed no value that could be taken back.
+    Keep,
+    /// It can be taken back; what had been taken back cannot be brought back any more.
+    Push,
+    /// It takes this many changes back.
+    Undo(usize),
+    /// It brings this many changes back.
+    Redo(usize),
+}
+
+/// The two stacks. What they hold depends on the accepted commands alone, so that a replay makes the same.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct History {
+    /// Oldest first.
+    undo: VecDeque<Arc<Entry>>,
+    /// Next to be brought back last.
+    redo: Vec<Arc<Entry>>,
+    bytes: usize,
+}
+
+impl History {
+    /// Stacks as they were stored: `undo` oldest first, `redo` with the next to be brought back last.
+    pub fn restored(undo: Vec<Entry>, redo: Vec<Entry>) -> Self {
+        let bytes = undo.iter().chain(&redo).map(Entry::bytes).sum();
+        let shared = |entries: Vec<Entry>| entries.into_iter().map(Arc::new);
+        Self { undo: shared(undo).collect(), redo: shared(redo).collect(), bytes }
+    }
+
+    /// The newest `n` changes that can be taken back, newest first.
+    pub fn undoable(&self, n: usize) -> impl Iterator<Item = &Entry> {
+        self.undo.iter().rev().take(n).map(AsRef::as_ref)
+    }
+
+    /// The next `n` changes that can be brought back, in the order in which that is done.
+    pub fn redoable(&self, n: usize) -> impl Iterator<Item = &Entry> {
+        self.redo.iter().rev().take(n).map(AsRef::as_ref)
+    }
+
+    /// Revisions of both stacks, in the order of [`History::restored`].
+    pub fn revisions(&self) -> (Vec<u64>, Vec<u64>) {
+        (self.undo.iter().map(|e| e.revision).collect(), self.redo.iter().map(|e| e.revision).collect())
+    }
+
+    /// Carries a move out; `entry` is the command's own.
+    pub fn step(&mut self, step: HistoryMove, entry: impl FnOnce() -> Entry) {
+        match step {
+            HistoryMove::Keep => {}
+            HistoryMove::Push => {
+                let entry = entry();
+                let brought: usize = self.redo.drain(..).map(|e| e.bytes()).sum();
+                self.bytes = self.bytes - brought + entry.bytes();
+                self.undo.push_back(Arc::new(entry));
+                while self.undo.len() > MAX_ENTRIES || self.bytes > MAX_BYTES {
+                    let Some(oldest) = self.undo.pop_front() else { break };
+                    self.bytes -= oldest.bytes();
+                }
+            }
+            HistoryMove::Undo(n) => {
+                for _ in 0..n {
+                    self.redo.extend(self.undo.pop_back());
+                }
+            }
+            HistoryMove::Redo(n) => {
+                for _ in 0..n {
+                    self.undo.extend(self.redo.pop());
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::Selection;
+    use sg_scene::mask::Mask;
+
+    fn entry(revision: u64, gaussians: usize) -> Entry {
+        let selection = Selection::new(Arc::new(Mask::empty(gaussians)), Arc::new([]));
+        let forward = vec![Change::Selection(selection)];
+        Entry { revision, label: String::new(), forward, backward: Vec::new() }
+    }
+
+    #[test]
+    fn the_oldest_changes_go_when_there_are_too_many_or_they_are_too_large() {
+        let mut history = History::default();
+        for revision in 1..=MAX_ENTRIES as u64 + 5 {
+            history.step(HistoryMove::Push, || entry(revision, 8));
+        }
+        let (undo, _) = history.revisions();
+        assert_eq!((undo.len(), undo[0]), (MAX_ENTRIES, 6));
+
+        let large = 8 * (MAX_BYTES / 4);
+        let mut history = History::default();
+        for revision in 1..=6 {
+            history.step(HistoryMove::Push, || entry(revision, large));
+        }
+        assert_eq!(history.revisions().0, [3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn what_was_taken_back_comes_back_in_order_until_something_new_is_done() {
+        let mut history = History::default();
+        for revision in 1..=3 {
+            history.step(HistoryMove::Push, || entry(revision, 8));
+        }
+        history.step(HistoryMove::Undo(2), || unreachable!());
+        assert_eq!(history.revisions(), (vec![1], vec![3, 2]));
+        history.step(HistoryMove::Redo(1), || unreachable!());
+        assert_eq!(history.redoable(9).map(|e| e.revision).collect::<Vec<_>>(), [3]);
+        history.step(HistoryMove::Push, || entry(9, 8));
+        assert_eq!(history.revisions(), (vec![1, 2, 9], vec![]));
+        assert_eq!(history.bytes, 3);
+    }
+}

@@ -1,0 +1,297 @@
+//! What is selected, and which Gaussians are units.
+
+use std::sync::Arc;
+
+use sg_proto::limits::{MAX_STROKE_POINTS, MAX_STROKES};
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{
+    CommitSelection, DeleteUnit, RenameUnit, SaveUnit, Select, SelectionStep, SetOperation, Stroke, StrokeDepth,
+    StrokeKind, StrokeMode,
+};
+
+use super::draft::Draft;
+use super::error::EditError;
+use super::names::given;
+use super::number::malformed;
+use super::state::{Selection, Unit, UnitRef};
+use super::wire::{decode_mask, steps_of};
+use sg_scene::mask::Mask;
+
+impl Draft<'_> {
+    pub(super) fn commit_selection(&mut self, command: &CommitSelection) -> Result<String, EditError> {
+        let present = self.state.selection.hash();
+        if !command.expected_hash.is_empty() && command.expected_hash != present {
+            return Err(EditError::SelectionMoved { found: present.to_owned() });
+        }
+        const FIELD: &str = "commit_selection.mask";
+        let missing = || EditError::Malformed { field: FIELD, reason: "the mask is missing; send one".to_owned() };
+        let mask = command.mask.as_ref().ok_or_else(missing)?;
+        let mask = decode_mask(mask, self.state.count(), FIELD).map_err(|e| malformed(&e))?;
+        let steps = steps_of(&command.strokes, &command.steps);
+        check_steps(&steps, self.state.count())?;
+        let count = mask.count();
+        let strokes = steps.iter().filter(|s| matches!(s.step, Some(Step::Stroke(_)))).count();
+        let operations = steps.iter().filter(|s| matches!(s.step, Some(Step::Operation(_)))).count();
+        let tuned = steps.iter().rev().find_map(|s| if let Some(Step::Tuning(t)) = &s.step { Some(*t) } else { None });
+        let tuned = tuned.map_or_else(String::new, |t| {
+            format!(", the walk's leak at {:.2} % and its threshold at {:.2}", 100.0 * t.leak, t.threshold)
+        });
+        self.state.selection = Selection::new(Arc::new(mask), steps.into());
+        self.focus_on(Vec::new());
+        let number = |n: usize, what: &str| match n {
+            0 => None,
+            1 => Some(format!("1 {what}")),
+            n => Some(format!("{n} {what}s")),
+        };
+        let with: Vec<_> = number(strokes, "stroke").into_iter().chain(number(operations, "operation")).collect();
+        let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+        Ok(format!("selected {}{with}{tuned}", gaussians(count)))
+    }
+
+    pub(super) fn select(&mut self, command: &Select) -> Result<String, EditError> {
+        let operation = SetOperation::try_from(command.operation).map_err(|_| EditError::Malformed {
+            field: "select.operation",
+            reason: format!("{} is no set operation", command.operation),
+        })?;
+        let replaces = matches!(operation, SetOperation::Unspecified | SetOperation::Replace);
+        let empty = command
+            .target
+            .as_ref()
+            .is_none_or(|t| t.units.is_empty() && !t.selection && !t.everything && !t.complement);
+        if empty && replaces {
+            self.select_mask(Mask::empty(self.state.count()));
+            return Ok("selected nothing".to_owned());
+        }
+        let target = self.state.resolve(command.target.as_ref())?;
+        let mut mask = (**self.state.selection.mask()).clone();
+        match operation {
+            SetOperation::Unspecified | SetOperation::Replace => mask = target.members,
+            SetOperation::Add => mask.union_with(&target.members),
+            SetOperation::Remove => mask.subtract(&target.members),
+            SetOperation::Intersect => mask.intersect_with(&target.members),
+        }
+        let count = gaussians(mask.count());
+        self.select_mask(mask);
+        let phrase = target.phrase;
+        Ok(match operation {
+            SetOperation::Unspecified | SetOperation::Replace => format!("selected {phrase}: {count}"),
+            SetOperation::Add => format!("added {phrase} to the selection: {count}"),
+            SetOperation::Remove => format!("removed {phrase} from the selection: {count}"),
+            SetOperation::Intersect => format!("kept of the selection what is in {phrase}: {count}"),
+        })
+    }
+
+    fn select_mask(&mut self, mask: Mask) {
+        self.state.selection = Selection::new(Arc::new(mask), Arc::new([]));
+        self.focus_on(Vec::new());
+    }
+
+    /// Saves the selection. The look that earlier commands gave to exactly this selection becomes the unit's own.
+    pub(super) fn save_unit(&mut self, command: &SaveUnit) -> Result<String, EditError> {
+        let name = given(&command.name, "save_unit.name")?;
+        let mask = Arc::clone(self.state.selection.mask());
+        if mask.is_none() {
+            return Err(EditError::NothingSelected);
+        }
+        let count = gaussians(mask.count());
+        let existing = self.state.is_taken(&name, None);
+        if let Some(UnitRef::Base(_)) = existing {
+            let remedy = "choose another name";
+            return Err(EditError::BaseUnit { name, verb: "replaced", remedy });
+        }
+        if let Some(UnitRef::Editable(id)) = existing
+            && let Some(unit) = self.state.units.get_mut(&id)
+            && !unit.derived
+        {
+            if !command.replace {
+                return Err(EditError::NameTaken(unit.name.clone()));
+            }
+            let name = unit.name.clone();
+            unit.mask = mask;
+            self.focus_on(vec![name.clone()]);
+            return Ok(format!("saved the selection as {name} in place of what it was: {count}"));
+        }
+        let (mut color, mut opacity, mut visible) = (None, 1.0_f32, true);
+        self.state.units.retain(|_, unit| {
+            let same = unit.derived && unit.mask == mask;
+            if same {
+                color = unit.color.or(color);
+                opacity = (opacity * unit.opacity).min(super::number::MAX_FACTOR);
+                visible &= unit.visible;
+            }
+            !same
+        });
+        self.make_way(&name);
+        let id = self.fresh_id()?;
+        self.insert(Unit { id, name: name.clone(), mask, color, opacity, visible, derived: false });
+        self.focus_on(vec![name.clone()]);
+        Ok(format!("saved the selection as {name}: {count}"))
+    }
+
+    pub(super) fn delete_unit(&mut self, command: &DeleteUnit) -> Result<String, EditError> {
+        let (id, name) = self.editable(&command.name, "deleted", "hide it instead")?;
+        self.state.units.remove(&id);
+        self.focus_on(Vec::new());
+        Ok(format!("deleted {name}; its Gaussians stay"))
+    }
+
+    /// Renames a unit; a derived one that is given a name is saved by that.
+    pub(super) fn rename_unit(&mut self, command: &RenameUnit) -> Result<String, EditError> {
+        let (id, name) = self.editable(&command.name, "renamed", "name it in the scene file")?;
+        let new = given(&command.new_name, "rename_unit.new_name")?;
+        match self.state.is_taken(&new, Some(UnitRef::Editable(id))) {
+            Some(UnitRef::Editable(other)) if self.state.units.get(&other).is_some_and(|u| u.derived) => {
+                self.make_way(&new);
+            }
+            Some(_) => return Err(EditError::NameTaken(new)),
+            None => {}
+        }
+        if let Some(unit) = self.state.units.get_mut(&id) {
+            unit.name.clone_from(&new);
+            unit.derived = false;
+        }
+        self.focus_on(vec![new.clone()]);
+        Ok(format!("renamed {name} to {new}"))
+    }
+
+    /// A derived unit's name was not given by a person: it yields to one that is.
+    fn make_way(&mut self, name: &str) {
+        let Some(UnitRef::Editable(id)) = self.state.is_taken(name, None) else { return };
+        let free = self.state.free_name(&format!("{name} (unsaved)"));
+        if let Some(unit) = self.state.units.get_mut(&id) {
+            unit.name = free;
+        }
+    }
+
+    /// An editable unit by name.
+    fn editable(&self, name: &str, verb: &'static str, remedy: &'static str) -> Result<(u64, String), EditError> {
+        let unit = self.state.find(name)?;
+        let name = self.state.name_of(unit).unwrap_or_default().to_owned();
+        match unit {
+            UnitRef::Editable(id) => Ok((id, name)),
+            UnitRef::Base(_) => Err(EditError::BaseUnit { name, verb, remedy }),
+        }
+    }
+}
+
+/// Steps are stored for those who made them; what they could not make sense of is refused here.
+fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditError> {
+    const FIELD: &str = "commit_selection.steps";
+    for (i, step) in steps.iter().enumerate() {
+        match &step.step {
+            Some(Step::Stroke(_)) => {}
+            Some(Step::Operation(operation)) if operation.operation.is_some() => {}
+            Some(Step::Tuning(tuning)) if tuning.leak.is_finite() && tuning.threshold.is_finite() => {}
+            Some(Step::Given(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
+            _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is none") }),
+        }
+    }
+    let strokes: Vec<Stroke> = steps
+        .iter()
+        .filter_map(|s| if let Some(Step::Stroke(stroke)) = &s.step { Some(stroke.clone()) } else { None })
+        .collect();
+    check_strokes(&strokes, steps.len())
+}
+
+fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
+    const FIELD: &str = "commit_selection.strokes";
+    if steps > MAX_STROKES {
+        let remedy = "clear the selection and begin again";
+        return Err(EditError::TooMany { what: "strokes of one selection", limit: MAX_STROKES, remedy });
+    }
+    for (i, stroke) in strokes.iter().enumerate() {
+        let wrong = |reason: &str| Err(EditError::Malformed { field: FIELD, reason: format!("stroke {i}: {reason}") });
+        let mode = StrokeMode::try_from(stroke.mode).unwrap_or_default();
+        let kind = StrokeKind::try_from(stroke.kind).unwrap_or_default();
+        if mode == StrokeMode::Unspecified || kind == StrokeKind::Unspecified {
+            return wrong("mode and kind must be set");
+        }
+        if kind == StrokeKind::Toggle && mode != StrokeMode::Cluster {
+            return wrong("toggle is for cluster mode");
+        }
+        if !(stroke.radius.is_finite() && stroke.radius > 0.0) {
+            return wrong("the radius must be finite and above 0");
+        }
+        if stroke.points.is_empty() || !stroke.points.len().is_multiple_of(3) {
+            return wrong("the points must be x y z one after another, at least one");
+        }
+        if stroke.points.len() / 3 > MAX_STROKE_POINTS {
+            let remedy = "split the stroke";
+            return Err(EditError::TooMany { what: "corners of one stroke", limit: MAX_STROKE_POINTS, remedy });
+        }
+        if !stroke.points.iter().all(|x| x.is_finite()) {
+            return wrong("the points must be finite");
+        }
+        if !(stroke.pressure.is_empty() || 3 * stroke.pressure.len() == stroke.points.len()) {
+            return wrong("there must be one pressure a point, or none");
+        }
+        if !stroke.pressure.iter().all(|f| *f >= 0.0 && f.is_finite()) {
+            return wrong("the pressure must be finite and at least 0");
+        }
+        let sound = |d: &StrokeDepth| {
+            d.eye.len() == 3 && d.eye.iter().all(|x| x.is_finite()) && d.behind >= 0.0 && d.behind.is_finite()
+        };
+        if !stroke.depth.as_ref().is_none_or(sound) {
+            return wrong("its depth must be an eye of three finite numbers and at least 0 behind it");
+        }
+    }
+    Ok(())
+}
+
+/// A number of Gaussians in words, digits in groups of three.
+fn gaussians(count: usize) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text + if count == 1 { " Gaussian" } else { " Gaussians" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_grouped() {
+        assert_eq!(gaussians(1), "1 Gaussian");
+        assert_eq!(gaussians(999), "999 Gaussians");
+        assert_eq!(gaussians(1_234_567), "1,234,567 Gaussians");
+    }
+
+    #[test]
+    fn strokes_that_make_no_sense_are_refused() {
+        let good = Stroke {
+            mode: StrokeMode::Cluster.into(),
+            kind: StrokeKind::Toggle.into(),
+            radius: 0.1,
+            points: vec![0.0, 0.5, 1.0],
+            pressure: vec![0.5],
+            depth: Some(StrokeDepth { eye: vec![0.5; 3], behind: 0.1 }),
+        };
+        assert_eq!(check_strokes(std::slice::from_ref(&good), 1), Ok(()));
+        for bad in [
+            Stroke { mode: 0, ..good.clone() },
+            Stroke { mode: 9, ..good.clone() },
+            Stroke { kind: 0, ..good.clone() },
+            Stroke { mode: StrokeMode::Point.into(), ..good.clone() },
+            Stroke { radius: 0.0, ..good.clone() },
+            Stroke { radius: f64::NAN, ..good.clone() },
+            Stroke { points: vec![], ..good.clone() },
+            Stroke { pressure: vec![0.5; 2], ..good.clone() },
+            Stroke { pressure: vec![-0.5], ..good.clone() },
+            Stroke { pressure: vec![f64::INFINITY], ..good.clone() },
+            Stroke { points: vec![0.0, 1.0], ..good.clone() },
+            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 2], behind: 0.1 }), ..good.clone() },
+            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 3], behind: -0.1 }), ..good.clone() },
+            Stroke { points: vec![0.0, 1.0, f64::INFINITY], ..good.clone() },
+            Stroke { points: vec![0.0; 3 * MAX_STROKE_POINTS + 3], pressure: vec![], ..good.clone() },
+        ] {
+            assert!(check_strokes(&[good.clone(), bad], 2).is_err());
+        }
+        assert!(check_strokes(&vec![good; MAX_STROKES + 1], MAX_STROKES + 1).is_err());
+    }
+}

@@ -1,0 +1,449 @@
+//! What edits change of a scene, as values; masks are shared, so that a copy is cheap.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::Vec3;
+use sg_proto::prost::Message as _;
+use sg_proto::scene::SelectionStep;
+
+use sg_scene::appearance::{Appearance, BaseAppearance, PixelFilter, ShadingTerm, UnitAppearance};
+use sg_scene::camera::Light;
+use sg_scene::mask::Mask;
+use sg_scene::model::{Scene, SceneBox};
+use sg_scene::view::{Side, View, framed_box};
+
+/// A base unit as edits see it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BaseLook {
+    /// Name, unique among base and editable units.
+    pub name: String,
+    /// Scene-wide index of its first Gaussian.
+    pub first: usize,
+    /// Number of its Gaussians.
+    pub count: usize,
+    /// Palette colour, RGB 0 to 1.
+    pub palette: Vec3,
+    /// Factor on the opacity, at least 0.
+    pub opacity: f32,
+    /// Whether it is drawn.
+    pub visible: bool,
+}
+
+impl BaseLook {
+    /// Scene-wide indices of its Gaussians.
+    #[must_use]
+    pub fn range(&self) -> Range<usize> {
+        self.first..self.first + self.count
+    }
+}
+
+/// An editable unit: members and how they look.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// Id, never reused within a scene; units with greater ids lie over those with lesser.
+    pub id: u64,
+    /// Name, unique among base and editable units.
+    pub name: String,
+    /// Its Gaussians.
+    pub mask: Arc<Mask>,
+    /// Colour that replaces the diffuse colour of its members.
+    pub color: Option<Vec3>,
+    /// Factor on the opacity of its members, at least 0.
+    pub opacity: f32,
+    /// Whether its members are drawn.
+    pub visible: bool,
+    /// Made by a command on what is no unit, not saved by a person.
+    pub derived: bool,
+}
+
+impl Unit {
+    /// Whether it changes nothing of how its members look.
+    #[must_use]
+    pub fn is_neutral(&self) -> bool {
+        self.color.is_none() && self.opacity == 1.0 && self.visible
+    }
+}
+
+/// The selected Gaussians and what they were selected with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selection {
+    mask: Arc<Mask>,
+    steps: Arc<[SelectionStep]>,
+    hash: String,
+}
+
+impl Selection {
+    /// A selection and the steps it was made in, oldest first (none where it was made otherwise).
+    #[must_use]
+    pub fn new(mask: Arc<Mask>, steps: Arc<[SelectionStep]>) -> Self {
+        let hash = mask_hash(&mask);
+        Self { mask, steps, hash }
+    }
+
+    /// The selected Gaussians.
+    #[must_use]
+    pub fn mask(&self) -> &Arc<Mask> {
+        &self.mask
+    }
+
+    /// The steps it was made in, oldest first.
+    #[must_use]
+    pub fn steps(&self) -> &Arc<[SelectionStep]> {
+        &self.steps
+    }
+
+    /// At most how many bytes its mask and steps take, as if nothing were shared.
+    pub(crate) fn bytes(&self) -> usize {
+        let of = |step: &SelectionStep| 64 + step.encoded_len();
+        self.mask.len().div_ceil(8) + self.steps.iter().map(of).sum::<usize>()
+    }
+
+    /// [`mask_hash`] of its mask.
+    #[must_use]
+    pub fn hash(&self) -> &str {
+        &self.hash
+    }
+}
+
+/// BLAKE3 of a mask's length (u64, little endian) and packed bits, hexadecimal: what names a selection on the bus.
+#[must_use]
+pub fn mask_hash(mask: &Mask) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&(mask.len() as u64).to_le_bytes());
+    hasher.update(&mask.to_bytes());
+    hasher.finalize().to_hex().to_string()
+}
+
+/// What names the geometry that a state speaks of; it never changes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Geometry {
+    /// File the Gaussians are read from.
+    pub path: String,
+    /// BLAKE3 of the columns, hexadecimal ([`Scene::content_hash`]).
+    pub hash: String,
+    /// Number of Gaussians.
+    pub count: usize,
+    /// The stored box that strokes are normalized by.
+    pub bounds: SceneBox,
+}
+
+/// Everything that edits change, at one revision.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EditState {
+    pub(crate) revision: u64,
+    pub(crate) geometry: Arc<Geometry>,
+    pub(crate) base: Vec<BaseLook>,
+    pub(crate) units: BTreeMap<u64, Unit>,
+    pub(crate) selection: Selection,
+    pub(crate) light: Light,
+    pub(crate) background: Vec3,
+    pub(crate) view: View,
+    pub(crate) term: ShadingTerm,
+    pub(crate) focus: Vec<String>,
+}
+
+/// A unit of either kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UnitRef {
+    /// Index of a base unit in scene order.
+    Base(usize),
+    /// Id of an editable unit.
+    Editable(u64),
+}
+
+impl EditState {
+    /// The state of a scene as it is opened, at revision 0: looks as the file says, nothing selected, seen from the front.
+    #[must_use]
+    pub fn of_scene(scene: &Scene, path: impl Into<String>, hash: impl Into<String>) -> Self {
+        let look = Appearance::of(scene);
+        let base = scene.units.iter().zip(&look.base).map(|(unit, look)| BaseLook {
+            name: unit.name.clone(),
+            first: unit.first,
+            count: unit.gaussians.len(),
+            palette: look.palette,
+            opacity: look.opacity,
+            visible: look.visible,
+        });
+        let geometry = Geometry { path: path.into(), hash: hash.into(), count: scene.len(), bounds: scene.bounds };
+        Self {
+            revision: 0,
+            base: base.collect(),
+            units: BTreeMap::new(),
+            selection: Selection::new(Arc::new(Mask::empty(scene.len())), Arc::new([])),
+            light: look.light,
+            background: look.background,
+            view: View::from_side(framed_box(scene), Side::Front, sg_scene::view::FIELD_OF_VIEW),
+            term: look.term,
+            focus: Vec::new(),
+            geometry: Arc::new(geometry),
+        }
+    }
+
+    /// Number of accepted changes behind this state.
+    #[must_use]
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// The same state over the geometry of another, whose files may have moved since.
+    #[must_use]
+    pub fn with_geometry_of(mut self, other: &Self) -> Self {
+        self.geometry = Arc::clone(&other.geometry);
+        self
+    }
+
+    /// What names the geometry.
+    #[must_use]
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// Number of Gaussians.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.geometry.count
+    }
+
+    /// Base units in scene order.
+    #[must_use]
+    pub fn base_units(&self) -> &[BaseLook] {
+        &self.base
+    }
+
+    /// Editable units, oldest first, derived ones among them.
+    pub fn units(&self) -> impl Iterator<Item = &Unit> {
+        self.units.values()
+    }
+
+    /// The current selection.
+    #[must_use]
+    pub fn selection(&self) -> &Selection {
+        &self.selection
+    }
+
+    /// The light.
+    #[must_use]
+    pub fn light(&self) -> Light {
+        self.light
+    }
+
+    /// Background colour, RGB 0 to 1.
+    #[must_use]
+    pub fn background(&self) -> Vec3 {
+        self.background
+    }
+
+    /// The shared viewpoint.
+    #[must_use]
+    pub fn view(&self) -> View {
+        self.view
+    }
+
+    /// The shown part of the shading.
+    #[must_use]
+    pub fn term(&self) -> ShadingTerm {
+        self.term
+    }
+
+    /// Names of the units that the last command addressed.
+    #[must_use]
+    pub fn focus(&self) -> &[String] {
+        &self.focus
+    }
+
+    /// The Gaussians of a unit.
+    #[must_use]
+    pub fn members(&self, unit: UnitRef) -> Arc<Mask> {
+        let mut mask = Mask::empty(self.count());
+        match unit {
+            UnitRef::Base(i) => {
+                if let Some(base) = self.base.get(i) {
+                    mask.select_range(base.range());
+                }
+            }
+            UnitRef::Editable(id) => {
+                if let Some(unit) = self.units.get(&id) {
+                    return Arc::clone(&unit.mask);
+                }
+            }
+        }
+        Arc::new(mask)
+    }
+
+    /// The look that a renderer draws, without an overlay. Editable units that change nothing are left out.
+    #[must_use]
+    pub fn appearance(&self) -> Appearance {
+        let base = self.base.iter().map(|b| BaseAppearance {
+            palette: b.palette,
+            opacity: b.opacity,
+            visible: b.visible,
+            multipliers: [1.0; 4],
+        });
+        let units = self.units.values().filter(|u| !u.is_neutral()).map(|u| UnitAppearance {
+            mask: Arc::clone(&u.mask),
+            color: u.color,
+            opacity: u.opacity,
+            visible: u.visible,
+        });
+        Appearance {
+            base: base.collect(),
+            units: units.collect(),
+            overlay: None,
+            light: self.light,
+            background: self.background,
+            term: self.term,
+            clips: Vec::new(),
+            colors: None,
+            filter: PixelFilter::FromFile,
+        }
+    }
+}
+
+/// One value as it stands after a change.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Change {
+    /// A base unit.
+    Base(BaseLook),
+    /// An editable unit, new or changed.
+    Unit(Unit),
+    /// Id of an editable unit that is gone.
+    Deleted(u64),
+    /// The selection.
+    Selection(Selection),
+    /// The light.
+    Light(Light),
+    /// The background.
+    Background(Vec3),
+    /// The viewpoint.
+    View(View),
+    /// The shown part of the shading.
+    Term(ShadingTerm),
+    /// What the last command addressed.
+    Focus(Vec<String>),
+}
+
+/// A change that does not belong to this state.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Misfit {
+    /// The base unit is not one of this scene.
+    #[error("the scene has no base unit `{0}` with these Gaussians")]
+    Base(String),
+    /// A mask speaks of another number of Gaussians.
+    #[error("a mask of {found} Gaussians does not fit a scene of {expected}")]
+    Mask {
+        /// Its length.
+        found: usize,
+        /// Number of Gaussians.
+        expected: usize,
+    },
+}
+
+impl EditState {
+    /// Puts one changed value in place.
+    pub(crate) fn put(&mut self, change: Change) -> Result<(), Misfit> {
+        let fits = |mask: &Mask| {
+            let (found, expected) = (mask.len(), self.geometry.count);
+            if found == expected { Ok(()) } else { Err(Misfit::Mask { found, expected }) }
+        };
+        match change {
+            Change::Base(look) => {
+                let same = |b: &&mut BaseLook| b.name == look.name && b.range() == look.range();
+                match self.base.iter_mut().find(same) {
+                    Some(base) => *base = look,
+                    None => return Err(Misfit::Base(look.name)),
+                }
+            }
+            Change::Unit(unit) => {
+                fits(&unit.mask)?;
+                self.units.insert(unit.id, unit);
+            }
+            Change::Deleted(id) => {
+                self.units.remove(&id);
+            }
+            Change::Selection(selection) => {
+                fits(selection.mask())?;
+                self.selection = selection;
+            }
+            Change::Light(light) => self.light = light,
+            Change::Background(color) => self.background = color,
+            Change::View(view) => self.view = view,
+            Change::Term(term) => self.term = term,
+            Change::Focus(names) => self.focus = names,
+        }
+        Ok(())
+    }
+
+    /// The values of `after` that differ from this state's: put in place here, they make it `after`.
+    pub(crate) fn changes_to(&self, after: &Self) -> Vec<Change> {
+        let mut changes = Vec::new();
+        let gone = self.units.keys().filter(|id| !after.units.contains_key(id));
+        changes.extend(gone.map(|id| Change::Deleted(*id)));
+        let looks = self.base.iter().zip(&after.base).filter(|(a, b)| a != b);
+        changes.extend(looks.map(|(_, b)| Change::Base(b.clone())));
+        let units =
+            after.units.iter().filter(|(id, unit)| !self.units.get(id).is_some_and(|before| same(before, unit)));
+        changes.extend(units.map(|(_, unit)| Change::Unit(unit.clone())));
+        if self.selection != after.selection {
+            changes.push(Change::Selection(after.selection.clone()));
+        }
+        if self.light != after.light {
+            changes.push(Change::Light(after.light));
+        }
+        if self.background != after.background {
+            changes.push(Change::Background(after.background));
+        }
+        if self.view != after.view {
+            changes.push(Change::View(after.view));
+        }
+        if self.term != after.term {
+            changes.push(Change::Term(after.term));
+        }
+        if self.focus != after.focus {
+            changes.push(Change::Focus(after.focus.clone()));
+        }
+        changes
+    }
+}
+
+/// Equality of units that does not read masks which are the same allocation.
+fn same(a: &Unit, b: &Unit) -> bool {
+    (a.id, &a.name, a.color, a.opacity, a.visible, a.derived)
+        == (b.id, &b.name, b.color, b.opacity, b.visible, b.derived)
+        && (Arc::ptr_eq(&a.mask, &b.mask) || a.mask == b.mask)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sg_scene::synthetic::test_scene;
+
+    #[test]
+    fn an_opened_scene_looks_as_its_file_says() {
+        let scene = test_scene(&[("bone", 5), ("skin", 7)]);
+        let state = EditState::of_scene(&scene, "scene.toml", "hash");
+        assert_eq!(state.appearance(), Appearance::of(&scene));
+        assert_eq!((state.revision(), state.count(), state.selection().mask().count()), (0, 12, 0));
+        assert_eq!(state.members(UnitRef::Base(1)).ones().collect::<Vec<_>>(), (5..12).collect::<Vec<_>>());
+        assert_eq!(state.view().check(), Ok(()));
+        assert!(state.view().eye.y < scene.bounds.min.y, "seen from the front");
+    }
+
+    #[test]
+    fn the_hash_of_a_selection_is_over_length_and_bits() {
+        let bytes = [3_u64.to_le_bytes().as_slice(), &[0b101]].concat();
+        assert_eq!(mask_hash(&Mask::from_fn(3, |i| i != 1)), blake3::hash(&bytes).to_hex().to_string());
+        assert_ne!(mask_hash(&Mask::empty(3)), mask_hash(&Mask::empty(4)));
+    }
+
+    #[test]
+    fn what_does_not_belong_is_refused() {
+        let scene = test_scene(&[("bone", 5)]);
+        let mut state = EditState::of_scene(&scene, "", "");
+        let other = BaseLook { name: "skin".into(), ..state.base[0].clone() };
+        assert_eq!(state.put(Change::Base(other)), Err(Misfit::Base("skin".into())));
+        let short = Selection::new(Arc::new(Mask::empty(4)), Arc::new([]));
+        assert_eq!(state.put(Change::Selection(short)), Err(Misfit::Mask { found: 4, expected: 5 }));
+    }
+}

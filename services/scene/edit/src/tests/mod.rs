@@ -1,0 +1,118 @@
+//! Commands on a small scene: what they do, what they refuse, and what holds for any sequence of them.
+
+mod commands;
+mod properties;
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{
+    Color, Command, CommitSelection, SaveUnit, SetColor, SetOpacity, SetVisibility, ShowOnly, Target,
+};
+
+use super::wire::encode_mask;
+use super::{Applied, EditError, EditState, Editor};
+use sg_scene::mask::Mask;
+use sg_scene::synthetic::test_scene;
+
+/// Base units `bone` (0..20), `skin` (20..35) and `Vessel` (35..60).
+pub(crate) fn editor() -> Editor {
+    let scene = Arc::new(test_scene(&[("bone", 20), ("skin", 15), ("Vessel", 25)]));
+    let state = EditState::of_scene(&scene, "scene.toml", "hash");
+    Editor::new(scene, state)
+}
+
+pub(crate) fn command(action: Action) -> Command {
+    Command { id: "test".to_owned(), expected_revision: 0, action: Some(action) }
+}
+
+fn units(names: &[&str]) -> Target {
+    Target { units: names.iter().map(|n| (*n).to_owned()).collect(), ..Target::default() }
+}
+
+fn all_but(names: &[&str]) -> Target {
+    Target { complement: true, ..units(names) }
+}
+
+fn selection() -> Target {
+    Target { selection: true, ..Target::default() }
+}
+
+fn everything() -> Target {
+    Target { everything: true, ..Target::default() }
+}
+
+const RED: Color = Color { red: 1.0, green: 0.0, blue: 0.0 };
+const BLUE: Color = Color { red: 0.0, green: 0.0, blue: 1.0 };
+
+fn color(target: Target, color: Color) -> Action {
+    Action::SetColor(SetColor { target: Some(target), color: Some(color) })
+}
+
+fn own_color(target: Target) -> Action {
+    Action::SetColor(SetColor { target: Some(target), color: None })
+}
+
+fn opacity(target: Target, factor: f32) -> Action {
+    Action::SetOpacity(SetOpacity { target: Some(target), factor, relative: false })
+}
+
+fn visible(target: Target, visible: bool) -> Action {
+    Action::SetVisibility(SetVisibility { target: Some(target), visible })
+}
+
+fn only(target: Target) -> Action {
+    Action::ShowOnly(ShowOnly { target: Some(target) })
+}
+
+fn commit(members: impl Fn(usize) -> bool) -> Action {
+    let mask = Some(encode_mask(&Mask::from_fn(60, members)));
+    Action::CommitSelection(CommitSelection { mask, ..CommitSelection::default() })
+}
+
+fn save(name: &str) -> Action {
+    Action::SaveUnit(SaveUnit { name: name.to_owned(), replace: false })
+}
+
+/// Carries actions out; all must be accepted.
+fn run(editor: &mut Editor, actions: impl IntoIterator<Item = Action>) -> Option<Applied> {
+    actions
+        .into_iter()
+        .map(|action| editor.apply(&command(action.clone())).unwrap_or_else(|e| panic!("{action:?}: {e}")))
+        .last()
+}
+
+fn refused(editor: &mut Editor, action: Action) -> EditError {
+    let before = editor.clone().message(true);
+    let error = editor.apply(&command(action)).unwrap_err();
+    assert_eq!(editor.message(true), before, "a refused command changed something");
+    assert!(!error.to_string().contains('\n'));
+    error
+}
+
+/// How one Gaussian looks, worked out from the appearance as a renderer would.
+#[derive(Debug, Clone, PartialEq)]
+struct Drawn {
+    visible: bool,
+    opacity: f32,
+    palette: Vec3,
+    color: Option<Vec3>,
+}
+
+fn drawn(state: &EditState, i: usize) -> Drawn {
+    let appearance = state.appearance();
+    let at = state.base_units().iter().position(|b| b.range().contains(&i)).unwrap();
+    let base = appearance.base[at];
+    let mut drawn = Drawn { visible: base.visible, opacity: base.opacity, palette: base.palette, color: None };
+    for unit in appearance.units.iter().filter(|u| u.mask.get(i)) {
+        drawn.visible &= unit.visible;
+        drawn.opacity *= unit.opacity;
+        drawn.color = unit.color.or(drawn.color);
+    }
+    drawn
+}
+
+fn shown(state: &EditState) -> Vec<usize> {
+    (0..state.count()).filter(|&i| drawn(state, i).visible).collect()
+}

@@ -1,0 +1,211 @@
+//! What holds for any sequence of commands.
+
+use proptest::prelude::*;
+use prost::Message as _;
+use sg_proto::scene::set_view::Change as ViewChange;
+use sg_proto::scene::{
+    Event, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight, SetTerm, SetView, Undo,
+};
+
+use super::*;
+use crate::{HistoryMove, Offered, Replica, UnitRef};
+
+const NAMES: [&str; 8] = ["bone", "SKIN", "vessel", "sac", "neck", "selection 1", "everything but sac", "nobody"];
+
+fn name() -> impl Strategy<Value = String> {
+    prop::sample::select(NAMES.as_slice()).prop_map(str::to_owned)
+}
+
+fn target() -> impl Strategy<Value = Target> {
+    (
+        prop::collection::vec(name(), 0..3),
+        prop::bool::weighted(0.3),
+        prop::bool::weighted(0.1),
+        prop::bool::weighted(0.3),
+    )
+        .prop_map(|(units, selection, everything, complement)| Target { units, selection, everything, complement })
+}
+
+fn some_color() -> impl Strategy<Value = Color> {
+    [0.0..1.0_f32, 0.0..1.0_f32, 0.0..1.0_f32].prop_map(|[red, green, blue]| Color { red, green, blue })
+}
+
+fn action() -> impl Strategy<Value = Action> {
+    let on = || target().prop_map(Some);
+    prop_oneof![
+        4 => (on(), prop::option::weighted(0.8, some_color())).prop_map(|(target, color)| Action::SetColor(SetColor { target, color })),
+        4 => (on(), prop::sample::select(vec![0.0, 0.2, 0.5, 1.0, 2.0, -1.0, f32::NAN]), any::<bool>())
+            .prop_map(|(target, factor, relative)| Action::SetOpacity(SetOpacity { target, factor, relative })),
+        4 => (on(), any::<bool>()).prop_map(|(target, visible)| Action::SetVisibility(SetVisibility { target, visible })),
+        3 => on().prop_map(|target| Action::ShowOnly(ShowOnly { target })),
+        3 => any::<u64>().prop_map(|bits| commit(move |i| bits >> (i % 64) & 1 == 1 && i % 7 < 5)),
+        2 => (0_usize..60, 0_usize..60).prop_map(|(a, n)| commit(move |i| (a..a + n).contains(&i))),
+        2 => (on(), -1..6_i32).prop_map(|(target, operation)| Action::Select(Select { target, operation })),
+        3 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
+        1 => name().prop_map(|name| Action::DeleteUnit(sg_proto::scene::DeleteUnit { name })),
+        1 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
+        2 => (0_u32..4).prop_map(|steps| Action::Undo(Undo { steps })),
+        2 => (0_u32..4).prop_map(|steps| Action::Redo(Redo { steps })),
+        1 => Just(Action::Reset(Reset {})),
+        1 => (0..7_i32).prop_map(|term| Action::SetTerm(SetTerm { term })),
+        1 => some_color().prop_map(|c| Action::SetBackground(SetBackground { color: Some(c) })),
+        1 => (prop::option::of(-1.0..3.0_f32), any::<bool>())
+            .prop_map(|(ambient, relative)| Action::SetLight(SetLight { ambient, relative, ..SetLight::default() })),
+        2 => prop_oneof![
+            (0..9_i32).prop_map(ViewChange::Named),
+            (-200.0..200.0, -200.0..200.0)
+                .prop_map(|(azimuth_degrees, elevation_degrees)| ViewChange::Orbit(Orbit { azimuth_degrees, elevation_degrees })),
+            (-1.0..4.0).prop_map(ViewChange::Zoom),
+            target().prop_map(ViewChange::Focus),
+            Just(ViewChange::Named(NamedView::Top.into())),
+        ].prop_map(|change| Action::SetView(SetView { change: Some(change) })),
+    ]
+}
+
+/// The state without what every command changes.
+fn content(state: &EditState) -> EditState {
+    let mut content = state.clone();
+    content.revision = 0;
+    content
+}
+
+fn members(state: &EditState, target: &Target) -> Option<Mask> {
+    state.resolve(Some(target)).ok().map(|r| r.members)
+}
+
+/// Saved units that hide Gaussian `i`.
+fn hidden_by_saved(state: &EditState, i: usize) -> bool {
+    state.units().any(|u| !u.derived && !u.visible && u.mask.get(i))
+}
+
+/// What commands promise, looked at Gaussian by Gaussian.
+fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Result<(), TestCaseError> {
+    match action {
+        Action::ShowOnly(a) => {
+            let target = a.target.clone().unwrap_or_default();
+            let members = members(before, &target).unwrap();
+            for i in 0..60 {
+                let want = members.get(i) && !hidden_by_saved(after, i);
+                prop_assert_eq!(drawn(after, i).visible, want, "{} in {:?}", i, target);
+            }
+        }
+        Action::SetVisibility(a) => {
+            let target = a.target.clone().unwrap_or_default();
+            let members = members(before, &target).unwrap();
+            for i in 0..60 {
+                if members.get(i) {
+                    prop_assert_eq!(drawn(after, i).visible, a.visible && !hidden_by_saved(after, i), "{}", i);
+                } else if a.visible {
+                    let inside = hidden_by_saved(before, i) && !hidden_by_saved(after, i);
+                    prop_assert!(
+                        inside || drawn(after, i).visible == drawn(before, i).visible,
+                        "{} in {:?}",
+                        i,
+                        target
+                    );
+                } else {
+                    prop_assert_eq!(drawn(after, i).visible, drawn(before, i).visible, "{} in {:?}", i, target);
+                }
+            }
+        }
+        Action::SetOpacity(a) if !a.relative => {
+            let target = a.target.clone().unwrap_or_default();
+            let resolved = before.resolve(Some(&target)).unwrap();
+            for i in 0..60 {
+                let unnamed = resolved.unnamed.as_ref().is_some_and(|m| m.get(i));
+                if unnamed {
+                    // The factor of the base unit and of saved units stays; derived units say this and nothing else.
+                    let derived: f32 =
+                        after.units().filter(|u| u.derived && u.mask.get(i)).map(|u| u.opacity).product();
+                    let named = resolved.named.iter().any(|u| after.members(*u).get(i));
+                    prop_assert!(named || derived == a.factor, "{i}: {derived}");
+                } else if !resolved.members.get(i) {
+                    prop_assert_eq!(drawn(after, i).opacity, drawn(before, i).opacity, "{} in {:?}", i, target);
+                }
+            }
+        }
+        Action::SetColor(a) => {
+            let target = a.target.clone().unwrap_or_default();
+            let resolved = before.resolve(Some(&target)).unwrap();
+            for i in 0..60 {
+                let (was, is) = (drawn(before, i), drawn(after, i));
+                if let (true, Some(c)) = (resolved.unnamed.as_ref().is_some_and(|m| m.get(i)), &a.color) {
+                    prop_assert_eq!(is.color, Some(crate::wire::decode_color(c)));
+                } else if !resolved.members.get(i) {
+                    prop_assert_eq!((is.color, is.palette), (was.color, was.palette), "{} in {:?}", i, target);
+                }
+            }
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+fn check_state(state: &EditState) -> Result<(), TestCaseError> {
+    let mut names: Vec<_> = state.names().map(|(n, _)| n.to_lowercase()).collect();
+    names.sort();
+    names.dedup();
+    prop_assert_eq!(names.len(), state.names().count(), "names are unique");
+    for unit in state.units() {
+        prop_assert!(!unit.derived || !(unit.is_neutral() || unit.mask.is_none()), "{} says nothing", unit.name);
+        prop_assert_eq!(state.find(&unit.name), Ok(UnitRef::Editable(unit.id)));
+    }
+    for name in state.focus() {
+        prop_assert!(state.find(name).is_ok(), "{} is in focus and gone", name);
+    }
+    prop_assert_eq!(state.view().check(), Ok(()));
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn any_sequence_keeps_its_promises(actions in prop::collection::vec(action(), 1..40)) {
+        let mut editor = editor();
+        let mut twin = editor.clone();
+        let mut replica = Replica::new(editor.state().clone());
+        for action in actions {
+            let before = editor.clone();
+            let Ok(applied) = editor.apply(&command(action.clone())) else {
+                prop_assert_eq!(editor.message(true), before.message(true));
+                prop_assert!(twin.apply(&command(action)).is_err());
+                continue;
+            };
+            prop_assert_eq!(editor.state().revision(), before.state().revision() + 1);
+            check_state(editor.state())?;
+            check_promise(&action, before.state(), editor.state())?;
+
+            // The same commands make the same everything.
+            prop_assert_eq!(&twin.apply(&command(action.clone())).unwrap(), &applied);
+
+            // What travels is enough for a copy, and so is a snapshot.
+            let event = Event::decode(applied.event.encode_to_vec().as_slice()).unwrap();
+            prop_assert_eq!(replica.offer(&event), Ok(Offered::Accepted));
+            prop_assert_eq!(replica.state(), editor.state());
+            prop_assert_eq!(&EditState::from_snapshot(&editor.message(true)).unwrap(), editor.state());
+
+            // Undo takes exactly this back, redo brings exactly this back.
+            let mut other = editor.clone();
+            if applied.history == HistoryMove::Push {
+                other.apply(&command(Action::Undo(Undo { steps: 1 }))).unwrap();
+                prop_assert_eq!(content(other.state()), content(before.state()));
+                other.apply(&command(Action::Redo(Redo { steps: 1 }))).unwrap();
+                prop_assert_eq!(content(other.state()), content(editor.state()));
+                prop_assert_eq!(other.message(false).undo, editor.message(false).undo);
+            }
+
+            // A replay of what is stored is the editor.
+            let mut replayed = before;
+            replayed.replay(&event, &applied.inverse, applied.history).unwrap();
+            prop_assert_eq!(replayed.message(true), editor.message(true));
+            prop_assert_eq!(replayed.next_unit(), editor.next_unit());
+            prop_assert_eq!(replayed.history(), editor.history());
+        }
+        // All the way back is the first state, but for what the talk is about.
+        while editor.apply(&command(Action::Undo(Undo { steps: 7 }))).is_ok() {}
+        let mut back = content(editor.state());
+        back.focus = editor.initial().focus().to_vec();
+        prop_assert_eq!(&back, editor.initial());
+    }
+}

@@ -1,0 +1,443 @@
+//! Between the messages of the contract and the types of this library. Pure conversions; ranges are checked by edits.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use sg_proto::scene as proto;
+use sg_proto::scene::selection_step::Step;
+
+use super::state::{BaseLook, Change, EditState, Geometry, Selection, Unit};
+use sg_scene::appearance::ShadingTerm;
+use sg_scene::camera::{Light, LightMode};
+use sg_scene::mask::Mask;
+use sg_scene::model::SceneBox;
+use sg_scene::view::{Side, View};
+
+/// A message that holds no value of the type it stands for.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WireError {
+    /// A field that must be set is not.
+    #[error("`{0}` is missing")]
+    Missing(&'static str),
+    /// The value of an enumeration is not known or not set.
+    #[error("`{field}` is {value}, which is none of its kinds")]
+    Kind {
+        /// The field.
+        field: &'static str,
+        /// What stands there.
+        value: i32,
+    },
+    /// A mask's length is not the scene's.
+    #[error("`{field}` speaks of {found} Gaussians; the scene has {expected}")]
+    Length {
+        /// The field.
+        field: &'static str,
+        /// Its length.
+        found: u64,
+        /// Number of Gaussians.
+        expected: usize,
+    },
+    /// A mask's bytes do not fit its length.
+    #[error("`{field}`: {source}")]
+    Bits {
+        /// The field.
+        field: &'static str,
+        /// What does not fit.
+        source: sg_scene::mask::MaskBytes,
+    },
+    /// A number of Gaussians that no machine can hold.
+    #[error("`{field}` is {value}, more than can be counted here")]
+    Count {
+        /// The field.
+        field: &'static str,
+        /// What stands there.
+        value: u64,
+    },
+}
+
+impl WireError {
+    /// The field that is wrong.
+    #[must_use]
+    pub fn field(&self) -> &'static str {
+        match self {
+            Self::Missing(field)
+            | Self::Kind { field, .. }
+            | Self::Length { field, .. }
+            | Self::Bits { field, .. }
+            | Self::Count { field, .. } => field,
+        }
+    }
+}
+
+/// A colour as a message.
+#[must_use]
+pub fn encode_color(c: Vec3) -> proto::Color {
+    proto::Color { red: c.x, green: c.y, blue: c.z }
+}
+
+/// A colour from a message.
+#[must_use]
+pub fn decode_color(c: &proto::Color) -> Vec3 {
+    Vec3::new(c.red, c.green, c.blue)
+}
+
+/// A point or direction as a message.
+#[must_use]
+pub fn encode_vector(v: DVec3) -> proto::Vector {
+    proto::Vector { x: v.x, y: v.y, z: v.z }
+}
+
+/// A point or direction from a message.
+#[must_use]
+pub fn decode_vector(v: &proto::Vector) -> DVec3 {
+    DVec3::new(v.x, v.y, v.z)
+}
+
+/// A mask as a message.
+#[must_use]
+pub fn encode_mask(mask: &Mask) -> proto::Mask {
+    proto::Mask { length: mask.len() as u64, bits: mask.to_bytes() }
+}
+
+/// A mask over `expected` Gaussians from a message; `field` names it in errors.
+///
+/// # Errors
+/// [`WireError::Length`], [`WireError::Bits`].
+pub fn decode_mask(mask: &proto::Mask, expected: usize, field: &'static str) -> Result<Mask, WireError> {
+    if mask.length != expected as u64 {
+        return Err(WireError::Length { field, found: mask.length, expected });
+    }
+    Mask::from_bytes(expected, &mask.bits).map_err(|source| WireError::Bits { field, source })
+}
+
+/// A light as a message.
+#[must_use]
+pub fn encode_light(light: &Light) -> proto::Light {
+    let mode = match light.mode {
+        LightMode::Headlight => proto::LightMode::Headlight,
+        LightMode::Direction => proto::LightMode::Direction,
+    };
+    proto::Light {
+        mode: mode.into(),
+        direction: Some(encode_vector(DVec3::from_array(light.direction.map(f64::from)))),
+        ambient: light.ka,
+        diffuse: light.kd,
+        specular: light.ks,
+        shininess: light.shininess,
+    }
+}
+
+/// A light from a message.
+///
+/// # Errors
+/// [`WireError`].
+pub fn decode_light(light: &proto::Light) -> Result<Light, WireError> {
+    let mode = decode_light_mode(light.mode)?.ok_or(WireError::Missing("light.mode"))?;
+    let direction = decode_vector(light.direction.as_ref().ok_or(WireError::Missing("light.direction"))?);
+    Ok(Light {
+        mode,
+        direction: direction.as_vec3().to_array(),
+        ka: light.ambient,
+        kd: light.diffuse,
+        ks: light.specular,
+        shininess: light.shininess,
+    })
+}
+
+/// Where light comes from; `None` where the message leaves it as it was.
+///
+/// # Errors
+/// [`WireError::Kind`].
+pub fn decode_light_mode(value: i32) -> Result<Option<LightMode>, WireError> {
+    match proto::LightMode::try_from(value) {
+        Ok(proto::LightMode::Unspecified) => Ok(None),
+        Ok(proto::LightMode::Headlight) => Ok(Some(LightMode::Headlight)),
+        Ok(proto::LightMode::Direction) => Ok(Some(LightMode::Direction)),
+        Err(_) => Err(WireError::Kind { field: "light.mode", value }),
+    }
+}
+
+/// A part of the shading as a message holds it.
+#[must_use]
+pub fn encode_term(term: ShadingTerm) -> proto::ShadingTerm {
+    match term {
+        ShadingTerm::Full => proto::ShadingTerm::Full,
+        ShadingTerm::Normal => proto::ShadingTerm::Normal,
+        ShadingTerm::Ambient => proto::ShadingTerm::Ambient,
+        ShadingTerm::Diffuse => proto::ShadingTerm::Diffuse,
+        ShadingTerm::Specular => proto::ShadingTerm::Specular,
+    }
+}
+
+/// A part of the shading from a message.
+///
+/// # Errors
+/// [`WireError::Kind`].
+pub fn decode_term(value: i32) -> Result<ShadingTerm, WireError> {
+    match proto::ShadingTerm::try_from(value) {
+        Ok(proto::ShadingTerm::Full) => Ok(ShadingTerm::Full),
+        Ok(proto::ShadingTerm::Normal) => Ok(ShadingTerm::Normal),
+        Ok(proto::ShadingTerm::Ambient) => Ok(ShadingTerm::Ambient),
+        Ok(proto::ShadingTerm::Diffuse) => Ok(ShadingTerm::Diffuse),
+        Ok(proto::ShadingTerm::Specular) => Ok(ShadingTerm::Specular),
+        Ok(proto::ShadingTerm::Unspecified) | Err(_) => Err(WireError::Kind { field: "term", value }),
+    }
+}
+
+/// A viewpoint as a message.
+#[must_use]
+pub fn encode_view(view: &View) -> proto::View {
+    proto::View {
+        eye: Some(encode_vector(view.eye)),
+        target: Some(encode_vector(view.target)),
+        up: Some(encode_vector(view.up)),
+        fov_y_degrees: view.fov_y_degrees,
+    }
+}
+
+/// A viewpoint from a message.
+///
+/// # Errors
+/// [`WireError::Missing`].
+pub fn decode_view(view: &proto::View) -> Result<View, WireError> {
+    let part =
+        |vector: &Option<proto::Vector>, field| vector.as_ref().map(decode_vector).ok_or(WireError::Missing(field));
+    Ok(View {
+        eye: part(&view.eye, "view.eye")?,
+        target: part(&view.target, "view.target")?,
+        up: part(&view.up, "view.up")?,
+        fov_y_degrees: view.fov_y_degrees,
+    })
+}
+
+/// A side of the scene's box from a message; `None` for the view that the scene was opened with.
+///
+/// # Errors
+/// [`WireError::Kind`].
+pub fn decode_side(value: i32) -> Result<Option<Side>, WireError> {
+    match proto::NamedView::try_from(value) {
+        Ok(proto::NamedView::Front) => Ok(Some(Side::Front)),
+        Ok(proto::NamedView::Back) => Ok(Some(Side::Back)),
+        Ok(proto::NamedView::Left) => Ok(Some(Side::Left)),
+        Ok(proto::NamedView::Right) => Ok(Some(Side::Right)),
+        Ok(proto::NamedView::Top) => Ok(Some(Side::Top)),
+        Ok(proto::NamedView::Bottom) => Ok(Some(Side::Bottom)),
+        Ok(proto::NamedView::Initial) => Ok(None),
+        Ok(proto::NamedView::Unspecified) | Err(_) => Err(WireError::Kind { field: "view.named", value }),
+    }
+}
+
+fn encode_base(base: &BaseLook) -> proto::BaseUnit {
+    proto::BaseUnit {
+        name: base.name.clone(),
+        first: base.first as u64,
+        count: base.count as u64,
+        palette: Some(encode_color(base.palette)),
+        opacity: base.opacity,
+        visible: base.visible,
+    }
+}
+
+fn decode_base(base: &proto::BaseUnit) -> Result<BaseLook, WireError> {
+    Ok(BaseLook {
+        name: base.name.clone(),
+        first: count(base.first, "base_unit.first")?,
+        count: count(base.count, "base_unit.count")?,
+        palette: decode_color(base.palette.as_ref().ok_or(WireError::Missing("base_unit.palette"))?),
+        opacity: base.opacity,
+        visible: base.visible,
+    })
+}
+
+fn encode_unit(unit: &Unit, with_mask: bool) -> proto::Unit {
+    proto::Unit {
+        id: unit.id,
+        name: unit.name.clone(),
+        mask: with_mask.then(|| encode_mask(&unit.mask)),
+        count: unit.mask.count() as u64,
+        color: unit.color.map(encode_color),
+        opacity: unit.opacity,
+        visible: unit.visible,
+        derived: unit.derived,
+    }
+}
+
+fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
+    let mask = unit.mask.as_ref().ok_or(WireError::Missing("unit.mask"))?;
+    Ok(Unit {
+        id: unit.id,
+        name: unit.name.clone(),
+        mask: Arc::new(decode_mask(mask, expected, "unit.mask")?),
+        color: unit.color.as_ref().map(decode_color),
+        opacity: unit.opacity,
+        visible: unit.visible,
+        derived: unit.derived,
+    })
+}
+
+fn encode_selection(selection: &Selection, with_mask: bool) -> proto::Selection {
+    proto::Selection {
+        mask: with_mask.then(|| encode_mask(selection.mask())),
+        count: selection.mask().count() as u64,
+        hash: selection.hash().to_owned(),
+        strokes: if with_mask { strokes_alone(selection.steps()).unwrap_or_default() } else { Vec::new() },
+        steps: if with_mask && strokes_alone(selection.steps()).is_none() {
+            selection.steps().to_vec()
+        } else {
+            Vec::new()
+        },
+    }
+}
+
+fn decode_selection(selection: &proto::Selection, expected: usize) -> Result<Selection, WireError> {
+    let mask = selection.mask.as_ref().ok_or(WireError::Missing("selection.mask"))?;
+    let mask = decode_mask(mask, expected, "selection.mask")?;
+    Ok(Selection::new(Arc::new(mask), steps_of(&selection.strokes, &selection.steps).into()))
+}
+
+/// The steps that a message tells: those, or strokes alone, as which readers know them that know no other steps.
+#[must_use]
+pub fn steps_of(strokes: &[proto::Stroke], steps: &[proto::SelectionStep]) -> Vec<proto::SelectionStep> {
+    let stroke = |s: &proto::Stroke| proto::SelectionStep { step: Some(Step::Stroke(s.clone())) };
+    if steps.is_empty() { strokes.iter().map(stroke).collect() } else { steps.to_vec() }
+}
+
+/// The strokes of steps that are strokes alone.
+#[must_use]
+pub fn strokes_alone(steps: &[proto::SelectionStep]) -> Option<Vec<proto::Stroke>> {
+    let stroke = |step: &proto::SelectionStep| match &step.step {
+        Some(Step::Stroke(stroke)) => Some(stroke.clone()),
+        _ => None,
+    };
+    steps.iter().map(stroke).collect()
+}
+
+/// A change as a message, with masks.
+#[must_use]
+pub fn encode_change(change: &Change) -> proto::Change {
+    use proto::change::Item;
+    let item = match change {
+        Change::Base(base) => Item::BaseUnit(encode_base(base)),
+        Change::Unit(unit) => Item::Unit(encode_unit(unit, true)),
+        Change::Deleted(id) => Item::DeletedUnit(*id),
+        Change::Selection(selection) => Item::Selection(encode_selection(selection, true)),
+        Change::Light(light) => Item::Light(encode_light(light)),
+        Change::Background(color) => Item::Background(encode_color(*color)),
+        Change::View(view) => Item::View(encode_view(view)),
+        Change::Term(term) => Item::Term(encode_term(*term).into()),
+        Change::Focus(units) => Item::Focus(proto::Focus { units: units.clone() }),
+    };
+    proto::Change { item: Some(item) }
+}
+
+/// A change to a scene of `expected` Gaussians from a message.
+///
+/// # Errors
+/// [`WireError`].
+pub fn decode_change(change: &proto::Change, expected: usize) -> Result<Change, WireError> {
+    use proto::change::Item;
+    Ok(match change.item.as_ref().ok_or(WireError::Missing("change.item"))? {
+        Item::BaseUnit(base) => Change::Base(decode_base(base)?),
+        Item::Unit(unit) => Change::Unit(decode_unit(unit, expected)?),
+        Item::DeletedUnit(id) => Change::Deleted(*id),
+        Item::Selection(selection) => Change::Selection(decode_selection(selection, expected)?),
+        Item::Light(light) => Change::Light(decode_light(light)?),
+        Item::Background(color) => Change::Background(decode_color(color)),
+        Item::View(view) => Change::View(decode_view(view)?),
+        Item::Term(term) => Change::Term(decode_term(*term)?),
+        Item::Focus(focus) => Change::Focus(focus.units.clone()),
+    })
+}
+
+impl EditState {
+    /// The state as a message: with masks and strokes as a snapshot, without them as an outline. What undo and redo would
+    /// do is known to the scene's owner only and is left out.
+    #[must_use]
+    pub fn state(&self, with_masks: bool) -> proto::State {
+        let bounds = self.geometry.bounds;
+        proto::State {
+            revision: self.revision,
+            scene_path: self.geometry.path.clone(),
+            scene_hash: self.geometry.hash.clone(),
+            count: self.geometry.count as u64,
+            r#box: Some(proto::Box { min: Some(encode_vector(bounds.min)), max: Some(encode_vector(bounds.max)) }),
+            base_units: self.base.iter().map(encode_base).collect(),
+            units: self.units.values().map(|u| encode_unit(u, with_masks)).collect(),
+            selection: Some(encode_selection(&self.selection, with_masks)),
+            light: Some(encode_light(&self.light)),
+            background: Some(encode_color(self.background)),
+            view: Some(encode_view(&self.view)),
+            term: encode_term(self.term).into(),
+            focus: self.focus.clone(),
+            undo: Vec::new(),
+            redo: Vec::new(),
+        }
+    }
+
+    /// The state from a snapshot.
+    ///
+    /// # Errors
+    /// [`WireError`] if something is missing (masks are, in an outline) or does not fit the number of Gaussians.
+    pub fn from_snapshot(state: &proto::State) -> Result<Self, WireError> {
+        let expected = count(state.count, "state.count")?;
+        let bounds = state.r#box.as_ref().ok_or(WireError::Missing("state.box"))?;
+        let corner =
+            |vector: &Option<proto::Vector>| vector.as_ref().map(decode_vector).ok_or(WireError::Missing("state.box"));
+        let geometry = Geometry {
+            path: state.scene_path.clone(),
+            hash: state.scene_hash.clone(),
+            count: expected,
+            bounds: SceneBox { min: corner(&bounds.min)?, max: corner(&bounds.max)? },
+        };
+        let units = state.units.iter().map(|u| Ok((u.id, decode_unit(u, expected)?)));
+        let selection = state.selection.as_ref().ok_or(WireError::Missing("state.selection"))?;
+        Ok(Self {
+            revision: state.revision,
+            geometry: Arc::new(geometry),
+            base: state.base_units.iter().map(decode_base).collect::<Result<_, _>>()?,
+            units: units.collect::<Result<_, _>>()?,
+            selection: decode_selection(selection, expected)?,
+            light: decode_light(state.light.as_ref().ok_or(WireError::Missing("state.light"))?)?,
+            background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
+            view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,
+            term: decode_term(state.term)?,
+            focus: state.focus.clone(),
+        })
+    }
+}
+
+fn count(value: u64, field: &'static str) -> Result<usize, WireError> {
+    usize::try_from(value).map_err(|_| WireError::Count { field, value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sg_scene::synthetic::test_scene;
+
+    #[test]
+    fn a_snapshot_is_the_state_and_an_outline_is_not() {
+        let state = EditState::of_scene(&test_scene(&[("bone", 9), ("skin", 0)]), "scene.toml", "hash");
+        assert_eq!(EditState::from_snapshot(&state.state(true)), Ok(state.clone()));
+        assert_eq!(EditState::from_snapshot(&state.state(false)), Err(WireError::Missing("selection.mask")));
+    }
+
+    #[test]
+    fn masks_of_another_scene_and_torn_masks_are_refused() {
+        let mask = encode_mask(&Mask::from_fn(20, |i| i % 3 == 0));
+        assert!(decode_mask(&mask, 20, "mask").is_ok());
+        assert_eq!(decode_mask(&mask, 21, "mask"), Err(WireError::Length { field: "mask", found: 20, expected: 21 }));
+        let torn = proto::Mask { bits: mask.bits[..2].to_vec(), ..mask };
+        assert!(matches!(decode_mask(&torn, 20, "mask"), Err(WireError::Bits { .. })));
+    }
+
+    #[test]
+    fn values_outside_an_enumeration_are_refused() {
+        assert_eq!(decode_term(0), Err(WireError::Kind { field: "term", value: 0 }));
+        assert_eq!(decode_term(77), Err(WireError::Kind { field: "term", value: 77 }));
+        assert_eq!(decode_light_mode(0), Ok(None));
+        assert!(decode_light_mode(-4).is_err());
+        assert!(decode_side(0).is_err());
+        assert_eq!(decode_side(proto::NamedView::Initial.into()), Ok(None));
+    }
+}

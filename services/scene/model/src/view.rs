@@ -1,0 +1,353 @@
+//! The shared viewpoint: framing, orbiting, zooming. Scene coordinates, angles in degrees.
+
+use glam::{DQuat, DVec2, DVec3};
+
+use crate::camera::Camera;
+use crate::mask::Mask;
+use crate::model::{Scene, SceneBox};
+
+/// Vertical field of view of the first look at a scene, degrees.
+pub const FIELD_OF_VIEW: f64 = 40.0;
+/// Share of a square picture's half width that a framed box leaves free.
+pub const MARGIN: f64 = 0.05;
+/// How near an orbit comes to the poles of the up direction, degrees.
+const POLE_GAP: f64 = 1.0;
+/// Share of the weight that is taken for strays at either end of each axis when members are framed.
+const STRAYS: f64 = 0.01;
+
+/// From where the scene is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Where the eye is.
+    pub eye: DVec3,
+    /// What it looks at: the middle of the picture and the centre of orbits.
+    pub target: DVec3,
+    /// Which scene direction is up in the picture, of any length.
+    pub up: DVec3,
+    /// Vertical field of view, degrees.
+    pub fov_y_degrees: f64,
+}
+
+/// Sides of the scene's box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// From -y towards +y.
+    Front,
+    /// From +y.
+    Back,
+    /// From -x.
+    Left,
+    /// From +x.
+    Right,
+    /// From +z, with +y up in the picture.
+    Top,
+    /// From -z, with -y up in the picture.
+    Bottom,
+}
+
+impl Side {
+    /// Direction from the eye to the scene, and what is up in the picture; +x is to the right from front, top and bottom.
+    #[must_use]
+    pub fn direction_and_up(self) -> (DVec3, DVec3) {
+        match self {
+            Self::Front => (DVec3::Y, DVec3::Z),
+            Self::Back => (DVec3::NEG_Y, DVec3::Z),
+            Self::Left => (DVec3::X, DVec3::Z),
+            Self::Right => (DVec3::NEG_X, DVec3::Z),
+            Self::Top => (DVec3::NEG_Z, DVec3::Y),
+            Self::Bottom => (DVec3::Z, DVec3::NEG_Y),
+        }
+    }
+}
+
+/// A viewpoint that shows nothing.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ViewError {
+    /// A number is NaN or infinite.
+    #[error("a view's numbers must be finite")]
+    NotFinite,
+    /// The eye is at the target.
+    #[error("the eye is where it looks at; put them apart")]
+    NoDirection,
+    /// The up direction is zero or along the line of sight.
+    #[error("the up direction is zero or along the line of sight; give another")]
+    NoUp,
+    /// The field of view is too small or too large.
+    #[error("the vertical field of view is {0} degrees; it must be 1 to 170")]
+    FieldOfView(f64),
+    /// The zoom factor is not usable.
+    #[error("the zoom factor is {0}; it must be finite and above 0")]
+    Zoom(f64),
+    /// The eye would come too near or go too far.
+    #[error("the eye would be {0:e} scene lengths from its target; it stays between 1e-6 and 1e6")]
+    Distance(f64),
+}
+
+impl View {
+    /// The nearest view along `direction` (from the eye to the scene) at the middle of a box that has all of the box in a
+    /// square picture with [`MARGIN`] to spare. A box without extent is framed as a unit cube.
+    #[must_use]
+    pub fn framing(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64) -> Self {
+        let middle = 0.5 * (bounds.min + bounds.max);
+        let half = 0.5 * bounds.size();
+        let half = if half.max_element() > 0.0 { half } else { DVec3::splat(0.5) };
+        let forward = direction.try_normalize().unwrap_or(DVec3::Y);
+        let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
+        let above = right.cross(forward);
+        let tangent = (1.0 - MARGIN) * (0.5 * fov_y_degrees.to_radians()).tan();
+        // A corner c from the middle is inside from the distance |c in the picture plane| / tan − (c along the view) on.
+        let distance = (0..8)
+            .map(|k| {
+                let sign = |bit: u32| if k >> bit & 1 == 0 { 1.0 } else { -1.0 };
+                let corner = half * DVec3::new(sign(0), sign(1), sign(2));
+                DVec2::new(corner.dot(right), corner.dot(above)).abs().max_element() / tangent - corner.dot(forward)
+            })
+            .fold(0.0, f64::max);
+        Self { eye: middle - distance * forward, target: middle, up, fov_y_degrees }
+    }
+
+    /// A box as seen from one of its sides.
+    #[must_use]
+    pub fn from_side(bounds: SceneBox, side: Side, fov_y_degrees: f64) -> Self {
+        let (direction, up) = side.direction_and_up();
+        Self::framing(bounds, direction, up, fov_y_degrees)
+    }
+
+    /// The eye carried about the target: by `azimuth` about the up direction, positive to the eye's right, and by
+    /// `elevation` upwards, stopping a degree short of the poles.
+    #[must_use]
+    pub fn orbited(&self, azimuth: f64, elevation: f64) -> Self {
+        let offset = self.eye - self.target;
+        let distance = offset.length();
+        let up = self.up.normalize_or(DVec3::Z);
+        let height = (offset.dot(up) / distance).clamp(-1.0, 1.0).asin();
+        let level = offset - offset.dot(up) * up;
+        let level = level.try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+        let level = DQuat::from_axis_angle(up, azimuth.to_radians()) * level;
+        let limit = (90.0 - POLE_GAP).to_radians();
+        let height = (height + elevation.to_radians()).clamp(-limit, limit);
+        let offset = distance * (height.cos() * level + height.sin() * up);
+        Self { eye: self.target + offset, ..*self }
+    }
+
+    /// The eye moved so that things at the target appear `factor` times as large. `length` is the scene's own length, the
+    /// longest edge of its box.
+    ///
+    /// # Errors
+    /// [`ViewError::Zoom`], [`ViewError::Distance`].
+    pub fn zoomed(&self, factor: f64, length: f64) -> Result<Self, ViewError> {
+        if !(factor > 0.0 && factor.is_finite()) {
+            return Err(ViewError::Zoom(factor));
+        }
+        let length = if length > 0.0 { length } else { 1.0 };
+        let offset = (self.eye - self.target) / factor;
+        let distance = offset.length() / length;
+        if !(1e-6..=1e6).contains(&distance) {
+            return Err(ViewError::Distance(distance));
+        }
+        let zoomed = Self { eye: self.target + offset, ..*self };
+        zoomed.check().map(|()| zoomed)
+    }
+
+    /// A box framed from the present direction.
+    #[must_use]
+    pub fn focused(&self, bounds: SceneBox) -> Self {
+        Self::framing(bounds, self.target - self.eye, self.up, self.fov_y_degrees)
+    }
+
+    /// Whether the view shows something.
+    ///
+    /// # Errors
+    /// [`ViewError`] says what is wrong.
+    pub fn check(&self) -> Result<(), ViewError> {
+        if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite() && self.fov_y_degrees.is_finite()) {
+            return Err(ViewError::NotFinite);
+        }
+        if !(1.0..=170.0).contains(&self.fov_y_degrees) {
+            return Err(ViewError::FieldOfView(self.fov_y_degrees));
+        }
+        let forward = (self.target - self.eye).try_normalize().ok_or(ViewError::NoDirection)?;
+        let up = self.up.try_normalize().ok_or(ViewError::NoUp)?;
+        if forward.cross(up).length() < 1e-6 {
+            return Err(ViewError::NoUp);
+        }
+        Ok(())
+    }
+
+    /// The pinhole camera of this view for a picture size, with the default background and light.
+    #[must_use]
+    pub fn camera(&self, width: u32, height: u32) -> Camera {
+        Camera::look_at(self.eye, self.target, self.up, self.fov_y_degrees, width, height)
+    }
+}
+
+/// The box that is framed when the whole scene is looked at.
+///
+/// A scene from a volume is framed by its stored box. A trained scene has strays that would make all else tiny, and the
+/// stored box knows nothing of unit transforms: there it is [`robust_bounds`] of everything.
+#[must_use]
+pub fn framed_box(scene: &Scene) -> SceneBox {
+    let placed = scene.units.iter().any(|u| u.transform != glam::DMat4::IDENTITY);
+    let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+    if from_volume && !placed {
+        scene.bounds
+    } else {
+        robust_bounds(scene, &Mask::full(scene.len())).unwrap_or(scene.bounds)
+    }
+}
+
+/// The box that holds all but the outermost `STRAYS` of the members' visible weight (opacity × squared mean scale) on
+/// either side of each axis, widened by twice their weighted mean scale. Scene coordinates, with unit transforms; `None`
+/// where no member is visible anywhere.
+#[must_use]
+pub fn robust_bounds(scene: &Scene, members: &Mask) -> Option<SceneBox> {
+    struct Weighted {
+        position: DVec3,
+        weight: f64,
+    }
+    let mut weighted = Vec::new();
+    let (mut total, mut spread) = (0.0, 0.0);
+    for unit in &scene.units {
+        let stretch = glam::DMat3::from_mat4(unit.transform).determinant().abs().cbrt();
+        for local in (0..unit.gaussians.len()).filter(|local| members.get(unit.first + local)) {
+            let position = unit.transform.transform_point3(unit.gaussians.position[local].as_dvec3());
+            let scale = stretch * unit.gaussians.scale(local).as_dvec3().element_sum() / 3.0;
+            let weight = f64::from(unit.gaussians.opacity(local)) * scale * scale;
+            if position.is_finite() && weight.is_finite() && weight > 0.0 {
+                total += weight;
+                spread += weight * scale;
+                weighted.push(Weighted { position, weight });
+            }
+        }
+    }
+    if total <= 0.0 {
+        return None;
+    }
+    let mut bounds = SceneBox { min: DVec3::ZERO, max: DVec3::ZERO };
+    for axis in 0..3 {
+        // A stable sort: equal coordinates keep the order of the scene, so that sums are the same everywhere.
+        weighted.sort_by(|a, b| a.position[axis].total_cmp(&b.position[axis]));
+        let reach = |order: &mut dyn Iterator<Item = &Weighted>| {
+            let mut passed = 0.0;
+            let mut at = 0.0;
+            for w in order {
+                at = w.position[axis];
+                passed += w.weight;
+                if passed >= STRAYS * total {
+                    break;
+                }
+            }
+            at
+        };
+        bounds.min[axis] = reach(&mut weighted.iter());
+        bounds.max[axis] = reach(&mut weighted.iter().rev());
+    }
+    let pad = DVec3::splat(2.0 * spread / total);
+    // With one heavy member the ends can cross; its own place is then the box.
+    let (min, max) = (bounds.min.min(bounds.max) - pad, bounds.min.max(bounds.max) + pad);
+    (min.is_finite() && max.is_finite()).then_some(SceneBox { min, max })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::test_scene;
+    use proptest::prelude::*;
+
+    fn corners(b: SceneBox) -> impl Iterator<Item = DVec3> {
+        (0..8).map(move |k| {
+            let pick = |bit: u32, low: f64, high: f64| if k >> bit & 1 == 0 { low } else { high };
+            DVec3::new(pick(0, b.min.x, b.max.x), pick(1, b.min.y, b.max.y), pick(2, b.min.z, b.max.z))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn a_framed_box_fills_a_square_picture(
+            d in proptest::array::uniform3(-1.0..1.0_f64), s in proptest::array::uniform3(0.01..50.0_f64),
+            c in proptest::array::uniform3(-1e4..1e4_f64), fov in 10.0..110.0_f64,
+        ) {
+            prop_assume!(DVec3::from_array(d).length() > 0.01);
+            let bounds = SceneBox { min: DVec3::from_array(c) - DVec3::from_array(s), max: DVec3::from_array(c) + DVec3::from_array(s) };
+            let view = View::framing(bounds, DVec3::from_array(d), DVec3::Z, fov);
+            let camera = view.camera(100, 100);
+            let reach = corners(bounds)
+                .map(|p| camera.view().transform_point3(p))
+                .map(|p| (camera.fx * p.x / p.z).abs().max((camera.fy * p.y / p.z).abs()) / 50.0)
+                .fold(0.0, f64::max);
+            prop_assert!((reach - (1.0 - MARGIN)).abs() < 1e-6, "{}", reach);
+        }
+
+        #[test]
+        fn an_orbit_keeps_the_distance_and_stays_off_the_poles(
+            azimuth in -720.0..720.0_f64, elevation in -400.0..400.0_f64, side in 0_usize..6,
+        ) {
+            let side = [Side::Front, Side::Back, Side::Left, Side::Right, Side::Top, Side::Bottom][side];
+            let view = View::from_side(SceneBox { min: DVec3::ZERO, max: DVec3::new(1.0, 2.0, 3.0) }, side, 40.0);
+            let moved = view.orbited(azimuth, elevation);
+            prop_assert!((moved.eye.distance(moved.target) - view.eye.distance(view.target)).abs() < 1e-9);
+            prop_assert_eq!(moved.check(), Ok(()));
+            let back = view.orbited(azimuth, 0.0).orbited(-azimuth, 0.0);
+            prop_assert!(back.eye.distance(view.eye) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn sides_look_where_they_say_with_x_to_the_right() {
+        let bounds = SceneBox { min: DVec3::ZERO, max: DVec3::ONE };
+        for (side, from, right) in [
+            (Side::Front, DVec3::NEG_Y, DVec3::X),
+            (Side::Back, DVec3::Y, DVec3::NEG_X),
+            (Side::Left, DVec3::NEG_X, DVec3::NEG_Y),
+            (Side::Right, DVec3::X, DVec3::Y),
+            (Side::Top, DVec3::Z, DVec3::X),
+            (Side::Bottom, DVec3::NEG_Z, DVec3::X),
+        ] {
+            let view = View::from_side(bounds, side, 40.0);
+            assert!(((view.eye - view.target).normalize() - from).length() < 1e-12, "{side:?}");
+            assert!(((view.target - view.eye).cross(view.up).normalize() - right).length() < 1e-12, "{side:?}");
+        }
+    }
+
+    #[test]
+    fn a_positive_azimuth_goes_right_and_a_positive_elevation_up() {
+        let bounds = SceneBox { min: DVec3::splat(-1.0), max: DVec3::ONE };
+        let view = View::from_side(bounds, Side::Front, 40.0);
+        assert!((view.orbited(90.0, 0.0).eye.normalize() - DVec3::X).length() < 1e-12);
+        assert!(view.orbited(0.0, 30.0).eye.z > 0.1);
+    }
+
+    #[test]
+    fn zoom_halves_the_distance_and_refuses_what_shows_nothing() {
+        let view = View { eye: DVec3::new(0.0, -4.0, 0.0), target: DVec3::ZERO, up: DVec3::Z, fov_y_degrees: 40.0 };
+        assert_eq!(view.zoomed(2.0, 1.0).unwrap().eye, DVec3::new(0.0, -2.0, 0.0));
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300, 1e-300] {
+            assert!(view.zoomed(bad, 1.0).is_err(), "{bad}");
+        }
+        assert_eq!(View { eye: DVec3::ZERO, ..view }.check(), Err(ViewError::NoDirection));
+        assert_eq!(View { up: DVec3::Y, ..view }.check(), Err(ViewError::NoUp));
+        assert_eq!(View { fov_y_degrees: 0.5, ..view }.check(), Err(ViewError::FieldOfView(0.5)));
+        assert_eq!(View { up: DVec3::NAN, ..view }.check(), Err(ViewError::NotFinite));
+    }
+
+    #[test]
+    fn strays_do_not_move_the_frame() {
+        let mut scene = test_scene(&[("cloud", 400)]);
+        let all = Mask::full(scene.len());
+        let before = robust_bounds(&scene, &all).unwrap();
+        scene.units[0].gaussians.position[7] = glam::Vec3::splat(1e6);
+        scene.units[0].gaussians.position[8] = glam::Vec3::splat(f32::NAN);
+        let after = robust_bounds(&scene, &all).unwrap();
+        assert!((after.max - before.max).length() < 0.2 * before.size().length(), "{before:?} {after:?}");
+        assert_eq!(robust_bounds(&scene, &Mask::empty(400)), None);
+    }
+
+    #[test]
+    fn one_member_is_framed_by_its_own_size() {
+        let scene = test_scene(&[("cloud", 10)]);
+        let bounds = robust_bounds(&scene, &Mask::from_fn(10, |i| i == 3)).unwrap();
+        let middle = 0.5 * (bounds.min + bounds.max);
+        assert!((middle - scene.position(3).unwrap()).length() < 1e-9);
+        assert!(bounds.longest_edge() > 0.0);
+    }
+}

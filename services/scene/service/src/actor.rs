@@ -1,0 +1,303 @@
+//! The process that owns the scene of a session: commands in, events out.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use serde::Deserialize;
+use sg_formats::LoadOptions;
+use sg_formats::files::files_of;
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, State};
+use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::blobs::{BlobError, Blobs};
+use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{self, Host, ServeArgs, StartError};
+use sg_scene::model::Scene;
+use supergaussian_scene::journal::JournalError;
+use supergaussian_scene::project::{Project, ProjectError};
+use tempfile::TempDir;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::OnceCell;
+use tokio::task::block_in_place;
+
+/// Requests that may wait: a person's edits and a burst of brush strokes.
+const QUEUE: usize = 64;
+/// The project of a session that names none, in its folder.
+const DEFAULT_PROJECT: &str = "session.sgproj";
+/// How long the actor may take to change over to the role's project.
+const TAKING_OVER: Duration = Duration::from_secs(10);
+/// Warnings of a scene file that are logged one by one.
+const WARNINGS: usize = 20;
+
+/// Parameters from the launch file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Params {
+    /// The scene: whatever `supergaussian scene info` reads.
+    scene: PathBuf,
+    /// The project file, made where there is none.
+    project: Option<PathBuf>,
+}
+
+/// Serves the scene of a session until told to stop.
+pub(crate) fn serve(args: ServeArgs) -> ExitCode {
+    process::run(args, env!("CARGO_PKG_VERSION"), load)
+}
+
+async fn load(host: Host) -> Result<(), StartError> {
+    if host.role() != role::SCENE {
+        return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SCENE)));
+    }
+    refuse_what_finds_no_room()?;
+    let params: Params = host.params()?;
+    let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
+    let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
+    let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), told: OnceCell::new() });
+    // Who stands by works on a project of its own: the role's belongs to whoever has the role.
+    let (project, scratch) = if host.stands_by() {
+        let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
+        let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
+        let file = scratch.path().join(DEFAULT_PROJECT);
+        (block_in_place(|| open(&scene, &scene_path, &file))?, Some(scratch))
+    } else {
+        (block_in_place(|| open(&scene, &scene_path, &path))?, None)
+    };
+
+    let outline = project.editor().message(false);
+    let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
+    let mut owner = Owner { bus: host.bus().clone(), project, state, _scratch: scratch };
+    if !host.stands_by() {
+        owner.tell_last().await?;
+    }
+    let (mailbox, _) = host.spawn(owner, QUEUE);
+    let promoted = mailbox.clone();
+    host.before_promotion(move || async move {
+        let project = block_in_place(|| open(&scene, &scene_path, &path))?;
+        let deadline = Instant::now() + TAKING_OVER;
+        Ok(promoted.ask(deadline, |reply| Message::TakeOver { project: Box::new(project), reply }).await?)
+    });
+    let commands = mailbox.clone();
+    host.serve(&keys::SCENE_APPLY, QUEUE, move |command: Command, context: Context| {
+        let mailbox = commands.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Apply { command, context, reply }).await }
+    })
+    .await?;
+    host.serve(&keys::SCENE_CHANGES, QUEUE, move |request: ChangesRequest, context: Context| {
+        let mailbox = mailbox.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Changes { request, context, reply }).await }
+    })
+    .await?;
+    let blobs = host.blobs().clone();
+    host.serve(&keys::SCENE_FILES, QUEUE, move |_: FilesRequest, _| {
+        let (files, blobs) = (Arc::clone(&files), blobs.clone());
+        async move { files.tell(&blobs).await }
+    })
+    .await?;
+    host.serve_content(&keys::SCENE_CONTENT).await?;
+    Ok(())
+}
+
+/// The files of the geometry for readers on other machines; read once, when the first of them asks.
+struct FileList {
+    scene: Arc<Scene>,
+    path: String,
+    told: OnceCell<Files>,
+}
+
+impl FileList {
+    async fn tell(&self, blobs: &Blobs) -> Result<Files, Fault> {
+        let told = self.told.get_or_try_init(|| std::future::ready(block_in_place(|| self.list(blobs))));
+        told.await.cloned()
+    }
+
+    fn list(&self, blobs: &Blobs) -> Result<Files, Fault> {
+        let found = files_of(&self.scene, Path::new(&self.path)).map_err(|e| Fault::precondition(e.to_string()))?;
+        let offer = |name: String| {
+            let (hash, bytes) = blobs.offer(&found.folder.join(&name))?;
+            Ok(File { name, bytes, hash })
+        };
+        let files = found.names.into_iter().map(offer).collect::<Result<_, BlobError>>();
+        Ok(Files { open: found.open, files: files.map_err(|e| Fault::precondition(e.to_string()))? })
+    }
+}
+
+/// A write over the limit on the size of files becomes an error, as on a full disk, rather than the end of the process.
+fn refuse_what_finds_no_room() -> Result<(), StartError> {
+    let kind = SignalKind::from_raw(Signal::SIGXFSZ as i32);
+    // What counts is that the signal is taken; nobody need hear of it.
+    signal(kind).map(drop).map_err(|e| StartError::Failed(format!("SIGXFSZ cannot be taken: {e}")))
+}
+
+/// The scene's Gaussians and the path of their file, for whoever has another working folder.
+fn read(path: &Path) -> Result<(Arc<Scene>, String), StartError> {
+    let begun = Instant::now();
+    let loaded = sg_formats::load(path, &LoadOptions::default()).map_err(|e| StartError::Input(e.to_string()))?;
+    for warning in loaded.warnings.iter().take(WARNINGS) {
+        tracing::warn!("{warning}");
+    }
+    if let Some(more) = loaded.warnings.len().checked_sub(WARNINGS).filter(|n| *n > 0) {
+        tracing::warn!("{more} more warnings; `supergaussian scene info` lists them all");
+    }
+    let absolute = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string();
+    tracing::info!(scene = absolute, read_ms = begun.elapsed().as_secs_f64() * 1e3, "scene read");
+    Ok((Arc::new(loaded.scene), absolute))
+}
+
+fn open(scene: &Arc<Scene>, scene_path: &str, project: &Path) -> Result<Project, StartError> {
+    let begun = Instant::now();
+    let opened = Project::open(project, Arc::clone(scene), scene_path).map_err(|e| start_error(&e))?;
+    let state = opened.editor().state();
+    tracing::info!(
+        project = %project.display(),
+        gaussians = state.count(),
+        revision = state.revision(),
+        project_ms = begun.elapsed().as_secs_f64() * 1e3,
+        "project opened"
+    );
+    Ok(opened)
+}
+
+fn start_error(error: &JournalError) -> StartError {
+    if error.is_input() { StartError::Input(error.to_string()) } else { StartError::Failed(error.to_string()) }
+}
+
+/// What the owner is asked.
+enum Message {
+    Apply {
+        command: Command,
+        context: Context,
+        reply: Reply<CommandResult>,
+    },
+    Changes {
+        request: ChangesRequest,
+        context: Context,
+        reply: Reply<Changes>,
+    },
+    /// The role is granted: from now on this project.
+    TakeOver {
+        project: Box<Project>,
+        reply: Reply<()>,
+    },
+}
+
+/// The actor that owns the scene.
+struct Owner {
+    bus: Bus,
+    project: Project,
+    state: Owned<State>,
+    /// Where the project is that it works on while it stands by.
+    _scratch: Option<TempDir>,
+}
+
+/// One line on the scene for the process's health.
+#[derive(Debug, Clone)]
+struct Seen {
+    revision: u64,
+    units: usize,
+    selected: usize,
+}
+
+impl fmt::Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { revision, units, selected } = self;
+        write!(f, "revision {revision}, {units} editable units, {selected} Gaussians selected")
+    }
+}
+
+impl Owner {
+    /// Tells the last event again: the last life may have ended between keeping it and telling it. Who has it passes over
+    /// it.
+    async fn tell_last(&mut self) -> Result<(), StartError> {
+        if let Some(event) = self.project.last_event().map_err(|e| start_error(&e))? {
+            self.announce(&event, &Context::root()).await;
+        }
+        Ok(())
+    }
+
+    async fn take_over(&mut self, project: Project) -> Result<(), Fault> {
+        self.project = project;
+        let outline = self.project.editor().message(false);
+        self.state.set(outline, &Context::root()).await?;
+        self.tell_last().await.map_err(|e| Fault::internal(e.to_string()))
+    }
+
+    /// Tells readers of an event that is durable, and replaces the newest state.
+    async fn announce(&mut self, event: &Event, context: &Context) {
+        let told = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
+        let shown = self.state.set(self.project.editor().message(false), &context.next()).await;
+        // Readers notice a gap by the revision; what is durable is not taken back because somebody did not hear of it.
+        for fault in [told, shown].into_iter().filter_map(Result::err) {
+            tracing::warn!(revision = event.revision, %fault, "an accepted change could not be told");
+        }
+    }
+
+    async fn apply(&mut self, command: &Command, context: &Context) -> Result<CommandResult, Fault> {
+        let outcome = block_in_place(|| self.project.apply(command)).map_err(|error| {
+            if let ProjectError::Journal(error) = &error {
+                tracing::error!(command = command.id, %error, "a command could not be kept");
+            }
+            fault(&error)
+        })?;
+        if let Some(event) = &outcome.event {
+            tracing::info!(
+                revision = event.revision,
+                command = command.id,
+                conversation = context.conversation,
+                step = context.step,
+                "{}",
+                event.summary
+            );
+            self.announce(event, context).await;
+        }
+        Ok(outcome.result)
+    }
+}
+
+fn fault(error: &ProjectError) -> Fault {
+    let code = error.code();
+    let retry_after = (code == Code::Unavailable).then_some(Duration::from_secs(1));
+    Fault { retry_after, ..Fault::new(code, error.to_string()) }.with_details(error.details())
+}
+
+impl Actor for Owner {
+    type Message = Message;
+    type State = Seen;
+
+    fn name(&self) -> &'static str {
+        "scene"
+    }
+
+    fn state(&self) -> Seen {
+        let state = self.project.editor().state();
+        Seen { revision: state.revision(), units: state.units().count(), selected: state.selection().mask().count() }
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        // A reply that nobody waits for any more is no failure: the same id asked again finds the stored result.
+        match message {
+            // What has waited past its deadline is not begun: its sender has given up or will ask again.
+            Message::Apply { context, .. } | Message::Changes { context, .. } if context.remaining().is_zero() => {}
+            Message::Apply { command, context, reply } => {
+                let _ = reply.send(self.apply(&command, &context).await);
+                if let Err(error) = block_in_place(|| self.project.checkpoint_if_due()) {
+                    tracing::warn!(%error, "the state could not be stored; the next start replays more commands");
+                }
+            }
+            Message::Changes { request, reply, .. } => {
+                let changes = block_in_place(|| self.project.changes(&request));
+                let _ = reply.send(changes.map_err(|error| fault(&ProjectError::Journal(error))));
+            }
+            Message::TakeOver { project, reply } => {
+                let _ = reply.send(self.take_over(*project).await);
+            }
+        }
+        Ok(())
+    }
+}

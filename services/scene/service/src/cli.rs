@@ -1,0 +1,281 @@
+//! The offline subcommands: what they are asked, what they print.
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a command line prints: reports to stdout, words to stderr"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, Subcommand};
+use glam::Vec3;
+use serde::Serialize;
+use sg_formats::format::{Format, Warning};
+use sg_formats::save::SaveError;
+use sg_formats::summary::Summary;
+use sg_formats::{LoadOptions, Loaded, SaveOptions};
+use sg_formats::{load, save};
+use sg_scene::model::{Convention, SceneBox, ShadingModel};
+
+/// Subcommands that work on files alone.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Tells what a scene holds: counts, bounds, attributes, conventions, warnings.
+    ///
+    /// Example: supergaussian scene info bonsai/scene.toml --json
+    Info(Info),
+    /// Writes a scene in another format, chosen by the output's extension.
+    ///
+    /// `.toml` keeps everything, with one PLY for each base unit; `.ply` is an editable unit or 3DGS; `.compressed.ply` is
+    /// SuperSplat's; a folder with --format ivrgs is iVR-GS's. Turning an editable scene into 3DGS bakes palette + offset
+    /// colour; turning 3DGS into an editable scene makes it unlit (ka 1, kd 0, ks 0), with the shortest axes as normals.
+    ///
+    /// Example: supergaussian scene convert bonsai/scene.toml bonsai.compressed.ply
+    Convert(Convert),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Info {
+    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    file: PathBuf,
+    #[command(flatten)]
+    reading: Reading,
+    /// Print a report to standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Convert {
+    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    input: PathBuf,
+    /// The file to write, or a folder for iVR-GS.
+    output: PathBuf,
+    /// The format to write; by default the extension says.
+    #[arg(long, visible_alias = "to", value_parser = formats())]
+    format: Option<Format>,
+    #[command(flatten)]
+    reading: Reading,
+    /// Activation of the shading columns of an iVR-GS output.
+    #[arg(long, value_parser = conventions())]
+    to_convention: Option<Convention>,
+    /// Write a compressed PLY in Morton order: smaller errors, but every Gaussian's index changes.
+    #[arg(long)]
+    reorder: bool,
+    /// Print a report to standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What the caller knows better than the files.
+#[derive(Debug, Args)]
+struct Reading {
+    /// Activation of the input's shading columns; by default the file says, or it is guessed.
+    #[arg(long, value_parser = conventions())]
+    convention: Option<Convention>,
+    /// Shading model of all units.
+    #[arg(long, value_parser = shadings())]
+    shading: Option<ShadingModel>,
+    /// Palette colour of all units with shading columns, three numbers from 0 to 1.
+    #[arg(long, value_name = "R,G,B", value_parser = palette)]
+    palette: Option<Vec3>,
+}
+
+impl Reading {
+    fn options(&self) -> LoadOptions {
+        LoadOptions { convention: self.convention, shading: self.shading, palette: self.palette }
+    }
+}
+
+fn formats() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>())
+}
+
+fn conventions() -> impl TypedValueParser<Value = Convention> {
+    let names = ["ours", "legacy", "head-raw", "head-activated"];
+    PossibleValuesParser::new(names).try_map(|name| serde_json::from_value(serde_json::Value::String(name)))
+}
+
+fn shadings() -> impl TypedValueParser<Value = ShadingModel> {
+    let names = ["paper", "ivrgs-train", "ivrgs-viewer"];
+    PossibleValuesParser::new(names).try_map(|name| serde_json::from_value(serde_json::Value::String(name)))
+}
+
+fn palette(text: &str) -> Result<Vec3, String> {
+    let numbers: Vec<f32> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_slice() {
+        [r, g, b] if numbers.iter().all(|x| (0.0..=1.0).contains(x)) => Ok(Vec3::new(*r, *g, *b)),
+        _ => Err("give three numbers from 0 to 1, as 0.8,0.2,0.1".to_owned()),
+    }
+}
+
+/// Exit status where the arguments or the input are wrong.
+const WRONG_INPUT: u8 = 2;
+
+/// Runs a subcommand: 0 done, 1 the work failed, 2 the arguments or the input are wrong.
+pub(crate) fn run(command: &Command) -> ExitCode {
+    match command {
+        Command::Info(arguments) => info(arguments),
+        Command::Convert(arguments) => convert(arguments),
+    }
+}
+
+#[derive(Serialize)]
+struct InfoReport<'a> {
+    file: &'a Path,
+    format: Format,
+    unit_formats: &'a [Format],
+    #[serde(flatten)]
+    summary: Summary,
+    warnings: &'a [Warning],
+    read_seconds: f64,
+}
+
+fn info(arguments: &Info) -> ExitCode {
+    let start = Instant::now();
+    let loaded = match load(&arguments.file, &arguments.reading.options()) {
+        Ok(loaded) => loaded,
+        Err(error) => return fail(&error, WRONG_INPUT),
+    };
+    let report = InfoReport {
+        file: &arguments.file,
+        format: loaded.format,
+        unit_formats: &loaded.unit_formats,
+        read_seconds: start.elapsed().as_secs_f64(),
+        summary: Summary::of(&loaded.scene),
+        warnings: &loaded.warnings,
+    };
+    if arguments.json {
+        return print_json(&report);
+    }
+    tell(&report, &loaded);
+    ExitCode::SUCCESS
+}
+
+fn tell(report: &InfoReport<'_>, loaded: &Loaded) {
+    let Summary { gaussians, bounds, content_hash, units } = &report.summary;
+    eprintln!("{}: {}, {gaussians} Gaussians, {} base units", report.file.display(), report.format, units.len());
+    eprintln!("  box           {}", words(bounds));
+    eprintln!("  content hash  {content_hash}");
+    for (unit, format) in units.iter().zip(report.unit_formats) {
+        eprintln!("  unit `{}`: {format}, {} Gaussians from index {}", unit.name, unit.gaussians, unit.first);
+        eprintln!("    bounds      {}", words(&unit.bounds));
+        let harmonics = unit.harmonics_degree.map_or(String::new(), |d| format!(" (degree {d})"));
+        eprintln!("    attributes  {}{harmonics}", unit.attributes.join(" "));
+        if !unit.extra.is_empty() {
+            let extra: Vec<_> = unit.extra.iter().map(|e| format!("{} ({})", e.name, e.scalar)).collect();
+            eprintln!("    extra       {}", extra.join(" "));
+        }
+        let [r, g, b] = unit.palette;
+        eprintln!("    palette     {r} {g} {b}, opacity factor {}", unit.opacity);
+        let oriented = if unit.oriented_normals { "oriented normals" } else { "normals of no particular side" };
+        eprintln!("    drawn       {:?}, stored {:?}, {oriented}", unit.shading, unit.convention);
+    }
+    eprintln!("  read in {:.3} s", report.read_seconds);
+    warn(&loaded.warnings);
+}
+
+fn words(b: &SceneBox) -> String {
+    let corner = |p: glam::DVec3| format!("({:.6} {:.6} {:.6})", p.x, p.y, p.z);
+    format!("{} to {}", corner(b.min), corner(b.max))
+}
+
+#[derive(Serialize)]
+struct ConvertReport<'a> {
+    input: &'a Path,
+    input_format: Format,
+    output: &'a Path,
+    output_format: Format,
+    files: &'a [PathBuf],
+    gaussians: usize,
+    warnings: &'a [Warning],
+    read_seconds: f64,
+    write_seconds: f64,
+}
+
+fn convert(arguments: &Convert) -> ExitCode {
+    let start = Instant::now();
+    let mut loaded = match load(&arguments.input, &arguments.reading.options()) {
+        Ok(loaded) => loaded,
+        Err(error) => return fail(&error, WRONG_INPUT),
+    };
+    let read_seconds = start.elapsed().as_secs_f64();
+    keep_transfer_functions(&mut loaded, &arguments.input, &arguments.output);
+    let options =
+        SaveOptions { format: arguments.format, convention: arguments.to_convention, reorder: arguments.reorder };
+    let start = Instant::now();
+    let saved = match save(&arguments.output, &loaded.scene, &options) {
+        Ok(saved) => saved,
+        Err(error @ SaveError::Unsuitable { .. }) => return fail(&error, WRONG_INPUT),
+        Err(error @ SaveError::Write { .. }) => return fail(&error, 1),
+    };
+    let warnings = [loaded.warnings, saved.warnings].concat();
+    let report = ConvertReport {
+        input: &arguments.input,
+        input_format: loaded.format,
+        output: &arguments.output,
+        output_format: saved.format,
+        files: &saved.files,
+        gaussians: loaded.scene.len(),
+        warnings: &warnings,
+        read_seconds,
+        write_seconds: start.elapsed().as_secs_f64(),
+    };
+    if arguments.json {
+        return print_json(&report);
+    }
+    eprintln!(
+        "{} ({}) -> {} ({}): {} Gaussians, read in {:.3} s, written in {:.3} s",
+        report.input.display(),
+        report.input_format,
+        report.output.display(),
+        report.output_format,
+        report.gaussians,
+        report.read_seconds,
+        report.write_seconds
+    );
+    warn(&warnings);
+    ExitCode::SUCCESS
+}
+
+/// A scene file names transfer functions relative to itself: one that is written elsewhere names them in full.
+fn keep_transfer_functions(loaded: &mut Loaded, input: &Path, output: &Path) {
+    let folder = |path: &Path| {
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        parent.canonicalize().ok()
+    };
+    let (from, to) = (folder(input), folder(output));
+    let Some(from) = from.filter(|from| to.as_ref() != Some(from)) else { return };
+    for unit in &mut loaded.scene.units {
+        if let Some(file) = unit.transfer_function.as_mut().filter(|f| f.is_relative()) {
+            *file = from.join(&*file);
+        }
+    }
+}
+
+fn warn(warnings: &[Warning]) {
+    for warning in warnings {
+        eprintln!("warning: {warning}");
+    }
+}
+
+fn print_json(report: &impl Serialize) -> ExitCode {
+    use std::io::Write;
+    let printed = serde_json::to_string_pretty(report)
+        .map_err(std::io::Error::from)
+        .and_then(|text| writeln!(std::io::stdout(), "{text}"));
+    match printed {
+        Ok(()) => ExitCode::SUCCESS,
+        // A reader that has seen enough is no failure.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => fail(&error, 1),
+    }
+}
+
+fn fail(error: &dyn std::error::Error, status: u8) -> ExitCode {
+    eprintln!("supergaussian-scene: {error}");
+    ExitCode::from(status)
+}

@@ -1,0 +1,142 @@
+//! A scene with its project: commands are carried out once, durably, and readers get what they missed.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use prost::Message as _;
+use sg_proto::bus::Code;
+use sg_proto::limits::MAX_MESSAGE_BYTES;
+use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event};
+
+use crate::journal::{Journal, JournalError};
+use sg_edit::{EditError, EditState, Editor, check_id};
+use sg_scene::model::Scene;
+
+/// Most events of one answer; a reader that is further behind gets a snapshot.
+const MAX_EVENTS: usize = 256;
+/// Most bytes of events in one answer, with room for the rest of the message.
+const MAX_EVENT_BYTES: usize = MAX_MESSAGE_BYTES - 4096;
+
+/// An open scene: its state and its journal.
+#[derive(Debug)]
+pub struct Project {
+    editor: Editor,
+    journal: Journal,
+}
+
+/// A command that was not carried out; the scene is as it was.
+#[derive(Debug, thiserror::Error)]
+pub enum ProjectError {
+    /// It does not fit the scene or makes no sense.
+    #[error(transparent)]
+    Edit(#[from] EditError),
+    /// It could not be made durable, or what is stored could not be read.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+}
+
+impl ProjectError {
+    /// The canonical code under which it travels.
+    #[must_use]
+    pub fn code(&self) -> Code {
+        match self {
+            Self::Edit(error) => error.code(),
+            Self::Journal(error) => error.code(),
+        }
+    }
+
+    /// Facts for a program.
+    #[must_use]
+    pub fn details(&self) -> Vec<String> {
+        match self {
+            Self::Edit(error) => error.details(),
+            Self::Journal(_) => Vec::new(),
+        }
+    }
+}
+
+/// An accepted command.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The answer to who asked.
+    pub result: CommandResult,
+    /// What to tell readers; none where the command had been carried out before.
+    pub event: Option<Event>,
+}
+
+impl Project {
+    /// Opens the project of a scene, or makes it where there is no file. `scene_path` is where readers find the geometry.
+    ///
+    /// # Errors
+    /// [`JournalError`]; a file that is there is left as it is.
+    pub fn open(path: &Path, scene: Arc<Scene>, scene_path: &str) -> Result<Self, JournalError> {
+        let hash = scene.content_hash().to_hex().to_string();
+        let opened = EditState::of_scene(&scene, scene_path, hash);
+        let (journal, editor) = Journal::open(path, scene, opened)?;
+        Ok(Self { editor, journal })
+    }
+
+    /// The present state and history.
+    #[must_use]
+    pub fn editor(&self) -> &Editor {
+        &self.editor
+    }
+
+    #[cfg(test)]
+    pub(crate) fn journal(&self) -> &Journal {
+        &self.journal
+    }
+
+    /// Carries a command out at most once: the same id again returns the stored result, also after a restart. When this
+    /// returns an outcome, it survives a crash.
+    ///
+    /// # Errors
+    /// [`ProjectError`]; nothing has changed, and the same id may be tried again.
+    pub fn apply(&mut self, command: &Command) -> Result<Outcome, ProjectError> {
+        check_id(&command.id)?;
+        if let Some(result) = self.journal.find(&command.id)? {
+            return Ok(Outcome { result, event: None });
+        }
+        let journal = &mut self.journal;
+        let applied =
+            self.editor.apply_with(command, |applied| journal.append(command, applied).map_err(ProjectError::from))?;
+        Ok(Outcome { result: applied.result, event: Some(applied.event) })
+    }
+
+    /// Stores the whole state now and then, so that the next start is fast. Call it after commands, when nobody waits.
+    ///
+    /// # Errors
+    /// [`JournalError`]; nothing is lost by that but the next start's speed.
+    pub fn checkpoint_if_due(&mut self) -> Result<(), JournalError> {
+        self.journal.checkpoint_if_due(&self.editor)
+    }
+
+    /// What a reader at `request.from` has missed: all events where they fit one message, else the whole state.
+    ///
+    /// # Errors
+    /// [`JournalError`].
+    pub fn changes(&self, request: &ChangesRequest) -> Result<Changes, JournalError> {
+        let revision = self.editor.state().revision();
+        if !request.snapshot {
+            let (events, all) = self.journal.events(request.from, MAX_EVENTS, MAX_EVENT_BYTES)?;
+            if all {
+                return Ok(Changes { revision, events, snapshot: None });
+            }
+            let snapshot = self.editor.message(true);
+            if snapshot.encoded_len() > MAX_EVENT_BYTES {
+                let revision = events.last().map_or(revision, |e| e.revision);
+                return Ok(Changes { revision, events, snapshot: None });
+            }
+            return Ok(Changes { revision, events: Vec::new(), snapshot: Some(snapshot) });
+        }
+        Ok(Changes { revision, events: Vec::new(), snapshot: Some(self.editor.message(true)) })
+    }
+
+    /// The last event: told again after a start, because a crash may have come between making it durable and telling it.
+    ///
+    /// # Errors
+    /// [`JournalError`].
+    pub fn last_event(&self) -> Result<Option<Event>, JournalError> {
+        self.journal.last_event()
+    }
+}

@@ -1,0 +1,304 @@
+//! Clusters kept on disk by content: what they were made from is their name, so a stale entry cannot be found.
+//!
+//! An entry holds the clustering and its contact graph, all that a session of walks on clusters needs. It is written
+//! under a temporary name and renamed, and carries a checksum: a damaged entry is reported and made anew, never trusted.
+
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use sg_scene::model::Scene;
+
+use crate::cluster_graph::{ClusterGraph, Link};
+use crate::clustering::{Cluster, Clustering, ClusteringOptions};
+use crate::features::{FeatureKind, WIDTH};
+use crate::geometry::GeometryOptions;
+
+/// First bytes of an entry: its format and version.
+const MAGIC: &[u8; 8] = b"SGCLUS01";
+
+/// Changes whenever clusters of the same scene and options come out differently.
+const METHOD_VERSION: &str = "1";
+
+/// Entries kept in a folder; the least recently written go first.
+const MOST_ENTRIES: usize = 64;
+
+/// A folder of entries.
+#[derive(Debug, Clone)]
+pub struct ClusterCache {
+    folder: PathBuf,
+}
+
+/// What a look-up found.
+#[derive(Debug)]
+pub enum Found {
+    /// Clusters and their contact graph.
+    Entry(Box<(Clustering, ClusterGraph)>),
+    /// Nothing under this name.
+    Nothing,
+    /// A file that is no whole entry, and why.
+    Damaged(String),
+}
+
+/// The name of a scene's clusters made with some options: BLAKE3 over the scene's content and the options.
+#[must_use]
+pub fn key(scene: &Scene, geometry: GeometryOptions, options: &ClusteringOptions) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(MAGIC);
+    hasher.update(METHOD_VERSION.as_bytes());
+    hasher.update(scene.content_hash().as_bytes());
+    // Debug forms hold every field with shortest round-trip numbers: two different options never share one.
+    hasher.update(format!("{geometry:?} {options:?}").as_bytes());
+    hasher.finalize()
+}
+
+impl ClusterCache {
+    /// The cache in a folder, which is made on the first [`ClusterCache::store`].
+    #[must_use]
+    pub fn new(folder: &Path) -> Self {
+        Self { folder: folder.to_path_buf() }
+    }
+
+    /// The file of an entry.
+    #[must_use]
+    pub fn path(&self, key: &blake3::Hash) -> PathBuf {
+        self.folder.join(format!("{}.clusters", key.to_hex()))
+    }
+
+    /// Looks an entry up for a scene of `gaussians`.
+    #[must_use]
+    pub fn load(&self, key: &blake3::Hash, gaussians: usize) -> Found {
+        let path = self.path(key);
+        let bytes = match read_bounded(&path, gaussians) {
+            Ok(bytes) => bytes,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Found::Nothing,
+            Err(e) => return Found::Damaged(format!("{}: {e}", path.display())),
+        };
+        match decode(&bytes, gaussians) {
+            Some(entry) => Found::Entry(Box::new(entry)),
+            None => Found::Damaged(format!("{}: the checksum or the content is wrong", path.display())),
+        }
+    }
+
+    /// Keeps an entry, and removes the oldest ones beyond the limit.
+    ///
+    /// # Errors
+    /// What the system said, for instance that the disk is full; then the entry is absent, not half there.
+    pub fn store(&self, key: &blake3::Hash, clustering: &Clustering, graph: &ClusterGraph) -> io::Result<()> {
+        fs::create_dir_all(&self.folder)?;
+        sg_formats::staged_file::replace(&self.path(key), &encode(clustering, graph))?;
+        self.trim()
+    }
+
+    fn trim(&self) -> io::Result<()> {
+        let mut entries = Vec::new();
+        for file in fs::read_dir(&self.folder)? {
+            let file = file?;
+            if file.path().extension().is_some_and(|e| e == "clusters") {
+                entries.push((file.metadata()?.modified()?, file.path()));
+            }
+        }
+        entries.sort();
+        let surplus = entries.len().saturating_sub(MOST_ENTRIES);
+        for (_, path) in entries.into_iter().take(surplus) {
+            match fs::remove_file(path) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Reads a file no longer than the largest entry a scene of this size can have.
+fn read_bounded(path: &Path, gaussians: usize) -> io::Result<Vec<u8>> {
+    let most = 1_000_000 + 1000 * gaussians as u64;
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "longer than any entry of this scene"));
+    }
+    Ok(bytes)
+}
+
+fn encode(clustering: &Clustering, graph: &ClusterGraph) -> Vec<u8> {
+    let mut out = Vec::with_capacity(64 + 4 * clustering.labels.len() + 200 * clustering.clusters.len());
+    out.extend_from_slice(MAGIC);
+    let number = |out: &mut Vec<u8>, n: usize| out.extend_from_slice(&(n as u64).to_le_bytes());
+    number(&mut out, clustering.labels.len());
+    clustering.labels.iter().for_each(|l| out.extend_from_slice(&l.to_le_bytes()));
+    number(&mut out, clustering.clusters.len());
+    for c in &clustering.clusters {
+        [c.unit, c.size, c.centre].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+        c.position.iter().chain(&c.feature).for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+    }
+    graph.component.iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
+    number(&mut out, clustering.kinds.len());
+    for (kind, links) in clustering.kinds.iter().zip(&graph.units) {
+        out.push(match kind {
+            FeatureKind::Oriented => 0,
+            FeatureKind::Invariant => 1,
+            FeatureKind::Printed => 2,
+        });
+        number(&mut out, links.len());
+        for l in links {
+            [l.u, l.v].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+            [l.length, l.feature].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+        }
+    }
+    let checksum = blake3::hash(&out);
+    out.extend_from_slice(checksum.as_bytes());
+    out
+}
+
+/// Takes numbers off the front of a slice.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (head, tail) = self.0.split_first_chunk()?;
+        self.0 = tail;
+        Some(*head)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn i32(&mut self) -> Option<i32> {
+        self.take().map(i32::from_le_bytes)
+    }
+
+    fn f64(&mut self) -> Option<f64> {
+        self.take().map(f64::from_le_bytes)
+    }
+
+    /// A count of items that take at least `size` bytes each, so that no length asks for more than there is.
+    fn count(&mut self, size: usize) -> Option<usize> {
+        let n = usize::try_from(self.take().map(u64::from_le_bytes)?).ok()?;
+        (n.checked_mul(size)? <= self.0.len()).then_some(n)
+    }
+}
+
+fn decode(bytes: &[u8], gaussians: usize) -> Option<(Clustering, ClusterGraph)> {
+    let (content, checksum) = bytes.split_last_chunk::<32>()?;
+    if blake3::hash(content) != blake3::Hash::from_bytes(*checksum) {
+        return None;
+    }
+    let mut r = Reader(content);
+    if r.take::<8>()? != *MAGIC {
+        return None;
+    }
+    let n = r.count(4)?;
+    let labels: Vec<i32> = (0..n).map(|_| r.i32()).collect::<Option<_>>()?;
+    let count = r.count(12 + 8 * (3 + WIDTH))?;
+    let mut clusters = Vec::with_capacity(count);
+    for _ in 0..count {
+        clusters.push(Cluster {
+            unit: r.u32()?,
+            size: r.u32()?,
+            centre: r.u32()?,
+            position: [r.f64()?, r.f64()?, r.f64()?],
+            feature: (0..WIDTH).map(|_| r.f64()).collect::<Option<Vec<_>>>()?.try_into().ok()?,
+        });
+    }
+    let component = (0..count).map(|_| r.u32()).collect::<Option<_>>()?;
+    let units = r.count(9)?;
+    let mut kinds = Vec::with_capacity(units);
+    let mut lists = Vec::with_capacity(units);
+    for _ in 0..units {
+        kinds.push(match r.take::<1>()? {
+            [0] => FeatureKind::Oriented,
+            [1] => FeatureKind::Invariant,
+            [2] => FeatureKind::Printed,
+            _ => return None,
+        });
+        let links = r.count(24)?;
+        let links: Vec<Link> = (0..links)
+            .map(|_| Some(Link { u: r.u32()?, v: r.u32()?, length: r.f64()?, feature: r.f64()? }))
+            .collect::<Option<_>>()?;
+        lists.push(links);
+    }
+    let fits = n == gaussians
+        && r.0.is_empty()
+        && labels.iter().all(|l| *l >= -1 && *l < count as i32)
+        && lists.iter().flatten().all(|l| (l.u as usize) < count && (l.v as usize) < count);
+    fits.then_some((Clustering { labels, clusters, kinds }, ClusterGraph { clusters: count, units: lists, component }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster_graph::GraphForm;
+    use crate::clustering::cluster;
+    use crate::geometry::Geometry;
+    use crate::progress::Silent;
+    use glam::Vec3;
+    use sg_scene::synthetic::random_unit;
+
+    fn made() -> (Scene, Clustering, ClusterGraph) {
+        let mut a = random_unit(400, 1);
+        a.gaussians.position[17] = Vec3::NAN;
+        let mut b = random_unit(300, 2);
+        b.name = "b".into();
+        let scene = Scene::compose(vec![a, b], None);
+        let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
+        let options = ClusteringOptions { max_clusters: 20, ..ClusteringOptions::default() };
+        let (clustering, _) = cluster(&geometry, &options, &Silent).unwrap();
+        let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
+        (scene, clustering, graph)
+    }
+
+    #[test]
+    fn what_is_stored_is_found_again_and_damage_is_noticed() {
+        let (scene, clustering, graph) = made();
+        let folder = tempfile::tempdir().unwrap();
+        let cache = ClusterCache::new(&folder.path().join("clusters"));
+        let key = key(&scene, GeometryOptions::default(), &ClusteringOptions::default());
+        assert!(matches!(cache.load(&key, scene.len()), Found::Nothing));
+        cache.store(&key, &clustering, &graph).unwrap();
+        match cache.load(&key, scene.len()) {
+            Found::Entry(entry) => assert_eq!(*entry, (clustering.clone(), graph.clone())),
+            other => panic!("{other:?}"),
+        }
+        assert!(matches!(cache.load(&key, scene.len() + 1), Found::Damaged(_)));
+        let whole = fs::read(cache.path(&key)).unwrap();
+        for at in (0..whole.len()).step_by(whole.len() / 40) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x10;
+            fs::write(cache.path(&key), &bytes).unwrap();
+            assert!(matches!(cache.load(&key, scene.len()), Found::Damaged(_)), "byte {at}");
+            fs::write(cache.path(&key), &whole[..at]).unwrap();
+            assert!(matches!(cache.load(&key, scene.len()), Found::Damaged(_)), "cut at {at}");
+        }
+    }
+
+    #[test]
+    fn every_option_is_part_of_the_name() {
+        let (scene, ..) = made();
+        let geometry = GeometryOptions::default();
+        let options = ClusteringOptions::default();
+        let names = [
+            key(&scene, geometry, &options),
+            key(&scene, GeometryOptions { neighbours: 9, ..geometry }, &options),
+            key(&scene, GeometryOptions { features: Some(FeatureKind::Invariant), ..geometry }, &options),
+            key(&scene, geometry, &ClusteringOptions { compactness: 0.5 + 1e-17, ..options.clone() }),
+            key(&scene, geometry, &ClusteringOptions { compactness: 0.5 + 2e-16, ..options.clone() }),
+            key(&scene, geometry, &ClusteringOptions { max_clusters: 998, ..options }),
+        ];
+        assert_eq!(names[0], names[3], "the same number is the same name");
+        let distinct: std::collections::HashSet<_> = names.iter().map(|n| *n.as_bytes()).collect();
+        assert_eq!(distinct.len(), names.len() - 1);
+    }
+
+    #[test]
+    fn a_folder_does_not_grow_without_end() {
+        let (_, clustering, graph) = made();
+        let folder = tempfile::tempdir().unwrap();
+        let cache = ClusterCache::new(folder.path());
+        for i in 0..MOST_ENTRIES + 5 {
+            cache.store(&blake3::hash(&i.to_le_bytes()), &clustering, &graph).unwrap();
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), MOST_ENTRIES);
+    }
+}

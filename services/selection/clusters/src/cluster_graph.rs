@@ -1,0 +1,360 @@
+//! The graph of Super-Gaussians that walks run on.
+//!
+//! Two clusters are compared by a distance g along the scene and by δ, the distance of their mean features, each in
+//! units of its median over the edges: w = exp(−(g/σ_s)² − (δ/σ_f)²).
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::bridges::bridges;
+use crate::clustering::{Cluster, Clustering};
+use crate::features::{FeatureKind, WIDTH, median};
+use crate::geometry::{Geometry, UnitGeometry};
+use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph};
+use crate::shortest::{Search, SearchPool, nearest_source};
+use crate::vertices::{Vertices, distance_squared};
+use sg_walk::{Conductance, Network};
+
+/// Which pairs of clusters are joined, and how far apart they are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GraphForm {
+    /// Clusters that touch: g = min over the neighbour pairs (a, b) across their border of d(c_u, a) + ‖ab‖ + d(b, c_v), with
+    /// d the path length inside the cluster.
+    #[default]
+    Contact,
+    /// The paper's literal form: each cluster's k nearest by mean position, g along that graph (which on an edge of it
+    /// is the straight-line distance).
+    Printed,
+    /// Every pair of clusters of a base unit, g the shortest path over the contact graph.
+    AllPairs,
+    /// Clusters that touch, at their straight-line distance.
+    Euclidean,
+}
+
+/// An edge between two clusters of a base unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// The smaller id.
+    pub u: u32,
+    /// The larger id.
+    pub v: u32,
+    /// g, in the scene's length unit.
+    pub length: f64,
+    /// δ, with each block of the features (scale, normal, shape) in units of its spread over the clusters.
+    pub feature: f64,
+}
+
+/// Edges between the clusters of a scene, one list a base unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClusterGraph {
+    /// Number of clusters.
+    pub clusters: usize,
+    /// Edges of each base unit, ascending by (u, v).
+    pub units: Vec<Vec<Link>>,
+    /// For each cluster the connected component of its centre in the neighbour graph, before bridges; components of
+    /// different base units have different numbers.
+    pub component: Vec<u32>,
+}
+
+impl ClusterGraph {
+    /// The graph of a form.
+    ///
+    /// # Errors
+    /// [`GraphError`] if the clusters of the printed form cannot be searched.
+    pub fn new(geometry: &Geometry, clustering: &Clustering, form: GraphForm) -> Result<Self, GraphError> {
+        let mut units = Vec::with_capacity(geometry.units.len());
+        let mut component = vec![u32::MAX; clustering.clusters.len()];
+        let mut first_component = 0;
+        for (u, unit) in (0..).zip(&geometry.units) {
+            let ids: Vec<u32> =
+                (0..).zip(&clustering.clusters).filter(|(_, c)| c.unit == u && c.size > 0).map(|(i, _)| i).collect();
+            let clusters = &clustering.clusters;
+            let lengths = match form {
+                GraphForm::Contact => contacts(unit, clustering, &ids),
+                GraphForm::Printed => nearest_centres(clusters, &ids, geometry.neighbours)?,
+                GraphForm::AllPairs => all_pairs(&contacts(unit, clustering, &ids), clusters.len(), &ids),
+                GraphForm::Euclidean => contacts(unit, clustering, &ids)
+                    .into_iter()
+                    .map(|(a, b, _)| (a, b, straight(clusters, a, b)))
+                    .collect(),
+            };
+            let features = ids.iter().map(|&i| clusters[i as usize].feature).collect();
+            let features = block_scaled(features, unit.features.kind);
+            let row = |i: u32| ids.binary_search(&i).ok().map(|at| &features[at]);
+            let links = lengths
+                .into_iter()
+                .map(|(a, b, length)| Link { u: a, v: b, length, feature: distance(row(a), row(b)) })
+                .collect();
+            units.push(links);
+            let vertex_of = centre_vertices(unit, clusters, &ids);
+            for (&i, v) in ids.iter().zip(vertex_of) {
+                component[i as usize] = first_component + v.map_or(0, |v| unit.component[v as usize]);
+            }
+            first_component += unit.components as u32;
+        }
+        Ok(Self { clusters: clustering.clusters.len(), units, component })
+    }
+
+    /// The weighted graph, with σ_s and σ_f the medians over the edges of each base unit times the given factors.
+    #[must_use]
+    pub fn network(&self, sigma_s: f64, sigma_f: f64) -> Network {
+        let mut edges = Vec::new();
+        for links in &self.units {
+            let s = sigma_s * typical(links.iter().map(|l| l.length));
+            let f = sigma_f * typical(links.iter().map(|l| l.feature));
+            edges.extend(links.iter().map(|l| (l.u, l.v, weight(l.length, s, l.feature, f))));
+        }
+        Network::new(self.clusters, edges.into_iter())
+    }
+}
+
+/// exp(−(length/s)² − (feature/f)²), where a spread of zero stands for a column in which nothing differs.
+pub fn weight(length: f64, s: f64, feature: f64, f: f64) -> Conductance {
+    let term = |x: f64, sigma: f64| if sigma > 0.0 { (x / sigma).powi(2) } else { 0.0 };
+    Conductance::exp(-term(length, s) - term(feature, f))
+}
+
+/// The median; where most values are zero, the mean.
+pub fn typical(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    match median(&mut values) {
+        Some(m) if m > 0.0 => m,
+        _ => values.iter().sum::<f64>() / values.len().max(1) as f64,
+    }
+}
+
+fn straight(clusters: &[Cluster], a: u32, b: u32) -> f64 {
+    distance_squared(&clusters[a as usize].position, &clusters[b as usize].position).sqrt()
+}
+
+fn distance(a: Option<&[f64; WIDTH]>, b: Option<&[f64; WIDTH]>) -> f64 {
+    match (a, b) {
+        (Some(a), Some(b)) => a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt(),
+        _ => 0.0,
+    }
+}
+
+/// Features with each block in units of its root mean square deviation over the rows. Blocks, not columns: a
+/// rotation mixes the columns of a block, and its length is all that stays. A block that does not vary is left out.
+fn block_scaled(mut rows: Vec<[f64; WIDTH]>, kind: FeatureKind) -> Vec<[f64; WIDTH]> {
+    let n = rows.len().max(1) as f64;
+    for block in kind.blocks() {
+        let mut variance = 0.0;
+        let mut size = 0.0_f64;
+        for c in block.clone() {
+            let mean = rows.iter().map(|r| r[c]).sum::<f64>() / n;
+            variance += rows.iter().map(|r| (r[c] - mean).powi(2)).sum::<f64>() / n;
+            size = rows.iter().fold(size, |m, r| m.max(r[c].abs()));
+        }
+        let spread = variance.sqrt();
+        // Rows are means of f32 numbers: a spread below their rounding is none.
+        let factor = if spread > 1e-6 * size { 1.0 / spread } else { 0.0 };
+        for row in &mut rows {
+            for x in &mut row[block.clone()] {
+                *x *= factor;
+            }
+        }
+    }
+    rows
+}
+
+/// The vertex of each cluster's centre.
+fn centre_vertices(unit: &UnitGeometry, clusters: &[Cluster], ids: &[u32]) -> Vec<Option<u32>> {
+    let mut vertex: Vec<(u32, u32)> = unit.vertices.gaussian.iter().copied().zip(0..).collect();
+    vertex.par_sort_unstable();
+    ids.iter()
+        .map(|&i| {
+            let centre = clusters[i as usize].centre;
+            vertex.binary_search_by_key(&centre, |e| e.0).ok().map(|at| vertex[at].1)
+        })
+        .collect()
+}
+
+type Lengths = Vec<(u32, u32, f64)>;
+
+fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Lengths {
+    let graph = unit.joined();
+    let label: Vec<i32> = unit.vertices.gaussian.iter().map(|&g| clustering.labels[g as usize]).collect();
+    let centres = centre_vertices(unit, &clustering.clusters, ids);
+    // Where a cluster that was given from outside is not connected, the far part is as far as the straight line.
+    let mut inside: Vec<f64> = unit
+        .vertices
+        .position
+        .par_iter()
+        .zip(&label)
+        .map(|(p, &l)| match usize::try_from(l).ok().and_then(|l| clustering.clusters.get(l)) {
+            Some(c) => distance_squared(p, &c.position).sqrt(),
+            None => 0.0,
+        })
+        .collect();
+    let pool = SearchPool::default();
+    let found: Vec<Vec<(u32, f64)>> = ids
+        .par_iter()
+        .zip(&centres)
+        .map(|(&i, centre)| match centre {
+            Some(v) => pool.with(|search: &mut Search| {
+                let own = i as i32;
+                search.reach(&graph, *v, |w| if label[w as usize] == own { f64::INFINITY } else { -1.0 }).to_vec()
+            }),
+            None => Vec::new(),
+        })
+        .collect();
+    for (v, d) in found.into_iter().flatten() {
+        inside[v as usize] = d;
+    }
+    let mut crossing: Lengths = (0..graph.len() as u32)
+        .into_par_iter()
+        .with_min_len(256)
+        .flat_map_iter(|a| {
+            let (label, inside) = (&label, &inside);
+            graph.neighbours(a).filter_map(move |(b, length)| {
+                let (u, v) = (label[a as usize], label[b as usize]);
+                (u >= 0 && v > u).then(|| (u as u32, v as u32, inside[a as usize] + length + inside[b as usize]))
+            })
+        })
+        .collect();
+    crossing.par_sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
+    crossing.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
+    crossing
+}
+
+/// The k nearest clusters by mean position, symmetric, with bridges between components. Along this graph the shortest
+/// path between the ends of an edge is the edge: no path is shorter than the straight line.
+fn nearest_centres(clusters: &[Cluster], ids: &[u32], k: usize) -> Result<Lengths, GraphError> {
+    let points = Vertices::ordered(ids.iter().map(|&i| (i, clusters[i as usize].position)).collect());
+    let graph = neighbour_graph(&points, k)?;
+    let joining = bridges(&points, &graph);
+    let mut lengths: Lengths = graph
+        .edges()
+        .chain(joining)
+        .map(|e| {
+            let (a, b) = (points.gaussian[e.a as usize], points.gaussian[e.b as usize]);
+            (a.min(b), a.max(b), e.length)
+        })
+        .collect();
+    lengths.sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
+    lengths.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
+    Ok(lengths)
+}
+
+fn all_pairs(contacts: &Lengths, clusters: usize, ids: &[u32]) -> Lengths {
+    let graph = Graph::from_edges(clusters, contacts.iter().map(|&(a, b, length)| Edge { a, b, length }));
+    let pool = SearchPool::default();
+    ids.par_iter()
+        .flat_map_iter(|&u| {
+            let mut found = pool.with(|s| s.reach(&graph, u, |_| f64::INFINITY).to_vec());
+            found.sort_unstable_by_key(|f| f.0);
+            found.into_iter().filter(move |f| f.0 > u).map(move |(v, d)| (u, v, d))
+        })
+        .collect()
+}
+
+/// For each node the length of the shortest path from any of the sources; infinite where there is none.
+#[must_use]
+pub fn path_lengths(graph: &ClusterGraph, sources: &[u32]) -> Vec<f64> {
+    let edges = graph.units.iter().flatten().map(|l| Edge { a: l.u, b: l.v, length: l.length });
+    nearest_source(&Graph::from_edges(graph.clusters, edges), sources).0
+}
+
+/// The graph of single Gaussians: nodes are scene-wide indices, edges those of the neighbour graphs and their bridges,
+/// weighted as clusters are, with medians over the edges of each base unit.
+#[must_use]
+pub fn gaussian_network(geometry: &Geometry, sigma_s: f64, sigma_f: f64) -> Network {
+    let mut edges = Vec::new();
+    for unit in &geometry.units {
+        let rows = unit.features.rows.par_iter().map(|r| r.map(f64::from)).collect();
+        let rows = block_scaled(rows, unit.features.kind);
+        let links: Vec<Link> = unit
+            .joined()
+            .edges()
+            .map(|e| Link {
+                u: e.a,
+                v: e.b,
+                length: e.length,
+                feature: distance(Some(&rows[e.a as usize]), Some(&rows[e.b as usize])),
+            })
+            .collect();
+        let s = sigma_s * typical(links.iter().map(|l| l.length));
+        let f = sigma_f * typical(links.iter().map(|l| l.feature));
+        let index = &unit.vertices.gaussian;
+        edges.extend(
+            links.iter().map(|l| (index[l.u as usize], index[l.v as usize], weight(l.length, s, l.feature, f))),
+        );
+    }
+    Network::new(geometry.gaussians, edges.into_iter())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clustering::{ClusteringOptions, cluster};
+    use crate::geometry::GeometryOptions;
+    use crate::progress::Silent;
+    use sg_scene::model::Scene;
+    use sg_scene::synthetic::{point_scene, random_points, vessel_and_sac};
+
+    fn clustered(scene: &Scene, most: usize) -> (Geometry, Clustering) {
+        let geometry = Geometry::of_scene(scene, GeometryOptions::default(), &Silent).unwrap();
+        let options = ClusteringOptions { max_clusters: most, ..ClusteringOptions::default() };
+        let (clustering, _) = cluster(&geometry, &options, &Silent).unwrap();
+        (geometry, clustering)
+    }
+
+    #[test]
+    fn every_form_joins_all_clusters_of_a_unit() {
+        let mut points = random_points(1500, 1);
+        points.extend(random_points(300, 2).iter().map(|p| p.map(|x| x + 5.0)));
+        let (geometry, clustering) = clustered(&point_scene(&points), 60);
+        assert_eq!(geometry.units[0].components, 2);
+        for form in [GraphForm::Contact, GraphForm::Printed, GraphForm::AllPairs, GraphForm::Euclidean] {
+            let graph = ClusterGraph::new(&geometry, &clustering, form).unwrap();
+            let edges = graph.units[0].iter().map(|l| Edge { a: l.u, b: l.v, length: l.length });
+            assert_eq!(Graph::from_edges(graph.clusters, edges).components().1, 1, "{form:?}");
+            assert!(graph.units[0].iter().all(|l| l.u < l.v && l.length.is_finite() && l.feature.is_finite()));
+            let distinct: std::collections::BTreeSet<u32> = graph.component.iter().copied().collect();
+            assert_eq!(distinct.len(), 2);
+        }
+    }
+
+    #[test]
+    fn contact_lengths_go_along_the_surface_and_the_printed_ones_do_not() {
+        let (scene, _) = vessel_and_sac(6000, 3);
+        let (geometry, clustering) = clustered(&scene, 150);
+        let contact = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
+        let euclidean = ClusterGraph::new(&geometry, &clustering, GraphForm::Euclidean).unwrap();
+        for (a, b) in contact.units[0].iter().zip(&euclidean.units[0]) {
+            assert_eq!((a.u, a.v), (b.u, b.v));
+            // Between the centres' Gaussians no path is shorter than the straight line; mean positions lie off them.
+            let ends = [a.u, a.v].map(|c| scene.position(clustering.clusters[c as usize].centre as usize).unwrap());
+            assert!(a.length >= (ends[0] - ends[1]).length() * (1.0 - 1e-9));
+        }
+        // The printed form: shortest paths along the centre graph between ends of an edge are the edges themselves.
+        let printed = ClusterGraph::new(&geometry, &clustering, GraphForm::Printed).unwrap();
+        let graph = Graph::from_edges(
+            printed.clusters,
+            printed.units[0].iter().map(|l| Edge { a: l.u, b: l.v, length: l.length }),
+        );
+        let mut search = Search::default();
+        for l in &printed.units[0] {
+            let along = search.reach(&graph, l.u, |_| f64::INFINITY).iter().find(|r| r.0 == l.v).unwrap().1;
+            assert!((along - l.length).abs() <= 1e-12 * l.length, "{along} against {}", l.length);
+        }
+    }
+
+    #[test]
+    fn blocks_that_do_not_vary_are_left_out() {
+        let rows = (0..5)
+            .map(|i| {
+                let mut r = [0.1; WIDTH];
+                r[0] = f64::from(i);
+                r[2] += 1e-17 * f64::from(i);
+                r
+            })
+            .collect();
+        let scaled = block_scaled(rows, FeatureKind::Invariant);
+        assert!(scaled.iter().all(|r| r[1..13].iter().all(|x| *x == 0.0)));
+        let square: f64 = scaled.iter().map(|r| (r[0] - scaled[2][0]).powi(2)).sum::<f64>() / 5.0;
+        assert!((square - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,503 @@
+//! The selection process: strokes in, a committed selection out.
+//!
+//! It keeps no truth of its own. The strokes a selection was made from are stored with it in the scene, so that undo takes
+//! strokes back as well and a restart forgets nothing.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use sg_clusters::cache::ClusterCache;
+use sg_edit::wire::{encode_mask, steps_of, strokes_alone};
+use sg_edit::{EditState, Replica};
+use sg_formats::npy;
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::scene::{Command, CommandResult, CommitSelection, command};
+use sg_proto::selection;
+use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{Host, StartError};
+use sg_runtime::scene_feed::{SceneFeed, Update};
+use sg_scene::mask::Mask;
+use sg_selection::preview::{Preview, differing};
+use sg_selection::session::{SelectionError, SelectionSession};
+use sg_selection::space::WalkOptions;
+use sg_selection::steps::Step;
+use sg_selection::strokes::Stroke;
+use tokio::sync::watch;
+
+use crate::wire;
+
+mod prepared;
+
+use prepared::{Params, prepare};
+
+/// Requests that may wait while one is worked on.
+const QUEUE: usize = 8;
+
+/// Loads and begins to serve.
+///
+/// # Errors
+/// Wrong parameters, a scene that cannot be read, a bus that cannot be used.
+pub(crate) async fn start(host: Host) -> Result<(), StartError> {
+    if host.role() != role::SELECTION {
+        return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SELECTION)));
+    }
+    let params: Params = host.params()?;
+    let walk =
+        WalkOptions { leak: params.leak, sigma_s: params.sigma_s, sigma_f: params.sigma_f, ..WalkOptions::default() };
+    walk.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+
+    let mut feed = SceneFeed::open(host.bus()).await?;
+    let state = loop {
+        match feed.next().await {
+            Some((Update::Snapshot(state), _)) => break state,
+            Some((Update::Event(_), _)) => (),
+            None => return Err(StartError::Failed("the bus closed before the scene was known".to_owned())),
+        }
+    };
+    let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
+    let cache = ClusterCache::new(&params.cache.clone().unwrap_or_else(|| host.run_dir().join("clusters")));
+    let geometry = state.geometry();
+    let path = host.scene_path(&geometry.path, &geometry.hash).await?;
+    let prepared = tokio::task::block_in_place(|| prepare(&path, &geometry.hash, &params, walk, &cache))?;
+    tracing::info!(
+        clusters = prepared.space.clusters(),
+        from_cache = prepared.from_cache,
+        clustering_ms = prepared.clustering_ms,
+        "clustered"
+    );
+
+    let labels_path = host.run_dir().join(format!("labels-{}.npy", std::process::id()));
+    let (labels_hash, _) = npy::write_labels(&labels_path, &prepared.labels)
+        .map_err(|e| e.to_string())
+        .and_then(|()| host.blobs().offer(&labels_path).map_err(|e| e.to_string()))
+        .map_err(StartError::Failed)?;
+    let told = selection::State {
+        revision: state.revision(),
+        scene_hash: state.geometry().hash.clone(),
+        clusters: u32::try_from(prepared.space.clusters()).unwrap_or(u32::MAX),
+        clustering_ms: prepared.clustering_ms,
+        from_cache: prepared.from_cache,
+        labels_hash,
+        labels_path: labels_path.display().to_string(),
+        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&prepared.space)).tuning())),
+        most_proposals: sg_proto::limits::MAX_PROPOSALS,
+    };
+    host.serve_content(&keys::SELECTION_CONTENT).await?;
+    let owned = host.bus().own(&keys::SELECTION_STATE, told.clone()).await?;
+    let (newest, state) = watch::channel(Arc::new(state));
+    tokio::spawn(follow(feed, newest, owned, told));
+
+    let selector = Selector {
+        bus: host.bus().clone(),
+        session: SelectionSession::new(prepared.space),
+        state,
+        open: None,
+        answered: 0,
+        last_walk_ms: 0.0,
+    };
+    let (mailbox, _) = host.spawn(selector, QUEUE);
+    let hand = mailbox.clone();
+    host.serve(&keys::SELECTION_SAMPLE, QUEUE, move |request, context: Context| {
+        let mailbox = hand.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Sample { request, reply }).await }
+    })
+    .await?;
+    let hand = mailbox.clone();
+    host.serve(&keys::SELECTION_TUNE, QUEUE, move |request, context: Context| {
+        let mailbox = hand.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Tune { request, reply }).await }
+    })
+    .await?;
+    let hand = mailbox.clone();
+    host.serve(&keys::SELECTION_PROPOSALS, QUEUE, move |request, context: Context| {
+        let mailbox = hand.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Propose { request, reply }).await }
+    })
+    .await?;
+    host.serve(&keys::SELECTION_STROKES, QUEUE, move |request, context: Context| {
+        let mailbox = mailbox.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Draw { request, context, reply }).await }
+    })
+    .await?;
+    Ok(())
+}
+
+/// Keeps the newest state and tells which revision it is.
+async fn follow(
+    mut feed: SceneFeed,
+    newest: watch::Sender<Arc<EditState>>,
+    owned: Owned<selection::State>,
+    mut told: selection::State,
+) {
+    let mut replica = Replica::new(EditState::clone(&newest.borrow()));
+    while let Some((update, context)) = feed.next().await {
+        if let Err(error) = take(&mut replica, &update) {
+            tracing::error!("the scene cannot be followed: {error}");
+            continue;
+        }
+        newest.send_replace(Arc::new(replica.state().clone()));
+        told.revision = replica.revision();
+        if let Err(fault) = owned.set(told.clone(), &context.next()).await {
+            tracing::warn!(%fault, "the state could not be published");
+        }
+    }
+}
+
+fn take(replica: &mut Replica, update: &Update) -> Result<(), String> {
+    match update {
+        Update::Event(event) => replica.offer(event).map(drop).map_err(|e| e.to_string()),
+        Update::Snapshot(state) => {
+            *replica = Replica::new(EditState::from_snapshot(state).map_err(|e| e.to_string())?);
+            Ok(())
+        }
+    }
+}
+
+/// What the selector is asked.
+enum Message {
+    /// Steps to be taken.
+    Draw { request: selection::StrokesRequest, context: Context, reply: Reply<selection::StrokesReply> },
+    /// Samples of a stroke that is being drawn.
+    Sample { request: selection::SampleRequest, reply: Reply<selection::SampleReply> },
+    /// Another leak or threshold that is tried.
+    Tune { request: selection::TuneRequest, reply: Reply<selection::TuneReply> },
+    /// Where a next stroke would tell most.
+    Propose { request: selection::ProposalsRequest, reply: Reply<selection::ProposalsReply> },
+}
+
+/// A stroke that is being drawn.
+struct Open {
+    name: String,
+    /// Hash of the selection that it is drawn over.
+    over: String,
+    preview: Preview,
+}
+
+/// Turns strokes into selections, one request at a time.
+struct Selector {
+    bus: Bus,
+    session: SelectionSession,
+    state: watch::Receiver<Arc<EditState>>,
+    open: Option<Open>,
+    answered: u64,
+    last_walk_ms: f64,
+}
+
+/// What may be seen of the selector.
+#[derive(Clone)]
+struct Seen {
+    revision: u64,
+    answered: u64,
+    steps: usize,
+    last_walk_ms: f64,
+}
+
+impl fmt::Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { revision, answered, steps, last_walk_ms } = self;
+        write!(f, "revision {revision}, {answered} requests, {steps} steps, last walk {last_walk_ms:.1} ms")
+    }
+}
+
+impl Actor for Selector {
+    type Message = Message;
+    type State = Seen;
+
+    fn name(&self) -> &'static str {
+        "selector"
+    }
+
+    fn state(&self) -> Seen {
+        Seen {
+            revision: self.state.borrow().revision(),
+            answered: self.answered,
+            steps: self.session.steps().len(),
+            last_walk_ms: self.last_walk_ms,
+        }
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        // An asker that has gone away misses only the answer: what was committed stays.
+        match message {
+            Message::Draw { request, context, reply } => {
+                let _ = reply.send(self.draw(&request, &context).await);
+            }
+            Message::Sample { request, reply } => {
+                let _ = reply.send(self.sample(&request));
+            }
+            Message::Tune { request, reply } => {
+                let _ = reply.send(tokio::task::block_in_place(|| self.tune(&request)));
+            }
+            Message::Propose { request, reply } => {
+                let _ = reply.send(tokio::task::block_in_place(|| self.propose(&request)));
+            }
+        }
+        self.answered += 1;
+        Ok(())
+    }
+}
+
+impl Selector {
+    async fn draw(
+        &mut self,
+        request: &selection::StrokesRequest,
+        context: &Context,
+    ) -> Result<selection::StrokesReply, Fault> {
+        let gaussians = self.session.mask().len();
+        let steps = steps_of(&request.strokes, &[]).into_iter().chain(request.steps.iter().cloned());
+        let steps: Vec<Step> = steps.map(|step| wire::decode(&step, gaussians)).collect::<Result<_, _>>()?;
+        if steps.is_empty() && !request.restart {
+            return Err(Fault::invalid("no step to take; send at least one, or `restart` to begin anew"));
+        }
+        let outcome = self.take(request.restart, &steps, context).await;
+        if outcome.is_err() {
+            let state = Arc::clone(&self.state.borrow());
+            self.show(state.selection().mask(), &state, context).await;
+        }
+        outcome
+    }
+
+    /// Takes steps over the scene's selection, tells what comes of it, and commits that.
+    async fn take(
+        &mut self,
+        restart: bool,
+        steps: &[Step],
+        context: &Context,
+    ) -> Result<selection::StrokesReply, Fault> {
+        // At first on what is known here, if the scene is still at that revision: a hand does not wait for a question whose
+        // answer is hardly ever news. Revision 0 would mean any.
+        let mut state = Arc::clone(&self.state.borrow());
+        let mut only_at = state.revision();
+        loop {
+            if only_at == 0 {
+                state = self.newest(context).await?;
+            }
+            tokio::task::block_in_place(|| self.play(&state, restart, steps))?;
+            self.show(self.session.mask(), &state, context).await;
+            match self.commit(&state, only_at, context).await {
+                Ok(result) => return Ok(self.reply(&result)),
+                // Somebody else changed the scene in between: on top of theirs, until the time has run out.
+                Err(fault) if matches!(fault.code, Code::Aborted | Code::FailedPrecondition) => only_at = 0,
+                Err(fault) => return Err(fault),
+            }
+        }
+    }
+
+    /// Tells what will be selected, for whoever shows it before it is durable.
+    async fn show(&self, mask: &Mask, state: &EditState, context: &Context) {
+        let committed = state.selection();
+        let preview = selection::Preview {
+            selected: mask.count() as u64,
+            changed: runs(&differing(committed.mask(), mask)),
+            selection_hash: committed.hash().to_owned(),
+            revision: state.revision(),
+        };
+        // Nobody need see it: what counts is what the scene tells.
+        if let Err(fault) = self.bus.publish(&keys::SELECTION_PREVIEW, &preview, &context.next()).await {
+            tracing::warn!(%fault, "a preview could not be told");
+        }
+    }
+
+    /// The state at least as new as the scene's own, so that strokes are added to the selection that is there.
+    async fn newest(&mut self, context: &Context) -> Result<Arc<EditState>, Fault> {
+        let revision = self.bus.newest(&keys::SCENE_STATE, &context.next()).await?.revision;
+        let caught_up = self.state.wait_for(|state| state.revision() >= revision);
+        match tokio::time::timeout_at(context.deadline.into(), caught_up).await {
+            Ok(Ok(state)) => Ok(Arc::clone(&state)),
+            Ok(Err(_)) => Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
+            Err(_) => Err(Fault::deadline(format!("revision {revision} of the scene did not arrive in time"))),
+        }
+    }
+
+    /// The session of the scene's selection, which another hand may have changed.
+    fn present(&self, state: &EditState) -> Result<SelectionSession, Fault> {
+        let gaussians = self.session.mask().len();
+        let selection = state.selection();
+        let told = selection.steps().iter().map(|step| wire::decode(step, gaussians));
+        let mut steps: Vec<Step> = told.collect::<Result<_, _>>()?;
+        if steps.is_empty() && !selection.mask().is_none() {
+            // Selected by name, or by somebody who told no steps.
+            steps.push(Step::Given(Mask::clone(selection.mask())));
+        }
+        if self.session.steps().eq(&steps) {
+            return Ok(self.session.clone());
+        }
+        SelectionSession::of_steps(self.session.space(), &steps).map_err(|e| Fault::internal(e.to_string()))
+    }
+
+    /// Brings the session to the scene's selection, then takes the new steps; all or nothing.
+    fn play(&mut self, state: &EditState, restart: bool, steps: &[Step]) -> Result<(), Fault> {
+        let mut session =
+            if restart { SelectionSession::new(Arc::clone(self.session.space())) } else { self.present(state)? };
+        let start = Instant::now();
+        for step in steps {
+            session.add_step(step.clone()).map_err(refusal)?;
+        }
+        self.last_walk_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.session = session;
+        // What comes of a stroke that was being drawn has been said by whoever drew it.
+        self.open = None;
+        Ok(())
+    }
+
+    /// Adds samples to the stroke that is being drawn and tells what it would select. Nothing is asked of anybody else: a
+    /// hand waits for it. A further sample costs less than to hand what else this thread has to do to another one first.
+    fn sample(&mut self, request: &selection::SampleRequest) -> Result<selection::SampleReply, Fault> {
+        let start = Instant::now();
+        let samples = request.samples.as_ref().ok_or_else(|| Fault::invalid("no samples; send some"))?;
+        let stroke = wire::decode_stroke(samples)?;
+        let state = Arc::clone(&self.state.borrow());
+        let over = state.selection().hash();
+        let goes_on = self.open.as_ref().is_some_and(|o| o.name == request.stroke && o.over == over);
+        if !goes_on {
+            let session = tokio::task::block_in_place(|| self.present(&state))?;
+            // Drawn before over another selection: the same stroke over this one.
+            let earlier = self.open.take().filter(|o| o.name == request.stroke);
+            let mut preview = Preview::begin(&session, &stroke).map_err(|e| Fault::invalid(e.to_string()))?;
+            if let Some(earlier) = earlier {
+                let Stroke { points, pressure, .. } = earlier.preview.stroke();
+                preview.extend(points, pressure).map_err(|e| Fault::invalid(e.to_string()))?;
+            }
+            self.open = Some(Open { name: request.stroke.clone(), over: over.to_owned(), preview });
+            self.session = session;
+        }
+        let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;
+        let most = sg_proto::limits::MAX_STROKE_POINTS;
+        if open.preview.stroke().points.len() + stroke.points.len() > most {
+            return Err(Fault::exhausted(format!("a stroke of more than {most} points; begin another one")));
+        }
+        let changed =
+            open.preview.extend(&stroke.points, &stroke.pressure).map_err(|e| Fault::invalid(e.to_string()))?;
+        let mask = open.preview.mask();
+        let changed = if goes_on {
+            changed
+        } else {
+            // Against what is committed, since that is what whoever draws it shows.
+            differing(state.selection().mask(), mask)
+        };
+        Ok(selection::SampleReply {
+            hits: open.preview.hits() as u64,
+            selected: mask.count() as u64,
+            changed: runs(&changed),
+            anew: !goes_on,
+            selection_hash: over.to_owned(),
+            preview_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
+    /// What another leak or threshold would select. Nothing of it is kept: each answer is against what is committed, so that
+    /// one that nobody waited for is not missed.
+    fn tune(&mut self, request: &selection::TuneRequest) -> Result<selection::TuneReply, Fault> {
+        let start = Instant::now();
+        let tuning = request.tuning.as_ref().ok_or_else(|| Fault::invalid("no leak and threshold; send both"))?;
+        let tuning = wire::decode_tuning(tuning)?;
+        let state = Arc::clone(&self.state.borrow());
+        let mut session = self.present(&state)?;
+        self.session = session.clone();
+        session.tune(tuning).map_err(refusal)?;
+        let committed = state.selection();
+        Ok(selection::TuneReply {
+            selected: session.mask().count() as u64,
+            changed: runs(&differing(committed.mask(), session.mask())),
+            selection_hash: committed.hash().to_owned(),
+            preview_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
+    /// Where a next walk stroke would tell most.
+    fn propose(&mut self, request: &selection::ProposalsRequest) -> Result<selection::ProposalsReply, Fault> {
+        let start = Instant::now();
+        let most = sg_proto::limits::MAX_PROPOSALS;
+        if !(1..=most).contains(&request.count) {
+            return Err(Fault::invalid(format!("{} places; ask for 1 to {most}", request.count)));
+        }
+        let state = Arc::clone(&self.state.borrow());
+        self.session = self.present(&state)?;
+        if self.session.walk().is_none() {
+            return Err(Fault::precondition("there is no walk that could go on; brush in walk mode first"));
+        }
+        let proposals = self.session.proposals(request.count as usize);
+        Ok(selection::ProposalsReply {
+            proposals: proposals.iter().map(wire::encode_proposal).collect(),
+            selection_hash: state.selection().hash().to_owned(),
+            proposals_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
+    /// Commits the session's selection over that of `state`, at revision `only_at` of the scene alone unless that is 0.
+    async fn commit(&self, state: &EditState, only_at: u64, context: &Context) -> Result<CommandResult, Fault> {
+        let steps: Vec<_> = self.session.steps().map(wire::encode).collect();
+        let alone = strokes_alone(&steps);
+        let commit = CommitSelection {
+            mask: Some(encode_mask(self.session.mask())),
+            steps: if alone.is_some() { Vec::new() } else { steps },
+            strokes: alone.unwrap_or_default(),
+            expected_hash: state.selection().hash().to_owned(),
+        };
+        // The same request tried again is the same command: the scene returns its first result.
+        let id = format!("strokes-{}", context.id);
+        let action = Some(command::Action::CommitSelection(commit));
+        let command = Command { id: id.clone(), expected_revision: only_at, action };
+        self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id).within(Duration::from_secs(10))).await
+    }
+
+    fn reply(&self, result: &CommandResult) -> selection::StrokesReply {
+        let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let summary = self.session.walk().map(|w| w.summary).unwrap_or_default();
+        let selected = self.session.mask().count();
+        let mut line = format!("{selected} of {} Gaussians selected", self.session.mask().len());
+        if summary.conflicts > 0 {
+            line.push_str(&format!("; {} clusters were brushed both ways", summary.conflicts));
+        }
+        selection::StrokesReply {
+            selected: selected as u64,
+            selection_hash: result.selection_hash.clone(),
+            revision: result.revision,
+            clusters: small(self.session.space().clusters()),
+            seeds_foreground: small(summary.seeds_foreground),
+            seeds_background: small(summary.seeds_background),
+            conflicts: small(summary.conflicts),
+            walk_ms: self.last_walk_ms,
+            summary: line,
+        }
+    }
+}
+
+/// Why a step is not taken, for whoever asked for it.
+fn refusal(error: SelectionError) -> Fault {
+    match error {
+        SelectionError::NoWalk => Fault::precondition(error.to_string()),
+        error => Fault::invalid(error.to_string()),
+    }
+}
+
+/// Ascending indices as runs: how many are passed over, how many are meant, and so on.
+fn runs(indices: &[u32]) -> Vec<u32> {
+    let mut runs: Vec<u32> = Vec::new();
+    let mut end = 0;
+    for &index in indices {
+        match runs.last_mut() {
+            Some(length) if index == end => *length += 1,
+            _ => runs.extend([index - end, 1]),
+        }
+        end = index + 1;
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_pass_over_and_mean() {
+        assert_eq!(runs(&[]), [] as [u32; 0]);
+        assert_eq!(runs(&[0, 1, 2]), [0, 3]);
+        assert_eq!(runs(&[3, 4, 9, 10, 11, 20]), [3, 2, 4, 3, 8, 1]);
+    }
+}

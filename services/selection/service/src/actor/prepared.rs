@@ -1,0 +1,112 @@
+//! What the selection process makes of a scene before it serves: its parameters, clusters and their graph.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::Deserialize;
+use sg_clusters::cache::{self, ClusterCache, Found};
+use sg_clusters::cluster_graph::ClusterGraph;
+use sg_clusters::clustering::{Clustering, ClusteringOptions, cluster};
+use sg_clusters::geometry::{Geometry, GeometryOptions};
+use sg_clusters::progress::Silent;
+use sg_formats::known::read_known;
+use sg_runtime::process::StartError;
+use sg_scene::model::Scene;
+use sg_selection::space::{SelectionSpace, WalkOptions};
+use sg_selection::surroundings::Surroundings;
+
+/// Parameters in the launch file.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Params {
+    /// Most Super-Gaussians in each base unit.
+    pub(super) max_clusters: usize,
+    /// Nearest neighbours of each Gaussian.
+    pub(super) neighbours: usize,
+    /// Weight of features against distance.
+    pub(super) compactness: f64,
+    /// ε of the leak to the background.
+    pub(super) leak: f64,
+    /// Factor on σ_s.
+    pub(super) sigma_s: f64,
+    /// Factor on σ_f.
+    pub(super) sigma_f: f64,
+    /// Folder of cached clusters; by default one in the session's folder.
+    pub(super) cache: Option<PathBuf>,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        let (geometry, clustering, walk) =
+            (GeometryOptions::default(), ClusteringOptions::default(), WalkOptions::default());
+        Self {
+            max_clusters: clustering.max_clusters,
+            neighbours: geometry.neighbours,
+            compactness: clustering.compactness,
+            leak: walk.leak,
+            sigma_s: walk.sigma_s,
+            sigma_f: walk.sigma_f,
+            cache: None,
+        }
+    }
+}
+
+/// What selections are made of.
+pub(super) struct Prepared {
+    pub(super) space: Arc<SelectionSpace>,
+    /// The Super-Gaussian of each Gaussian, -1 for none.
+    pub(super) labels: Vec<i32>,
+    pub(super) from_cache: bool,
+    pub(super) clustering_ms: f64,
+}
+
+/// Reads the geometry the scene speaks of and clusters it, or finds the clusters in the cache.
+pub(super) fn prepare(
+    path: &Path,
+    hash: &str,
+    params: &Params,
+    walk: WalkOptions,
+    cache: &ClusterCache,
+) -> Result<Prepared, StartError> {
+    let scene = Arc::new(read_known(path, hash).map_err(|e| StartError::Input(e.to_string()))?);
+    let start = Instant::now();
+    let geometry_options = GeometryOptions { neighbours: params.neighbours, ..GeometryOptions::default() };
+    let options = ClusteringOptions {
+        max_clusters: params.max_clusters,
+        compactness: params.compactness,
+        ..ClusteringOptions::default()
+    };
+    let key = cache::key(&scene, geometry_options, &options);
+    let (clustering, graph, from_cache) = match cache.load(&key, scene.len()) {
+        Found::Entry(entry) => (entry.0, entry.1, true),
+        found => {
+            if let Found::Damaged(why) = found {
+                tracing::warn!("cached clusters are made anew: {why}");
+            }
+            let (clustering, graph) = compute(&scene, geometry_options, &options)?;
+            if let Err(error) = cache.store(&key, &clustering, &graph) {
+                tracing::warn!(%error, "the clusters could not be cached; a restart will make them again");
+            }
+            (clustering, graph, false)
+        }
+    };
+    let clustering_ms = start.elapsed().as_secs_f64() * 1e3;
+    let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, walk);
+    // Neighbours and features are made anew when an operation first needs them: the cache holds clusters alone.
+    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry_options)));
+    Ok(Prepared { space, labels: clustering.labels, from_cache, clustering_ms })
+}
+
+fn compute(
+    scene: &Scene,
+    geometry: GeometryOptions,
+    options: &ClusteringOptions,
+) -> Result<(Clustering, ClusterGraph), StartError> {
+    let input = |e: &dyn fmt::Display| StartError::Input(e.to_string());
+    let geometry = Geometry::of_scene(scene, geometry, &Silent).map_err(|e| input(&e))?;
+    let (clustering, _) = cluster(&geometry, options, &Silent).map_err(|e| input(&e))?;
+    let graph = ClusterGraph::new(&geometry, &clustering, WalkOptions::default().form).map_err(|e| input(&e))?;
+    Ok((clustering, graph))
+}

@@ -1,0 +1,94 @@
+//! `cluster`: a scene becomes labels.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use serde::Serialize;
+use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, GivenSeeds, Method, cluster};
+use sg_clusters::geometry::Geometry;
+use sg_formats::npy::{read_indices, write_labels};
+
+use super::{Bar, Clustering, Failure, deliver, named, read_scene};
+
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    scene: PathBuf,
+    /// The labels to write, int32 (n,).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    #[command(flatten)]
+    clustering: Clustering,
+    /// The distance clusters are made by.
+    #[arg(long, default_value = "geodesic", value_parser = named::<Method>(&["geodesic", "euclidean-feature", "euclidean"]))]
+    method: Method,
+    /// Indices of the Gaussians clusters start from, integers (c,), instead of a voxel grid.
+    #[arg(long, value_name = "FILE", requires = "cell")]
+    seeds: Option<PathBuf>,
+    /// The spacing S that goes with --seeds, in the scene's length unit.
+    #[arg(long, allow_negative_numbers = true, value_name = "S", requires = "seeds")]
+    cell: Option<f64>,
+    /// Exactly this many rounds of assignment, instead of up to ten.
+    #[arg(long, value_name = "R")]
+    rounds: Option<usize>,
+    /// Keep small and unconnected pieces; labels are then positions in the list of seeds.
+    #[arg(long)]
+    no_merge: bool,
+    /// Smaller clusters where features differ between neighbours (curved surfaces, edges), larger ones elsewhere.
+    #[arg(long, conflicts_with = "seeds")]
+    adaptive: bool,
+    /// A report to write, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print the report to standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: &'a PathBuf,
+    #[serde(flatten)]
+    clustering: &'a ClusteringReport,
+    read_seconds: f64,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let geometry_options = arguments.clustering.geometry()?;
+    let start = Instant::now();
+    let scene = read_scene(&arguments.scene)?.scene;
+    let read_seconds = start.elapsed().as_secs_f64();
+    let seeds = match (&arguments.seeds, arguments.cell) {
+        (Some(file), Some(cell)) => {
+            let gaussians = read_indices(file, scene.len())?;
+            Some(GivenSeeds { gaussians: gaussians.into_iter().map(|g| g as u32).collect(), cell })
+        }
+        _ => None,
+    };
+    let options = ClusteringOptions {
+        seeds,
+        rounds: arguments.rounds,
+        merge: !arguments.no_merge,
+        adaptive: arguments.adaptive,
+        method: arguments.method,
+        ..arguments.clustering.options()
+    };
+    let bar = Bar::new();
+    let geometry = Geometry::of_scene(&scene, geometry_options, &bar).map_err(Failure::input)?;
+    let made = cluster(&geometry, &options, &bar);
+    bar.finish();
+    let (clustering, report) = made?;
+    write_labels(&arguments.out, &clustering.labels)?;
+    eprintln!(
+        "{} Gaussians in {} clusters of {:.0} on average ({} dropped), {:.2} s: {}",
+        report.gaussians,
+        report.clusters,
+        report.mean_size,
+        report.dropped,
+        report.seconds.get("total").copied().unwrap_or(0.0),
+        arguments.out.display()
+    );
+    let report = Report { scene: &arguments.scene, clustering: &report, read_seconds };
+    deliver(&report, arguments.report.as_ref(), arguments.json)
+}

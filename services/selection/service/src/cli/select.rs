@@ -1,0 +1,292 @@
+//! `select`: strokes become a mask.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use serde::{Deserialize, Serialize};
+use sg_clusters::cache::{ClusterCache, Found, key};
+use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
+use sg_clusters::clustering::{Clustering, cluster};
+use sg_clusters::geometry::Geometry;
+use sg_clusters::progress::{Progress, Stage};
+use sg_formats::npy::{read_labels, read_mask, write_array, write_mask};
+use sg_scene::model::Scene;
+use sg_selection::metrics::Agreement;
+use sg_selection::refinement::Refiner;
+use sg_selection::session::{Proposal, SelectionError, SelectionSession};
+use sg_selection::space::{Background, SelectionSpace, TOLERANCE, WalkOptions, WalkSummary};
+use sg_selection::steps::{Step, Steps};
+use sg_selection::strokes::Mode;
+use sg_selection::surroundings::Surroundings;
+use sg_walk::WalkError;
+use sg_walk::multilevel::Quality;
+
+use super::{Bar, Failure, deliver, named, read_scene, write};
+
+/// What walks run on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Method {
+    Cluster,
+    Gaussian,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    scene: PathBuf,
+    /// The strokes to play, in order.
+    #[arg(long, value_name = "FILE")]
+    strokes: PathBuf,
+    /// Clusters made before, int32 (n,); without them they are made now.
+    #[arg(long, value_name = "FILE")]
+    clusters: Option<PathBuf>,
+    /// The mask to write, uint8 (n,).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// The probabilities of the last walk to write, float64 (clusters,); (n,) for --method gaussian.
+    #[arg(long, value_name = "FILE")]
+    probabilities: Option<PathBuf>,
+    /// Where a next stroke would tell most after the last walk, to write as JSON: clusters, best first and spread out. Only
+    /// with --method cluster.
+    #[arg(long, value_name = "FILE")]
+    proposals: Option<PathBuf>,
+    /// How many proposals to make.
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "proposals")]
+    proposal_count: usize,
+    /// Solve the walk on single Gaussians within so many hops of the selection's boundary, with the walk on clusters
+    /// around them; 8 unless told. Only with --method cluster.
+    #[arg(long, value_name = "HOPS", num_args = 0..=1, default_missing_value = "8")]
+    refine: Option<usize>,
+    /// The true selection to compare with, uint8 or bool (n,).
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// What walks run on. On single Gaussians, more than 2,000 unknowns are solved by iteration.
+    #[arg(long, default_value = "cluster", value_parser = named::<Method>(&["cluster", "gaussian"]))]
+    method: Method,
+    /// The graph of clusters.
+    #[arg(long, default_value = "contact", value_parser = named::<GraphForm>(&["contact", "printed", "all-pairs", "euclidean"]))]
+    graph: GraphForm,
+    /// Factor on σ_s, the median length of the graph's edges.
+    #[arg(long, allow_negative_numbers = true, value_name = "X", default_value_t = 1.0)]
+    sigma_s: f64,
+    /// Factor on σ_f, the median feature distance of the graph's edges.
+    #[arg(long, allow_negative_numbers = true, value_name = "Y", default_value_t = 1.0)]
+    sigma_f: f64,
+    /// ε: what every unseeded cluster leaks to the background, in units of its degree. With --method gaussian it is what every
+    /// Gaussian leaks, taken as it is; --refine scales it to the Gaussians' shorter steps.
+    #[arg(long, allow_negative_numbers = true, value_name = "E", default_value_t = 0.03)]
+    leak: f64,
+    /// Where background comes from when none is drawn.
+    #[arg(long, default_value = "leak", value_parser = named::<Background>(&["leak", "farthest"]))]
+    background: Background,
+    #[command(flatten)]
+    clustering: super::Clustering,
+    /// A folder to keep clusters in, so that the next run on the same scene finds them.
+    #[arg(long, value_name = "DIR", conflicts_with = "clusters")]
+    cache: Option<PathBuf>,
+    /// A report to write, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print the report to standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: &'a PathBuf,
+    strokes: usize,
+    gaussians: usize,
+    clusters: usize,
+    selected: usize,
+    #[serde(flatten)]
+    walk: WalkSummary,
+    /// How good a walk on single Gaussians is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    iterated: Option<Quality>,
+    /// How good the refinement is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refined: Option<Band>,
+    /// Playing all strokes.
+    seconds: f64,
+    /// What came before: reading, clusters, their graph.
+    stage_seconds: BTreeMap<&'static str, f64>,
+    #[serde(flatten)]
+    agreement: Option<Agreement>,
+}
+
+/// The band that was solved on single Gaussians.
+#[derive(Serialize)]
+struct Band {
+    /// Its Gaussians.
+    band: usize,
+    #[serde(flatten)]
+    quality: Quality,
+}
+
+/// Where to stroke next.
+#[derive(Serialize)]
+struct Proposals {
+    proposals: Vec<Proposal>,
+}
+
+/// Seconds by stage.
+#[derive(Default)]
+struct Clock(BTreeMap<&'static str, f64>);
+
+impl Clock {
+    fn time<T>(&mut self, stage: &'static str, f: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let out = f();
+        *self.0.entry(stage).or_default() += start.elapsed().as_secs_f64();
+        out
+    }
+}
+
+impl From<SelectionError> for Failure {
+    fn from(error: SelectionError) -> Self {
+        match error {
+            SelectionError::Walk(WalkError::Breakdown { .. }) => Self::work(error),
+            _ => Self::input(error),
+        }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let options = WalkOptions {
+        form: arguments.graph,
+        sigma_s: arguments.sigma_s,
+        sigma_f: arguments.sigma_f,
+        leak: arguments.leak,
+        background: arguments.background,
+        ..WalkOptions::default()
+    };
+    options.check().map_err(|reason| Failure::input(format!("--{reason}")))?;
+    if arguments.method == Method::Gaussian && arguments.proposals.is_some() {
+        return Err(Failure::input("--proposals names clusters; use it with --method cluster"));
+    }
+    if arguments.method == Method::Gaussian && arguments.refine.is_some() {
+        return Err(Failure::input("--refine sharpens a walk on clusters; use it with --method cluster"));
+    }
+    let steps = Steps::read(&arguments.strokes).map_err(Failure::input)?.strokes;
+    let mut clock = Clock::default();
+    let scene = Arc::new(clock.time("read", || read_scene(&arguments.scene))?.scene);
+    let truth = arguments.truth.as_ref().map(|file| read_mask(file, scene.len())).transpose()?;
+    let bar = Bar::new();
+    let uses_clusters = steps.iter().filter_map(Step::stroke).any(|s| s.mode == Mode::Cluster);
+    let made = space(arguments, &scene, options, uses_clusters, &bar, &mut clock);
+    bar.finish();
+    let (space, refiner) = made?;
+    let geometry = arguments.clustering.geometry()?;
+    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry)));
+
+    let start = Instant::now();
+    let mut session = SelectionSession::new(Arc::clone(&space));
+    let count = steps.len();
+    for (number, step) in steps.into_iter().enumerate() {
+        session.add_step(step).map_err(|e| {
+            let failure = Failure::from(e);
+            let message = format!("{}: stroke {number}: {}", arguments.strokes.display(), failure.message);
+            Failure { message, ..failure }
+        })?;
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let refined = match (&refiner, arguments.refine) {
+        (Some(refiner), Some(hops)) => clock.time("refine", || refiner.refine(&session, hops, TOLERANCE))?,
+        _ => None,
+    };
+    let mask = refined.as_ref().map_or_else(|| session.mask(), |r| &r.mask);
+    write_mask(&arguments.out, mask)?;
+    if let Some(file) = &arguments.probabilities {
+        let p = session.walk().map_or_else(|| vec![0.0; space.nodes()], |w| w.solution.p.clone());
+        write_array(file, &[p.len()], &p)?;
+    }
+    if let Some(file) = &arguments.proposals {
+        let proposals = Proposals { proposals: session.proposals(arguments.proposal_count) };
+        let text = serde_json::to_string_pretty(&proposals).map_err(Failure::work)? + "\n";
+        write(file, text.as_bytes())?;
+    }
+    let selected = mask.count();
+    eprintln!(
+        "{selected} of {} Gaussians selected in {count} steps in {:.1} ms: {}",
+        scene.len(),
+        1e3 * seconds,
+        arguments.out.display()
+    );
+    let report = Report {
+        scene: &arguments.scene,
+        strokes: count,
+        gaussians: scene.len(),
+        clusters: space.clusters(),
+        selected,
+        walk: session.walk().map(|w| w.summary).unwrap_or_default(),
+        iterated: session.walk().and_then(|w| w.quality),
+        refined: refined.as_ref().map(|r| Band { band: r.band.iter().filter(|b| **b).count(), quality: r.quality }),
+        seconds,
+        stage_seconds: clock.0,
+        agreement: truth.map(|t| Agreement::of((0..scene.len()).map(|g| (mask.get(g), t.get(g))))),
+    };
+    deliver(&report, arguments.report.as_ref(), arguments.json)
+}
+
+fn space(
+    arguments: &Arguments,
+    scene: &Scene,
+    options: WalkOptions,
+    uses_clusters: bool,
+    bar: &Bar,
+    clock: &mut Clock,
+) -> Result<(SelectionSpace, Option<Refiner>), Failure> {
+    let geometry_options = arguments.clustering.geometry()?;
+    let clustering_options = arguments.clustering.options();
+    let cached = arguments
+        .cache
+        .as_ref()
+        .filter(|_| arguments.method == Method::Cluster && arguments.graph == GraphForm::Contact)
+        // Refining needs the neighbour graph, which is not kept.
+        .filter(|_| arguments.refine.is_none())
+        .map(|folder| (ClusterCache::new(folder), key(scene, geometry_options, &clustering_options)));
+    if let Some((cache, key)) = &cached {
+        match clock.time("cache", || cache.load(key, scene.len())) {
+            Found::Entry(entry) => {
+                let (clustering, graph) = *entry;
+                return Ok((SelectionSpace::of_clusters(scene, &clustering, &graph, options), None));
+            }
+            Found::Damaged(why) => eprintln!("warning: {why}; the clusters are made anew"),
+            Found::Nothing => {}
+        }
+    }
+    let geometry =
+        clock.time("geometry", || Geometry::of_scene(scene, geometry_options, bar)).map_err(Failure::input)?;
+    let clustering = match &arguments.clusters {
+        Some(file) => {
+            let labels = read_labels(file)?;
+            Clustering::of_labels(&geometry, labels, None)
+                .map_err(|e| Failure::input(format!("{}: {e}", file.display())))?
+        }
+        None if arguments.method == Method::Gaussian && !uses_clusters => {
+            Clustering::of_labels(&geometry, vec![-1; scene.len()], None)?
+        }
+        None => clock.time("clusters", || cluster(&geometry, &clustering_options, bar))?.0,
+    };
+    bar.at(Stage::ClusterGraph, 0.0);
+    if arguments.method == Method::Gaussian {
+        let space = clock.time("graph", || SelectionSpace::of_gaussians(scene, &geometry, &clustering, options));
+        return Ok((space, None));
+    }
+    let graph =
+        clock.time("graph", || ClusterGraph::new(&geometry, &clustering, options.form)).map_err(Failure::work)?;
+    if let Some((cache, key)) = &cached
+        && let Err(e) = cache.store(key, &clustering, &graph)
+    {
+        eprintln!("warning: {}: {e}; the clusters were not kept", cache.path(key).display());
+    }
+    let refiner = arguments
+        .refine
+        .map(|_| clock.time("refiner", || Refiner::new(&geometry, &graph, options.sigma_s, options.sigma_f)));
+    Ok((clock.time("order", || SelectionSpace::of_clusters(scene, &clustering, &graph, options)), refiner))
+}

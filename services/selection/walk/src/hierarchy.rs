@@ -1,0 +1,347 @@
+//! Graphs of ever fewer nodes, each made of pairs of pairs of the finer one's most strongly joined nodes.
+//!
+//! Aggregation by pairwise matching (Notay 2010). It depends on the graph alone, not on seeds or leak, and is made once a
+//! scene. Nodes are renumbered so that the members of an aggregate, and those of an aggregate of aggregates, follow one
+//! another.
+
+use rayon::prelude::*;
+
+use super::{Conductance, Network};
+
+/// How conductances are stored: rounded once, relative to the largest, and summed in f64.
+///
+/// Rounding a conductance by one part in 2²⁴ moves no probability by more than a few such parts, because diagonals are
+/// sums of what is stored.
+pub(super) trait Stored: Copy + Send + Sync {
+    /// Powers of two below the largest conductance at which others are left out.
+    const REACH: i64;
+    fn of(x: f64) -> Self;
+    fn get(self) -> f64;
+}
+
+impl Stored for f32 {
+    const REACH: i64 = 100;
+
+    fn of(x: f64) -> Self {
+        x as Self
+    }
+
+    fn get(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+impl Stored for f64 {
+    const REACH: i64 = 850;
+
+    fn of(x: f64) -> Self {
+        x
+    }
+
+    fn get(self) -> f64 {
+        self
+    }
+}
+
+/// A graph and which nodes of the next finer one make up its own.
+#[derive(Debug, Clone)]
+pub(super) struct Level<W> {
+    pub(super) offsets: Vec<u32>,
+    pub(super) targets: Vec<u32>,
+    pub(super) weights: Vec<W>,
+    /// Members of node i are `members[i]..members[i + 1]` of the finer level; empty at the finest.
+    pub(super) members: Vec<u32>,
+    /// Node of the next coarser level; empty at the coarsest.
+    pub(super) parent: Vec<u32>,
+}
+
+impl<W: Stored> Level<W> {
+    pub(super) fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    pub(super) fn row(&self, i: usize) -> std::ops::Range<usize> {
+        self.offsets[i] as usize..self.offsets[i + 1] as usize
+    }
+
+    pub(super) fn links(&self, i: usize) -> impl Iterator<Item = (u32, W)> + '_ {
+        let row = self.row(i);
+        self.targets[row.clone()].iter().copied().zip(self.weights[row].iter().copied())
+    }
+}
+
+/// The levels of a graph, finest first.
+#[derive(Debug, Clone)]
+pub(super) struct Hierarchy<W> {
+    pub(super) levels: Vec<Level<W>>,
+    /// Node of the walk's graph for each node of the finest level.
+    pub(super) order: Vec<u32>,
+}
+
+/// Nodes of the coarsest level, which is eliminated.
+const COARSEST: usize = 400;
+
+/// A matching passes over a graph until it has fewer than this share of its nodes.
+const SHRINK: f64 = 0.25;
+
+/// A neighbour is a fit partner if no other one is joined this much more strongly.
+const STRONG: f64 = 0.25;
+
+impl<W: Stored> Hierarchy<W> {
+    /// The hierarchy of a graph whose conductances are divided by 2^`shift`; what is then out of reach is 0.
+    pub(super) fn new(network: &Network, shift: i64) -> Self {
+        let n = network.len();
+        let rows: Vec<Vec<(u32, f64)>> = (0..n as u32)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|u| {
+                let stored = |w: Conductance| if within::<W>(w, shift) { W::of(w.scaled(shift)).get() } else { 0.0 };
+                network.links(u).iter().map(|&(v, w)| (v, stored(w))).collect()
+            })
+            .collect();
+        let mut graphs = vec![Rows::of(&rows)];
+        let mut parents: Vec<Vec<u32>> = Vec::new();
+        loop {
+            let fine = &graphs[graphs.len() - 1];
+            let n = fine.len();
+            if n <= COARSEST {
+                break;
+            }
+            let (mut parent, mut coarse) = matched(fine);
+            while coarse.len() as f64 > SHRINK * n as f64 {
+                let (next, graph) = matched(&coarse);
+                if graph.len() as f64 > 0.9 * coarse.len() as f64 {
+                    break;
+                }
+                parent.iter_mut().for_each(|p| *p = next[*p as usize]);
+                coarse = graph;
+            }
+            if coarse.len() as f64 > 0.9 * n as f64 {
+                break;
+            }
+            parents.push(parent);
+            graphs.push(coarse);
+        }
+        Self::renumbered(&graphs, &parents)
+    }
+
+    /// Numbers the nodes so that members follow one another.
+    fn renumbered(graphs: &[Rows], parents: &[Vec<u32>]) -> Self {
+        let mut levels: Vec<Level<W>> = Vec::new();
+        // Coarsest first: its own numbers stay.
+        let mut order: Vec<u32> = (0..graphs[graphs.len() - 1].len() as u32).collect();
+        let mut rank = order.clone();
+        for (l, graph) in graphs.iter().enumerate().rev() {
+            if l + 1 < graphs.len() {
+                // Members by their parent's new number; within it as they were.
+                let parent = &parents[l];
+                let mut members = vec![0_u32; graphs[l + 1].len() + 1];
+                for p in parent {
+                    members[rank[*p as usize] as usize + 1] += 1;
+                }
+                for i in 1..members.len() {
+                    members[i] += members[i - 1];
+                }
+                let mut next = members.clone();
+                let mut own_rank = vec![0_u32; graph.len()];
+                order = vec![0; graph.len()];
+                for (i, p) in (0_u32..).zip(parent) {
+                    let at = &mut next[rank[*p as usize] as usize];
+                    order[*at as usize] = i;
+                    own_rank[i as usize] = *at;
+                    *at += 1;
+                }
+                let new_parent = order.iter().map(|&i| rank[parent[i as usize] as usize]).collect();
+                if let Some(coarser) = levels.last_mut() {
+                    coarser.members = members;
+                }
+                rank = own_rank;
+                levels.push(graph.level(&order, &rank, new_parent));
+            } else {
+                levels.push(graph.level(&order, &rank, Vec::new()));
+            }
+        }
+        levels.reverse();
+        Self { levels, order }
+    }
+}
+
+/// A graph in rows.
+#[derive(Debug, Clone, Default)]
+struct Rows {
+    offsets: Vec<u32>,
+    targets: Vec<u32>,
+    weights: Vec<f64>,
+}
+
+impl Rows {
+    fn of(rows: &[Vec<(u32, f64)>]) -> Self {
+        let mut out = Self { offsets: vec![0], ..Self::default() };
+        for row in rows {
+            out.targets.extend(row.iter().map(|l| l.0));
+            out.weights.extend(row.iter().map(|l| l.1));
+            out.offsets.push(out.targets.len() as u32);
+        }
+        out
+    }
+
+    fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    fn links(&self, i: usize) -> impl Iterator<Item = (u32, f64)> + '_ {
+        let row = self.offsets[i] as usize..self.offsets[i + 1] as usize;
+        self.targets[row.clone()].iter().copied().zip(self.weights[row].iter().copied())
+    }
+
+    fn level<W: Stored>(&self, order: &[u32], rank: &[u32], parent: Vec<u32>) -> Level<W> {
+        let rows: Vec<Vec<(u32, W)>> = order
+            .par_iter()
+            .with_min_len(1024)
+            .map(|&i| {
+                let mut row: Vec<(u32, W)> =
+                    self.links(i as usize).map(|(j, w)| (rank[j as usize], W::of(w))).collect();
+                row.sort_unstable_by_key(|l| l.0);
+                row
+            })
+            .collect();
+        let mut level =
+            Level { offsets: vec![0], targets: Vec::new(), weights: Vec::new(), members: Vec::new(), parent };
+        for row in rows {
+            level.targets.extend(row.iter().map(|l| l.0));
+            level.weights.extend(row.iter().map(|l| l.1));
+            level.offsets.push(level.targets.len() as u32);
+        }
+        level
+    }
+}
+
+const NONE: u32 = u32::MAX;
+
+/// One pass of matching: each node with the strongest of its neighbours that is free and has no much stronger bond of its
+/// own; whoever finds none joins the aggregate of its strongest neighbour. Returns each node's aggregate and the graph of
+/// aggregates.
+fn matched(graph: &Rows) -> (Vec<u32>, Rows) {
+    let n = graph.len();
+    let stronger = |best: Option<(u32, f64)>, l: (u32, f64)| match best {
+        Some(b) if b.1 >= l.1 => best,
+        _ => Some(l),
+    };
+    let strongest: Vec<Option<(u32, f64)>> =
+        (0..n).map(|i| graph.links(i).filter(|l| l.1 > 0.0).fold(None, stronger)).collect();
+    let bond = |i: usize| strongest[i].map_or(0.0, |l| l.1);
+    let mut parent = vec![NONE; n];
+    let mut count = 0;
+    let mut left = Vec::new();
+    for i in 0..n {
+        if parent[i] != NONE {
+            continue;
+        }
+        let fit = |l: &(u32, f64)| {
+            let j = l.0 as usize;
+            parent[j] == NONE && j != i && l.1 > 0.0 && l.1 >= STRONG * bond(i).max(bond(j))
+        };
+        match graph.links(i).filter(fit).fold(None, stronger) {
+            Some((j, _)) => {
+                (parent[i], parent[j as usize]) = (count, count);
+                count += 1;
+            }
+            None => left.push(i),
+        }
+    }
+    // Strongest neighbours of strongest neighbours end in a pair, so that a few rounds suffice.
+    while !left.is_empty() {
+        let before = left.len();
+        left.retain(|&i| {
+            let to = strongest[i].map_or(NONE, |(j, _)| parent[j as usize]);
+            parent[i] = to;
+            to == NONE
+        });
+        if left.len() == before {
+            // Nodes without a neighbour.
+            for i in left.drain(..) {
+                parent[i] = count;
+                count += 1;
+            }
+        }
+    }
+    let coarse = quotient(graph, &parent, count as usize);
+    (parent, coarse)
+}
+
+/// The graph of aggregates: conductances between members of different ones add up.
+fn quotient(graph: &Rows, parent: &[u32], count: usize) -> Rows {
+    let mut offsets = vec![0_usize; count + 1];
+    for p in parent {
+        offsets[*p as usize + 1] += 1;
+    }
+    for i in 0..count {
+        offsets[i + 1] += offsets[i];
+    }
+    let mut next = offsets.clone();
+    let mut members = vec![0_u32; parent.len()];
+    for (i, p) in (0..).zip(parent) {
+        members[next[*p as usize]] = i;
+        next[*p as usize] += 1;
+    }
+    let rows: Vec<Vec<(u32, f64)>> = (0..count)
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|c| {
+            let mut row: Vec<(u32, f64)> = members[offsets[c]..offsets[c + 1]]
+                .iter()
+                .flat_map(|&i| graph.links(i as usize))
+                .map(|(j, w)| (parent[j as usize], w))
+                .filter(|l| l.0 as usize != c)
+                .collect();
+            // A stable sort: sums are made in one order.
+            row.sort_by_key(|l| l.0);
+            row.dedup_by(|later, first| {
+                let same = later.0 == first.0;
+                if same {
+                    first.1 += later.1;
+                }
+                same
+            });
+            row
+        })
+        .collect();
+    Rows::of(&rows)
+}
+
+/// Whether a conductance is within reach of the largest, whose exponent is `shift`.
+pub(super) fn within<W: Stored>(w: Conductance, shift: i64) -> bool {
+    w.exponent() >= shift - W::REACH
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hard_cases::{mesh, network};
+
+    #[test]
+    fn every_level_holds_all_conductance_between_its_aggregates() {
+        let g = network(5001, &mesh(0, 5000, 3));
+        let made = Hierarchy::<f64>::new(&g, 0);
+        let sizes: Vec<usize> = made.levels.iter().map(Level::len).collect();
+        println!("levels {sizes:?}");
+        assert!(sizes.len() > 2 && *sizes.last().unwrap() <= COARSEST);
+        let mut order = made.order.clone();
+        order.sort_unstable();
+        assert_eq!(order, (0..5001).collect::<Vec<_>>());
+        for pair in made.levels.windows(2) {
+            let [fine, coarse] = pair else { continue };
+            for c in 0..coarse.len() {
+                let members = coarse.members[c]..coarse.members[c + 1];
+                assert!(!members.is_empty() && members.clone().all(|i| fine.parent[i as usize] as usize == c));
+                let out: f64 = members
+                    .flat_map(|i| fine.links(i as usize))
+                    .filter(|l| fine.parent[l.0 as usize] as usize != c)
+                    .map(|l| l.1)
+                    .sum();
+                let have: f64 = coarse.links(c).map(|l| l.1).sum();
+                assert!((out - have).abs() <= 1e-12 * out, "{out} {have}");
+            }
+        }
+    }
+}
