@@ -8,7 +8,7 @@
 use serde_json::{Value, json};
 use sg_proto::keys::{self, ANY, Kind, ROOT, Row, role, rows};
 
-use super::config::Guest;
+use super::link::Guest;
 
 /// The router's rules, as its configuration has them.
 pub(super) fn rules(session: &str, guests: &[Guest]) -> Value {
