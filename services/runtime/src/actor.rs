@@ -107,6 +107,30 @@ impl<M: Send + 'static> Mailbox<M> {
     }
 }
 
+/// The receiving end of a mailbox, for a loop that waits for other things as well.
+///
+/// An [`Actor`] needs none: [`spawn`] reads its mailbox.
+#[derive(Debug)]
+pub struct Inbox<M> {
+    receiver: mpsc::Receiver<Posted<M>>,
+}
+
+impl<M> Inbox<M> {
+    /// The next message, or `None` when all mailboxes are dropped. Safe to cancel: no message is lost.
+    pub async fn recv(&mut self) -> Option<M> {
+        self.receiver.recv().await.map(|(_, message)| message)
+    }
+}
+
+/// Makes a mailbox of `capacity` messages and its receiving end.
+#[must_use]
+pub fn mailbox<M>(name: &'static str, capacity: usize) -> (Mailbox<M>, Inbox<M>) {
+    let (sender, receiver) = mpsc::channel(capacity);
+    let (handled, dropped) = (AtomicU64::new(0), AtomicU64::new(0));
+    let shared = Arc::new(Shared { name, handled, dropped, closing: Notify::new() });
+    (Mailbox { sender, shared }, Inbox { receiver })
+}
+
 /// A running actor, as its process sees it.
 pub struct Running<S> {
     /// Its observable state.
@@ -155,12 +179,12 @@ impl<M: Send, S: Display + Send + Sync> Observed for Observer<M, S> {
 
 /// Starts an actor with a mailbox of `capacity` messages.
 pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, Running<A::State>) {
-    let (sender, mut messages) = mpsc::channel::<Posted<A::Message>>(capacity);
+    let (mailbox, inbox) = mailbox(actor.name(), capacity);
+    let mut messages = inbox.receiver;
     let (publish, state) = watch::channel(actor.state());
-    let (handled, dropped) = (AtomicU64::new(0), AtomicU64::new(0));
-    let shared = Arc::new(Shared { name: actor.name(), handled, dropped, closing: Notify::new() });
-    let observer = Observer { mailbox: sender.downgrade(), shared: Arc::clone(&shared), state: state.clone() };
-    let counters = Arc::clone(&shared);
+    let shared = Arc::clone(&mailbox.shared);
+    let observer = Observer { mailbox: mailbox.sender.downgrade(), shared, state: state.clone() };
+    let counters = Arc::clone(&mailbox.shared);
     let exit = tokio::spawn(async move {
         let mut exit = Exit::Finished;
         loop {
@@ -184,7 +208,7 @@ pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, R
         actor.stop().await;
         exit
     });
-    (Mailbox { sender, shared }, Running { state, exit, observed: Arc::new(observer) })
+    (mailbox, Running { state, exit, observed: Arc::new(observer) })
 }
 
 #[cfg(test)]

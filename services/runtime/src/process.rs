@@ -20,7 +20,7 @@ use sg_proto::limits::HEALTH_PERIOD;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, oneshot, watch};
 
-use crate::actor::{self, Actor, Exit, Mailbox, Observed, Running};
+use crate::actor::{self, Actor, Exit, Mailbox, Observed, Reply, Running};
 use crate::blobs::Blobs;
 use crate::bus::{Alive, Bus, BusError, Certificates, Link, Serving};
 use crate::context::Context;
@@ -255,6 +255,75 @@ impl Host {
         F: Future<Output = Result<R, Fault>> + Send,
     {
         let serving = self.bus().serve(row, capacity, handler).await?;
+        lock(&self.inner.serving).push(serving);
+        Ok(())
+    }
+
+    /// Answers the requests of a row of this process's role through an actor's mailbox, until the process drains.
+    ///
+    /// The actor's message is made from the request, its context and the sender of the reply, as in this example.
+    ///
+    /// ```
+    /// use sg_proto::keys;
+    /// use sg_proto::scene::{Command, CommandResult};
+    /// use sg_runtime::actor::{Actor, Reply};
+    /// use sg_runtime::bus::BusError;
+    /// use sg_runtime::context::Context;
+    /// use sg_runtime::process::Host;
+    ///
+    /// struct Scene {
+    ///     revision: u64,
+    /// }
+    ///
+    /// enum Message {
+    ///     Apply { command: Command, context: Context, reply: Reply<CommandResult> },
+    /// }
+    ///
+    /// impl Actor for Scene {
+    ///     type Message = Message;
+    ///     type State = u64;
+    ///
+    ///     fn name(&self) -> &'static str {
+    ///         "scene"
+    ///     }
+    ///
+    ///     fn state(&self) -> u64 {
+    ///         self.revision
+    ///     }
+    ///
+    ///     async fn handle(&mut self, message: Message) -> Result<(), String> {
+    ///         let Message::Apply { command, context, reply } = message;
+    ///         self.revision += 1;
+    ///         tracing::debug!(conversation = context.conversation, "applied");
+    ///         // A caller that has gone away misses only the reply.
+    ///         let _ = reply.send(Ok(CommandResult { id: command.id, ..CommandResult::default() }));
+    ///         Ok(())
+    ///     }
+    /// }
+    ///
+    /// async fn load(host: Host) -> Result<(), BusError> {
+    ///     let (mailbox, _) = host.spawn(Scene { revision: 0 }, 8);
+    ///     host.route(&keys::SCENE_APPLY, 8, &mailbox, |command, context, reply| Message::Apply { command, context, reply })
+    ///         .await
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// As in [`Host::serve`].
+    pub async fn route<Q, R, M, F>(
+        &self,
+        row: &Ask<Q, R>,
+        capacity: usize,
+        mailbox: &Mailbox<M>,
+        message: F,
+    ) -> Result<(), BusError>
+    where
+        Q: Message + Name + Default + 'static,
+        R: Message + Name + 'static,
+        M: Send + 'static,
+        F: FnOnce(Q, Context, Reply<R>) -> M + Clone + Send + 'static,
+    {
+        let serving = self.bus().route(row, capacity, mailbox, message).await?;
         lock(&self.inner.serving).push(serving);
         Ok(())
     }

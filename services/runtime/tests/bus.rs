@@ -22,7 +22,7 @@ impl Session {
     async fn open() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let socket = folder.path().join("bus.sock");
-        let router = Bus::route("test", role::SUPERVISOR, &socket, None).await.unwrap();
+        let router = Bus::open_router("test", role::SUPERVISOR, &socket, None).await.unwrap();
         Self { _folder: folder, endpoint: endpoint_of(&socket), router }
     }
 

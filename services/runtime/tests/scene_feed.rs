@@ -39,7 +39,7 @@ async fn next(feed: &mut SceneFeed) -> Update {
 async fn every_revision_comes_once_whatever_is_lost() {
     let folder = tempfile::tempdir().unwrap();
     let socket = folder.path().join("bus.sock");
-    let _router = Bus::route("test", role::SUPERVISOR, &socket, None).await.unwrap();
+    let _router = Bus::open_router("test", role::SUPERVISOR, &socket, None).await.unwrap();
     let join = |role: &'static str| {
         let endpoint = endpoint_of(&socket);
         async move { Bus::connect("test", role, &endpoint).await.unwrap() }

@@ -113,7 +113,7 @@ fn main() {
 async fn serve(kind: &str, folder: &Path) {
     match kind {
         "router" => {
-            let _router = Bus::route("bench", "supervisor", &folder.join("bus.sock"), None).await.unwrap();
+            let _router = Bus::open_router("bench", "supervisor", &folder.join("bus.sock"), None).await.unwrap();
             std::future::pending::<()>().await;
         }
         "ours" => ours::serve(folder).await,

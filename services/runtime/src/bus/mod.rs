@@ -11,6 +11,7 @@ mod counters;
 mod link;
 mod place;
 mod raw;
+mod route;
 mod serve;
 mod slot;
 mod stream;
@@ -112,7 +113,12 @@ impl Bus {
     ///
     /// # Errors
     /// [`BusError::Open`] if the socket or the address cannot be opened, or certificates can't be used.
-    pub async fn route(session: &str, role: &str, socket: &Path, listen: Option<&Listen>) -> Result<Self, BusError> {
+    pub async fn open_router(
+        session: &str,
+        role: &str,
+        socket: &Path,
+        listen: Option<&Listen>,
+    ) -> Result<Self, BusError> {
         let endpoint = listen.map_or_else(|| endpoint_of(socket), |l| l.endpoint.clone());
         let config = config::router(session, socket, listen);
         Self::open(session, role, endpoint, config, Place::of_role()).await
