@@ -13,6 +13,7 @@ pub mod metrics;
 pub mod process;
 pub mod scene_feed;
 mod scene_files;
+pub mod scene_replica;
 pub mod session;
 pub mod telemetry;
 pub mod trace;

@@ -25,6 +25,7 @@ use crate::blobs::Blobs;
 use crate::bus::{Alive, Bus, BusError, Certificates, Link, Serving};
 use crate::context::Context;
 use crate::fault::Fault;
+use crate::scene_replica::SceneReplicaError;
 use crate::{metrics, scene_files, telemetry, wire};
 
 /// Exit status of a process whose parameters or input are wrong: starting it again would not help.
@@ -108,6 +109,12 @@ impl From<BusError> for StartError {
 impl From<Fault> for StartError {
     fn from(fault: Fault) -> Self {
         Self::Failed(fault.to_string())
+    }
+}
+
+impl From<SceneReplicaError> for StartError {
+    fn from(error: SceneReplicaError) -> Self {
+        Self::Failed(error.to_string())
     }
 }
 

@@ -74,6 +74,12 @@ impl SceneFeed {
         }
     }
 
+    /// Forgets the reader's revision, so that the next update is a snapshot.
+    pub fn restart(&mut self) {
+        self.revision = None;
+        self.pending.clear();
+    }
+
     /// Asks for what is missing; a scene that is away is asked again by the next call.
     async fn catch_up(&mut self, from: Option<u64>) {
         let request = ChangesRequest { from: from.unwrap_or(0), snapshot: from.is_none() };
