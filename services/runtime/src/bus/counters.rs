@@ -1,4 +1,4 @@
-//! Counts of one process's messages, and the times of its answers.
+//! Counters of the messages of one process, and its response times.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,35 +7,35 @@ use std::time::{Duration, Instant};
 
 use crate::metrics::{self, Metric};
 
-/// Counters of one process's use of the bus.
+/// Counters of one connection to the bus.
 #[derive(Debug, Default)]
 pub struct Counters {
     refused: AtomicU64,
     dropped: AtomicU64,
     answered: AtomicU64,
-    /// When the newest requests were answered, and how long after their receipt.
+    /// Time of each newest answer, and its delay after the receipt of the request.
     newest: Mutex<VecDeque<(Instant, Duration)>>,
 }
 
-/// Answers whose times are remembered …
-const ANSWERS: usize = 256;
-/// … and for how long.
-const ANSWER_AGE: Duration = Duration::from_secs(60);
+/// Most response times to keep.
+const MAX_ANSWERS: usize = 256;
+/// Longest age of a response time.
+const MAX_ANSWER_AGE: Duration = Duration::from_secs(60);
 
 impl Counters {
-    /// Messages refused because of their type, size, form, sender or epoch.
+    /// Number of messages refused for their type, size, form, sender or epoch.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused.load(Ordering::Relaxed)
     }
 
-    /// Stream messages lost on the way or because a bounded queue was full, and requests turned away for the same reason.
+    /// Number of messages dropped in transit or at a full queue.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }
 
-    /// Requests answered, with a reply or a typed error.
+    /// Number of requests answered with a reply or a typed error.
     #[must_use]
     pub fn answered(&self) -> u64 {
         self.answered.load(Ordering::Relaxed)
@@ -51,15 +51,16 @@ impl Counters {
         metrics::count(Metric::Dropped, &[("key", key)], count);
     }
 
-    /// Milliseconds from receipt to answer of the newest requests, at most 256 and of the last minute: median and 99th
-    /// percentile, both 0 where there were none.
+    /// Median and 99th percentile of the response time, milliseconds; 0 without requests.
+    ///
+    /// Measured from receipt to answer, over the newest 256 requests of the last minute.
     #[must_use]
     pub fn answer_ms(&self) -> (f64, f64) {
         let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
-        let recent = newest.iter().filter(|(at, _)| at.elapsed() < ANSWER_AGE);
+        let recent = newest.iter().filter(|(at, _)| at.elapsed() < MAX_ANSWER_AGE);
         let mut times: Vec<f64> = recent.map(|(_, time)| time.as_secs_f64() * 1e3).collect();
         times.sort_by(f64::total_cmp);
-        // The smallest time that at least this share of all does not exceed.
+        // Nearest-rank percentile.
         let rank = |share: f64| ((share * times.len() as f64).ceil() as usize).saturating_sub(1);
         let at = |share| times.get(rank(share)).copied().unwrap_or(0.0);
         (at(0.5), at(0.99))
@@ -68,7 +69,7 @@ impl Counters {
     pub(super) fn answer(&self, time: Duration) {
         self.answered.fetch_add(1, Ordering::Relaxed);
         let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
-        newest.truncate(ANSWERS - 1);
+        newest.truncate(MAX_ANSWERS - 1);
         newest.push_front((Instant::now(), time));
     }
 }
@@ -78,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn answer_times_are_of_the_newest_requests() {
+    fn percentiles_use_the_newest_requests() {
         let counters = Counters::default();
         assert_eq!(counters.answer_ms(), (0.0, 0.0));
         for ms in (1..=1000_u64).rev() {

@@ -1,20 +1,20 @@
-//! Endpoints of a session's router, and the machines that may use them.
+//! Endpoints and certificates of a session's router, and the machines that may connect to it.
 
 use std::path::{Path, PathBuf};
 
-/// The endpoint of a unix socket.
+/// Endpoint of a unix socket: `unixsock-stream/PATH`.
 #[must_use]
 pub fn endpoint_of(socket: &Path) -> String {
     format!("unixsock-stream/{}", socket.display())
 }
 
-/// What an endpoint of other machines begins with.
+/// Prefix of an endpoint that other machines can reach.
 pub const TLS_PREFIX: &str = "tls/";
 
-/// The files by which one side of a TLS connection proves who it is and knows the other, PEM.
+/// Certificate files (PEM) of one side of a TLS connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Certificates {
-    /// Certificate of the authority that has signed those of both sides.
+    /// Certificate of the authority that signed the certificates of both sides.
     pub authority: PathBuf,
     /// Own certificate.
     pub certificate: PathBuf,
@@ -22,12 +22,12 @@ pub struct Certificates {
     pub key: PathBuf,
 }
 
-/// The way to a session's router.
+/// Endpoint of a session's router, with the certificates for it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Link {
-    /// `unixsock-stream/PATH` on the same machine, `tls/HOST:PORT` from another.
+    /// `unixsock-stream/PATH` on the same machine, `tls/HOST:PORT` from another one.
     pub endpoint: String,
-    /// For `tls/…`.
+    /// Certificates for `tls/…`; absent for a unix socket.
     pub certificates: Option<Certificates>,
 }
 
@@ -44,31 +44,31 @@ impl From<&String> for Link {
 }
 
 impl Link {
-    /// Whether the router is on another machine, as far as the endpoint tells.
+    /// Whether the endpoint is that of another machine.
     #[must_use]
     pub fn is_remote(&self) -> bool {
         self.endpoint.starts_with(TLS_PREFIX)
     }
 }
 
-/// Where a router listens for other machines, and what each of them may do.
+/// TLS listener of a router, and the machines that may connect.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Listen {
+pub struct TlsListener {
     /// `tls/ADDRESS:PORT`.
     pub endpoint: String,
-    /// Its own.
+    /// Certificates of the router.
     pub certificates: Certificates,
-    /// Who may come in; nobody else does anything.
-    pub guests: Vec<Guest>,
+    /// Machines with rights. All others are denied everything.
+    pub machines: Vec<RemoteMachine>,
 }
 
-/// Another machine and what it may do: what the contract's table allows the roles that it runs.
+/// Another machine. It has the rights of its roles in the contract's table.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Guest {
+pub struct RemoteMachine {
     /// Common name of its certificate.
     pub name: String,
-    /// Roles that it runs for the session.
+    /// Roles of the services that it runs for the session.
     pub roles: Vec<String>,
-    /// Beginnings of the names of its instances, up to the number.
+    /// Prefixes of its instance names, without the number.
     pub instances: Vec<String>,
 }

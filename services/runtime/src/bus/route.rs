@@ -1,9 +1,9 @@
 //! Routes: requests of a row that an actor answers.
 
 use prost::{Message, Name};
-use sg_proto::keys::Ask;
+use sg_proto::keys::Request;
 
-use super::{Bus, BusError, Serving};
+use super::{Bus, BusError, ServerHandle};
 use crate::actor::{Mailbox, Reply};
 use crate::context::Context;
 
@@ -21,11 +21,11 @@ impl Bus {
     /// [`BusError::Declare`], also for a row of another role.
     pub async fn route<Q, R, M, F>(
         &self,
-        row: &Ask<Q, R>,
+        row: &Request<Q, R>,
         capacity: usize,
         mailbox: &Mailbox<M>,
         message: F,
-    ) -> Result<Serving, BusError>
+    ) -> Result<ServerHandle, BusError>
     where
         Q: Message + Name + Default + 'static,
         R: Message + Name + 'static,
