@@ -29,12 +29,25 @@ pub trait Actor: Send + 'static {
     /// Handles one message. An error ends the actor and, with it, its process.
     ///
     /// # Errors
-    /// The reason, one line.
-    fn handle(&mut self, message: Self::Message) -> impl Future<Output = Result<(), String>> + Send;
+    /// [`ActorError`] with the reason.
+    fn handle(&mut self, message: Self::Message) -> impl Future<Output = Result<(), ActorError>> + Send;
 
     /// Closes its resources after the last message.
     fn stop(&mut self) -> impl Future<Output = ()> + Send {
         async {}
+    }
+}
+
+/// Reason why an actor cannot continue, one line.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ActorError(String);
+
+impl ActorError {
+    /// Makes an error from its reason.
+    #[must_use]
+    pub fn new(reason: impl Into<String>) -> Self {
+        Self(reason.into())
     }
 }
 
@@ -47,7 +60,7 @@ pub enum Exit {
     /// All mailboxes were dropped or closed, and every message was handled.
     Finished,
     /// [`Actor::handle`] returned this error.
-    Failed(String),
+    Failed(ActorError),
 }
 
 /// The sending end of an actor's mailbox. Cheap to clone.
@@ -239,12 +252,12 @@ mod tests {
             self.sum
         }
 
-        async fn handle(&mut self, message: Message) -> Result<(), String> {
+        async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
             match message {
                 Message::Add(n) => self.sum += n,
                 Message::Get(reply) => drop(reply.send(Ok(self.sum))),
                 Message::Wait(time) => tokio::time::sleep(time).await,
-                Message::Break => return Err("broken on purpose".to_owned()),
+                Message::Break => return Err(ActorError::new("broken on purpose")),
             }
             Ok(())
         }
@@ -302,7 +315,7 @@ mod tests {
     async fn a_failed_actor_reports_its_reason_and_refuses_messages() {
         let (mailbox, running) = spawn(Counter { sum: 0 }, 4);
         mailbox.tell(Message::Break).unwrap();
-        assert_eq!(running.exit.await.unwrap(), Exit::Failed("broken on purpose".to_owned()));
+        assert_eq!(running.exit.await.unwrap(), Exit::Failed(ActorError::new("broken on purpose")));
         assert_eq!(mailbox.tell(Message::Add(1)).unwrap_err().code, sg_proto::bus::Code::Unavailable);
     }
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use sg_proto::bus::{CancelReply, Code};
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Command, CommandResult};
-use sg_runtime::actor::{self, Actor, Reply};
+use sg_runtime::actor::{self, Actor, ActorError, Reply};
 use sg_runtime::bus::{Bus, endpoint_of};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
@@ -32,10 +32,10 @@ impl Actor for Scene {
         self.revision
     }
 
-    async fn handle(&mut self, Message::Apply { command, context, reply }: Message) -> Result<(), String> {
+    async fn handle(&mut self, Message::Apply { command, context, reply }: Message) -> Result<(), ActorError> {
         let result = match command.id.as_str() {
             "refuse" => Err(Fault::precondition("the selection is empty")),
-            "fail" => return Err("failed on purpose".to_owned()),
+            "fail" => return Err(ActorError::new("failed on purpose")),
             id => {
                 if id == "slow" {
                     tokio::time::sleep(Duration::from_millis(200)).await;
@@ -95,7 +95,7 @@ async fn an_actor_answers_through_its_mailbox() {
 
     let failed = ask("fail", soon().deadline_in(Duration::from_millis(300))).await.unwrap_err();
     assert!(matches!(failed.code, Code::Unavailable | Code::DeadlineExceeded), "{failed:?}");
-    assert_eq!(running.exit.await.unwrap(), actor::Exit::Failed("failed on purpose".to_owned()));
+    assert_eq!(running.exit.await.unwrap(), actor::Exit::Failed(ActorError::new("failed on purpose")));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

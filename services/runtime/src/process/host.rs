@@ -15,7 +15,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use super::arguments::ServeArgs;
 use super::memory::resident_bytes;
 use super::start_error::StartError;
-use crate::actor::{self, Actor, ActorControl, ActorHandle, Exit, Mailbox, Reply};
+use crate::actor::{self, Actor, ActorControl, ActorError, ActorHandle, Exit, Mailbox, Reply};
 use crate::blobs::Blobs;
 use crate::bus::{Bus, BusError, ServerHandle};
 use crate::context::Context;
@@ -152,7 +152,7 @@ impl Host {
         lock(&self.inner.actors).push(control);
         let exits = self.inner.exits.clone();
         tokio::spawn(async move {
-            let exit = exit.await.unwrap_or_else(|e| Exit::Failed(format!("panicked: {e}")));
+            let exit = exit.await.unwrap_or_else(|e| Exit::Failed(ActorError::new(format!("panicked: {e}"))));
             // The channel closes only at the end of the process.
             let _ = exits.send((name, exit)).await;
         });
@@ -183,7 +183,7 @@ impl Host {
     /// ```
     /// use sg_proto::keys;
     /// use sg_proto::scene::{Command, CommandResult};
-    /// use sg_runtime::actor::{Actor, Reply};
+    /// use sg_runtime::actor::{Actor, ActorError, Reply};
     /// use sg_runtime::bus::BusError;
     /// use sg_runtime::context::Context;
     /// use sg_runtime::process::Host;
@@ -208,7 +208,7 @@ impl Host {
     ///         self.revision
     ///     }
     ///
-    ///     async fn handle(&mut self, message: Message) -> Result<(), String> {
+    ///     async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
     ///         let Message::Apply { command, context, reply } = message;
     ///         self.revision += 1;
     ///         tracing::debug!(conversation = context.conversation, "applied");
