@@ -1,4 +1,4 @@
-//! Compiles the `.proto` files without a system `protoc` and writes the list of all messages.
+//! Compiles the `.proto` files without a system `protoc`, and writes the list of all messages.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// One macro that names every message as its schema name and Rust type, so that tests reach all of them.
+/// Writes a macro that lists every message with its schema name and Rust type.
 fn write_message_list(out: &Path, descriptors: &prost_types::FileDescriptorSet) -> Result<(), Box<dyn Error>> {
     let mut list = String::from("macro_rules! for_each_message { ($m:ident) => { $m! {\n");
     for file in &descriptors.file {
@@ -43,7 +43,7 @@ fn write_message_list(out: &Path, descriptors: &prost_types::FileDescriptorSet) 
     Ok(())
 }
 
-/// Compiles in the newest release: the greatest version in `released/`.
+/// Writes constants of the newest release, the greatest version in `released/`.
 fn write_released(out: &Path) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=released");
     let mut releases = Vec::new();

@@ -1,7 +1,7 @@
-//! Golden bytes: committed encodings of every message, and what each means.
+//! Golden bytes: committed encodings of every message, with their meaning as JSON.
 //!
-//! A line of a golden file is `<message> <variant> <bytes, hexadecimal> <JSON>`; a file is named after its package. Files
-//! are append-only: what a release has held, every later one holds too, at the same place.
+//! A line of a golden file is `<message> <variant> <bytes, hexadecimal> <JSON>`. The file is named after its package. Files
+//! are append-only: later releases keep every released line at its place.
 
 use std::fmt::Write as _;
 
@@ -13,12 +13,60 @@ use prost_reflect::{DescriptorPool, DynamicMessage, ReflectMessage as _, Value};
 pub struct Line {
     /// Full name of the message.
     pub message: String,
-    /// Name of this encoding among those of its message.
+    /// Name of this encoding, unique within its message.
     pub variant: String,
     /// The encoding.
     pub bytes: Vec<u8>,
-    /// What it means, in protobuf's JSON mapping.
+    /// The message in protobuf's JSON mapping.
     pub json: serde_json::Value,
+}
+
+/// A damaged golden line, or a line that no longer fits the contract.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum GoldenError {
+    /// A part of the line is missing.
+    #[error("no {part} in the line `{line}`")]
+    Missing {
+        /// Name of the part.
+        part: &'static str,
+        /// Text of the line.
+        line: String,
+    },
+    /// The bytes are not hexadecimal.
+    #[error("the bytes are not hexadecimal")]
+    Hex,
+    /// The JSON cannot be parsed or made.
+    #[error("JSON: {0}")]
+    Json(String),
+    /// The contract has no such message.
+    #[error("the contract has no such message")]
+    UnknownMessage,
+    /// The bytes cannot be decoded with the schema.
+    #[error("does not decode: {0}")]
+    Decode(String),
+    /// A field is missing in the schema, or has another wire type there.
+    #[error("{0} is not in the schema, or has another wire type")]
+    UnknownField(String),
+    /// The bytes have another meaning now.
+    #[error("the meaning has changed:\n  before {before}\n  now    {now}")]
+    Meaning {
+        /// JSON of the line.
+        before: String,
+        /// JSON of the bytes with the current schema.
+        now: String,
+    },
+    /// The schema encodes the message with other bytes.
+    #[error("the schema encodes other bytes")]
+    Bytes,
+    /// The message has no generated type.
+    #[error("the message has no generated type")]
+    NoType,
+    /// The generated type cannot decode the bytes.
+    #[error("the generated type does not decode it: {0}")]
+    TypeDecode(String),
+    /// The generated type encodes other bytes.
+    #[error("the generated type encodes other bytes")]
+    TypeBytes,
 }
 
 fn to_hex(bytes: &[u8]) -> String {
@@ -43,69 +91,69 @@ fn from_hex(text: &str) -> Option<Vec<u8>> {
 }
 
 impl Line {
-    /// The line that pins this message down.
+    /// Makes the line of a message.
     ///
     /// # Errors
-    /// The message has no JSON form.
-    pub fn of(message: &DynamicMessage, variant: String) -> Result<Self, String> {
+    /// [`GoldenError::Json`] if the message has no JSON form.
+    pub fn of(message: &DynamicMessage, variant: String) -> Result<Self, GoldenError> {
         Ok(Self {
             message: message.descriptor().full_name().to_owned(),
             variant,
             bytes: message.encode_to_vec(),
-            json: serde_json::to_value(message).map_err(|e| e.to_string())?,
+            json: serde_json::to_value(message).map_err(|e| GoldenError::Json(e.to_string()))?,
         })
     }
 
-    /// Reads a line.
+    /// Parses a line.
     ///
     /// # Errors
-    /// What is wrong with it.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    /// [`GoldenError::Missing`], [`GoldenError::Hex`], [`GoldenError::Json`].
+    pub fn parse(text: &str) -> Result<Self, GoldenError> {
         let mut parts = text.splitn(4, ' ');
-        let mut part = |what: &str| parts.next().ok_or(format!("no {what} in the line `{text}`"));
+        let mut part = |name| parts.next().ok_or_else(|| GoldenError::Missing { part: name, line: text.to_owned() });
         Ok(Self {
             message: part("message")?.to_owned(),
             variant: part("variant")?.to_owned(),
-            bytes: from_hex(part("bytes")?).ok_or("the bytes are not hexadecimal")?,
-            json: serde_json::from_str(part("JSON")?).map_err(|e| format!("the JSON is damaged: {e}"))?,
+            bytes: from_hex(part("bytes")?).ok_or(GoldenError::Hex)?,
+            json: serde_json::from_str(part("JSON")?).map_err(|e| GoldenError::Json(e.to_string()))?,
         })
     }
 
-    /// The line as it stands in its file, with its end.
+    /// The text of the line, with its line feed.
     #[must_use]
     pub fn to_text(&self) -> String {
         format!("{} {} {} {}\n", self.message, self.variant, to_hex(&self.bytes), self.json)
     }
 
-    /// Decodes the bytes as a schema reads them and compares with what the line says they mean; the generated types must
-    /// write the same bytes again.
+    /// Decodes the bytes with the current schema and compares them with the JSON. The generated type must encode the same
+    /// bytes again.
     ///
     /// # Errors
-    /// What the bytes have become.
-    pub fn check(&self, pool: &DescriptorPool) -> Result<DynamicMessage, String> {
-        let descriptor = pool.get_message_by_name(&self.message).ok_or("the contract has no such message any more")?;
+    /// [`GoldenError`] with the difference.
+    pub fn check(&self, pool: &DescriptorPool) -> Result<DynamicMessage, GoldenError> {
+        let descriptor = pool.get_message_by_name(&self.message).ok_or(GoldenError::UnknownMessage)?;
         let message =
-            DynamicMessage::decode(descriptor, &self.bytes[..]).map_err(|e| format!("does not decode: {e}"))?;
+            DynamicMessage::decode(descriptor, &self.bytes[..]).map_err(|e| GoldenError::Decode(e.to_string()))?;
         if let Some(place) = unknown_field(&message) {
-            return Err(format!("{place} is not a field any more, or has another wire type"));
+            return Err(GoldenError::UnknownField(place));
         }
-        let json = serde_json::to_value(&message).map_err(|e| e.to_string())?;
+        let json = serde_json::to_value(&message).map_err(|e| GoldenError::Json(e.to_string()))?;
         if json != self.json {
-            return Err(format!("means another thing today:\n  then {}\n  now  {json}", self.json));
+            return Err(GoldenError::Meaning { before: self.json.to_string(), now: json.to_string() });
         }
         if message.encode_to_vec() != self.bytes {
-            return Err("is not written with these bytes any more".into());
+            return Err(GoldenError::Bytes);
         }
         match crate::recode(&self.message, &self.bytes) {
-            None => Err("has no generated type".into()),
-            Some(Err(e)) => Err(format!("the generated type refuses it: {e}")),
-            Some(Ok(bytes)) if bytes != self.bytes => Err("the generated type writes other bytes".into()),
+            None => Err(GoldenError::NoType),
+            Some(Err(e)) => Err(GoldenError::TypeDecode(e.to_string())),
+            Some(Ok(bytes)) if bytes != self.bytes => Err(GoldenError::TypeBytes),
             Some(Ok(_)) => Ok(message),
         }
     }
 }
 
-/// First field, at any depth, that the schema does not know.
+/// First field, at any depth, that is not in the schema.
 fn unknown_field(message: &DynamicMessage) -> Option<String> {
     fn inside(value: &Value) -> Option<String> {
         match value {

@@ -1,7 +1,7 @@
-//! The one table of key expressions: `sg/<session>/<role>/<name>` ↔ message types ↔ who may send.
+//! The table of key expressions, `sg/<session>/<role>/<name>`, with their message types and permitted senders.
 //!
-//! A row is a typed constant, so that a service cannot ask or publish with a type that its row does not name; [`rows`]
-//! lists them all for tools and tests. `*` as a role stands for every role.
+//! Each row is a typed constant, so the compiler rejects a message of another type. [`rows`] lists all rows for tools and
+//! tests. The role `*` stands for every role.
 
 use std::marker::PhantomData;
 
@@ -12,36 +12,36 @@ use crate::{bus, language, launch, render, scene, selection};
 /// First segment of every key expression.
 pub const ROOT: &str = "sg";
 
-/// Any role: the row exists for each.
+/// Stands for every role.
 pub const ANY: &str = "*";
 
-/// Roles of the stack.
+/// Roles of the processes in a session.
 pub mod role {
     /// Owns the scene.
     pub const SCENE: &str = "scene";
-    /// Turns strokes into selections.
+    /// Computes selections from strokes.
     pub const SELECTION: &str = "selection";
-    /// Draws the shared viewpoint whenever the scene changes.
+    /// Renders the shared view after each change of the scene.
     pub const RENDER_VIEW: &str = "render-view";
-    /// Draws pictures on request.
+    /// Renders pictures on request.
     pub const RENDER_CAPTURE: &str = "render-capture";
-    /// Hears utterances and answers.
+    /// Receives utterances and replies.
     pub const AGENT_CORE: &str = "agent-core";
-    /// Understands utterances.
+    /// Parses utterances into intents.
     pub const AGENT_INTENT: &str = "agent-intent";
-    /// Carries out plans.
+    /// Executes plans.
     pub const AGENT_FUNCTION: &str = "agent-function";
-    /// Starts and watches the others.
+    /// Starts and supervises the services.
     pub const SUPERVISOR: &str = "supervisor";
-    /// A person at a terminal, or a script.
+    /// Command line: a person at a terminal, or a script.
     pub const CLI: &str = "cli";
-    /// Another machine that has joined and runs services for the supervisor; it serves under its instance alone.
+    /// Another machine that runs services for the supervisor. It serves under its instance only.
     pub const NODE: &str = "node";
 
-    /// Those that are no services: nobody starts them from a launch file, and the rows of every service are not theirs.
-    pub const NO_SERVICES: [&str; 3] = [SUPERVISOR, CLI, NODE];
+    /// Roles that are not services: a launch file can't start them, and rows of [`ANY`](super::ANY) don't apply to them.
+    pub const NON_SERVICES: [&str; 3] = [SUPERVISOR, CLI, NODE];
 
-    /// All of them.
+    /// All roles.
     pub const ALL: [&str; 10] = [
         SCENE,
         SELECTION,
@@ -56,102 +56,102 @@ pub mod role {
     ];
 }
 
-/// What goes first where messages wait for one another.
+/// Priority of a message in the queues of the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Urgency {
-    /// A person's hand waits for it.
+pub enum Priority {
+    /// A person waits for the result.
     Interactive,
-    /// The rest.
+    /// Everything else.
     #[default]
-    Ordinary,
-    /// Whatever can wait: large, or for statistics.
+    Normal,
+    /// Large messages and statistics.
     Background,
 }
 
-/// A request that a role answers.
+/// Row of a request that a role answers: request type `Q`, reply type `R`.
 #[derive(Debug)]
-pub struct Ask<Q, R> {
+pub struct Request<Q, R> {
     /// Role that answers, or [`ANY`].
     pub role: &'static str,
     /// Last part of the key, `cmd/…`.
     pub name: &'static str,
-    /// Roles that may ask.
+    /// Roles that may send the request.
     pub senders: &'static [&'static str],
-    /// Whether other machines may not ask, whatever roles they run.
-    pub at_home: bool,
-    /// What goes first.
-    pub urgency: Urgency,
-    /// What it is for.
+    /// Whether only processes on the supervisor's machine may send the request.
+    pub local_only: bool,
+    /// Priority.
+    pub priority: Priority,
+    /// Purpose, one sentence.
     pub doc: &'static str,
     types: PhantomData<fn(Q) -> R>,
 }
 
-/// A stream of messages that a role publishes.
+/// Row of a stream that a role publishes.
 #[derive(Debug)]
 pub struct Stream<M> {
     /// Role that publishes, or [`ANY`].
     pub role: &'static str,
     /// Last part of the key, `event/…`.
     pub name: &'static str,
-    /// What goes first.
-    pub urgency: Urgency,
-    /// What it is for.
+    /// Priority.
+    pub priority: Priority,
+    /// Purpose, one sentence.
     pub doc: &'static str,
     types: PhantomData<fn() -> M>,
 }
 
-/// The newest value of something that a role owns.
+/// Row of a retained value: the newest value of something that a role owns.
 #[derive(Debug)]
-pub struct Slot<M> {
+pub struct Retained<M> {
     /// Role that owns it.
     pub role: &'static str,
     /// Last part of the key, `state`.
     pub name: &'static str,
-    /// What it is for.
+    /// Purpose, one sentence.
     pub doc: &'static str,
     types: PhantomData<fn() -> M>,
 }
 
-// Written out because a derive would ask the message types to be `Copy` too.
-impl<Q, R> Clone for Ask<Q, R> {
+// Written out because a derive would require the message types to be `Copy`.
+impl<Q, R> Clone for Request<Q, R> {
     fn clone(&self) -> Self {
         *self
     }
 }
-impl<Q, R> Copy for Ask<Q, R> {}
+impl<Q, R> Copy for Request<Q, R> {}
 impl<M> Clone for Stream<M> {
     fn clone(&self) -> Self {
         *self
     }
 }
 impl<M> Copy for Stream<M> {}
-impl<M> Clone for Slot<M> {
+impl<M> Clone for Retained<M> {
     fn clone(&self) -> Self {
         *self
     }
 }
-impl<M> Copy for Slot<M> {}
+impl<M> Copy for Retained<M> {}
 
-impl<Q: Name, R: Name> Ask<Q, R> {
+impl<Q: Name, R: Name> Request<Q, R> {
     const fn new(role: &'static str, name: &'static str, senders: &'static [&'static str], doc: &'static str) -> Self {
-        Self { role, name, senders, at_home: false, urgency: Urgency::Ordinary, doc, types: PhantomData }
+        Self { role, name, senders, local_only: false, priority: Priority::Normal, doc, types: PhantomData }
     }
 
-    const fn at(self, urgency: Urgency) -> Self {
-        Self { urgency, ..self }
+    const fn at(self, priority: Priority) -> Self {
+        Self { priority, ..self }
     }
 
-    const fn at_home(self) -> Self {
-        Self { at_home: true, ..self }
+    const fn local_only(self) -> Self {
+        Self { local_only: true, ..self }
     }
 
     fn row(&self) -> Row {
         Row {
             role: self.role,
             name: self.name,
-            kind: Kind::Ask { request: Q::full_name(), reply: R::full_name() },
+            kind: Kind::Request { request: Q::full_name(), reply: R::full_name() },
             senders: self.senders,
-            at_home: self.at_home,
+            local_only: self.local_only,
             doc: self.doc,
         }
     }
@@ -159,11 +159,11 @@ impl<Q: Name, R: Name> Ask<Q, R> {
 
 impl<M: Name> Stream<M> {
     const fn new(role: &'static str, name: &'static str, doc: &'static str) -> Self {
-        Self { role, name, urgency: Urgency::Ordinary, doc, types: PhantomData }
+        Self { role, name, priority: Priority::Normal, doc, types: PhantomData }
     }
 
-    const fn at(self, urgency: Urgency) -> Self {
-        Self { urgency, ..self }
+    const fn at(self, priority: Priority) -> Self {
+        Self { priority, ..self }
     }
 
     fn row(&self) -> Row {
@@ -172,13 +172,13 @@ impl<M: Name> Stream<M> {
             name: self.name,
             kind: Kind::Stream { message: M::full_name() },
             senders: &[],
-            at_home: false,
+            local_only: false,
             doc: self.doc,
         }
     }
 }
 
-impl<M: Name> Slot<M> {
+impl<M: Name> Retained<M> {
     const fn new(role: &'static str, name: &'static str, doc: &'static str) -> Self {
         Self { role, name, doc, types: PhantomData }
     }
@@ -187,31 +187,31 @@ impl<M: Name> Slot<M> {
         Row {
             role: self.role,
             name: self.name,
-            kind: Kind::Slot { message: M::full_name() },
+            kind: Kind::Retained { message: M::full_name() },
             senders: &[],
-            at_home: false,
+            local_only: false,
             doc: self.doc,
         }
     }
 }
 
-/// How messages travel under a key.
+/// Delivery of the messages of a row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Kind {
-    /// Request and reply, or a typed error.
-    Ask {
+    /// A request with a reply or a typed error.
+    Request {
         /// Full name of the request.
         request: String,
         /// Full name of the reply.
         reply: String,
     },
-    /// A stream; a slow reader loses the oldest messages, counted.
+    /// A stream. A slow reader loses the oldest messages, and counts them.
     Stream {
         /// Full name of the message.
         message: String,
     },
-    /// The newest value; a late reader gets it when it asks.
-    Slot {
+    /// A retained value. A late reader asks for the newest one.
+    Retained {
         /// Full name of the message.
         message: String,
     },
@@ -220,31 +220,31 @@ pub enum Kind {
 /// One row of the table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
-    /// Role that answers, publishes or owns.
+    /// Role that answers, publishes or owns; [`ANY`] for all.
     pub role: &'static str,
     /// Last part of the key.
     pub name: &'static str,
-    /// How messages travel, and which.
+    /// Delivery, and full names of the message types.
     pub kind: Kind,
-    /// For requests: who may ask. The answering, publishing or owning side is always the role itself.
+    /// For requests, the roles that may send it. The role of the row answers, publishes or owns.
     pub senders: &'static [&'static str],
-    /// For requests: whether other machines may not ask, whatever roles they run.
-    pub at_home: bool,
-    /// What it is for.
+    /// For requests, whether only processes on the supervisor's machine may send it.
+    pub local_only: bool,
+    /// Purpose, one sentence.
     pub doc: &'static str,
 }
 
 impl Row {
-    /// Whether the row belongs to this role.
+    /// Whether this role answers, publishes or owns the row.
     #[must_use]
-    pub fn is_of(&self, role: &str) -> bool {
+    pub fn belongs_to(&self, role: &str) -> bool {
         self.role == ANY || self.role == role
     }
 
-    /// Whether this role may send requests under this row.
+    /// Whether this role may send the request of the row.
     #[must_use]
     pub fn may_ask(&self, role: &str) -> bool {
-        matches!(self.kind, Kind::Ask { .. }) && self.senders.iter().any(|s| *s == ANY || *s == role)
+        matches!(self.kind, Kind::Request { .. }) && self.senders.iter().any(|s| *s == ANY || *s == role)
     }
 }
 
@@ -253,10 +253,10 @@ const SCENE_READERS: &[&str] =
     &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::RENDER_CAPTURE, role::AGENT_CORE, role::AGENT_FUNCTION];
 
 macro_rules! table {
-    ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?)$( at $urgency:ident)?$( only $place:ident)?;)*) => {
+    ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?)$( at $priority:ident)?$( only $place:ident)?;)*) => {
         $(
             $(#[doc = $doc])+
-            pub const $ident: $type<$($message),+> = $type::new($role, $name, $($senders,)? concat!($($doc),+))$(.at(Urgency::$urgency))?$(.$place())?;
+            pub const $ident: $type<$($message),+> = $type::new($role, $name, $($senders,)? concat!($($doc),+))$(.at(Priority::$priority))?$(.$place())?;
         )*
 
         /// Every row of the table.
@@ -268,137 +268,137 @@ macro_rules! table {
 }
 
 table! {
-    /// How an instance is.
-    STATUS: Ask<bus::StatusRequest, bus::Health> = (ANY, "cmd/status", &[ANY]);
-    /// An instance begins to serve.
+    /// Reports the health of an instance.
+    STATUS: Request<bus::StatusRequest, bus::Health> = (ANY, "cmd/status", &[ANY]);
+    /// An instance is ready or in standby.
     READY: Stream<bus::Ready> = (ANY, "event/ready");
-    /// How an instance is, every second.
+    /// Health of an instance, every second.
     HEALTH: Stream<bus::Health> = (ANY, "event/health") at Background;
-    /// An instance that stands by takes its role; asked under the instance.
-    PROMOTE: Ask<bus::PromoteRequest, bus::PromoteReply> = (ANY, "cmd/promote", &[role::SUPERVISOR]);
-    /// Withdraws a request.
-    CANCEL: Ask<bus::CancelRequest, bus::CancelReply> = (ANY, "cmd/cancel", &[ANY]) at Interactive;
-    /// What a process has counted.
-    METRICS: Ask<bus::MetricsRequest, bus::MetricsReply> = (ANY, "cmd/metrics", &[ANY]) at Background;
+    /// Promotes a standby instance to its role; sent to the instance.
+    PROMOTE: Request<bus::PromoteRequest, bus::PromoteReply> = (ANY, "cmd/promote", &[role::SUPERVISOR]);
+    /// Cancels a request.
+    CANCEL: Request<bus::CancelRequest, bus::CancelReply> = (ANY, "cmd/cancel", &[ANY]) at Interactive;
+    /// Reports the metrics of a process.
+    METRICS: Request<bus::MetricsRequest, bus::MetricsReply> = (ANY, "cmd/metrics", &[ANY]) at Background;
 
-    /// Changes the scene; at most once for an id.
-    SCENE_APPLY: Ask<scene::Command, scene::CommandResult> = (role::SCENE, "cmd/apply", &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::AGENT_FUNCTION]);
-    /// What a reader missed.
-    SCENE_CHANGES: Ask<scene::ChangesRequest, scene::Changes> = (role::SCENE, "cmd/changes", SCENE_READERS);
-    /// An accepted change, after it is durable.
+    /// Applies a scene command, at most once per command id.
+    SCENE_APPLY: Request<scene::Command, scene::CommandResult> = (role::SCENE, "cmd/apply", &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::AGENT_FUNCTION]);
+    /// Returns the changes after a revision.
+    SCENE_CHANGES: Request<scene::ChangesRequest, scene::Changes> = (role::SCENE, "cmd/changes", SCENE_READERS);
+    /// A change of the scene, after the journal has stored it.
     SCENE_EVENT: Stream<scene::Event> = (role::SCENE, "event/change") at Interactive;
-    /// Which files the geometry is read from.
-    SCENE_FILES: Ask<scene::FilesRequest, scene::Files> = (role::SCENE, "cmd/files", SCENE_READERS);
-    /// A part of one of those files.
-    SCENE_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::SCENE, "cmd/content", SCENE_READERS) at Background;
-    /// The newest state, without masks.
-    SCENE_STATE: Slot<scene::State> = (role::SCENE, "state");
+    /// Lists the geometry files of the scene.
+    SCENE_FILES: Request<scene::FilesRequest, scene::Files> = (role::SCENE, "cmd/files", SCENE_READERS);
+    /// Returns a part of a geometry file.
+    SCENE_CONTENT: Request<bus::ContentRequest, bus::ContentReply> = (role::SCENE, "cmd/content", SCENE_READERS) at Background;
+    /// State of the scene, without masks.
+    SCENE_STATE: Retained<scene::State> = (role::SCENE, "state");
 
-    /// Adds strokes and commits what they select.
-    SELECTION_STROKES: Ask<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]) at Interactive;
-    /// A stroke is being drawn: what it would select so far.
-    SELECTION_SAMPLE: Ask<selection::SampleRequest, selection::SampleReply> = (role::SELECTION, "cmd/sample", &[role::CLI, role::RENDER_VIEW]) at Interactive;
-    /// What another leak or threshold of the last walk would select.
-    SELECTION_TUNE: Ask<selection::TuneRequest, selection::TuneReply> = (role::SELECTION, "cmd/tune", &[role::CLI, role::RENDER_VIEW]) at Interactive;
-    /// Where a next stroke would tell most.
-    SELECTION_PROPOSALS: Ask<selection::ProposalsRequest, selection::ProposalsReply> = (role::SELECTION, "cmd/proposals", &[role::CLI, role::RENDER_VIEW]);
-    /// What strokes select that are being committed, ahead of the scene's own word.
+    /// Adds strokes and commits the resulting selection.
+    SELECTION_STROKES: Request<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// Previews the selection of an unfinished stroke.
+    SELECTION_SAMPLE: Request<selection::SampleRequest, selection::SampleReply> = (role::SELECTION, "cmd/sample", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// Previews the selection for another leak or threshold of the random walk.
+    SELECTION_TUNE: Request<selection::TuneRequest, selection::TuneReply> = (role::SELECTION, "cmd/tune", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// Proposes places for the next stroke.
+    SELECTION_PROPOSALS: Request<selection::ProposalsRequest, selection::ProposalsReply> = (role::SELECTION, "cmd/proposals", &[role::CLI, role::RENDER_VIEW]);
+    /// Selection of strokes before the scene has committed it.
     SELECTION_PREVIEW: Stream<selection::Preview> = (role::SELECTION, "event/preview") at Interactive;
-    /// A part of what the selection process has made, such as the Super-Gaussian of each Gaussian.
-    SELECTION_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::SELECTION, "cmd/content", &[role::CLI, role::RENDER_VIEW, role::RENDER_CAPTURE]) at Background;
-    /// What is clustered.
-    SELECTION_STATE: Slot<selection::State> = (role::SELECTION, "state");
+    /// Returns a part of a file of the selection service, such as the cluster labels.
+    SELECTION_CONTENT: Request<bus::ContentRequest, bus::ContentReply> = (role::SELECTION, "cmd/content", &[role::CLI, role::RENDER_VIEW, role::RENDER_CAPTURE]) at Background;
+    /// State of the selection service.
+    SELECTION_STATE: Retained<selection::State> = (role::SELECTION, "state");
 
-    /// One picture.
-    CAPTURE: Ask<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS) at Background;
-    /// What is in front.
-    PICK: Ask<render::PickRequest, render::PickReply> = (role::RENDER_CAPTURE, "cmd/pick", CLIENTS);
-    /// A part of a picture that the capture process has drawn.
-    CAPTURE_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::RENDER_CAPTURE, "cmd/content", CLIENTS) at Background;
-    /// What the capture process has drawn.
-    CAPTURE_STATE: Slot<render::State> = (role::RENDER_CAPTURE, "state");
-    /// A new picture of the shared viewpoint.
+    /// Renders one picture.
+    CAPTURE: Request<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS) at Background;
+    /// Finds the nearest surface at a pixel or along a ray.
+    PICK: Request<render::PickRequest, render::PickReply> = (role::RENDER_CAPTURE, "cmd/pick", CLIENTS);
+    /// Returns a part of a picture of the capture process.
+    CAPTURE_CONTENT: Request<bus::ContentRequest, bus::ContentReply> = (role::RENDER_CAPTURE, "cmd/content", CLIENTS) at Background;
+    /// State of the capture process.
+    CAPTURE_STATE: Retained<render::State> = (role::RENDER_CAPTURE, "state");
+    /// A new picture of the shared view.
     VIEW_FRAME: Stream<render::Frame> = (role::RENDER_VIEW, "event/frame");
-    /// A part of a picture that the view process has drawn.
-    VIEW_CONTENT: Ask<bus::ContentRequest, bus::ContentReply> = (role::RENDER_VIEW, "cmd/content", CLIENTS) at Background;
-    /// What the view process has drawn.
-    VIEW_STATE: Slot<render::State> = (role::RENDER_VIEW, "state");
+    /// Returns a part of a picture of the view process.
+    VIEW_CONTENT: Request<bus::ContentRequest, bus::ContentReply> = (role::RENDER_VIEW, "cmd/content", CLIENTS) at Background;
+    /// State of the view process.
+    VIEW_STATE: Retained<render::State> = (role::RENDER_VIEW, "state");
 
-    /// Says something to the stack.
-    UTTER: Ask<language::Utterance, language::Reply> = (role::AGENT_CORE, "cmd/utter", &[role::CLI, role::RENDER_VIEW]);
-    /// Something was said.
+    /// Sends an utterance to the agents.
+    UTTER: Request<language::Utterance, language::Reply> = (role::AGENT_CORE, "cmd/utter", &[role::CLI, role::RENDER_VIEW]);
+    /// An utterance was received.
     UTTERANCE: Stream<language::Utterance> = (role::AGENT_CORE, "event/utterance");
-    /// The core agent looks.
+    /// The core agent requests an observation.
     PERCEIVE: Stream<language::Perceive> = (role::AGENT_CORE, "event/perceive");
-    /// What the core agent saw.
+    /// Observation of the core agent.
     OBSERVATION: Stream<language::Observation> = (role::AGENT_CORE, "event/observation");
-    /// What the core agent wants done.
+    /// Plan of the core agent.
     PLAN: Stream<language::Plan> = (role::AGENT_CORE, "event/plan");
-    /// What the core agent answered.
+    /// Reply of the core agent.
     REPLY: Stream<language::Reply> = (role::AGENT_CORE, "event/reply");
-    /// The core agent.
-    CORE_STATE: Slot<language::AgentState> = (role::AGENT_CORE, "state");
+    /// State of the core agent.
+    CORE_STATE: Retained<language::AgentState> = (role::AGENT_CORE, "state");
 
-    /// What an utterance means.
-    PARSE: Ask<language::IntentRequest, language::Intent> = (role::AGENT_INTENT, "cmd/parse", &[role::AGENT_CORE, role::SUPERVISOR, role::CLI]);
-    /// What was understood.
+    /// Parses an utterance into an intent.
+    PARSE: Request<language::IntentRequest, language::Intent> = (role::AGENT_INTENT, "cmd/parse", &[role::AGENT_CORE, role::SUPERVISOR, role::CLI]);
+    /// Intent of an utterance.
     INTENT: Stream<language::Intent> = (role::AGENT_INTENT, "event/intent");
-    /// The intent agent.
-    INTENT_STATE: Slot<language::AgentState> = (role::AGENT_INTENT, "state");
+    /// State of the intent agent.
+    INTENT_STATE: Retained<language::AgentState> = (role::AGENT_INTENT, "state");
 
-    /// Carries out a plan.
-    EXECUTE: Ask<language::Plan, language::PlanResult> = (role::AGENT_FUNCTION, "cmd/execute", &[role::AGENT_CORE]);
-    /// The outcome of one clause.
+    /// Executes a plan.
+    EXECUTE: Request<language::Plan, language::PlanResult> = (role::AGENT_FUNCTION, "cmd/execute", &[role::AGENT_CORE]);
+    /// Result of one clause.
     ACTION: Stream<language::ActionResult> = (role::AGENT_FUNCTION, "event/action");
-    /// The function agent.
-    FUNCTION_STATE: Slot<language::AgentState> = (role::AGENT_FUNCTION, "state");
+    /// State of the function agent.
+    FUNCTION_STATE: Retained<language::AgentState> = (role::AGENT_FUNCTION, "state");
 
-    /// How the services are.
-    PS: Ask<launch::PsRequest, launch::PsReply> = (role::SUPERVISOR, "cmd/ps", &[role::CLI]);
-    /// Restarts one service.
-    RESTART: Ask<launch::RestartRequest, launch::RestartReply> = (role::SUPERVISOR, "cmd/restart", &[role::CLI]);
-    /// Replaces one service by another process.
-    SWAP: Ask<launch::SwapRequest, launch::SwapReply> = (role::SUPERVISOR, "cmd/swap", &[role::CLI]);
-    /// Reads the launch file again.
-    RELOAD: Ask<launch::ReloadRequest, launch::ReloadReply> = (role::SUPERVISOR, "cmd/reload", &[role::CLI]);
-    /// Opens a scene or volume in a window and a session of their own.
-    OPEN: Ask<launch::OpenRequest, launch::OpenReply> = (role::SUPERVISOR, "cmd/open", &[role::CLI, role::RENDER_VIEW]) only at_home;
-    /// A session that was opened from this one failed.
+    /// Lists the services and their states.
+    PS: Request<launch::PsRequest, launch::PsReply> = (role::SUPERVISOR, "cmd/ps", &[role::CLI]);
+    /// Restarts a service.
+    RESTART: Request<launch::RestartRequest, launch::RestartReply> = (role::SUPERVISOR, "cmd/restart", &[role::CLI]);
+    /// Replaces a service by another process.
+    SWAP: Request<launch::SwapRequest, launch::SwapReply> = (role::SUPERVISOR, "cmd/swap", &[role::CLI]);
+    /// Reloads the launch file.
+    RELOAD: Request<launch::ReloadRequest, launch::ReloadReply> = (role::SUPERVISOR, "cmd/reload", &[role::CLI]);
+    /// Opens a scene or volume in a new window and session.
+    OPEN: Request<launch::OpenRequest, launch::OpenReply> = (role::SUPERVISOR, "cmd/open", &[role::CLI, role::RENDER_VIEW]) only local_only;
+    /// A session that was opened from this one has failed.
     OPEN_FAILED: Stream<launch::OpenFailed> = (role::SUPERVISOR, "event/open-failed");
-    /// Stops the stack.
-    DOWN: Ask<launch::DownRequest, launch::DownReply> = (role::SUPERVISOR, "cmd/down", &[role::CLI]);
-    /// A machine that joined is there.
-    JOIN: Ask<launch::JoinRequest, launch::JoinReply> = (role::SUPERVISOR, "cmd/join", &[role::NODE]);
-    /// A service changed its state.
+    /// Stops the session.
+    DOWN: Request<launch::DownRequest, launch::DownReply> = (role::SUPERVISOR, "cmd/down", &[role::CLI]);
+    /// Heartbeat of a joined machine.
+    JOIN: Request<launch::JoinRequest, launch::JoinReply> = (role::SUPERVISOR, "cmd/join", &[role::NODE]);
+    /// State change of a service.
     SERVICE: Stream<launch::ServiceEvent> = (role::SUPERVISOR, "event/service");
 
-    /// Starts a process on a node; asked under its instance, as the others.
-    NODE_START: Ask<launch::StartRequest, launch::StartReply> = (role::NODE, "cmd/start", &[role::SUPERVISOR]);
-    /// Asks a process on a node to stop, or ends it.
-    NODE_SIGNAL: Ask<launch::SignalRequest, launch::SignalReply> = (role::NODE, "cmd/signal", &[role::SUPERVISOR]);
-    /// What processes on a node log.
+    /// Starts a process on a node; sent to its instance.
+    NODE_START: Request<launch::StartRequest, launch::StartReply> = (role::NODE, "cmd/start", &[role::SUPERVISOR]);
+    /// Stops or kills a process on a node; sent to its instance.
+    NODE_SIGNAL: Request<launch::SignalRequest, launch::SignalReply> = (role::NODE, "cmd/signal", &[role::SUPERVISOR]);
+    /// Log lines of processes on a node.
     NODE_LOG: Stream<launch::LogLines> = (role::NODE, "event/log") at Background;
 }
 
-/// The key expression of a row for one role of one session.
+/// Key expression of a row for one role of one session.
 #[must_use]
 pub fn key(session: &str, role: &str, name: &str) -> String {
     format!("{ROOT}/{session}/{role}/{name}")
 }
 
-/// What stands in place of the role in the keys of one instance, whether or not it has its role: `@instance/<instance>`.
+/// Segment that replaces the role in the keys of one instance: `@instance/<instance>`. It works in standby too.
 #[must_use]
 pub fn instance(instance: &str) -> String {
     format!("@instance/{instance}")
 }
 
-/// Instance of a machine that has joined; no service's can be equal, since their names have no `.`.
+/// Instance name of a joined machine. Names of services contain no `.`, so none is equal.
 #[must_use]
 pub fn node_instance(node: &str) -> String {
     format!("node.{node}")
 }
 
-/// The key expression of an instance's liveliness token.
+/// Key expression of the liveliness token of an instance.
 #[must_use]
 pub fn alive(session: &str, role: &str, instance: &str) -> String {
     format!("{ROOT}/{session}/@alive/{role}/{instance}")
@@ -410,17 +410,17 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn every_row_names_messages_of_the_contract_and_known_roles() {
+    fn rows_name_known_messages_and_roles() {
         let messages: HashSet<_> = crate::message_names().into_iter().collect();
         let mut seen = HashSet::new();
         for row in rows() {
             assert!(row.role == ANY || role::ALL.contains(&row.role), "{row:?}");
             assert!(row.senders.iter().all(|s| *s == ANY || role::ALL.contains(s)), "{row:?}");
-            assert!(seen.insert((row.role, row.name)), "{} {} stands twice", row.role, row.name);
+            assert!(seen.insert((row.role, row.name)), "duplicate row {} {}", row.role, row.name);
             let (types, prefix) = match &row.kind {
-                Kind::Ask { request, reply } => (vec![request, reply], "cmd/"),
+                Kind::Request { request, reply } => (vec![request, reply], "cmd/"),
                 Kind::Stream { message } => (vec![message], "event/"),
-                Kind::Slot { message } => (vec![message], "state"),
+                Kind::Retained { message } => (vec![message], "state"),
             };
             assert!(row.name.starts_with(prefix), "{row:?}");
             for name in types {
@@ -430,10 +430,10 @@ mod tests {
     }
 
     #[test]
-    fn only_listed_roles_may_ask() {
+    fn only_listed_senders_may_send_a_request() {
         let rows = rows();
         let apply = rows.iter().find(|r| r.role == role::SCENE && r.name == "cmd/apply").unwrap();
         assert!(apply.may_ask(role::AGENT_FUNCTION));
-        assert!(!apply.may_ask(role::AGENT_INTENT), "the intent agent understands, it does not act");
+        assert!(!apply.may_ask(role::AGENT_INTENT), "the intent agent can't change the scene");
     }
 }

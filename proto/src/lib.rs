@@ -1,13 +1,33 @@
-//! The contract: messages, keys, limits.
+//! The contract between the processes: messages, keys, limits.
 //!
-//! Every message type that crosses a process boundary stands in `supergaussian/<domain>/v1/*.proto` and is compiled into
-//! the module of its domain here. [`keys`] is the one table of key expressions, their message types and who may send.
-//! Pure data: nothing here does input or output.
+//! Each module of a domain, such as [`scene`], holds the messages of `supergaussian/<domain>/v1/*.proto`. [`keys`] is the
+//! table of key expressions with their message types and permitted senders. This package does no input or output.
+//!
+//! # Example
+//!
+//! ```
+//! use prost::Message as _;
+//! use sg_proto::keys::{self, role};
+//! use sg_proto::prost;
+//! use sg_proto::scene::Command;
+//!
+//! let command = Command { id: "first".to_owned(), ..Command::default() };
+//! let bytes = command.encode_to_vec();
+//! assert_eq!(Command::decode(bytes.as_slice())?, command);
+//!
+//! // The row of the key `sg/demo/scene/cmd/apply`.
+//! let rows = keys::rows();
+//! let apply = rows.iter().find(|row| row.role == role::SCENE && row.name == keys::SCENE_APPLY.name);
+//! assert!(apply.is_some_and(|row| row.may_ask(role::AGENT_FUNCTION) && !row.may_ask(role::AGENT_INTENT)));
+//! assert_eq!(keys::key("demo", role::SCENE, keys::SCENE_APPLY.name), "sg/demo/scene/cmd/apply");
+//! # Ok::<(), prost::DecodeError>(())
+//! ```
 
 pub mod golden;
 pub mod keys;
 pub mod limits;
 pub mod released;
+pub mod replica;
 
 pub use prost;
 
@@ -52,7 +72,7 @@ pub use generated::selection::v1 as selection;
 /// The compiled schema, a serialized `google.protobuf.FileDescriptorSet` with comments.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.binpb"));
 
-/// Full names of all messages of the contract, in the order of their files.
+/// Full names of all messages, in the order of their files.
 #[must_use]
 pub fn message_names() -> Vec<&'static str> {
     macro_rules! names {
@@ -61,10 +81,12 @@ pub fn message_names() -> Vec<&'static str> {
     for_each_message!(names)
 }
 
-/// Decodes a message by its full name and encodes it again, as every service does on receipt.
+/// Decodes a message by its full name and encodes it again.
+///
+/// Returns `None` if the contract has no such message.
 ///
 /// # Errors
-/// `None` if there is no such message; `Some(Err)` if the bytes are not one.
+/// `Some(Err)` if the bytes are not a message of this type.
 #[must_use]
 pub fn recode(full_name: &str, bytes: &[u8]) -> Option<Result<Vec<u8>, prost::DecodeError>> {
     use prost::Message as _;

@@ -1,33 +1,43 @@
-//! The contract as it was last released: what this one has to be compatible with.
+//! The last release of the contract. The current contract must stay compatible with it.
 //!
-//! `proto/released/` holds, for every release, the compiled schema without comments (`v<version>.binpb`, a serialized
-//! `google.protobuf.FileDescriptorSet`) and how long each golden file was (`v<version>.golden`); the newest is compiled in.
+//! `proto/released/` holds two files for every release; the newest release is compiled in.
+//!
+//! - `v<version>.binpb`: the compiled schema without comments, a serialized `google.protobuf.FileDescriptorSet`.
+//! - `v<version>.golden`: length and hash of each golden file.
 
 include!(concat!(env!("OUT_DIR"), "/released.rs"));
 
-/// How far a golden file reached at the last release.
+/// The released part of a golden file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GoldenPart {
-    /// Package whose golden bytes it holds, such as `supergaussian.bus.v1`.
+    /// Package of the golden file, such as `supergaussian.bus.v1`.
     pub package: &'static str,
-    /// Length of the file then.
+    /// Length of the file at the release, bytes.
     pub bytes: usize,
-    /// BLAKE3 of the file then, hexadecimal.
+    /// BLAKE3 of the file at the release, hexadecimal.
     pub hash: &'static str,
 }
 
-/// The golden files of the last release; what was appended since is not part of it.
+/// A damaged list of golden files.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ReleaseError {
+    /// This line is not `<package> <bytes> <hash>`.
+    #[error("released/v{VERSION}.golden: not `<package> <bytes> <hash>`: `{0}`")]
+    Line(String),
+}
+
+/// Lists the released parts of the golden files. Lines added after the release are not part of them.
 ///
 /// # Errors
-/// The list is damaged.
-pub fn golden_parts() -> Result<Vec<GoldenPart>, String> {
+/// [`ReleaseError`] for a damaged list.
+pub fn golden_parts() -> Result<Vec<GoldenPart>, ReleaseError> {
     let part = |line: &'static str| {
         let mut words = line.split_whitespace();
         let (Some(package), Some(bytes), Some(hash), None) = (words.next(), words.next(), words.next(), words.next())
         else {
-            return Err(format!("released/v{VERSION}.golden: not `<package> <bytes> <hash>`: `{line}`"));
+            return Err(ReleaseError::Line(line.to_owned()));
         };
-        let bytes = bytes.parse().map_err(|e| format!("released/v{VERSION}.golden: `{bytes}`: {e}"))?;
+        let bytes = bytes.parse().map_err(|_| ReleaseError::Line(line.to_owned()))?;
         Ok(GoldenPart { package, bytes, hash })
     };
     GOLDEN_PARTS.lines().map(part).collect()

@@ -1,4 +1,4 @@
-//! Bytes from outside: whatever arrives, decoding ends with a message or an error.
+//! Decoding of arbitrary bytes ends with a message or an error.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -13,7 +13,7 @@ proptest! {
         bytes in proptest::collection::vec(any::<u8>(), 0..200),
     ) {
         if let Ok(first) = sg_proto::recode(name, &bytes).unwrap() {
-            // What was understood is written in one form only, and read back without loss.
+            // A decoded message has one encoding, and decodes again without loss.
             let second = sg_proto::recode(name, &first).unwrap();
             prop_assert_eq!(second, Ok(first));
         }
@@ -22,7 +22,7 @@ proptest! {
 
 #[test]
 fn endless_nesting_is_refused() {
-    // No message of the contract contains itself, so groups of an unknown field stand for hostile nesting.
+    // No message contains itself, so groups of an unknown field replace hostile nesting.
     let depth = 10_000;
     let bytes = [vec![0x7b_u8; depth], vec![0x7c_u8; depth]].concat();
     for name in sg_proto::message_names() {
@@ -31,7 +31,7 @@ fn endless_nesting_is_refused() {
 }
 
 #[test]
-fn an_unknown_name_is_told_from_bad_bytes() {
+fn an_unknown_name_differs_from_malformed_bytes() {
     assert_eq!(sg_proto::recode("supergaussian.bus.v1.NoSuchMessage", &[]), None);
     assert!(sg_proto::recode("supergaussian.bus.v1.Error", &[0x12, 0x05, b'a']).unwrap().is_err());
 }

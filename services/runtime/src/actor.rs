@@ -1,4 +1,4 @@
-//! Actors: a bounded mailbox, typed messages, an observable state, an exit status that says why.
+//! Actors: a bounded mailbox, typed messages, an observable state, an exit reason.
 
 use std::fmt::Display;
 use std::future::Future;
@@ -13,54 +13,67 @@ use tracing::Instrument as _;
 
 use crate::fault::Fault;
 
-/// A subject that handles one message at a time.
+/// State that one task owns. It handles one message at a time.
 pub trait Actor: Send + 'static {
-    /// What it is told. A message that wants an answer carries a [`Reply`].
+    /// Messages of the actor. A message with an answer carries a [`Reply`].
     type Message: Send + 'static;
-    /// What may be seen of it from outside at any time; its `Display` is one line.
+    /// Observable state; its `Display` is one line.
     type State: Clone + Display + Send + Sync + 'static;
 
-    /// Name within its process.
+    /// Name of the actor, unique within its process.
     fn name(&self) -> &'static str;
 
-    /// Its present observable state; asked after every message.
+    /// Current observable state; called after every message.
     fn state(&self) -> Self::State;
 
     /// Handles one message. An error ends the actor and, with it, its process.
     ///
     /// # Errors
-    /// A line that says why it cannot go on.
-    fn handle(&mut self, message: Self::Message) -> impl Future<Output = Result<(), String>> + Send;
+    /// [`ActorError`] with the reason.
+    fn handle(&mut self, message: Self::Message) -> impl Future<Output = Result<(), ActorError>> + Send;
 
-    /// Closes what it owns after the last message.
+    /// Closes its resources after the last message.
     fn stop(&mut self) -> impl Future<Output = ()> + Send {
         async {}
     }
 }
 
-/// Where the answer to a message goes.
+/// Reason why an actor cannot continue, one line.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ActorError(String);
+
+impl ActorError {
+    /// Makes an error from its reason.
+    #[must_use]
+    pub fn new(reason: impl Into<String>) -> Self {
+        Self(reason.into())
+    }
+}
+
+/// Sender of the answer to a message.
 pub type Reply<T> = oneshot::Sender<Result<T, Fault>>;
 
-/// Why an actor ended.
+/// Reason for the end of an actor.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Exit {
-    /// All mailboxes were dropped and every message handled.
+    /// All mailboxes were dropped or closed, and every message was handled.
     Finished,
-    /// It could not go on.
-    Failed(String),
+    /// [`Actor::handle`] returned this error.
+    Failed(ActorError),
 }
 
 /// The sending end of an actor's mailbox. Cheap to clone.
 #[derive(Debug)]
 pub struct Mailbox<M> {
-    sender: mpsc::Sender<Posted<M>>,
+    sender: mpsc::Sender<Traced<M>>,
     shared: Arc<Shared>,
 }
 
-/// A message and the span in which it was sent, so that what is logged about it carries the trace.
-type Posted<M> = (tracing::Span, M);
+/// A message with the span of its sender, so that logs about it carry the trace.
+type Traced<M> = (tracing::Span, M);
 
-// Written out because a derive would ask the message to be `Clone`.
+// Written out because a derive would require the message to be `Clone`.
 impl<M> Clone for Mailbox<M> {
     fn clone(&self) -> Self {
         Self { sender: self.sender.clone(), shared: Arc::clone(&self.shared) }
@@ -76,10 +89,10 @@ struct Shared {
 }
 
 impl<M: Send + 'static> Mailbox<M> {
-    /// Puts a message into the mailbox, or refuses it at once when the mailbox is full or the actor is gone.
+    /// Puts a message into the mailbox without waiting.
     ///
     /// # Errors
-    /// `ResourceExhausted` (counted) or `Unavailable`.
+    /// `ResourceExhausted` (counted) if the mailbox is full; `Unavailable` if the actor has ended.
     pub fn tell(&self, message: M) -> Result<(), Fault> {
         self.sender.try_send((tracing::Span::current(), message)).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => {
@@ -92,10 +105,10 @@ impl<M: Send + 'static> Mailbox<M> {
         })
     }
 
-    /// Sends a message that carries a [`Reply`] and waits for the answer until `deadline`.
+    /// Sends a message with a [`Reply`] and waits for the answer until `deadline`.
     ///
     /// # Errors
-    /// The actor's own fault; those of [`Mailbox::tell`]; `DeadlineExceeded`.
+    /// The fault of the actor; those of [`Mailbox::tell`]; `DeadlineExceeded`.
     pub async fn ask<T>(&self, deadline: Instant, message: impl FnOnce(Reply<T>) -> M) -> Result<T, Fault> {
         let (reply, answer) = oneshot::channel();
         self.tell(message(reply))?;
@@ -107,32 +120,56 @@ impl<M: Send + 'static> Mailbox<M> {
     }
 }
 
-/// A running actor, as its process sees it.
-pub struct Running<S> {
-    /// Its observable state.
+/// The receiving end of a mailbox, for a loop that waits for other things as well.
+///
+/// An [`Actor`] needs none: [`spawn`] reads its mailbox.
+#[derive(Debug)]
+pub struct Inbox<M> {
+    receiver: mpsc::Receiver<Traced<M>>,
+}
+
+impl<M> Inbox<M> {
+    /// The next message, or `None` when all mailboxes are dropped. Safe to cancel: no message is lost.
+    pub async fn recv(&mut self) -> Option<M> {
+        self.receiver.recv().await.map(|(_, message)| message)
+    }
+}
+
+/// Makes a mailbox of `capacity` messages and its receiving end.
+#[must_use]
+pub fn mailbox<M>(name: &'static str, capacity: usize) -> (Mailbox<M>, Inbox<M>) {
+    let (sender, receiver) = mpsc::channel(capacity);
+    let (handled, dropped) = (AtomicU64::new(0), AtomicU64::new(0));
+    let shared = Arc::new(Shared { name, handled, dropped, closing: Notify::new() });
+    (Mailbox { sender, shared }, Inbox { receiver })
+}
+
+/// Handle of a running actor.
+pub struct ActorHandle<S> {
+    /// Observable state.
     pub state: watch::Receiver<S>,
-    /// How it is.
-    pub observed: Arc<dyn Observed>,
-    /// Ends with the reason.
+    /// Health and shutdown.
+    pub control: Arc<dyn ActorControl>,
+    /// Ends with the exit reason.
     pub exit: JoinHandle<Exit>,
 }
 
-/// What a process tells of an actor in its health.
-pub trait Observed: Send + Sync {
-    /// How it is now.
+/// Health and shutdown of an actor, for its process.
+pub trait ActorControl: Send + Sync {
+    /// Current health.
     fn health(&self) -> ActorHealth;
 
-    /// Lets it take no new message; it ends when those in its mailbox are handled, whoever still holds the mailbox.
+    /// Closes the mailbox. The actor ends after the messages in it, even if mailboxes still exist.
     fn close(&self);
 }
 
-struct Observer<M, S> {
-    mailbox: mpsc::WeakSender<Posted<M>>,
+struct Control<M, S> {
+    mailbox: mpsc::WeakSender<Traced<M>>,
     shared: Arc<Shared>,
     state: watch::Receiver<S>,
 }
 
-impl<M: Send, S: Display + Send + Sync> Observed for Observer<M, S> {
+impl<M: Send, S: Display + Send + Sync> ActorControl for Control<M, S> {
     fn health(&self) -> ActorHealth {
         let (queued, capacity) = self
             .mailbox
@@ -154,13 +191,13 @@ impl<M: Send, S: Display + Send + Sync> Observed for Observer<M, S> {
 }
 
 /// Starts an actor with a mailbox of `capacity` messages.
-pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, Running<A::State>) {
-    let (sender, mut messages) = mpsc::channel::<Posted<A::Message>>(capacity);
+pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, ActorHandle<A::State>) {
+    let (mailbox, inbox) = mailbox(actor.name(), capacity);
+    let mut messages = inbox.receiver;
     let (publish, state) = watch::channel(actor.state());
-    let (handled, dropped) = (AtomicU64::new(0), AtomicU64::new(0));
-    let shared = Arc::new(Shared { name: actor.name(), handled, dropped, closing: Notify::new() });
-    let observer = Observer { mailbox: sender.downgrade(), shared: Arc::clone(&shared), state: state.clone() };
-    let counters = Arc::clone(&shared);
+    let shared = Arc::clone(&mailbox.shared);
+    let control = Control { mailbox: mailbox.sender.downgrade(), shared, state: state.clone() };
+    let counters = Arc::clone(&mailbox.shared);
     let exit = tokio::spawn(async move {
         let mut exit = Exit::Finished;
         loop {
@@ -184,7 +221,7 @@ pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, R
         actor.stop().await;
         exit
     });
-    (Mailbox { sender, shared }, Running { state, exit, observed: Arc::new(observer) })
+    (mailbox, ActorHandle { state, exit, control: Arc::new(control) })
 }
 
 #[cfg(test)]
@@ -215,12 +252,12 @@ mod tests {
             self.sum
         }
 
-        async fn handle(&mut self, message: Message) -> Result<(), String> {
+        async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
             match message {
                 Message::Add(n) => self.sum += n,
                 Message::Get(reply) => drop(reply.send(Ok(self.sum))),
                 Message::Wait(time) => tokio::time::sleep(time).await,
-                Message::Break => return Err("broken on purpose".to_owned()),
+                Message::Break => return Err(ActorError::new("broken on purpose")),
             }
             Ok(())
         }
@@ -231,25 +268,25 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn messages_are_handled_in_order_and_state_is_seen() {
+    async fn messages_are_handled_in_order_and_state_is_published() {
         let (mailbox, running) = spawn(Counter { sum: 0 }, 8);
         for n in 1..=4 {
             mailbox.tell(Message::Add(n)).unwrap();
         }
         assert_eq!(mailbox.ask(soon(), Message::Get).await, Ok(10));
         assert_eq!(*running.state.borrow(), 10);
-        assert_eq!(running.observed.health().handled, 5);
+        assert_eq!(running.control.health().handled, 5);
         drop(mailbox);
         assert_eq!(running.exit.await.unwrap(), Exit::Finished);
     }
 
     #[tokio::test]
-    async fn a_closed_mailbox_is_emptied_even_if_somebody_keeps_it() {
+    async fn a_closed_mailbox_is_emptied_while_senders_exist() {
         let (mailbox, running) = spawn(Counter { sum: 0 }, 8);
         mailbox.tell(Message::Wait(Duration::from_millis(20))).unwrap();
         mailbox.tell(Message::Add(1)).unwrap();
         tokio::task::yield_now().await;
-        running.observed.close();
+        running.control.close();
         let exit = tokio::time::timeout(Duration::from_secs(5), running.exit).await;
         assert_eq!(exit.unwrap().unwrap(), Exit::Finished);
         assert_eq!(*running.state.borrow(), 1);
@@ -263,7 +300,7 @@ mod tests {
         tokio::task::yield_now().await;
         let refused = (0..10).filter(|_| mailbox.tell(Message::Add(1)).is_err()).count();
         assert!(refused >= 8, "{refused}");
-        assert_eq!(running.observed.health().dropped, refused as u64);
+        assert_eq!(running.control.health().dropped, refused as u64);
     }
 
     #[tokio::test]
@@ -275,10 +312,10 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn an_actor_that_fails_says_why_and_takes_nothing_more() {
+    async fn a_failed_actor_reports_its_reason_and_refuses_messages() {
         let (mailbox, running) = spawn(Counter { sum: 0 }, 4);
         mailbox.tell(Message::Break).unwrap();
-        assert_eq!(running.exit.await.unwrap(), Exit::Failed("broken on purpose".to_owned()));
+        assert_eq!(running.exit.await.unwrap(), Exit::Failed(ActorError::new("broken on purpose")));
         assert_eq!(mailbox.tell(Message::Add(1)).unwrap_err().code, sg_proto::bus::Code::Unavailable);
     }
 }

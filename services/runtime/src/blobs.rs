@@ -1,5 +1,4 @@
-//! Bulk data of a session by content: files known by their BLAKE3 hash, bounded in number and size, offered to other
-//! machines in parts and fetched from them.
+//! Content-addressed files of a session: named by their BLAKE3 hash, bounded in size, sent to other machines in parts.
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
@@ -9,42 +8,42 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use sg_proto::bus::{ContentReply, ContentRequest};
-use sg_proto::keys::Ask;
+use sg_proto::keys::Request;
 
 use crate::bus::Bus;
 use crate::context::Context;
 use crate::fault::Fault;
 
-/// Most bytes one process keeps in the session's folder before it removes its oldest files.
+/// Most bytes that one process keeps. Beyond that it removes its oldest files.
 const MAX_BYTES: u64 = 1 << 30;
-/// Bytes of one part on the way between machines.
+/// Size of one part of a transfer, bytes.
 const PART_BYTES: u64 = 1 << 20;
-/// Largest file that is fetched.
-const MAX_FETCHED: u64 = 64 << 30;
+/// Largest file to fetch, bytes.
+const MAX_FETCH_BYTES: u64 = 64 << 30;
 
-/// A folder of content-addressed files. Each process removes only what it wrote itself.
+/// A folder of content-addressed files. Each process removes only its own files.
 #[derive(Debug, Clone)]
 pub struct Blobs {
     folder: PathBuf,
-    held: Arc<Mutex<Held>>,
+    index: Arc<Mutex<Index>>,
 }
 
 #[derive(Debug, Default)]
-struct Held {
+struct Index {
     /// Written by this process, oldest first.
     files: VecDeque<(PathBuf, u64)>,
     bytes: u64,
-    /// Where what others may read lies, by hash.
+    /// Paths of the files that other processes may read, by hash.
     offered: HashMap<String, PathBuf>,
 }
 
-/// A file that could not be kept or read.
+/// A file could not be stored or read.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {source}; is the disk full?")]
 pub struct BlobError {
     /// The file or folder.
     pub path: PathBuf,
-    /// What the system said.
+    /// Error of the system.
     pub source: io::Error,
 }
 
@@ -55,20 +54,21 @@ impl From<BlobError> for Fault {
 }
 
 impl Blobs {
-    /// Opens, making it if need be, a folder of blobs.
+    /// Opens a folder, and creates it if it does not exist.
     ///
     /// # Errors
-    /// [`BlobError`] if the folder cannot be made.
+    /// [`BlobError`] if the folder cannot be created.
     pub fn open(folder: &Path) -> Result<Self, BlobError> {
         std::fs::create_dir_all(folder).map_err(|source| BlobError { path: folder.to_owned(), source })?;
-        Ok(Self { folder: folder.to_owned(), held: Arc::default() })
+        Ok(Self { folder: folder.to_owned(), index: Arc::default() })
     }
 
-    /// Keeps bytes under their hash (hexadecimal) with an extension such as `npy`, and offers them; the same bytes are kept
-    /// once.
+    /// Stores bytes under their hash, with an extension such as `npy`, and offers them. Equal bytes are stored once.
+    ///
+    /// Returns the hash (hexadecimal) and the path.
     ///
     /// # Errors
-    /// [`BlobError`]; no half file stays behind.
+    /// [`BlobError`]. No partial file remains.
     pub fn put(&self, bytes: &[u8], extension: &str) -> Result<(String, PathBuf), BlobError> {
         let hash = blake3::hash(bytes).to_hex().to_string();
         let path = self.path_of(&hash, extension);
@@ -76,16 +76,17 @@ impl Blobs {
         if fresh {
             self.write(&path, |file| file.write_all(bytes))?;
         }
-        let mut held = self.lock();
-        held.offered.insert(hash.clone(), path.clone());
+        let mut index = self.lock();
+        index.offered.insert(hash.clone(), path.clone());
         if fresh {
-            held.remember(&path, bytes.len() as u64);
+            index.record(&path, bytes.len() as u64);
         }
         Ok((hash, path))
     }
 
-    /// Offers a file that lies elsewhere; its hash, hexadecimal, and its bytes. It must not change while it is offered:
-    /// who fetches it would refuse it.
+    /// Offers a file outside the folder. Returns its hash (hexadecimal) and its size in bytes.
+    ///
+    /// The file must not change while it is offered: receivers would refuse it.
     ///
     /// # Errors
     /// [`BlobError`] if it cannot be read.
@@ -98,13 +99,13 @@ impl Blobs {
         Ok((hash, bytes))
     }
 
-    /// A part of something that is offered.
+    /// Reads a part of an offered file.
     ///
     /// # Errors
-    /// `NotFound` for what is not offered, or no more; what the system said of a file that cannot be read.
+    /// `NotFound` for a hash that is not offered; `Internal` for a file that cannot be read.
     pub fn part(&self, request: &ContentRequest) -> Result<ContentReply, Fault> {
         let path = self.lock().offered.get(&request.hash).cloned();
-        let gone = || Fault::not_found(format!("nothing of hash {} is kept here", request.hash));
+        let gone = || Fault::not_found(format!("no file of hash {} is offered here", request.hash));
         let path = path.ok_or_else(gone)?;
         let read = || -> io::Result<ContentReply> {
             let file = File::open(&path)?;
@@ -120,15 +121,17 @@ impl Blobs {
         })
     }
 
-    /// Where something can be read on this machine that a role has kept under `path` on its own: there, if this is the same
-    /// machine, else in this folder, fetched part by part and checked against its hash.
+    /// Returns a local path of a file that a role has stored under `path`.
+    ///
+    /// On the same machine that is `path` itself. From another machine the file is fetched in parts and checked against its
+    /// hash.
     ///
     /// # Errors
-    /// The role's refusal; `DataLoss` for content of another hash; what the system said of a file that cannot be kept.
+    /// The fault of the role; `DataLoss` for another hash; `ResourceExhausted` for a file that cannot be stored.
     pub async fn fetch(
         &self,
         bus: &Bus,
-        row: &Ask<ContentRequest, ContentReply>,
+        row: &Request<ContentRequest, ContentReply>,
         (path, hash): (&str, &str),
         context: &Context,
     ) -> Result<PathBuf, Fault> {
@@ -137,12 +140,12 @@ impl Blobs {
             return Ok(path.to_owned());
         }
         let extension = path.extension().unwrap_or_default().to_string_lossy();
-        let kept = self.path_of(hash, &extension);
-        if !kept.is_file() {
-            let bytes = fetch_to(bus, row, hash, &kept, context).await?;
-            self.lock().remember(&kept, bytes);
+        let local = self.path_of(hash, &extension);
+        if !local.is_file() {
+            let bytes = fetch_to(bus, row, hash, &local, context).await?;
+            self.lock().record(&local, bytes);
         }
-        Ok(kept)
+        Ok(local)
     }
 
     fn path_of(&self, hash: &str, extension: &str) -> PathBuf {
@@ -154,34 +157,34 @@ impl Blobs {
         let written =
             File::create(&part).and_then(|mut file| fill(&mut file)).and_then(|()| std::fs::rename(&part, path));
         written.map_err(|source| {
-            // The part file may not exist; what matters is the error that led here.
+            // The part file may not exist. The first error counts.
             let _ = std::fs::remove_file(&part);
             BlobError { path: path.to_owned(), source }
         })
     }
 
-    /// Every change leaves the list whole, a panic in between included.
-    fn lock(&self) -> std::sync::MutexGuard<'_, Held> {
-        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Ignores poisoning: each change of the index is complete, even if its thread panics.
+    fn lock(&self) -> std::sync::MutexGuard<'_, Index> {
+        self.index.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Held {
-    fn remember(&mut self, path: &Path, bytes: u64) {
+impl Index {
+    fn record(&mut self, path: &Path, bytes: u64) {
         self.files.push_back((path.to_owned(), bytes));
         self.bytes += bytes;
         while self.bytes > MAX_BYTES && self.files.len() > 1 {
             if let Some((old, size)) = self.files.pop_front() {
                 self.bytes -= size;
                 self.offered.retain(|_, path| *path != old);
-                // Somebody may have removed it already; the aim is that it is gone.
+                // Another process may have removed it already.
                 let _ = std::fs::remove_file(old);
             }
         }
     }
 }
 
-/// Where a file is written before it is whole.
+/// Temporary path of a file that is being written.
 fn part_of(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!(".{name}.{}", std::process::id()))
@@ -194,7 +197,7 @@ fn part_of(path: &Path) -> PathBuf {
 /// As [`Blobs::fetch`].
 pub(crate) async fn fetch_to(
     bus: &Bus,
-    row: &Ask<ContentRequest, ContentReply>,
+    row: &Request<ContentRequest, ContentReply>,
     hash: &str,
     path: &Path,
     context: &Context,
@@ -206,7 +209,7 @@ pub(crate) async fn fetch_to(
         Ok(bytes)
     });
     if outcome.is_err() {
-        // What was fetched so far is of no use to anybody.
+        // A partial file is useless.
         let _ = std::fs::remove_file(&part);
     }
     outcome
@@ -214,7 +217,7 @@ pub(crate) async fn fetch_to(
 
 async fn fetch_parts(
     bus: &Bus,
-    row: &Ask<ContentRequest, ContentReply>,
+    row: &Request<ContentRequest, ContentReply>,
     hash: &str,
     part: &Path,
     context: &Context,
@@ -226,9 +229,9 @@ async fn fetch_parts(
     loop {
         let request = ContentRequest { hash: hash.to_owned(), offset };
         let reply = bus.ask(row, &request, &context.next().deadline_in(time)).await?;
-        if reply.total > MAX_FETCHED {
+        if reply.total > MAX_FETCH_BYTES {
             return Err(Fault::exhausted(format!(
-                "a file of {} bytes is larger than any that is fetched",
+                "a file of {} bytes is over the limit of {MAX_FETCH_BYTES} bytes",
                 reply.total
             )));
         }
@@ -242,7 +245,7 @@ async fn fetch_parts(
     if hasher.finalize().to_hex().as_str() != hash {
         return Err(Fault::new(
             sg_proto::bus::Code::DataLoss,
-            format!("what `{}` sent under hash {hash} is something else; did the file change?", row.role),
+            format!("`{}` sent other content under hash {hash}; has the file changed?", row.role),
         ));
     }
     file.sync_all().map_err(fail)?;
@@ -254,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_bytes_are_kept_once_under_their_hash() {
+    fn equal_bytes_are_stored_once() {
         let folder = tempfile::tempdir().unwrap();
         let blobs = Blobs::open(folder.path()).unwrap();
         let (hash, path) = blobs.put(b"gaussian", "bin").unwrap();
@@ -265,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_offered_is_read_in_parts_and_nothing_else_is() {
+    fn only_offered_files_are_read_in_parts() {
         let folder = tempfile::tempdir().unwrap();
         let blobs = Blobs::open(&folder.path().join("blobs")).unwrap();
         let bytes: Vec<u8> = (0..PART_BYTES + 10).map(|i| (i % 251) as u8).collect();

@@ -1,4 +1,4 @@
-//! Who caused a message, in which conversation, until when an answer is of use.
+//! Context of a message: cause, conversation, trace and deadline.
 
 use std::time::{Duration, Instant};
 
@@ -6,13 +6,13 @@ use sg_proto::bus::Envelope;
 use sg_proto::limits::DEFAULT_DEADLINE;
 use uuid::Uuid;
 
-/// The chain a message belongs to and the time that is left for it.
+/// Ids, conversation, trace and deadline of a message.
 ///
-/// A handler receives the context of the request it serves; what it sends in turn is derived from it by
-/// [`Context::next`], so that ids, conversation, trace and deadline run through the whole loop.
+/// A handler receives the context of its request and derives the contexts of its own messages with [`Context::next`].
+/// Conversation, trace and deadline thus pass through all services.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Context {
-    /// Id of the message; for a command, the id under which it takes effect at most once.
+    /// Id of the message. A command takes effect at most once per id.
     pub id: String,
     /// Id of the message that caused it; empty at the start of a chain.
     pub cause: String,
@@ -20,19 +20,19 @@ pub struct Context {
     pub conversation: String,
     /// Step within the conversation, from 1; 0 outside one.
     pub step: u32,
-    /// W3C trace context.
+    /// W3C trace context, `00-<trace id>-<span id>-<flags>`.
     pub traceparent: String,
-    /// Span of what caused this message, hexadecimal; empty at the start of a chain. Not sent: the receiver's parent is
+    /// Id of the parent span, 16 hexadecimal digits; empty at the start of a chain. Not sent: the parent at the receiver is
     /// this message.
     pub parent_span: String,
-    /// When an answer is of no more use.
+    /// Time at which the caller gives up.
     pub deadline: Instant,
-    /// Role of the sender, as it says of itself.
+    /// Role of the sender, as given by the sender; not verified.
     pub sender: String,
 }
 
 impl Context {
-    /// The start of a chain, with a fresh id and trace and the default deadline.
+    /// Starts a chain with a new id, a new trace and the default deadline.
     #[must_use]
     pub fn root() -> Self {
         let trace = Uuid::now_v7();
@@ -48,15 +48,15 @@ impl Context {
         }
     }
 
-    /// A message that this one causes: fresh id and span, the same conversation, step, trace and deadline.
+    /// Context of a message caused by this one: new id and span, same conversation, step, trace and deadline.
     #[must_use]
     pub fn next(&self) -> Self {
-        Self { id: Uuid::now_v7().to_string(), cause: self.id.clone(), ..self.entered() }
+        Self { id: Uuid::now_v7().to_string(), cause: self.id.clone(), ..self.in_span() }
     }
 
-    /// The work on this message: the same in a span of its own, whose parent is the message.
+    /// Context of the work on this message: a new span whose parent is the message.
     #[must_use]
-    pub(crate) fn entered(&self) -> Self {
+    pub(crate) fn in_span(&self) -> Self {
         let parent_span = self.span_id().to_owned();
         let traceparent = self
             .traceparent
@@ -65,40 +65,40 @@ impl Context {
         Self { traceparent, parent_span, ..self.clone() }
     }
 
-    /// Id of the trace, 32 hexadecimal digits; empty where a sender gave none.
+    /// Id of the trace, 32 hexadecimal digits; empty if the sender gave none.
     #[must_use]
     pub fn trace_id(&self) -> &str {
         self.traceparent.get(3..35).unwrap_or_default()
     }
 
-    /// Id of this message's span, 16 hexadecimal digits; empty where a sender gave none.
+    /// Id of the span, 16 hexadecimal digits; empty if the sender gave none.
     #[must_use]
     pub fn span_id(&self) -> &str {
         self.traceparent.get(36..52).unwrap_or_default()
     }
 
-    /// The same with this much time from now, but never more than was left.
+    /// Shortens the deadline to at most `time` from now.
     #[must_use]
     pub fn within(mut self, time: Duration) -> Self {
         self.deadline = self.deadline.min(Instant::now() + time);
         self
     }
 
-    /// The same with exactly this much time from now: for the start of a chain.
+    /// Sets the deadline to `time` from now, for the start of a chain.
     #[must_use]
     pub fn deadline_in(mut self, time: Duration) -> Self {
         self.deadline = Instant::now() + time;
         self
     }
 
-    /// The same under a given id.
+    /// Sets the id.
     #[must_use]
     pub fn with_id(mut self, id: impl Into<String>) -> Self {
         self.id = id.into();
         self
     }
 
-    /// The same as a step of a conversation.
+    /// Sets conversation and step.
     #[must_use]
     pub fn at_step(mut self, conversation: impl Into<String>, step: u32) -> Self {
         self.conversation = conversation.into();
@@ -106,7 +106,7 @@ impl Context {
         self
     }
 
-    /// Time that is left; zero when the deadline has passed.
+    /// Time until the deadline; zero after it.
     #[must_use]
     pub fn remaining(&self) -> Duration {
         self.deadline.saturating_duration_since(Instant::now())
@@ -145,7 +145,7 @@ impl Context {
     }
 }
 
-/// Eight random bytes, hexadecimal. The tail of a version-7 id is random.
+/// Eight random bytes, hexadecimal. The last bytes of a version-7 id are random.
 fn span_id() -> String {
     Uuid::now_v7().simple().to_string()[16..].to_owned()
 }
@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_follows_keeps_conversation_trace_and_deadline() {
+    fn a_caused_message_keeps_conversation_trace_and_deadline() {
         let first = Context::root().at_step("talk", 3);
         let second = first.next();
         assert_eq!((second.conversation.as_str(), second.step, second.cause.as_str()), ("talk", 3, first.id.as_str()));
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_deadline_is_never_lengthened_on_the_way() {
+    fn a_deadline_is_never_extended() {
         let short = Context::root().deadline_in(Duration::from_millis(10));
         assert!(short.clone().within(Duration::from_secs(9)).deadline <= short.deadline);
     }

@@ -1,7 +1,7 @@
-//! What a process counts, in Prometheus' terms.
+//! Prometheus metrics of a process.
 //!
-//! Names are an enum, so that the same thing is never counted under two of them. Where no recorder was installed, as in
-//! commands, counting costs a branch.
+//! The names are an enum, so each quantity has one name. Without an installed recorder, as in commands, a metric costs one
+//! branch.
 
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -10,32 +10,32 @@ use metrics::Unit;
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
 use sg_proto::bus::{Code, Health};
 
-/// Everything that is counted.
+/// All metrics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Metric {
-    /// Time from asking to the answer, by key and code.
+    /// Time from sending a request to its reply, by key and code.
     AskSeconds,
-    /// Questions put again because nobody served the role, by key.
+    /// Requests sent again because no process served the role, by key.
     Retries,
-    /// Time a request was worked on, by key and code.
+    /// Time to handle a request, by key and code.
     ServeSeconds,
-    /// Messages of streams sent, by key.
+    /// Messages published, by key.
     Published,
     /// Messages refused for their type, size, form, sender or epoch, by key.
     Refused,
-    /// Messages lost on the way or for want of room, by key.
+    /// Messages dropped in transit or at a full queue, by key.
     Dropped,
     /// Messages waiting in an actor's mailbox, by actor.
     ActorQueued,
-    /// Messages an actor has handled, by actor.
+    /// Messages handled, by actor.
     ActorHandled,
-    /// Messages an actor's full mailbox turned away, by actor.
+    /// Messages refused by a full mailbox, by actor.
     ActorDropped,
-    /// Time of one pass of a picture, by pass: that of the graphics device where one draws.
+    /// Time of one render pass, by pass; measured on the graphics device where there is one.
     PassSeconds,
     /// Resident memory of the process.
     MemoryBytes,
-    /// Age of the process.
+    /// Time since the start of the process.
     UptimeSeconds,
     /// Starts of a supervised service after its first, by service.
     ServiceRestarts,
@@ -50,11 +50,11 @@ enum Kind {
     Histogram,
 }
 
-/// Upper bounds of the buckets of times, seconds: from a message on one machine to the slowest question.
+/// Upper bounds of the histogram buckets, seconds: from one local message to the slowest request.
 const BUCKETS: [f64; 16] = [5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0, 30.0];
 
 impl Metric {
-    /// All of them.
+    /// All metrics.
     pub const ALL: [Self; 14] = [
         Self::AskSeconds,
         Self::Retries,
@@ -72,7 +72,7 @@ impl Metric {
         Self::ServiceReady,
     ];
 
-    /// Its name for Prometheus.
+    /// Name in Prometheus.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -95,20 +95,20 @@ impl Metric {
 
     fn describe(self) -> (Kind, Unit, &'static str) {
         match self {
-            Self::AskSeconds => (Kind::Histogram, Unit::Seconds, "From asking to the answer"),
-            Self::Retries => (Kind::Counter, Unit::Count, "Questions put again because nobody served the role"),
-            Self::ServeSeconds => (Kind::Histogram, Unit::Seconds, "Work on one request"),
-            Self::Published => (Kind::Counter, Unit::Count, "Messages of streams sent"),
+            Self::AskSeconds => (Kind::Histogram, Unit::Seconds, "Time from sending a request to its reply"),
+            Self::Retries => (Kind::Counter, Unit::Count, "Requests sent again because no process served the role"),
+            Self::ServeSeconds => (Kind::Histogram, Unit::Seconds, "Time to handle a request"),
+            Self::Published => (Kind::Counter, Unit::Count, "Messages published"),
             Self::Refused => {
                 (Kind::Counter, Unit::Count, "Messages refused for their type, size, form, sender or epoch")
             }
-            Self::Dropped => (Kind::Counter, Unit::Count, "Messages lost on the way or for want of room"),
+            Self::Dropped => (Kind::Counter, Unit::Count, "Messages dropped in transit or at a full queue"),
             Self::ActorQueued => (Kind::Gauge, Unit::Count, "Messages waiting in an actor's mailbox"),
-            Self::ActorHandled => (Kind::Counter, Unit::Count, "Messages an actor has handled"),
-            Self::ActorDropped => (Kind::Counter, Unit::Count, "Messages an actor's full mailbox turned away"),
-            Self::PassSeconds => (Kind::Histogram, Unit::Seconds, "One pass of a picture"),
+            Self::ActorHandled => (Kind::Counter, Unit::Count, "Messages handled"),
+            Self::ActorDropped => (Kind::Counter, Unit::Count, "Messages refused by a full mailbox"),
+            Self::PassSeconds => (Kind::Histogram, Unit::Seconds, "Time of one render pass"),
             Self::MemoryBytes => (Kind::Gauge, Unit::Bytes, "Resident memory"),
-            Self::UptimeSeconds => (Kind::Gauge, Unit::Seconds, "Age of the process"),
+            Self::UptimeSeconds => (Kind::Gauge, Unit::Seconds, "Time since the start of the process"),
             Self::ServiceRestarts => (Kind::Counter, Unit::Count, "Starts of a service after its first"),
             Self::ServiceReady => (Kind::Gauge, Unit::Count, "Whether a service is ready"),
         }
@@ -117,13 +117,13 @@ impl Metric {
 
 static HANDLE: OnceLock<PrometheusHandle> = OnceLock::new();
 
-/// Begins to count in this process; what is counted carries its role and instance. A second call changes nothing.
+/// Installs the recorder of this process. All metrics carry its role and instance. A second call changes nothing.
 pub fn install(role: &str, instance: &str) {
     let builder = PrometheusBuilder::new().add_global_label("role", role).add_global_label("instance", instance);
     let mut histograms = Metric::ALL.into_iter().filter(|m| m.describe().0 == Kind::Histogram);
     let builder =
         histograms.try_fold(builder, |b, m| b.set_buckets_for_metric(Matcher::Full(m.name().to_owned()), &BUCKETS));
-    // Refused only for an empty list of buckets.
+    // Fails only for an empty list of buckets.
     let Ok(builder) = builder else { return };
     let recorder = builder.build_recorder();
     let handle = recorder.handle();
@@ -136,21 +136,21 @@ pub fn install(role: &str, instance: &str) {
                 Kind::Histogram => metrics::describe_histogram!(metric.name(), unit, text),
             }
         }
-        // Nobody else sets it: the recorder was ours to install.
+        // Cannot fail: the recorder is installed once.
         let _ = HANDLE.set(handle);
     }
 }
 
-/// What was counted so far, in Prometheus' text format; empty where nothing was installed.
+/// All metrics in Prometheus' text format; empty without a recorder.
 #[must_use]
 pub fn render() -> String {
     let Some(handle) = HANDLE.get() else { return String::new() };
-    // Histograms keep raw samples until somebody looks.
+    // Histograms keep raw samples until upkeep.
     handle.run_upkeep();
     handle.render()
 }
 
-/// Keeps memory bounded where nobody looks: called with every sign of life.
+/// Bounds the memory of histograms between two calls of [`render`]; called with every health message.
 pub(crate) fn upkeep() {
     if let Some(handle) = HANDLE.get() {
         handle.run_upkeep();
@@ -167,14 +167,14 @@ pub fn observe(metric: Metric, labels: &[(&'static str, &'static str)], time: Du
     metrics::histogram!(metric.name(), labels).record(time.as_secs_f64());
 }
 
-/// Sets what a supervisor knows of one service.
+/// Sets the metrics of a supervised service.
 pub fn service(name: &str, restarts: u32, ready: bool) {
     let label = [("service", name.to_owned())];
     metrics::counter!(Metric::ServiceRestarts.name(), &label).absolute(u64::from(restarts));
     metrics::gauge!(Metric::ServiceReady.name(), &label).set(f64::from(u8::from(ready)));
 }
 
-/// Sets what a process's health says.
+/// Sets the metrics of a process from its health.
 #[allow(clippy::cast_precision_loss, reason = "bytes and milliseconds stay far below 2^53")]
 pub(crate) fn health(health: &Health) {
     metrics::gauge!(Metric::MemoryBytes.name()).set(health.memory_bytes as f64);
@@ -187,7 +187,7 @@ pub(crate) fn health(health: &Health) {
     }
 }
 
-/// The label of an outcome.
+/// Label of an outcome: a gRPC code.
 pub(crate) fn code(code: Option<Code>) -> &'static str {
     code.map_or("OK", |code| code.as_str_name().trim_start_matches("CODE_"))
 }
@@ -198,7 +198,7 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn names_are_unique_and_end_in_what_they_count() {
+    fn names_are_unique_and_end_in_their_unit() {
         let names: HashSet<_> = Metric::ALL.iter().map(|m| m.name()).collect();
         assert_eq!(names.len(), Metric::ALL.len());
         for metric in Metric::ALL {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_counted_is_rendered() {
+    fn metrics_are_rendered() {
         install("scene", "scene-1");
         count(Metric::Refused, &[("key", "cmd/apply")], 2);
         observe(Metric::ServeSeconds, &[("key", "cmd/apply"), ("code", code(None))], Duration::from_micros(1500));

@@ -1,4 +1,4 @@
-//! The files of a scene whose owner is on another machine.
+//! Geometry files of a scene on another machine.
 
 use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
@@ -11,18 +11,17 @@ use crate::bus::Bus;
 use crate::context::Context;
 use crate::fault::Fault;
 
-/// How long the owner may take to list its files, which it reads once for that, and to send a part of one.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Deadline of the file list and of each part of a file. The list is slow: the scene hashes its files for it.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(30);
 /// Most files of one scene.
 const MAX_FILES: usize = 10_000;
 
-/// Fetches the files of a scene into a folder named after its geometry, those that are there already excepted. What is to
-/// be opened of it.
+/// Fetches the missing files of a scene into a folder named after its geometry. Returns the path to open.
 ///
 /// # Errors
-/// The scene's refusal; names that lead out of the folder; a file that could not be fetched whole or kept.
+/// The fault of the scene; a name that leads out of the folder; a file that could not be fetched or stored.
 pub(crate) async fn fetch(bus: &Bus, run_dir: &Path, geometry_hash: &str) -> Result<PathBuf, Fault> {
-    let context = Context::root().deadline_in(PATIENCE);
+    let context = Context::root().deadline_in(REQUEST_TIMEOUT);
     let listed = bus.ask(&keys::SCENE_FILES, &FilesRequest {}, &context).await?;
     if listed.files.len() > MAX_FILES {
         return Err(Fault::exhausted(format!("the scene has {} files; {MAX_FILES} at most", listed.files.len())));
@@ -42,11 +41,11 @@ pub(crate) async fn fetch(bus: &Bus, run_dir: &Path, geometry_hash: &str) -> Res
     Ok(if listed.open.is_empty() { folder } else { folder.join(within(&listed.open)?) })
 }
 
-/// A path that stays in the folder that it is put into.
+/// Checks that a relative path stays inside its folder.
 fn within(name: &str) -> Result<&Path, Fault> {
     let path = Path::new(name);
     let inside = !name.is_empty() && path.components().all(|c| matches!(c, Component::Normal(_)));
-    if inside { Ok(path) } else { Err(Fault::invalid(format!("`{name}` is no file name below the scene's folder"))) }
+    if inside { Ok(path) } else { Err(Fault::invalid(format!("`{name}` leads out of the scene's folder"))) }
 }
 
 #[cfg(test)]
@@ -54,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_stay_in_their_folder() {
+    fn paths_out_of_the_folder_are_refused() {
         assert!(within("a.ply").is_ok() && within("units/bone.ply").is_ok());
         for bad in ["", "..", "../a", "/etc/passwd", "a/../../b", "."] {
             assert!(within(bad).is_err(), "{bad}");

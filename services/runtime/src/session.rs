@@ -1,4 +1,4 @@
-//! Sessions on this machine: where they keep socket, logs and pictures, and how one is found.
+//! Sessions on this machine: their folders, sockets and discovery.
 
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
@@ -8,10 +8,10 @@ use sg_proto::limits::MAX_NAME_BYTES;
 
 use crate::bus::endpoint_of;
 
-/// Environment variable that names the folder of all sessions.
+/// Environment variable with the folder of all sessions.
 pub const RUN_ROOT: &str = "SUPERGAUSSIAN_RUN_ROOT";
 
-/// The longest path that a unix socket may have on the systems we know.
+/// Longest path of a unix socket on Linux, bytes.
 const MAX_SOCKET_PATH: usize = 107;
 
 /// The folder of one session, mode 0700.
@@ -21,75 +21,75 @@ pub struct SessionDir {
     path: PathBuf,
 }
 
-/// A session that cannot be made or found.
+/// A session cannot be created or found.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// The name cannot be part of a key expression or path.
+    /// The name is not valid in a key expression or path.
     #[error("session name `{0}`: use 1 to {MAX_NAME_BYTES} letters, digits, `-` or `_`")]
-    Name(String),
-    /// The folder cannot be used.
+    InvalidName(String),
+    /// The folder is unusable.
     #[error("{path}: {source}")]
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
-    /// Somebody else could read or write the folder.
-    #[error("{0} belongs to somebody else or is open to others; remove it or set {RUN_ROOT} to a folder of your own")]
-    Open(PathBuf),
-    /// The socket's path would be too long.
+    /// Another user could read or write the folder.
+    #[error("{0} belongs to another user or is open to others; remove it or set {RUN_ROOT} to a private folder")]
+    NotPrivate(PathBuf),
+    /// The path of the socket is too long.
     #[error("{0}: too long for a socket; set {RUN_ROOT} to a shorter folder")]
-    Long(PathBuf),
-    /// No session runs.
+    SocketPathTooLong(PathBuf),
+    /// No session is running.
     #[error("no stack is running; start one with `supergaussian up FILE.toml`")]
-    None,
-    /// The session asked for does not run.
+    NoneRunning,
+    /// The requested session is not running.
     #[error("no stack of session `{name}` is running; running: {running}")]
-    Unknown {
-        /// Asked for.
+    NotRunning {
+        /// Requested name.
         name: String,
-        /// Sessions that run.
+        /// Running sessions, separated by commas.
         running: String,
     },
-    /// More than one runs.
+    /// Several sessions are running and none was named.
     #[error("several stacks are running: {0}; pick one with --session NAME")]
-    Many(String),
+    Ambiguous(String),
 }
 
 impl SessionDir {
-    /// The folder of a session by name, whether it exists or not.
+    /// Folder of a session by name. The folder may not exist yet.
     ///
     /// # Errors
-    /// [`SessionError::Name`], [`SessionError::Long`].
+    /// [`SessionError::InvalidName`], [`SessionError::SocketPathTooLong`].
     pub fn named(name: &str) -> Result<Self, SessionError> {
         let ok = (1..=MAX_NAME_BYTES).contains(&name.len())
             && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
         if !ok {
-            return Err(SessionError::Name(name.to_owned()));
+            return Err(SessionError::InvalidName(name.to_owned()));
         }
         let dir = Self { name: name.to_owned(), path: run_root().join(name) };
         if dir.socket().as_os_str().len() > MAX_SOCKET_PATH {
-            return Err(SessionError::Long(dir.socket()));
+            return Err(SessionError::SocketPathTooLong(dir.socket()));
         }
         Ok(dir)
     }
 
-    /// The folder of what a machine runs that has joined a session of another one. It is no session of this machine's own.
+    /// Folder of the processes that a joined machine runs for a session of another machine.
     ///
     /// # Errors
-    /// As [`SessionDir::named`], for the session's name and the machine's.
-    pub fn on_node(session: &str, node: &str) -> Result<Self, SessionError> {
+    /// As in [`SessionDir::named`], for the names of the session and of the machine.
+    pub fn for_node(session: &str, node: &str) -> Result<Self, SessionError> {
         let (session, node) = (Self::named(session)?, Self::named(node)?);
-        // No session's name has a dot.
+        // A session name contains no dot, so the folder is not that of a session.
         let path = run_root().join(format!("{}.{}", session.name, node.name));
         Ok(Self { name: session.name, path })
     }
 
-    /// Makes the folder, readable by its owner alone, or checks that it is so.
+    /// Creates the folder with mode 0700, or checks the mode of an existing one.
     ///
     /// # Errors
-    /// [`SessionError::Folder`], [`SessionError::Open`].
+    /// [`SessionError::Folder`], [`SessionError::NotPrivate`].
     pub fn create(&self) -> Result<(), SessionError> {
         for path in [&run_root(), &self.path] {
             let fail = |source| SessionError::Folder { path: path.clone(), source };
@@ -97,7 +97,7 @@ impl SessionDir {
             let metadata = std::fs::symlink_metadata(path).map_err(fail)?;
             let private = metadata.is_dir() && metadata.permissions().mode() & 0o077 == 0;
             if !private {
-                return Err(SessionError::Open(path.clone()));
+                return Err(SessionError::NotPrivate(path.clone()));
             }
         }
         Ok(())
@@ -109,46 +109,46 @@ impl SessionDir {
         &self.name
     }
 
-    /// The folder.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The bus's unix socket.
+    /// Path of the bus's unix socket.
     #[must_use]
     pub fn socket(&self) -> PathBuf {
         self.path.join("bus.sock")
     }
 
-    /// The bus's endpoint.
+    /// Endpoint of the bus.
     #[must_use]
     pub fn endpoint(&self) -> String {
         endpoint_of(&self.socket())
     }
 
-    /// The file that the supervisor holds locked while it lives; its text is the supervisor's process id.
+    /// Lock file of the supervisor. Its text is the supervisor's process id.
     #[must_use]
     pub fn lock_file(&self) -> PathBuf {
         self.path.join("supervisor.lock")
     }
 
-    /// Where services' logs go.
+    /// Folder of the services' logs.
     #[must_use]
     pub fn logs(&self) -> PathBuf {
         self.path.join("logs")
     }
 
-    /// Whether a supervisor lives in this session.
+    /// Whether the supervisor of this session is running.
     #[must_use]
     pub fn is_running(&self) -> bool {
         let Ok(file) = std::fs::File::open(self.lock_file()) else { return false };
-        // A lock that cannot be had is held by a living process: the system drops locks of dead ones.
+        // The system releases the locks of dead processes, so a held lock means a running supervisor.
         matches!(file.try_lock_shared(), Err(std::fs::TryLockError::WouldBlock))
     }
 }
 
-/// The folder of all sessions: `SUPERGAUSSIAN_RUN_ROOT`, else one for this user under the system's run-time folder.
+/// Folder of all sessions: `SUPERGAUSSIAN_RUN_ROOT`, else a folder of this user below the system's runtime folder.
 #[must_use]
 pub fn run_root() -> PathBuf {
     if let Some(root) = std::env::var_os(RUN_ROOT).filter(|r| !r.is_empty()) {
@@ -160,7 +160,7 @@ pub fn run_root() -> PathBuf {
     }
 }
 
-/// All sessions whose supervisor lives, by name.
+/// All running sessions, sorted by name.
 #[must_use]
 pub fn running() -> Vec<SessionDir> {
     let Ok(entries) = std::fs::read_dir(run_root()) else { return Vec::new() };
@@ -173,23 +173,23 @@ pub fn running() -> Vec<SessionDir> {
     sessions
 }
 
-/// The running session of this name, or the only one that runs.
+/// Finds the running session of this name, or the only running one.
 ///
 /// # Errors
-/// [`SessionError::None`], [`SessionError::Unknown`], [`SessionError::Many`].
+/// [`SessionError::NoneRunning`], [`SessionError::NotRunning`], [`SessionError::Ambiguous`].
 pub fn find(name: Option<&str>) -> Result<SessionDir, SessionError> {
     let running = running();
     let names = || running.iter().map(SessionDir::name).collect::<Vec<_>>().join(", ");
     match name {
         Some(name) => match running.iter().find(|s| s.name == name) {
             Some(session) => Ok(session.clone()),
-            None if running.is_empty() => Err(SessionError::None),
-            None => Err(SessionError::Unknown { name: name.to_owned(), running: names() }),
+            None if running.is_empty() => Err(SessionError::NoneRunning),
+            None => Err(SessionError::NotRunning { name: name.to_owned(), running: names() }),
         },
         None => match running.as_slice() {
-            [] => Err(SessionError::None),
+            [] => Err(SessionError::NoneRunning),
             [only] => Ok(only.clone()),
-            _ => Err(SessionError::Many(names())),
+            _ => Err(SessionError::Ambiguous(names())),
         },
     }
 }
@@ -199,9 +199,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_that_would_leave_the_folder_or_break_a_key_are_refused() {
+    fn names_with_path_or_key_characters_are_refused() {
         for bad in ["", "..", "a/b", "a*", "a b", "$x", "@alive"] {
-            assert!(matches!(SessionDir::named(bad), Err(SessionError::Name(_))), "{bad}");
+            assert!(matches!(SessionDir::named(bad), Err(SessionError::InvalidName(_))), "{bad}");
         }
         assert!(SessionDir::named("demo-1_b").is_ok());
     }

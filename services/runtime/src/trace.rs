@@ -1,7 +1,7 @@
-//! Traces: what was asked and answered, told to an OpenTelemetry collector where one is named.
+//! Export of traces to an OpenTelemetry collector.
 //!
-//! Ids come with the messages themselves ([`Context::traceparent`]), so that one trace runs through the whole loop
-//! whatever language its services are written in; this module only exports what they say.
+//! Messages carry the ids ([`Context::traceparent`]), so one trace spans services in any language. This module only exports
+//! the spans of this process.
 
 use std::sync::OnceLock;
 use std::time::{Duration, SystemTime};
@@ -18,39 +18,40 @@ use sg_proto::bus::Code;
 use crate::context::Context;
 use crate::metrics;
 
-/// Environment variable that names the collector, such as `http://127.0.0.1:4317`.
+/// Environment variable with the endpoint of the collector, such as `http://127.0.0.1:4317`.
 pub const COLLECTOR: &str = "OTEL_EXPORTER_OTLP_ENDPOINT";
 
-/// Spans that wait for the collector at most; what finds no room is dropped.
-const WAITING: usize = 4096;
-/// How long spans are gathered before they are sent.
-const GATHERING: Duration = Duration::from_millis(500);
-/// How long one delivery may take, and the last one when the process leaves.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Most waiting spans; further ones are dropped.
+const QUEUE_SIZE: usize = 4096;
+/// Time between two exports.
+const EXPORT_PERIOD: Duration = Duration::from_millis(500);
+/// Longest time for one export, and for the last one at exit.
+const EXPORT_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Which side of a message a span is on.
+/// Side of a message in a span.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// Who asked.
+    /// Sender of a request.
     Client,
-    /// Who answered.
+    /// Receiver of a request.
     Server,
-    /// Who published.
+    /// Publisher of a message.
     Producer,
 }
 
-struct Exporting {
+struct Exporter {
     processor: BatchSpanProcessor,
     scope: InstrumentationScope,
 }
 
-static EXPORTING: OnceLock<Option<Exporting>> = OnceLock::new();
+static EXPORTER: OnceLock<Option<Exporter>> = OnceLock::new();
 
-/// Begins to export if the environment names a collector. Needs a runtime, on which the connection lives.
+/// Starts the export if the environment names a collector. Must run inside a tokio runtime.
 pub(crate) fn start(role: &str) {
-    EXPORTING.get_or_init(|| {
+    EXPORTER.get_or_init(|| {
         let endpoint = std::env::var(COLLECTOR).ok().filter(|e| !e.is_empty())?;
-        let exporter = SpanExporter::builder().with_tonic().with_endpoint(&endpoint).with_timeout(PATIENCE).build();
+        let exporter =
+            SpanExporter::builder().with_tonic().with_endpoint(&endpoint).with_timeout(EXPORT_TIMEOUT).build();
         let exporter = match exporter {
             Ok(exporter) => exporter,
             Err(error) => {
@@ -58,24 +59,25 @@ pub(crate) fn start(role: &str) {
                 return None;
             }
         };
-        let config = BatchConfigBuilder::default().with_max_queue_size(WAITING).with_scheduled_delay(GATHERING).build();
+        let config =
+            BatchConfigBuilder::default().with_max_queue_size(QUEUE_SIZE).with_scheduled_delay(EXPORT_PERIOD).build();
         let mut processor = BatchSpanProcessor::builder(exporter).with_batch_config(config).build();
         let resource = Resource::builder().with_service_name(format!("supergaussian-{role}")).build();
         processor.set_resource(&resource);
-        Some(Exporting { processor, scope: InstrumentationScope::builder("sg-runtime").build() })
+        Some(Exporter { processor, scope: InstrumentationScope::builder("sg-runtime").build() })
     });
 }
 
-/// Sends what is gathered, when the process leaves.
+/// Exports the waiting spans at exit.
 pub(crate) async fn finish() {
-    if let Some(Some(exporting)) = EXPORTING.get() {
-        // A collector that is away keeps nobody from leaving.
-        let flush = tokio::task::spawn_blocking(move || drop(exporting.processor.force_flush()));
-        let _ = tokio::time::timeout(PATIENCE, flush).await;
+    if let Some(Some(exporter)) = EXPORTER.get() {
+        // An absent collector must not delay the exit.
+        let flush = tokio::task::spawn_blocking(move || drop(exporter.processor.force_flush()));
+        let _ = tokio::time::timeout(EXPORT_TIMEOUT, flush).await;
     }
 }
 
-/// Exports one span: the message of this context, from `started` until now.
+/// Exports one span for the message of this context, from `started` until now.
 pub(crate) fn record(
     context: &Context,
     kind: Kind,
@@ -83,7 +85,7 @@ pub(crate) fn record(
     started: SystemTime,
     code: Option<Code>,
 ) {
-    let Some(Some(exporting)) = EXPORTING.get() else { return };
+    let Some(Some(exporter)) = EXPORTER.get() else { return };
     let (Ok(trace), Ok(span)) = (TraceId::from_hex(context.trace_id()), SpanId::from_hex(context.span_id())) else {
         return;
     };
@@ -93,7 +95,7 @@ pub(crate) fn record(
         attributes.push(KeyValue::new("conversation", context.conversation.clone()));
         attributes.push(KeyValue::new("step", i64::from(context.step)));
     }
-    exporting.processor.on_end(SpanData {
+    exporter.processor.on_end(SpanData {
         span_context: SpanContext::new(trace, span, TraceFlags::SAMPLED, false, TraceState::NONE),
         parent_span_id: parent,
         parent_span_is_remote: kind == Kind::Server,
@@ -110,6 +112,6 @@ pub(crate) fn record(
         events: SpanEvents::default(),
         links: SpanLinks::default(),
         status: code.map_or(Status::Ok, |code| Status::error(metrics::code(Some(code)))),
-        instrumentation_scope: exporting.scope.clone(),
+        instrumentation_scope: exporter.scope.clone(),
     });
 }

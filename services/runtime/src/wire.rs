@@ -1,4 +1,4 @@
-//! Between typed messages and payloads: encoding names, sizes, envelopes.
+//! Encoding of typed messages as payloads: names, size limits, envelopes.
 
 use std::sync::LazyLock;
 
@@ -19,7 +19,7 @@ pub(crate) fn encoding<M: Name>() -> Encoding {
     Encoding::from(format!("{PROTOBUF}{}", M::full_name()))
 }
 
-/// Encodes, refusing what no receiver would take.
+/// Encodes a message. One over the size limit is refused, since no receiver accepts it.
 pub(crate) fn encode<M: Message + Name>(message: &M) -> Result<Vec<u8>, Fault> {
     let bytes = message.encode_to_vec();
     if bytes.len() > MAX_MESSAGE_BYTES {
@@ -32,12 +32,12 @@ pub(crate) fn encode<M: Message + Name>(message: &M) -> Result<Vec<u8>, Fault> {
     Ok(bytes)
 }
 
-/// Decodes a payload that should be an `M`, refusing other types, sizes and forms.
+/// Decodes a payload of type `M`. Other types, oversized and malformed payloads are refused.
 pub(crate) fn decode<M: Message + Name + Default>(encoding: &Encoding, payload: &ZBytes) -> Result<M, Fault> {
-    let named = encoding.to_string();
-    let Some(name) = named.strip_prefix(PROTOBUF) else {
+    let encoding = encoding.to_string();
+    let Some(name) = encoding.strip_prefix(PROTOBUF) else {
         return Err(Fault::invalid(format!(
-            "payload of encoding `{named}` refused; send `{PROTOBUF}{}`",
+            "payload of encoding `{encoding}` refused; send `{PROTOBUF}{}`",
             M::full_name()
         )));
     };
@@ -53,12 +53,12 @@ pub(crate) fn decode<M: Message + Name + Default>(encoding: &Encoding, payload: 
     M::decode(&*payload.to_bytes()).map_err(|e| Fault::invalid(format!("malformed {name}: {e}")))
 }
 
-/// The full name of the protobuf message an encoding speaks of, if it does.
+/// Full name of the protobuf message in an encoding, if any.
 pub(crate) fn message_name(encoding: &Encoding) -> Option<String> {
     encoding.to_string().strip_prefix(PROTOBUF).map(str::to_owned)
 }
 
-/// The envelope of a message; an absent one is empty, a malformed or oversized one refused.
+/// Decodes the envelope of a message. An absent one is empty; a malformed or oversized one is refused.
 pub(crate) fn envelope(attachment: Option<&ZBytes>) -> Result<Envelope, Fault> {
     let Some(attachment) = attachment else { return Ok(Envelope::default()) };
     if attachment.len() > MAX_ENVELOPE_BYTES {

@@ -22,7 +22,7 @@ impl Session {
     async fn open() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let socket = folder.path().join("bus.sock");
-        let router = Bus::route("test", role::SUPERVISOR, &socket, None).await.unwrap();
+        let router = Bus::open_router("test", role::SUPERVISOR, &socket, None).await.unwrap();
         Self { _folder: folder, endpoint: endpoint_of(&socket), router }
     }
 
@@ -35,7 +35,7 @@ fn soon() -> Context {
     Context::root().deadline_in(Duration::from_secs(5))
 }
 
-async fn serve_scene(bus: &Bus) -> sg_runtime::bus::Serving {
+async fn serve_scene(bus: &Bus) -> sg_runtime::bus::ServerHandle {
     bus.serve(&keys::SCENE_APPLY, 4, |command: Command, context| async move {
         match command.id.as_str() {
             "refuse" => Err(Fault::precondition("nothing is selected").with_details(["brush first".to_owned()])),
@@ -51,7 +51,7 @@ async fn serve_scene(bus: &Bus) -> sg_runtime::bus::Serving {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_question_is_answered_with_its_chain() {
+async fn a_request_is_answered_with_its_context() {
     let session = Session::open().await;
     let scene = session.join(role::SCENE).await;
     let _serving = serve_scene(&scene).await;
@@ -62,7 +62,7 @@ async fn a_question_is_answered_with_its_chain() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_refusal_keeps_its_code_line_and_details() {
+async fn a_fault_keeps_its_code_message_and_details() {
     let session = Session::open().await;
     let scene = session.join(role::SCENE).await;
     let _serving = serve_scene(&scene).await;
@@ -77,7 +77,7 @@ async fn a_refusal_keeps_its_code_line_and_details() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn nobody_there_is_unavailable_within_the_deadline() {
+async fn an_unserved_role_is_unavailable_within_the_deadline() {
     let session = Session::open().await;
     let cli = session.join(role::CLI).await;
     let before = Instant::now();
@@ -108,8 +108,8 @@ async fn a_slow_answer_is_late_and_a_full_queue_refuses_at_once() {
     let _serving = serve_scene(&scene).await;
     let cli = session.join(role::CLI).await;
     let slow = Command { id: "slow".into(), ..Default::default() };
-    let hurried = Context::root().deadline_in(Duration::from_millis(50));
-    assert_eq!(cli.ask(&keys::SCENE_APPLY, &slow, &hurried).await.unwrap_err().code, Code::DeadlineExceeded);
+    let short = Context::root().deadline_in(Duration::from_millis(50));
+    assert_eq!(cli.ask(&keys::SCENE_APPLY, &slow, &short).await.unwrap_err().code, Code::DeadlineExceeded);
 
     let asks: Vec<_> = (0..12)
         .map(|_| {
@@ -131,12 +131,12 @@ async fn senders_types_and_garbage_are_refused_and_counted() {
     let session = Session::open().await;
     let scene = session.join(role::SCENE).await;
     let _serving = serve_scene(&scene).await;
-    // The intent agent understands; it may not act.
+    // The intent agent may not change the scene.
     let intent = session.join(role::AGENT_INTENT).await;
     let fault = intent.ask(&keys::SCENE_APPLY, &Command::default(), &soon()).await.unwrap_err();
     assert_eq!(fault.code, Code::PermissionDenied);
 
-    // The same key with another type, and with bytes that are none.
+    // Other types, and bytes that are no message, under the same key.
     let raw = zenoh::open(client(&session.endpoint)).await.unwrap();
     let envelope = sg_proto::bus::Envelope { sender: role::CLI.into(), ..Default::default() }.encode_to_vec();
     let key = keys::key("test", role::SCENE, "cmd/apply");
@@ -173,11 +173,11 @@ fn client(endpoint: &str) -> zenoh::Config {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_slow_follower_loses_the_oldest_and_knows_how_many() {
+async fn a_slow_subscriber_loses_the_oldest_and_counts_them() {
     let session = Session::open().await;
     let scene = session.join(role::SCENE).await;
     let cli = session.join(role::CLI).await;
-    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
     tokio::time::sleep(Duration::from_millis(100)).await;
     for revision in 1..=100 {
         scene.publish(&keys::SCENE_EVENT, &Event { revision, ..Default::default() }, &soon()).await.unwrap();
@@ -195,14 +195,14 @@ async fn a_slow_follower_loses_the_oldest_and_knows_how_many() {
 async fn a_late_reader_gets_the_newest_value() {
     let session = Session::open().await;
     let scene = session.join(role::SCENE).await;
-    let state = scene.own(&keys::SCENE_STATE, State::default()).await.unwrap();
+    let state = scene.retain(&keys::SCENE_STATE, State::default()).await.unwrap();
     state.set(State { revision: 7, ..Default::default() }, &soon()).await.unwrap();
     let cli = session.join(role::CLI).await;
     assert_eq!(cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision, 7);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn draining_finishes_what_was_accepted() {
+async fn draining_finishes_accepted_requests() {
     let session = Session::open().await;
     let scene = session.join(role::SCENE).await;
     let serving = serve_scene(&scene).await;
@@ -216,11 +216,11 @@ async fn draining_finishes_what_was_accepted() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn who_comes_and_goes_is_seen() {
+async fn liveliness_changes_are_published() {
     let session = Session::open().await;
-    let mut seen = session.router.watch_alive(16).await.unwrap();
+    let mut seen = session.router.watch_liveliness(16).await.unwrap();
     let scene = session.join(role::SCENE).await;
-    let alive = scene.declare_alive("scene-1").await.unwrap();
+    let alive = scene.declare_liveliness("scene-1").await.unwrap();
     let came = tokio::time::timeout(Duration::from_secs(2), seen.recv()).await.unwrap().unwrap();
     assert_eq!((came.role.as_str(), came.instance.as_str(), came.alive), (role::SCENE, "scene-1", true));
     drop(alive);
@@ -229,7 +229,7 @@ async fn who_comes_and_goes_is_seen() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_message_no_receiver_would_take_is_not_sent() {
+async fn an_oversized_message_is_not_sent() {
     let session = Session::open().await;
     let cli = session.join(role::CLI).await;
     let bits = vec![0; sg_proto::limits::MAX_MESSAGE_BYTES + 1];
@@ -237,61 +237,61 @@ async fn a_message_no_receiver_would_take_is_not_sent() {
     let action = Some(sg_proto::scene::command::Action::CommitSelection(commit));
     let fault = cli.ask(&keys::SCENE_APPLY, &Command { action, ..Default::default() }, &soon()).await.unwrap_err();
     assert_eq!(fault.code, Code::ResourceExhausted);
-    let hurried = soon().within(Duration::from_millis(50));
-    let fault = cli.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &hurried).await.unwrap_err();
+    let short = soon().within(Duration::from_millis(50));
+    let fault = cli.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &short).await.unwrap_err();
     assert!(matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn who_stands_by_serves_its_instance_until_it_is_promoted() {
+async fn a_standby_serves_its_instance_until_promotion() {
     let session = Session::open().await;
-    let newcomer = Bus::connect_instance("test", role::SCENE, "scene-2", 9, true, &session.endpoint).await.unwrap();
-    let _serving = serve_scene(&newcomer).await;
-    let state = newcomer.own(&keys::SCENE_STATE, State { revision: 7, ..Default::default() }).await.unwrap();
+    let candidate = Bus::connect_instance("test", role::SCENE, "scene-2", 9, true, &session.endpoint).await.unwrap();
+    let _serving = serve_scene(&candidate).await;
+    let state = candidate.retain(&keys::SCENE_STATE, State { revision: 7, ..Default::default() }).await.unwrap();
     let cli = session.join(role::CLI).await;
     let command = Command { id: "one".into(), ..Default::default() };
-    let hurried = || Context::root().deadline_in(Duration::from_millis(300));
+    let short = || Context::root().deadline_in(Duration::from_millis(300));
 
-    let away = cli.ask(&keys::SCENE_APPLY, &command, &hurried()).await.unwrap_err();
+    let away = cli.ask(&keys::SCENE_APPLY, &command, &short()).await.unwrap_err();
     assert!(matches!(away.code, Code::Unavailable | Code::DeadlineExceeded), "{away:?}");
     let own = keys::instance("scene-2");
     assert_eq!(cli.ask_role(&keys::SCENE_APPLY, &own, &command, &soon()).await.unwrap().id, "one");
-    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
-    newcomer.publish(&keys::SCENE_EVENT, &Event { revision: 1, ..Default::default() }, &soon()).await.unwrap();
-    assert_eq!((newcomer.epoch(), newcomer.stands_by()), (0, true));
+    let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    candidate.publish(&keys::SCENE_EVENT, &Event { revision: 1, ..Default::default() }, &soon()).await.unwrap();
+    assert_eq!((candidate.epoch(), candidate.is_standby()), (0, true));
 
-    newcomer.promote(9).await.unwrap();
-    assert_eq!((newcomer.epoch(), newcomer.stands_by()), (9, false));
-    assert_eq!(newcomer.declares(), ["cmd/apply", "state"]);
+    candidate.promote(9).await.unwrap();
+    assert_eq!((candidate.epoch(), candidate.is_standby()), (9, false));
+    assert_eq!(candidate.declares(), ["cmd/apply", "state"]);
     assert_eq!(cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.unwrap().id, "one");
     assert_eq!(cli.ask_role(&keys::SCENE_APPLY, &own, &command, &soon()).await.unwrap().id, "one");
     assert_eq!(cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision, 7);
-    newcomer.publish(&keys::SCENE_EVENT, &Event { revision: 2, ..Default::default() }, &soon()).await.unwrap();
+    candidate.publish(&keys::SCENE_EVENT, &Event { revision: 2, ..Default::default() }, &soon()).await.unwrap();
     let (event, _) = tokio::time::timeout(Duration::from_secs(5), events.next()).await.unwrap().unwrap();
-    assert_eq!(event.revision, 2, "what was published before was of nobody's role");
+    assert_eq!(event.revision, 2, "events in standby are not under the role");
     drop(state);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_an_older_epoch_says_is_refused_and_counted() {
+async fn messages_of_an_older_epoch_are_refused_and_counted() {
     let session = Session::open().await;
     let connect =
         |instance, epoch| Bus::connect_instance("test", role::SCENE, instance, epoch, false, &session.endpoint);
     let (old, new) = (connect("scene-1", 4).await.unwrap(), connect("scene-2", 5).await.unwrap());
     let cli = session.join(role::CLI).await;
-    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
-    let tell = async |bus: &Bus, revision| {
+    let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    let publish = async |bus: &Bus, revision| {
         bus.publish(&keys::SCENE_EVENT, &Event { revision, ..Default::default() }, &soon()).await.unwrap();
         tokio::time::sleep(Duration::from_millis(100)).await;
     };
     // The subscription takes a moment to be known.
     while tokio::time::timeout(Duration::from_millis(10), events.next()).await.is_err() {
-        tell(&old, 0).await;
+        publish(&old, 0).await;
     }
-    tell(&old, 1).await;
-    tell(&new, 2).await;
-    tell(&old, 3).await;
-    tell(&new, 4).await;
+    publish(&old, 1).await;
+    publish(&new, 2).await;
+    publish(&old, 3).await;
+    publish(&new, 4).await;
     let mut heard = Vec::new();
     while let Ok(Some((event, _))) = tokio::time::timeout(Duration::from_millis(300), events.next()).await {
         heard.push(event.revision);
@@ -302,14 +302,14 @@ async fn what_an_older_epoch_says_is_refused_and_counted() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_request_is_withdrawn_whether_it_waits_or_is_worked_on() {
+async fn waiting_and_running_requests_are_cancelled() {
     let session = Session::open().await;
     let scene = session.join(role::SCENE).await;
     let _serving = serve_scene(&scene).await;
     let bus = scene.clone();
     let _cancel = scene
         .serve(&keys::CANCEL, 4, move |request, _| {
-            std::future::ready(Ok(sg_proto::bus::CancelReply { found: bus.withdraw(&request.id) }))
+            std::future::ready(Ok(sg_proto::bus::CancelReply { found: bus.cancel_pending(&request.id) }))
         })
         .await
         .unwrap();
@@ -321,24 +321,24 @@ async fn a_request_is_withdrawn_whether_it_waits_or_is_worked_on() {
             cli.ask(&keys::SCENE_APPLY, &slow, &soon().with_id(id)).await
         })
     };
-    let worked_on = ask("first");
+    let running = ask("first");
     tokio::time::sleep(Duration::from_millis(50)).await;
     let (waiting, last) = (ask("second"), ask("third"));
     tokio::time::sleep(Duration::from_millis(50)).await;
     assert!(cli.cancel(role::SCENE, "first").await.unwrap());
     assert!(cli.cancel(role::SCENE, "second").await.unwrap());
-    assert!(!cli.cancel(role::SCENE, "second").await.unwrap(), "it is over");
+    assert!(!cli.cancel(role::SCENE, "second").await.unwrap(), "already cancelled");
     assert!(!cli.cancel(role::SCENE, "never asked").await.unwrap());
-    assert_eq!(worked_on.await.unwrap().unwrap_err().code, Code::Cancelled);
+    assert_eq!(running.await.unwrap().unwrap_err().code, Code::Cancelled);
     assert_eq!(waiting.await.unwrap().unwrap_err().code, Code::Cancelled);
-    assert!(last.await.unwrap().is_ok(), "others go on");
+    assert!(last.await.unwrap().is_ok(), "other requests continue");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_row_of_another_role_is_not_declared_nor_sent_under() {
+async fn a_row_of_another_role_is_refused() {
     let session = Session::open().await;
     let selection = session.join(role::SELECTION).await;
-    let error = selection.own(&keys::SCENE_STATE, State::default()).await.unwrap_err().to_string();
+    let error = selection.retain(&keys::SCENE_STATE, State::default()).await.unwrap_err().to_string();
     assert!(error.contains("belongs to `scene`, this process serves `selection`"), "{error}");
     let refused = selection.serve(&keys::SCENE_APPLY, 4, |_, _| std::future::ready(Err(Fault::internal("no")))).await;
     assert!(refused.is_err());

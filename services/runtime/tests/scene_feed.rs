@@ -2,81 +2,50 @@
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
-use std::sync::{Arc, Mutex};
+mod fixture;
+
 use std::time::Duration;
 
-use sg_proto::keys::{self, role};
-use sg_proto::scene::{Changes, ChangesRequest, Event, State};
-use sg_runtime::bus::{Bus, Serving, endpoint_of};
-use sg_runtime::context::Context;
+use fixture::{FakeScene, event};
+use sg_proto::keys::role;
 use sg_runtime::scene_feed::{SceneFeed, Update};
-
-/// Answers from a revision that the test sets: events for short gaps, a snapshot for those over ten.
-async fn serve_changes(scene: &Bus, revision: &Arc<Mutex<u64>>) -> Serving {
-    let revision = Arc::clone(revision);
-    scene
-        .serve(&keys::SCENE_CHANGES, 8, move |request: ChangesRequest, _| {
-            let revision = *revision.lock().unwrap();
-            let gap = revision.saturating_sub(request.from);
-            let snapshot = (request.snapshot || gap > 10).then(|| State { revision, ..State::default() });
-            let range = request.from + 1..=revision;
-            let events = range.filter(|_| snapshot.is_none()).map(event).collect();
-            std::future::ready(Ok(Changes { revision, events, snapshot }))
-        })
-        .await
-        .unwrap()
-}
-
-fn event(revision: u64) -> Event {
-    Event { revision, ..Event::default() }
-}
 
 async fn next(feed: &mut SceneFeed) -> Update {
     tokio::time::timeout(Duration::from_secs(5), feed.next()).await.unwrap().unwrap().0
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn every_revision_comes_once_whatever_is_lost() {
-    let folder = tempfile::tempdir().unwrap();
-    let socket = folder.path().join("bus.sock");
-    let _router = Bus::route("test", role::SUPERVISOR, &socket, None).await.unwrap();
-    let join = |role: &'static str| {
-        let endpoint = endpoint_of(&socket);
-        async move { Bus::connect("test", role, &endpoint).await.unwrap() }
-    };
-    let scene = join(role::SCENE).await;
-    let revision = Arc::new(Mutex::new(4));
-    let serving = serve_changes(&scene, &revision).await;
-    let publish = async |r: u64| {
-        *revision.lock().unwrap() = r;
-        scene.publish(&keys::SCENE_EVENT, &event(r), &Context::root()).await.unwrap();
-    };
-
-    let reader = join(role::SELECTION).await;
+async fn every_revision_arrives_once_despite_losses() {
+    let scene = FakeScene::at(4).await;
+    let serving = scene.serve_changes().await;
+    let reader = scene.join(role::SELECTION).await;
     let mut feed = SceneFeed::open(&reader).await.unwrap();
     assert!(matches!(next(&mut feed).await, Update::Snapshot(s) if s.revision == 4));
 
-    publish(5).await;
+    scene.publish(5).await;
     assert_eq!(next(&mut feed).await, Update::Event(event(5)));
-    // 6 and 7 are never published; 8 tells of the gap.
-    publish(8).await;
-    for r in 6..=8 {
-        assert_eq!(next(&mut feed).await, Update::Event(event(r)));
+    // 6 and 7 are never published; 8 reveals the gap.
+    scene.publish(8).await;
+    for revision in 6..=8 {
+        assert_eq!(next(&mut feed).await, Update::Event(event(revision)));
     }
-    // A repeated event changes nothing; the last event is lost and found by asking after a silence.
-    publish(8).await;
-    *revision.lock().unwrap() = 9;
+    // A repeated event changes nothing. The last event is lost and found after a silence.
+    scene.publish(8).await;
+    scene.set(9);
     assert_eq!(next(&mut feed).await, Update::Event(event(9)));
-    // A long gap is bridged by a snapshot.
-    publish(60).await;
+    // A snapshot bridges a long gap.
+    scene.publish(60).await;
     assert!(matches!(next(&mut feed).await, Update::Snapshot(s) if s.revision == 60));
 
-    // The scene goes away and comes back with less: another life, so the reader starts over.
+    // The scene is opened anew with a lower revision, so the reader starts over.
     drop(serving);
-    *revision.lock().unwrap() = 2;
+    scene.set(2);
     let again = tokio::spawn(async move { (next(&mut feed).await, feed) });
     tokio::time::sleep(Duration::from_millis(300)).await;
-    let _serving = serve_changes(&scene, &revision).await;
-    let (update, _feed) = again.await.unwrap();
+    let _serving = scene.serve_changes().await;
+    let (update, mut feed) = again.await.unwrap();
     assert!(matches!(update, Update::Snapshot(s) if s.revision == 2), "a scene opened anew is read anew");
+
+    feed.restart();
+    assert!(matches!(next(&mut feed).await, Update::Snapshot(s) if s.revision == 2));
 }

@@ -1,4 +1,4 @@
-//! Zenoh as it comes, over the same router and link, carrying the same encoded messages.
+//! Plain zenoh over the same router and link, with the same encoded messages.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -54,7 +54,7 @@ pub(crate) struct BareBus(zenoh::Session);
 impl BareBus {
     pub(crate) async fn connect(folder: &Path) -> Self {
         let link = Self(join(folder).await);
-        // Nobody there is no reply at all.
+        // Without a server there is no reply.
         while link.ask("ready?").await.is_none() {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }

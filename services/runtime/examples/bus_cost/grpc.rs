@@ -1,4 +1,4 @@
-//! gRPC over a unix socket, as tonic does it: what most would pick.
+//! gRPC over a unix socket, with tonic.
 
 use std::convert::Infallible;
 use std::future::Future;
@@ -25,7 +25,7 @@ use crate::{Link, appears, command, small};
 
 const ECHO: &str = "/bench/echo";
 const STREAM: &str = "/bench/stream";
-/// Larger than the largest message of the bench.
+/// Larger than the largest message of the benchmark, bytes.
 const LIMIT: usize = 8 << 20;
 
 fn path(folder: &Path) -> PathBuf {

@@ -1,12 +1,12 @@
-//! What our layer costs over the bare bus, and what a user would pick instead, in one run:
+//! Cost of the runtime over plain zenoh, gRPC and a unix socket, in one run:
 //!
 //! ```text
 //! cargo run --release --workspace --example bus_cost            # all of it, about a minute
 //! cargo run --release --workspace --example bus_cost -- --rounds 3
 //! ```
 //!
-//! Two processes exchange protobuf messages: request and reply of one size (an echo), and one way. The four ways take turns
-//! within every round, so that whatever else the machine does meets them alike.
+//! Two processes exchange protobuf messages: an echo of one size, and messages in one direction. The four transports
+//! alternate within every round, so that other load on the machine affects all of them.
 
 #![allow(
     clippy::print_stdout,
@@ -34,7 +34,7 @@ use sg_runtime::process::block_on;
 
 /// Sizes of the echo, bytes of text in the message.
 const SIZES: [(usize, &str); 3] = [(100, "100 B"), (10_000, "10 kB"), (1_000_000, "1 MB")];
-/// How long messages are sent one way.
+/// Duration of the one-way test.
 const SENDING: Duration = Duration::from_millis(500);
 
 #[derive(Parser)]
@@ -42,23 +42,23 @@ struct Arguments {
     /// Rounds; each takes about two seconds
     #[arg(long, default_value_t = 20)]
     rounds: usize,
-    /// Used by the bench itself: what this process serves
+    /// Internal: transport that this process serves
     #[arg(long, hide = true)]
     serve: Option<String>,
-    /// Used by the bench itself
+    /// Internal
     #[arg(long, hide = true)]
     folder: Option<PathBuf>,
 }
 
-/// One way from process to process.
+/// A transport between two processes.
 trait Link {
     /// Sends a text and gets it back.
     async fn echo(&mut self, text: &str);
-    /// Sends small messages for a while; how many arrived on the other side.
+    /// Sends small messages for a while. Returns the number that arrived.
     async fn flood(&mut self, time: Duration) -> u64;
 }
 
-/// Times and counts of one way.
+/// Times and counts of one transport.
 #[derive(Default)]
 struct Samples {
     echo: [Vec<f64>; SIZES.len()],
@@ -73,7 +73,7 @@ impl Samples {
             for i in 0..count {
                 let begun = Instant::now();
                 link.echo(&text).await;
-                // The first ones of a round meet cold caches.
+                // The first requests of a round have cold caches.
                 if i >= count / 10 {
                     times.push(begun.elapsed().as_secs_f64() * 1e6);
                 }
@@ -96,7 +96,7 @@ fn command(text: &str) -> scene::Command {
     scene::Command { id: text.to_owned(), ..Default::default() }
 }
 
-/// The message that is sent one way.
+/// The message of the one-way test.
 fn small() -> render::Frame {
     render::Frame { png_path: "x".repeat(100), ..Default::default() }
 }
@@ -113,7 +113,7 @@ fn main() {
 async fn serve(kind: &str, folder: &Path) {
     match kind {
         "router" => {
-            let _router = Bus::route("bench", "supervisor", &folder.join("bus.sock"), None).await.unwrap();
+            let _router = Bus::open_router("bench", "supervisor", &folder.join("bus.sock"), None).await.unwrap();
             std::future::pending::<()>().await;
         }
         "ours" => ours::serve(folder).await,
@@ -124,7 +124,7 @@ async fn serve(kind: &str, folder: &Path) {
     }
 }
 
-/// A process of the bench, ended with it.
+/// A child process of the benchmark, killed at its end.
 struct Served(Child);
 
 impl Served {

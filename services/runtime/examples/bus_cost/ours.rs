@@ -1,4 +1,4 @@
-//! Through the runtime, as every service does it.
+//! The runtime, as services use it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use sg_runtime::metrics;
 use crate::{Link, command, small};
 
 async fn join(folder: &Path, role: &str) -> Bus {
-    // Counting is part of what our layer costs.
+    // Counting is part of the runtime's cost.
     metrics::install(role, "bench-1");
     Bus::connect("bench", role, &endpoint_of(&folder.join("bus.sock"))).await.unwrap()
 }
@@ -22,7 +22,7 @@ async fn join(folder: &Path, role: &str) -> Bus {
 pub(crate) async fn serve(folder: &Path) {
     let bus = join(folder, role::SCENE).await;
     let heard = Arc::new(AtomicU64::new(0));
-    let mut frames = bus.follow(&keys::VIEW_FRAME, role::RENDER_VIEW, 1 << 16).await.unwrap();
+    let mut frames = bus.subscribe(&keys::VIEW_FRAME, role::RENDER_VIEW, 1 << 16).await.unwrap();
     let counter = Arc::clone(&heard);
     tokio::spawn(async move {
         while frames.next().await.is_some() {
@@ -68,7 +68,7 @@ impl Link for Ours {
                 self.0.publish(&keys::VIEW_FRAME, &frame, &context).await.unwrap();
             }
         }
-        // What is on its way arrives before the next answer.
+        // Messages in transit arrive before the next answer.
         self.ask("").await.revision - before
     }
 }

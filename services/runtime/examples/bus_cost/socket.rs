@@ -1,4 +1,4 @@
-//! A unix socket and nothing else: the floor under everything.
+//! A plain unix socket: the lower bound.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use tokio::net::{UnixListener, UnixStream};
 
 use crate::{Link, appears, command, small};
 
-/// Marks a message that wants no answer.
+/// Marks a message without an answer.
 const ONE_WAY: u32 = 1 << 31;
 
 fn path(folder: &Path) -> PathBuf {

@@ -1,110 +1,49 @@
-//! The bus as services see it: ask, answer, publish, follow, newest value, liveliness.
+//! The bus: requests, streams, retained values and liveliness.
 //!
-//! Every receive path is bounded: a request that finds its queue full is refused at once, a stream reader that falls
-//! behind loses the oldest messages, and both are counted.
+//! Every receive path is bounded. A full request queue refuses at once, and a slow stream reader loses the oldest messages.
+//! Both are counted.
 
 mod access;
-mod alive;
-mod ask;
+mod addressing;
+mod client;
 mod config;
-mod place;
+mod counters;
+mod epochs;
+mod link;
+mod liveliness;
 mod raw;
-mod serve;
-mod slot;
+mod retained;
+mod route;
+mod server;
 mod stream;
 
-use std::collections::VecDeque;
 use std::future::Future;
 use std::path::Path;
 use std::pin::Pin;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
-pub use alive::{Alive, Liveliness};
-pub use config::{Certificates, Guest, Link, Listen, TLS_PREFIX, endpoint_of};
-pub use raw::{Declared, Heard, Raw};
-pub use serve::Serving;
-pub use slot::Owned;
-pub use stream::{Following, Seen, Watching};
+pub use counters::Counters;
+pub use link::{Certificates, Link, RemoteMachine, TLS_PREFIX, TlsListener, endpoint_of};
+pub use liveliness::{LivelinessChange, LivelinessToken};
+pub use raw::{DeclaredKey, RawMessage, RawReply};
+pub use retained::RetainedValue;
+pub use server::ServerHandle;
+pub use stream::{SessionWatch, Subscription, WatchedMessage};
 
 use crate::fault::Fault;
-use crate::metrics::{self, Metric};
-use place::{Epochs, Place};
-use serve::Pending;
+use addressing::Address;
+use epochs::Epochs;
+use server::PendingRequests;
 use stream::Sequences;
 
-/// Counters of one process's use of the bus.
-#[derive(Debug, Default)]
-pub struct Counters {
-    refused: AtomicU64,
-    dropped: AtomicU64,
-    answered: AtomicU64,
-    /// When the newest requests were answered, and how long after their receipt.
-    newest: Mutex<VecDeque<(Instant, Duration)>>,
-}
+/// A boxed future, so that its code is compiled once, in this package.
+///
+/// An `async fn` is compiled into each executable that awaits it, together with its share of zenoh. That costs minutes of
+/// build time and megabytes per executable.
+pub type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// Answers whose times are remembered …
-const ANSWERS: usize = 256;
-/// … and for how long.
-const ANSWER_AGE: Duration = Duration::from_secs(60);
-
-impl Counters {
-    /// Messages refused because of their type, size, form, sender or epoch.
-    #[must_use]
-    pub fn refused(&self) -> u64 {
-        self.refused.load(Ordering::Relaxed)
-    }
-
-    /// Stream messages lost on the way or because a bounded queue was full, and requests turned away for the same reason.
-    #[must_use]
-    pub fn dropped(&self) -> u64 {
-        self.dropped.load(Ordering::Relaxed)
-    }
-
-    /// Requests answered, with a reply or a typed error.
-    #[must_use]
-    pub fn answered(&self) -> u64 {
-        self.answered.load(Ordering::Relaxed)
-    }
-
-    fn refuse(&self, key: &'static str) {
-        self.refused.fetch_add(1, Ordering::Relaxed);
-        metrics::count(Metric::Refused, &[("key", key)], 1);
-    }
-
-    fn drop(&self, key: &'static str, count: u64) {
-        self.dropped.fetch_add(count, Ordering::Relaxed);
-        metrics::count(Metric::Dropped, &[("key", key)], count);
-    }
-
-    /// Milliseconds from receipt to answer of the newest requests, at most 256 and of the last minute: median and 99th
-    /// percentile, both 0 where there were none.
-    #[must_use]
-    pub fn answer_ms(&self) -> (f64, f64) {
-        let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
-        let recent = newest.iter().filter(|(at, _)| at.elapsed() < ANSWER_AGE);
-        let mut times: Vec<f64> = recent.map(|(_, time)| time.as_secs_f64() * 1e3).collect();
-        times.sort_by(f64::total_cmp);
-        // The smallest time that at least this share of all does not exceed.
-        let rank = |share: f64| ((share * times.len() as f64).ceil() as usize).saturating_sub(1);
-        let at = |share| times.get(rank(share)).copied().unwrap_or(0.0);
-        (at(0.5), at(0.99))
-    }
-
-    fn answer(&self, time: Duration) {
-        self.answered.fetch_add(1, Ordering::Relaxed);
-        let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
-        newest.truncate(ANSWERS - 1);
-        newest.push_front((Instant::now(), time));
-    }
-}
-
-/// A future whose code stays in this package. That of an `async fn` is compiled anew into every executable that awaits it,
-/// and with it its share of zenoh: minutes of building, megabytes each.
-pub type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
-
-/// A connection to one session's bus, under one role. Cheap to clone.
+/// A connection to the bus of one session, under one role. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Bus {
     inner: Arc<Inner>,
@@ -116,13 +55,13 @@ struct Inner {
     session: String,
     role: String,
     counters: Counters,
-    place: Place,
+    address: Address,
     epochs: Epochs,
-    pending: Pending,
+    pending: PendingRequests,
     sequences: Sequences,
 }
 
-/// A bus that could not be joined or opened.
+/// A failed connection or declaration.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The endpoint could not be reached or opened.
@@ -132,7 +71,7 @@ pub enum BusError {
         session: String,
         /// Endpoint.
         endpoint: String,
-        /// What the bus said.
+        /// Reason from the bus.
         reason: String,
     },
     /// A key could not be declared.
@@ -140,28 +79,32 @@ pub enum BusError {
     Declare {
         /// The key expression.
         key: String,
-        /// What the bus said, or why it was not tried.
+        /// Reason from the bus, or from a check before it.
         reason: String,
     },
 }
 
-/// How long a client tries to reach the router before it gives up.
+/// Longest time for a connection to the router.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
+/// Longest time for a disconnection.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
+
 impl Bus {
-    /// Joins a session's bus as a client of the router that its supervisor embeds.
+    /// Connects to the router of a session, as a client.
     ///
     /// # Errors
-    /// [`BusError::Open`] if the router does not answer within five seconds, or certificates can't be used.
+    /// [`BusError::Open`] if the router does not answer within five seconds, or a certificate is unusable.
     pub async fn connect(session: &str, role: &str, link: impl Into<Link>) -> Result<Self, BusError> {
-        Self::join(session, role, link.into(), Place::of_role()).await
+        Self::join(session, role, link.into(), Address::of_role()).await
     }
 
-    /// Joins a session's bus as one instance of a role, which it serves under this epoch; with `standby` it serves under its
-    /// instance alone until [`Bus::promote`].
+    /// Connects as one instance of a role, which it serves under this epoch.
+    ///
+    /// With `standby` it serves under its instance only, until [`Bus::promote`].
     ///
     /// # Errors
-    /// As [`Bus::connect`].
+    /// As in [`Bus::connect`].
     pub async fn connect_instance(
         session: &str,
         role: &str,
@@ -170,24 +113,33 @@ impl Bus {
         standby: bool,
         link: impl Into<Link>,
     ) -> Result<Self, BusError> {
-        Self::join(session, role, link.into(), Place::of_instance(instance, epoch, standby)).await
+        Self::join(session, role, link.into(), Address::of_instance(instance, epoch, standby)).await
     }
 
-    /// Opens a session's router on a unix socket, and to other machines where `listen` says so; everybody else is a client
-    /// of it.
+    /// Opens the router of a session on a unix socket, and for other machines at `listener`.
     ///
     /// # Errors
-    /// [`BusError::Open`] if the socket or the address cannot be opened, or certificates can't be used.
-    pub async fn route(session: &str, role: &str, socket: &Path, listen: Option<&Listen>) -> Result<Self, BusError> {
-        let endpoint = listen.map_or_else(|| endpoint_of(socket), |l| l.endpoint.clone());
-        let config = config::router(session, socket, listen);
-        Self::open(session, role, endpoint, config, Place::of_role()).await
+    /// [`BusError::Open`] if the socket or address cannot be opened, or a certificate is unusable.
+    pub async fn open_router(
+        session: &str,
+        role: &str,
+        socket: &Path,
+        listener: Option<&TlsListener>,
+    ) -> Result<Self, BusError> {
+        let endpoint = listener.map_or_else(|| endpoint_of(socket), |l| l.endpoint.clone());
+        let config = config::router(session, socket, listener);
+        Self::open(session, role, endpoint, config, Address::of_role()).await
     }
 
-    fn join<'a>(session: &'a str, role: &'a str, link: Link, place: Place) -> Boxed<'a, Result<Self, BusError>> {
+    fn join<'a>(
+        session: &'a str,
+        role: &'a str,
+        link: Link,
+        address: Address,
+    ) -> BoxFuture<'a, Result<Self, BusError>> {
         Box::pin(async move {
             let config = config::client(&link);
-            Self::open(session, role, link.endpoint, config, place).await
+            Self::open(session, role, link.endpoint, config, address).await
         })
     }
 
@@ -196,15 +148,15 @@ impl Bus {
         role: &'a str,
         endpoint: String,
         config: Result<zenoh::Config, String>,
-        place: Place,
-    ) -> Boxed<'a, Result<Self, BusError>> {
+        address: Address,
+    ) -> BoxFuture<'a, Result<Self, BusError>> {
         Box::pin(async move {
             let fail = |reason: String| BusError::Open { session: session.into(), endpoint: endpoint.clone(), reason };
             let config = config.map_err(&fail)?;
             let opening = tokio::time::timeout(CONNECT_TIMEOUT, zenoh::open(config));
             let zenoh = match opening.await {
                 Ok(Ok(zenoh)) => zenoh,
-                Ok(Err(e)) => return Err(fail(without_source(&e.to_string()))),
+                Ok(Err(e)) => return Err(fail(without_source_locations(&e.to_string()))),
                 Err(_) => return Err(fail(format!("no answer within {} s", CONNECT_TIMEOUT.as_secs()))),
             };
             crate::trace::start(role);
@@ -213,9 +165,9 @@ impl Bus {
                 session: session.into(),
                 role: role.into(),
                 counters: Counters::default(),
-                place,
+                address,
                 epochs: Epochs::default(),
-                pending: Pending::default(),
+                pending: PendingRequests::default(),
                 sequences: Sequences::default(),
             };
             Ok(Self { inner: Arc::new(inner) })
@@ -240,16 +192,16 @@ impl Bus {
         &self.inner.counters
     }
 
-    /// Leaves the bus. Bounded in time; what is still unsent then is lost, as it would be with the process.
-    pub fn close(&self) -> Boxed<'_, ()> {
+    /// Disconnects within two seconds. Unsent messages are lost after that.
+    pub fn close(&self) -> BoxFuture<'_, ()> {
         Box::pin(async {
-            let _ = tokio::time::timeout(Duration::from_secs(2), self.inner.zenoh.close()).await;
+            let _ = tokio::time::timeout(CLOSE_TIMEOUT, self.inner.zenoh.close()).await;
             crate::trace::finish().await;
         })
     }
 
-    /// A row may be declared or sent under by its own role alone.
-    fn own_row(&self, role: &str, name: &str) -> Result<(), String> {
+    /// Checks that this process may declare or publish a row of `role`.
+    fn check_role(&self, role: &str, name: &str) -> Result<(), String> {
         if role == sg_proto::keys::ANY || role == self.role() {
             return Ok(());
         }
@@ -264,16 +216,16 @@ impl Bus {
     }
 }
 
-/// An error of the bus without the places in its source that it tells of.
-fn without_source(text: &str) -> String {
+/// Removes the `at file.rs:line` parts from an error text of the bus.
+fn without_source_locations(text: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
     let mut kept: Vec<&str> = Vec::new();
     for word in words {
-        let is_place = word
+        let is_location = word
             .trim_end_matches('.')
             .rsplit_once(':')
             .is_some_and(|(file, line)| file.ends_with(".rs") && line.chars().all(|c| c.is_ascii_digit()));
-        if is_place {
+        if is_location {
             kept.pop_if(|before| *before == "at");
         } else {
             kept.push(word);
@@ -287,18 +239,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_of_the_bus_is_told_without_its_source() {
-        let told = "Unable to connect to any of [x]!  at src/net/orchestrator.rs:447. - Caused by refused at b.rs:7.";
-        assert_eq!(without_source(told), "Unable to connect to any of [x]! - Caused by refused");
-    }
-
-    #[test]
-    fn answer_times_are_of_the_newest_requests() {
-        let counters = Counters::default();
-        assert_eq!(counters.answer_ms(), (0.0, 0.0));
-        for ms in (1..=1000_u64).rev() {
-            counters.answer(Duration::from_millis(ms));
-        }
-        assert_eq!((counters.answered(), counters.answer_ms()), (1000, (128.0, 254.0)));
+    fn source_locations_are_removed_from_bus_errors() {
+        let text = "Unable to connect to any of [x]!  at src/net/orchestrator.rs:447. - Caused by refused at b.rs:7.";
+        assert_eq!(without_source_locations(text), "Unable to connect to any of [x]! - Caused by refused");
     }
 }

@@ -1,4 +1,4 @@
-//! Streams: published without waiting for anybody, numbered, followed with bounded memory.
+//! Streams: published without waiting, numbered, received with bounded memory.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
 use prost::{Message, Name};
-use sg_proto::keys::{self, Stream, Urgency};
+use sg_proto::keys::{self, Priority, Stream};
 use tokio::sync::broadcast;
 use zenoh::Wait;
 use zenoh::bytes::Encoding;
@@ -14,15 +14,15 @@ use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Sample;
 
-use super::ask::priority;
-use super::{Boxed, Bus, BusError};
+use super::client::zenoh_priority;
+use super::{BoxFuture, Bus, BusError};
 use crate::context::Context;
 use crate::fault::Fault;
 use crate::metrics::{self, Metric};
 use crate::trace::{self, Kind};
 use crate::wire;
 
-/// Numbers of the last messages that this process sent, by row.
+/// Sequence numbers of the last messages sent by this process, by row.
 #[derive(Debug, Default)]
 pub(super) struct Sequences(Mutex<HashMap<&'static str, Arc<Mutex<u64>>>>);
 
@@ -32,29 +32,29 @@ impl Sequences {
     }
 }
 
-/// Senders of one key expression whose numbers are remembered; the key of each ends in its role or instance.
-const SENDERS: usize = 256;
+/// Most senders of one key expression to remember. Each has a key of its own.
+const MAX_SENDERS: usize = 256;
 
-/// Numbers of the last messages that were received, by key, to count what was lost on the way.
+/// Epochs and sequence numbers of the last messages received, by key, to count lost messages.
 #[derive(Debug, Default)]
 struct Received(Mutex<HashMap<String, (u64, u64)>>);
 
 impl Received {
-    /// Messages that are missing before this one.
+    /// Counts the messages lost before this one.
     fn missing(&self, key: &str, epoch: u64, sequence: u64) -> u64 {
         if sequence == 0 {
             return 0;
         }
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         match last.get_mut(key) {
-            Some(seen) => {
-                // A process that was started again counts from the beginning.
-                let missing = if seen.0 == epoch && sequence > seen.1 { sequence - seen.1 - 1 } else { 0 };
-                *seen = (epoch, sequence);
+            Some(known) => {
+                // A restarted process counts from 1 again.
+                let missing = if known.0 == epoch && sequence > known.1 { sequence - known.1 - 1 } else { 0 };
+                *known = (epoch, sequence);
                 missing
             }
             None => {
-                if last.len() < SENDERS {
+                if last.len() < MAX_SENDERS {
                     last.insert(key.to_owned(), (epoch, sequence));
                 }
                 0
@@ -64,60 +64,62 @@ impl Received {
 }
 
 impl Bus {
-    /// Publishes one message of a stream. Nobody need listen; a slow listener does not hold the sender up: what finds no
-    /// room within a millisecond is dropped, and listeners count it by the messages' numbers.
+    /// Publishes one message of a stream.
+    ///
+    /// A slow subscriber does not delay the sender: without room within a millisecond the message is dropped. Subscribers
+    /// count dropped messages by their sequence numbers.
     ///
     /// # Errors
-    /// A message over the size limit, a row of another role, or a connection that is closed.
+    /// A message over the size limit, a row of another role, or a closed connection.
     pub async fn publish<M>(&self, row: &Stream<M>, message: &M, context: &Context) -> Result<(), Fault>
     where
         M: Message + Name,
     {
-        self.own_row(row.role, row.name).map_err(Fault::internal)?;
-        self.put(row.name, row.urgency, message, context)
+        self.check_role(row.role, row.name).map_err(Fault::internal)?;
+        self.put(row.name, row.priority, message, context)
     }
 
     pub(super) fn put<M: Message + Name>(
         &self,
         name: &'static str,
-        urgency: Urgency,
+        priority: Priority,
         message: &M,
         context: &Context,
     ) -> Result<(), Fault> {
-        self.put_bytes(name, urgency, wire::encode(message)?, wire::encoding::<M>(), context)
+        self.put_bytes(name, priority, wire::encode(message)?, wire::encoding::<M>(), context)
     }
 
     fn put_bytes(
         &self,
         name: &'static str,
-        urgency: Urgency,
+        priority: Priority,
         payload: Vec<u8>,
         encoding: Encoding,
         context: &Context,
     ) -> Result<(), Fault> {
         let key = keys::key(self.session(), &self.segment(), name);
-        // Said once in a life: a supervisor that missed it would wait in vain.
+        // Sent once per process: a supervisor that missed it would wait until its deadline.
         let once = name == keys::READY.name;
         let congestion = if once { CongestionControl::Block } else { CongestionControl::Drop };
         let counter = self.inner.sequences.of(name);
-        // Held while sending: a listener takes numbers out of order for messages lost.
+        // Locked while sending: subscribers count messages out of order as lost.
         let mut sequence = counter.lock().unwrap_or_else(PoisonError::into_inner);
         *sequence += 1;
         let envelope = context.to_envelope(self.role(), self.epoch(), *sequence).encode_to_vec();
         metrics::count(Metric::Published, &[("key", name)], 1);
         let started = SystemTime::now();
-        // Never waits for a listener, so that it can be called from a thread that must not wait.
+        // Does not wait for subscribers, so it can be called from threads that must not block.
         let outcome = self
             .inner
             .zenoh
             .put(&key, payload)
             .encoding(encoding)
             .attachment(envelope)
-            .priority(priority(urgency))
+            .priority(zenoh_priority(priority))
             .congestion_control(congestion)
             .wait()
             .map_err(|e| Fault::unavailable(format!("{key}: {e}")));
-        // Stages of a conversation are worth a span, signs of life are not.
+        // Messages of a conversation get a span, periodic ones such as health do not.
         if !context.conversation.is_empty() {
             let code = outcome.as_ref().err().map(|f| f.code);
             trace::record(context, Kind::Producer, || format!("publish {name}"), started, code);
@@ -125,11 +127,13 @@ impl Bus {
         outcome
     }
 
-    /// Follows a stream of one role, holding at most `capacity` messages: a slow reader loses the oldest.
+    /// Subscribes to a stream of one role, of one instance, or of all ([`keys::ANY`]).
+    ///
+    /// At most `capacity` messages wait; a slow reader loses the oldest.
     ///
     /// # Errors
     /// [`BusError::Declare`].
-    pub async fn follow<M>(&self, row: &Stream<M>, role: &str, capacity: usize) -> Result<Following<M>, BusError>
+    pub async fn subscribe<M>(&self, row: &Stream<M>, role: &str, capacity: usize) -> Result<Subscription<M>, BusError>
     where
         M: Message + Name + Default + Clone + 'static,
     {
@@ -139,7 +143,7 @@ impl Bus {
         let received = Received::default();
         let missed = Arc::new(AtomicU64::new(0));
         let missing = Arc::clone(&missed);
-        let take = move |sample: Sample| {
+        let receive = move |sample: Sample| {
             let parts = wire::envelope(sample.attachment()).and_then(|envelope| {
                 bus.check_epoch(&envelope)?;
                 Ok((wire::decode::<M>(sample.encoding(), sample.payload())?, envelope))
@@ -150,44 +154,44 @@ impl Bus {
                     missing.fetch_add(lost, Ordering::Relaxed);
                     bus.inner.counters.drop(name, lost);
                 }
-                // Nobody listening any more is no fault: the reader is being dropped.
+                // Fails only while the reader is being dropped.
                 let _ = sender.send((message, Context::from_envelope(envelope)));
             }
         };
-        let subscriber = self.subscribe(key, Box::new(take)).await?;
-        Ok(Following { receiver, late: 0, missed, bus: self.clone(), name, _subscriber: subscriber })
+        let subscriber = self.declare_subscriber(key, Box::new(receive)).await?;
+        Ok(Subscription { receiver, late: 0, missed, bus: self.clone(), name, _subscriber: subscriber })
     }
 
-    /// Every message under any key of the session, undecoded: for people who watch.
+    /// Subscribes to every stream and retained value of the session, undecoded. For tools that show messages to people.
     ///
     /// # Errors
     /// [`BusError::Declare`].
-    pub async fn watch_all(&self, capacity: usize) -> Result<Watching, BusError> {
+    pub async fn watch_all(&self, capacity: usize) -> Result<SessionWatch, BusError> {
         let key = format!("{}/{}/**", keys::ROOT, self.inner.session);
         let (sender, receiver) = broadcast::channel(capacity);
-        let take = move |sample: Sample| {
+        let receive = move |sample: Sample| {
             let envelope = wire::envelope(sample.attachment()).unwrap_or_default();
-            let seen = Seen {
+            let message = WatchedMessage {
                 key: sample.key_expr().to_string(),
                 message: wire::message_name(sample.encoding()).unwrap_or_default(),
                 payload: sample.payload().to_bytes().into_owned(),
                 context: Context::from_envelope(envelope),
             };
-            let _ = sender.send(seen);
+            let _ = sender.send(message);
         };
-        let subscriber = self.subscribe(key, Box::new(take)).await?;
-        Ok(Watching { receiver, lost: 0, _subscriber: subscriber })
+        let subscriber = self.declare_subscriber(key, Box::new(receive)).await?;
+        Ok(SessionWatch { receiver, lost: 0, _subscriber: subscriber })
     }
 }
 
 impl Bus {
-    fn subscribe(
+    fn declare_subscriber(
         &self,
         key: String,
-        take: Box<dyn Fn(Sample) + Send + Sync>,
-    ) -> Boxed<'_, Result<Subscriber<()>, BusError>> {
+        receive: Box<dyn Fn(Sample) + Send + Sync>,
+    ) -> BoxFuture<'_, Result<Subscriber<()>, BusError>> {
         Box::pin(async move {
-            let declaring = self.inner.zenoh.declare_subscriber(&key).callback(take);
+            let declaring = self.inner.zenoh.declare_subscriber(&key).callback(receive);
             declaring.await.map_err(|e| BusError::Declare { key, reason: e.to_string() })
         })
     }
@@ -195,7 +199,7 @@ impl Bus {
 
 /// The reading end of a stream.
 #[derive(Debug)]
-pub struct Following<M: Clone> {
+pub struct Subscription<M: Clone> {
     receiver: broadcast::Receiver<(M, Context)>,
     late: u64,
     missed: Arc<AtomicU64>,
@@ -204,8 +208,8 @@ pub struct Following<M: Clone> {
     _subscriber: Subscriber<()>,
 }
 
-impl<M: Clone> Following<M> {
-    /// The next message; `None` when the bus is closed. Lost messages are skipped and counted.
+impl<M: Clone> Subscription<M> {
+    /// Waits for the next message; `None` when the bus is closed. Lost messages are skipped and counted.
     pub async fn next(&mut self) -> Option<(M, Context)> {
         loop {
             match self.receiver.recv().await {
@@ -219,47 +223,47 @@ impl<M: Clone> Following<M> {
         }
     }
 
-    /// Messages lost so far: on the way, and because this reader was slow.
+    /// Number of messages lost so far: in transit, and because this reader was slow.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.late + self.missed.load(Ordering::Relaxed)
     }
 }
 
-/// A message somebody sent, undecoded.
+/// An undecoded message of any sender.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct WatchedMessage {
     /// Key expression.
     pub key: String,
-    /// Full name of the message type; empty if the payload is no protobuf message.
+    /// Full name of the message type; empty if the payload is not a protobuf message.
     pub message: String,
     /// Encoded message.
     pub payload: Vec<u8>,
-    /// Its chain.
+    /// Its context.
     pub context: Context,
 }
 
-/// The reading end of everything.
+/// The reading end of all streams of a session.
 #[derive(Debug)]
-pub struct Watching {
-    receiver: broadcast::Receiver<Seen>,
+pub struct SessionWatch {
+    receiver: broadcast::Receiver<WatchedMessage>,
     lost: u64,
     _subscriber: Subscriber<()>,
 }
 
-impl Watching {
-    /// The next message; `None` when the bus is closed.
-    pub async fn next(&mut self) -> Option<Seen> {
+impl SessionWatch {
+    /// Waits for the next message; `None` when the bus is closed.
+    pub async fn next(&mut self) -> Option<WatchedMessage> {
         loop {
             match self.receiver.recv().await {
-                Ok(seen) => return Some(seen),
+                Ok(message) => return Some(message),
                 Err(broadcast::error::RecvError::Lagged(n)) => self.lost += n,
                 Err(broadcast::error::RecvError::Closed) => return None,
             }
         }
     }
 
-    /// Messages lost so far because this reader was slow.
+    /// Number of messages lost so far because this reader was slow.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost
@@ -271,10 +275,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gaps_are_counted_and_a_new_life_is_none() {
+    fn gaps_are_counted_and_a_restart_is_not_a_gap() {
         let received = Received::default();
         let missing = |key, epoch, sequence| received.missing(key, epoch, sequence);
-        assert_eq!(missing("a", 1, 4), 0, "what came before one listened is not missed");
+        assert_eq!(missing("a", 1, 4), 0, "messages before the subscription are not lost");
         assert_eq!(missing("a", 1, 5), 0);
         assert_eq!(missing("a", 1, 9), 3);
         assert_eq!(missing("b", 1, 2), 0, "each sender counts for itself");

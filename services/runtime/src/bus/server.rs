@@ -1,4 +1,4 @@
-//! Answers: requests of a row, admitted, queued, handled one after another, withdrawn.
+//! The server side of requests: validated, queued, handled one at a time, cancelled.
 
 use std::collections::HashMap;
 use std::future::Future;
@@ -8,14 +8,14 @@ use std::time::{Duration, Instant, SystemTime};
 
 use prost::{Message, Name};
 use sg_proto::bus::{Code, Error as WireError};
-use sg_proto::keys::{self, Ask};
+use sg_proto::keys::{self, Request};
 use tokio::sync::{Notify, mpsc};
 use tokio::task::JoinHandle;
 use tracing::Instrument as _;
 use zenoh::Wait;
 use zenoh::query::Query;
 
-use super::place::Declared;
+use super::addressing::DeclaredRow;
 use super::{Bus, BusError};
 use crate::context::Context;
 use crate::fault::Fault;
@@ -23,28 +23,28 @@ use crate::metrics::{self, Metric};
 use crate::trace::{self, Kind};
 use crate::wire;
 
-/// Requests that were admitted and are not answered yet, so that they can be withdrawn.
+/// Requests without an answer yet, so that they can be cancelled.
 #[derive(Debug, Default)]
-pub(super) struct Pending {
+pub(super) struct PendingRequests {
     next: AtomicU64,
-    requests: Mutex<HashMap<u64, Waiting>>,
+    requests: Mutex<HashMap<u64, PendingRequest>>,
 }
 
 #[derive(Debug)]
-struct Waiting {
+struct PendingRequest {
     id: String,
     query: Query,
-    withdrawn: Arc<Notify>,
+    cancelled: Arc<Notify>,
 }
 
-/// A place among the pending requests, given back when dropped.
-struct Ticket {
+/// Removes a pending request when dropped.
+struct PendingGuard {
     bus: Bus,
     number: u64,
-    withdrawn: Arc<Notify>,
+    cancelled: Arc<Notify>,
 }
 
-impl Drop for Ticket {
+impl Drop for PendingGuard {
     fn drop(&mut self) {
         let requests = &self.bus.inner.pending.requests;
         requests.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.number);
@@ -52,50 +52,55 @@ impl Drop for Ticket {
 }
 
 /// A request in the queue of its row.
-struct Admitted<Q> {
+struct QueuedRequest<Q> {
     query: Query,
     request: Q,
     context: Context,
-    ticket: Ticket,
+    pending: PendingGuard,
     received: Instant,
 }
 
 impl Bus {
-    /// Answers the requests of a row, one after another, from a queue of `capacity`.
+    /// Answers the requests of a row, one at a time, from a queue of `capacity`.
     ///
-    /// Requests of a wrong type, form, size, sender or epoch are refused before `handler` sees them; one that has waited
-    /// past its deadline is answered `DeadlineExceeded` without work; one that was withdrawn is answered `Cancelled` and
-    /// its handler dropped.
+    /// - A request of a wrong type, form, size, sender or epoch is refused before `handler` sees it.
+    /// - A request that waited past its deadline gets `DeadlineExceeded` without work.
+    /// - A cancelled request gets `Cancelled`, and the future of its handler is dropped.
     ///
     /// # Errors
     /// [`BusError::Declare`], also for a row of another role.
-    pub async fn serve<Q, R, H, F>(&self, row: &Ask<Q, R>, capacity: usize, mut handler: H) -> Result<Serving, BusError>
+    pub async fn serve<Q, R, H, F>(
+        &self,
+        row: &Request<Q, R>,
+        capacity: usize,
+        mut handler: H,
+    ) -> Result<ServerHandle, BusError>
     where
         Q: Message + Name + Default + 'static,
         R: Message + Name + 'static,
         H: FnMut(Q, Context) -> F + Send + 'static,
         F: Future<Output = Result<R, Fault>> + Send,
     {
-        let (sender, mut queue) = mpsc::channel::<Admitted<Q>>(capacity);
+        let (sender, mut queue) = mpsc::channel::<QueuedRequest<Q>>(capacity);
         let (bus, row) = (self.clone(), *row);
-        let receive = move |query: Query| match bus.admit(&row, &query) {
+        let receive = move |query: Query| match bus.validate(&row, &query) {
             Err(fault) => {
                 bus.inner.counters.refuse(row.name);
                 refuse(&query, &fault);
             }
             Ok((request, context)) => {
-                let ticket = bus.ticket(&context.id, &query);
+                let pending = bus.add_pending(&context.id, &query);
                 if let Err(error) =
-                    sender.try_send(Admitted { query, request, context, ticket, received: Instant::now() })
+                    sender.try_send(QueuedRequest { query, request, context, pending, received: Instant::now() })
                 {
                     bus.inner.counters.drop(row.name, 1);
-                    let (fault, admitted) = match error {
+                    let (fault, refused) = match error {
                         mpsc::error::TrySendError::Full(item) => (busy(row.name, capacity), item),
                         mpsc::error::TrySendError::Closed(item) => {
                             (Fault::unavailable("the service is stopping; try again in a moment"), item)
                         }
                     };
-                    refuse(&admitted.query, &fault);
+                    refuse(&refused.query, &fault);
                 }
             }
         };
@@ -103,20 +108,20 @@ impl Bus {
 
         let bus = self.clone();
         let worker = tokio::spawn(async move {
-            while let Some(Admitted { query, request, context, ticket, received }) = queue.recv().await {
+            while let Some(QueuedRequest { query, request, context, pending, received }) = queue.recv().await {
                 let (begun, started) = (Instant::now(), SystemTime::now());
-                let context = context.entered();
+                let context = context.in_span();
                 let span = tracing::info_span!("serve", trace_id = context.trace_id(), key = row.name);
-                let mut withdrawn = false;
+                let mut cancelled = false;
                 let outcome = if context.remaining().is_zero() {
                     Err(Fault::deadline("the request waited past its deadline and was not tried"))
                 } else {
                     let handling = handler(request, context.clone()).instrument(span);
                     tokio::select! {
                         biased;
-                        () = ticket.withdrawn.notified() => {
-                            withdrawn = true;
-                            Err(cancelled())
+                        () = pending.cancelled.notified() => {
+                            cancelled = true;
+                            Err(cancellation())
                         }
                         outcome = handling => outcome,
                     }
@@ -126,18 +131,18 @@ impl Bus {
                 let labels = [("key", row.name), ("code", metrics::code(code))];
                 metrics::observe(Metric::ServeSeconds, &labels, begun.elapsed());
                 trace::record(&context, Kind::Server, || format!("serve {}", row.name), started, code);
-                // Who withdrew a request has been answered.
-                if !withdrawn {
+                // The cancellation has answered it already.
+                if !cancelled {
                     let encoded = outcome.and_then(|r| wire::encode(&r).map(|bytes| (bytes, wire::encoding::<R>())));
                     reply(&query, encoded);
                 }
             }
         });
-        Ok(Serving { declared, worker })
+        Ok(ServerHandle { declared, worker })
     }
 
-    /// Type, size, form, sender and epoch of a request.
-    fn admit<Q, R>(&self, row: &Ask<Q, R>, query: &Query) -> Result<(Q, Context), Fault>
+    /// Checks type, size, form, sender and epoch of a request.
+    fn validate<Q, R>(&self, row: &Request<Q, R>, query: &Query) -> Result<(Q, Context), Fault>
     where
         Q: Message + Name + Default + 'static,
     {
@@ -145,56 +150,56 @@ impl Bus {
         if !row.senders.iter().any(|s| *s == keys::ANY || *s == envelope.sender) {
             return Err(Fault::new(
                 Code::PermissionDenied,
-                format!("`{}` may not ask {}; only {} may", envelope.sender, row.name, row.senders.join(", ")),
+                format!("`{}` may not send {}; only {} may", envelope.sender, row.name, row.senders.join(", ")),
             ));
         }
         self.check_epoch(&envelope)?;
         let (Some(encoding), Some(payload)) = (query.encoding(), query.payload()) else {
-            return Err(Fault::invalid(format!("a request without payload; this key takes `{}`", Q::full_name())));
+            return Err(Fault::invalid(format!("a request without payload; send `{}`", Q::full_name())));
         };
         Ok((wire::decode(encoding, payload)?, Context::from_envelope(envelope)))
     }
 
-    fn ticket(&self, id: &str, query: &Query) -> Ticket {
+    fn add_pending(&self, id: &str, query: &Query) -> PendingGuard {
         let number = self.inner.pending.next.fetch_add(1, Ordering::Relaxed);
-        let withdrawn = Arc::new(Notify::new());
-        let waiting = Waiting { id: id.to_owned(), query: query.clone(), withdrawn: Arc::clone(&withdrawn) };
-        // As many as the queues of all rows hold.
-        self.inner.pending.requests.lock().unwrap_or_else(PoisonError::into_inner).insert(number, waiting);
-        Ticket { bus: self.clone(), number, withdrawn }
+        let cancelled = Arc::new(Notify::new());
+        let request = PendingRequest { id: id.to_owned(), query: query.clone(), cancelled: Arc::clone(&cancelled) };
+        // The queues of all rows bound their number.
+        self.inner.pending.requests.lock().unwrap_or_else(PoisonError::into_inner).insert(number, request);
+        PendingGuard { bus: self.clone(), number, cancelled }
     }
 
-    /// Answers every pending request of this id `Cancelled` and drops the handler that works on it; whether there was one.
+    /// Answers every pending request of this id with `Cancelled` and drops its handler. Returns whether there was one.
     #[must_use]
-    pub fn withdraw(&self, id: &str) -> bool {
+    pub fn cancel_pending(&self, id: &str) -> bool {
         let mut requests = self.inner.pending.requests.lock().unwrap_or_else(PoisonError::into_inner);
         let numbers: Vec<u64> =
-            requests.iter().filter(|(_, w)| !id.is_empty() && w.id == id).map(|(n, _)| *n).collect();
+            requests.iter().filter(|(_, r)| !id.is_empty() && r.id == id).map(|(n, _)| *n).collect();
         for number in &numbers {
-            if let Some(waiting) = requests.remove(number) {
-                refuse(&waiting.query, &cancelled());
-                waiting.withdrawn.notify_one();
+            if let Some(request) = requests.remove(number) {
+                refuse(&request.query, &cancellation());
+                request.cancelled.notify_one();
             }
         }
         !numbers.is_empty()
     }
 }
 
-fn cancelled() -> Fault {
-    Fault::new(Code::Cancelled, "the request was withdrawn; what was done by then stays done")
+fn cancellation() -> Fault {
+    Fault::new(Code::Cancelled, "the request was cancelled; changes made before that remain")
 }
 
 fn busy(name: &str, capacity: usize) -> Fault {
     Fault {
         retry_after: Some(Duration::from_millis(100)),
-        ..Fault::exhausted(format!("{capacity} requests of {name} are waiting already; try again in a moment"))
+        ..Fault::exhausted(format!("the queue of {name} is full ({capacity} requests); try again in a moment"))
     }
 }
 
 fn refuse(query: &Query, fault: &Fault) {
     let bytes = fault.to_wire().encode_to_vec();
     if let Err(error) = query.reply_err(bytes).encoding(wire::encoding::<WireError>()).wait() {
-        tracing::debug!(key = %query.key_expr(), %error, "a refusal could not be sent: the asker is gone");
+        tracing::debug!(key = %query.key_expr(), %error, "an error could not be sent: the caller has gone");
     }
 }
 
@@ -203,30 +208,30 @@ pub(super) fn reply(query: &Query, outcome: Result<(Vec<u8>, zenoh::bytes::Encod
         Err(fault) => refuse(query, &fault),
         Ok((bytes, encoding)) => {
             if let Err(error) = query.reply(query.key_expr().clone(), bytes).encoding(encoding).wait() {
-                tracing::debug!(key = %query.key_expr(), %error, "a reply could not be sent: the asker is gone");
+                tracing::debug!(key = %query.key_expr(), %error, "a reply could not be sent: the caller has gone");
             }
         }
     }
 }
 
-/// A row that is being answered; dropping it stops at once, [`Serving::drain`] finishes what was accepted.
+/// A row that is being answered. Dropping it stops at once; [`ServerHandle::drain`] finishes accepted requests.
 #[derive(Debug)]
-pub struct Serving {
-    declared: Arc<Declared>,
+pub struct ServerHandle {
+    declared: Arc<DeclaredRow>,
     worker: JoinHandle<()>,
 }
 
-impl Serving {
-    /// Accepts nothing new and waits, at most `time`, until every accepted request is answered.
-    pub async fn drain(mut self, time: Duration) {
-        let _ = tokio::time::timeout(time, self.declared.withdraw()).await;
-        if tokio::time::timeout(time, &mut self.worker).await.is_err() {
-            tracing::warn!(seconds = time.as_secs_f64(), "requests were still waiting when the time to drain ran out");
+impl ServerHandle {
+    /// Accepts no new request and waits at most `limit` until every accepted one is answered.
+    pub async fn drain(mut self, limit: Duration) {
+        let _ = tokio::time::timeout(limit, self.declared.undeclare()).await;
+        if tokio::time::timeout(limit, &mut self.worker).await.is_err() {
+            tracing::warn!(seconds = limit.as_secs_f64(), "requests were still pending at the end of the drain time");
         }
     }
 }
 
-impl Drop for Serving {
+impl Drop for ServerHandle {
     fn drop(&mut self) {
         self.worker.abort();
     }

@@ -1,12 +1,12 @@
-//! Liveliness: who is there.
+//! Liveliness: which instances are connected.
 
 use sg_proto::keys;
 use tokio::sync::mpsc;
 use zenoh::sample::{Sample, SampleKind};
 
-use super::{Boxed, Bus, BusError};
+use super::{BoxFuture, Bus, BusError};
 
-/// What is counted where a sign of life finds no room.
+/// Key under which dropped changes are counted.
 const KEY: &str = "@alive";
 
 impl Bus {
@@ -14,36 +14,39 @@ impl Bus {
     ///
     /// # Errors
     /// [`BusError::Declare`].
-    pub fn declare_alive<'a>(&'a self, instance: &'a str) -> Boxed<'a, Result<Alive, BusError>> {
+    pub fn declare_liveliness<'a>(&'a self, instance: &'a str) -> BoxFuture<'a, Result<LivelinessToken, BusError>> {
         Box::pin(async move {
             let key = keys::alive(&self.inner.session, &self.inner.role, instance);
             let token = self.inner.zenoh.liveliness().declare_token(&key).await;
-            Ok(Alive { _token: token.map_err(|e| BusError::Declare { key, reason: e.to_string() })? })
+            Ok(LivelinessToken { _token: token.map_err(|e| BusError::Declare { key, reason: e.to_string() })? })
         })
     }
 
-    /// Watches who comes and goes: role, instance, and whether it is alive; who is there already comes first.
+    /// Subscribes to the liveliness of all instances. Instances that are alive already come first.
     ///
     /// # Errors
     /// [`BusError::Declare`].
-    pub fn watch_alive(&self, capacity: usize) -> Boxed<'_, Result<mpsc::Receiver<Liveliness>, BusError>> {
+    pub fn watch_liveliness(
+        &self,
+        capacity: usize,
+    ) -> BoxFuture<'_, Result<mpsc::Receiver<LivelinessChange>, BusError>> {
         Box::pin(async move {
             let key = keys::alive(&self.inner.session, "*", "*");
             let (sender, receiver) = mpsc::channel(capacity);
             let bus = self.clone();
-            let take = move |sample: Sample| {
+            let receive = move |sample: Sample| {
                 let key = sample.key_expr().to_string();
                 let mut parts = key.rsplit('/');
                 if let (Some(instance), Some(role)) = (parts.next(), parts.next()) {
                     let alive = sample.kind() == SampleKind::Put;
-                    let seen = Liveliness { role: role.to_owned(), instance: instance.to_owned(), alive };
-                    if sender.try_send(seen).is_err() {
+                    let change = LivelinessChange { role: role.to_owned(), instance: instance.to_owned(), alive };
+                    if sender.try_send(change).is_err() {
                         bus.inner.counters.drop(KEY, 1);
                     }
                 }
             };
             let liveliness = self.inner.zenoh.liveliness();
-            let declared = liveliness.declare_subscriber(&key).history(true).callback(take).background().await;
+            let declared = liveliness.declare_subscriber(&key).history(true).callback(receive).background().await;
             declared.map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
             Ok(receiver)
         })
@@ -52,17 +55,17 @@ impl Bus {
 
 /// A declared liveliness token.
 #[derive(Debug)]
-pub struct Alive {
+pub struct LivelinessToken {
     _token: zenoh::liveliness::LivelinessToken,
 }
 
-/// Somebody came or went.
+/// An instance connected or disconnected.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Liveliness {
+pub struct LivelinessChange {
     /// Role.
     pub role: String,
     /// Instance.
     pub instance: String,
-    /// Whether it came (true) or went.
+    /// Whether the instance is alive now.
     pub alive: bool,
 }

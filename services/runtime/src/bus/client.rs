@@ -1,0 +1,181 @@
+//! The client side of requests: sent to a role until it answers or the deadline passes.
+
+use std::time::{Duration, Instant, SystemTime};
+
+use prost::{Message, Name};
+use sg_proto::bus::{CancelRequest, Code, Error as WireError};
+use sg_proto::keys::{self, Priority, Request, Retained};
+use zenoh::bytes::{Encoding, ZBytes};
+use zenoh::query::QueryTarget;
+
+use super::{BoxFuture, Bus};
+use crate::context::Context;
+use crate::fault::Fault;
+use crate::metrics::{self, Metric};
+use crate::trace::{self, Kind};
+use crate::wire;
+
+/// A query to a role: a request, or no payload for a retained value.
+struct RoleQuery<'a> {
+    role: &'a str,
+    name: &'static str,
+    priority: Priority,
+    /// Reference counted, so a retry copies nothing.
+    payload: Option<(ZBytes, Encoding)>,
+}
+
+/// First pause between two tries.
+const FIRST_PAUSE: Duration = Duration::from_millis(10);
+
+/// Longest pause between two tries. A caller notices a restarted service at most this much later.
+const LONGEST_PAUSE: Duration = Duration::from_millis(50);
+
+/// Deadline of a cancellation.
+const CANCEL_TIMEOUT: Duration = Duration::from_secs(1);
+
+impl Bus {
+    /// Sends a request to the role of a row and waits for its reply until the deadline of `context`.
+    ///
+    /// While no process serves the role, the request is sent again under the same id. A call thus survives a restart of the
+    /// service. A service must treat a repeated id as the same request.
+    ///
+    /// # Errors
+    /// The typed error of the service; `Unavailable` if no process served the role; `DeadlineExceeded` without a reply in
+    /// time.
+    pub async fn ask<Q, R>(&self, row: &Request<Q, R>, request: &Q, context: &Context) -> Result<R, Fault>
+    where
+        Q: Message + Name,
+        R: Message + Name + Default,
+    {
+        self.ask_role(row, row.role, request, context).await
+    }
+
+    /// As [`Bus::ask`], to a given role or to one instance ([`keys::instance`]).
+    ///
+    /// # Errors
+    /// As in [`Bus::ask`].
+    pub async fn ask_role<Q, R>(
+        &self,
+        row: &Request<Q, R>,
+        role: &str,
+        request: &Q,
+        context: &Context,
+    ) -> Result<R, Fault>
+    where
+        Q: Message + Name,
+        R: Message + Name + Default,
+    {
+        let payload = Some((ZBytes::from(wire::encode(request)?), wire::encoding::<Q>()));
+        let query = RoleQuery { role, name: row.name, priority: row.priority, payload };
+        self.query(&query, context).await
+    }
+
+    /// Asks for the newest value of a row.
+    ///
+    /// # Errors
+    /// As in [`Bus::ask`].
+    pub async fn newest<M>(&self, row: &Retained<M>, context: &Context) -> Result<M, Fault>
+    where
+        M: Message + Name + Default,
+    {
+        let query = RoleQuery { role: row.role, name: row.name, priority: Priority::Normal, payload: None };
+        self.query(&query, context).await
+    }
+
+    /// Cancels a request to a role. Returns whether the request was pending.
+    ///
+    /// # Errors
+    /// As in [`Bus::ask`].
+    pub async fn cancel(&self, role: &str, id: &str) -> Result<bool, Fault> {
+        let context = Context::root().deadline_in(CANCEL_TIMEOUT);
+        let request = CancelRequest { id: id.to_owned() };
+        Ok(self.ask_role(&keys::CANCEL, role, &request, &context).await?.found)
+    }
+
+    /// Sends a query and decodes its reply.
+    async fn query<R>(&self, query: &RoleQuery<'_>, context: &Context) -> Result<R, Fault>
+    where
+        R: Message + Name + Default,
+    {
+        let (encoding, payload) = self.query_until_answered(query, context).await?;
+        self.counted(query.name, wire::decode::<R>(&encoding, &payload))
+    }
+
+    /// Sends a query until a process answers it or the deadline passes.
+    ///
+    /// Neither generic nor `async`, as all code that calls zenoh: see [`BoxFuture`].
+    fn query_until_answered<'a>(
+        &'a self,
+        query: &'a RoleQuery<'a>,
+        context: &'a Context,
+    ) -> BoxFuture<'a, Result<(Encoding, ZBytes), Fault>> {
+        Box::pin(async move {
+            let (begun, started) = (Instant::now(), SystemTime::now());
+            let mut pause = FIRST_PAUSE;
+            let outcome = loop {
+                match self.query_once(query, context).await {
+                    Err(fault) if fault.code == Code::Unavailable && context.remaining() > pause => {
+                        metrics::count(Metric::Retries, &[("key", query.name)], 1);
+                        tokio::time::sleep(pause).await;
+                        pause = (pause * 2).min(LONGEST_PAUSE);
+                    }
+                    outcome => break outcome,
+                }
+            };
+            let code = outcome.as_ref().err().map(|f| f.code);
+            let labels = [("key", query.name), ("code", metrics::code(code))];
+            metrics::observe(Metric::AskSeconds, &labels, begun.elapsed());
+            trace::record(context, Kind::Client, || format!("ask {} {}", query.role, query.name), started, code);
+            outcome
+        })
+    }
+
+    async fn query_once(&self, query: &RoleQuery<'_>, context: &Context) -> Result<(Encoding, ZBytes), Fault> {
+        let RoleQuery { role, name, priority, payload } = query;
+        let remaining = context.remaining();
+        let late = || Fault::deadline(format!("`{role}` did not answer {name} in time"));
+        if remaining.is_zero() {
+            return Err(late());
+        }
+        let key = keys::key(&self.inner.session, role, name);
+        let mut get = self
+            .inner
+            .zenoh
+            .get(&key)
+            .target(QueryTarget::BestMatching)
+            .priority(zenoh_priority(*priority))
+            .timeout(remaining);
+        if let Some((payload, encoding)) = payload {
+            let envelope = context.to_envelope(&self.inner.role, self.epoch(), 0).encode_to_vec();
+            get = get.payload(payload.clone()).encoding(encoding.clone()).attachment(envelope);
+        }
+        let replies = get.await.map_err(|e| Fault::internal(format!("{key}: {e}")))?;
+        // The bus also ends a query at its timeout, but its clock is coarse.
+        let first = tokio::time::timeout(remaining + Duration::from_millis(20), replies.recv_async()).await;
+        match first {
+            Err(_) => Err(late()),
+            // Neither a reply nor an error: no process serves the role, or it has died.
+            Ok(Err(_)) if context.remaining().is_zero() => Err(late()),
+            Ok(Err(_)) => {
+                Err(Fault::unavailable(format!("no process serves `{role}` at the moment; try again in a moment")))
+            }
+            Ok(Ok(reply)) => match reply.result() {
+                Ok(sample) => Ok((sample.encoding().clone(), sample.payload().clone())),
+                Err(error) => match wire::decode::<WireError>(error.encoding(), error.payload()) {
+                    Ok(wire) => Err(Fault::from_wire(wire)),
+                    // The bus reports its own timeout as an error in its own encoding.
+                    Err(_) => Err(late()),
+                },
+            },
+        }
+    }
+}
+
+/// Priority in the terms of zenoh.
+pub(super) fn zenoh_priority(priority: Priority) -> zenoh::qos::Priority {
+    match priority {
+        Priority::Interactive => zenoh::qos::Priority::InteractiveHigh,
+        Priority::Normal => zenoh::qos::Priority::Data,
+        Priority::Background => zenoh::qos::Priority::Background,
+    }
+}

@@ -1,0 +1,15 @@
+//! One lifecycle for every process: connect, load, ready, serve, drain, stop.
+
+mod arguments;
+mod host;
+mod lifecycle;
+mod memory;
+mod standard_requests;
+mod start_error;
+mod supervision;
+
+pub use arguments::ServeArgs;
+pub use host::Host;
+pub use lifecycle::{block_on, run};
+pub use memory::resident_bytes;
+pub use start_error::{EXIT_FAILED, EXIT_INPUT, StartError};
