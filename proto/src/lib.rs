@@ -8,6 +8,7 @@ pub mod golden;
 pub mod keys;
 pub mod limits;
 pub mod released;
+pub mod stroke_file;
 
 pub use prost;
 

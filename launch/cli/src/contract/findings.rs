@@ -1,0 +1,74 @@
+//! What a check has found, for people and for programs.
+
+use serde_json::{Value, json};
+
+use crate::terminal::{self, Color, paint};
+
+/// What came of looking at one thing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Outcome {
+    /// It holds; a line on what was looked at.
+    Holds(String),
+    /// It does not: what exactly.
+    Broken(Vec<String>),
+    /// It was not looked at, and why.
+    LeftOut(String),
+}
+
+/// What a check has found, in order.
+#[derive(Debug, Default)]
+pub(super) struct Findings(Vec<(String, Outcome)>);
+
+impl Findings {
+    /// Notes that something holds if nothing speaks against it.
+    pub(super) fn judge(&mut self, what: impl Into<String>, complaints: Vec<String>, looked_at: impl Into<String>) {
+        let outcome =
+            if complaints.is_empty() { Outcome::Holds(looked_at.into()) } else { Outcome::Broken(complaints) };
+        self.0.push((what.into(), outcome));
+    }
+
+    /// Notes that something was not looked at.
+    pub(super) fn leave_out(&mut self, what: impl Into<String>, why: impl Into<String>) {
+        self.0.push((what.into(), Outcome::LeftOut(why.into())));
+    }
+
+    /// How many things do not hold.
+    pub(super) fn broken(&self) -> usize {
+        self.0.iter().filter(|(_, outcome)| matches!(outcome, Outcome::Broken(_))).count()
+    }
+
+    /// How many things were looked at.
+    pub(super) fn looked_at(&self) -> usize {
+        self.0.iter().filter(|(_, outcome)| !matches!(outcome, Outcome::LeftOut(_))).count()
+    }
+
+    pub(super) fn print(&self) {
+        let colored = terminal::stdout_colored();
+        let width = self.0.iter().map(|(what, _)| what.chars().count()).max().unwrap_or(0);
+        for (what, outcome) in &self.0 {
+            match outcome {
+                Outcome::Holds(text) => {
+                    terminal::out(&format!("{}        {what:<width$}  {text}", paint(Color::Green, "ok", colored)));
+                }
+                Outcome::LeftOut(why) => {
+                    terminal::out(&format!("{}  {what:<width$}  {why}", paint(Color::Yellow, "LEFT OUT", colored)));
+                }
+                Outcome::Broken(complaints) => {
+                    terminal::out(&format!("{}    {what}", paint(Color::Red, "FAILED", colored)));
+                    for complaint in complaints.iter().flat_map(|c| c.lines()) {
+                        terminal::out(&format!("          {complaint}"));
+                    }
+                }
+            }
+        }
+    }
+
+    pub(super) fn as_json(&self) -> Value {
+        let one = |(what, outcome): &(String, Outcome)| match outcome {
+            Outcome::Holds(text) => json!({"check": what, "outcome": "ok", "details": [text]}),
+            Outcome::LeftOut(why) => json!({"check": what, "outcome": "left out", "details": [why]}),
+            Outcome::Broken(complaints) => json!({"check": what, "outcome": "failed", "details": complaints}),
+        };
+        self.0.iter().map(one).collect()
+    }
+}
