@@ -7,7 +7,6 @@ use sg_proto::launch::{Change, ServiceState, SwapState};
 
 use super::*;
 use crate::file::Restart;
-use crate::reconcile::slot::Swap;
 
 /// How a simulated process behaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
