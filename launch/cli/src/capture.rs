@@ -8,11 +8,11 @@ use sg_proto::render::CaptureRequest;
 use sg_runtime::blobs::{BlobError, Blobs};
 use sg_runtime::context::Context;
 
-use crate::remote;
-use crate::terminal::{self, Done, Failure, time};
+use crate::supervisor_client;
+use crate::terminal::{self, CommandResult, Failure, format_time};
 
 /// How long drawing may take, and each part of the picture on its way here.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CaptureArgs {
@@ -30,7 +30,7 @@ pub(crate) struct CaptureArgs {
     highlight: bool,
 }
 
-pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> Done {
+pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> CommandResult {
     let CaptureArgs { out, width, height, highlight } = arguments;
     let extension = out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let floats = match extension.as_deref() {
@@ -38,24 +38,24 @@ pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> D
         Some("npy") => true,
         _ => return Err(Failure::Input(format!("{}: end its name with .png or .npy", out.display()))),
     };
-    let (session, bus) = remote::join(session).await?;
-    let context = Context::root().deadline_in(PATIENCE);
+    let (session, bus) = supervisor_client::join(session).await?;
+    let context = Context::root().deadline_in(TIMEOUT);
     let request =
         CaptureRequest { width: *width, height: *height, highlight_selection: *highlight, ..CaptureRequest::default() };
-    let frame = bus.ask(&keys::CAPTURE, &request, &context).await.map_err(remote::refused)?;
+    let frame = bus.ask(&keys::CAPTURE, &request, &context).await.map_err(supervisor_client::refused)?;
     let kept = if floats { (&frame.npy_path, &frame.hash) } else { (&frame.png_path, &frame.png_hash) };
     let blobs = Blobs::open(&session.path().join("blobs")).map_err(|e| Failure::Work(e.to_string()))?;
-    let context = Context::root().deadline_in(PATIENCE);
+    let context = Context::root().deadline_in(TIMEOUT);
     let path = blobs.fetch(&bus, &keys::CAPTURE_CONTENT, (kept.0, kept.1), &context).await?;
     keep(&path, out).map_err(|e| Failure::Work(e.to_string()))?;
     bus.close().await;
-    terminal::out(&format!(
+    terminal::print_line(&format!(
         "{}: {} x {}, revision {}, drawn in {}",
         out.display(),
         frame.width,
         frame.height,
         frame.revision,
-        time(frame.render_ms)
+        format_time(frame.render_ms)
     ));
     Ok(())
 }

@@ -10,7 +10,7 @@ use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
 };
 
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 
 /// Name of the authority in its certificate.
 const AUTHORITY: &str = "Super-Gaussian authority";
@@ -33,7 +33,7 @@ pub(crate) struct CertificatesArgs {
     days: u64,
 }
 
-pub(crate) fn certificates(arguments: &CertificatesArgs) -> Done {
+pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
     let CertificatesArgs { dir, home, nodes, days } = arguments;
     if let Some(bad) = nodes.iter().find(|n| sg_runtime::session::SessionDir::named(n).is_err() || *n == "home") {
         return Err(Failure::Input(format!("--node {bad}: use letters, digits, `-` or `_`, and not `home`")));
@@ -52,7 +52,7 @@ pub(crate) fn certificates(arguments: &CertificatesArgs) -> Done {
         ));
     }
     for line in lines {
-        terminal::out(&line);
+        terminal::print_line(&line);
     }
     Ok(())
 }

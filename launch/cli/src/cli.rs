@@ -7,9 +7,10 @@ use clap::{Parser, Subcommand};
 use sg_runtime::process::EXIT_FAILED;
 use sg_stack::spawn;
 
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 use crate::{
-    capture, certificates, chaos, contract, demo, join, metrics, open, remote, say, subcommands, swap, up, watch,
+    capture, certificates, chaos, contract, demo, join, metrics, open, say, subcommands, supervisor_client, swap, up,
+    watch,
 };
 
 /// Edit volumes by talking to them: starts the services, watches them, speaks to them.
@@ -147,27 +148,27 @@ enum Command {
 pub(crate) fn main() -> ExitCode {
     let mut arguments = std::env::args_os().skip(1).peekable();
     if arguments.next_if(|a| a == spawn::BECOME_CHILD).is_some() {
-        terminal::tell(&spawn::become_child(arguments));
+        terminal::print_status(&spawn::become_child(arguments));
         return ExitCode::from(EXIT_FAILED);
     }
-    if arguments.next_if(|a| a == spawn::OUTLIVE).is_some() {
-        spawn::drop_inherited();
+    if arguments.next_if(|a| a == spawn::DETACHED).is_some() {
+        spawn::close_inherited();
     }
     let cli = Cli::parse_from(std::iter::once(OsString::from("supergaussian")).chain(arguments));
     sg_runtime::telemetry::init_command();
-    terminal::finish(run(cli))
+    terminal::exit_code(run(cli))
 }
 
-fn run(cli: Cli) -> Done {
+fn run(cli: Cli) -> CommandResult {
     let session = cli.session.as_deref();
     match cli.command {
         Command::Demo(arguments) => wait(demo::demo(arguments, session)),
         Command::Open(arguments) => wait(open::open(&arguments, session)),
         Command::Up(arguments) => wait(up::up(&arguments, session)),
-        Command::Down => wait(remote::down(session)),
-        Command::Ps { json } => wait(remote::ps(session, json)),
-        Command::Logs { follow, service } => remote::logs(session, service.as_deref(), follow),
-        Command::Restart { service } => wait(remote::restart(session, &service)),
+        Command::Down => wait(supervisor_client::down(session)),
+        Command::Ps { json } => wait(supervisor_client::ps(session, json)),
+        Command::Logs { follow, service } => supervisor_client::logs(session, service.as_deref(), follow),
+        Command::Restart { service } => wait(supervisor_client::restart(session, &service)),
         Command::Swap(arguments) => wait(swap::swap(session, &arguments)),
         Command::Join(arguments) => wait(join::join(session, &arguments)),
         Command::Certificates(arguments) => certificates::certificates(&arguments),
@@ -184,7 +185,7 @@ fn run(cli: Cli) -> Done {
 }
 
 /// The bus needs a runtime with several threads; the future itself stays on this one (see [`spawn::start`]).
-fn wait(future: impl Future<Output = Done>) -> Done {
+fn wait(future: impl Future<Output = CommandResult>) -> CommandResult {
     match sg_runtime::process::block_on(future) {
         Ok(done) => done,
         Err(error) => Err(Failure::Work(format!("the async runtime could not be started: {error}"))),

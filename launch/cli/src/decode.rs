@@ -39,7 +39,7 @@ impl Decoder {
 }
 
 /// Puts the number of bytes in place of masks.
-pub(crate) fn without_masks(value: &mut Value) {
+pub(crate) fn hide_masks(value: &mut Value) {
     match value {
         Value::Object(object) => {
             for (key, value) in object {
@@ -49,23 +49,23 @@ pub(crate) fn without_masks(value: &mut Value) {
                         let padding = bits.chars().rev().take_while(|c| *c == '=').count();
                         *value = format!("<{} bytes>", bits.len() / 4 * 3 - padding.min(2)).into();
                     }
-                    other => without_masks(other),
+                    other => hide_masks(other),
                 }
             }
         }
-        Value::Array(items) => items.iter_mut().for_each(without_masks),
+        Value::Array(items) => items.iter_mut().for_each(hide_masks),
         _ => {}
     }
 }
 
 /// Puts the number of items in place of what a list has beyond a few.
-pub(crate) fn with_short_lists(value: &mut Value) {
+pub(crate) fn shorten_lists(value: &mut Value) {
     match value {
-        Value::Object(object) => object.values_mut().for_each(with_short_lists),
+        Value::Object(object) => object.values_mut().for_each(shorten_lists),
         Value::Array(items) => {
             let left_out = items.len().saturating_sub(MAX_LIST);
             items.truncate(MAX_LIST);
-            items.iter_mut().for_each(with_short_lists);
+            items.iter_mut().for_each(shorten_lists);
             if left_out > 0 {
                 items.push(format!("<{left_out} more>").into());
             }
@@ -98,8 +98,8 @@ mod tests {
                 Stroke { points: vec![0.5; 300], radius: 0.02, mode: 1, kind: 1, pressure: vec![], depth: None };
             let commit = CommitSelection { mask: Some(mask), strokes: vec![stroke], ..CommitSelection::default() };
             let mut json = decoder.json_of(&commit);
-            without_masks(&mut json);
-            with_short_lists(&mut json);
+            hide_masks(&mut json);
+            shorten_lists(&mut json);
             assert_eq!(json["mask"]["length"], 60_000);
             let expected = if bytes > 0 { format!("<{bytes} bytes>").into() } else { Value::Null };
             assert_eq!(json["mask"]["bits"], expected);

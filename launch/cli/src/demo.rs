@@ -11,7 +11,7 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::session::{self, SessionDir};
 use sg_stack::console::Verbosity;
-use sg_stack::file::Search;
+use sg_stack::file::ExecutableSearch;
 use sg_stack::reconcile::Outcome;
 use sg_stack::suggestion::suggestion;
 use sg_stack::supervisor::{Stack, Supervisor};
@@ -21,11 +21,11 @@ use crate::display::has_display;
 use crate::input::{GAUSSIANS, Input, Scene};
 use crate::opener::CommandOpener;
 use crate::playback::{Player, Settings};
-use crate::remote::wait_until_ready;
 use crate::script::{self, Step};
 use crate::shipped::{self, DENSEST, DESKTOP, HEADLESS};
 use crate::strokes::check_strokes;
-use crate::terminal::{self, Done, Failure};
+use crate::supervisor_client::wait_until_ready;
+use crate::terminal::{self, CommandResult, Failure};
 use crate::text_file::read_text;
 use crate::transcript;
 use crate::up::outcome;
@@ -66,10 +66,10 @@ pub(crate) struct DemoArgs {
     json: bool,
 }
 
-pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
+pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResult {
     // What can be wrong is looked at before anything that takes time.
     let input = Input::of(arguments.input.as_deref())?;
-    let search = Search::here_then_path();
+    let search = ExecutableSearch::here_then_path();
     // Whoever names a script or a service to kill wants to see what comes of it in files.
     let shipped_file = match arguments.script.is_none() && arguments.chaos.is_none() && has_display() {
         true => DESKTOP,
@@ -84,7 +84,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         return Err(Failure::Input(format!("--chaos {name}: no such service{hint}")));
     }
     let out = fresh_folder(&arguments.out)?;
-    let files = shipped::unpack(&out, input.known())?;
+    let files = shipped::unpack(&out, input.shipped_name())?;
     let path = match arguments.script.as_deref() {
         Some("generic") => files.generic.clone(),
         Some(path) => PathBuf::from(path),
@@ -95,7 +95,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
     if let Some(service) = &arguments.chaos
         && !steps.contains(&Step::Chaos)
     {
-        terminal::tell(&format!("the script does not say when to kill {service}: it happens in its middle"));
+        terminal::print_status(&format!("the script does not say when to kill {service}: it happens in its middle"));
         steps.insert(steps.len() / 2, Step::Chaos);
     }
     let how = match (windowed, &arguments.script) {
@@ -103,7 +103,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         (false, None) => Some("no display (DISPLAY is not set): a script is played without a window"),
         (false, Some(_)) => None,
     };
-    how.into_iter().for_each(terminal::tell);
+    how.into_iter().for_each(terminal::print_status);
 
     let function = arguments.transfer_function.as_deref().or(files.transfer_function.as_deref());
     let scene = input.scene(&out, function, arguments.gaussians, arguments.seed)?;
@@ -127,18 +127,21 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         })
     };
     let failed = |_: &Failure| {
-        terminal::tell(&format!("what the services have logged: supergaussian logs --session {}", session.name()));
+        terminal::print_status(&format!(
+            "what the services have logged: supergaussian logs --session {}",
+            session.name()
+        ));
     };
     if windowed {
         match Supervisor::open(stack(shipped_file)?).await?.run().await? {
             // A screen without a Vulkan driver, say: everything else can be seen all the same.
             Outcome::Failed { service, reason } if service == role::RENDER_VIEW => {
-                terminal::tell(&format!("{reason}; a script is played without a window"));
+                terminal::print_status(&format!("{reason}; a script is played without a window"));
             }
             ended => {
                 outcome(ended).inspect_err(failed)?;
                 let _ = std::fs::remove_dir_all(session.path());
-                terminal::tell(&format!("what was edited is kept in {}", project.display()));
+                terminal::print_status(&format!("what was edited is kept in {}", project.display()));
                 return Ok(());
             }
         }
@@ -155,10 +158,10 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
     // The logs of a demo that went well are of no further use.
     let _ = std::fs::remove_dir_all(session.path());
     summary.tell(arguments.json);
-    if summary.undone.is_empty() {
+    if summary.failed_utterances.is_empty() {
         return Ok(());
     }
-    Err(Failure::Work(format!("not everything was done: {}", summary.undone.join("; "))))
+    Err(Failure::Work(format!("not everything was done: {}", summary.failed_utterances.join("; "))))
 }
 
 /// Supervises the stack and plays the script at the same time; whichever ends first ends the other.
@@ -189,7 +192,7 @@ async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Se
     let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
     let ready = wait_until_ready(&bus).await?;
     let start_seconds = began.elapsed().as_secs_f64();
-    terminal::tell(&format!("{} services ready after {start_seconds:.1} s", ready.services.len()));
+    terminal::print_status(&format!("{} services ready after {start_seconds:.1} s", ready.services.len()));
     let mut player = Player::new(bus.clone(), settings).await?;
     let played = player.play(&steps).await;
     // The transcript is of most use when something went wrong.
@@ -239,12 +242,12 @@ fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::KNOWN;
+    use crate::input::SHIPPED_VOLUMES;
     use crate::strokes::read_strokes;
 
     #[test]
     fn every_shipped_script_is_good_and_complete() {
-        for known in KNOWN.into_iter().chain(["vessel", "generic"]) {
+        for known in SHIPPED_VOLUMES.into_iter().chain(["vessel", "generic"]) {
             let folder = tempfile::tempdir().unwrap();
             let files = shipped::unpack(folder.path(), Some(known)).unwrap();
             assert!(files.script.ends_with(format!("{known}.toml")), "no script for {known}");

@@ -12,15 +12,15 @@ use crate::terminal::{self, Failure};
 pub(crate) const GAUSSIANS: u32 = 100_000;
 
 /// Voxels along each edge of the made volume.
-const MADE_SIZE: &str = "128";
+const SYNTHETIC_SIZE: &str = "128";
 /// Volumes that scripts are shipped for, by what their file names begin with.
-pub(crate) const KNOWN: [&str; 3] = ["bonsai", "aneurism", "tooth"];
+pub(crate) const SHIPPED_VOLUMES: [&str; 3] = ["bonsai", "aneurism", "tooth"];
 
 /// What the user named.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Input {
     /// Nothing: a vessel tree is made.
-    Made,
+    Synthetic,
     /// A volume.
     Volume(PathBuf),
     /// Gaussians.
@@ -39,7 +39,7 @@ pub(crate) struct Scene {
 impl Input {
     /// Tells a scene from a volume by its extension.
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
-        let Some(path) = path else { return Ok(Self::Made) };
+        let Some(path) = path else { return Ok(Self::Synthetic) };
         let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         // A folder is an output of iVR-GS.
@@ -47,14 +47,14 @@ impl Input {
         Ok(if scene { Self::Scene(path) } else { Self::Volume(path) })
     }
 
-    /// The volume of [`KNOWN`] it is.
-    pub(crate) fn known(&self) -> Option<&'static str> {
+    /// The volume of [`SHIPPED_VOLUMES`] it is.
+    pub(crate) fn shipped_name(&self) -> Option<&'static str> {
         match self {
-            Self::Made => Some("vessel"),
+            Self::Synthetic => Some("vessel"),
             Self::Scene(_) => None,
             Self::Volume(path) => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-                KNOWN.into_iter().find(|known| name.starts_with(known))
+                SHIPPED_VOLUMES.into_iter().find(|known| name.starts_with(known))
             }
         }
     }
@@ -70,21 +70,21 @@ impl Input {
         let volume = match self {
             Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
             Self::Volume(path) => path.clone(),
-            Self::Made => return made(out, function, gaussians, seed),
+            Self::Synthetic => return make_synthetic(out, function, gaussians, seed),
         };
         fit(&volume, out, function, gaussians, seed)
     }
 }
 
-fn made(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
+fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
     let folder = out.join("volume");
-    terminal::tell(&format!("making a vessel tree with an aneurysm, {MADE_SIZE}³ voxels"));
+    terminal::print_status(&format!("making a vessel tree with an aneurysm, {SYNTHETIC_SIZE}³ voxels"));
     let truth = fit_command(&[
         "phantom".as_ref(),
         "--out".as_ref(),
         folder.as_os_str(),
         "--size".as_ref(),
-        MADE_SIZE.as_ref(),
+        SYNTHETIC_SIZE.as_ref(),
         "--seed".as_ref(),
         seed.to_string().as_ref(),
         "--json".as_ref(),
@@ -115,11 +115,11 @@ fn fit(volume: &Path, out: &Path, function: Option<&Path>, gaussians: u32, seed:
     if let Some(function) = function {
         arguments.extend(["--transfer-function".as_ref(), function.as_os_str()]);
     }
-    terminal::tell(&format!("placing Gaussians in {}", volume.display()));
+    terminal::print_status(&format!("placing Gaussians in {}", volume.display()));
     let report = fit_command(&arguments)?;
     let fit_seconds = began.elapsed().as_secs_f64();
     let placed = report.get("gaussians").and_then(Value::as_u64).unwrap_or(0);
-    terminal::tell(&format!("{} Gaussians after {fit_seconds:.1} s", terminal::thousands(placed)));
+    terminal::print_status(&format!("{} Gaussians after {fit_seconds:.1} s", terminal::format_count(placed)));
     Ok(Scene { path: folder.join("scene.toml"), fit_seconds: Some(fit_seconds) })
 }
 
@@ -142,10 +142,10 @@ mod tests {
         };
         assert!(matches!(kind("a.compressed.ply"), Input::Scene(_)));
         assert!(matches!(kind("scene.toml"), Input::Scene(_)));
-        assert_eq!(kind("Bonsai_256x256x256_uint8.raw.zst").known(), Some("bonsai"));
-        assert_eq!(kind("tooth.nrrd").known(), Some("tooth"));
-        assert_eq!(kind("skull.nrrd").known(), None);
-        assert_eq!(Input::of(None).unwrap().known(), Some("vessel"));
+        assert_eq!(kind("Bonsai_256x256x256_uint8.raw.zst").shipped_name(), Some("bonsai"));
+        assert_eq!(kind("tooth.nrrd").shipped_name(), Some("tooth"));
+        assert_eq!(kind("skull.nrrd").shipped_name(), None);
+        assert_eq!(Input::of(None).unwrap().shipped_name(), Some("vessel"));
         let absent = Input::of(Some(&folder.path().join("none.raw"))).unwrap_err();
         assert!(matches!(absent, Failure::Input(_)));
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use sg_runtime::bus::{Certificates, Link, TLS_PREFIX};
 use sg_stack::node::{self, NodeSettings};
 
-use crate::terminal::{Done, Failure};
+use crate::terminal::{CommandResult, Failure};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct JoinArgs {
@@ -26,7 +26,7 @@ pub(crate) struct JoinArgs {
     key: PathBuf,
 }
 
-pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> Done {
+pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> CommandResult {
     let session = session.ok_or_else(|| {
         Failure::Input("which stack? give the name of its session with --session NAME, as `up` tells it".to_owned())
     })?;

@@ -17,11 +17,11 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use tokio::net::TcpListener;
 
-use crate::remote::{join, services};
-use crate::terminal::{self, Done, Failure};
+use crate::supervisor_client::{join, services};
+use crate::terminal::{self, CommandResult, Failure};
 
 /// How long one process may take to tell; one that is away is left out.
-const PATIENCE: Duration = Duration::from_millis(500);
+const TIMEOUT: Duration = Duration::from_millis(500);
 /// How long somebody may take to say what they want.
 const HEADERS: Duration = Duration::from_secs(5);
 /// Connections at a time.
@@ -29,12 +29,12 @@ const CONNECTIONS: usize = 16;
 /// What Prometheus' text format calls itself.
 const FORMAT: &str = "text/plain; version=0.0.4";
 
-pub(crate) async fn metrics(session: Option<&str>, listen: Option<SocketAddr>) -> Done {
+pub(crate) async fn metrics(session: Option<&str>, listen: Option<SocketAddr>) -> CommandResult {
     let (_, bus) = join(session).await?;
     match listen {
         Some(address) => serve(bus, address).await,
         None => {
-            terminal::out(gather(&bus).await?.trim_end());
+            terminal::print_line(gather(&bus).await?.trim_end());
             bus.close().await;
             Ok(())
         }
@@ -48,7 +48,7 @@ async fn gather(bus: &Bus) -> Result<String, Failure> {
     let asked = places.map(|place| {
         let bus = bus.clone();
         tokio::spawn(async move {
-            let context = Context::root().deadline_in(PATIENCE);
+            let context = Context::root().deadline_in(TIMEOUT);
             bus.ask_role(&keys::METRICS, &place, &MetricsRequest {}, &context).await
         })
     });
@@ -90,7 +90,7 @@ fn merged(texts: &[String]) -> String {
     out
 }
 
-async fn serve(bus: Bus, address: SocketAddr) -> Done {
+async fn serve(bus: Bus, address: SocketAddr) -> CommandResult {
     if !address.ip().is_loopback() {
         return Err(Failure::Input(format!(
             "--listen {address}: metrics are served to this machine only; use 127.0.0.1:{}",
@@ -100,7 +100,7 @@ async fn serve(bus: Bus, address: SocketAddr) -> Done {
     let fail = |e: std::io::Error| Failure::Work(format!("--listen {address}: {e}"));
     let listener = TcpListener::bind(address).await.map_err(fail)?;
     let bound = listener.local_addr().map_err(fail)?;
-    terminal::out(&format!("http://{bound}/metrics"));
+    terminal::print_line(&format!("http://{bound}/metrics"));
     let room = std::sync::Arc::new(tokio::sync::Semaphore::new(CONNECTIONS));
     loop {
         let accepted = tokio::select! {

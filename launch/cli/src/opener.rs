@@ -33,7 +33,7 @@ impl SessionOpener for CommandOpener {
             )));
         }
         let session = session_of(path).map_err(|f| Fault::not_found(f.text()))?;
-        let mut command = spawn::outliving();
+        let mut command = spawn::detached();
         command.args(["open", "--session", &session]).arg(path);
         Ok(OpenCommand { session, volume: matches!(input, Input::Volume(_)), command })
     }

@@ -21,16 +21,16 @@ use sg_runtime::context::Context;
 use sg_stack::spawn;
 
 use crate::decode::Decoder;
-use crate::remote::services;
 use crate::script::Step;
 use crate::strokes::read_strokes;
-use crate::terminal::{self, Failure, thousands, time};
+use crate::supervisor_client::services;
+use crate::terminal::{self, Failure, format_count, format_time};
 use crate::transcript::Transcript;
 
 /// How long a picture of the shared viewpoint is waited for after a change.
 const VIEW_TIME: Duration = Duration::from_secs(20);
 /// How long a service that is to be killed may take to have a process.
-const VICTIM_TIME: Duration = Duration::from_secs(10);
+const TARGET_TIME: Duration = Duration::from_secs(10);
 
 /// How a script is played.
 #[derive(Debug, Clone)]
@@ -59,7 +59,7 @@ pub(crate) struct Counts {
 
 /// What was measured, milliseconds.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Measured {
+pub(crate) struct Measurements {
     pub(crate) walk: Vec<f64>,
     /// From sending strokes to the picture of the shared viewpoint that shows what they selected.
     pub(crate) stroke_to_picture: Vec<f64>,
@@ -69,7 +69,7 @@ pub(crate) struct Measured {
 
 /// A change of the scene that was answered: nothing may take it back.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Acknowledged {
+pub(crate) struct AcknowledgedChange {
     /// Id of the scene's command; empty where the agents chose it.
     pub(crate) id: String,
     /// Revision after it.
@@ -85,14 +85,14 @@ pub(crate) struct Player {
     step: u32,
     /// The newest revision of the scene that an answer spoke of.
     revision: u64,
-    pub(crate) measured: Measured,
+    pub(crate) measured: Measurements,
     pub(crate) pictures: Vec<PathBuf>,
     /// Content hash of each picture.
     pub(crate) hashes: Vec<String>,
     pub(crate) replies: usize,
     /// What was said but not done.
-    pub(crate) undone: Vec<String>,
-    pub(crate) acknowledged: Vec<Acknowledged>,
+    pub(crate) failed_utterances: Vec<String>,
+    pub(crate) acknowledged: Vec<AcknowledgedChange>,
 }
 
 impl Player {
@@ -104,11 +104,11 @@ impl Player {
             settings,
             step: 0,
             revision: 0,
-            measured: Measured::default(),
+            measured: Measurements::default(),
             pictures: Vec::new(),
             hashes: Vec::new(),
             replies: 0,
-            undone: Vec::new(),
+            failed_utterances: Vec::new(),
             acknowledged: Vec::new(),
         })
     }
@@ -121,10 +121,10 @@ impl Player {
             let what = self.play_step(step).await.map_err(|failure| match failure {
                 Failure::Input(text) => Failure::Input(format!("step {number}: {text}")),
                 Failure::Work(text) => Failure::Work(format!("step {number}: {text}")),
-                Failure::Told(status) => Failure::Told(status),
+                Failure::Reported(status) => Failure::Reported(status),
             })?;
             if !what.is_empty() {
-                terminal::tell(&format!("[{number:2}/{of}] {what}"));
+                terminal::print_status(&format!("[{number:2}/{of}] {what}"));
             }
         }
         Ok(())
@@ -214,12 +214,12 @@ impl Player {
         let mut picture = String::new();
         if let Some(at) = seen {
             let ms = at.saturating_duration_since(began).as_secs_f64() * 1000.0;
-            picture = format!(", on the picture after {}", time(ms));
+            picture = format!(", on the picture after {}", format_time(ms));
             self.measured.stroke_to_picture.push(ms);
         }
         let mut walk = String::new();
         if walks {
-            walk = format!(", walk {}", time(reply.walk_ms));
+            walk = format!(", walk {}", format_time(reply.walk_ms));
             self.measured.walk.push(reply.walk_ms);
         }
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -231,7 +231,7 @@ impl Player {
         Ok(format!(
             "brush {count} stroke{}{further} of {name}: {} Gaussians selected{walk}{picture}",
             plural(count),
-            thousands(reply.selected)
+            format_count(reply.selected)
         ))
     }
 
@@ -244,7 +244,7 @@ impl Player {
         self.acknowledge(String::new(), reply.revision);
         self.replies += 1;
         if !reply.ok {
-            self.undone.push(format!("\"{text}\": {}", reply.text));
+            self.failed_utterances.push(format!("\"{text}\": {}", reply.text));
         }
         Ok(format!("say \"{text}\" → {}", reply.text))
     }
@@ -259,7 +259,7 @@ impl Player {
 
     fn acknowledge(&mut self, id: String, revision: u64) {
         self.revision = self.revision.max(revision);
-        self.acknowledged.push(Acknowledged { id, revision });
+        self.acknowledged.push(AcknowledgedChange { id, revision });
     }
 
     async fn capture(&mut self, name: &str, highlight: bool, only: &[String]) -> Result<String, Failure> {
@@ -280,23 +280,23 @@ impl Player {
         let picture = keep(&frame, &out.join(format!("{base}.npy")), &out.join(format!("{base}.png")))?;
         let shown = picture.file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.pictures.push(picture);
-        Ok(format!("capture {shown}, drawn in {}", time(frame.render_ms)))
+        Ok(format!("capture {shown}, drawn in {}", format_time(frame.render_ms)))
     }
 
     /// Kills the service that the command names, as it is, and goes on at once.
     async fn kill(&self) -> Result<String, Failure> {
-        let Some(victim) = &self.settings.chaos else { return Ok(String::new()) };
+        let Some(target) = &self.settings.chaos else { return Ok(String::new()) };
         let began = Instant::now();
         loop {
             let ps = services(&self.bus).await?;
-            let pid = ps.services.iter().find(|s| s.name == *victim).map_or(0, |s| s.pid);
+            let pid = ps.services.iter().find(|s| s.name == *target).map_or(0, |s| s.pid);
             if pid > 0 {
                 spawn::signal(pid, Signal::SIGKILL)
                     .map_err(|e| Failure::Work(format!("process {pid} cannot be killed: {e}")))?;
-                return Ok(format!("kill -9 {pid} ({victim})"));
+                return Ok(format!("kill -9 {pid} ({target})"));
             }
-            if began.elapsed() > VICTIM_TIME {
-                return Err(Failure::Work(format!("`{victim}` has no process that could be killed")));
+            if began.elapsed() > TARGET_TIME {
+                return Err(Failure::Work(format!("`{target}` has no process that could be killed")));
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use sg_stack::file::{LaunchFile, Search, Source, read};
+use sg_stack::file::{ExecutableSearch, LaunchFile, Source, read};
 
 use crate::terminal::Failure;
 
@@ -18,7 +18,7 @@ pub(crate) const DESKTOP: (&str, &str) = ("desktop.toml", include_str!("../../de
 pub(crate) fn launch_file(
     (name, text): (&str, &str),
     overrides: &[String],
-    search: &Search,
+    search: &ExecutableSearch,
 ) -> Result<LaunchFile, Failure> {
     let source = Source { path: Path::new(name), text, overrides };
     read(source, search).map_err(|problems| Failure::Work(problems.to_string()))

@@ -7,11 +7,11 @@ use std::process::Stdio;
 use std::sync::LazyLock;
 
 use serde_json::Value;
-use sg_stack::file::Search;
-use sg_stack::spawn::dies_with_us;
+use sg_stack::file::ExecutableSearch;
+use sg_stack::spawn::tied_to_parent;
 use sg_stack::suggestion::suggestion;
 
-use crate::terminal::{Done, Failure};
+use crate::terminal::{CommandResult, Failure};
 
 /// Command, executable, what it is for.
 const TABLE: [(&str, &str, &str); 6] = [
@@ -33,7 +33,7 @@ pub(crate) static HELP: LazyLock<String> = LazyLock::new(|| {
 fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
     match TABLE.iter().find(|(command, ..)| *command == name) {
         Some((_, executable, _)) => {
-            let found = Search::here_then_path().find(executable, Path::new(""));
+            let found = ExecutableSearch::here_then_path().find(executable, Path::new(""));
             found.map_err(|e| Failure::Work(e.to_string()))
         }
         None => {
@@ -44,7 +44,7 @@ fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
 }
 
 /// Becomes the executable of a command: its standard streams and exit status are those of this process.
-pub(crate) fn run(words: &[OsString], built_in: &[String]) -> Done {
+pub(crate) fn run(words: &[OsString], built_in: &[String]) -> CommandResult {
     let Some((name, arguments)) = words.split_first() else {
         return Err(Failure::Input("no command".to_owned()));
     };
@@ -57,7 +57,7 @@ pub(crate) fn run(words: &[OsString], built_in: &[String]) -> Done {
 /// Runs a command that prints JSON; what it says to people goes to people.
 pub(crate) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
     let executable = executable(command, &[])?;
-    let output = dies_with_us(&executable)
+    let output = tied_to_parent(&executable)
         .args(arguments)
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())
@@ -66,7 +66,7 @@ pub(crate) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<V
     match output.status.code() {
         Some(0) => serde_json::from_slice(&output.stdout)
             .map_err(|e| Failure::Work(format!("`supergaussian {command}` printed no JSON: {e}"))),
-        Some(status @ 1..=2) => Err(Failure::Told(status as u8)),
+        Some(status @ 1..=2) => Err(Failure::Reported(status as u8)),
         _ => Err(Failure::Work(format!("`supergaussian {command}` failed: {}", output.status))),
     }
 }

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use sg_runtime::process::{EXIT_FAILED, EXIT_INPUT};
 use sg_stack::StackError;
 use sg_stack::terminal::may_color;
-pub(crate) use sg_stack::terminal::{Color, paint, tell, time};
+pub(crate) use sg_stack::terminal::{Color, format_time, paint, print_status};
 
 /// Writes a line that was asked for. A reader that went away ends the command quietly, as it does for other programs.
-pub(crate) fn out(line: &str) {
+pub(crate) fn print_line(line: &str) {
     let mut stdout = io::stdout().lock();
     if writeln!(stdout, "{line}").and_then(|()| stdout.flush()).is_err() {
         std::process::exit(0);
@@ -29,7 +29,7 @@ pub(crate) enum Failure {
     /// The work failed.
     Work(String),
     /// A program that was started has told its failure itself; its exit status is passed on.
-    Told(u8),
+    Reported(u8),
 }
 
 impl Failure {
@@ -37,7 +37,7 @@ impl Failure {
     pub(crate) fn text(&self) -> &str {
         match self {
             Self::Input(text) | Self::Work(text) => text,
-            Self::Told(_) => "",
+            Self::Reported(_) => "",
         }
     }
 }
@@ -79,21 +79,21 @@ impl From<StackError> for Failure {
 }
 
 /// What a command comes to.
-pub(crate) type Done = Result<(), Failure>;
+pub(crate) type CommandResult = Result<(), Failure>;
 
 /// Tells a failure, once, and gives the exit status.
-pub(crate) fn finish(done: Done) -> ExitCode {
+pub(crate) fn exit_code(done: CommandResult) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             let colored = may_color(&io::stderr());
             for line in failure.text().lines() {
-                tell(&format!("{} {line}", paint(Color::Red, "error:", colored)));
+                print_status(&format!("{} {line}", paint(Color::Red, "error:", colored)));
             }
             ExitCode::from(match failure {
                 Failure::Input(_) => EXIT_INPUT,
                 Failure::Work(_) => EXIT_FAILED,
-                Failure::Told(status) => status,
+                Failure::Reported(status) => status,
             })
         }
     }
@@ -120,7 +120,7 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
 }
 
 /// A whole number with thousands apart: `1,234,567`.
-pub(crate) fn thousands(n: u64) -> String {
+pub(crate) fn format_count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -137,8 +137,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thousands_are_apart() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(thousands), ["0", "999", "1,000", "1,234,567"]);
+    fn format_count_are_apart() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(format_count), ["0", "999", "1,000", "1,234,567"]);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use sg_runtime::bus::{Bus, Seen};
 use sg_runtime::context::Context;
 use tokio::task::JoinHandle;
 
-use crate::decode::{Decoder, is_health, stage, without_masks};
+use crate::decode::{Decoder, hide_masks, is_health, stage};
 use crate::terminal::Failure;
 
 /// Its file within the demo's folder.
@@ -22,7 +22,7 @@ const CAPACITY: usize = 4096;
 /// Most messages of one transcript.
 const MAX_ENTRIES: usize = 100_000;
 /// How often it is looked for a message that is waited for.
-const GLANCE: Duration = Duration::from_millis(2);
+const POLL_PERIOD: Duration = Duration::from_millis(2);
 
 /// A transcript that is being taken.
 #[derive(Debug)]
@@ -83,7 +83,7 @@ impl Transcript {
                 }
                 looked = entries.len();
             }
-            tokio::time::sleep(GLANCE).await;
+            tokio::time::sleep(POLL_PERIOD).await;
         }
         None
     }
@@ -119,7 +119,7 @@ impl Entry {
     fn json(&self, decoder: &Decoder) -> Value {
         let Seen { key, message, payload, context } = &self.seen;
         let mut decoded = decoder.json(message, payload);
-        without_masks(&mut decoded);
+        hide_masks(&mut decoded);
         json!({
             "t_seconds": self.at.as_secs_f64(),
             "conversation": context.conversation,

@@ -9,7 +9,7 @@ use sg_stack::reconcile::Outcome;
 
 use crate::opener::CommandOpener;
 use crate::reload;
-use crate::terminal::{self, Done, Failure, columns};
+use crate::terminal::{self, CommandResult, Failure, columns};
 use sg_stack::console::Verbosity;
 use sg_stack::supervisor::{Stack, Supervisor};
 
@@ -51,7 +51,7 @@ fn session(told: Option<&str>, file: &LaunchFile, path: &Path) -> Result<Session
     Ok(SessionDir::named(&name)?)
 }
 
-pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> Done {
+pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> CommandResult {
     let FileArgs { path, overrides } = &arguments.file;
     let file = launch_file(path, overrides, &arguments.only)?;
     let session = session(told, &file, path)?;
@@ -74,18 +74,18 @@ pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> Done {
 }
 
 /// What the end of a stack means for the command that supervised it.
-pub(crate) fn outcome(outcome: Outcome) -> Done {
+pub(crate) fn outcome(outcome: Outcome) -> CommandResult {
     match outcome {
         Outcome::Down | Outcome::Finished => Ok(()),
         Outcome::Failed { service, reason } => Err(Failure::Work(format!("service `{service}` failed: {reason}"))),
     }
 }
 
-pub(crate) fn check(arguments: &FileArgs) -> Done {
+pub(crate) fn check(arguments: &FileArgs) -> CommandResult {
     let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
     let session = session(None, &file, &arguments.path)?;
     let names: Vec<_> = file.services.iter().map(|s| s.name.as_str()).collect();
-    terminal::out(&format!(
+    terminal::print_line(&format!(
         "{}: good; session {}, {} services, starting in this order: {}",
         arguments.path.display(),
         session.name(),
@@ -95,11 +95,11 @@ pub(crate) fn check(arguments: &FileArgs) -> Done {
     Ok(())
 }
 
-pub(crate) fn graph(arguments: &FileArgs, dot: bool) -> Done {
+pub(crate) fn graph(arguments: &FileArgs, dot: bool) -> CommandResult {
     let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
     let lines = if dot { graphviz(&file) } else { table(&file) };
     for line in lines {
-        terminal::out(&line);
+        terminal::print_line(&line);
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::log_file::LogFile;
 use crate::log_line::{Level, LogLine};
-use crate::spawn::Lines;
+use crate::spawn::LineSink;
 use crate::terminal::{self, Color, paint};
 
 /// Lines that may wait.
@@ -50,10 +50,10 @@ impl Console {
         let missed = Arc::clone(&dropped);
         std::thread::spawn(move || {
             for line in lines {
-                terminal::tell(&line);
+                terminal::print_status(&line);
                 let missed = missed.swap(0, Ordering::Relaxed);
                 if missed > 0 {
-                    terminal::tell(&format!("… {missed} lines not shown; they are in the logs"));
+                    terminal::print_status(&format!("… {missed} lines not shown; they are in the logs"));
                 }
             }
             // Nobody waits any more: then it does not matter.
@@ -63,16 +63,16 @@ impl Console {
     }
 
     /// Tells a line.
-    pub(crate) fn tell(&self, line: String) {
+    pub(crate) fn print(&self, line: String) {
         if self.sender.try_send(line).is_err() {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// Tells a line of the supervisor's own that a quiet one keeps to itself.
-    pub(crate) fn detail(&self, line: String) {
+    pub(crate) fn print_detail(&self, line: String) {
         if self.verbosity == Verbosity::Full {
-            self.tell(line);
+            self.print(line);
         }
     }
 
@@ -86,7 +86,7 @@ impl Console {
         let least = if self.verbosity == Verbosity::Full { Level::Trace } else { Level::Warn };
         if parsed.level >= least {
             let time = if parsed.timestamp.is_empty() { clock() } else { parsed.time().to_owned() };
-            self.tell(rendered(&time, service, width, color, &parsed, self.colored));
+            self.print(format_line(&time, service, width, color, &parsed, self.colored));
         }
     }
 }
@@ -99,7 +99,7 @@ impl Writer {
 }
 
 /// `HH:MM:SS service LEVEL message k=v`.
-pub fn rendered(time: &str, service: &str, width: usize, color: Color, line: &LogLine, colored: bool) -> String {
+pub fn format_line(time: &str, service: &str, width: usize, color: Color, line: &LogLine, colored: bool) -> String {
     let level = match line.level {
         Level::Error => paint(Color::Red, "ERROR", colored),
         Level::Warn => paint(Color::Yellow, "WARN ", colored),
@@ -132,12 +132,12 @@ pub(crate) struct ServiceLog {
     pub(crate) console: Console,
 }
 
-impl Lines for ServiceLog {
+impl LineSink for ServiceLog {
     fn line(&self, line: &str) {
         let written = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner).line(line);
         // Told once: a full disk loses every line that follows.
         if written == Err(1) {
-            self.console.tell(format!("the log of {} cannot be written; is the disk full?", self.service));
+            self.console.print(format!("the log of {} cannot be written; is the disk full?", self.service));
         }
         self.console.log(&self.service, self.width, self.color, line);
     }
@@ -153,10 +153,10 @@ mod tests {
             r#"{"timestamp":"2026-11-21T09:30:05.1Z","level":"INFO","message":"ready","start_ms":12,"target":"x"}"#,
         );
         assert_eq!(
-            rendered(line.time(), "scene", 7, Color::Cyan, &line, false),
+            format_line(line.time(), "scene", 7, Color::Cyan, &line, false),
             "09:30:05 scene   INFO  ready start_ms=12"
         );
-        assert!(rendered(line.time(), "scene", 7, Color::Cyan, &line, true).contains("\u{1b}[36mscene  \u{1b}[0m"));
+        assert!(format_line(line.time(), "scene", 7, Color::Cyan, &line, true).contains("\u{1b}[36mscene  \u{1b}[0m"));
     }
 
     #[test]
@@ -164,7 +164,7 @@ mod tests {
         let (sender, _unread) = sync_channel(1);
         let console = Console { sender, dropped: Arc::default(), verbosity: Verbosity::Full, colored: false };
         for _ in 0..3 {
-            console.tell("x".into());
+            console.print("x".into());
         }
         assert_eq!(console.dropped.load(Ordering::Relaxed), 2);
     }

@@ -23,13 +23,13 @@ pub fn path_of(folder: &Path, service: &str) -> PathBuf {
     folder.join(format!("{service}.log"))
 }
 
-fn generation_before(path: &Path) -> PathBuf {
+fn previous_path(path: &Path) -> PathBuf {
     path.with_extension("log.1")
 }
 
 impl LogFile {
     /// Begins a log anew; what is there becomes the generation before.
-    pub(crate) fn begin(path: PathBuf) -> Self {
+    pub(crate) fn create(path: PathBuf) -> Self {
         let mut log = Self { path, file: None, bytes: 0, lost: 0 };
         log.rotate();
         log
@@ -37,7 +37,7 @@ impl LogFile {
 
     fn rotate(&mut self) {
         // A log that is not there yet cannot be moved; any other reason shows when the new one is made.
-        let _ = std::fs::rename(&self.path, generation_before(&self.path));
+        let _ = std::fs::rename(&self.path, previous_path(&self.path));
         self.file = File::create(&self.path).ok();
         self.bytes = 0;
     }
@@ -69,7 +69,7 @@ pub struct LogReader {
 impl LogReader {
     /// A reader that begins with the generation before, where there is one.
     pub fn open(path: PathBuf) -> Self {
-        let before = generation_before(&path);
+        let before = previous_path(&path);
         let mut reader = Self { path, file: None, inode: 0, part: String::new() };
         reader.attach(&before);
         reader
@@ -139,7 +139,7 @@ mod tests {
     fn a_log_is_bounded_and_a_reader_misses_nothing_at_a_rotation() {
         let folder = tempfile::tempdir().unwrap();
         let path = path_of(folder.path(), "scene");
-        let mut log = LogFile::begin(path.clone());
+        let mut log = LogFile::create(path.clone());
         let mut reader = LogReader::open(path.clone());
         let line = "y".repeat(100_000);
         let mut seen = 0;
@@ -151,7 +151,7 @@ mod tests {
         }
         seen += reader.lines().unwrap().len();
         assert_eq!(seen, 200);
-        let sizes = [&path, &generation_before(&path)].map(|p| std::fs::metadata(p).unwrap().len());
+        let sizes = [&path, &previous_path(&path)].map(|p| std::fs::metadata(p).unwrap().len());
         assert!(sizes.iter().all(|s| *s <= MAX_BYTES + 200_000), "{sizes:?}");
         assert_eq!(services(folder.path()), ["scene"]);
     }
@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn a_log_that_cannot_be_written_counts_what_is_lost() {
         let folder = tempfile::tempdir().unwrap();
-        let mut log = LogFile::begin(folder.path().join("no/such/folder.log"));
+        let mut log = LogFile::create(folder.path().join("no/such/folder.log"));
         assert_eq!(log.line("x"), Err(1));
         assert_eq!(log.line("x"), Err(2));
     }

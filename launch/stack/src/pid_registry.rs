@@ -1,4 +1,4 @@
-//! Processes that a supervisor has started, written down so that the next one can make sure that they are gone.
+//! Processes that a supervisor has start, written down so that the next one can make sure that they are gone.
 //!
 //! Services die with their supervisor, but they need a moment, and two of one role must never serve at once.
 
@@ -12,52 +12,53 @@ use crate::error::StackError;
 use crate::spawn::signal;
 
 /// How long processes of a supervisor that died may take to follow it before they are killed.
-const PATIENCE: Duration = Duration::from_millis(1500);
+const FOLLOW_TIME: Duration = Duration::from_millis(1500);
 /// How long the system may take to remove them then.
-const REMOVAL: Duration = Duration::from_secs(3);
+const REMOVAL_TIME: Duration = Duration::from_secs(3);
 
 /// The list of a session's processes.
 #[derive(Debug)]
-pub(crate) struct Roster {
+pub(crate) struct PidRegistry {
     path: PathBuf,
     running: BTreeMap<u32, u64>,
 }
 
-impl Roster {
+impl PidRegistry {
     /// Waits until every process of the list that is there is gone, killing those that do not go, and begins a new list.
     ///
     /// # Errors
     /// [`StackError::Leftover`] names a process that does not go.
-    pub(crate) async fn begin(session: &Path) -> Result<Self, StackError> {
-        let roster = Self { path: session.join("processes"), running: BTreeMap::new() };
-        let text = std::fs::read_to_string(&roster.path).unwrap_or_default();
+    pub(crate) async fn open(session: &Path) -> Result<Self, StackError> {
+        let registry = Self { path: session.join("processes"), running: BTreeMap::new() };
+        let text = std::fs::read_to_string(&registry.path).unwrap_or_default();
         let old: Vec<(u32, u64)> = text.lines().filter_map(entry).collect();
-        let left =
-            || old.iter().filter(|(pid, born)| birth(*pid) == Some(*born)).map(|(pid, _)| *pid).collect::<Vec<_>>();
+        let left = || {
+            old.iter().filter(|(pid, start)| start_time(*pid) == Some(*start)).map(|(pid, _)| *pid).collect::<Vec<_>>()
+        };
         let began = Instant::now();
         let mut killed = false;
         loop {
             let left = left();
             let Some(first) = left.first() else { break };
-            if began.elapsed() > PATIENCE && !killed {
+            if began.elapsed() > FOLLOW_TIME && !killed {
                 killed = true;
                 for pid in &left {
                     // It may have gone since; if the system refuses, the wait below ends with an error.
                     let _ = signal(*pid, Signal::SIGKILL);
                 }
             }
-            if began.elapsed() > PATIENCE + REMOVAL {
+            if began.elapsed() > FOLLOW_TIME + REMOVAL_TIME {
                 return Err(StackError::Leftover(*first));
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        Ok(roster)
+        Ok(registry)
     }
 
-    /// Notes a process that was started.
+    /// Notes a process that was start.
     pub(crate) fn add(&mut self, pid: u32) {
-        if let Some(born) = birth(pid) {
-            self.running.insert(pid, born);
+        if let Some(start) = start_time(pid) {
+            self.running.insert(pid, start);
             self.write();
         }
     }
@@ -69,7 +70,7 @@ impl Roster {
     }
 
     fn write(&self) {
-        let text: String = self.running.iter().map(|(pid, born)| format!("{pid} {born}\n")).collect();
+        let text: String = self.running.iter().map(|(pid, start)| format!("{pid} {start}\n")).collect();
         let part = self.path.with_extension("tmp");
         // Only a later run after a sudden death reads this, and it can do without.
         let _ = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &self.path));
@@ -77,13 +78,13 @@ impl Roster {
 }
 
 fn entry(line: &str) -> Option<(u32, u64)> {
-    let (pid, born) = line.split_once(' ')?;
-    Some((pid.parse().ok()?, born.parse().ok()?))
+    let (pid, start) = line.split_once(' ')?;
+    Some((pid.parse().ok()?, start.parse().ok()?))
 }
 
-/// When a living process was started, in ticks since the system's; with its id this names it for good, since ids are used
+/// When a living process was start, in ticks since the system's; with its id this names it for good, since ids are used
 /// again. `None` for one that is gone or a zombie.
-pub fn birth(pid: u32) -> Option<u64> {
+pub fn start_time(pid: u32) -> Option<u64> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The second field is the name in brackets and may hold anything: fields are counted from its end.
     let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
@@ -99,22 +100,22 @@ mod tests {
     #[tokio::test]
     async fn what_is_left_is_ended_before_a_new_run_begins() {
         let folder = tempfile::tempdir().unwrap();
-        let mut roster = Roster::begin(folder.path()).await.unwrap();
+        let mut registry = PidRegistry::open(folder.path()).await.unwrap();
         let mut child = std::process::Command::new("sleep").arg("60").process_group(0).spawn().unwrap();
-        roster.add(child.id());
-        // The same id with another birth is another process, which is left alone.
-        roster.running.insert(std::process::id(), 1);
-        roster.write();
+        registry.add(child.id());
+        // The same id with another start_time is another process, which is left alone.
+        registry.running.insert(std::process::id(), 1);
+        registry.write();
         // A zombie is gone: nothing of it runs.
         let began = Instant::now();
-        Roster::begin(folder.path()).await.unwrap();
-        assert!(began.elapsed() >= PATIENCE && began.elapsed() < PATIENCE + REMOVAL);
+        PidRegistry::open(folder.path()).await.unwrap();
+        assert!(began.elapsed() >= FOLLOW_TIME && began.elapsed() < FOLLOW_TIME + REMOVAL_TIME);
         assert_eq!(std::os::unix::process::ExitStatusExt::signal(&child.wait().unwrap()), Some(9));
     }
 
     #[test]
     fn this_process_was_born() {
-        assert!(birth(std::process::id()).is_some_and(|b| b > 0));
-        assert_eq!(birth(u32::MAX), None);
+        assert!(start_time(std::process::id()).is_some_and(|b| b > 0));
+        assert_eq!(start_time(u32::MAX), None);
     }
 }

@@ -1,4 +1,4 @@
-//! The proof of a newcomer, between standing by and the hand-over: does it speak the contract of its role?
+//! The proof of a candidate, between standing by and the hand-over: does it speak the contract of its role?
 //!
 //! It is asked under its instance, where nobody else hears it and nothing it answers has an effect. This is quick and not
 //! deep: the conformance suite of a role is another thing.
@@ -11,33 +11,33 @@ use sg_proto::language::{Intent, IntentRequest};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 
-use crate::reconcile::PROOF_TIME;
+use crate::reconcile::PROBE_TIME;
 
 /// What every intent agent understands.
 const HELP: &str = "help";
 
-/// Looks at a newcomer that says `ready` of itself and is to serve `role`. Takes less than [`PROOF_TIME`].
+/// Looks at a candidate that says `ready` of itself and is to serve `role`. Takes less than [`PROBE_TIME`].
 ///
 /// # Errors
 /// What is wrong with it, one line.
-pub(crate) async fn prove(bus: &Bus, ready: &Ready, role: &str) -> Result<(), String> {
-    said(ready, role)?;
-    let context = Context::root().deadline_in(PROOF_TIME.mul_f64(0.8));
+pub(crate) async fn probe(bus: &Bus, ready: &Ready, role: &str) -> Result<(), String> {
+    check_announcement(ready, role)?;
+    let context = Context::root().deadline_in(PROBE_TIME.mul_f64(0.8));
     let under = keys::instance(&ready.instance);
     // An answer of another major version is of another type, which is refused on receipt.
     let health = bus.ask_role(&keys::STATUS, &under, &StatusRequest {}, &context).await;
-    answered(&health.map_err(|fault| format!("{}: {fault}", keys::STATUS.name))?, ready, role)?;
+    check_health(&health.map_err(|fault| format!("{}: {fault}", keys::STATUS.name))?, ready, role)?;
     if role == role::AGENT_INTENT {
         let request = IntentRequest { text: HELP.to_owned(), ..IntentRequest::default() };
         let within = context.next().within(Duration::from_secs(5));
         let intent = bus.ask_role(&keys::PARSE, &under, &request, &within).await;
-        understood(&intent.map_err(|fault| format!("{} of \"{HELP}\": {fault}", keys::PARSE.name))?)?;
+        check_intent(&intent.map_err(|fault| format!("{} of \"{HELP}\": {fault}", keys::PARSE.name))?)?;
     }
     Ok(())
 }
 
 /// What it announced.
-fn said(ready: &Ready, role: &str) -> Result<(), String> {
+fn check_announcement(ready: &Ready, role: &str) -> Result<(), String> {
     if ready.role != role {
         return Err(format!("it says that it serves `{}`, not `{role}`", ready.role));
     }
@@ -46,7 +46,7 @@ fn said(ready: &Ready, role: &str) -> Result<(), String> {
     if missing.is_empty() { Ok(()) } else { Err(format!("it does not declare {}", missing.join(", "))) }
 }
 
-fn answered(health: &Health, ready: &Ready, role: &str) -> Result<(), String> {
+fn check_health(health: &Health, ready: &Ready, role: &str) -> Result<(), String> {
     if (health.role.as_str(), &health.instance) != (role, &ready.instance) {
         return Err(format!(
             "asked as `{}` of role `{role}`, it answered as `{}` of role `{}`",
@@ -59,7 +59,7 @@ fn answered(health: &Health, ready: &Ready, role: &str) -> Result<(), String> {
     }
 }
 
-fn understood(intent: &Intent) -> Result<(), String> {
+fn check_intent(intent: &Intent) -> Result<(), String> {
     if intent.clauses.is_empty() && intent.suggestions.is_empty() {
         return Err(format!("it made nothing of \"{HELP}\""));
     }
@@ -78,11 +78,11 @@ mod tests {
 
     #[test]
     fn all_rows_of_the_role_must_be_declared() {
-        assert_eq!(said(&ready(role::SCENE), role::SCENE), Ok(()));
+        assert_eq!(check_announcement(&ready(role::SCENE), role::SCENE), Ok(()));
         let mut lacking = ready(role::SCENE);
         lacking.declares.retain(|d| !["cmd/apply", "cmd/cancel", "event/change"].contains(&d.as_str()));
-        assert_eq!(said(&lacking, role::SCENE).unwrap_err(), "it does not declare cmd/cancel, cmd/apply");
-        let wrong = said(&ready(role::SCENE), role::SELECTION).unwrap_err();
+        assert_eq!(check_announcement(&lacking, role::SCENE).unwrap_err(), "it does not declare cmd/cancel, cmd/apply");
+        let wrong = check_announcement(&ready(role::SCENE), role::SELECTION).unwrap_err();
         assert_eq!(wrong, "it says that it serves `scene`, not `selection`");
     }
 
@@ -95,16 +95,16 @@ mod tests {
             phase: phase.into(),
             ..Health::default()
         };
-        assert_eq!(answered(&health("scene", "x-2", Phase::Standby), &ready, "scene"), Ok(()));
-        assert!(answered(&health("scene", "x-1", Phase::Standby), &ready, "scene").is_err());
-        assert!(answered(&health("view", "x-2", Phase::Standby), &ready, "scene").is_err());
-        assert!(answered(&health("scene", "x-2", Phase::Draining), &ready, "scene").is_err());
-        assert!(answered(&health("scene", "x-2", Phase::Unspecified), &ready, "scene").is_err());
+        assert_eq!(check_health(&health("scene", "x-2", Phase::Standby), &ready, "scene"), Ok(()));
+        assert!(check_health(&health("scene", "x-1", Phase::Standby), &ready, "scene").is_err());
+        assert!(check_health(&health("view", "x-2", Phase::Standby), &ready, "scene").is_err());
+        assert!(check_health(&health("scene", "x-2", Phase::Draining), &ready, "scene").is_err());
+        assert!(check_health(&health("scene", "x-2", Phase::Unspecified), &ready, "scene").is_err());
     }
 
     #[test]
     fn an_empty_intent_is_none() {
-        assert!(understood(&Intent::default()).is_err());
-        assert_eq!(understood(&Intent { clauses: vec![Clause::default()], ..Intent::default() }), Ok(()));
+        assert!(check_intent(&Intent::default()).is_err());
+        assert_eq!(check_intent(&Intent { clauses: vec![Clause::default()], ..Intent::default() }), Ok(()));
     }
 }

@@ -15,59 +15,54 @@ use tokio::process::Command;
 use tokio::sync::mpsc;
 
 use crate::log_line::{Level, LogLine};
-use crate::reconcile::{Exit, Incarnation};
+use crate::reconcile::{Exit, ProcessId};
 
 /// First argument by which this program knows that it stands between a supervisor and a service for a moment.
 pub const BECOME_CHILD: &str = "become-child-of";
 
 /// First argument by which this program knows that it was started to outlive who started it.
-pub const OUTLIVE: &str = "on-its-own";
+pub const DETACHED: &str = "on-its-own";
 
 /// Longest line of a log that is kept whole, bytes.
-const MAX_LINE: usize = 64 << 10;
+const MAX_LINE_BYTES: usize = 64 << 10;
 
 /// How long the output of a process that ended is read for what it still holds: a process it left behind may keep it open.
-const LAST_WORDS: Duration = Duration::from_millis(500);
+const LAST_OUTPUT_TIME: Duration = Duration::from_millis(500);
 
 /// What is started.
 #[derive(Debug, Clone)]
-pub(crate) struct Order {
-    pub(crate) incarnation: Incarnation,
+pub(crate) struct SpawnRequest {
+    pub(crate) id: ProcessId,
     pub(crate) executable: PathBuf,
     pub(crate) arguments: Vec<String>,
     pub(crate) env: Vec<(String, String)>,
 }
 
 /// Where the lines of a service go.
-pub(crate) trait Lines: Send + 'static {
+pub(crate) trait LineSink: Send + 'static {
     /// Takes one line, without its end.
     fn line(&self, line: &str);
 }
 
 /// A program and its arguments, to be run so that the kernel kills it when this process dies.
 ///
-/// The kernel forgets the wish at a fork and keeps it over an exec, so the new process has to make it itself: this program
+/// The kernel forgets the pending at a fork and keeps it over an exec, so the new process has to make it itself: this program
 /// is run first, makes it, looks whether its parent is still there, and becomes the other one ([`become_child`]).
-pub fn dies_with_us(program: &std::path::Path) -> std::process::Command {
+pub fn tied_to_parent(program: &std::path::Path) -> std::process::Command {
     // Not the path of this program: that may have been replaced by a newer build meanwhile.
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg0("supergaussian").arg(BECOME_CHILD).arg(std::process::id().to_string()).arg(program);
     command
 }
 
-/// This program, to be run so that it outlives this process; its arguments follow. The other end is [`drop_inherited`].
-pub fn outliving() -> std::process::Command {
+/// This program, to be run so that it outlives this process; its arguments follow. The new process calls [`close_inherited`] first.
+pub fn detached() -> std::process::Command {
     let mut command = std::process::Command::new("/proc/self/exe");
-    command.arg0("supergaussian").arg(OUTLIVE);
+    command.arg0("supergaussian").arg(DETACHED);
     command
 }
 
-/// The other end of [`outliving`], before anything is opened: lets go of what was inherited.
-pub fn drop_inherited() {
-    close_inherited();
-}
-
-/// The other end of [`dies_with_us`]: becomes the program named in the arguments. Returns only if it cannot.
+/// The other end of [`tied_to_parent`]: becomes the program named in the arguments. Returns only if it cannot.
 pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> String {
     let parent = arguments.next().and_then(|a| a.to_str()?.parse::<i32>().ok());
     let (Some(parent), Some(program)) = (parent, arguments.next()) else {
@@ -86,7 +81,7 @@ pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> 
 
 /// Closes everything but the standard streams. The bus's lock on its socket would pass on to services (it is not opened
 /// close-on-exec), outlive the supervisor in what they start, and keep the next supervisor from opening the session.
-fn close_inherited() {
+pub fn close_inherited() {
     let entries = std::fs::read_dir("/proc/self/fd").into_iter().flatten().flatten();
     let open: Vec<i32> = entries.filter_map(|e| e.file_name().to_str()?.parse().ok()).collect();
     for descriptor in open.into_iter().filter(|d| *d > 2) {
@@ -104,16 +99,16 @@ fn close_inherited() {
 /// # Errors
 /// What the system said.
 pub(crate) fn start(
-    order: Order,
-    lines: impl Lines + Clone,
-    exits: mpsc::Sender<(Incarnation, Exit)>,
+    request: SpawnRequest,
+    lines: impl LineSink + Clone,
+    exits: mpsc::Sender<(ProcessId, Exit)>,
 ) -> io::Result<u32> {
-    let mut command = dies_with_us(&order.executable);
-    command.args(&order.arguments).envs(order.env);
+    let mut command = tied_to_parent(&request.executable);
+    command.args(&request.arguments).envs(request.env);
     let (pid, ended) = run(command, lines)?;
     tokio::spawn(async move {
         // The receiver lives as long as the supervisor; without it nobody wants to know.
-        let _ = exits.send((order.incarnation, ended.await)).await;
+        let _ = exits.send((request.id, ended.await)).await;
     });
     Ok(pid)
 }
@@ -124,26 +119,26 @@ pub(crate) fn start(
 /// What the system said.
 pub(crate) fn run(
     command: std::process::Command,
-    lines: impl Lines + Clone,
+    lines: impl LineSink + Clone,
 ) -> io::Result<(u32, impl Future<Output = Exit> + Send + 'static)> {
     let mut command = Command::from(command);
     command.process_group(0);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn()?;
     let pid = child.id().ok_or_else(|| io::Error::other("the process was gone at once"))?;
-    let last = LastWords::default();
+    let last = LastLines::default();
     let streams = [
-        child.stdout.take().map(|s| tokio::spawn(listen(BufReader::new(s), lines.clone(), last.clone()))),
-        child.stderr.take().map(|s| tokio::spawn(listen(BufReader::new(s), lines, last.clone()))),
+        child.stdout.take().map(|s| tokio::spawn(read_lines(BufReader::new(s), lines.clone(), last.clone()))),
+        child.stderr.take().map(|s| tokio::spawn(read_lines(BufReader::new(s), lines, last.clone()))),
     ];
     let ended = async move {
         let status = child.wait().await;
         // Whatever it started itself goes with it.
         let _ = signal(pid, Signal::SIGKILL);
         for stream in streams.into_iter().flatten() {
-            let _ = tokio::time::timeout(LAST_WORDS, stream).await;
+            let _ = tokio::time::timeout(LAST_OUTPUT_TIME, stream).await;
         }
-        describe(status, &last)
+        describe_exit(status, &last)
     };
     Ok((pid, ended))
 }
@@ -162,10 +157,10 @@ pub fn signal(pid: u32, signal: Signal) -> io::Result<()> {
 
 /// The line that says best why a process ended: its last error, else its last line.
 #[derive(Debug, Clone, Default)]
-struct LastWords(Arc<Mutex<(Option<String>, Option<String>)>>);
+struct LastLines(Arc<Mutex<(Option<String>, Option<String>)>>);
 
-impl LastWords {
-    fn hear(&self, line: &str) {
+impl LastLines {
+    fn note(&self, line: &str) {
         let parsed = LogLine::parse(line);
         let mut words = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if parsed.level == Level::Error {
@@ -181,7 +176,7 @@ impl LastWords {
     }
 }
 
-async fn listen(mut stream: impl AsyncBufRead + Unpin, lines: impl Lines, last: LastWords) {
+async fn read_lines(mut stream: impl AsyncBufRead + Unpin, lines: impl LineSink, last: LastLines) {
     let mut line = Vec::new();
     loop {
         let (taken, whole) = match stream.fill_buf().await {
@@ -190,30 +185,30 @@ async fn listen(mut stream: impl AsyncBufRead + Unpin, lines: impl Lines, last: 
             Ok(buffer) => {
                 let end = buffer.iter().position(|b| *b == b'\n');
                 let part = buffer.get(..end.unwrap_or(buffer.len())).unwrap_or_default();
-                let room = MAX_LINE.saturating_sub(line.len());
+                let room = MAX_LINE_BYTES.saturating_sub(line.len());
                 line.extend_from_slice(part.get(..room.min(part.len())).unwrap_or_default());
                 (end.map_or(buffer.len(), |e| e + 1), end.is_some())
             }
         };
         stream.consume(taken);
         if whole {
-            pass_on(&mut line, &lines, &last);
+            forward_line(&mut line, &lines, &last);
         }
     }
     if !line.is_empty() {
-        pass_on(&mut line, &lines, &last);
+        forward_line(&mut line, &lines, &last);
     }
 }
 
-fn pass_on(line: &mut Vec<u8>, lines: &impl Lines, last: &LastWords) {
+fn forward_line(line: &mut Vec<u8>, lines: &impl LineSink, last: &LastLines) {
     let text = String::from_utf8_lossy(line);
     let text = text.trim_end_matches('\r');
-    last.hear(text);
+    last.note(text);
     lines.line(text);
     line.clear();
 }
 
-fn describe(status: io::Result<ExitStatus>, last: &LastWords) -> Exit {
+fn describe_exit(status: io::Result<ExitStatus>, last: &LastLines) -> Exit {
     let status = match status {
         Ok(status) => status,
         Err(error) => return Exit { status: None, reason: format!("cannot be waited for: {error}") },
@@ -239,7 +234,7 @@ mod tests {
     #[derive(Clone, Default)]
     struct Kept(Arc<Mutex<Vec<String>>>);
 
-    impl Lines for Kept {
+    impl LineSink for Kept {
         fn line(&self, line: &str) {
             self.0.lock().unwrap().push(line.to_owned());
         }
@@ -247,26 +242,26 @@ mod tests {
 
     #[tokio::test]
     async fn lines_are_split_bounded_and_remembered() {
-        let (kept, last) = (Kept::default(), LastWords::default());
-        let long = "x".repeat(MAX_LINE + 10);
+        let (kept, last) = (Kept::default(), LastLines::default());
+        let long = "x".repeat(MAX_LINE_BYTES + 10);
         let text =
             format!("one\r\n\n{long}\n{{\"level\":\"ERROR\",\"message\":\"no such file\",\"path\":\"a\"}}\nafter");
         let bytes = [text.as_bytes(), b"\xff\ntail"].concat();
-        listen(BufReader::new(bytes.as_slice()), kept.clone(), last.clone()).await;
+        read_lines(BufReader::new(bytes.as_slice()), kept.clone(), last.clone()).await;
         let lines = kept.0.lock().unwrap();
         assert_eq!(lines.len(), 6);
         assert_eq!(
             (lines[0].as_str(), lines[1].as_str(), lines[2].len(), lines[5].as_str()),
-            ("one", "", MAX_LINE, "tail")
+            ("one", "", MAX_LINE_BYTES, "tail")
         );
         assert_eq!(last.get().as_deref(), Some("no such file path=a"));
     }
 
     #[test]
     fn an_end_is_described_with_the_last_words() {
-        let last = LastWords::default();
-        last.hear("about to give up");
-        let exit = |raw| describe(Ok(ExitStatus::from_raw(raw)), &last);
+        let last = LastLines::default();
+        last.note("about to give up");
+        let exit = |raw| describe_exit(Ok(ExitStatus::from_raw(raw)), &last);
         assert_eq!(exit(0), Exit { status: Some(0), reason: "ended by itself".into() });
         assert_eq!(exit(3 << 8), Exit { status: Some(3), reason: "exit status 3: about to give up".into() });
         assert_eq!(exit(9), Exit { status: None, reason: "killed by SIGKILL".into() });

@@ -2,9 +2,9 @@
 
 mod inject;
 mod plan;
+mod report;
 mod session;
 mod stack;
-mod tally;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -15,23 +15,23 @@ use std::time::{Duration, Instant};
 use sg_proto::keys::role;
 use sg_runtime::bus::Bus;
 use sg_runtime::session::SessionDir;
-use sg_stack::file::{LaunchFile, Search, Source, read};
+use sg_stack::file::{ExecutableSearch, LaunchFile, Source, read};
 use tokio::sync::watch;
 
 use crate::densest_strokes;
 use crate::input::Input;
 use crate::playback::Counts;
-use crate::remote::wait_until_ready;
 use crate::script;
 use crate::shipped::{self, DENSEST, HEADLESS};
 use crate::strokes::check_strokes;
-use crate::terminal::{self, Done, Failure};
+use crate::supervisor_client::wait_until_ready;
+use crate::terminal::{self, CommandResult, Failure};
 use crate::text_file::read_text;
-use inject::{Injector, Seen};
+use inject::{FaultLog, Injector};
 use plan::Fault;
-use session::{Act, Gate, Played, Playing};
+use report::{Report, Verdict};
+use session::{FaultGate, SessionResult, SessionSettings, SessionStep};
 use stack::Stack;
-use tally::{Tally, Verdict};
 
 /// How long a supervisor may take to open its session.
 const OPEN_TIME: Duration = Duration::from_secs(30);
@@ -80,7 +80,7 @@ pub(crate) struct ChaosArgs {
     /// Only print the plan
     #[arg(long)]
     plan: bool,
-    /// Print the tally as JSON
+    /// Print the report as JSON
     #[arg(long)]
     json: bool,
 }
@@ -94,18 +94,18 @@ struct Prepared {
     /// Parameter of the launch file that names the project.
     project: String,
     executables: HashMap<String, PathBuf>,
-    acts: Vec<Act>,
+    steps: Vec<SessionStep>,
     round: usize,
     rounds: usize,
     plan: Vec<Fault>,
 }
 
-pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> Done {
+pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> CommandResult {
     let prepared = prepare(&arguments)?;
     if arguments.plan {
         for (fault, number) in prepared.plan.iter().zip(1..) {
-            let act = prepared.acts.get(fault.step).map_or_else(String::new, Act::name);
-            terminal::out(&format!("{number:>6}  {fault} ({act})"));
+            let act = prepared.steps.get(fault.step).map_or_else(String::new, SessionStep::name);
+            terminal::print_line(&format!("{number:>6}  {fault} ({act})"));
         }
         return Ok(());
     }
@@ -136,7 +136,7 @@ pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> Done {
 }
 
 fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
-    let search = Search::here_then_path();
+    let search = ExecutableSearch::here_then_path();
     let launch = |path: &Path, text: &str, overrides: &[String]| -> Result<LaunchFile, Failure> {
         read(Source { path, text, overrides }, &search).map_err(|p| Failure::Input(p.to_string()))
     };
@@ -177,7 +177,7 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
     let keeper = launch.services.iter().find(|s| s.role == role::SCENE).ok_or_else(no_scene)?;
     let scene = match &arguments.file {
         None if arguments.plan => None,
-        None => Some(Input::Made.scene(&out, None, arguments.gaussians, 0)?.path),
+        None => Some(Input::Synthetic.scene(&out, None, arguments.gaussians, 0)?.path),
         // A path of a launch file's parameters is from where the launcher was started.
         Some(_) => keeper.start.params.get("scene").and_then(serde_json::Value::as_str).map(PathBuf::from),
     };
@@ -194,40 +194,40 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
 
     let (round, between) = session::round(steps);
     let services: Vec<_> = launch.services.iter().map(|s| s.name.clone()).collect();
-    let commands = |acts: &[Act]| acts.iter().map(Act::is_command).collect::<Vec<_>>();
+    let commands = |steps: &[SessionStep]| steps.iter().map(SessionStep::is_command).collect::<Vec<_>>();
     let (of_round, of_between) = (commands(&round), commands(&between));
     let shape = plan::Session { round: &of_round, between: &of_between, services: &services, scene: &keeper.name };
     let (rounds, plan) = plan::plan(&shape, arguments.faults as usize, arguments.seed);
-    let mut acts = round.clone();
+    let mut steps = round.clone();
     for _ in 1..rounds {
-        acts.extend(between.iter().chain(&round).cloned());
+        steps.extend(between.iter().chain(&round).cloned());
     }
     let project = format!("service.{}.params.project", keeper.name);
     let executables = launch.services.iter().map(|s| (s.name.clone(), s.start.executable.clone())).collect();
-    Ok(Prepared { out, file, overrides, project, executables, acts, round: round.len(), rounds, plan })
+    Ok(Prepared { out, file, overrides, project, executables, steps, round: round.len(), rounds, plan })
 }
 
-async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -> Done {
+async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -> CommandResult {
     let began = Instant::now();
     let calm = play(prepared, arguments, session, "calm", None).await?;
     let peaceful = began.elapsed();
-    terminal::tell(&format!(
+    terminal::print_status(&format!(
         "without faults: {} steps in {} rounds, revision {}, {} pictures",
-        prepared.acts.len(),
+        prepared.steps.len(),
         prepared.rounds,
         calm.state.revision,
         calm.pictures.len()
     ));
     let began = Instant::now();
     let counts = Arc::new(Counts::default());
-    let mut seen = Seen::default();
-    let faults = Faults { calm: &calm.times, counts: Arc::clone(&counts), seen: &mut seen };
+    let mut log = FaultLog::default();
+    let faults = Faults { calm: &calm.times, counts: Arc::clone(&counts), log: &mut log };
     let shaken = play(prepared, arguments, session, "shaken", Some(faults)).await?;
-    let verdict = Verdict::of(&calm, &shaken).with(&seen);
-    let tally = Tally {
+    let verdict = Verdict::of(&calm, &shaken).with(&log);
+    let report = Report {
         seed: arguments.seed,
         rounds: prepared.rounds,
-        steps: prepared.acts.len(),
+        steps: prepared.steps.len(),
         calm: peaceful,
         shaken: began.elapsed(),
         retries: counts.retries.load(Ordering::Relaxed),
@@ -235,10 +235,10 @@ async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -
         acknowledged: shaken.acknowledged.len(),
         revision: shaken.state.revision,
         pictures: shaken.pictures.len(),
-        seen: &seen,
+        log: &log,
         verdict: &verdict,
     };
-    tally.tell(arguments.json);
+    report.tell(arguments.json);
     if verdict.wrong.is_empty() { Ok(()) } else { Err(Failure::Work(verdict.wrong.join("\n"))) }
 }
 
@@ -246,7 +246,7 @@ async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -
 struct Faults<'a> {
     calm: &'a [Duration],
     counts: Arc<Counts>,
-    seen: &'a mut Seen,
+    log: &'a mut FaultLog,
 }
 
 /// Starts the stack on a new project, plays the session, and stops the stack.
@@ -256,7 +256,7 @@ async fn play(
     session: &SessionDir,
     name: &str,
     faults: Option<Faults<'_>>,
-) -> Result<Played, Failure> {
+) -> Result<SessionResult, Failure> {
     let project = prepared.out.join(format!("{name}.sgproj"));
     let mut overrides = prepared.overrides.clone();
     overrides.push(format!("{}={}", prepared.project, toml::Value::String(project.display().to_string())));
@@ -264,7 +264,7 @@ async fn play(
     let out = prepared.out.join(name);
     let played = over(&mut stack, prepared, arguments, out, faults).await;
     if played.is_err() {
-        stack.abandon().await;
+        stack.kill_all().await;
     }
     played
 }
@@ -275,13 +275,13 @@ async fn over(
     arguments: &ChaosArgs,
     out: PathBuf,
     faults: Option<Faults<'_>>,
-) -> Result<Played, Failure> {
+) -> Result<SessionResult, Failure> {
     stack.up()?;
     let bus = join(stack).await?;
     wait_until_ready(&bus).await?;
-    let mut playing = Playing {
+    let mut playing = SessionSettings {
         bus: &bus,
-        acts: &prepared.acts,
+        steps: &prepared.steps,
         round: prepared.round,
         out,
         size: arguments.size,
@@ -289,27 +289,27 @@ async fn over(
     };
     let played = match faults {
         None => session::play(playing, None).await?,
-        Some(Faults { calm, counts, seen }) => {
+        Some(Faults { calm, counts, log }) => {
             let (begun, begun_seen) = watch::channel(0);
             let (answered, answered_seen) = watch::channel(0);
             let (set_up, set_up_seen) = watch::channel(0);
             let steps = prepared.plan.iter().map(|f| f.step).collect();
             playing.counts = Arc::clone(&counts);
-            let gate = Gate { steps, begun, answered, set_up: set_up_seen };
+            let gate = FaultGate { steps, begun, answered, set_up: set_up_seen };
             let injector = Injector {
                 stack: &mut *stack,
                 bus: &bus,
                 executables: &prepared.executables,
                 plan: &prepared.plan,
-                acts: &prepared.acts,
+                steps: &prepared.steps,
                 calm,
                 begun: begun_seen,
                 answered: answered_seen,
                 set_up,
                 counts,
-                seen,
+                log,
             };
-            // A fault that is not survived ends the session at once; what a session that fails left behind is of interest
+            // A fault that is not recoveries ends the session at once; what a session that fails left behind is of interest
             // as it is.
             tokio::try_join!(session::play(playing, Some(gate)), injector.run())?.0
         }
@@ -341,7 +341,7 @@ async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
         if began.elapsed() > OPEN_TIME {
             return Err(Failure::Work(format!("no supervisor after {} s", OPEN_TIME.as_secs())));
         }
-        tokio::time::sleep(stack::GLANCE).await;
+        tokio::time::sleep(stack::POLL_PERIOD).await;
     }
 }
 

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sg_proto::keys::role;
 
-/// Of the steps of a session, the share that a fault strikes: what is between them shows that the stack is well again.
+/// Of the steps of a session, the share that a fault strikes: what is between them shows that the stack is recovered.
 const DENSITY: f64 = 0.75;
 /// Shortest and longest pause of a process that is stopped for a while, milliseconds: below any sensible `liveness`.
 const PAUSE_MS: std::ops::Range<u64> = 30..700;
@@ -83,7 +83,7 @@ pub(super) struct Fault {
     pub(super) step: usize,
     /// How far into the step, as a share of the time that the step took without faults.
     pub(super) moment: f64,
-    /// Length of a pause; for a second kill, the time after the new process was seen.
+    /// Length of a pause; for a second kill, the time after the new process was log.
     pub(super) pause_ms: u64,
 }
 

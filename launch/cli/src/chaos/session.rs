@@ -12,7 +12,7 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use tokio::sync::watch;
 
-use crate::playback::{Acknowledged, Counts, Player, Settings};
+use crate::playback::{AcknowledgedChange, Counts, Player, Settings};
 use crate::terminal::Failure;
 
 /// Name of the conversation, the same with and without faults: the ids of all commands follow from it.
@@ -24,14 +24,14 @@ const ANSWER: Duration = Duration::from_secs(60);
 
 /// One step of the session.
 #[derive(Debug, Clone)]
-pub(super) enum Act {
+pub(super) enum SessionStep {
     /// Of the script.
     Step(Step),
     /// Between two rounds of the script.
     Command(Action),
 }
 
-impl Act {
+impl SessionStep {
     /// Whether it is one command to the scene, whose sender sees it refused.
     pub(super) fn is_command(&self) -> bool {
         matches!(self, Self::Command(_) | Self::Step(Step::Save(_) | Step::View(_)))
@@ -55,7 +55,7 @@ impl Act {
 }
 
 /// The script as one round, and what makes room for the next: no unit, no selection, the first look.
-pub(super) fn round(steps: Vec<Step>) -> (Vec<Act>, Vec<Act>) {
+pub(super) fn round(steps: Vec<Step>) -> (Vec<SessionStep>, Vec<SessionStep>) {
     let mut between: Vec<_> = steps
         .iter()
         .filter_map(|step| match step {
@@ -66,13 +66,13 @@ pub(super) fn round(steps: Vec<Step>) -> (Vec<Act>, Vec<Act>) {
     between.push(Action::Select(Select { target: Some(Target::default()), ..Select::default() }));
     between.push(Action::Reset(Reset {}));
     // The faults are ours.
-    let round = steps.into_iter().filter(|s| *s != Step::Chaos).map(Act::Step).collect();
-    (round, between.into_iter().map(Act::Command).collect())
+    let round = steps.into_iter().filter(|s| *s != Step::Chaos).map(SessionStep::Step).collect();
+    (round, between.into_iter().map(SessionStep::Command).collect())
 }
 
 /// Where the player waits for the faults, and they for it.
 #[derive(Debug)]
-pub(super) struct Gate {
+pub(super) struct FaultGate {
     /// The step that each fault strikes.
     pub(super) steps: Vec<usize>,
     /// Steps that were begun.
@@ -83,7 +83,7 @@ pub(super) struct Gate {
     pub(super) set_up: watch::Receiver<usize>,
 }
 
-impl Gate {
+impl FaultGate {
     /// Waits until the fault that strikes this step is set up, which it is when the stack has recovered from the one before.
     async fn enter(&mut self, step: usize) -> Result<(), Failure> {
         self.begun.send_replace(step + 1);
@@ -95,26 +95,26 @@ impl Gate {
 
 /// A session that was played.
 #[derive(Debug)]
-pub(super) struct Played {
+pub(super) struct SessionResult {
     /// The scene at the end, with masks.
     pub(super) state: State,
     /// Revision and command of every accepted change.
     pub(super) changes: Vec<(u64, String)>,
-    pub(super) acknowledged: Vec<Acknowledged>,
+    pub(super) acknowledged: Vec<AcknowledgedChange>,
     /// Content hashes of the pictures, in order.
     pub(super) hashes: Vec<String>,
     /// Their files, as PNG; the arrays stand beside them.
     pub(super) pictures: Vec<PathBuf>,
     /// What was said but not done.
-    pub(super) undone: Vec<String>,
+    pub(super) failed_utterances: Vec<String>,
     /// How long each step took.
     pub(super) times: Vec<Duration>,
 }
 
 /// How a session is played.
-pub(super) struct Playing<'a> {
+pub(super) struct SessionSettings<'a> {
     pub(super) bus: &'a Bus,
-    pub(super) acts: &'a [Act],
+    pub(super) steps: &'a [SessionStep],
     /// Steps after which the changes are asked for.
     pub(super) round: usize,
     pub(super) out: PathBuf,
@@ -123,8 +123,8 @@ pub(super) struct Playing<'a> {
 }
 
 /// Plays all steps in order.
-pub(super) async fn play(playing: Playing<'_>, mut gate: Option<Gate>) -> Result<Played, Failure> {
-    let Playing { bus, acts, round, out, size, counts } = playing;
+pub(super) async fn play(playing: SessionSettings<'_>, mut gate: Option<FaultGate>) -> Result<SessionResult, Failure> {
+    let SessionSettings { bus, steps, round, out, size, counts } = playing;
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", out.display()));
     std::fs::create_dir_all(&out).map_err(fail)?;
     let settings = Settings {
@@ -137,15 +137,15 @@ pub(super) async fn play(playing: Playing<'_>, mut gate: Option<Gate>) -> Result
     };
     let mut player = Player::new(bus.clone(), settings).await?;
     let mut changes = Vec::new();
-    let mut times = Vec::with_capacity(acts.len());
-    for (index, act) in acts.iter().enumerate() {
+    let mut times = Vec::with_capacity(steps.len());
+    for (index, act) in steps.iter().enumerate() {
         if let Some(gate) = &mut gate {
             gate.enter(index).await?;
         }
         let began = Instant::now();
         let played = match act {
-            Act::Step(step) => player.play_step(step).await,
-            Act::Command(action) => player.play_command(action.clone()).await,
+            SessionStep::Step(step) => player.play_step(step).await,
+            SessionStep::Command(action) => player.play_command(action.clone()).await,
         };
         times.push(began.elapsed());
         if let Err(failure) = played {
@@ -166,8 +166,8 @@ pub(super) async fn play(playing: Playing<'_>, mut gate: Option<Gate>) -> Result
     let reply = bus.ask(&keys::SCENE_CHANGES, &request, &Context::root().deadline_in(ANSWER)).await?;
     let state = reply.snapshot.ok_or_else(|| Failure::Work("the scene gave no snapshot".to_owned()))?;
     player.write_transcript()?;
-    let Player { acknowledged, hashes, pictures, undone, .. } = player;
-    Ok(Played { state, changes, acknowledged, hashes, pictures, undone, times })
+    let Player { acknowledged, hashes, pictures, failed_utterances, .. } = player;
+    Ok(SessionResult { state, changes, acknowledged, hashes, pictures, failed_utterances, times })
 }
 
 /// Asks the scene for what was accepted since it was asked last.

@@ -16,10 +16,10 @@ use sg_runtime::session::SessionDir;
 use tokio::process::{Child, Command};
 
 use crate::terminal::Failure;
-use sg_stack::spawn::dies_with_us;
+use sg_stack::spawn::tied_to_parent;
 
 /// How often what takes its time is looked at.
-pub(super) const GLANCE: Duration = Duration::from_millis(10);
+pub(super) const POLL_PERIOD: Duration = Duration::from_millis(10);
 /// How long the supervisor may take to say how the services are, before it is asked again.
 const ANSWER: Duration = Duration::from_secs(1);
 /// How long a stack may take to stop.
@@ -50,7 +50,7 @@ impl Stack {
         let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", self.log.display()));
         let log = File::options().create(true).append(true).open(&self.log).map_err(fail)?;
         // Not the path of this program: that may have been replaced by a newer build meanwhile.
-        let mut command = Command::from(dies_with_us(Path::new("/proc/self/exe")));
+        let mut command = Command::from(tied_to_parent(Path::new("/proc/self/exe")));
         command.arg("up").arg(&self.file).args(["--session", self.session.name()]);
         for value in &self.overrides {
             command.args(["--set", value]);
@@ -73,11 +73,11 @@ impl Stack {
         };
         match ended {
             None => Ok(()),
-            Some(status) => Err(Failure::Work(format!("the supervisor ended ({status}): {}", self.last_words()))),
+            Some(status) => Err(Failure::Work(format!("the supervisor ended ({status}): {}", self.last_log_line()))),
         }
     }
 
-    fn last_words(&self) -> String {
+    fn last_log_line(&self) -> String {
         let text = std::fs::read_to_string(&self.log).unwrap_or_default();
         text.lines().last().unwrap_or("it said nothing").trim().to_owned()
     }
@@ -102,11 +102,11 @@ impl Stack {
         if status.success() {
             return Ok(());
         }
-        Err(Failure::Work(format!("the supervisor ended with {status}: {}", self.last_words())))
+        Err(Failure::Work(format!("the supervisor ended with {status}: {}", self.last_log_line())))
     }
 
     /// Ends whatever runs, after a failure.
-    pub(super) async fn abandon(&mut self) {
+    pub(super) async fn kill_all(&mut self) {
         // What cannot be killed is told by the failure that led here.
         let _ = self.kill_supervisor().await;
         for process in self.processes() {
@@ -129,7 +129,7 @@ impl Stack {
             if left.is_empty() || began.elapsed() > FOLLOW_TIME {
                 return (began.elapsed(), left);
             }
-            tokio::time::sleep(GLANCE).await;
+            tokio::time::sleep(POLL_PERIOD).await;
         }
     }
 }
@@ -149,21 +149,21 @@ pub(super) fn signal(pid: u32, signal: Signal) -> Result<(), Failure> {
     }
 }
 
-/// A process as it was seen: its id is used again, its birth is not.
+/// A process as it was log: its id is used again, its birth is not.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Process {
     pub(super) pid: u32,
-    born: u64,
+    start_time: u64,
     arguments: Vec<String>,
 }
 
 impl Process {
     /// Nothing for one that is gone or a zombie.
     fn of(pid: u32) -> Option<Self> {
-        let born = sg_stack::pid_registry::birth(pid)?;
+        let start_time = sg_stack::pid_registry::start_time(pid)?;
         let line = std::fs::read(format!("/proc/{pid}/cmdline")).ok()?;
         let arguments = line.split(|b| *b == 0).map(|a| String::from_utf8_lossy(a).into_owned()).collect();
-        Some(Self { pid, born, arguments })
+        Some(Self { pid, start_time, arguments })
     }
 
     fn serves(&self, session: &str) -> bool {
@@ -173,6 +173,6 @@ impl Process {
     }
 
     fn runs(&self) -> bool {
-        sg_stack::pid_registry::birth(self.pid) == Some(self.born)
+        sg_stack::pid_registry::start_time(self.pid) == Some(self.start_time)
     }
 }

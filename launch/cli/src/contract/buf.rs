@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
-use sg_stack::file::Search;
+use sg_stack::file::ExecutableSearch;
 use tokio::process::Command;
 
 /// It reads a few files of this machine and takes a fraction of a second.
@@ -23,28 +23,28 @@ pub(super) struct Buf<'a> {
 impl<'a> Buf<'a> {
     /// buf, if it is on `PATH`.
     pub(super) fn find(proto: &'a Path) -> Option<Self> {
-        let program = Search::here_then_path().find("buf", Path::new("")).ok()?;
+        let program = ExecutableSearch::here_then_path().find("buf", Path::new("")).ok()?;
         Some(Self { program, proto })
     }
 
     /// What speaks against the schema by buf's rules for style and comments.
     pub(super) async fn lint(&self) -> Vec<String> {
-        self.complaints(&["lint"]).await
+        self.problems(&["lint"]).await
     }
 
     /// Where the schema's layout is not buf's.
     pub(super) async fn format(&self) -> Vec<String> {
-        self.complaints(&["format", "--diff", "--exit-code"]).await
+        self.problems(&["format", "--diff", "--exit-code"]).await
     }
 
     /// What breaks those that rely on a released image, by the rules of `buf.yaml`.
     pub(super) async fn breaking(&self, against: &Path) -> Vec<String> {
         let against = against.display().to_string();
-        self.complaints(&["breaking", "--against", &against]).await
+        self.problems(&["breaking", "--against", &against]).await
     }
 
     /// The lines of a run that failed; none of one that succeeded.
-    async fn complaints(&self, arguments: &[&str]) -> Vec<String> {
+    async fn problems(&self, arguments: &[&str]) -> Vec<String> {
         let mut command = Command::new(&self.program);
         command.args(arguments).current_dir(self.proto).stdin(Stdio::null()).kill_on_drop(true);
         let output = match tokio::time::timeout(DEADLINE, command.output()).await {

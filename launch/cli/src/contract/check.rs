@@ -11,7 +11,7 @@ use sg_proto::released;
 use super::buf::{self, Buf};
 use super::findings::Findings;
 use super::{live, structure};
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CheckArgs {
@@ -26,10 +26,10 @@ pub(crate) struct CheckArgs {
     json: bool,
 }
 
-/// Most complaints of one kind that are told.
-const MAX_TOLD: usize = 20;
+/// Most problems of one kind that are told.
+const MAX_LISTED: usize = 20;
 
-pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Done {
+pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> CommandResult {
     let mut findings = Findings::default();
     let proto = proto_folder(arguments.proto.clone())?;
     let compiled = pool("the compiled schema", sg_proto::DESCRIPTORS)?;
@@ -49,16 +49,20 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Done 
         before.all_messages().count(),
         before.all_enums().count()
     );
-    findings.judge(format!("structure against {name}"), structure::breaks(&before, &compiled), looked_at);
+    findings.add_result(
+        format!("structure against {name}"),
+        structure::breaking_changes(&before, &compiled),
+        looked_at,
+    );
     golden(proto.as_deref(), &compiled, &mut findings)?;
     let rows = keys::rows();
-    findings.judge("key table", table(&rows, &compiled), format!("{} rows and the schema fit", rows.len()));
+    findings.add_result("key table", table(&rows, &compiled), format!("{} rows and the schema fit", rows.len()));
     if let Some(session) = session {
-        live::look(session, &rows, &mut findings).await?;
+        live::check_stack(session, &rows, &mut findings).await?;
     }
 
     if arguments.json {
-        terminal::out(&findings.as_json().to_string());
+        terminal::print_line(&findings.as_json().to_string());
     } else {
         findings.print();
     }
@@ -89,24 +93,28 @@ pub(super) fn proto_folder(named: Option<PathBuf>) -> Result<Option<PathBuf>, Fa
 /// What buf says of the sources.
 async fn sources(proto: Option<&Path>, against: Option<&Path>, findings: &mut Findings) {
     let Some(proto) = proto else {
-        findings.leave_out("buf", "no proto/ here or above: the compiled schema is looked at, its sources are not");
+        findings.skip("buf", "no proto/ here or above: the compiled schema is looked at, its sources are not");
         return;
     };
     let Some(buf) = Buf::find(proto) else {
         let absent = "buf is missing (ops/setup-debian.sh installs it): lint, format and FILE rules are not checked";
         if buf::is_required() {
-            findings.judge("buf", vec![absent.to_owned()], "");
+            findings.add_result("buf", vec![absent.to_owned()], "");
         } else {
-            findings.leave_out("buf", absent);
+            findings.skip("buf", absent);
         }
         return;
     };
     let newest = proto.join("released").join(format!("v{}.binpb", released::VERSION));
     let against = against.map_or(newest, |path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
-    findings.judge("buf lint", buf.lint().await, "no complaint");
-    findings.judge("buf format", buf.format().await, "no difference");
+    findings.add_result("buf lint", buf.lint().await, "no complaint");
+    findings.add_result("buf format", buf.format().await, "no difference");
     let image = against.file_name().unwrap_or_default().display();
-    findings.judge("buf breaking", buf.breaking(&against).await, format!("nothing breaks {image} by the FILE rules"));
+    findings.add_result(
+        "buf breaking",
+        buf.breaking(&against).await,
+        format!("nothing breaks {image} by the FILE rules"),
+    );
 }
 
 /// Package and content of every golden file, by name.
@@ -124,34 +132,34 @@ pub(super) fn golden_files(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, Fail
 }
 
 /// Golden bytes: what the last release held is there as it was, and every line means what it meant.
-fn golden(proto: Option<&Path>, compiled: &DescriptorPool, findings: &mut Findings) -> Done {
+fn golden(proto: Option<&Path>, compiled: &DescriptorPool, findings: &mut Findings) -> CommandResult {
     let Some(proto) = proto else {
-        findings.leave_out("golden bytes", "no proto/ here or above");
+        findings.skip("golden bytes", "no proto/ here or above");
         return Ok(());
     };
     let files = golden_files(&proto.join("golden"))?;
     let parts = released::golden_parts().map_err(Failure::Work)?;
-    findings.judge(
+    findings.add_result(
         "golden bytes of the release",
         parts.iter().filter_map(|part| changed_since(part, &files)).collect(),
         format!("{} files begin as they did in v{}", parts.len(), released::VERSION),
     );
-    let mut complaints = Vec::new();
+    let mut problems = Vec::new();
     let mut lines = 0;
     for (package, bytes) in &files {
         for (number, text) in String::from_utf8_lossy(bytes).lines().enumerate() {
             lines += 1;
             if let Err(why) = Line::parse(text).and_then(|line| line.check(compiled).map(drop)) {
-                complaints.push(format!("{package}.txt:{}: {why}", number + 1));
+                problems.push(format!("{package}.txt:{}: {why}", number + 1));
             }
         }
     }
-    let more = complaints.len().saturating_sub(MAX_TOLD);
-    complaints.truncate(MAX_TOLD);
+    let more = problems.len().saturating_sub(MAX_LISTED);
+    problems.truncate(MAX_LISTED);
     if more > 0 {
-        complaints.push(format!("and {more} more lines"));
+        problems.push(format!("and {more} more lines"));
     }
-    findings.judge("golden bytes", complaints, format!("{lines} lines mean what they meant"));
+    findings.add_result("golden bytes", problems, format!("{lines} lines mean what they meant"));
     Ok(())
 }
 
@@ -173,22 +181,22 @@ const BESIDE_THE_TABLE: [&str; 2] = ["supergaussian.bus.v1.Envelope", "supergaus
 
 /// What in the key table does not fit the schema, and what in the schema no row has a use for.
 fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
-    let mut complaints = Vec::new();
+    let mut problems = Vec::new();
     let mut seen = BTreeSet::new();
     let mut used: BTreeSet<String> = BESIDE_THE_TABLE.iter().map(|name| (*name).to_owned()).collect();
     for row in rows {
         let place = format!("{}/{}", row.role, row.name);
         if !seen.insert((row.role, row.name)) {
-            complaints.push(format!("{place} stands twice"));
+            problems.push(format!("{place} stands twice"));
         }
         for role in row.senders.iter().chain([&row.role]) {
             if *role != keys::ANY && !role::ALL.contains(role) {
-                complaints.push(format!("{place}: `{role}` is no role"));
+                problems.push(format!("{place}: `{role}` is no role"));
             }
         }
         for name in messages_of(row) {
             if pool.get_message_by_name(name).is_none() {
-                complaints.push(format!("{place}: {name} is not in the schema"));
+                problems.push(format!("{place}: {name} is not in the schema"));
             }
             used.insert(name.to_owned());
         }
@@ -207,8 +215,8 @@ fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
     }
     let ours = pool.all_messages().filter(|m| m.package_name().starts_with("supergaussian."));
     let idle = ours.filter(|m| !used.contains(m.full_name()));
-    complaints.extend(idle.map(|m| format!("{} travels under no key and within no message", m.full_name())));
-    complaints
+    problems.extend(idle.map(|m| format!("{} travels under no key and within no message", m.full_name())));
+    problems
 }
 
 /// Full names of the messages of a row.

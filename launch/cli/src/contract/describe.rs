@@ -4,9 +4,9 @@ use serde_json::json;
 use sg_proto::keys::{self, Kind, Row, role, rows};
 use sg_stack::suggestion::suggestion;
 
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 
-pub(super) fn describe(service: Option<&str>, json: bool) -> Done {
+pub(super) fn describe(service: Option<&str>, json: bool) -> CommandResult {
     let roles: Vec<&str> = match service {
         None => role::ALL.to_vec(),
         Some(service) => match role::ALL.iter().find(|r| **r == service) {
@@ -20,15 +20,15 @@ pub(super) fn describe(service: Option<&str>, json: bool) -> Done {
     let rows = rows();
     if json {
         let roles: serde_json::Map<_, _> = roles.iter().map(|r| ((*r).to_owned(), as_json(r, &rows))).collect();
-        terminal::out(&serde_json::Value::Object(roles).to_string());
+        terminal::print_line(&serde_json::Value::Object(roles).to_string());
         return Ok(());
     }
     for (i, role) in roles.iter().enumerate() {
         if i > 0 {
-            terminal::out("");
+            terminal::print_line("");
         }
         for line in as_text(role, &rows) {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
     }
     Ok(())

@@ -11,16 +11,16 @@ use sg_runtime::bus::{Bus, Declared, Heard, Raw};
 use sg_runtime::context::Context;
 
 use super::findings::Findings;
-use crate::remote;
-use crate::terminal::Done;
+use crate::supervisor_client;
+use crate::terminal::CommandResult;
 
 /// How long a process may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
 /// Looks at every process of a session that serves its role.
-pub(super) async fn look(session: &str, rows: &[Row], findings: &mut Findings) -> Done {
-    let (_, bus) = remote::join(Some(session)).await?;
-    let ready = remote::services(&bus).await?.services;
+pub(super) async fn check_stack(session: &str, rows: &[Row], findings: &mut Findings) -> CommandResult {
+    let (_, bus) = supervisor_client::join(Some(session)).await?;
+    let ready = supervisor_client::services(&bus).await?.services;
     let ready: Vec<_> = ready.into_iter().filter(|s| s.state() == ServiceState::Ready).collect();
     identities(&bus, &ready, findings).await;
     types(&bus, &ready, rows, findings).await;
@@ -28,26 +28,29 @@ pub(super) async fn look(session: &str, rows: &[Row], findings: &mut Findings) -
     bus.close().await;
     let what = format!("rows of `{session}`");
     if declared.is_empty() {
-        findings.leave_out(what, "the router of this session does not tell what is declared");
+        findings.skip(what, "the router of this session does not tell what is declared");
     } else {
-        let complaints = strange_rows(session, &ready, rows, &declared);
-        findings.judge(what, complaints, format!("{} keys are answered, each by whom the table says", declared.len()));
+        let problems = unexpected_rows(session, &ready, rows, &declared);
+        findings.add_result(
+            what,
+            problems,
+            format!("{} keys are answered, each by whom the table says", declared.len()),
+        );
     }
     Ok(())
 }
 
 async fn identities(bus: &Bus, ready: &[Service], findings: &mut Findings) {
-    let mut complaints = Vec::new();
+    let mut problems = Vec::new();
     let mut schemas: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for service in ready {
         let context = Context::root().deadline_in(ANSWER);
         match bus.ask_role(&keys::STATUS, &service.role, &StatusRequest {}, &context).await {
-            Err(fault) => complaints.push(format!("{}: {fault}", service.name)),
+            Err(fault) => problems.push(format!("{}: {fault}", service.name)),
             Ok(health) => {
                 if (health.role.as_str(), health.instance.as_str()) != (&service.role, &service.instance) {
                     let (is, meant) = (&health.instance, &service.instance);
-                    complaints
-                        .push(format!("{}: `{is}` of role `{}` answers for `{meant}`", service.name, health.role));
+                    problems.push(format!("{}: `{is}` of role `{}` answers for `{meant}`", service.name, health.role));
                 }
                 let schema = match health.schema_hash.get(..8) {
                     Some(hash) => format!("schema {hash}"),
@@ -58,12 +61,12 @@ async fn identities(bus: &Bus, ready: &[Service], findings: &mut Findings) {
         }
     }
     let by_schema: Vec<_> = schemas.iter().map(|(schema, names)| format!("{} of {schema}", names.join(", "))).collect();
-    findings.judge(format!("processes of `{}`", bus.session()), complaints, by_schema.join("; "));
+    findings.add_result(format!("processes of `{}`", bus.session()), problems, by_schema.join("; "));
 }
 
 /// The newest values travel as the types of the table; a process of another major would name others.
 async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findings) {
-    let (mut complaints, mut looked_at) = (Vec::new(), 0);
+    let (mut problems, mut looked_at) = (Vec::new(), 0);
     for service in ready {
         for row in rows.iter().filter(|r| r.role == service.role) {
             let Kind::Slot { message } = &row.kind else { continue };
@@ -72,20 +75,20 @@ async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findin
             match bus.ask_raw(&service.role, row.name, &Raw::default(), ANSWER).await {
                 Heard::Reply { encoding, .. } if encoding == wanted => (),
                 Heard::Reply { encoding, .. } | Heard::Refusal { encoding, .. } => {
-                    complaints.push(format!("{}/{}: `{encoding}` instead of `{wanted}`", row.role, row.name));
+                    problems.push(format!("{}/{}: `{encoding}` instead of `{wanted}`", row.role, row.name));
                 }
-                Heard::Nothing => complaints.push(format!("{}/{}: nobody answers", row.role, row.name)),
+                Heard::Nothing => problems.push(format!("{}/{}: nobody answers", row.role, row.name)),
             }
         }
     }
     let what = format!("types of `{}`", bus.session());
-    findings.judge(what, complaints, format!("{looked_at} newest values are of the types of the table"));
+    findings.add_result(what, problems, format!("{looked_at} newest values are of the types of the table"));
 }
 
 /// Rows that are none of their role, that two processes answer, that the process of another role answers, or that nobody
 /// answers. A role's process is the one that answers its `cmd/status`.
-fn strange_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Declared]) -> Vec<String> {
-    let mut complaints = Vec::new();
+fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Declared]) -> Vec<String> {
+    let mut problems = Vec::new();
     let root = format!("{}/{session}/", keys::ROOT);
     let places: Vec<_> = declared
         .iter()
@@ -100,16 +103,16 @@ fn strange_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Decl
     let answered = |row: &Row| !matches!(row.kind, Kind::Stream { .. });
     for (Declared { key, clients }, role, name) in places {
         if !rows.iter().any(|r| r.name == name && r.is_of(role) && answered(r)) {
-            complaints.push(format!("{key} is no row of `{role}`"));
+            problems.push(format!("{key} is no row of `{role}`"));
         }
         if clients.len() > 1 {
-            complaints.push(format!("{key} is answered by {} processes", clients.len()));
+            problems.push(format!("{key} is answered by {} processes", clients.len()));
         }
         for client in clients {
             match processes.get(client.as_str()) {
-                Some(of) if *of != role => complaints.push(format!("{key} is answered by the process of `{of}`")),
+                Some(of) if *of != role => problems.push(format!("{key} is answered by the process of `{of}`")),
                 Some(_) => (),
-                None => complaints.push(format!("{key} is answered by a process that answers for no role")),
+                None => problems.push(format!("{key} is answered by a process that answers for no role")),
             }
         }
     }
@@ -117,11 +120,11 @@ fn strange_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Decl
         for row in rows.iter().filter(|r| r.role == service.role && answered(r)) {
             let key = keys::key(session, &service.role, row.name);
             if !declared.iter().any(|d| d.key == key) {
-                complaints.push(format!("{key} is answered by nobody"));
+                problems.push(format!("{key} is answered by nobody"));
             }
         }
     }
-    complaints
+    problems
 }
 
 #[cfg(test)]
@@ -144,7 +147,8 @@ mod tests {
             at("scene/cmd/apply", &["b"]),
             at("supervisor/cmd/ps", &["s"]),
         ];
-        let told = |declared: &[Declared]| strange_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
+        let told =
+            |declared: &[Declared]| unexpected_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
         assert_eq!(told(&fine), "");
         assert_eq!(told(&fine[..2]), "sg/s/agent-intent/state is answered by nobody");
         for (strange, complaint) in [

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use crate::terminal::Done;
+use crate::terminal::CommandResult;
 use check::CheckArgs;
 
 #[derive(Debug, Subcommand)]
@@ -41,7 +41,7 @@ pub(crate) enum ContractCommand {
     },
 }
 
-pub(crate) async fn run(command: ContractCommand, session: Option<&str>) -> Done {
+pub(crate) async fn run(command: ContractCommand, session: Option<&str>) -> CommandResult {
     match command {
         ContractCommand::Describe { service, json } => describe::describe(service.as_deref(), json),
         ContractCommand::Check(arguments) => check::check(&arguments, session).await,

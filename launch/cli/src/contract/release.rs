@@ -7,10 +7,10 @@ use prost_reflect::prost_types::FileDescriptorSet;
 use sg_proto::prost::Message as _;
 
 use super::check::proto_folder;
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 
 /// Writes `released/v<version>.binpb` and `.golden`; a release that is there already is never written over.
-pub(super) fn release(version: &str, proto: Option<PathBuf>) -> Done {
+pub(super) fn release(version: &str, proto: Option<PathBuf>) -> CommandResult {
     let parts: Vec<_> = version.split('.').collect();
     if parts.len() != 3 || parts.iter().any(|p| p.parse::<u32>().is_err()) {
         return Err(Failure::Input(format!("version `{version}`: three numbers such as 0.2.0 are meant")));
@@ -26,7 +26,7 @@ pub(super) fn release(version: &str, proto: Option<PathBuf>) -> Done {
     }
     write(&golden, golden_parts(&proto.join("golden"))?.as_bytes())?;
     write(&image, &image_without_comments()?)?;
-    terminal::out(&format!("{}\n{}", image.display(), golden.display()));
+    terminal::print_line(&format!("{}\n{}", image.display(), golden.display()));
     Ok(())
 }
 

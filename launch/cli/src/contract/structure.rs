@@ -6,39 +6,39 @@
 use prost_reflect::{DescriptorPool, EnumDescriptor, FieldDescriptor, Kind, MessageDescriptor, ServiceDescriptor};
 
 /// What the new schema takes from or changes for those who rely on the old one.
-pub(super) fn breaks(old: &DescriptorPool, new: &DescriptorPool) -> Vec<String> {
-    let mut complaints = Vec::new();
+pub(super) fn breaking_changes(old: &DescriptorPool, new: &DescriptorPool) -> Vec<String> {
+    let mut problems = Vec::new();
     for message in old.all_messages() {
         match new.get_message_by_name(message.full_name()) {
-            None => complaints.push(format!("message {} is gone", message.full_name())),
-            Some(now) => fields(&message, &now, &mut complaints),
+            None => problems.push(format!("message {} is gone", message.full_name())),
+            Some(now) => fields(&message, &now, &mut problems),
         }
     }
     for values in old.all_enums() {
         match new.get_enum_by_name(values.full_name()) {
-            None => complaints.push(format!("enum {} is gone", values.full_name())),
-            Some(now) => enum_values(&values, &now, &mut complaints),
+            None => problems.push(format!("enum {} is gone", values.full_name())),
+            Some(now) => enum_values(&values, &now, &mut problems),
         }
     }
     for service in old.services() {
         match new.services().find(|s| s.full_name() == service.full_name()) {
-            None => complaints.push(format!("service {} is gone", service.full_name())),
-            Some(now) => methods(&service, &now, &mut complaints),
+            None => problems.push(format!("service {} is gone", service.full_name())),
+            Some(now) => methods(&service, &now, &mut problems),
         }
     }
-    complaints
+    problems
 }
 
-fn fields(old: &MessageDescriptor, new: &MessageDescriptor, complaints: &mut Vec<String>) {
+fn fields(old: &MessageDescriptor, new: &MessageDescriptor, problems: &mut Vec<String>) {
     for field in old.fields() {
         let name = field.full_name();
         let Some(now) = new.get_field(field.number()) else {
-            complaints.push(format!("field {name} = {} is gone", field.number()));
+            problems.push(format!("field {name} = {} is gone", field.number()));
             continue;
         };
         let (was, is) = (described(&field), described(&now));
         if was != is {
-            complaints.push(format!("field {name} = {}: was `{was}`, is `{is}`", field.number()));
+            problems.push(format!("field {name} = {}: was `{was}`, is `{is}`", field.number()));
         }
     }
 }
@@ -56,17 +56,17 @@ fn described(field: &FieldDescriptor) -> String {
     format!("{:?} {kind} {}{within}{presence}", field.cardinality(), field.name()).to_lowercase()
 }
 
-fn enum_values(old: &EnumDescriptor, new: &EnumDescriptor, complaints: &mut Vec<String>) {
+fn enum_values(old: &EnumDescriptor, new: &EnumDescriptor, problems: &mut Vec<String>) {
     for value in old.values() {
         let now = new.get_value(value.number());
         if now.as_ref().map(|v| v.name().to_owned()).as_deref() != Some(value.name()) {
             let is = now.map_or_else(|| "is gone".to_owned(), |v| format!("is now {}", v.name()));
-            complaints.push(format!("enum value {} = {} {is}", value.full_name(), value.number()));
+            problems.push(format!("enum value {} = {} {is}", value.full_name(), value.number()));
         }
     }
 }
 
-fn methods(old: &ServiceDescriptor, new: &ServiceDescriptor, complaints: &mut Vec<String>) {
+fn methods(old: &ServiceDescriptor, new: &ServiceDescriptor, problems: &mut Vec<String>) {
     for method in old.methods() {
         let same = new.methods().any(|now| {
             now.name() == method.name()
@@ -76,7 +76,7 @@ fn methods(old: &ServiceDescriptor, new: &ServiceDescriptor, complaints: &mut Ve
                 && now.is_server_streaming() == method.is_server_streaming()
         });
         if !same {
-            complaints.push(format!("method {} is gone or takes or gives another message", method.full_name()));
+            problems.push(format!("method {} is gone or takes or gives another message", method.full_name()));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A service that misbehaves on purpose. It is this test executable itself, started again by a script of the bench, so
+//! A service that misbehaves on purpose. It is this test executable itself, started again by a script of the sandbox, so
 //! that no executable beside those of the project has to be built.
 
 use std::io::Write as _;
@@ -55,7 +55,7 @@ struct Params {
 #[test]
 #[ignore = "not a test: the services that the other tests start"]
 fn fixture() {
-    let arguments = std::env::var("ARGUMENTS").expect("started by a script of the bench");
+    let arguments = std::env::var("ARGUMENTS").expect("started by a script of the sandbox");
     let fixture = Fixture::parse_from(arguments.lines());
     let params: serde_json::Value = serde_json::from_str(&fixture.serve.params).unwrap();
     if params["deaf"] == true {

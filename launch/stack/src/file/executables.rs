@@ -7,13 +7,13 @@ use crate::suggestion::suggestion;
 
 /// Folders in which executables are looked up, in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Search {
+pub struct ExecutableSearch {
     folders: Vec<PathBuf>,
 }
 
 /// An executable that was not found.
 #[derive(Debug, thiserror::Error)]
-pub enum SearchError {
+pub enum ExecutableError {
     /// The path cannot be looked at.
     #[error("executable `{exec}`: {}: {source}", .path.display())]
     Unreadable {
@@ -44,7 +44,7 @@ pub enum SearchError {
     },
 }
 
-impl Search {
+impl ExecutableSearch {
     /// The folder of this program, then those of `PATH`.
     #[must_use]
     pub fn here_then_path() -> Self {
@@ -62,22 +62,25 @@ impl Search {
     /// The absolute path of an executable. A name with a slash is a path, relative to the folder of `file`.
     ///
     /// # Errors
-    /// [`SearchError`] if there is no such executable.
-    pub fn find(&self, exec: &str, file: &Path) -> Result<PathBuf, SearchError> {
+    /// [`ExecutableError`] if there is no such executable.
+    pub fn find(&self, exec: &str, file: &Path) -> Result<PathBuf, ExecutableError> {
         if exec.contains('/') {
             let path = file.parent().unwrap_or(Path::new("")).join(exec);
-            let unreadable =
-                |path: &Path, source| SearchError::Unreadable { exec: exec.to_owned(), path: path.to_owned(), source };
+            let unreadable = |path: &Path, source| ExecutableError::Unreadable {
+                exec: exec.to_owned(),
+                path: path.to_owned(),
+                source,
+            };
             let path = std::path::absolute(&path).map_err(|e| unreadable(&path, e))?;
             return match std::fs::metadata(&path) {
                 Err(error) => Err(unreadable(&path, error)),
                 Ok(_) if is_executable(&path) => Ok(path),
-                Ok(_) => Err(SearchError::NotExecutable { exec: exec.to_owned(), path }),
+                Ok(_) => Err(ExecutableError::NotExecutable { exec: exec.to_owned(), path }),
             };
         }
         match self.folders.iter().map(|folder| folder.join(exec)).find(|p| is_executable(p)) {
             Some(found) => Ok(found),
-            None => Err(SearchError::NotFound { exec: exec.to_owned(), hint: self.near(exec) }),
+            None => Err(ExecutableError::NotFound { exec: exec.to_owned(), hint: self.near(exec) }),
         }
     }
 

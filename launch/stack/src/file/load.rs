@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::executables::Search;
+use super::executables::ExecutableSearch;
 use super::model::{LaunchFile, UnknownService};
 use super::read::{Source, read};
 use crate::document::Problems;
@@ -32,6 +32,6 @@ pub enum LoadError {
 /// [`LoadError`] if the file cannot be read, has mistakes, or lacks a service of `only`.
 pub fn load(path: &Path, overrides: &[String], only: &[String]) -> Result<LaunchFile, LoadError> {
     let text = std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
-    let file = read(Source { path, text: &text, overrides }, &Search::here_then_path())?;
+    let file = read(Source { path, text: &text, overrides }, &ExecutableSearch::here_then_path())?;
     Ok(if only.is_empty() { file } else { file.only(only)? })
 }

@@ -41,7 +41,7 @@ mod nodes;
 mod order;
 mod read;
 
-pub use executables::{Search, SearchError};
+pub use executables::{ExecutableError, ExecutableSearch};
 pub use load::{LoadError, load};
-pub use model::{LaunchFile, Listening, Node, Policy, Restart, Service, Start, UnknownService};
+pub use model::{LaunchFile, ListenSettings, Node, Policy, Restart, Service, Start, UnknownService};
 pub use read::{Source, read};

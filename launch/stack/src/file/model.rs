@@ -14,14 +14,14 @@ pub struct LaunchFile {
     /// Services; each stands after those it comes after, otherwise in the order of the file.
     pub services: Vec<Service>,
     /// Where other machines are listened to, where the file says so.
-    pub listen: Option<Listening>,
+    pub listen: Option<ListenSettings>,
     /// Machines that may join.
     pub nodes: Vec<Node>,
 }
 
 /// Where other machines are listened to, and the files by which both sides know each other (PEM, absolute paths).
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Listening {
+pub struct ListenSettings {
     /// `tls/ADDRESS:PORT`.
     pub endpoint: String,
     /// Certificate of the authority that has signed those of both sides.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::model::{Listening, Node};
+use super::model::{ListenSettings, Node};
 use super::names::is_name;
 use crate::document::{self, Problem, Reader, Table, Value};
 use crate::suggestion::suggestion;
@@ -16,7 +16,7 @@ const LEASE: Duration = Duration::from_secs(5);
 const SHORTEST_LEASE: Duration = Duration::from_secs(2);
 
 /// `[bus]`.
-pub(super) fn listening(table: Option<&Table>, file: &Path, problems: &mut Vec<Problem>) -> Option<Listening> {
+pub(super) fn listening(table: Option<&Table>, file: &Path, problems: &mut Vec<Problem>) -> Option<ListenSettings> {
     let mut reader = Reader::new("[bus]", table?, problems);
     let endpoint = reader.string("listen").map(str::to_owned);
     if endpoint.is_none() && reader.node("listen").is_none() {
@@ -49,7 +49,7 @@ pub(super) fn listening(table: Option<&Table>, file: &Path, problems: &mut Vec<P
     let files = (pem("authority"), pem("certificate"), pem("key"));
     reader.finish();
     let (endpoint, (Some(authority), Some(certificate), Some(key))) = (endpoint?, files) else { return None };
-    Some(Listening { endpoint, authority, certificate, key })
+    Some(ListenSettings { endpoint, authority, certificate, key })
 }
 
 /// Whether other machines can be listened to there; otherwise the text of the problem.

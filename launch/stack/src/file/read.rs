@@ -4,7 +4,7 @@ use std::path::Path;
 
 use sg_proto::keys::role;
 
-use super::executables::Search;
+use super::executables::ExecutableSearch;
 use super::model::{self, LaunchFile, Policy, Restart, Service, Start};
 use super::names::{MAX_SERVICE_NAME, is_name};
 use super::nodes;
@@ -32,7 +32,7 @@ pub struct Source<'a> {
 
 /// What `[defaults]` may hold and a service may say otherwise.
 #[derive(Debug, Clone, Default)]
-struct Base {
+struct Defaults {
     policy: Policy,
     env: Vec<(String, String)>,
 }
@@ -42,7 +42,7 @@ struct Base {
 /// # Errors
 /// Every mistake that was found: form, unknown keys, wrong values, unknown names, duplicate roles, cycles, executables that
 /// are not there.
-pub fn read(source: Source<'_>, search: &Search) -> Result<LaunchFile, Problems> {
+pub fn read(source: Source<'_>, search: &ExecutableSearch) -> Result<LaunchFile, Problems> {
     let mut problems = Vec::new();
     let file = match parse(source) {
         Err(problem) => {
@@ -65,7 +65,7 @@ fn parse(source: Source<'_>) -> Result<Table, Problem> {
     Ok(table)
 }
 
-fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<Problem>) -> LaunchFile {
+fn launch_file(table: &Table, path: &Path, search: &ExecutableSearch, problems: &mut Vec<Problem>) -> LaunchFile {
     let start = document::Place::File { line: 1, column: 1 };
     let mut top = Reader::new("the file", table, problems);
     match top.node("schema") {
@@ -90,10 +90,10 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
     let listen = nodes::listening(bus, path, problems);
     let nodes = nodes::read_nodes(nodes, listen.is_some(), problems);
 
-    let mut base = Base::default();
+    let mut base = Defaults::default();
     if let Some(defaults) = defaults {
         let mut reader = Reader::new("[defaults]", defaults, problems);
-        watched(&mut reader, &mut base);
+        read_policy(&mut reader, &mut base);
         reader.finish();
     }
     let entries = services.map_or(&[][..], |t| &t.entries);
@@ -136,11 +136,11 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
 fn service(
     entry: &document::Entry,
     table: &Table,
-    base: &Base,
+    base: &Defaults,
     nodes: &[model::Node],
     edges: &mut Vec<Edge>,
     path: &Path,
-    search: &Search,
+    search: &ExecutableSearch,
     problems: &mut Vec<Problem>,
 ) -> Service {
     let mut reader = Reader::new(format!("[service.{}]", entry.key), table, problems);
@@ -192,7 +192,7 @@ fn service(
         edges.push(Edge { from: entry.key.clone(), on: condition.key.clone(), place: condition.place.clone() });
     }
     let mut own = base.clone();
-    watched(&mut reader, &mut own);
+    read_policy(&mut reader, &mut own);
     reader.finish();
     let exec = exec.unwrap_or_default().to_owned();
     Service {
@@ -206,8 +206,8 @@ fn service(
 }
 
 /// The keys that say how a service is watched; those that are there replace what the base holds.
-fn watched(reader: &mut Reader<'_, '_>, base: &mut Base) {
-    let Base { policy, env: variables } = base;
+fn read_policy(reader: &mut Reader<'_, '_>, base: &mut Defaults) {
+    let Defaults { policy, env: variables } = base;
     const RESTART: [(&str, Restart); 3] =
         [("always", Restart::Always), ("on-failure", Restart::OnFailure), ("never", Restart::Never)];
     if let Some(text) = reader.string("restart") {

@@ -23,7 +23,7 @@ impl Bench {
     }
 
     fn read(&self, text: &str, overrides: &[&str]) -> Result<LaunchFile, Problems> {
-        let search = Search::in_folders(vec![self.folder.path().to_owned()]);
+        let search = ExecutableSearch::in_folders(vec![self.folder.path().to_owned()]);
         let overrides: Vec<_> = overrides.iter().map(ToString::to_string).collect();
         let path = self.folder.path().join("x.toml");
         read(Source { path: &path, text, overrides: &overrides }, &search)
@@ -284,7 +284,7 @@ fn the_shipped_file_is_a_good_one() {
         std::fs::write(&path, "").unwrap();
         std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
     }
-    let search = Search::in_folders(vec![PathBuf::from(folder.path())]);
+    let search = ExecutableSearch::in_folders(vec![PathBuf::from(folder.path())]);
     let file = read(Source { path, text: include_str!("../../../headless.toml"), overrides: &[] }, &search).unwrap();
     let mut roles: Vec<_> = file.services.iter().map(|s| s.role.as_str()).collect();
     roles.sort_unstable();

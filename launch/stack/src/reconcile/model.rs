@@ -18,29 +18,29 @@ pub(super) const KILL_TIME: Duration = Duration::from_secs(5);
 pub(super) const KILLS: u32 = 2;
 /// How long a ready service may be away from the bus.
 pub(super) const AWAY_TIME: Duration = Duration::from_secs(1);
-/// How long the proof of a newcomer may take.
-pub const PROOF_TIME: Duration = Duration::from_secs(10);
+/// How long the proof of a candidate may take.
+pub const PROBE_TIME: Duration = Duration::from_secs(10);
 
 /// One process that was started, never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Incarnation(pub u64);
+pub struct ProcessId(pub u64);
 
 /// Something that happened.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// Time passed.
     Tick,
-    /// The process of an incarnation runs.
+    /// The process of an id runs.
     Started {
         /// Which.
-        incarnation: Incarnation,
+        id: ProcessId,
         /// Its process id.
         pid: u32,
     },
-    /// An incarnation is over: its process is gone, or could not be started.
+    /// An id is over: its process is gone, or could not be started.
     Exited {
         /// Which.
-        incarnation: Incarnation,
+        id: ProcessId,
         /// How.
         exit: Exit,
     },
@@ -53,17 +53,17 @@ pub enum Event {
         /// Whether it serves under its instance only, until it is promoted.
         standby: bool,
     },
-    /// A newcomer was proven or not.
+    /// A candidate was proven or not.
     Proven {
         /// Which.
-        incarnation: Incarnation,
+        id: ProcessId,
         /// What is wrong with it, if anything is.
         outcome: Result<(), String>,
     },
-    /// A newcomer took its role or could not.
+    /// A candidate took its role or could not.
     Promoted {
         /// Which.
-        incarnation: Incarnation,
+        id: ProcessId,
         /// Why it could not.
         outcome: Result<(), String>,
     },
@@ -77,7 +77,7 @@ pub enum Event {
         answer_ms: (f64, f64),
     },
     /// An instance appeared on the bus (true) or left it.
-    Seen {
+    Presence {
         /// Its name.
         instance: String,
         /// Whether it is there.
@@ -91,12 +91,12 @@ pub enum Event {
         present: bool,
     },
     /// These are the services from now on, each after those it comes after.
-    Desire(Vec<Service>),
+    SetServices(Vec<Service>),
     /// A person wants a service replaced by a process that is started like this.
     Swap {
         /// Position of the service.
         service: usize,
-        /// What the newcomer is started with.
+        /// What the candidate is started with.
         start: Start,
     },
     /// A person wants a service restarted.
@@ -124,8 +124,8 @@ pub struct Exit {
 pub struct Spawn {
     /// Position of the service.
     pub service: usize,
-    /// Its new incarnation.
-    pub incarnation: Incarnation,
+    /// Its new id.
+    pub id: ProcessId,
     /// Name under which the process goes.
     pub instance: String,
     /// Role that it serves or is to serve.
@@ -145,19 +145,19 @@ pub struct Spawn {
 pub enum Action {
     /// Start a process. [`Event::Started`] or [`Event::Exited`] must follow.
     Spawn(Box<Spawn>),
-    /// Look whether a newcomer speaks the contract of its role. [`Event::Proven`] must follow within [`PROOF_TIME`].
+    /// Look whether a candidate speaks the contract of its role. [`Event::Proven`] must follow within [`PROBE_TIME`].
     Prove {
         /// Which.
-        incarnation: Incarnation,
+        id: ProcessId,
         /// Its name.
         instance: String,
         /// Its role.
         role: String,
     },
-    /// Let a newcomer take its role. [`Event::Promoted`] must follow within the time.
+    /// Let a candidate take its role. [`Event::Promoted`] must follow within the time.
     Promote {
         /// Which.
-        incarnation: Incarnation,
+        id: ProcessId,
         /// Its name.
         instance: String,
         /// Epoch of the role from now on.
@@ -166,15 +166,15 @@ pub enum Action {
         within: Duration,
     },
     /// Ask a process to stop.
-    Terminate(Incarnation),
+    Terminate(ProcessId),
     /// End a process.
-    Kill(Incarnation),
-    /// An incarnation is over.
+    Kill(ProcessId),
+    /// An id is over.
     Ended {
         /// Position of the service.
         service: usize,
         /// Which.
-        incarnation: Incarnation,
+        id: ProcessId,
         /// How.
         end: End,
     },
@@ -194,7 +194,7 @@ pub enum Action {
     Finish(Outcome),
 }
 
-/// The terminal state of an incarnation.
+/// The terminal state of an id.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum End {
     /// It was asked to stop and did.

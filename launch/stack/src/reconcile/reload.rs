@@ -4,11 +4,11 @@ use sg_proto::launch::{Change, Difference};
 
 use super::model::{Action, Time};
 use super::reconciler::{Goal, Reconciler};
-use super::slot::{Part, Slot, Stage, State, Then};
+use super::slot::{AfterStop, Occupant, Slot, Stage, State};
 use crate::file::{Service, Start};
 
 impl Reconciler {
-    /// What [`super::model::Event::Desire`] would do to each service: those of the list in its order, removed ones last.
+    /// What [`super::model::Event::SetServices`] would do to each service: those of the list in its order, removed ones last.
     #[must_use]
     pub fn differences(&self, services: &[Service]) -> Vec<Difference> {
         let told = |name: &str, (change, swap): (Change, u64)| Difference {
@@ -26,7 +26,7 @@ impl Reconciler {
         self.slots.iter().enumerate().find(|(_, s)| s.service.name == name)
     }
 
-    pub(super) fn desire(&mut self, services: Vec<Service>, now: Time, actions: &mut Vec<Action>) {
+    pub(super) fn set_services(&mut self, services: Vec<Service>, now: Time, actions: &mut Vec<Action>) {
         if self.goal != Goal::Run {
             return;
         }
@@ -55,8 +55,8 @@ impl Reconciler {
     }
 
     fn remove(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
-        self.withdraw(index, "the service was removed", now, actions);
-        self.stop((index, Part::Main), Then::Stay, now, actions);
+        self.cancel_swap(index, "the service was removed", now, actions);
+        self.stop((index, Occupant::Serving), AfterStop::Stay, now, actions);
         let Some(slot) = self.slots.get_mut(index) else { return };
         slot.removed = true;
         if !matches!(slot.state, State::Alive(_)) {
@@ -79,8 +79,8 @@ impl Reconciler {
             }
             _ if slot.starts == 0 => slot.service.start = start,
             // It is to be as it is: what would make it otherwise is taken back.
-            _ if slot.service.start == start && slot.heading() != Some(&start) => {
-                self.retract(index, "the launch file has it as it was", now, actions);
+            _ if slot.service.start == start && slot.target_start() != Some(&start) => {
+                self.cancel_before_handover(index, "the launch file has it as it was", now, actions);
             }
             _ => {}
         }
@@ -96,7 +96,7 @@ impl Slot {
             (Change::Added, 0)
         } else if self.service.role != service.role {
             (Change::Restarted, 0)
-        } else if self.heading() == Some(&service.start) {
+        } else if self.target_start() == Some(&service.start) {
             (in_place, 0)
         } else if self.starts == 0 || (self.service.start == service.start && !self.hands_over()) {
             // Nothing runs that would have to be replaced, or it is enough to take a swap back.
@@ -107,13 +107,13 @@ impl Slot {
     }
 
     /// The start that will be in force when all that is under way went well.
-    fn heading(&self) -> Option<&Start> {
-        if let Some(wish) = &self.next {
-            return Some(&wish.start);
+    fn target_start(&self) -> Option<&Start> {
+        if let Some(pending) = &self.next {
+            return Some(&pending.start);
         }
-        let newcomer = self.newcomer.as_ref().filter(|n| !matches!(n.stage, Stage::Stopping { .. }));
+        let candidate = self.candidate.as_ref().filter(|n| !matches!(n.stage, Stage::Stopping { .. }));
         let promoting = self.main().filter(|p| matches!(p.stage, Stage::Promoting { .. }));
-        newcomer.or(promoting).map(|p| &p.start).or(Some(&self.service.start))
+        candidate.or(promoting).map(|p| &p.start).or(Some(&self.service.start))
     }
 
     /// The number that the next swap will have.

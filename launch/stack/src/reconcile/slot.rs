@@ -1,11 +1,11 @@
-//! One service: its place in the stack, the process that serves, the newcomer beside it.
+//! One service: its place in the stack, the process that serves, the candidate beside it.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use sg_proto::launch::{self, SwapState};
 
-use super::model::{Action, Incarnation, Time};
+use super::model::{Action, ProcessId, Time};
 use crate::file::{Service, Start};
 
 /// A service and its processes.
@@ -17,14 +17,14 @@ pub(super) struct Slot {
     pub(super) removed: bool,
     pub(super) state: State,
     /// A swap that is to begin.
-    pub(super) next: Option<Wish>,
+    pub(super) next: Option<PendingSwap>,
     /// The process that stands by to take over.
-    pub(super) newcomer: Option<Process>,
+    pub(super) candidate: Option<Process>,
     /// The newest swap.
     pub(super) swap: Option<Swap>,
     /// Processes that served a role and that the system does not remove, with the machine they are on: until they are gone
     /// nobody else may serve it.
-    pub(super) lost: Vec<(Incarnation, String, Option<String>)>,
+    pub(super) lost: Vec<(ProcessId, String, Option<String>)>,
     /// Processes started so far.
     pub(super) processes: u32,
     /// Those among them that were started to serve at once.
@@ -58,7 +58,7 @@ pub(super) enum State {
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Process {
-    pub(super) incarnation: Incarnation,
+    pub(super) id: ProcessId,
     pub(super) instance: String,
     pub(super) role: String,
     pub(super) start: Start,
@@ -70,7 +70,7 @@ pub(super) struct Process {
     pub(super) answer_ms: (f64, f64),
     /// Known once it is ready or stands by.
     pub(super) start_ms: Option<u64>,
-    /// The swap that it is the newcomer of, until it is done.
+    /// The swap that it is the candidate of, until it is done.
     pub(super) swap: Option<u64>,
     pub(super) stage: Stage,
 }
@@ -81,15 +81,15 @@ pub(super) enum Stage {
     Starting {
         deadline: Time,
     },
-    /// A newcomer that stands by is looked at.
+    /// A candidate that stands by is looked at.
     Proving {
         deadline: Time,
     },
-    /// A newcomer that is proven waits until nobody serves.
+    /// A candidate that is proven waits until nobody serves.
     StandingBy {
         deadline: Time,
     },
-    /// A newcomer takes the role that nobody serves.
+    /// A candidate takes the role that nobody serves.
     Promoting {
         deadline: Time,
     },
@@ -100,15 +100,15 @@ pub(super) enum Stage {
     Stopping {
         deadline: Time,
         kills: u32,
-        then: Then,
+        then: AfterStop,
     },
 }
 
 /// What follows a stop.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Then {
+pub(super) enum AfterStop {
     Stay,
-    StartAgain,
+    Restart,
     /// Its successor takes over.
     HandOver,
     Fail(String),
@@ -118,7 +118,7 @@ pub(super) enum Then {
 
 /// A swap that is to begin.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Wish {
+pub(super) struct PendingSwap {
     pub(super) number: u64,
     pub(super) start: Start,
 }
@@ -135,13 +135,13 @@ pub(super) struct Swap {
 
 /// Which of a slot's processes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Part {
-    Main,
-    Newcomer,
+pub(super) enum Occupant {
+    Serving,
+    Candidate,
 }
 
 /// Which process of which slot.
-pub(super) type At = (usize, Part);
+pub(super) type ProcessIndex = (usize, Occupant);
 
 impl Slot {
     pub(super) fn new(service: Service) -> Self {
@@ -150,7 +150,7 @@ impl Slot {
             removed: false,
             state: State::Waiting,
             next: None,
-            newcomer: None,
+            candidate: None,
             swap: None,
             lost: Vec::new(),
             processes: 0,
@@ -172,7 +172,7 @@ impl Slot {
 
     /// Whether something is still to happen to it.
     pub(super) fn is_active(&self) -> bool {
-        matches!(self.state, State::Alive(_) | State::Backoff { .. }) || self.newcomer.is_some()
+        matches!(self.state, State::Alive(_) | State::Backoff { .. }) || self.candidate.is_some()
     }
 
     pub(super) fn is_ready(&self) -> bool {
@@ -184,25 +184,25 @@ impl Slot {
         if let State::Alive(process) = &self.state { Some(process) } else { None }
     }
 
-    pub(super) fn process_mut(&mut self, part: Part) -> Option<&mut Process> {
+    pub(super) fn process_mut(&mut self, part: Occupant) -> Option<&mut Process> {
         match (part, &mut self.state) {
-            (Part::Main, State::Alive(process)) => Some(process),
-            (Part::Main, _) => None,
-            (Part::Newcomer, _) => self.newcomer.as_mut(),
+            (Occupant::Serving, State::Alive(process)) => Some(process),
+            (Occupant::Serving, _) => None,
+            (Occupant::Candidate, _) => self.candidate.as_mut(),
         }
     }
 
-    pub(super) fn process(&self, part: Part) -> Option<&Process> {
+    pub(super) fn process(&self, part: Occupant) -> Option<&Process> {
         match part {
-            Part::Main => self.main(),
-            Part::Newcomer => self.newcomer.as_ref(),
+            Occupant::Serving => self.main(),
+            Occupant::Candidate => self.candidate.as_ref(),
         }
     }
 
-    /// Whether a newcomer that is past its proof is on its way to take over.
+    /// Whether a candidate that is past its proof is on its way to take over.
     pub(super) fn hands_over(&self) -> bool {
         let is = |p: &Process| matches!(p.stage, Stage::StandingBy { .. });
-        self.newcomer.as_ref().is_some_and(is)
+        self.candidate.as_ref().is_some_and(is)
             || self.main().is_some_and(|p| matches!(p.stage, Stage::Promoting { .. }))
     }
 
@@ -212,7 +212,7 @@ impl Slot {
             State::Backoff { until } => Some(*until),
             State::Waiting | State::Stopped | State::Failed => None,
         };
-        own.into_iter().chain(self.newcomer.as_ref().map(|n| n.stage.deadline()))
+        own.into_iter().chain(self.candidate.as_ref().map(|n| n.stage.deadline()))
     }
 
     /// The newest swap enters a state; an older one is told no more.
@@ -243,8 +243,8 @@ impl Slot {
             number: swap.number,
             state: swap.state.into(),
             executable: swap.executable.clone(),
-            pid: self.newcomer.as_ref().and_then(|n| n.pid).unwrap_or(0),
-            instance: self.newcomer.as_ref().map(|n| n.instance.clone()).unwrap_or_default(),
+            pid: self.candidate.as_ref().and_then(|n| n.pid).unwrap_or(0),
+            instance: self.candidate.as_ref().map(|n| n.instance.clone()).unwrap_or_default(),
             reason: swap.reason.clone(),
         })
     }

@@ -2,9 +2,9 @@
 
 use sg_proto::launch::SwapState;
 
-use super::model::{Action, Exit, Incarnation, Spawn, Time};
+use super::model::{Action, Exit, ProcessId, Spawn, Time};
 use super::reconciler::Reconciler;
-use super::slot::{Part, Process, Slot, Stage, State, Then};
+use super::slot::{AfterStop, Occupant, Process, Slot, Stage, State};
 use crate::file::Start;
 
 impl Reconciler {
@@ -43,32 +43,32 @@ impl Reconciler {
         }
     }
 
-    /// Starts the newcomer of a swap that is wished.
-    pub(super) fn start_newcomer_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
+    /// Starts the candidate of a swap that is wished.
+    pub(super) fn start_candidate_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(index) else { return };
-        let Some(wish) = slot.next.clone() else { return };
-        if slot.newcomer.is_some() || slot.hands_over() {
+        let Some(pending) = slot.next.clone() else { return };
+        if slot.candidate.is_some() || slot.hands_over() {
             return;
         }
-        let missing = [self.unready(index), self.absent_node(&wish.start)].concat();
-        let hopeless = self.slots.iter().any(|s| s.state == State::Failed && after(slot, s));
+        let missing = [self.unready(index), self.absent_node(&pending.start)].concat();
+        let critical_failure = self.slots.iter().any(|s| s.state == State::Failed && after(slot, s));
         let Some(slot) = self.slots.get_mut(index) else { return };
         if !missing.is_empty() {
             let reason = format!("waits for {}", missing.join(", "));
-            if hopeless {
+            if critical_failure {
                 slot.next = None;
-                slot.swap_enters(wish.number, SwapState::Failed, reason, index, actions);
+                slot.swap_enters(pending.number, SwapState::Failed, reason, index, actions);
             } else if slot.swap.as_ref().is_some_and(|s| s.reason != reason) {
-                slot.swap_enters(wish.number, SwapState::Waiting, reason, index, actions);
+                slot.swap_enters(pending.number, SwapState::Waiting, reason, index, actions);
             }
             return;
         }
         slot.next = None;
-        let Some(mut process) = self.spawn(index, wish.start, None, now, actions) else { return };
-        process.swap = Some(wish.number);
+        let Some(mut process) = self.spawn(index, pending.start, None, now, actions) else { return };
+        process.swap = Some(pending.number);
         if let Some(slot) = self.slots.get_mut(index) {
-            slot.newcomer = Some(process);
-            slot.swap_enters(wish.number, SwapState::Starting, "", index, actions);
+            slot.candidate = Some(process);
+            slot.swap_enters(pending.number, SwapState::Starting, "", index, actions);
         }
     }
 
@@ -81,16 +81,16 @@ impl Reconciler {
         now: Time,
         actions: &mut Vec<Action>,
     ) -> Option<Process> {
-        let order = self.incarnations;
-        let incarnation = Incarnation(order + 1);
+        let order = self.processes_started;
+        let id = ProcessId(order + 1);
         let slot = self.slots.get_mut(index)?;
-        self.incarnations += 1;
+        self.processes_started += 1;
         slot.processes += 1;
         slot.order.get_or_insert(order);
         let instance = format!("{}-{}", slot.service.name, slot.processes);
         actions.push(Action::Spawn(Box::new(Spawn {
             service: index,
-            incarnation,
+            id,
             instance: instance.clone(),
             role: slot.service.role.clone(),
             start: start.clone(),
@@ -99,7 +99,7 @@ impl Reconciler {
             stop: slot.service.policy.stop,
         })));
         Some(Process {
-            incarnation,
+            id,
             instance,
             role: slot.service.role.clone(),
             start,
@@ -140,23 +140,23 @@ impl Reconciler {
     /// counted; the services wait for it to come back.
     pub(super) fn node_away(&mut self, name: &str, now: Time, actions: &mut Vec<Action>) {
         self.nodes.remove(name);
-        for (index, part) in self.parts() {
+        for (index, part) in self.all_processes() {
             let process = self.slots.get(index).and_then(|s| s.process(part));
             let Some(process) = process.filter(|p| p.start.node.as_deref() == Some(name)) else { continue };
-            let incarnation = process.incarnation;
-            if part == Part::Main
+            let id = process.id;
+            if part == Occupant::Serving
                 && process.swap.is_none()
                 && let Some(process) = self.slots.get_mut(index).and_then(|s| s.process_mut(part))
             {
                 // As if it had been asked to start again when it can. What looked like a failure was its machine's.
                 match &mut process.stage {
-                    Stage::Stopping { then: then @ Then::Fail(_), .. } => *then = Then::StartAgain,
+                    Stage::Stopping { then: then @ AfterStop::Fail(_), .. } => *then = AfterStop::Restart,
                     Stage::Stopping { .. } => {}
-                    stage => *stage = Stage::Stopping { deadline: now, kills: 0, then: Then::StartAgain },
+                    stage => *stage = Stage::Stopping { deadline: now, kills: 0, then: AfterStop::Restart },
                 }
             }
             let reason = format!("node `{name}` is away");
-            self.exited(incarnation, Exit { status: None, reason }, now, actions);
+            self.on_exited(id, Exit { status: None, reason }, now, actions);
         }
         for slot in &mut self.slots {
             slot.lost.retain(|(_, _, node)| node.as_deref() != Some(name));

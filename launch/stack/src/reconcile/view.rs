@@ -23,7 +23,7 @@ impl Reconciler {
 
     /// One service as it is to be kept, by name.
     #[must_use]
-    pub fn kept(&self, name: &str) -> Option<(usize, &Service)> {
+    pub fn find_service(&self, name: &str) -> Option<(usize, &Service)> {
         let slot = |(_, s): &(usize, &Slot)| s.service.name == name && !s.removed;
         self.slots.iter().enumerate().find(slot).map(|(index, s)| (index, &s.service))
     }

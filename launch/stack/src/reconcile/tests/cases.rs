@@ -57,7 +57,7 @@ fn pauses_grow_and_start_over_after_health() {
 fn wrong_input_is_not_tried_again() {
     let mut world = one(patient(), Behaviour::Crash(EXIT_INPUT));
     world.behaviours = vec![(Behaviour::Good, millis(10))];
-    world.give(Event::Desire(vec![service(0, &[], patient()), service(1, &[], patient())]));
+    world.give(Event::SetServices(vec![service(0, &[], patient()), service(1, &[], patient())]));
     world.run_until(millis(5000));
     assert_eq!(world.state(0), (ServiceState::Failed, "Some(2)".to_owned()));
     assert_eq!(world.state(1).0, ServiceState::Ready);

@@ -78,7 +78,7 @@ fn a_service_moves_to_another_machine_by_a_swap() {
     let mut world = World::new(vec![service(0, &[], patient())], vec![(Behaviour::Good, millis(50))]);
     world.give(Event::Tick);
     world.run_until(millis(500));
-    world.give(Event::Desire(vec![elsewhere(patient())]));
+    world.give(Event::SetServices(vec![elsewhere(patient())]));
     world.run_until(millis(1000));
     assert_eq!(world.swap(0), (SwapState::Waiting, "waits for node `n`, which has not joined".to_owned()));
     assert_eq!(world.state(0).0, ServiceState::Ready);

@@ -9,7 +9,7 @@ fn swap_to(version: u32) -> Event {
     Event::Swap { service: 0, start: start(version) }
 }
 
-/// One that serves, and a swap whose newcomer behaves like this; given time.
+/// One that serves, and a swap whose candidate behaves like this; given time.
 fn swapped(behaviours: &[Behaviour]) -> World {
     let mut world = World::of_one(patient(), behaviours);
     world.run_until(millis(100));
@@ -53,11 +53,11 @@ fn a_newcomer_that_fails_before_the_old_one_was_asked_to_stop_leaves_it_serving(
         let serving = world.serving(0).unwrap();
         assert_eq!((serving.instance.as_str(), &serving.start), ("s0-1", &start(0)), "{behaviour:?}");
         assert_eq!((world.alive.len(), world.spawned.len()), (1, 2), "{behaviour:?}");
-        assert_eq!(world.stack.kept("s0").unwrap().1.start, start(0));
+        assert_eq!(world.stack.find_service("s0").unwrap().1.start, start(0));
     }
     let mut world = swapped(&[Behaviour::Good, Mute]);
     assert_eq!(world.swap(0).0, SwapState::Proving);
-    world.run_until(PROOF_TIME + millis(2000));
+    world.run_until(PROBE_TIME + millis(2000));
     assert_eq!(world.swap(0), (SwapState::Failed, "not proven within 10 s".to_owned()));
     assert_eq!(world.serving(0).unwrap().instance, "s0-1");
 }
@@ -85,7 +85,7 @@ fn a_newcomer_that_fails_when_the_old_one_is_gone_means_a_restart_with_the_old_s
 
 #[test]
 fn a_newcomer_that_dies_while_the_old_one_stops_means_a_restart_with_the_old_start() {
-    // The old one ignores the request and is killed 300 ms later; the newcomer dies before that.
+    // The old one ignores the request and is killed 300 ms later; the candidate dies before that.
     let mut world = World::new(
         vec![service(0, &[], patient())],
         vec![(Behaviour::Stubborn, millis(30)), (Behaviour::CrashLater(1), millis(90)), (Behaviour::Good, millis(30))],
@@ -98,7 +98,7 @@ fn a_newcomer_that_dies_while_the_old_one_stops_means_a_restart_with_the_old_sta
     let serving = world.serving(0).unwrap();
     assert_eq!((serving.instance.as_str(), &serving.start), ("s0-3", &start(0)));
     // The old one did nothing wrong.
-    assert_eq!(world.ended[&Incarnation(1)], End::Stopped);
+    assert_eq!(world.ended[&ProcessId(1)], End::Stopped);
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn an_old_one_that_dies_meanwhile_is_restarted_unless_the_newcomer_is_proven() {
     world.run_until(millis(100));
     world.give(swap_to(1));
     world.run_until(millis(200));
-    world.give(Event::Exited { incarnation: Incarnation(1), exit: exit(Some(1)) });
+    world.give(Event::Exited { id: ProcessId(1), exit: exit(Some(1)) });
     world.run_until(millis(500));
     assert_eq!((world.state(0).0, world.swap(0).0), (ServiceState::Ready, SwapState::Starting));
     assert_eq!(world.serving(0).unwrap().start, start(0));
@@ -126,7 +126,7 @@ fn an_old_one_that_dies_meanwhile_is_restarted_unless_the_newcomer_is_proven() {
     world.run_until(millis(100));
     world.give(swap_to(1));
     world.run_until(millis(200));
-    world.give(Event::Exited { incarnation: Incarnation(1), exit: exit(Some(1)) });
+    world.give(Event::Exited { id: ProcessId(1), exit: exit(Some(1)) });
     assert_eq!(world.state(0).0, ServiceState::Backoff);
     world.run_until(millis(1200));
     assert_eq!((world.state(0).0, world.swap(0).0), (ServiceState::Ready, SwapState::Done));

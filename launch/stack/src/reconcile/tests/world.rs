@@ -89,9 +89,9 @@ pub(super) struct World {
     /// What will happen, by time and a serial number.
     future: BTreeMap<(Time, u64), Event>,
     serial: u64,
-    pub(super) alive: BTreeMap<Incarnation, Simulated>,
+    pub(super) alive: BTreeMap<ProcessId, Simulated>,
     pub(super) spawned: Vec<(Time, Spawn)>,
-    pub(super) ended: BTreeMap<Incarnation, End>,
+    pub(super) ended: BTreeMap<ProcessId, End>,
     pub(super) first_started: Vec<usize>,
     pub(super) asked_to_stop: Vec<usize>,
     wished: bool,
@@ -162,8 +162,8 @@ impl World {
     pub(super) fn give(&mut self, event: Event) {
         match &event {
             // What a process does ends with it.
-            Event::Exited { incarnation, .. } if self.alive.remove(incarnation).is_none() => return,
-            Event::Ready { instance, .. } | Event::Seen { instance, .. } | Event::Health { instance, .. }
+            Event::Exited { id, .. } if self.alive.remove(id).is_none() => return,
+            Event::Ready { instance, .. } | Event::Presence { instance, .. } | Event::Health { instance, .. }
                 if !self.alive.values().any(|s| s.instance == *instance) =>
             {
                 return;
@@ -177,7 +177,7 @@ impl World {
             Event::Restart { service } => {
                 self.automatic.remove(service);
             }
-            Event::Desire(_) => self.automatic.clear(),
+            Event::SetServices(_) => self.automatic.clear(),
             _ => {}
         }
         let actions = self.stack.step(event, self.now);
@@ -191,29 +191,29 @@ impl World {
         assert!(self.finished.is_none(), "{action:?} after the end");
         match action {
             Action::Spawn(spawn) => self.spawn(*spawn),
-            Action::Prove { incarnation, .. } => {
-                let Some(Simulated { behaviour, delay, .. }) = self.alive.get(&incarnation).cloned() else { return };
+            Action::Prove { id, .. } => {
+                let Some(Simulated { behaviour, delay, .. }) = self.alive.get(&id).cloned() else { return };
                 let outcome = if behaviour == Behaviour::Unfit { Err("unfit".to_owned()) } else { Ok(()) };
                 if behaviour != Behaviour::Mute {
-                    self.later(delay / 3, Event::Proven { incarnation, outcome });
+                    self.later(delay / 3, Event::Proven { id, outcome });
                 }
             }
-            Action::Promote { incarnation, epoch, .. } => self.promote(incarnation, epoch),
-            Action::Terminate(incarnation) => {
-                let Some(process) = self.alive.get(&incarnation).cloned() else { return };
+            Action::Promote { id, epoch, .. } => self.promote(id, epoch),
+            Action::Terminate(id) => {
+                let Some(process) = self.alive.get(&id).cloned() else { return };
                 self.asked_to_stop.push(process.service);
                 if !matches!(process.behaviour, Behaviour::Hang | Behaviour::Stubborn | Behaviour::Undead) {
-                    self.later(process.delay / 4, Event::Exited { incarnation, exit: exit(Some(0)) });
+                    self.later(process.delay / 4, Event::Exited { id, exit: exit(Some(0)) });
                 }
             }
-            Action::Kill(incarnation) => {
-                if self.alive.get(&incarnation).is_some_and(|s| s.behaviour != Behaviour::Undead) {
-                    self.later(millis(3), Event::Exited { incarnation, exit: exit(None) });
+            Action::Kill(id) => {
+                if self.alive.get(&id).is_some_and(|s| s.behaviour != Behaviour::Undead) {
+                    self.later(millis(3), Event::Exited { id, exit: exit(None) });
                 }
             }
-            Action::Ended { incarnation, service, end } => {
-                let before = self.ended.insert(incarnation, end);
-                assert_eq!(before, None, "{incarnation:?} of {service} ended twice");
+            Action::Ended { id, service, end } => {
+                let before = self.ended.insert(id, end);
+                assert_eq!(before, None, "{id:?} of {service} ended twice");
             }
             Action::Announce { service } => {
                 if self.state(service).0 == ServiceState::Backoff {
@@ -239,35 +239,35 @@ impl World {
         assert!(epoch > 100 && before.is_none_or(|b| b < epoch), "{role}: {before:?} then {epoch}");
     }
 
-    fn promote(&mut self, incarnation: Incarnation, epoch: u64) {
-        let Some(Simulated { behaviour, delay, role, serves, .. }) = self.alive.get(&incarnation).cloned() else {
+    fn promote(&mut self, id: ProcessId, epoch: u64) {
+        let Some(Simulated { behaviour, delay, role, serves, .. }) = self.alive.get(&id).cloned() else {
             return;
         };
         assert!(!serves, "promoted twice");
         self.grant(&role, epoch);
-        self.alive.get_mut(&incarnation).unwrap().serves = true;
+        self.alive.get_mut(&id).unwrap().serves = true;
         let outcome = match behaviour {
             Behaviour::Refuse => Err("cannot".to_owned()),
             Behaviour::Faint => {
-                return self.later(delay / 3, Event::Exited { incarnation, exit: exit(Some(1)) });
+                return self.later(delay / 3, Event::Exited { id, exit: exit(Some(1)) });
             }
             _ => Ok(()),
         };
-        self.later(delay / 3, Event::Promoted { incarnation, outcome });
+        self.later(delay / 3, Event::Promoted { id, outcome });
     }
 
     fn spawn(&mut self, spawn: Spawn) {
-        let Spawn { service, incarnation, instance, role, start, epoch, standby, .. } = spawn.clone();
+        let Spawn { service, id, instance, role, start, epoch, standby, .. } = spawn.clone();
         let standing =
             self.alive.values().find(|s| s.service == service && !s.serves && s.behaviour != Behaviour::Undead);
-        assert!(!standby || standing.is_none(), "two newcomers: {standing:?}");
+        assert!(!standby || standing.is_none(), "two candidates: {standing:?}");
         assert!(!self.wished, "{service} started although the stack is to stop");
         assert!(start.node.is_none() || self.present, "{service} started on a machine that is not there");
         for on in &self.stack.slots[service].service.after {
-            let index = self.stack.kept(on).unwrap().0;
+            let index = self.stack.find_service(on).unwrap().0;
             assert_eq!(self.state(index).0, ServiceState::Ready, "{service} started before {on} is ready");
         }
-        assert!(self.spawned.iter().all(|(_, s)| s.incarnation != incarnation && s.instance != instance));
+        assert!(self.spawned.iter().all(|(_, s)| s.id != id && s.instance != instance));
         if standby {
             assert_eq!(epoch, 0, "an epoch is granted with the role");
         } else {
@@ -281,13 +281,13 @@ impl World {
         self.next_behaviour += 1;
         let process =
             Simulated { service, instance: instance.clone(), role, start, behaviour, delay, serves: !standby };
-        self.alive.insert(incarnation, process);
+        self.alive.insert(id, process);
         if behaviour == Behaviour::Missing {
-            return self.later(Duration::ZERO, Event::Exited { incarnation, exit: exit(None) });
+            return self.later(Duration::ZERO, Event::Exited { id, exit: exit(None) });
         }
-        self.later(Duration::ZERO, Event::Started { incarnation, pid: 7 });
+        self.later(Duration::ZERO, Event::Started { id, pid: 7 });
         match behaviour {
-            Behaviour::Crash(status) => self.later(delay, Event::Exited { incarnation, exit: exit(Some(status)) }),
+            Behaviour::Crash(status) => self.later(delay, Event::Exited { id, exit: exit(Some(status)) }),
             Behaviour::Slow => {}
             _ => {
                 let standby = standby && behaviour != Behaviour::Impostor;
@@ -296,9 +296,9 @@ impl World {
         }
         match behaviour {
             Behaviour::CrashLater(status) => {
-                self.later(delay * 2, Event::Exited { incarnation, exit: exit(Some(status)) });
+                self.later(delay * 2, Event::Exited { id, exit: exit(Some(status)) });
             }
-            Behaviour::Leave => self.later(delay * 2, Event::Seen { instance, alive: false }),
+            Behaviour::Leave => self.later(delay * 2, Event::Presence { instance, alive: false }),
             Behaviour::Greedy => self.later(delay * 3, health(instance, TOO_MUCH)),
             Behaviour::Hang | Behaviour::Crash(_) | Behaviour::Slow | Behaviour::Missing => {}
             _ => self.later(delay + millis(500), health(instance, 1)),
@@ -310,16 +310,16 @@ impl World {
             let name = &slot.service.name;
             let state = self.state(index).0;
             let timed = [ServiceState::Starting, ServiceState::Ready, ServiceState::Stopping, ServiceState::Backoff];
-            let states = usize::from(timed.contains(&state)) + usize::from(slot.newcomer.is_some());
+            let states = usize::from(timed.contains(&state)) + usize::from(slot.candidate.is_some());
             let deadlines: Vec<_> = slot.deadlines().collect();
             assert_eq!(deadlines.len(), states, "{name} is {state:?}: {slot:?}");
-            assert!(deadlines.iter().all(|d| *d > self.now), "{name} is overdue in {state:?}: {slot:?}");
+            assert!(deadlines.iter().all(|d| *d > self.now), "{name} is handle_deadline in {state:?}: {slot:?}");
             if self.finished.is_none() {
-                let known = slot.main().into_iter().chain(&slot.newcomer).map(|p| p.incarnation);
+                let known = slot.main().into_iter().chain(&slot.candidate).map(|p| p.id);
                 let known: BTreeSet<_> = known.chain(slot.lost.iter().map(|(i, _, _)| *i)).collect();
                 let mine = self.alive.iter().filter(|(_, s)| s.service == index && s.behaviour != Behaviour::Undead);
-                for (incarnation, process) in mine {
-                    assert!(known.contains(incarnation), "{process:?} is forgotten");
+                for (id, process) in mine {
+                    assert!(known.contains(id), "{process:?} is forgotten");
                 }
             }
             let times = self.automatic.get(&index).map_or(&[][..], Vec::as_slice);
@@ -415,13 +415,13 @@ fn behaviours() -> impl Strategy<Value = Vec<(Behaviour, Duration)>> {
 }
 
 fn wishes() -> impl Strategy<Value = Vec<(u64, Event)>> {
-    let wish = prop_oneof![
+    let pending = prop_oneof![
         2 => (0..6_usize).prop_map(|service| Event::Restart { service }),
         4 => (0..6_usize, 0..5_u32).prop_map(|(service, version)| Event::Swap { service, start: start(version) }),
-        2 => plans().prop_map(Event::Desire),
+        2 => plans().prop_map(Event::SetServices),
         3 => any::<bool>().prop_map(node),
     ];
-    prop::collection::vec((0..20_000_u64, wish), 0..10)
+    prop::collection::vec((0..20_000_u64, pending), 0..10)
 }
 
 proptest! {
@@ -429,7 +429,7 @@ proptest! {
 
     /// Whatever the processes do and whatever people ask for: no role is given away before whoever had it is gone, and
     /// every time with a higher epoch; nothing starts before what it comes after; no state is without a deadline; there are
-    /// no more restarts than allowed, one end for every incarnation and every swap, and the stack ends when it is told to.
+    /// no more restarts than allowed, one end for every id and every swap, and the stack ends when it is told to.
     #[test]
     fn every_world_is_survived(
         plan in plans(),
@@ -439,8 +439,8 @@ proptest! {
         hurry in any::<bool>(),
     ) {
         let mut world = World::new(plan, behaviours);
-        for (at, wish) in wishes {
-            world.later(millis(at), wish);
+        for (at, pending) in wishes {
+            world.later(millis(at), pending);
         }
         world.give(Event::Tick);
         world.run_until(millis(end));
@@ -453,7 +453,7 @@ proptest! {
         let limit = world.now + millis(6 * 10_400);
         world.run_until(limit);
         prop_assert!(world.finished.is_some(), "not down: {:?}", world.stack);
-        prop_assert_eq!(world.ended.len(), world.spawned.len(), "an incarnation without an end");
+        prop_assert_eq!(world.ended.len(), world.spawned.len(), "an id without an end");
         for slot in &world.stack.slots {
             let over = |s: &super::super::slot::Swap| matches!(s.state, SwapState::Done | SwapState::Failed);
             prop_assert!(slot.swap.as_ref().is_none_or(over), "a swap without an end: {:?}", slot.swap);
@@ -488,7 +488,7 @@ proptest! {
         let mut world = World::new(plans[0].0.clone(), behaviours);
         world.give(node(true));
         for (plan, pause) in &plans {
-            world.give(Event::Desire(plan.clone()));
+            world.give(Event::SetServices(plan.clone()));
             let until = world.now + millis(*pause);
             world.run_until(until);
         }
@@ -497,7 +497,7 @@ proptest! {
         let (last, _) = plans.last().unwrap();
         prop_assert_eq!(world.alive.len(), last.len());
         for service in last {
-            let (index, kept) = world.stack.kept(&service.name).unwrap();
+            let (index, kept) = world.stack.find_service(&service.name).unwrap();
             prop_assert_eq!(world.state(index).0, ServiceState::Ready);
             let serving = world.serving(index).unwrap();
             prop_assert_eq!((&serving.start, &serving.role), (&service.start, &service.role));

@@ -6,18 +6,18 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::inject::{Seen, Survived};
+use super::inject::{FaultLog, Recovery};
 use super::plan::Kind;
-use super::session::Played;
-use crate::terminal::{self, columns, thousands, time};
+use super::session::SessionResult;
+use crate::terminal::{self, columns, format_count, format_time};
 
 /// Differences that are told one by one.
-const TOLD: usize = 5;
+const MAX_DIFFERENCES: usize = 5;
 
 /// What is wrong.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Verdict {
-    /// Acknowledged commands that the scene does not have.
+    /// AcknowledgedChange commands that the scene does not have.
     pub(super) lost: usize,
     /// Commands that took effect more than once.
     pub(super) doubled: usize,
@@ -27,7 +27,7 @@ pub(super) struct Verdict {
 
 impl Verdict {
     /// Compares the session with faults to the one without.
-    pub(super) fn of(calm: &Played, shaken: &Played) -> Self {
+    pub(super) fn of(calm: &SessionResult, shaken: &SessionResult) -> Self {
         let mut verdict = Self::default();
         let mut revisions: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
         for (revision, id) in &shaken.changes {
@@ -63,8 +63,11 @@ impl Verdict {
         if calm.state != shaken.state {
             verdict.tell("the scene at the end is another one".to_owned());
         }
-        if calm.undone != shaken.undone {
-            verdict.tell(format!("said and not done: {:?}; without faults {:?}", shaken.undone, calm.undone));
+        if calm.failed_utterances != shaken.failed_utterances {
+            verdict.tell(format!(
+                "said and not done: {:?}; without faults {:?}",
+                shaken.failed_utterances, calm.failed_utterances
+            ));
         }
         if calm.hashes.len() != shaken.hashes.len() {
             let (c, s) = (calm.hashes.len(), shaken.hashes.len());
@@ -79,9 +82,9 @@ impl Verdict {
         verdict
     }
 
-    /// Adds what was seen of the faults.
-    pub(super) fn with(mut self, seen: &Seen) -> Self {
-        for orphan in &seen.orphans {
+    /// Adds what was log of the faults.
+    pub(super) fn with(mut self, log: &FaultLog) -> Self {
+        for orphan in &log.orphans {
             self.tell(orphan.clone());
         }
         self
@@ -89,8 +92,8 @@ impl Verdict {
 
     fn tell(&mut self, what: String) {
         match self.wrong.len() {
-            n if n < TOLD => self.wrong.push(what),
-            TOLD => self.wrong.push("and more".to_owned()),
+            n if n < MAX_DIFFERENCES => self.wrong.push(what),
+            MAX_DIFFERENCES => self.wrong.push("and more".to_owned()),
             _ => {}
         }
     }
@@ -105,7 +108,7 @@ fn same_bytes(a: &Path, b: &Path) -> bool {
 }
 
 /// A run in numbers.
-pub(super) struct Tally<'a> {
+pub(super) struct Report<'a> {
     pub(super) seed: u64,
     pub(super) rounds: usize,
     pub(super) steps: usize,
@@ -116,27 +119,27 @@ pub(super) struct Tally<'a> {
     pub(super) acknowledged: usize,
     pub(super) revision: u64,
     pub(super) pictures: usize,
-    pub(super) seen: &'a Seen,
+    pub(super) log: &'a FaultLog,
     pub(super) verdict: &'a Verdict,
 }
 
-impl Tally<'_> {
+impl Report<'_> {
     /// Tells it: JSON to programs, a table and a few lines to people.
     pub(super) fn tell(&self, as_json: bool) {
         if as_json {
-            return terminal::out(&self.json().to_string());
+            return terminal::print_line(&self.json().to_string());
         }
         for line in self.table() {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
         for line in self.lines() {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
     }
 
     fn kinds(&self) -> BTreeMap<Kind, Vec<f64>> {
         let mut kinds: BTreeMap<Kind, Vec<f64>> = BTreeMap::new();
-        for Survived { kind, recovered } in &self.seen.survived {
+        for Recovery { kind, recovered } in &self.log.recoveries {
             kinds.entry(*kind).or_default().push(recovered.as_secs_f64() * 1e3);
         }
         kinds.values_mut().for_each(|times| times.sort_by(f64::total_cmp));
@@ -146,7 +149,7 @@ impl Tally<'_> {
     fn table(&self) -> Vec<String> {
         let head = ["FAULT", "TIMES", "MEDIAN", "P99", "LONGEST"].map(str::to_owned).to_vec();
         let row = |(kind, times): (Kind, Vec<f64>)| {
-            let at = |share| quantile(&times, share).map_or_else(|| "-".to_owned(), time);
+            let at = |share| quantile(&times, share).map_or_else(|| "-".to_owned(), format_time);
             vec![kind.name().to_owned(), times.len().to_string(), at(0.5), at(0.99), at(1.0)]
         };
         let rows: Vec<_> = std::iter::once(head).chain(self.kinds().into_iter().map(row)).collect();
@@ -154,30 +157,30 @@ impl Tally<'_> {
     }
 
     fn lines(&self) -> Vec<String> {
-        let time = |d: Duration| time(d.as_secs_f64() * 1e3);
+        let time = |d: Duration| format_time(d.as_secs_f64() * 1e3);
         vec![
             format!(
                 "faults        {} (seed {}) over {} steps in {} rounds; {}, without faults {}",
-                self.seen.survived.len(),
+                self.log.recoveries.len(),
                 self.seed,
-                thousands(self.steps as u64),
+                format_count(self.steps as u64),
                 self.rounds,
-                time(self.shaken),
-                time(self.calm)
+                format_time(self.shaken),
+                format_time(self.calm)
             ),
             format!(
                 "commands      {} acknowledged, revision {}, {} tried again, {} refused for want of room",
-                thousands(self.acknowledged as u64),
-                thousands(self.revision),
-                thousands(self.retries),
+                format_count(self.acknowledged as u64),
+                format_count(self.revision),
+                format_count(self.retries),
                 self.refused_for_room
             ),
             format!(
                 "lost          {}; doubled {}; orphans {} (children gone {} after their supervisor at the latest)",
                 self.verdict.lost,
                 self.verdict.doubled,
-                self.seen.orphans.len(),
-                time(self.seen.followed)
+                self.log.orphans.len(),
+                format_time(self.log.followed)
             ),
             format!(
                 "scene         {}; {} pictures",
@@ -198,12 +201,12 @@ impl Tally<'_> {
             })
             .collect();
         json!({
-            "seed": self.seed, "faults": self.seen.survived.len(), "kinds": kinds, "rounds": self.rounds,
+            "seed": self.seed, "faults": self.log.recoveries.len(), "kinds": kinds, "rounds": self.rounds,
             "steps": self.steps, "seconds": self.shaken.as_secs_f64(), "calm_seconds": self.calm.as_secs_f64(),
             "retries": self.retries, "refused_for_room": self.refused_for_room, "acknowledged": self.acknowledged,
             "revision": self.revision, "pictures": self.pictures, "lost": self.verdict.lost,
-            "doubled": self.verdict.doubled, "orphans": self.seen.orphans.len(),
-            "children_gone_ms": self.seen.followed.as_secs_f64() * 1e3, "wrong": self.verdict.wrong,
+            "doubled": self.verdict.doubled, "orphans": self.log.orphans.len(),
+            "children_gone_ms": self.log.followed.as_secs_f64() * 1e3, "wrong": self.verdict.wrong,
         })
     }
 }
@@ -217,19 +220,20 @@ fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::playback::Acknowledged;
+    use crate::playback::AcknowledgedChange;
     use sg_proto::scene::State;
 
-    fn played() -> Played {
+    fn played() -> SessionResult {
         let changes = ["a", "b", "c"].iter().zip(1..).map(|(id, n)| (n, (*id).to_owned())).collect();
-        let acknowledged = ["a", "", "c"].iter().zip(1..).map(|(id, n)| Acknowledged { id: (*id).into(), revision: n });
-        Played {
+        let acknowledged =
+            ["a", "", "c"].iter().zip(1..).map(|(id, n)| AcknowledgedChange { id: (*id).into(), revision: n });
+        SessionResult {
             state: State { revision: 3, ..State::default() },
             changes,
             acknowledged: acknowledged.collect(),
             hashes: Vec::new(),
             pictures: Vec::new(),
-            undone: Vec::new(),
+            failed_utterances: Vec::new(),
             times: Vec::new(),
         }
     }
@@ -263,7 +267,7 @@ mod tests {
         assert_eq!(Verdict::of(&played(), &shaken).wrong, ["the scene at the end is another one"]);
 
         let mut shaken = played();
-        shaken.undone.push("undo".to_owned());
+        shaken.failed_utterances.push("undo".to_owned());
         assert_eq!(Verdict::of(&played(), &shaken).wrong.len(), 1);
     }
 
@@ -274,7 +278,7 @@ mod tests {
             let path = folder.path().join(name).with_extension("png");
             std::fs::write(&path, bytes).unwrap();
             std::fs::write(path.with_extension("npy"), bytes).unwrap();
-            Played { pictures: vec![path], hashes: vec!["x".to_owned()], ..played() }
+            SessionResult { pictures: vec![path], hashes: vec!["x".to_owned()], ..played() }
         };
         let (one, same, other) = (picture("one", b"1"), picture("same", b"1"), picture("other", b"2"));
         assert_eq!(Verdict::of(&one, &same), Verdict::default());

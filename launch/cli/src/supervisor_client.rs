@@ -12,18 +12,18 @@ use sg_runtime::session::{self, SessionDir};
 use sg_stack::log_line::LogLine;
 use sg_stack::suggestion::suggestion;
 
-use crate::terminal::{self, Done, Failure, columns, time};
+use crate::terminal::{self, CommandResult, Failure, columns, format_time};
 use sg_stack::console;
 use sg_stack::log_file::{self, LogReader};
 
 /// How long the supervisor may take to answer.
 pub(crate) const ANSWER: Duration = Duration::from_secs(5);
 /// How long a stack may take to stop, or a service to restart: longer than any grace is likely to be.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 /// How long the stack may take to get ready. A large scene is clustered meanwhile.
 const START_TIME: Duration = Duration::from_secs(900);
 /// How often something that takes its time is looked at.
-pub(crate) const GLANCE: Duration = Duration::from_millis(50);
+pub(crate) const POLL_PERIOD: Duration = Duration::from_millis(50);
 
 /// Joins the bus of a running session as a person at a terminal.
 pub(crate) async fn join(name: Option<&str>) -> Result<(SessionDir, Bus), Failure> {
@@ -54,18 +54,18 @@ pub(crate) async fn wait_until_ready(bus: &Bus) -> Result<PsReply, Failure> {
             let seconds = START_TIME.as_secs();
             return Err(Failure::Work(format!("not ready after {seconds} s: {}", missing.join(", "))));
         }
-        tokio::time::sleep(GLANCE).await;
+        tokio::time::sleep(POLL_PERIOD).await;
     }
 }
 
-pub(crate) async fn ps(name: Option<&str>, json: bool) -> Done {
+pub(crate) async fn ps(name: Option<&str>, json: bool) -> CommandResult {
     let (_, bus) = join(name).await?;
     let ps = services(&bus).await?;
     if json {
-        terminal::out(&as_json(&ps).to_string());
+        terminal::print_line(&as_json(&ps).to_string());
     } else {
         for line in columns(&as_rows(&ps)) {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
     }
     bus.close().await;
@@ -103,10 +103,10 @@ fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
             if s.node.is_empty() { "here".to_owned() } else { s.node.clone() },
             state(s).to_owned(),
             or_dash(s.pid > 0, s.pid.to_string()),
-            or_dash(s.pid > 0, time(s.uptime_ms as f64)),
+            or_dash(s.pid > 0, format_time(s.uptime_ms as f64)),
             s.restarts.to_string(),
             or_dash(s.memory_bytes > 0, format!("{} MiB", s.memory_bytes >> 20)),
-            or_dash(s.start_ms > 0, time(s.start_ms as f64)),
+            or_dash(s.start_ms > 0, format_time(s.start_ms as f64)),
             or_dash(s.answer_ms > 0.0, format!("{:.1} / {:.1} ms", s.answer_ms, s.answer_ms_p99)),
             why(s),
         ]
@@ -116,7 +116,7 @@ fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
 
 /// Why a service is where it is, and where its swap is.
 fn why(service: &Service) -> String {
-    let swap = service.swap.as_ref().filter(|s| s.state() != SwapState::Done).map(|swap| {
+    let swap = service.swap.as_ref().filter(|s| s.state() != SwapState::CommandResult).map(|swap| {
         let reason = if swap.reason.is_empty() { String::new() } else { format!(": {}", swap.reason) };
         let state = swap_state(swap).to_lowercase().replace('_', " ");
         format!("swap to {} {state}{reason}", swap.executable)
@@ -142,7 +142,7 @@ pub(crate) fn refused(fault: Fault) -> Failure {
     }
 }
 
-pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
+pub(crate) async fn restart(name: Option<&str>, service: &str) -> CommandResult {
     let (_, bus) = join(name).await?;
     let find = |ps: PsReply| ps.services.into_iter().find(|s| s.name == service);
     let before = find(services(&bus).await?).map_or(0, |s| s.restarts);
@@ -151,23 +151,23 @@ pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
     let reply = reply.map_err(refused)?;
     let began = Instant::now();
     loop {
-        tokio::time::sleep(GLANCE).await;
+        tokio::time::sleep(POLL_PERIOD).await;
         let Some(now) = find(services(&bus).await?) else { continue };
         match now.state() {
             ServiceState::Ready if now.restarts > before => {
                 let old =
                     if reply.old_pid > 0 { format!("process {} stopped, ", reply.old_pid) } else { String::new() };
-                terminal::out(&format!(
+                terminal::print_line(&format!(
                     "{service}: {old}process {} ready after {}",
                     now.pid,
-                    time(now.start_ms as f64)
+                    format_time(now.start_ms as f64)
                 ));
                 bus.close().await;
                 return Ok(());
             }
             ServiceState::Failed => return Err(Failure::Work(format!("service `{service}` failed: {}", now.reason))),
-            _ if began.elapsed() > PATIENCE => {
-                let seconds = PATIENCE.as_secs();
+            _ if began.elapsed() > TIMEOUT => {
+                let seconds = TIMEOUT.as_secs();
                 return Err(Failure::Work(format!("`{service}` is {} after {seconds} s: {}", state(&now), now.reason)));
             }
             _ => {}
@@ -175,24 +175,24 @@ pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
     }
 }
 
-pub(crate) async fn down(name: Option<&str>) -> Done {
+pub(crate) async fn down(name: Option<&str>) -> CommandResult {
     let (session, bus) = join(name).await?;
     bus.ask(&keys::DOWN, &DownRequest {}, &Context::root().deadline_in(ANSWER)).await?;
     let began = Instant::now();
     while session.is_running() {
-        if began.elapsed() > PATIENCE {
-            let seconds = PATIENCE.as_secs();
+        if began.elapsed() > TIMEOUT {
+            let seconds = TIMEOUT.as_secs();
             return Err(Failure::Work(format!("session `{}` still runs after {seconds} s", session.name())));
         }
-        tokio::time::sleep(GLANCE).await;
+        tokio::time::sleep(POLL_PERIOD).await;
     }
-    let took = time(began.elapsed().as_secs_f64() * 1000.0);
-    terminal::out(&format!("session {} stopped after {took}", session.name()));
+    let took = format_time(began.elapsed().as_secs_f64() * 1000.0);
+    terminal::print_line(&format!("session {} stopped after {took}", session.name()));
     Ok(())
 }
 
 /// Logs outlive their stack: a session that was named is read whether it runs or not.
-pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> Done {
+pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> CommandResult {
     let session = match name {
         Some(name) => SessionDir::named(name)?,
         None => session::find(None)?,
@@ -233,11 +233,11 @@ pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> D
         for (line, position) in lines {
             let service = wanted.get(position).map_or("", String::as_str);
             let ink = console::color_of(position);
-            terminal::out(&console::rendered(line.time(), service, width, ink, &line, colored));
+            terminal::print_line(&console::format_line(line.time(), service, width, ink, &line, colored));
         }
         if !follow || !running {
             return Ok(());
         }
-        std::thread::sleep(4 * GLANCE);
+        std::thread::sleep(4 * POLL_PERIOD);
     }
 }
