@@ -28,6 +28,7 @@ pub mod keys;
 pub mod limits;
 pub mod released;
 pub mod replica;
+pub mod stroke_file;
 
 pub use prost;
 

@@ -1,0 +1,236 @@
+//! Which faults strike whom and when: drawn from a seed, known before anything is started.
+
+use std::fmt;
+
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sg_proto::keys::role;
+
+/// Of the steps of a session, the share that a fault strikes: what is between them shows that the stack is recovered.
+const DENSITY: f64 = 0.75;
+/// Shortest and longest pause of a process that is stopped for a while, milliseconds: below any sensible `liveness`.
+const PAUSE_MS: std::ops::Range<u64> = 30..700;
+
+/// What happens to the stack.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) enum Kind {
+    /// `kill -9` of one service.
+    #[default]
+    Kill,
+    /// SIGTERM to one service.
+    Terminate,
+    /// `supergaussian restart` of one service.
+    Restart,
+    /// `supergaussian swap` of one service for the executable that it has.
+    Swap,
+    /// SIGSTOP of one service, for good: its supervisor has to notice.
+    Hang,
+    /// SIGSTOP, and SIGCONT before anybody need notice.
+    Pause,
+    /// `kill -9` of two services at once.
+    Two,
+    /// `kill -9`, and once more while it starts.
+    AtStart,
+    /// `kill -9` of the supervisor.
+    Supervisor,
+    /// `kill -9` of everything.
+    Everything,
+    /// The scene's process may write no further byte.
+    NoRoom,
+}
+
+impl Kind {
+    /// All kinds with how many of them are in the deck that they are drawn from.
+    const DECK: [(Self, usize); 11] = [
+        (Self::Kill, 7),
+        (Self::Terminate, 2),
+        (Self::Restart, 2),
+        (Self::Swap, 2),
+        (Self::Hang, 1),
+        (Self::Pause, 3),
+        (Self::Two, 2),
+        (Self::AtStart, 2),
+        (Self::Supervisor, 1),
+        (Self::Everything, 1),
+        (Self::NoRoom, 2),
+    ];
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Kill => "kill -9",
+            Self::Terminate => "SIGTERM",
+            Self::Restart => "restart",
+            Self::Swap => "swap",
+            Self::Hang => "SIGSTOP",
+            Self::Pause => "SIGSTOP, SIGCONT",
+            Self::Two => "kill -9 two",
+            Self::AtStart => "kill -9 twice",
+            Self::Supervisor => "kill -9 supervisor",
+            Self::Everything => "kill -9 everything",
+            Self::NoRoom => "disk full",
+        }
+    }
+}
+
+/// One fault.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Fault {
+    pub(super) kind: Kind,
+    /// Services it strikes, or [`role::SUPERVISOR`].
+    pub(super) whom: Vec<String>,
+    /// Step of the session, from 0.
+    pub(super) step: usize,
+    /// How far into the step, as a share of the time that the step took without faults.
+    pub(super) moment: f64,
+    /// Length of a pause; for a second kill, the time after the new process was log.
+    pub(super) pause_ms: u64,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, whom, step, moment, pause_ms } = self;
+        write!(f, "step {}, {:.0} % in: {}", step + 1, 100.0 * moment, kind.name())?;
+        match kind {
+            Kind::Supervisor | Kind::Everything => Ok(()),
+            Kind::Pause | Kind::AtStart => write!(f, " {} ({pause_ms} ms between)", whom.join(", ")),
+            _ => write!(f, " {}", whom.join(", ")),
+        }
+    }
+}
+
+/// A session's shape.
+pub(super) struct Session<'a> {
+    /// For each step of one round, whether it is a command to the scene that its sender sees refused.
+    pub(super) round: &'a [bool],
+    /// The same of what comes between two rounds.
+    pub(super) between: &'a [bool],
+    pub(super) services: &'a [String],
+    /// The service that keeps the journal.
+    pub(super) scene: &'a str,
+}
+
+/// Rounds to be played, and the faults in the order in which they strike, at most one a step.
+pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, Vec<Fault>) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let deck: Vec<_> = Kind::DECK.iter().flat_map(|(kind, n)| std::iter::repeat_n(*kind, *n)).collect();
+    let mut kinds = Deck::of(deck);
+    let kinds: Vec<_> = (0..faults).map(|_| kinds.draw(&mut random)).collect();
+    let no_room = kinds.iter().filter(|k| **k == Kind::NoRoom).count();
+
+    let mut rounds = 1;
+    let steps = loop {
+        let steps = session.steps(rounds);
+        let commands = steps.iter().filter(|c| **c).count();
+        // A session without any command to the scene has nothing between its rounds either.
+        let enough = commands >= no_room || (rounds > no_room && commands == 0);
+        if enough && steps.len() as f64 * DENSITY >= faults as f64 {
+            break steps;
+        }
+        rounds += 1;
+    };
+    let mut places: Vec<_> = (0..steps.len()).collect();
+    places.shuffle(&mut random);
+    let mut services = Deck::of(session.services.to_vec());
+    let mut everyone = session.services.to_vec();
+    everyone.push(role::SUPERVISOR.to_owned());
+    let mut everyone = Deck::of(everyone);
+
+    let mut plan = Vec::with_capacity(faults);
+    // Those that can strike only some steps choose first.
+    let (picky, others): (Vec<_>, Vec<_>) = kinds.into_iter().partition(|k| *k == Kind::NoRoom);
+    for kind in picky.into_iter().chain(others) {
+        let fits = |step: &usize| kind != Kind::NoRoom || steps.get(*step).is_some_and(|command| *command);
+        let Some(place) = places.iter().position(fits) else { continue };
+        let mut whom = match kind {
+            Kind::Kill | Kind::Terminate | Kind::Restart | Kind::Swap | Kind::Hang => vec![services.draw(&mut random)],
+            Kind::Pause | Kind::AtStart => vec![everyone.draw(&mut random)],
+            Kind::Two => {
+                let one = services.draw(&mut random);
+                let others = session.services.iter().filter(|s| **s != one).cloned().collect();
+                let other = Deck::of(others).draw(&mut random);
+                vec![one, other]
+            }
+            Kind::Supervisor | Kind::Everything => vec![role::SUPERVISOR.to_owned()],
+            Kind::NoRoom => vec![session.scene.to_owned()],
+        };
+        // A stack of one service has no other one.
+        whom.retain(|name| !name.is_empty());
+        plan.push(Fault {
+            kind,
+            whom,
+            step: places.swap_remove(place),
+            moment: if kind == Kind::NoRoom { 0.0 } else { random.random_range(0.0..1.0) },
+            pause_ms: random.random_range(PAUSE_MS),
+        });
+    }
+    plan.sort_by_key(|fault| fault.step);
+    (rounds, plan)
+}
+
+impl Session<'_> {
+    fn steps(&self, rounds: usize) -> Vec<bool> {
+        let first = self.round.iter().copied();
+        let further = self.between.iter().chain(self.round).copied();
+        first.chain(std::iter::repeat_n(further, rounds.saturating_sub(1)).flatten()).collect()
+    }
+}
+
+/// Cards that come up equally often: shuffled, dealt to the last, shuffled again.
+struct Deck<T> {
+    cards: Vec<T>,
+    left: Vec<T>,
+}
+
+impl<T: Clone + Default> Deck<T> {
+    fn of(cards: Vec<T>) -> Self {
+        Self { cards, left: Vec::new() }
+    }
+
+    fn draw(&mut self, random: &mut ChaCha8Rng) -> T {
+        if self.left.is_empty() {
+            self.left.clone_from(&self.cards);
+            self.left.shuffle(random);
+        }
+        self.left.pop().unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::{BTreeMap, BTreeSet};
+
+    fn drawn(faults: usize, seed: u64) -> (usize, Vec<Fault>) {
+        let services = ["scene", "view", "talk"].map(str::to_owned);
+        let session =
+            Session { round: &[false, false, true, false], between: &[true], services: &services, scene: "scene" };
+        plan(&session, faults, seed)
+    }
+
+    #[test]
+    fn a_plan_repeats_for_a_seed_and_differs_for_another() {
+        assert_eq!(drawn(100, 7), drawn(100, 7));
+        assert_ne!(drawn(100, 7), drawn(100, 8));
+    }
+
+    #[test]
+    fn every_kind_and_every_service_comes_up_and_no_step_is_struck_twice() {
+        let (rounds, faults) = drawn(50, 3);
+        assert_eq!(faults.len(), 50);
+        let steps: BTreeSet<_> = faults.iter().map(|f| f.step).collect();
+        assert_eq!(steps.len(), 50);
+        assert!(steps.iter().all(|s| *s < 4 + 5 * (rounds - 1)));
+        let mut kinds = BTreeMap::new();
+        for fault in &faults {
+            *kinds.entry(fault.kind).or_insert(0) += 1;
+        }
+        assert_eq!(kinds, Kind::DECK.iter().map(|(kind, n)| (*kind, 2 * n)).collect());
+        for name in ["scene", "view", "talk", role::SUPERVISOR] {
+            assert!(faults.iter().any(|f| f.whom.iter().any(|w| w == name)), "{name} was spared");
+        }
+        assert!(faults.iter().filter(|f| f.kind == Kind::Two).all(|f| f.whom.len() == 2 && f.whom[0] != f.whom[1]));
+        // Steps 3 and 5 of five are commands to the scene, and only those can be refused for want of room.
+        assert!(faults.iter().filter(|f| f.kind == Kind::NoRoom).all(|f| matches!(f.step % 5, 2 | 4)));
+    }
+}

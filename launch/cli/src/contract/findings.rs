@@ -1,0 +1,79 @@
+//! What a check has found, for people and for programs.
+
+use serde_json::{Value, json};
+
+use crate::terminal::{self, Color, paint};
+
+/// What came of looking at one thing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Outcome {
+    /// It holds; a line on what was looked at.
+    Passed(String),
+    /// It does not: what exactly.
+    Failed(Vec<String>),
+    /// It was not looked at, and why.
+    Skipped(String),
+}
+
+/// What a check has found, in order.
+#[derive(Debug, Default)]
+pub(super) struct Findings(Vec<(String, Outcome)>);
+
+impl Findings {
+    /// Notes that something holds if nothing speaks against it.
+    pub(super) fn add_result(&mut self, what: impl Into<String>, problems: Vec<String>, looked_at: impl Into<String>) {
+        let outcome = if problems.is_empty() { Outcome::Passed(looked_at.into()) } else { Outcome::Failed(problems) };
+        self.0.push((what.into(), outcome));
+    }
+
+    /// Notes that something was not looked at.
+    pub(super) fn skip(&mut self, what: impl Into<String>, why: impl Into<String>) {
+        self.0.push((what.into(), Outcome::Skipped(why.into())));
+    }
+
+    /// How many things do not hold.
+    pub(super) fn broken(&self) -> usize {
+        self.0.iter().filter(|(_, outcome)| matches!(outcome, Outcome::Failed(_))).count()
+    }
+
+    /// How many things were looked at.
+    pub(super) fn looked_at(&self) -> usize {
+        self.0.iter().filter(|(_, outcome)| !matches!(outcome, Outcome::Skipped(_))).count()
+    }
+
+    pub(super) fn print(&self) {
+        let colored = terminal::stdout_colored();
+        let width = self.0.iter().map(|(what, _)| what.chars().count()).max().unwrap_or(0);
+        for (what, outcome) in &self.0 {
+            match outcome {
+                Outcome::Passed(text) => {
+                    terminal::print_line(&format!(
+                        "{}        {what:<width$}  {text}",
+                        paint(Color::Green, "ok", colored)
+                    ));
+                }
+                Outcome::Skipped(why) => {
+                    terminal::print_line(&format!(
+                        "{}  {what:<width$}  {why}",
+                        paint(Color::Yellow, "LEFT OUT", colored)
+                    ));
+                }
+                Outcome::Failed(problems) => {
+                    terminal::print_line(&format!("{}    {what}", paint(Color::Red, "FAILED", colored)));
+                    for complaint in problems.iter().flat_map(|c| c.lines()) {
+                        terminal::print_line(&format!("          {complaint}"));
+                    }
+                }
+            }
+        }
+    }
+
+    pub(super) fn as_json(&self) -> Value {
+        let one = |(what, outcome): &(String, Outcome)| match outcome {
+            Outcome::Passed(text) => json!({"check": what, "outcome": "ok", "details": [text]}),
+            Outcome::Skipped(why) => json!({"check": what, "outcome": "left out", "details": [why]}),
+            Outcome::Failed(problems) => json!({"check": what, "outcome": "failed", "details": problems}),
+        };
+        self.0.iter().map(one).collect()
+    }
+}

@@ -1,0 +1,50 @@
+//! `contract`: what services may send and receive, and whether that is still what others rely on.
+
+mod buf;
+mod check;
+mod describe;
+mod findings;
+mod live;
+mod release;
+mod structure;
+
+use std::path::PathBuf;
+
+use clap::Subcommand;
+
+use crate::terminal::CommandResult;
+use check::CheckArgs;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum ContractCommand {
+    /// Show what each service may send and receive
+    #[command(after_help = "Example: supergaussian contract describe scene")]
+    Describe {
+        /// Only this role
+        service: Option<String>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Check that whoever relies on the last release of the contract can go on doing so
+    #[command(after_help = "Example: supergaussian contract check --against proto/released/v0.1.0.binpb\n\n\
+        With --session the processes of a running stack are looked at as well.")]
+    Check(CheckArgs),
+    /// Keep the contract as it stands as that of a release, for later ones to be checked against
+    #[command(after_help = "Example: supergaussian contract release 0.2.0")]
+    Release {
+        /// Version of the release
+        version: String,
+        /// Folder of the schema; by default `proto` here or above
+        #[arg(long, value_name = "DIR")]
+        proto: Option<PathBuf>,
+    },
+}
+
+pub(crate) async fn run(command: ContractCommand, session: Option<&str>) -> CommandResult {
+    match command {
+        ContractCommand::Describe { service, json } => describe::describe(service.as_deref(), json),
+        ContractCommand::Check(arguments) => check::check(&arguments, session).await,
+        ContractCommand::Release { version, proto } => release::release(&version, proto),
+    }
+}

@@ -1,0 +1,270 @@
+//! The demo: makes or loads a scene, starts the full stack, plays a script through the bus, leaves pictures and a transcript.
+
+mod summary;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use sg_proto::keys::role;
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+use sg_runtime::session::{self, SessionDir};
+use sg_stack::console::Verbosity;
+use sg_stack::file::ExecutableSearch;
+use sg_stack::reconcile::Outcome;
+use sg_stack::suggestion::suggestion;
+use sg_stack::supervisor::{Stack, Supervisor};
+
+use crate::densest_strokes;
+use crate::display::has_display;
+use crate::input::{GAUSSIANS, Input, Scene};
+use crate::opener::CommandOpener;
+use crate::playback::{Player, Settings};
+use crate::script::{self, Step};
+use crate::shipped::{self, DENSEST, DESKTOP, HEADLESS};
+use crate::strokes::check_strokes;
+use crate::supervisor_client::wait_until_ready;
+use crate::terminal::{self, CommandResult, Failure};
+use crate::text_file::read_text;
+use crate::transcript;
+use crate::up::outcome;
+use summary::Summary;
+
+/// What the names of demos' sessions begin with; the rest is the process id.
+const SESSION: &str = "demo-";
+/// How long one step may take, restarts of services included.
+const STEP_TIME: Duration = Duration::from_secs(180);
+#[derive(Debug, clap::Args)]
+pub(crate) struct DemoArgs {
+    /// Volume or scene; without one a vessel tree with an aneurysm is made
+    #[arg(value_name = "VOLUME|SCENE")]
+    input: Option<PathBuf>,
+    /// Script to play, or `generic`, which works on any scene; by default the one shipped for the input
+    #[arg(long, value_name = "FILE|generic")]
+    script: Option<String>,
+    /// Folder for the scene, the pictures and the transcript
+    #[arg(long, value_name = "DIR", default_value = "supergaussian-demo")]
+    out: PathBuf,
+    /// Kill this service with kill -9 in the middle of the script
+    #[arg(long, value_name = "SERVICE")]
+    chaos: Option<String>,
+    /// Transfer function of a volume; by default the one shipped for it, else one made from its histogram
+    #[arg(long, value_name = "TF.json")]
+    transfer_function: Option<PathBuf>,
+    /// Gaussians that a volume becomes
+    #[arg(long, value_name = "N", default_value_t = GAUSSIANS)]
+    gaussians: u32,
+    /// Seed of the made volume and of the Gaussians' placement
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    seed: u64,
+    /// Width and height of the pictures, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    size: u32,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResult {
+    // What can be wrong is looked at before anything that takes time.
+    let input = Input::of(arguments.input.as_deref())?;
+    let search = ExecutableSearch::here_then_path();
+    // Whoever names a script or a service to kill wants to see what comes of it in files.
+    let shipped_file = match arguments.script.is_none() && arguments.chaos.is_none() && has_display() {
+        true => DESKTOP,
+        false => HEADLESS,
+    };
+    let windowed = shipped_file == DESKTOP;
+    let plan = shipped::launch_file(shipped_file, &[], &search)?;
+    if let Some(name) = &arguments.chaos
+        && !plan.services.iter().any(|s| s.name == *name)
+    {
+        let hint = suggestion(name, plan.services.iter().map(|s| s.name.as_str()));
+        return Err(Failure::Input(format!("--chaos {name}: no such service{hint}")));
+    }
+    let out = fresh_folder(&arguments.out)?;
+    let files = shipped::unpack(&out, input.shipped_name())?;
+    let path = match arguments.script.as_deref() {
+        Some("generic") => files.generic.clone(),
+        Some(path) => PathBuf::from(path),
+        None => files.script.clone(),
+    };
+    let mut steps = script::read(&path, &read_text(&path)?).map_err(|e| Failure::Input(e.to_string()))?;
+    check_strokes(&steps)?;
+    if let Some(service) = &arguments.chaos
+        && !steps.contains(&Step::Chaos)
+    {
+        terminal::print_status(&format!("the script does not say when to kill {service}: it happens in its middle"));
+        steps.insert(steps.len() / 2, Step::Chaos);
+    }
+    let how = match (windowed, &arguments.script) {
+        (true, _) => Some("a window shows the scene; close it to end, or play a script without one by --script"),
+        (false, None) => Some("no display (DISPLAY is not set): a script is played without a window"),
+        (false, Some(_)) => None,
+    };
+    how.into_iter().for_each(terminal::print_status);
+
+    let function = arguments.transfer_function.as_deref().or(files.transfer_function.as_deref());
+    let scene = input.scene(&out, function, arguments.gaussians, arguments.seed)?;
+    if steps.iter().any(|s| matches!(s, Step::Strokes { file, .. } if file.ends_with(DENSEST))) {
+        densest_strokes::write(&scene.path, &out, &files.densest)?;
+    }
+    let project = out.join("scene.sgproj");
+    let overrides = [
+        format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string())),
+        format!("service.scene.params.project={}", toml::Value::String(project.display().to_string())),
+    ];
+    forget_dead_demos();
+    let session = SessionDir::named(told.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
+    let stack = |shipped_file: (&str, &str)| -> Result<Stack, Failure> {
+        Ok(Stack {
+            file: shipped::launch_file(shipped_file, &overrides, &search)?,
+            path: PathBuf::from(shipped_file.0),
+            session: session.clone(),
+            verbosity: Verbosity::Quiet,
+            opener: Box::new(CommandOpener),
+        })
+    };
+    let failed = |_: &Failure| {
+        terminal::print_status(&format!(
+            "what the services have logged: supergaussian logs --session {}",
+            session.name()
+        ));
+    };
+    if windowed {
+        match Supervisor::open(stack(shipped_file)?).await?.run().await? {
+            // A screen without a Vulkan driver, say: everything else can be seen all the same.
+            Outcome::Failed { service, reason } if service == role::RENDER_VIEW => {
+                terminal::print_status(&format!("{reason}; a script is played without a window"));
+            }
+            ended => {
+                outcome(ended).inspect_err(failed)?;
+                let _ = std::fs::remove_dir_all(session.path());
+                terminal::print_status(&format!("what was edited is kept in {}", project.display()));
+                return Ok(());
+            }
+        }
+    }
+    let settings = Settings {
+        out,
+        conversation: format!("demo-{}", Context::root().id),
+        step_time: STEP_TIME,
+        size: arguments.size,
+        chaos: arguments.chaos,
+        counts: Arc::default(),
+    };
+    let summary = run(stack(HEADLESS)?, scene, steps, settings).await.inspect_err(failed)?;
+    // The logs of a demo that went well are of no further use.
+    let _ = std::fs::remove_dir_all(session.path());
+    summary.tell(arguments.json);
+    if summary.failed_utterances.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Work(format!("not everything was done: {}", summary.failed_utterances.join("; "))))
+}
+
+/// Supervises the stack and plays the script at the same time; whichever ends first ends the other.
+async fn run(stack: Stack, scene: Scene, steps: Vec<Step>, settings: Settings) -> Result<Summary, Failure> {
+    let session = stack.session.clone();
+    let supervisor = Supervisor::open(stack).await?;
+    let handle = supervisor.handle();
+    let supervising = supervisor.run();
+    let playing = play(&session, scene, steps, settings);
+    tokio::pin!(supervising, playing);
+    tokio::select! {
+        ended = &mut supervising => {
+            outcome(ended?)?;
+            Err(Failure::Work("stopped before the script was done".to_owned()))
+        }
+        played = &mut playing => {
+            handle.down().await;
+            let ended = supervising.await;
+            let summary = played?;
+            outcome(ended?)?;
+            Ok(summary)
+        }
+    }
+}
+
+async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Settings) -> Result<Summary, Failure> {
+    let began = Instant::now();
+    let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
+    let ready = wait_until_ready(&bus).await?;
+    let start_seconds = began.elapsed().as_secs_f64();
+    terminal::print_status(&format!("{} services ready after {start_seconds:.1} s", ready.services.len()));
+    let mut player = Player::new(bus.clone(), settings).await?;
+    let played = player.play(&steps).await;
+    // The transcript is of most use when something went wrong.
+    let transcript = player.write_transcript();
+    played?;
+    let transcript = transcript?;
+    let summary = Summary::gather(&bus, player, transcript, &scene, start_seconds).await?;
+    bus.close().await;
+    Ok(summary)
+}
+
+/// Removes what demos that were killed, or that failed, have left of their sessions: pictures are large.
+fn forget_dead_demos() {
+    let sessions = std::fs::read_dir(session::run_root()).into_iter().flatten().flatten();
+    for entry in sessions {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let Some(pid) = name.strip_prefix(SESSION) else { continue };
+        let Ok(dead) = SessionDir::named(&name) else { continue };
+        // A supervisor writes its id after it has locked its session: what has no id yet is being started.
+        let written = std::fs::read_to_string(dead.lock_file()).is_ok_and(|text| text.trim() == pid);
+        if written && !dead.is_running() {
+            // What cannot be removed takes room and does no other harm.
+            let _ = std::fs::remove_dir_all(dead.path());
+        }
+    }
+}
+
+/// Makes the folder, and removes from it what an earlier demo has left there and this one will write anew.
+fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
+    let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
+    std::fs::create_dir_all(out).map_err(fail)?;
+    let out = std::fs::canonicalize(out).map_err(fail)?;
+    for entry in std::fs::read_dir(&out).map_err(fail)? {
+        let entry = entry.map_err(fail)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let (start, rest) = name.split_at_checked(3).unwrap_or(("", ""));
+        let picture = start.ends_with('-')
+            && start.bytes().take(2).all(|b| b.is_ascii_digit())
+            && (rest.ends_with(".png") || rest.ends_with(".npy"));
+        if picture || name == transcript::FILE || name.starts_with("scene.sgproj") {
+            std::fs::remove_file(entry.path()).map_err(fail)?;
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::SHIPPED_VOLUMES;
+    use crate::strokes::read_strokes;
+
+    #[test]
+    fn every_shipped_script_is_good_and_complete() {
+        for known in SHIPPED_VOLUMES.into_iter().chain(["vessel", "generic"]) {
+            let folder = tempfile::tempdir().unwrap();
+            let files = shipped::unpack(folder.path(), Some(known)).unwrap();
+            assert!(files.script.ends_with(format!("{known}.toml")), "no script for {known}");
+            let text = std::fs::read_to_string(&files.script).unwrap();
+            let steps = script::read(&files.script, &text).unwrap();
+            let mut brushes = 0;
+            for step in &steps {
+                if let Step::Strokes { file, .. } = step {
+                    brushes += 1;
+                    if !file.ends_with(DENSEST) {
+                        assert!(!read_strokes(file).unwrap().is_empty());
+                    }
+                }
+            }
+            assert!(brushes > 0, "{known} brushes nothing");
+            let captures = steps.iter().filter(|s| matches!(s, Step::Capture { .. })).count();
+            assert!(captures >= 4 && steps.contains(&Step::Chaos), "{known}");
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! `join`: this machine runs services for a stack of another one.
+
+use std::path::{Path, PathBuf};
+
+use sg_runtime::bus::{Certificates, Link, TLS_PREFIX};
+use sg_stack::node::{self, NodeSettings};
+
+use crate::terminal::{CommandResult, Failure};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct JoinArgs {
+    /// Where the stack listens, as its launch file says it: tls/HOST:PORT
+    #[arg(value_name = "ENDPOINT")]
+    endpoint: String,
+    /// Name of this machine in the launch file
+    #[arg(long)]
+    name: String,
+    /// Certificate of the authority
+    #[arg(long, value_name = "FILE")]
+    authority: PathBuf,
+    /// Certificate of this machine, in which its name stands
+    #[arg(long, value_name = "FILE")]
+    certificate: PathBuf,
+    /// Private key of this machine
+    #[arg(long, value_name = "FILE")]
+    key: PathBuf,
+}
+
+pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> CommandResult {
+    let session = session.ok_or_else(|| {
+        Failure::Input("which stack? give the name of its session with --session NAME, as `up` tells it".to_owned())
+    })?;
+    if !arguments.endpoint.starts_with(TLS_PREFIX) {
+        let text = format!("`{}`: another machine is joined by `tls/HOST:PORT` only", arguments.endpoint);
+        return Err(Failure::Input(text));
+    }
+    let certificates = Certificates {
+        authority: absolute(&arguments.authority)?,
+        certificate: absolute(&arguments.certificate)?,
+        key: absolute(&arguments.key)?,
+    };
+    let link = Link { endpoint: arguments.endpoint.clone(), certificates: Some(certificates) };
+    node::run(NodeSettings { session: session.to_owned(), name: arguments.name.clone(), link }).await?;
+    Ok(())
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, Failure> {
+    std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))
+}

@@ -1,0 +1,36 @@
+//! The `supergaussian` command: starts and watches stacks, talks to them, and finds the executables of the other commands.
+
+mod capture;
+mod certificates;
+mod chaos;
+mod cli;
+mod contract;
+mod decode;
+mod demo;
+mod densest;
+mod densest_strokes;
+mod display;
+mod input;
+mod join;
+mod metrics;
+mod open;
+mod opener;
+mod playback;
+mod reload;
+mod say;
+mod script;
+mod session_name;
+mod shipped;
+mod strokes;
+mod subcommands;
+mod supervisor_client;
+mod swap;
+mod terminal;
+mod text_file;
+mod transcript;
+mod up;
+mod watch;
+
+fn main() -> std::process::ExitCode {
+    cli::main()
+}

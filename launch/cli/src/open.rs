@@ -1,0 +1,67 @@
+//! `open`: a scene or volume in a window and a session of its own.
+
+use std::fs::{File, TryLockError};
+use std::path::PathBuf;
+
+use sg_runtime::session::SessionDir;
+use sg_stack::console::Verbosity;
+use sg_stack::file::ExecutableSearch;
+use sg_stack::supervisor::{Stack, Supervisor};
+
+use crate::display::has_display;
+use crate::input::{GAUSSIANS, Input};
+use crate::opener::CommandOpener;
+use crate::session_name::session_of;
+use crate::shipped::{self, DESKTOP};
+use crate::terminal::{self, CommandResult, Failure};
+use crate::up::outcome;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct OpenArgs {
+    /// Volume or scene
+    #[arg(value_name = "VOLUME|SCENE")]
+    path: PathBuf,
+}
+
+pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> CommandResult {
+    let path = &arguments.path;
+    let input = Input::of(Some(path))?;
+    if !has_display() {
+        return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));
+    }
+    // What can be wrong is looked at before anything that takes time.
+    let search = ExecutableSearch::here_then_path();
+    shipped::launch_file(DESKTOP, &[], &search)?;
+    let name = told.map_or_else(|| session_of(path), |told| Ok(told.to_owned()))?;
+    let session = SessionDir::named(&name)?;
+    session.create()?;
+    let _held = hold(&session)?;
+    let function = shipped::unpack(session.path(), input.shipped_name())?.transfer_function;
+    // The same Gaussians each time, so that what was edited of them before fits.
+    let scene = input.scene(session.path(), function.as_deref(), GAUSSIANS, 0)?;
+    let scene = format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string()));
+    let file = shipped::launch_file(DESKTOP, &[scene], &search)?;
+    let stack = Stack {
+        file,
+        path: PathBuf::from(DESKTOP.0),
+        session,
+        verbosity: Verbosity::Quiet,
+        opener: Box::new(CommandOpener),
+    };
+    terminal::print_status(&format!("session {name}: a window shows the scene; close it to end"));
+    outcome(Supervisor::open(stack).await?.run().await?)
+}
+
+/// Keeps anybody else from opening the same session while Gaussians are made, before there is a supervisor to lock it.
+fn hold(session: &SessionDir) -> Result<File, Failure> {
+    let path = session.path().join("open.lock");
+    let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
+    let file = File::options().write(true).create(true).truncate(false).open(&path).map_err(fail)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => {
+            Err(Failure::Work(format!("it is open already, in session `{}`", session.name())))
+        }
+        Err(TryLockError::Error(error)) => Err(fail(error)),
+    }
+}

@@ -1,0 +1,40 @@
+//! The commands by which a supervisor opens scenes and volumes that people drop on its window.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use sg_runtime::fault::Fault;
+use sg_stack::spawn;
+use sg_stack::supervisor::{OpenCommand, SessionOpener};
+
+use crate::display::has_display;
+use crate::input::Input;
+use crate::session_name::session_of;
+
+/// Opens files by `supergaussian open`.
+#[derive(Debug)]
+pub(crate) struct CommandOpener;
+
+impl SessionOpener for CommandOpener {
+    fn command(&self, path: &Path) -> Result<OpenCommand, Fault> {
+        let input = Input::of(Some(path)).map_err(|f| Fault::not_found(f.text()))?;
+        // Opening a pipe would wait for its writer.
+        let readable = std::fs::metadata(path).and_then(|is| match (is.is_file(), is.is_dir()) {
+            (true, _) => File::open(path).map(drop),
+            (_, true) => Ok(()),
+            _ => Err(io::Error::other("neither a file nor a folder")),
+        });
+        readable.map_err(|e| Fault::precondition(format!("{}: {e}", path.display())))?;
+        if !has_display() {
+            return Err(Fault::precondition(format!(
+                "DISPLAY is not set where this stack was started; where there is a display, `supergaussian open {}` opens it",
+                path.display()
+            )));
+        }
+        let session = session_of(path).map_err(|f| Fault::not_found(f.text()))?;
+        let mut command = spawn::detached();
+        command.args(["open", "--session", &session]).arg(path);
+        Ok(OpenCommand { session, volume: matches!(input, Input::Volume(_)), command })
+    }
+}

@@ -1,0 +1,92 @@
+//! `up` on a stack that runs: its launch file is read again and the difference applied.
+
+use std::time::Instant;
+
+use sg_proto::keys::{self, role};
+use sg_proto::launch::{Change, Difference, PsReply, ReloadRequest};
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+use sg_runtime::session::SessionDir;
+
+use crate::supervisor_client::{ANSWER, POLL_PERIOD, refused, services};
+use crate::swap::{FOLLOW_TIME, Progress, progress, started};
+use crate::terminal::{self, CommandResult, Failure, columns, format_time};
+
+/// Has the supervisor of a session read a file again, tells the differences, and follows until all is as wished or
+/// something has failed. `name` is the session's where the file itself gives it.
+pub(crate) async fn reload(session: &SessionDir, request: ReloadRequest, name: Option<&str>) -> CommandResult {
+    let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
+    let ps = services(&bus).await?;
+    // A file that only happens to be called like another one must not stop what the other one started.
+    if ps.launch_file != request.launch_file && name != Some(session.name()) {
+        let name = session.name();
+        return Err(Failure::Work(format!(
+            "session `{name}` runs already, from {}; stop it with `supergaussian down --session {name}`, name this one with --session, or put `name = \"{name}\"` into the file to change what runs",
+            ps.launch_file
+        )));
+    }
+    let began = Instant::now();
+    let reply = bus.ask(&keys::RELOAD, &request, &Context::root().deadline_in(ANSWER)).await.map_err(refused)?;
+    let rows: Vec<_> = reply.differences.iter().map(|d| vec![d.service.clone(), word(d.change()).to_owned()]).collect();
+    for line in columns(&[vec![vec!["SERVICE".to_owned(), "CHANGE".to_owned()]], rows].concat()) {
+        terminal::print_line(&line);
+    }
+    loop {
+        let ps = services(&bus).await?;
+        let open: Vec<_> = reply.differences.iter().map(|d| (d, come(&ps, d))).collect();
+        let going: Vec<_> = open
+            .iter()
+            .filter_map(
+                |(d, p)| if let Progress::Running(what) = p { Some(format!("{}: {what}", d.service)) } else { None },
+            )
+            .collect();
+        let failed: Vec<_> = open
+            .into_iter()
+            .filter_map(|(_, p)| if let Progress::Failed(why) = p { Some(why) } else { None })
+            .collect();
+        // What waits for one that failed waits for ever.
+        let waits = |line: &String| line.contains("which failed");
+        if going.is_empty() || (!failed.is_empty() && going.iter().all(waits)) {
+            bus.close().await;
+            if failed.is_empty() {
+                terminal::print_line(&format!(
+                    "all as wished after {}",
+                    format_time(began.elapsed().as_secs_f64() * 1000.0)
+                ));
+                return Ok(());
+            }
+            return Err(Failure::Work([failed, going].concat().join("\n")));
+        }
+        if began.elapsed() > FOLLOW_TIME {
+            let seconds = FOLLOW_TIME.as_secs();
+            return Err(Failure::Work(format!("not as wished after {seconds} s: {}", going.join("; "))));
+        }
+        tokio::time::sleep(POLL_PERIOD).await;
+    }
+}
+
+fn word(change: Change) -> &'static str {
+    match change {
+        Change::Unchanged | Change::Unspecified => "unchanged",
+        Change::Added => "added",
+        Change::Removed => "removed",
+        Change::Swapped => "swapped",
+        Change::Restarted => "restarted",
+        Change::InPlace => "changed",
+    }
+}
+
+/// How far a difference has come.
+fn come(ps: &PsReply, difference: &Difference) -> Progress {
+    let service = ps.services.iter().find(|s| s.name == difference.service);
+    match (difference.change(), service) {
+        (Change::Removed, None) => Progress::Done,
+        (Change::Removed, Some(_)) => Progress::Running("stops".to_owned()),
+        (_, None) => Progress::Failed(format!("service `{}` was removed meanwhile", difference.service)),
+        (Change::Swapped, Some(service)) => match progress(service, difference.swap) {
+            Progress::Done => started(service),
+            other => other,
+        },
+        (_, Some(service)) => started(service),
+    }
+}

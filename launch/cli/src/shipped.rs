@@ -1,0 +1,92 @@
+//! Scripts, strokes and transfer functions that come with the program, so that the demo works from anywhere.
+//!
+//! They are written into the demo's folder before they are used: there they can be looked at, changed, and played again.
+
+use std::path::{Path, PathBuf};
+
+use sg_stack::file::{ExecutableSearch, LaunchFile, Source, read};
+
+use crate::terminal::Failure;
+
+/// The launch file of the whole stack without a window: its name and text.
+pub(crate) const HEADLESS: (&str, &str) = ("headless.toml", include_str!("../../headless.toml"));
+
+/// The launch file of the whole stack with a window: its name and text.
+pub(crate) const DESKTOP: (&str, &str) = ("desktop.toml", include_str!("../../desktop.toml"));
+
+/// Reads one of the shipped launch files.
+pub(crate) fn launch_file(
+    (name, text): (&str, &str),
+    overrides: &[String],
+    search: &ExecutableSearch,
+) -> Result<LaunchFile, Failure> {
+    let source = Source { path: Path::new(name), text, overrides };
+    read(source, search).map_err(|problems| Failure::Work(problems.to_string()))
+}
+
+/// Strokes that the generic script plays; made for each scene.
+pub(crate) const DENSEST: &str = "densest.json";
+
+macro_rules! shipped {
+    ($($name:literal),* $(,)?) => {
+        &[$(($name, include_str!(concat!("../../demo/", $name)))),*]
+    };
+}
+
+/// File name and text.
+const FILES: &[(&str, &str)] = shipped![
+    "generic.toml",
+    "vessel.toml",
+    "vessel.sac.json",
+    "vessel.parent.json",
+    "vessel.correction.json",
+    "aneurism.toml",
+    "aneurism.tf.json",
+    "aneurism.sac.json",
+    "aneurism.parent.json",
+    "bonsai.toml",
+    "bonsai.tf.json",
+    "bonsai.trunk.json",
+    "bonsai.soil.json",
+    "tooth.toml",
+    "tooth.tf.json",
+    "tooth.root.json",
+    "tooth.rest.json",
+];
+
+/// Where they are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Shipped {
+    /// The script for the input: its own, or the generic one.
+    pub(crate) script: PathBuf,
+    /// The script that works on any scene.
+    pub(crate) generic: PathBuf,
+    /// Where the strokes of the generic script belong.
+    pub(crate) densest: PathBuf,
+    /// The transfer function for the input, where one is shipped.
+    pub(crate) transfer_function: Option<PathBuf>,
+}
+
+/// Writes the files for a known input, and the generic script.
+pub(crate) fn unpack(out: &Path, known: Option<&str>) -> Result<Shipped, Failure> {
+    let folder = out.join("script");
+    let fail = |path: &Path, e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
+    std::fs::create_dir_all(&folder).map_err(|e| fail(&folder, e))?;
+    let prefix = known.map(|k| format!("{k}."));
+    let wanted = |name: &str| name == "generic.toml" || prefix.as_ref().is_some_and(|p| name.starts_with(p));
+    for (name, text) in FILES.iter().filter(|(name, _)| wanted(name)) {
+        let path = folder.join(name);
+        std::fs::write(&path, text).map_err(|e| fail(&path, e))?;
+    }
+    let generic = folder.join("generic.toml");
+    let own = |ending: &str| {
+        let name = format!("{}.{ending}", known?);
+        FILES.iter().any(|(file, _)| *file == name).then(|| folder.join(name))
+    };
+    Ok(Shipped {
+        script: own("toml").unwrap_or_else(|| generic.clone()),
+        densest: folder.join(DENSEST),
+        transfer_function: own("tf.json"),
+        generic,
+    })
+}

@@ -1,0 +1,32 @@
+//! Stroke files that scripts name.
+
+use std::path::Path;
+
+use sg_proto::scene::SelectionStep;
+use sg_proto::stroke_file::{self, Limits};
+
+use crate::script::Step;
+use crate::shipped::DENSEST;
+use crate::terminal::{CommandResult, Failure};
+use crate::text_file::read_text;
+
+/// Reads every file of strokes, so that a mistake in the last one is not found after minutes.
+pub(crate) fn check_strokes(steps: &[Step]) -> CommandResult {
+    for step in steps {
+        if let Step::Strokes { file, .. } = step
+            && !file.ends_with(DENSEST)
+        {
+            read_strokes(file)?;
+        }
+    }
+    Ok(())
+}
+
+/// Reads a file of strokes.
+///
+/// # Errors
+/// The file cannot be read or has a mistake.
+pub(crate) fn read_strokes(file: &Path) -> Result<Vec<SelectionStep>, Failure> {
+    let text = read_text(file)?;
+    stroke_file::parse(&text, &Limits::BUS).map_err(|e| Failure::Input(format!("{}: {e}", file.display())))
+}

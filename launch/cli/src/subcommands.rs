@@ -1,0 +1,72 @@
+//! Commands that other executables carry out, found as git finds its own: beside this one, else on `PATH`.
+
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::sync::LazyLock;
+
+use serde_json::Value;
+use sg_stack::file::ExecutableSearch;
+use sg_stack::spawn::tied_to_parent;
+use sg_stack::suggestion::suggestion;
+
+use crate::terminal::{CommandResult, Failure};
+
+/// Command, executable, what it is for.
+const TABLE: [(&str, &str, &str); 6] = [
+    ("scene", "supergaussian-scene", "Look at and convert Gaussian files"),
+    ("render", "supergaussian-render-node", "Draw one picture of a scene"),
+    ("selection", "supergaussian-selection", "Cluster a scene, select by strokes"),
+    ("fit", "supergaussian-fit", "Turn a volume into an editable scene"),
+    ("conformance", "supergaussian-conformance", "Try whether an executable can fill a role"),
+    ("eval", "supergaussian-eval", "Evaluation tables on scenes whose truth is known"),
+];
+
+/// What the help says about them.
+pub(crate) static HELP: LazyLock<String> = LazyLock::new(|| {
+    let rows: Vec<_> = TABLE.iter().map(|(name, _, doc)| format!("  {name:<11} {doc}")).collect();
+    format!("Offline, on files (`supergaussian NAME --help`):\n{}\n\nExample: supergaussian demo", rows.join("\n"))
+});
+
+/// The executable of a command of the table. `built_in` are the other commands, for a suggestion.
+fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
+    match TABLE.iter().find(|(command, ..)| *command == name) {
+        Some((_, executable, _)) => {
+            let found = ExecutableSearch::here_then_path().find(executable, Path::new(""));
+            found.map_err(|e| Failure::Work(e.to_string()))
+        }
+        None => {
+            let known = TABLE.iter().map(|(name, ..)| *name).chain(built_in.iter().map(String::as_str));
+            Err(Failure::Input(format!("unknown command `{name}`{}", suggestion(name, known))))
+        }
+    }
+}
+
+/// Becomes the executable of a command: its standard streams and exit status are those of this process.
+pub(crate) fn run(words: &[OsString], built_in: &[String]) -> CommandResult {
+    let Some((name, arguments)) = words.split_first() else {
+        return Err(Failure::Input("no command".to_owned()));
+    };
+    let name = name.to_string_lossy();
+    let executable = executable(&name, built_in)?;
+    let error = std::process::Command::new(&executable).arg0(format!("supergaussian {name}")).args(arguments).exec();
+    Err(Failure::Work(format!("{} cannot be started: {error}", executable.display())))
+}
+
+/// Runs a command that prints JSON; what it says to people goes to people.
+pub(crate) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
+    let executable = executable(command, &[])?;
+    let output = tied_to_parent(&executable)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|e| Failure::Work(format!("{} cannot be started: {e}", executable.display())))?;
+    match output.status.code() {
+        Some(0) => serde_json::from_slice(&output.stdout)
+            .map_err(|e| Failure::Work(format!("`supergaussian {command}` printed no JSON: {e}"))),
+        Some(status @ 1..=2) => Err(Failure::Reported(status as u8)),
+        _ => Err(Failure::Work(format!("`supergaussian {command}` failed: {}", output.status))),
+    }
+}

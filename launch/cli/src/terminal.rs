@@ -1,0 +1,150 @@
+//! Words for people and for programs: what was asked for goes to standard output, everything else to standard error.
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use sg_runtime::process::{EXIT_FAILED, EXIT_INPUT};
+use sg_stack::StackError;
+use sg_stack::terminal::may_color;
+pub(crate) use sg_stack::terminal::{Color, format_time, paint, print_status};
+
+/// Writes a line that was asked for. A reader that went away ends the command quietly, as it does for other programs.
+pub(crate) fn print_line(line: &str) {
+    let mut stdout = io::stdout().lock();
+    if writeln!(stdout, "{line}").and_then(|()| stdout.flush()).is_err() {
+        std::process::exit(0);
+    }
+}
+
+/// Whether lines on standard output may be coloured.
+pub(crate) fn stdout_colored() -> bool {
+    may_color(&io::stdout())
+}
+
+/// Why a command did not do what was asked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Failure {
+    /// The arguments or the input are wrong.
+    Input(String),
+    /// The work failed.
+    Work(String),
+    /// A program that was started has told its failure itself; its exit status is passed on.
+    Reported(u8),
+}
+
+impl Failure {
+    /// What is still to be told; empty where it has been told.
+    pub(crate) fn text(&self) -> &str {
+        match self {
+            Self::Input(text) | Self::Work(text) => text,
+            Self::Reported(_) => "",
+        }
+    }
+}
+
+impl From<sg_runtime::fault::Fault> for Failure {
+    fn from(fault: sg_runtime::fault::Fault) -> Self {
+        let details = if fault.details.is_empty() { String::new() } else { format!(" ({})", fault.details.join("; ")) };
+        Self::Work(format!("{fault}{details}"))
+    }
+}
+
+impl From<sg_runtime::bus::BusError> for Failure {
+    fn from(error: sg_runtime::bus::BusError) -> Self {
+        Self::Work(error.to_string())
+    }
+}
+
+impl From<sg_runtime::session::SessionError> for Failure {
+    fn from(error: sg_runtime::session::SessionError) -> Self {
+        use sg_runtime::session::SessionError;
+        match error {
+            SessionError::Name(_) | SessionError::Unknown { .. } | SessionError::Many(_) => {
+                Self::Input(error.to_string())
+            }
+            _ => Self::Work(error.to_string()),
+        }
+    }
+}
+
+impl From<StackError> for Failure {
+    fn from(error: StackError) -> Self {
+        match error {
+            StackError::Session(error) => error.into(),
+            StackError::Bus(error) => error.into(),
+            StackError::Refused(fault) => Self::Input(fault.to_string()),
+            _ => Self::Work(error.to_string()),
+        }
+    }
+}
+
+/// What a command comes to.
+pub(crate) type CommandResult = Result<(), Failure>;
+
+/// Tells a failure, once, and gives the exit status.
+pub(crate) fn exit_code(done: CommandResult) -> ExitCode {
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            let colored = may_color(&io::stderr());
+            for line in failure.text().lines() {
+                print_status(&format!("{} {line}", paint(Color::Red, "error:", colored)));
+            }
+            ExitCode::from(match failure {
+                Failure::Input(_) => EXIT_INPUT,
+                Failure::Work(_) => EXIT_FAILED,
+                Failure::Reported(status) => status,
+            })
+        }
+    }
+}
+
+/// Rows as columns of equal width, two blanks apart; numbers (cells that begin with a digit) to the right.
+pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
+    let count = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
+    let widths: Vec<_> = (0..count).map(width).collect();
+    let numeric: Vec<_> = (0..count)
+        .map(|c| {
+            rows.iter().skip(1).filter_map(|r| r.get(c)).all(|cell| cell.starts_with(|c: char| c.is_ascii_digit()))
+        })
+        .collect();
+    rows.iter()
+        .map(|row| {
+            let cells = row.iter().zip(widths.iter().zip(&numeric)).map(|(cell, (width, numeric))| {
+                if *numeric { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+            });
+            cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+        })
+        .collect()
+}
+
+/// A whole number with thousands apart: `1,234,567`.
+pub(crate) fn format_count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn format_count_are_apart() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(format_count), ["0", "999", "1,000", "1,234,567"]);
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let cell = |s: &str| s.to_owned();
+        let rows = vec![vec![cell("NAME"), cell("PID"), cell("WHY")], vec![cell("scene"), cell("12345"), cell("")]];
+        assert_eq!(columns(&rows), ["NAME     PID  WHY", "scene  12345"]);
+    }
+}

@@ -1,0 +1,197 @@
+//! A service that misbehaves on purpose. It is this test executable itself, started again by a script of the sandbox, so
+//! that no executable beside those of the project has to be built.
+
+use std::io::Write as _;
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use nix::sys::signal::{SigSet, SigmaskHow, Signal, sigprocmask};
+use serde::Deserialize;
+use sg_proto::keys;
+use sg_proto::language::{AgentState, Reply, Utterance};
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{EXIT_INPUT, Host, ServeArgs, StartError, run};
+
+#[derive(Parser)]
+struct Fixture {
+    #[command(flatten)]
+    serve: ServeArgs,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct Params {
+    /// Milliseconds before it is ready.
+    start_ms: u64,
+    /// Fails while it loads.
+    crash: bool,
+    /// Milliseconds after which it dies.
+    crash_ms: Option<u64>,
+    /// Milliseconds after which it hangs, deaf to everything.
+    hang_ms: Option<u64>,
+    /// Never gets ready.
+    never_ready: bool,
+    /// Hears no request to stop.
+    deaf: bool,
+    /// Messages that it publishes, as fast as it can.
+    flood: u64,
+    /// Sends what nobody can take, under its own keys, to others and to the bus itself.
+    garbage: bool,
+    /// Mebibytes that it takes each second and never gives back.
+    leak_mib: usize,
+    /// Answers utterances (role agent-core): all but "fail" with success.
+    answers: bool,
+    /// Milliseconds that an answer takes.
+    late_ms: u64,
+    /// File to which it adds the id of each request that takes effect.
+    ledger: Option<PathBuf>,
+}
+
+#[test]
+#[ignore = "not a test: the services that the other tests start"]
+fn fixture() {
+    let arguments = std::env::var("ARGUMENTS").expect("started by a script of the sandbox");
+    let fixture = Fixture::parse_from(arguments.lines());
+    let params: serde_json::Value = serde_json::from_str(&fixture.serve.params).unwrap();
+    if params["deaf"] == true {
+        // Before any thread begins, so that none of them hears it.
+        let mut signals = SigSet::empty();
+        signals.add(Signal::SIGTERM);
+        sigprocmask(SigmaskHow::SIG_BLOCK, Some(&signals), None).unwrap();
+    }
+    let status = run(fixture.serve, "fixture", load);
+    std::process::exit(match status {
+        ExitCode::SUCCESS => 0,
+        status if status == ExitCode::from(EXIT_INPUT) => 2,
+        _ => 1,
+    });
+}
+
+async fn load(host: Host) -> Result<(), StartError> {
+    let params: Params = host.params()?;
+    if params.crash {
+        return Err(StartError::Failed("crashed on purpose".to_owned()));
+    }
+    tokio::time::sleep(Duration::from_millis(params.start_ms)).await;
+    if params.never_ready {
+        std::future::pending::<()>().await;
+    }
+    if params.answers {
+        let state = host.bus().own(&keys::CORE_STATE, AgentState::default()).await?;
+        let (bus, late, ledger) = (host.bus().clone(), Duration::from_millis(params.late_ms), params.ledger);
+        host.serve(&keys::UTTER, 64, move |utterance, context| {
+            let (bus, ledger) = (bus.clone(), ledger.clone());
+            async move {
+                tokio::time::sleep(late).await;
+                answer(bus, utterance, context, ledger).await
+            }
+        })
+        .await?;
+        forever(state);
+    }
+    if let Some(ms) = params.crash_ms {
+        tokio::spawn(async move {
+            tokio::time::sleep(Duration::from_millis(ms)).await;
+            std::process::abort();
+        });
+    }
+    if let Some(ms) = params.hang_ms {
+        // More than there are threads that carry messages.
+        for _ in 0..8 {
+            tokio::spawn(async move {
+                tokio::time::sleep(Duration::from_millis(ms)).await;
+                std::thread::sleep(Duration::from_secs(3600));
+            });
+        }
+    }
+    if params.flood > 0 {
+        tokio::spawn(flood(host.bus().clone(), params.flood));
+    }
+    if params.garbage {
+        let socket = host.run_dir().join("bus.sock");
+        tokio::spawn(garbage(host.bus().clone(), socket));
+    }
+    if params.leak_mib > 0 {
+        tokio::spawn(leak(params.leak_mib));
+    }
+    tracing::info!(greeting = "hello there", "loaded");
+    Ok(())
+}
+
+/// Keeps something for as long as the process lives.
+fn forever<T: Send + 'static>(kept: T) {
+    tokio::spawn(async move {
+        std::future::pending::<()>().await;
+        drop(kept);
+    });
+}
+
+async fn answer(bus: Bus, utterance: Utterance, context: Context, ledger: Option<PathBuf>) -> Result<Reply, Fault> {
+    if let Some(path) = ledger {
+        let mut file = std::fs::File::options().append(true).create(true).open(path).unwrap();
+        // One write, so that lines of two processes could not mix.
+        file.write_all(format!("{} {}\n", context.id, utterance.text).as_bytes()).unwrap();
+    }
+    bus.publish(&keys::UTTERANCE, &utterance, &context.next()).await?;
+    let ok = utterance.text != "fail";
+    let reply = Reply { text: format!("you said: {}", utterance.text), ok, ..Reply::default() };
+    bus.publish(&keys::REPLY, &reply, &context.next()).await?;
+    Ok(reply)
+}
+
+async fn flood(bus: Bus, count: u64) {
+    let utterance = Utterance { text: "x".repeat(1000), ..Utterance::default() };
+    for i in 0..count {
+        // What finds no room is dropped and counted.
+        let _ = bus.publish(&keys::UTTERANCE, &utterance, &Context::root()).await;
+        if i % 64 == 0 {
+            tokio::task::yield_now().await;
+        }
+    }
+}
+
+async fn garbage(bus: Bus, socket: PathBuf) {
+    // Messages of a wrong type under its own keys: everybody who follows those hears them.
+    let mut ready = keys::UTTERANCE;
+    (ready.role, ready.name) = (keys::ANY, keys::READY.name);
+    let mut health = ready;
+    health.name = keys::HEALTH.name;
+    // Requests of a wrong type, or from one who may not ask.
+    let mut ps = keys::UTTER;
+    (ps.role, ps.name) = (keys::PS.role, keys::PS.name);
+    let mut down = ps;
+    down.name = keys::DOWN.name;
+    let utterance = Utterance { text: "\u{1}".repeat(1 << 20), ..Utterance::default() };
+    for round in 0..20_u8 {
+        for row in [&ready, &health] {
+            let _ = bus.publish(row, &utterance, &Context::root()).await;
+        }
+        for row in [&ps, &down] {
+            let context = Context::root().deadline_in(Duration::from_millis(200));
+            let refused = bus.ask(row, &utterance, &context).await.unwrap_err();
+            tracing::info!(%refused, "garbage was refused");
+        }
+        // What is not even the bus's protocol, to the bus's socket.
+        if let Ok(mut stream) = UnixStream::connect(&socket) {
+            let bytes: Vec<u8> =
+                (0..100_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8 ^ round).collect();
+            let _ = stream.set_write_timeout(Some(Duration::from_millis(200)));
+            let _ = stream.write_all(&bytes);
+        }
+    }
+    tracing::info!("garbage was sent");
+}
+
+async fn leak(mib_each_second: usize) {
+    let mut kept: Vec<Vec<u8>> = Vec::new();
+    loop {
+        // Written to, so that it counts.
+        kept.push(vec![kept.len() as u8 | 1; mib_each_second << 18]);
+        tokio::time::sleep(Duration::from_millis(250)).await;
+    }
+}

@@ -1,0 +1,127 @@
+//! Scenes and volumes that are opened from a stack that runs.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::{Signal, kill};
+use nix::sys::stat::Mode;
+use nix::unistd::{Pid, mkfifo};
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::launch::{OpenFailed, OpenReply, OpenRequest};
+use sg_runtime::bus::{Bus, Following};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+
+use crate::sandbox::{Sandbox, TIMEOUT, runs};
+
+const ONE: &str = "schema = 1\n[service.scene]\nexec = \"./fixture\"\n";
+
+async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
+    let request = OpenRequest { path: path.display().to_string() };
+    bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(TIMEOUT)).await
+}
+
+async fn failed(events: &mut Following<OpenFailed>) -> OpenFailed {
+    tokio::time::timeout(TIMEOUT, events.next()).await.expect("a failure is told").unwrap().0
+}
+
+#[test]
+fn what_cannot_be_opened_is_refused_with_a_line() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.file("one.toml", ONE);
+    let command = Path::new(env!("CARGO_BIN_EXE_supergaussian"));
+    let up = sandbox.up_by(command, &file, ":4711");
+    sandbox.ready("one", "scene");
+    let pipe = sandbox.path().join("pipe.ply");
+    mkfifo(&pipe, Mode::S_IRWXU).unwrap();
+    let refused = |path: &Path| {
+        let asked = async { open(&Sandbox::join_in(sandbox.path(), "one").await, path).await };
+        sg_runtime::process::block_on(asked).unwrap().unwrap_err()
+    };
+    for (path, code, said) in [
+        (Path::new("scene.ply"), Code::InvalidArgument, "absolute"),
+        (&sandbox.path().join("none.ply"), Code::NotFound, "none.ply: No such file"),
+        (&pipe, Code::FailedPrecondition, "neither a file nor a folder"),
+    ] {
+        let fault = refused(path);
+        assert!(fault.code == code && fault.message.contains(said), "{fault:?}");
+    }
+    drop(up);
+    let _up = sandbox.up_by(command, &file, "");
+    sandbox.ready("one", "scene");
+    let fault = refused(&sandbox.file("scene.ply", "ply"));
+    assert!(fault.message.contains("DISPLAY is not set") && fault.message.contains("supergaussian open"), "{fault:?}");
+}
+
+#[test]
+fn why_what_was_opened_failed_is_told_and_the_stack_goes_on() {
+    let sandbox = Sandbox::new();
+    let refuse = "echo '{\"level\":\"ERROR\",\"message\":\"no such scene\"}' >&2; exit 2";
+    let command = sandbox.install_beside(&[("supergaussian-scene", refuse)]);
+    let _up = sandbox.up_by(&command, &sandbox.file("one.toml", ONE), ":4711");
+    let before = sandbox.ready("one", "scene");
+    let scene = sandbox.file("heart.ply", "ply");
+    sg_runtime::process::block_on(async {
+        let bus = Sandbox::join_in(sandbox.path(), "one").await;
+        let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        let reply = open(&bus, &scene).await.unwrap();
+        assert!(reply.session.starts_with("heart-") && !reply.volume, "{reply:?}");
+        let told = failed(&mut events).await;
+        assert_eq!((told.path, &told.session), (scene.display().to_string(), &reply.session));
+        assert_eq!(told.reason, "service `scene` failed: exit status 2: no such scene");
+        // What it said is among the logs of who opened it, as its services' own are among its own.
+        let (_, log, _) = sandbox.run(&["logs", "--session", "one", &reply.session]);
+        assert!(log.contains("no such scene"), "{log}");
+    })
+    .unwrap();
+    assert_eq!(sandbox.ready("one", "scene")["pid"], before["pid"]);
+}
+
+#[test]
+fn no_more_than_four_are_opened_and_they_outlive_who_opened_them() {
+    let sandbox = Sandbox::new();
+    // Gaussians that take for ever; who has them made is written down.
+    let command = sandbox.install_beside(&[("supergaussian-fit", "echo $PPID >> \"$0.pids\"; exec sleep 60")]);
+    let up = sandbox.up_by(&command, &sandbox.file("one.toml", ONE), ":4711");
+    sandbox.ready("one", "scene");
+    let volumes: Vec<_> = (0..5).map(|k| sandbox.file(&format!("v{k}.nrrd"), "NRRD0004")).collect();
+    let making = || {
+        let text = std::fs::read_to_string(command.with_file_name("supergaussian-fit.pids")).unwrap_or_default();
+        text.lines().map(|l| l.parse().unwrap()).collect::<Vec<i32>>()
+    };
+    let until = |count: usize| {
+        let began = Instant::now();
+        while making().len() < count {
+            assert!(began.elapsed() < TIMEOUT, "{} of {count} are made", making().len());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    sg_runtime::process::block_on(async {
+        let bus = Sandbox::join_in(sandbox.path(), "one").await;
+        let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        let first = open(&bus, &volumes[0]).await.unwrap();
+        assert!(first.volume, "{first:?}");
+        until(1);
+        // Once more while Gaussians of it are made.
+        open(&bus, &volumes[0]).await.unwrap();
+        let told = failed(&mut events).await;
+        assert_eq!(told.reason, format!("it is open already, in session `{}`", first.session));
+        for volume in &volumes[1..4] {
+            open(&bus, volume).await.unwrap();
+        }
+        let fault = open(&bus, &volumes[4]).await.unwrap_err();
+        assert!(fault.code == Code::ResourceExhausted && fault.message.contains("close the window"), "{fault:?}");
+        until(4);
+    })
+    .unwrap();
+    let opened = making();
+    up.signal(Signal::SIGINT);
+    drop(up);
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(opened.iter().all(|pid| runs(*pid)), "what was opened has ended: {opened:?}");
+    for pid in opened {
+        kill(Pid::from_raw(pid), Signal::SIGKILL).unwrap();
+        sandbox.gone(pid);
+    }
+}

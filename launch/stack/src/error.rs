@@ -1,0 +1,54 @@
+//! Errors of supervisors and nodes.
+
+use std::path::{Path, PathBuf};
+
+use sg_runtime::bus::BusError;
+use sg_runtime::fault::Fault;
+use sg_runtime::session::SessionError;
+
+/// A supervisor or node that cannot start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum StackError {
+    /// The session's name or folder is unusable.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The bus cannot be opened.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// A file or folder cannot be read or written.
+    #[error("{}: {source}", .path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The reason.
+        source: std::io::Error,
+    },
+    /// Another supervisor runs this session.
+    #[error(
+        "session `{session}` runs already (supervisor {pid}); stop it with `supergaussian down --session {session}` or name this one with --session"
+    )]
+    SessionRuns {
+        /// Name of the session.
+        session: String,
+        /// Process id of its supervisor.
+        pid: String,
+    },
+    /// Another process has joined the session under this node's name.
+    #[error("{}: this machine has joined under that name already", .0.display())]
+    NodeRuns(PathBuf),
+    /// A process of the session's last run cannot be ended.
+    #[error("process {0} of the session's last run does not go away; end it and try again")]
+    Leftover(u32),
+    /// Signals of the system cannot be received.
+    #[error("signals cannot be watched: {0}")]
+    Signals(std::io::Error),
+    /// The supervisor refuses this node for good.
+    #[error(transparent)]
+    Refused(Fault),
+}
+
+impl StackError {
+    pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_owned(), source }
+    }
+}

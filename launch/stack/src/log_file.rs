@@ -1,0 +1,178 @@
+//! Log files of services: bounded, one generation old at most, readable while they are written.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// Size at which a log begins anew; the one before is kept beside it.
+const MAX_BYTES: u64 = 8 << 20;
+
+/// A log that is written.
+#[derive(Debug)]
+pub(crate) struct LogFile {
+    path: PathBuf,
+    file: Option<File>,
+    bytes: u64,
+    /// Lines that could not be written.
+    lost: u64,
+}
+
+/// The log of a service.
+pub fn path_of(folder: &Path, service: &str) -> PathBuf {
+    folder.join(format!("{service}.log"))
+}
+
+fn previous_path(path: &Path) -> PathBuf {
+    path.with_extension("log.1")
+}
+
+impl LogFile {
+    /// Begins a log anew; what is there becomes the generation before.
+    pub(crate) fn create(path: PathBuf) -> Self {
+        let mut log = Self { path, file: None, bytes: 0, lost: 0 };
+        log.rotate();
+        log
+    }
+
+    fn rotate(&mut self) {
+        // A log that is not there yet cannot be moved; any other reason shows when the new one is made.
+        let _ = std::fs::rename(&self.path, previous_path(&self.path));
+        self.file = File::create(&self.path).ok();
+        self.bytes = 0;
+    }
+
+    /// Writes a line. Returns the number of lines lost so far if this one was lost too (a full disk, most likely).
+    pub(crate) fn line(&mut self, line: &str) -> Result<(), u64> {
+        if self.file.is_none() || self.bytes >= MAX_BYTES {
+            self.rotate();
+        }
+        let written = self.file.as_mut().is_some_and(|f| f.write_all(format!("{line}\n").as_bytes()).is_ok());
+        if written {
+            self.bytes += line.len() as u64 + 1;
+            return Ok(());
+        }
+        self.lost += 1;
+        Err(self.lost)
+    }
+}
+
+/// A log that is read, from its beginning or from its end on, across rotations.
+#[derive(Debug)]
+pub struct LogReader {
+    path: PathBuf,
+    file: Option<BufReader<File>>,
+    inode: u64,
+    part: String,
+}
+
+impl LogReader {
+    /// A reader that begins with the generation before, where there is one.
+    pub fn open(path: PathBuf) -> Self {
+        let before = previous_path(&path);
+        let mut reader = Self { path, file: None, inode: 0, part: String::new() };
+        reader.attach(&before);
+        reader
+    }
+
+    fn attach(&mut self, path: &Path) {
+        let opened = File::open(path).and_then(|f| Ok((f.metadata()?.ino(), f)));
+        if let Ok((inode, file)) = opened {
+            self.inode = inode;
+            self.file = Some(BufReader::new(file));
+        }
+    }
+
+    /// Whole lines that have come since the last call.
+    ///
+    /// # Errors
+    /// The log cannot be read.
+    pub fn lines(&mut self) -> io::Result<Vec<String>> {
+        let mut lines = Vec::new();
+        loop {
+            self.read_into(&mut lines)?;
+            // Only when all of this generation is read is the next one begun.
+            let current = std::fs::metadata(&self.path).ok().map(|m| m.ino());
+            match current {
+                Some(inode) if inode != self.inode || self.file.is_none() => {
+                    self.read_into(&mut lines)?;
+                    let path = self.path.clone();
+                    self.attach(&path);
+                }
+                _ => return Ok(lines),
+            }
+        }
+    }
+
+    fn read_into(&mut self, lines: &mut Vec<String>) -> io::Result<()> {
+        let Some(file) = &mut self.file else { return Ok(()) };
+        let mut bytes = Vec::new();
+        while file.by_ref().take(MAX_BYTES).read_until(b'\n', &mut bytes)? > 0 {
+            self.part.push_str(&String::from_utf8_lossy(&bytes));
+            if self.part.ends_with('\n') {
+                self.part.pop();
+                lines.push(std::mem::take(&mut self.part));
+            }
+            bytes.clear();
+        }
+        // A buffered reader that has met the end looks again only after it is told to.
+        let at = file.stream_position()?;
+        file.seek(SeekFrom::Start(at))?;
+        Ok(())
+    }
+}
+
+/// Services that have a log in this folder, by name.
+pub fn services(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<_> =
+        entries.filter_map(|e| e.file_name().into_string().ok()?.strip_suffix(".log").map(str::to_owned)).collect();
+    names.sort();
+    names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_is_bounded_and_a_reader_misses_nothing_at_a_rotation() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = path_of(folder.path(), "scene");
+        let mut log = LogFile::create(path.clone());
+        let mut reader = LogReader::open(path.clone());
+        let line = "y".repeat(100_000);
+        let mut seen = 0;
+        for i in 0..200 {
+            log.line(&format!("{i} {line}")).unwrap();
+            if i % 7 == 0 {
+                seen += reader.lines().unwrap().len();
+            }
+        }
+        seen += reader.lines().unwrap().len();
+        assert_eq!(seen, 200);
+        let sizes = [&path, &previous_path(&path)].map(|p| std::fs::metadata(p).unwrap().len());
+        assert!(sizes.iter().all(|s| *s <= MAX_BYTES + 200_000), "{sizes:?}");
+        assert_eq!(services(folder.path()), ["scene"]);
+    }
+
+    #[test]
+    fn a_line_is_read_once_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = path_of(folder.path(), "a");
+        std::fs::write(&path, "one\ntw").unwrap();
+        let mut reader = LogReader::open(path.clone());
+        assert_eq!(reader.lines().unwrap(), ["one"]);
+        std::fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(b"o\n").unwrap();
+        assert_eq!(reader.lines().unwrap(), ["two"]);
+        assert_eq!(reader.lines().unwrap(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_log_that_cannot_be_written_counts_what_is_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut log = LogFile::create(folder.path().join("no/such/folder.log"));
+        assert_eq!(log.line("x"), Err(1));
+        assert_eq!(log.line("x"), Err(2));
+    }
+}

@@ -1,0 +1,460 @@
+//! `join`: this machine runs services for a stack of another one.
+//!
+//! The supervisor asks for processes to be started and signalled; this machine says every second that it is there and what
+//! it runs, and ends all of that when it is not answered for its lease: what the supervisor then takes for gone is gone.
+
+use std::collections::BTreeMap;
+use std::fs::{File, TryLockError};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::launch::{Ended, JoinReply, JoinRequest, LogLines, SignalReply, SignalRequest, StartReply, StartRequest};
+use sg_runtime::bus::{Bus, BusError, Link, Serving};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::session::SessionDir;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::mpsc;
+use tokio::time::MissedTickBehavior;
+
+use crate::error::StackError;
+use crate::file::ExecutableSearch;
+use crate::pid_registry::PidRegistry;
+use crate::reconcile::{Exit, ProcessId};
+use crate::request_queue::{Reply, forward};
+use crate::serve_arguments;
+use crate::spawn::{self, LineSink, SpawnRequest};
+use crate::terminal;
+
+/// How often this machine speaks.
+const REPORT_PERIOD: Duration = Duration::from_secs(1);
+/// How long an answer may take.
+const ANSWER: Duration = Duration::from_millis(1500);
+/// Lease until the supervisor has named one.
+const LEASE: Duration = Duration::from_secs(5);
+/// Pause between two tries to reach a stack that is not there.
+const RETRY_PAUSE: Duration = Duration::from_secs(1);
+/// Orders, exits and answers that may wait.
+const CAPACITY: usize = 64;
+/// Log lines that may wait to be sent; more are dropped, and counted.
+const LINES: usize = 4096;
+/// Most lines of one message, and bytes of one line.
+const LINES_AT_ONCE: usize = 200;
+const LINE_BYTES: usize = 8 << 10;
+/// Most processes that run at once.
+const PROCESSES: usize = 64;
+
+/// How this machine joins a stack.
+#[derive(Debug, Clone)]
+pub struct NodeSettings {
+    /// Name of the session.
+    pub session: String,
+    /// Name of this machine in the launch file.
+    pub name: String,
+    /// Endpoint of the stack, and the certificates of this machine.
+    pub link: Link,
+}
+
+/// What the supervisor asks for.
+enum Request {
+    Start(Box<StartRequest>, Reply<StartReply>),
+    Signal(SignalRequest, Reply<SignalReply>),
+}
+
+/// An answer to what this machine sent, and when it sent it.
+struct ReportAnswer {
+    sent: Instant,
+    /// Ended processes that it had spoken of.
+    ended: usize,
+    outcome: Result<JoinReply, Fault>,
+}
+
+/// Runs services for a stack of another machine, until a signal ends this process.
+///
+/// # Errors
+/// [`StackError`] if the node cannot start, or the supervisor refuses it for good.
+pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
+    let NodeSettings { session, name, link } = settings;
+    let folder = SessionDir::on_node(&session, &name)?;
+    folder.create()?;
+    let lock = lock(&folder)?;
+    let registry = PidRegistry::open(folder.path()).await?;
+    for stale in ["blobs", "scenes"] {
+        let path = folder.path().join(stale);
+        match std::fs::remove_dir_all(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(StackError::io(&path, error));
+            }
+            _ => {}
+        }
+    }
+    let watch = |kind| signal(kind).map_err(StackError::Signals);
+    let mut interrupt = watch(SignalKind::interrupt())?;
+    let mut terminate = watch(SignalKind::terminate())?;
+    terminal::print_status(&format!("node {name} · session {session} · {}", link.endpoint));
+    let reached = tokio::select! {
+        bus = connect(&session, &name, &link) => bus,
+        _ = interrupt.recv() => return Ok(()),
+        _ = terminate.recv() => return Ok(()),
+    };
+    let mut node = Node::new(reached, &name, link, folder, registry).await?;
+    let outcome = tokio::select! {
+        refused = node.run() => Err(refused),
+        _ = interrupt.recv() => Ok(()),
+        _ = terminate.recv() => Ok(()),
+    };
+    node.shut_down().await;
+    drop(lock);
+    outcome
+}
+
+/// One process for one machine's name: the system gives the lock back when it dies.
+fn lock(folder: &SessionDir) -> Result<File, StackError> {
+    let path = folder.path().join("node.lock");
+    let fail = |e: std::io::Error| StackError::io(&path, e);
+    let file = File::options().write(true).create(true).truncate(false).open(&path).map_err(fail)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(StackError::NodeRuns(path)),
+        Err(TryLockError::Error(error)) => Err(fail(error)),
+    }
+}
+
+/// Tries until the stack is there.
+async fn connect(session: &str, name: &str, link: &Link) -> Bus {
+    let instance = keys::node_instance(name);
+    let mut told = String::new();
+    loop {
+        // It is no service of a role that others look for: it is known by its instance alone, for good.
+        match Bus::connect_instance(session, role::NODE, &instance, 0, true, link.clone()).await {
+            Ok(bus) => return bus,
+            Err(error) => {
+                let text = error.to_string();
+                if text != told {
+                    terminal::print_status(&format!(
+                        "{text}; does the stack run, listen there, and know this machine's authority? trying again every {} s",
+                        RETRY_PAUSE.as_secs()
+                    ));
+                    told = text;
+                }
+                tokio::time::sleep(RETRY_PAUSE).await;
+            }
+        }
+    }
+}
+
+/// A process that runs for the stack.
+struct RunningProcess {
+    instance: String,
+    pid: u32,
+    stop: Duration,
+}
+
+struct Node {
+    bus: Bus,
+    name: String,
+    life: String,
+    link: Link,
+    folder: SessionDir,
+    registry: PidRegistry,
+    requests: mpsc::Receiver<Request>,
+    exits: mpsc::Receiver<(ProcessId, Exit)>,
+    exit_sender: mpsc::Sender<(ProcessId, Exit)>,
+    answers: mpsc::Receiver<ReportAnswer>,
+    answer_sender: mpsc::Sender<ReportAnswer>,
+    lines: mpsc::Sender<(String, String)>,
+    running: BTreeMap<ProcessId, RunningProcess>,
+    /// Not acknowledged yet.
+    ended: Vec<Ended>,
+    starts: u64,
+    lease: Duration,
+    /// When this machine last sent something that was answered.
+    answered: Option<Instant>,
+    waits_for_answer: bool,
+    /// What was told last of why it is not answered.
+    last_problem: String,
+    _serving: Vec<Serving>,
+}
+
+impl Node {
+    async fn new(
+        bus: Bus,
+        name: &str,
+        link: Link,
+        folder: SessionDir,
+        registry: PidRegistry,
+    ) -> Result<Self, StackError> {
+        let (sender, requests) = mpsc::channel(CAPACITY);
+        let serving = serve(&bus, &sender).await?;
+        let (exit_sender, exits) = mpsc::channel(CAPACITY);
+        let (answer_sender, answers) = mpsc::channel(CAPACITY);
+        let (lines, waiting) = mpsc::channel(LINES);
+        tokio::spawn(send_lines(bus.clone(), waiting));
+        Ok(Self {
+            life: Context::root().id,
+            bus,
+            name: name.to_owned(),
+            link,
+            folder,
+            registry,
+            requests,
+            exits,
+            exit_sender,
+            answers,
+            answer_sender,
+            lines,
+            running: BTreeMap::new(),
+            ended: Vec::new(),
+            starts: 0,
+            lease: LEASE,
+            answered: None,
+            waits_for_answer: false,
+            last_problem: String::new(),
+            _serving: serving,
+        })
+    }
+
+    /// Runs what is requests for until the supervisor refuses this machine for good.
+    async fn run(&mut self) -> StackError {
+        let mut report_timer = tokio::time::interval(REPORT_PERIOD);
+        report_timer.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                _ = report_timer.tick() => self.send_report(),
+                Some(requests) = self.requests.recv() => self.handle_request(requests),
+                Some((id, exit)) = self.exits.recv() => {
+                    self.process_ended(id, exit);
+                    self.send_report();
+                }
+                Some(answer) = self.answers.recv() => {
+                    if let Some(failure) = self.handle_answer(answer) {
+                        return failure;
+                    }
+                }
+            }
+            self.check_lease();
+        }
+    }
+
+    /// Says that this machine is there and what it runs, unless that was just sent and is not answered yet.
+    fn send_report(&mut self) {
+        if std::mem::replace(&mut self.waits_for_answer, true) {
+            return;
+        }
+        let request = self.report();
+        let (bus, sender, ended) = (self.bus.clone(), self.answer_sender.clone(), request.ended.len());
+        tokio::spawn(async move {
+            let sent = Instant::now();
+            let outcome = bus.ask(&keys::JOIN, &request, &Context::root().deadline_in(ANSWER)).await;
+            // Who has left does not care.
+            let _ = sender.send(ReportAnswer { sent, ended, outcome }).await;
+        });
+    }
+
+    fn report(&self) -> JoinRequest {
+        JoinRequest {
+            node: self.name.clone(),
+            life: self.life.clone(),
+            pid: std::process::id(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            starts: self.starts,
+            running: self.running.values().map(|r| r.instance.clone()).collect(),
+            ended: self.ended.clone(),
+        }
+    }
+
+    /// Takes an answer. What is returned is no reason to go on.
+    fn handle_answer(&mut self, answer: ReportAnswer) -> Option<StackError> {
+        self.waits_for_answer = false;
+        match answer.outcome {
+            Ok(reply) => {
+                if self.answered.is_none() {
+                    self.last_problem.clear();
+                    terminal::print_status("joined; Ctrl-C leaves");
+                }
+                self.answered = Some(answer.sent);
+                self.lease = Duration::from_millis(reply.lease_ms);
+                self.ended.drain(..answer.ended.min(self.ended.len()));
+                for (_, process) in self.running.iter().filter(|(_, r)| reply.strays.contains(&r.instance)) {
+                    terminal::print_status(&format!("{}: not known to the supervisor; ended", process.instance));
+                    kill(process);
+                }
+                if !self.ended.is_empty() {
+                    self.send_report();
+                }
+                None
+            }
+            Err(fault) if matches!(fault.code, Code::NotFound | Code::PermissionDenied | Code::InvalidArgument) => {
+                Some(StackError::Refused(fault))
+            }
+            Err(fault) => {
+                let text = fault.to_string();
+                if self.answered.is_none() && text != self.last_problem {
+                    terminal::print_status(&format!("{text}; trying again"));
+                    self.last_problem = text;
+                }
+                None
+            }
+        }
+    }
+
+    /// Ends what runs once this machine has not been answered for its lease.
+    fn check_lease(&mut self) {
+        if self.answered.is_some_and(|at| at.elapsed() >= self.lease) {
+            self.answered = None;
+            let count = self.running.len();
+            terminal::print_status(&format!("the stack is away; {count} processes that ran for it end"));
+            self.running.values().for_each(kill);
+        }
+    }
+
+    fn handle_request(&mut self, requests: Request) {
+        // Whoever requests may have given up; then this machine's next word tells what runs.
+        match requests {
+            Request::Start(request, reply) => {
+                let _ = reply.send(self.start(&request));
+            }
+            Request::Signal(request, reply) => {
+                let signal = if request.kill { Signal::SIGKILL } else { Signal::SIGTERM };
+                if let Some(process) = self.running.values().find(|r| r.instance == request.instance) {
+                    send(process, signal);
+                }
+                let _ = reply.send(Ok(SignalReply {}));
+            }
+        }
+    }
+
+    fn start(&mut self, request: &StartRequest) -> Result<StartReply, Fault> {
+        if self.answered.is_none() {
+            return Err(Fault::unavailable("this machine has no lease"));
+        }
+        if self.running.len() >= PROCESSES {
+            return Err(Fault::exhausted(format!("{PROCESSES} processes run here already")));
+        }
+        if request.exec.contains('/') {
+            return Err(Fault::invalid(format!("executable `{}`: a name without a path is looked up", request.exec)));
+        }
+        let executable = ExecutableSearch::here_then_path().find(&request.exec, std::path::Path::new(""));
+        let executable = executable.map_err(|e| Fault::not_found(e.to_string()))?;
+        let stop = Duration::from_millis(request.stop_ms);
+        let serving = serve_arguments::Serving {
+            session: self.folder.name(),
+            role: &request.role,
+            instance: &request.instance,
+            link: &self.link,
+            run_dir: self.folder.path(),
+            params: &request.params,
+            epoch: request.epoch,
+            standby: request.standby,
+            stop,
+        };
+        let id = ProcessId(self.starts + 1);
+        let spawn_request = SpawnRequest {
+            id,
+            executable: executable.clone(),
+            arguments: serving.arguments(),
+            env: request.env.iter().map(|v| (v.name.clone(), v.value.clone())).collect(),
+        };
+        let log = Log { instance: request.instance.clone(), lines: self.lines.clone() };
+        let pid = spawn::start(spawn_request, log, self.exit_sender.clone())
+            .map_err(|e| Fault::internal(format!("{} cannot be started: {e}", executable.display())))?;
+        self.starts += 1;
+        self.registry.add(pid);
+        self.running.insert(id, RunningProcess { instance: request.instance.clone(), pid, stop });
+        terminal::print_status(&format!("{}: {}, process {pid}", request.instance, executable.display()));
+        Ok(StartReply { pid, number: self.starts, executable: executable.display().to_string() })
+    }
+
+    fn process_ended(&mut self, id: ProcessId, exit: Exit) {
+        let Some(process) = self.running.remove(&id) else { return };
+        self.registry.remove(process.pid);
+        terminal::print_status(&format!("{}: {}", process.instance, exit.reason));
+        self.ended.push(Ended {
+            instance: process.instance,
+            exited: exit.status.is_some(),
+            status: exit.status.unwrap_or(0),
+            reason: exit.reason,
+        });
+    }
+
+    /// Asks what runs to stop, ends what does not, and says so.
+    async fn shut_down(mut self) {
+        let stop = self.running.values().map(|r| r.stop).max().unwrap_or_default();
+        self.running.values().for_each(|r| send(r, Signal::SIGTERM));
+        let deadline = tokio::time::Instant::now() + stop;
+        let mut killed = false;
+        while !self.running.is_empty() {
+            match tokio::time::timeout_at(
+                deadline + if killed { RETRY_PAUSE } else { Duration::ZERO },
+                self.exits.recv(),
+            )
+            .await
+            {
+                Ok(Some((id, exit))) => self.process_ended(id, exit),
+                Ok(None) => break,
+                Err(_) if killed => break,
+                Err(_) => {
+                    killed = true;
+                    self.running.values().for_each(kill);
+                }
+            }
+        }
+        // A stack that is away learns it from the lease.
+        let _ = self.bus.ask(&keys::JOIN, &self.report(), &Context::root().deadline_in(ANSWER)).await;
+        self.bus.close().await;
+    }
+}
+
+fn kill(process: &RunningProcess) {
+    send(process, Signal::SIGKILL);
+}
+
+fn send(process: &RunningProcess, signal: Signal) {
+    if let Err(error) = spawn::signal(process.pid, signal) {
+        terminal::print_status(&format!("{signal} could not be sent to {}: {error}", process.instance));
+    }
+}
+
+fn leaving() -> Fault {
+    Fault::unavailable("this machine is leaving")
+}
+
+async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Serving>, BusError> {
+    Ok(vec![
+        forward(bus, &keys::NODE_START, requests, |request, reply| Request::Start(Box::new(request), reply), leaving)
+            .await?,
+        forward(bus, &keys::NODE_SIGNAL, requests, Request::Signal, leaving).await?,
+    ])
+}
+
+/// Where the lines of one process go.
+#[derive(Clone)]
+struct Log {
+    instance: String,
+    lines: mpsc::Sender<(String, String)>,
+}
+
+impl LineSink for Log {
+    fn line(&self, line: &str) {
+        let end = line.floor_char_boundary(LINE_BYTES);
+        // A process that says more than can be sent loses what is too much, not its time.
+        let _ = self.lines.try_send((self.instance.clone(), line.get(..end).unwrap_or_default().to_owned()));
+    }
+}
+
+/// Sends lines to the supervisor, many at once where they come fast.
+async fn send_lines(bus: Bus, mut waiting: mpsc::Receiver<(String, String)>) {
+    let mut batch = Vec::new();
+    while waiting.recv_many(&mut batch, LINES_AT_ONCE).await > 0 {
+        let mut by_instance: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        for (instance, line) in batch.drain(..) {
+            by_instance.entry(instance).or_default().push(line);
+        }
+        for (instance, lines) in by_instance {
+            // Lost lines show in the stream's numbers.
+            let _ = bus.publish(&keys::NODE_LOG, &LogLines { instance, lines }, &Context::root()).await;
+        }
+    }
+}

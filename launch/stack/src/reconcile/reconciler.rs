@@ -1,0 +1,236 @@
+//! The state of a stack and its one entry: [`Reconciler::step`].
+
+use std::collections::BTreeSet;
+
+use super::backoff::Jitter;
+use super::model::{AWAY_TIME, Action, Event, Outcome, Time};
+use super::slot::{AfterStop, Occupant, Process, ProcessIndex, Slot, Stage, State};
+use crate::file::Service;
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Goal {
+    Run,
+    Down(Outcome),
+    Finished,
+}
+
+/// The state of a stack.
+#[derive(Debug, Clone)]
+pub struct Reconciler {
+    pub(super) slots: Vec<Slot>,
+    /// Positions in the order of the launch file; what was removed comes after those until it is gone.
+    pub(super) listing: Vec<usize>,
+    pub(super) goal: Goal,
+    pub(super) processes_started: u64,
+    /// Last one granted.
+    pub(super) epoch: u64,
+    pub(super) jitter: Jitter,
+    /// Machines that have joined.
+    pub(super) nodes: BTreeSet<String>,
+}
+
+impl Reconciler {
+    /// A stack of which nothing runs yet. `seed` spreads the pauses between restarts; epochs are granted from above
+    /// `epoch` on.
+    #[must_use]
+    pub fn new(services: Vec<Service>, seed: u64, epoch: u64) -> Self {
+        Self {
+            listing: (0..services.len()).collect(),
+            slots: services.into_iter().map(Slot::new).collect(),
+            goal: Goal::Run,
+            processes_started: 0,
+            epoch,
+            jitter: Jitter::new(seed),
+            nodes: BTreeSet::new(),
+        }
+    }
+
+    /// Takes one event into account and says what is to be done, in order.
+    pub fn step(&mut self, event: Event, now: Time) -> Vec<Action> {
+        let mut actions = Vec::new();
+        if self.goal == Goal::Finished {
+            return actions;
+        }
+        match event {
+            Event::Tick => {}
+            Event::Started { id, pid } => {
+                if let Some((_, process)) = self.find_process(|p| p.id == id) {
+                    process.pid = Some(pid);
+                }
+            }
+            Event::Exited { id, exit } => self.on_exited(id, exit, now, &mut actions),
+            Event::Ready { instance, start_ms, standby } => {
+                if let Some((at, process)) = self.find_process(|p| p.instance == instance) {
+                    process.start_ms = Some(start_ms);
+                    self.on_ready(at, standby, now, &mut actions);
+                }
+            }
+            // The token says the same as the announcement, which may come a moment later.
+            Event::Presence { instance, alive: true } => {
+                if let Some((at, _)) = self.find_process(|p| p.instance == instance) {
+                    self.on_ready(at, false, now, &mut actions);
+                    self.extend_deadline(at, now);
+                }
+            }
+            Event::Presence { instance, alive: false } => {
+                if let Some((_, process)) = self.find_process(|p| p.instance == instance)
+                    // The way to another machine may be cut for a while; its lease says when that is too long.
+                    && process.start.node.is_none()
+                    && let Stage::Ready { deadline, .. } = &mut process.stage
+                {
+                    *deadline = (*deadline).min(now + AWAY_TIME);
+                }
+            }
+            Event::Node { name, present: true } => {
+                self.nodes.insert(name);
+            }
+            Event::Node { name, present: false } => self.node_away(&name, now, &mut actions),
+            Event::Health { instance, memory_bytes, answer_ms } => {
+                if let Some((at, process)) = self.find_process(|p| p.instance == instance) {
+                    process.memory_bytes = memory_bytes;
+                    process.answer_ms = answer_ms;
+                    self.extend_deadline(at, now);
+                    self.check_memory(at, now, &mut actions);
+                }
+            }
+            Event::Proven { id, outcome } => self.on_proven(id, outcome, now, &mut actions),
+            Event::Promoted { id, outcome } => self.on_promoted(id, outcome, now, &mut actions),
+            Event::SetServices(services) => self.set_services(services, now, &mut actions),
+            Event::Swap { service, start } => self.swap(service, start, now, &mut actions),
+            Event::Restart { service } => self.restart(service, now, &mut actions),
+            Event::Down => self.down(Outcome::Down),
+            Event::Kill => {
+                self.down(Outcome::Down);
+                for at in self.all_processes() {
+                    self.stop(at, AfterStop::Stay, now, &mut actions);
+                    self.kill(at, now, &mut actions);
+                }
+            }
+        }
+        self.settle(now, &mut actions);
+        actions
+    }
+
+    /// When [`Event::Tick`] is due at the latest; `None` if only an event can change anything.
+    #[must_use]
+    pub fn next_deadline(&self) -> Option<Time> {
+        self.slots.iter().flat_map(Slot::deadlines).min()
+    }
+
+    /// Brings the stack one step nearer to its goal, until nothing is due at this time.
+    fn settle(&mut self, now: Time, actions: &mut Vec<Action>) {
+        for at in self.all_processes() {
+            self.handle_deadline(at, now, actions);
+        }
+        match &self.goal {
+            Goal::Finished => {}
+            Goal::Run => {
+                if let Some((service, reason)) = self.critical_failure() {
+                    self.down(Outcome::Failed { service, reason });
+                    return self.settle(now, actions);
+                }
+                if self.slots.iter().any(|s| s.service.policy.critical && s.state == State::Stopped && !s.removed) {
+                    self.down(Outcome::Finished);
+                    return self.settle(now, actions);
+                }
+                // Whoever is to stop stops before anybody is started who depends on it.
+                for index in 0..self.slots.len() {
+                    self.hand_over_if_due(index, now, actions);
+                }
+                for index in 0..self.slots.len() {
+                    self.start_if_due(index, now, actions);
+                    self.start_candidate_if_due(index, now, actions);
+                }
+                // What waits now waits for something that will never be ready.
+                if !self.slots.iter().any(|s| s.is_active() || self.waits_for_node(s)) {
+                    for index in 0..self.slots.len() {
+                        self.cancel_before_handover(index, "the stack ended", now, actions);
+                    }
+                    let failed = self.slots.iter().find(|s| s.state == State::Failed && !s.removed);
+                    let outcome = failed.map_or(Outcome::Finished, |s| Outcome::Failed {
+                        service: s.service.name.clone(),
+                        reason: s.reason.clone(),
+                    });
+                    self.finish(outcome, actions);
+                }
+            }
+            Goal::Down(outcome) => {
+                let outcome = outcome.clone();
+                for index in 0..self.slots.len() {
+                    self.cancel_swap(index, "the stack stops", now, actions);
+                    if let Some(slot) = self.slots.get_mut(index)
+                        && matches!(slot.state, State::Waiting | State::Backoff { .. })
+                    {
+                        slot.enter(State::Stopped, "stopped", index, actions);
+                    }
+                }
+                // One after another, the last one started first: nobody loses what it depends on while it drains.
+                let last = self.slots.iter().enumerate().filter(|(_, s)| matches!(s.state, State::Alive(_)));
+                match last.map(|(index, s)| (s.order.unwrap_or(0), index)).max() {
+                    Some((_, index)) => self.stop((index, Occupant::Serving), AfterStop::Stay, now, actions),
+                    None if self.slots.iter().any(|s| s.candidate.is_some()) => {}
+                    None => self.finish(outcome, actions),
+                }
+            }
+        }
+    }
+
+    pub(super) fn finish(&mut self, outcome: Outcome, actions: &mut Vec<Action>) {
+        self.goal = Goal::Finished;
+        actions.push(Action::Finish(outcome));
+    }
+
+    pub(super) fn down(&mut self, outcome: Outcome) {
+        if self.goal == Goal::Run {
+            self.goal = Goal::Down(outcome);
+        }
+    }
+
+    /// The first critical service that failed for good.
+    fn critical_failure(&self) -> Option<(String, String)> {
+        let failed = |s: &&Slot| s.service.policy.critical && s.state == State::Failed && !s.removed;
+        self.slots.iter().find(failed).map(|s| (s.service.name.clone(), s.reason.clone()))
+    }
+
+    pub(super) fn grant(&mut self) -> u64 {
+        self.epoch += 1;
+        self.epoch
+    }
+
+    /// Every process there is; candidates first, since they depend on more.
+    pub(super) fn all_processes(&self) -> Vec<ProcessIndex> {
+        let of = |part| move |(index, slot): (usize, &Slot)| slot.process(part).map(|_| (index, part));
+        let candidates = self.slots.iter().enumerate().filter_map(of(Occupant::Candidate));
+        candidates.chain(self.slots.iter().enumerate().filter_map(of(Occupant::Serving))).collect()
+    }
+
+    pub(super) fn find_process(&mut self, is: impl Fn(&Process) -> bool) -> Option<(ProcessIndex, &mut Process)> {
+        self.slots.iter_mut().enumerate().find_map(|(index, slot)| {
+            let part =
+                [Occupant::Serving, Occupant::Candidate].into_iter().find(|p| slot.process(*p).is_some_and(&is))?;
+            Some(((index, part), slot.process_mut(part)?))
+        })
+    }
+
+    /// A sign of life: the next one is due within the service's time.
+    pub(super) fn extend_deadline(&mut self, (index, part): ProcessIndex, now: Time) {
+        let Some(slot) = self.slots.get_mut(index) else { return };
+        let until = now + slot.service.policy.liveness;
+        if let Some(Process { stage: Stage::Ready { deadline, .. } | Stage::StandingBy { deadline }, .. }) =
+            slot.process_mut(part)
+        {
+            *deadline = until;
+        }
+    }
+
+    /// Stops a process that takes more memory than it may.
+    pub(super) fn check_memory(&mut self, at: ProcessIndex, now: Time, actions: &mut Vec<Action>) {
+        let Some(slot) = self.slots.get(at.0) else { return };
+        let (Some(process), Some(most)) = (slot.process(at.1), slot.service.policy.memory_bytes) else { return };
+        if process.memory_bytes > most && !matches!(process.stage, Stage::Stopping { .. }) {
+            let mib = |bytes: u64| bytes >> 20;
+            let reason = format!("takes {} MiB of memory, more than its {} MiB", mib(process.memory_bytes), mib(most));
+            self.stop(at, AfterStop::Fail(reason), now, actions);
+        }
+    }
+}

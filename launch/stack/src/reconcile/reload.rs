@@ -1,0 +1,123 @@
+//! Another list of services: the difference is applied.
+
+use sg_proto::launch::{Change, Difference};
+
+use super::model::{Action, Time};
+use super::reconciler::{Goal, Reconciler};
+use super::slot::{AfterStop, Occupant, Slot, Stage, State};
+use crate::file::{Service, Start};
+
+impl Reconciler {
+    /// What [`super::model::Event::SetServices`] would do to each service: those of the list in its order, removed ones last.
+    #[must_use]
+    pub fn differences(&self, services: &[Service]) -> Vec<Difference> {
+        let told = |name: &str, (change, swap): (Change, u64)| Difference {
+            service: name.to_owned(),
+            change: change.into(),
+            swap,
+        };
+        let of = |s: &Service| self.slot(&s.name).map_or((Change::Added, 0), |(_, slot)| slot.difference(s));
+        let gone = self.slots.iter().filter(|s| !s.removed && !services.iter().any(|n| n.name == s.service.name));
+        let kept = services.iter().map(|s| told(&s.name, of(s)));
+        kept.chain(gone.map(|s| told(&s.service.name, (Change::Removed, 0)))).collect()
+    }
+
+    fn slot(&self, name: &str) -> Option<(usize, &Slot)> {
+        self.slots.iter().enumerate().find(|(_, s)| s.service.name == name)
+    }
+
+    pub(super) fn set_services(&mut self, services: Vec<Service>, now: Time, actions: &mut Vec<Action>) {
+        if self.goal != Goal::Run {
+            return;
+        }
+        let gone = |s: &Slot| !s.removed && !services.iter().any(|n| n.name == s.service.name);
+        let gone: Vec<_> = self.slots.iter().enumerate().filter(|(_, s)| gone(s)).map(|(index, _)| index).collect();
+        for index in &gone {
+            self.remove(*index, now, actions);
+        }
+        let mut listing = Vec::new();
+        for service in services {
+            let index = match self.slot(&service.name).map(|(index, _)| index) {
+                Some(index) => {
+                    self.change(index, service, now, actions);
+                    index
+                }
+                None => {
+                    self.slots.push(Slot::new(service));
+                    actions.push(Action::Announce { service: self.slots.len() - 1 });
+                    self.slots.len() - 1
+                }
+            };
+            listing.push(index);
+        }
+        listing.extend(self.slots.iter().enumerate().filter(|(_, s)| s.removed).map(|(index, _)| index));
+        self.listing = listing;
+    }
+
+    fn remove(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
+        self.cancel_swap(index, "the service was removed", now, actions);
+        self.stop((index, Occupant::Serving), AfterStop::Stay, now, actions);
+        let Some(slot) = self.slots.get_mut(index) else { return };
+        slot.removed = true;
+        if !matches!(slot.state, State::Alive(_)) {
+            slot.enter(State::Stopped, "removed", index, actions);
+        }
+    }
+
+    fn change(&mut self, index: usize, service: Service, now: Time, actions: &mut Vec<Action>) {
+        let Some(slot) = self.slots.get_mut(index) else { return };
+        let (change, _) = slot.difference(&service);
+        // What is in force stays so until the swap is done.
+        let present = std::mem::replace(&mut slot.service, service).start;
+        let start = std::mem::replace(&mut slot.service.start, present);
+        match change {
+            Change::Swapped => self.swap(index, start, now, actions),
+            Change::Added | Change::Restarted => {
+                slot.service.start = start;
+                slot.removed = false;
+                self.restart(index, now, actions);
+            }
+            _ if slot.starts == 0 => slot.service.start = start,
+            // It is to be as it is: what would make it otherwise is taken back.
+            _ if slot.service.start == start && slot.target_start() != Some(&start) => {
+                self.cancel_before_handover(index, "the launch file has it as it was", now, actions);
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Slot {
+    /// What has to be done so that it becomes like this, and the number that its swap would have.
+    fn difference(&self, service: &Service) -> (Change, u64) {
+        let rest = |s: &Service| (s.after.clone(), s.policy.clone());
+        let in_place = if rest(&self.service) == rest(service) { Change::Unchanged } else { Change::InPlace };
+        if self.removed {
+            (Change::Added, 0)
+        } else if self.service.role != service.role {
+            (Change::Restarted, 0)
+        } else if self.target_start() == Some(&service.start) {
+            (in_place, 0)
+        } else if self.starts == 0 || (self.service.start == service.start && !self.hands_over()) {
+            // Nothing runs that would have to be replaced, or it is enough to take a swap back.
+            (Change::InPlace, 0)
+        } else {
+            (Change::Swapped, self.next_swap())
+        }
+    }
+
+    /// The start that will be in force when all that is under way went well.
+    fn target_start(&self) -> Option<&Start> {
+        if let Some(pending) = &self.next {
+            return Some(&pending.start);
+        }
+        let candidate = self.candidate.as_ref().filter(|n| !matches!(n.stage, Stage::Stopping { .. }));
+        let promoting = self.main().filter(|p| matches!(p.stage, Stage::Promoting { .. }));
+        candidate.or(promoting).map(|p| &p.start).or(Some(&self.service.start))
+    }
+
+    /// The number that the next swap will have.
+    pub(super) fn next_swap(&self) -> u64 {
+        self.swap.as_ref().map_or(1, |s| s.number + 1)
+    }
+}

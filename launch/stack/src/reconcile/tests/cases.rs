@@ -1,0 +1,137 @@
+//! Restarts, pauses, limits, case by case.
+
+use sg_proto::launch::ServiceState;
+
+use super::world::{Behaviour, World};
+use super::*;
+use crate::file::Restart;
+
+fn one(policy: Policy, behaviour: Behaviour) -> World {
+    World::of_one(policy, &[behaviour])
+}
+
+#[test]
+fn too_many_restarts_fail_a_service_and_a_critical_one_stops_the_stack() {
+    let policy = Policy { critical: true, restarts: 3, ..patient() };
+    let mut world = one(policy, Behaviour::Crash(1));
+    world.run_until(millis(60_000));
+    let reason = "failed 4 times within 30 s: Some(1)".to_owned();
+    assert_eq!(world.finished, Some(Outcome::Failed { service: "s0".into(), reason }));
+    assert_eq!(world.spawned.len(), 4);
+}
+
+#[test]
+fn a_critical_service_that_has_done_its_work_ends_the_stack_and_another_does_not() {
+    for critical in [true, false] {
+        let policy = Policy { critical, ..patient() };
+        let mut world = World::new(
+            vec![service(0, &[], policy), service(1, &[], patient())],
+            vec![(Behaviour::CrashLater(0), millis(500)), (Behaviour::Good, millis(10))],
+        );
+        world.give(Event::Tick);
+        world.run_until(millis(20_000));
+        assert_eq!(world.finished, critical.then_some(Outcome::Finished));
+        let other = if critical { ServiceState::Stopped } else { ServiceState::Ready };
+        assert_eq!((world.state(0).0, world.state(1).0), (ServiceState::Stopped, other));
+    }
+}
+
+#[test]
+fn pauses_grow_and_start_over_after_health() {
+    let policy = Policy { restarts: 100, backoff_max: millis(400), ..patient() };
+    let mut world = one(policy.clone(), Behaviour::Crash(1));
+    world.run_until(millis(3000));
+    let gaps: Vec<_> = world.spawned.windows(2).map(|w| (w[1].0 - w[0].0).as_millis() as i64 - 50).collect();
+    for (gap, expected) in gaps.iter().zip([100, 200, 400, 400, 400]) {
+        assert!((gap - expected).abs() <= expected / 5 + 1, "{gaps:?}");
+    }
+    // Ready for longer than the longest pause: the next pause is the first again.
+    let mut world = World::new(vec![service(0, &[], policy)], vec![(Behaviour::CrashLater(1), millis(500))]);
+    world.give(Event::Tick);
+    world.run_until(millis(9000));
+    let gaps: Vec<_> = world.spawned.windows(2).map(|w| (w[1].0 - w[0].0).as_millis() as i64 - 1000).collect();
+    assert!(gaps.len() >= 5 && gaps.iter().all(|g| (80..=121).contains(g)), "{gaps:?}");
+}
+
+#[test]
+fn wrong_input_is_not_tried_again() {
+    let mut world = one(patient(), Behaviour::Crash(EXIT_INPUT));
+    world.behaviours = vec![(Behaviour::Good, millis(10))];
+    world.give(Event::SetServices(vec![service(0, &[], patient()), service(1, &[], patient())]));
+    world.run_until(millis(5000));
+    assert_eq!(world.state(0), (ServiceState::Failed, "Some(2)".to_owned()));
+    assert_eq!(world.state(1).0, ServiceState::Ready);
+    assert_eq!(world.spawned.len(), 2);
+    // By hand it can be tried again.
+    world.give(Event::Restart { service: 0 });
+    world.run_until(millis(6000));
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+}
+
+#[test]
+fn one_that_hangs_is_killed_and_started_again() {
+    let mut world = one(patient(), Behaviour::Hang);
+    world.run_until(millis(1549));
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+    world.run_until(millis(1551));
+    assert_eq!(world.state(0), (ServiceState::Stopping, "hung: no sign of life for 1.5 s".to_owned()));
+    world.run_until(millis(2000));
+    assert!(world.spawned.len() >= 2);
+}
+
+#[test]
+fn one_that_leaves_the_bus_is_not_waited_for_as_long() {
+    let policy = Policy { liveness: millis(60_000), ..patient() };
+    let mut world = one(policy, Behaviour::Leave);
+    world.run_until(millis(100) + AWAY_TIME + millis(1));
+    assert_eq!(world.state(0).0, ServiceState::Stopping);
+}
+
+#[test]
+fn what_waits_says_for_what() {
+    let plan = vec![
+        service(0, &[], Policy { restart: Restart::Never, ..patient() }),
+        service(1, &[], patient()),
+        service(2, &[0, 1], patient()),
+    ];
+    let behaviours = vec![(Behaviour::Crash(1), millis(100)), (Behaviour::Good, millis(200))];
+    let mut world = World::new(plan, behaviours);
+    world.give(Event::Tick);
+    assert_eq!(world.state(2), (ServiceState::Waiting, "waits for `s0`, `s1`".to_owned()));
+    world.run_until(millis(150));
+    assert_eq!(world.state(2).1, "waits for `s0`, which failed, `s1`");
+    world.run_until(millis(250));
+    assert_eq!(world.state(2).1, "waits for `s0`, which failed");
+}
+
+#[test]
+fn one_that_the_system_does_not_remove_is_given_up() {
+    let mut world = one(patient(), Behaviour::Undead);
+    world.run_until(millis(1000));
+    world.give(Event::Down);
+    world.run_until(millis(20_000));
+    assert_eq!(world.finished, Some(Outcome::Down));
+    assert_eq!(world.ended.len(), 1);
+    assert_eq!(world.state(0).1, "process 7 was killed but the system does not remove it");
+}
+
+#[test]
+fn a_restart_by_hand_waits_for_the_old_process_and_counts_as_no_failure() {
+    let policy = Policy { restarts: 0, ..patient() };
+    let mut world = one(policy, Behaviour::Stubborn);
+    world.run_until(millis(100));
+    world.give(Event::Restart { service: 0 });
+    assert_eq!(world.state(0).0, ServiceState::Stopping);
+    world.run_until(millis(390));
+    assert_eq!(world.spawned.len(), 1, "the old process still runs");
+    world.run_until(millis(600));
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+    assert_eq!(world.stack.service(0, world.now).unwrap().restarts, 1);
+}
+
+#[test]
+fn a_stack_whose_services_all_ended_is_over() {
+    let mut world = one(patient(), Behaviour::CrashLater(0));
+    world.run_until(millis(5000));
+    assert_eq!(world.finished, Some(Outcome::Finished));
+}

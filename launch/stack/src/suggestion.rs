@@ -1,0 +1,23 @@
+//! Suggestions for names that do not exist.
+
+/// `; did you mean …?` for the nearest of the candidates, or a list of them where none is near and the list is short.
+#[must_use]
+pub fn suggestion<'a>(wrong: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
+    let candidates: Vec<_> = candidates.into_iter().collect();
+    let near = candidates
+        .iter()
+        .map(|c| (strsim::damerau_levenshtein(&wrong.to_lowercase(), &c.to_lowercase()), *c))
+        .filter(|(distance, c)| *distance <= (c.chars().count().max(wrong.chars().count()) / 3).max(1))
+        .min();
+    match near {
+        Some((_, c)) => format!("; did you mean `{c}`?"),
+        None if candidates.is_empty() => String::new(),
+        None => {
+            let mut listed: Vec<_> = candidates.iter().take(16).map(|c| format!("`{c}`")).collect();
+            if candidates.len() > listed.len() {
+                listed.push("…".to_owned());
+            }
+            format!("; there are {}", listed.join(", "))
+        }
+    }
+}

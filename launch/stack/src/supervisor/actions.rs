@@ -1,0 +1,133 @@
+//! Doing what the reconciler wants: processes, signals, proofs, promotions.
+
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use nix::sys::signal::Signal;
+use sg_proto::bus::PromoteRequest;
+use sg_proto::keys;
+use sg_runtime::bus::Link;
+use sg_runtime::context::Context;
+
+use super::event_loop::Supervisor;
+use crate::console::{self, ServiceLog};
+use crate::log_file::{self, LogFile};
+use crate::probe;
+use crate::reconcile::{Action, Event, Exit, ProcessId, Spawn};
+use crate::serve_arguments::Serving;
+use crate::spawn::{self, SpawnRequest};
+
+impl Supervisor {
+    /// Does what is wanted; what comes of it at once is returned.
+    pub(super) async fn perform(&mut self, action: Action) -> Option<Event> {
+        match action {
+            Action::Spawn(spawn) => self.spawn(*spawn),
+            Action::Prove { id, instance, role } => {
+                self.prove(id, &instance, role);
+                None
+            }
+            Action::Promote { id, instance, epoch, within } => {
+                self.promote(id, &instance, epoch, within);
+                None
+            }
+            Action::Terminate(id) => self.signal(id, Signal::SIGTERM),
+            Action::Kill(id) => self.signal(id, Signal::SIGKILL),
+            Action::Announce { service } => {
+                self.announce(service).await;
+                None
+            }
+            Action::AnnounceSwap { service, swap } => {
+                self.announce_swap(service, *swap).await;
+                None
+            }
+            // What ended has been told by the state that its service entered.
+            Action::Ended { .. } | Action::Finish(_) => None,
+        }
+    }
+
+    /// Starts a process; what becomes of one on another machine comes later.
+    fn spawn(&mut self, spawn: Spawn) -> Option<Event> {
+        if let Some(node) = spawn.start.node.clone() {
+            self.nodes.start(&self.bus, node, &spawn);
+            return None;
+        }
+        let id = spawn.id;
+        let serving = Serving {
+            session: self.stack.session.name(),
+            role: &spawn.role,
+            instance: &spawn.instance,
+            link: &Link::from(&self.endpoint),
+            run_dir: self.stack.session.path(),
+            params: &serde_json::Value::Object(spawn.start.params.clone()).to_string(),
+            epoch: spawn.epoch,
+            standby: spawn.standby,
+            stop: spawn.stop,
+        };
+        let request = SpawnRequest {
+            id,
+            executable: spawn.start.executable.clone(),
+            arguments: serving.arguments(),
+            env: spawn.start.env.clone(),
+        };
+        let log = self.log(spawn.service);
+        let event = match spawn::start(request, log, self.exit_sender.clone()) {
+            Ok(pid) => {
+                self.pids.insert(id, (pid, spawn.instance));
+                self.registry.add(pid);
+                Event::Started { id, pid }
+            }
+            Err(error) => {
+                let reason = format!("{} cannot be started: {error}", spawn.start.executable.display());
+                Event::Exited { id, exit: Exit { status: None, reason } }
+            }
+        };
+        Some(event)
+    }
+
+    /// Where the lines of a service go; begun with its first process.
+    pub(super) fn log(&mut self, index: usize) -> ServiceLog {
+        let name = self.reconciler.service(index, self.now()).unwrap_or_default().name;
+        let (width, folder, console) = (self.width, self.stack.session.logs(), &self.console);
+        let begin = || ServiceLog {
+            service: name.clone(),
+            width,
+            color: console::color_of(index),
+            file: Arc::new(Mutex::new(LogFile::create(log_file::path_of(&folder, &name)))),
+            console: console.clone(),
+        };
+        self.logs.entry(name.clone()).or_insert_with(begin).clone()
+    }
+
+    /// Looks at a candidate in a task of its own: supervision goes on meanwhile.
+    fn prove(&self, id: ProcessId, instance: &str, role: String) {
+        let (bus, sender) = (self.bus.clone(), self.outcome_sender.clone());
+        let ready = self.candidates.get(instance).cloned().unwrap_or_default();
+        tokio::spawn(async move {
+            let outcome = probe::probe(&bus, &ready, &role).await;
+            // Without a supervisor nobody wants to know.
+            let _ = sender.send(Event::Proven { id, outcome }).await;
+        });
+    }
+
+    fn promote(&self, id: ProcessId, instance: &str, epoch: u64, within: Duration) {
+        let (bus, sender) = (self.bus.clone(), self.outcome_sender.clone());
+        let under = keys::instance(instance);
+        tokio::spawn(async move {
+            let context = Context::root().deadline_in(within);
+            let reply = bus.ask_role(&keys::PROMOTE, &under, &PromoteRequest { epoch }, &context).await;
+            let outcome = reply.map(|_| ()).map_err(|fault| fault.to_string());
+            let _ = sender.send(Event::Promoted { id, outcome }).await;
+        });
+    }
+
+    fn signal(&self, id: ProcessId, signal: Signal) -> Option<Event> {
+        if self.nodes.signal(&self.bus, id, signal) {
+            return None;
+        }
+        let (pid, _) = self.pids.get(&id)?;
+        if let Err(error) = spawn::signal(*pid, signal) {
+            self.console.print(format!("{signal} could not be sent to process {pid}: {error}"));
+        }
+        None
+    }
+}

@@ -1,0 +1,134 @@
+//! Answers to requests.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use sg_proto::launch::{
+    PsReply, ReloadReply, ReloadRequest, RestartReply, Service as ServiceMessage, SwapReply, SwapRequest,
+};
+use sg_runtime::fault::Fault;
+
+use super::event_loop::Supervisor;
+use super::nodes;
+use super::requests::Request;
+use crate::file::{self, Start};
+use crate::reconcile::Event;
+use crate::suggestion::suggestion;
+
+impl Supervisor {
+    /// Answers a request; what follows from it, in order.
+    pub(super) fn answer(&mut self, request: Request) -> Vec<Event> {
+        let event = match request {
+            Request::Ps(_, reply) => {
+                let ps = PsReply {
+                    session: self.stack.session.name().to_owned(),
+                    launch_file: self.stack.path.display().to_string(),
+                    pid: std::process::id(),
+                    services: self.reconciler.services(self.now()),
+                };
+                // Whoever asked may have given up.
+                let _ = reply.send(Ok(ps));
+                Event::Tick
+            }
+            Request::Restart(request, reply) => {
+                let known = self.service_named(&request.service);
+                let event = known.as_ref().map_or(Event::Tick, |(service, _)| Event::Restart { service: *service });
+                let pid = |(_, service): (usize, ServiceMessage)| RestartReply { old_pid: service.pid };
+                let _ = reply.send(known.map(pid));
+                event
+            }
+            Request::Swap(request, reply) => {
+                let swap = self.swap(&request);
+                let (number, event) = swap.map_or_else(|fault| (Err(fault), Event::Tick), |(n, event)| (Ok(n), event));
+                let _ = reply.send(number.map(|number| SwapReply { number }));
+                event
+            }
+            Request::Reload(request, reply) => {
+                let reload = self.reload(&request);
+                let (answer, event) =
+                    reload.map_or_else(|fault| (Err(fault), Event::Tick), |(answer, event)| (Ok(answer), event));
+                let _ = reply.send(answer);
+                event
+            }
+            Request::Join(request, reply) => {
+                let (answer, events) = match self.nodes.handle_join(&request, Instant::now()) {
+                    Ok((answer, events)) => (Ok(answer), events),
+                    Err(fault) => (Err(fault), Vec::new()),
+                };
+                if events.iter().any(|e| matches!(e, Event::Node { present: true, .. })) {
+                    self.console.print_detail(format!("  node {} has joined, process {}", request.node, request.pid));
+                }
+                let _ = reply.send(answer);
+                return events;
+            }
+            Request::Open(request, reply) => {
+                let _ = reply.send(self.open_session(&request));
+                Event::Tick
+            }
+            Request::Down => Event::Down,
+        };
+        vec![event]
+    }
+
+    /// A service by name, if there is anything to be done about it.
+    fn service_named(&self, name: &str) -> Result<(usize, ServiceMessage), Fault> {
+        if self.reconciler.is_stopping() {
+            return Err(Fault::precondition("the stack is stopping"));
+        }
+        let known = self
+            .reconciler
+            .find_service(name)
+            .and_then(|(index, _)| Some((index, self.reconciler.service(index, self.now())?)));
+        known.ok_or_else(|| {
+            let services = self.reconciler.services(self.now());
+            let hint = suggestion(name, services.iter().map(|s| s.name.as_str()));
+            Fault::not_found(format!("no service `{name}`{hint}"))
+        })
+    }
+
+    /// What a swap that is asked for comes to: its number and its event.
+    fn swap(&self, request: &SwapRequest) -> Result<(u64, Event), Fault> {
+        let (service, _) = self.service_named(&request.service)?;
+        let (_, kept) = self.reconciler.find_service(&request.service).ok_or_else(|| Fault::not_found("it is gone"))?;
+        let params = match request.params.as_str() {
+            "" => kept.start.params.clone(),
+            text => serde_json::from_str(text).map_err(|e| Fault::invalid(format!("parameters: {e}")))?,
+        };
+        let executable = PathBuf::from(&request.executable);
+        match &kept.start.node {
+            None if !executable.is_absolute() => {
+                return Err(Fault::invalid(format!("executable `{}` must be an absolute path", request.executable)));
+            }
+            Some(node) if request.executable.contains('/') => {
+                return Err(Fault::invalid(format!(
+                    "`{}` runs on node `{node}`: name its executable without a path, it is looked for there",
+                    request.service
+                )));
+            }
+            _ => {}
+        }
+        let Start { env, node, .. } = kept.start.clone();
+        let start = Start { exec: request.executable.clone(), executable, params, env, node };
+        Ok((self.reconciler.next_swap(service), Event::Swap { service, start }))
+    }
+
+    /// What a launch file that is to be read again comes to: what is told of it and its event.
+    fn reload(&mut self, request: &ReloadRequest) -> Result<(ReloadReply, Event), Fault> {
+        if self.reconciler.is_stopping() {
+            return Err(Fault::precondition("the stack is stopping"));
+        }
+        let path = PathBuf::from(&request.launch_file);
+        let file = file::load(&path, &request.overrides, &request.only).map_err(|e| Fault::invalid(e.to_string()))?;
+        // Who may do what on the bus was settled when it was opened.
+        if nodes::listen(&file) != nodes::listen(&self.stack.file) || file.nodes != self.stack.file.nodes {
+            return Err(Fault::precondition(
+                "what other machines run or may do has changed (`[bus]`, `[node.…]`, `on`); stop the stack and start it again",
+            ));
+        }
+        let differences = self.reconciler.differences(&file.services);
+        self.console.print_detail(format!("{}: read again", path.display()));
+        self.stack.path = path;
+        self.all_ready_printed = true;
+        Ok((ReloadReply { differences }, Event::SetServices(file.services)))
+    }
+}

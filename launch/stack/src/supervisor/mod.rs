@@ -1,0 +1,15 @@
+//! The supervisor: starts the services of a launch file, watches them and restarts them.
+
+mod actions;
+mod answers;
+mod event_loop;
+mod nodes;
+mod open_session;
+mod opener;
+mod requests;
+mod session_lock;
+mod status;
+
+pub use event_loop::{Stack, Supervisor};
+pub use opener::{OpenCommand, SessionOpener};
+pub use requests::Handle;
