@@ -1,0 +1,110 @@
+//! What could be said instead of what was not understood.
+
+use std::collections::BTreeSet;
+
+use super::table::{Construction, TABLE, spoken};
+use crate::color;
+use crate::token::{self, Kind, Token};
+
+/// Most suggestions given.
+pub(super) const MAX_SUGGESTIONS: usize = 3;
+
+/// The utterance with each misspelt word replaced by the nearest word of the grammar; none where nothing was near.
+pub(super) fn corrected(source: &str, tokens: &[Token], names: &[&str]) -> Option<String> {
+    let vocabulary = vocabulary(names);
+    let mut text = String::new();
+    let mut done = 0;
+    let mut changed = false;
+    for token in tokens {
+        if token.kind != Kind::Word || vocabulary.contains(&token.text) || color::is_word(&token.text) {
+            continue;
+        }
+        let Some(word) = nearest(&token.text, &vocabulary) else { continue };
+        text.push_str(source.get(done..token.start)?);
+        text.push_str(word);
+        done = token.end;
+        changed = true;
+    }
+    text.push_str(source.get(done..)?);
+    changed.then_some(text)
+}
+
+/// Every word that the table and the units' names are made of.
+fn vocabulary(names: &[&str]) -> BTreeSet<String> {
+    let mut vocabulary = BTreeSet::new();
+    let mut learn = |phrase: &str| {
+        let words = token::tokens(phrase).into_iter().filter(|t| t.kind == Kind::Word);
+        vocabulary.extend(words.map(|t| t.text));
+    };
+    for entry in TABLE {
+        entry.constructions.iter().flat_map(Construction::phrases).for_each(&mut learn);
+        entry.examples.iter().copied().for_each(&mut learn);
+    }
+    names.iter().copied().for_each(learn);
+    vocabulary
+}
+
+/// The nearest word that is one slip away, or two for a long word.
+fn nearest<'v>(word: &str, vocabulary: &'v BTreeSet<String>) -> Option<&'v str> {
+    let allowed = match word.chars().count() {
+        0..=3 => return None,
+        4..=6 => 1,
+        _ => 2,
+    };
+    vocabulary
+        .iter()
+        .filter(|w| w.chars().count() > 2)
+        .map(|w| (strsim::damerau_levenshtein(word, w), w.as_str()))
+        .filter(|(distance, _)| *distance <= allowed)
+        .min()
+        .map(|(_, w)| w)
+}
+
+/// Examples of the table that share the most with what was said; where none does, one of each of the main kinds.
+pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String> {
+    const COMMON: [&str; 14] =
+        ["the", "a", "to", "of", "it", "and", "is", "from", "with", "me", "in", "my", "what", "i"];
+    let said: BTreeSet<String> = not_understood
+        .iter()
+        .flat_map(|part| token::tokens(part))
+        .filter(|t| t.kind == Kind::Word && !COMMON.contains(&t.text.as_str()))
+        .map(|t| t.lemma)
+        .collect();
+    let mut scored: Vec<(usize, &str)> = Vec::new();
+    for entry in TABLE {
+        for example in entry.examples {
+            let shared = token::tokens(example).iter().filter(|t| said.contains(&t.lemma)).count();
+            if shared > 0 {
+                scored.push((shared, example));
+            }
+        }
+    }
+    // A stable sort keeps the order of the table among equals.
+    scored.sort_by_key(|(shared, _)| std::cmp::Reverse(*shared));
+    let mut chosen: Vec<String> = scored.into_iter().map(|(_, e)| spoken(e, names)).take(2 * MAX_SUGGESTIONS).collect();
+    let general = TABLE.iter().filter_map(|e| e.examples.first());
+    if chosen.is_empty() {
+        chosen.extend(general.take(2).map(|e| spoken(e, names)));
+        chosen.push("help".to_owned());
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slips_are_corrected_and_strange_words_left() {
+        let correct = |text: &str| corrected(text, &token::tokens(text), &["aneurysm"]);
+        assert_eq!(correct("hied the aneurism").as_deref(), Some("hide the aneurysm"));
+        assert_eq!(correct("quantum chromodynamics"), None);
+    }
+
+    #[test]
+    fn what_shares_words_comes_first() {
+        let found = examples(&["make the background disappear slowly".to_owned()], &["pot"]);
+        assert!(found.iter().any(|e| e.contains("background")), "{found:?}");
+        assert_eq!(examples(&["xyzzy".to_owned()], &["pot"]).last().map(String::as_str), Some("help"));
+    }
+}
