@@ -246,7 +246,7 @@ impl CoreAgent {
             self.bus.ask(&keys::EXECUTE, &plan, &execute).await.map_err(|f| stage_fault("function", f))?;
         let changed = outcome.actions.iter().any(|action| {
             let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
-            action.ok && action.command.is_some() && clause.is_some_and(reply::changes_picture)
+            action.ok && action.command.is_some() && clause.is_some_and(reply::changes_image)
         });
         let after = if changed { Some(self.observe("after", outcome.revision, turn).await) } else { None };
         let frames = after.as_ref().and_then(|a| Some((before.frame.as_ref()?, a.frame.as_ref()?)));

@@ -5,8 +5,8 @@ use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
 
 use lru::LruCache;
-use sg_language::resolve::{self, Step};
-use sg_language::{report, request_ids, unit_choice, unit_names};
+use sg_language::resolution::Step;
+use sg_language::{commands, report, request_ids, unit_choice, unit_names};
 use sg_llm::{Answer, LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
@@ -284,7 +284,7 @@ impl FunctionAgent {
             Act::QuerySelection | Act::Describe => self.scene_with_masks(context).await,
             _ => None,
         };
-        let step = match resolve::resolve(clause, with_masks.as_ref().unwrap_or(state), frame) {
+        let step = match commands::resolve(clause, with_masks.as_ref().unwrap_or(state), frame) {
             Ok(step) => step,
             // An earlier try may have applied the command already, for example renamed the unit.
             Err(refusal) => {

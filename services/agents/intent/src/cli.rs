@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use clap::Subcommand;
 use prost::{Message as _, Name as _};
 use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
-use sg_language::grammar;
+use sg_language::{commands, grammar};
 use sg_llm::{Backend, ConfigError, Fallback, InterpretError, Interpreter, Parameters};
 use sg_proto::language::{Intent, IntentRequest, Observation};
 use sg_proto::scene::{BaseUnit, Selection, State};
@@ -119,7 +119,7 @@ pub(crate) fn run(command: &Command) -> ExitCode {
         Command::Parse { text, units, selected, model, json } => parse(text, units, *selected, model, *json),
         Command::Phrases { units } => {
             let names: Vec<&str> = units.iter().map(String::as_str).collect();
-            println!("{}", grammar::help(&names));
+            println!("{}", commands::help(&names));
             ExitCode::SUCCESS
         }
     }

@@ -56,7 +56,7 @@ impl IntentPrompt {
         );
         let scene = grammar::sample_observation(&["sac", "vessel"]);
         for said in SHOWN {
-            let shown = grammar::parse(said, &scene).ok().and_then(|intent| schema.write(&intent).ok());
+            let shown = grammar::parse(said, &scene).ok().and_then(|intent| schema.encode(&intent).ok());
             if let Some(shown) = shown {
                 task.push_str(&format!("{said}\n{shown}\n"));
             }
@@ -111,7 +111,7 @@ impl IntentPrompt {
     /// # Errors
     /// [`InvalidAnswer`].
     pub fn parse_answer(&self, answer: &str, request: &IntentRequest) -> Result<Intent, InvalidAnswer> {
-        let mut intent = self.schema.read(unfenced(answer))?;
+        let mut intent = self.schema.decode(unfenced(answer))?;
         let nothing = Observation::default();
         let observation = request.observation.as_ref().unwrap_or(&nothing);
         let units = observation.scene.as_ref().map(unit_names::all).unwrap_or_default();

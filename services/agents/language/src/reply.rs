@@ -1,8 +1,10 @@
 //! The answer to an utterance: what was done, what was seen of it, what was not understood.
 
-use sg_proto::language::{Act, ActionResult, Clause, Intent, Observation, PlanResult, Reply};
+use sg_proto::language::{ActionResult, Clause, Intent, Observation, PlanResult, Reply};
 use sg_proto::scene::State;
 
+use crate::commands::command::Effect;
+use crate::commands::table::effect;
 use crate::text::{is_plural, join, percent, the};
 
 /// What the picture shows of what was done.
@@ -16,27 +18,10 @@ pub struct Evidence<'o> {
     pub changed: Option<bool>,
 }
 
-/// Whether carrying out these clauses can change a picture.
+/// Whether a clause may change the image.
 #[must_use]
-pub fn changes_picture(clause: &Clause) -> bool {
-    !matches!(
-        clause.act(),
-        Act::Unspecified
-            | Act::List
-            | Act::Describe
-            | Act::QuerySelection
-            | Act::Help
-            | Act::Select
-            | Act::ClearSelection
-            | Act::Label
-            | Act::Rename
-            | Act::Delete
-    )
-}
-
-/// Whether a clause asks for something that ought to be seen at once.
-fn should_show(clause: &Clause) -> bool {
-    changes_picture(clause) && !matches!(clause.act(), Act::Undo | Act::Redo | Act::Reset)
+pub fn changes_image(clause: &Clause) -> bool {
+    effect(clause) != Effect::None
 }
 
 /// The reply where nothing at all was understood.
@@ -104,10 +89,10 @@ pub fn compose(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -
 
 /// What the one unit that an action was about covers of the picture now.
 fn coverage(clause: &Clause, action: &ActionResult, evidence: &Evidence<'_>) -> Option<String> {
-    let told = matches!(clause.act(), Act::SetColor | Act::SetOpacity | Act::Show | Act::ShowOnly);
+    let reported = effect(clause) == Effect::Coverage;
     let complement = clause.target.as_ref().is_some_and(|t| t.complement);
     let [unit] = action.units.as_slice() else { return None };
-    if !told || complement || evidence.changed == Some(false) {
+    if !reported || complement || evidence.changed == Some(false) {
         return None;
     }
     let after = evidence.after?;
@@ -131,7 +116,7 @@ fn unseen(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Opt
         .iter()
         .filter(|a| a.ok && a.command.is_some())
         .filter_map(|a| Some((intent.clauses.get(usize::try_from(a.clause).ok()?)?, a)))
-        .filter(|(clause, _)| should_show(clause))
+        .filter(|(clause, _)| matches!(effect(clause), Effect::Visible | Effect::Coverage))
         .collect();
     if done.is_empty() {
         return None;
@@ -167,7 +152,7 @@ fn unseen(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Opt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sg_proto::language::Reference;
+    use sg_proto::language::{Act, Reference};
     use sg_proto::render::{Frame, UnitCoverage};
     use sg_proto::scene::{BaseUnit, Command};
 

@@ -2,7 +2,7 @@
 
 use sg_proto::scene::Target;
 
-use crate::token;
+use crate::syntax::token;
 
 /// Items joined as in a sentence: "a", "a and b", "a, b and c".
 pub(crate) fn join(items: &[String]) -> String {

@@ -2,7 +2,7 @@
 
 use sg_proto::scene::State;
 
-use crate::token::{self, Kind};
+use crate::syntax::token::{self, Kind};
 
 /// Names of the units that a person can speak of: base units and those saved by name, in the order of the scene.
 #[must_use]

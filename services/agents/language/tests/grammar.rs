@@ -4,6 +4,7 @@
 
 use proptest::prelude::*;
 use serde::Deserialize;
+use sg_language::commands;
 use sg_language::grammar::{self, UtteranceError};
 use sg_proto::language::{Act, Clause, Observation, Reference};
 use sg_proto::scene::{
@@ -273,7 +274,7 @@ fn the_longest_utterances_are_read_in_a_moment() {
 
 #[test]
 fn help_speaks_of_the_units_that_are_there() {
-    let help = grammar::help(&["leaves", "pot"]);
+    let help = commands::help(&["leaves", "pot"]);
     assert!(help.contains("make the leaves red") && !help.contains("{unit}"), "{help}");
 }
 

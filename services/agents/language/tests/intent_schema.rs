@@ -2,17 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sg_language::grammar;
 use sg_language::intent_schema::IntentSchema;
+use sg_language::{commands, grammar};
 
 #[test]
 fn everything_that_the_grammar_says_has_this_form_and_comes_back_the_same() {
-    let form = IntentSchema::new().unwrap();
+    let schema = IntentSchema::new().unwrap();
     let mut others = Vec::new();
-    for said in grammar::examples(&["sac", "vessel"]) {
+    for said in commands::examples(&["sac", "vessel"]) {
         let meant = grammar::parse(&said, &grammar::sample_observation(&["sac", "vessel"])).unwrap();
-        let written = form.write(&meant).unwrap();
-        match form.read(&written.to_string()) {
+        let written = schema.encode(&meant).unwrap();
+        match schema.decode(&written.to_string()) {
             Ok(read) if read.clauses == meant.clauses => (),
             other => others.push(format!("“{said}”: {meant:?}\n{written}\n{other:?}")),
         }

@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use proptest::prelude::*;
-use sg_language::resolve::{self, Refusal, Step};
+use sg_language::commands;
+use sg_language::resolution::{self, Refusal, Step};
 use sg_language::unit_names;
 use sg_proto::bus::Code;
 use sg_proto::language::{Act, Clause, Reference};
@@ -56,18 +57,18 @@ fn clause(act: Act, target: Reference) -> Clause {
 }
 
 fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
-    resolve::target(reference, state)
+    resolution::target(reference, state)
 }
 
 fn action(clause: &Clause, state: &State) -> Action {
-    match resolve::resolve(clause, state, None).unwrap() {
+    match commands::resolve(clause, state, None).unwrap() {
         Step::Change { action, .. } => action,
         Step::Answer { text, .. } => panic!("answered: {text}"),
     }
 }
 
 fn refusal(clause: &Clause, state: &State) -> Refusal {
-    resolve::resolve(clause, state, None).unwrap_err()
+    commands::resolve(clause, state, None).unwrap_err()
 }
 
 #[test]
@@ -246,7 +247,7 @@ fn only_saved_units_are_renamed_and_deleted() {
 
 #[test]
 fn questions_are_answered_from_scene_and_picture() {
-    let ask = |clause: &Clause, frame: Option<&Frame>| match resolve::resolve(clause, &scene(), frame).unwrap() {
+    let ask = |clause: &Clause, frame: Option<&Frame>| match commands::resolve(clause, &scene(), frame).unwrap() {
         Step::Answer { text, units } => (text, units),
         Step::Change { action, .. } => panic!("{action:?}"),
     };
@@ -295,7 +296,7 @@ proptest! {
         let clause = Clause { act, name, amount, operation, ..clause(Act::Unspecified, reference) };
         let clause = Clause { act, ..clause };
         let state = if empty { State::default() } else { scene() };
-        match resolve::resolve(&clause, &state, None) {
+        match commands::resolve(&clause, &state, None) {
             Err(refusal) => {
                 prop_assert!(!refusal.message.contains('\n') && !refusal.message.is_empty());
                 prop_assert!(refusal.code != Code::Unspecified);

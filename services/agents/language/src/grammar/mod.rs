@@ -16,12 +16,8 @@
 //! | "light from the left" | from the left of the picture as it is seen now |
 //! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
 
-mod forms;
-mod phrase;
 mod sentence;
 mod suggest;
-mod table;
-mod target;
 
 use std::sync::LazyLock;
 
@@ -30,14 +26,12 @@ use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::scene::{BaseUnit, Selection, State};
 use winnow::stream::TokenSlice;
 
-use crate::token;
+use crate::syntax::phrase::{Input, Known};
+use crate::syntax::token;
 use crate::unit_names;
-use phrase::{Input, Known};
-use sentence::{Beginnings, Sentence};
+use sentence::{OpeningIndex, Sentence};
 
-pub use table::{examples, help};
-
-static BEGINNINGS: LazyLock<Beginnings> = LazyLock::new(Beginnings::of_table);
+static OPENINGS: LazyLock<OpeningIndex> = LazyLock::new(OpeningIndex::of_table);
 
 /// Name of this backend.
 pub const NAME: &str = "grammar";
@@ -76,12 +70,12 @@ pub fn parse(text: &str, observation: &Observation) -> Result<Intent, UtteranceE
         let known = Known {
             source,
             names: &folded,
-            beginnings: &BEGINNINGS.first,
+            beginnings: &OPENINGS.first,
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
             view: scene.and_then(|s| s.view.as_ref()),
         };
         let tokens: Vec<&token::Token> = tokens.iter().collect();
-        sentence::read(&BEGINNINGS, Input { input: TokenSlice::new(&tokens), state: &known })
+        sentence::read(&OPENINGS, Input { input: TokenSlice::new(&tokens), state: &known })
     };
     let sentence = read(text, &tokens);
     let mut suggestions = Vec::new();
@@ -120,6 +114,8 @@ pub fn sample_observation(names: &[&str]) -> Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::commands::help::with_names;
+    use crate::commands::table::TABLE;
 
     fn observation(names: &[&str]) -> Observation {
         let unit = |name: &&str| BaseUnit { name: (*name).to_owned(), ..BaseUnit::default() };
@@ -131,10 +127,10 @@ mod tests {
     fn every_example_of_the_table_is_read_as_its_act() {
         for names in [&["sac", "vessel"][..], &["leaves", "flower pot"], &[]] {
             // Where nothing has a name nothing can be told apart from its new one.
-            for entry in table::TABLE.iter().filter(|e| !names.is_empty() || e.act != sg_proto::language::Act::Rename) {
+            for entry in TABLE.iter().filter(|e| !names.is_empty() || e.act != sg_proto::language::Act::Rename) {
                 assert!(!entry.examples.is_empty(), "{} has no example", entry.title);
                 for example in entry.examples {
-                    let said = table::spoken(example, names);
+                    let said = with_names(example, names);
                     let intent = parse(&said, &observation(names)).unwrap();
                     assert!(intent.not_understood.is_empty(), "“{said}” misses {:?}", intent.not_understood);
                     assert!(!intent.clauses.is_empty(), "“{said}” means nothing");
@@ -150,17 +146,17 @@ mod tests {
     fn every_act_of_the_contract_can_be_said() {
         for act in 1..=21 {
             let act = sg_proto::language::Act::try_from(act).unwrap();
-            assert!(table::TABLE.iter().any(|e| e.act == act), "{act:?}");
+            assert!(TABLE.iter().any(|e| e.act == act), "{act:?}");
         }
         assert!(sg_proto::language::Act::try_from(22).is_err(), "an act was added to the contract");
     }
 
     #[test]
     fn no_beginning_stands_twice_in_one_construction() {
-        for entry in table::TABLE {
-            for construction in entry.constructions {
+        for entry in TABLE {
+            for construct in entry.constructs {
                 let mut seen = std::collections::BTreeSet::new();
-                for opening in construction.phrases() {
+                for opening in construct.phrases() {
                     assert!(!opening.starts_with('(') && !opening.contains("  "), "“{opening}”");
                     assert!(seen.insert(opening), "“{opening}” stands twice under {}", entry.title);
                 }

@@ -1,16 +1,18 @@
 //! A whole utterance: clause after clause, verbs and objects carried over, what cannot be read set aside.
 
-use sg_proto::language::{Act, Clause};
+use sg_proto::language::Clause;
 use winnow::Parser;
 use winnow::combinator::{alt, repeat};
 
-use super::forms::{self, Property, Reading};
-use super::phrase::{
+use crate::commands::command::{Construct, Ellipsis};
+use crate::commands::table::TABLE;
+use crate::property::assignment;
+use crate::syntax::phrase::{
     CLOSERS, EXCEPTING, Input, JOINTS, Outcome, advance, end, is_break, one_of, peek_at, remaining, slice,
 };
-use super::table::{Form, TABLE};
-use super::target::target_alone;
-use crate::token::{self, Token};
+use crate::syntax::reading::{Property, Reading, Verb};
+use crate::syntax::target::target_alone;
+use crate::syntax::token::{self, Token};
 
 /// Most clauses of one utterance.
 const MAX_CLAUSES: usize = 64;
@@ -40,10 +42,10 @@ pub(super) struct Sentence {
     pub(super) unknown: usize,
 }
 
-/// Beginnings of every clause, each as lemmas, with their place in the table.
+/// OpeningIndex of every clause, each as lemmas, with their place in the table.
 #[derive(Debug)]
-pub(super) struct Beginnings {
-    openings: Vec<Opening>,
+pub(super) struct OpeningIndex {
+    all: Vec<Opening>,
     /// First lemmas, for telling where a list of names ends.
     pub(super) first: Vec<String>,
 }
@@ -51,25 +53,23 @@ pub(super) struct Beginnings {
 #[derive(Debug)]
 struct Opening {
     words: Vec<Token>,
-    phrase: &'static str,
-    act: Act,
-    form: Form,
+    verb: Verb,
+    construct: &'static Construct,
     /// Place in the table: the earlier of two equal readings is taken.
     order: usize,
 }
 
-impl Beginnings {
+impl OpeningIndex {
     pub(super) fn of_table() -> Self {
         let mut openings = Vec::new();
         for entry in TABLE {
-            for construction in entry.constructions {
-                for phrase in construction.phrases() {
+            for construct in entry.constructs {
+                for phrase in construct.phrases() {
                     let order = openings.len();
                     openings.push(Opening {
                         words: token::tokens(phrase),
-                        phrase,
-                        act: entry.act,
-                        form: construction.form,
+                        verb: Verb { act: entry.act, phrase },
+                        construct,
                         order,
                     });
                 }
@@ -78,7 +78,7 @@ impl Beginnings {
         let mut first: Vec<String> = openings.iter().filter_map(|o| o.words.first()).map(|t| t.lemma.clone()).collect();
         first.sort_unstable();
         first.dedup();
-        Self { openings, first }
+        Self { all: openings, first }
     }
 }
 
@@ -91,7 +91,7 @@ struct Carried<'b> {
 }
 
 /// Reads all clauses.
-pub(super) fn read(beginnings: &Beginnings, mut input: Input<'_>) -> Sentence {
+pub(super) fn read(openings: &OpeningIndex, mut input: Input<'_>) -> Sentence {
     let mut sentence = Sentence::default();
     let mut carried: Option<Carried<'_>> = None;
     // Where the part that was not understood began, if the last one was not.
@@ -113,7 +113,7 @@ pub(super) fn read(beginnings: &Beginnings, mut input: Input<'_>) -> Sentence {
         let reading = if blocked || sentence.clauses.len() >= MAX_CLAUSES {
             None
         } else {
-            clause(beginnings, &mut input, carried.as_ref())
+            clause(openings, &mut input, carried.as_ref())
         };
         match reading {
             Some((opening, reading)) if !(dangling && leans(&reading)) => {
@@ -227,14 +227,14 @@ fn skip_clause(input: &mut Input<'_>, blocked: bool) {
 
 /// One clause: as it stands, without its politeness, or leaning on the one before.
 fn clause<'b>(
-    beginnings: &'b Beginnings,
+    openings: &'b OpeningIndex,
     input: &mut Input<'_>,
     carried: Option<&Carried<'b>>,
 ) -> Option<(&'b Opening, Reading)> {
     let start = *input;
     let mut at = start;
     loop {
-        if let Some((opening, reading, rest)) = full_clause(beginnings, &at) {
+        if let Some((opening, reading, rest)) = full_clause(openings, &at) {
             *input = rest;
             return Some((opening, reading));
         }
@@ -258,19 +258,19 @@ type Rank = (usize, usize, usize);
 type Found<'b, 't> = (&'b Opening, Reading, Input<'t>);
 
 /// The best reading of a clause with its own verb: fewest unknown names, then most words, then first in the table.
-fn full_clause<'b, 't>(beginnings: &'b Beginnings, input: &Input<'t>) -> Option<Found<'b, 't>> {
+fn full_clause<'b, 't>(openings: &'b OpeningIndex, input: &Input<'t>) -> Option<Found<'b, 't>> {
     let tokens = remaining(input);
     let mut best: Option<(Rank, Found<'b, 't>)> = None;
-    for opening in &beginnings.openings {
+    for opening in &openings.all {
         let Some(here) = tokens.get(..opening.words.len()) else { continue };
         if !here.iter().zip(&opening.words).all(|(t, w)| t.text == w.text || (t.lemma == w.lemma && t.kind == w.kind)) {
             continue;
         }
         let mut at = *input;
         advance(&mut at, opening.words.len());
-        let Ok(reading) = forms::read(opening.form, opening.act, opening.phrase, &mut at) else { continue };
+        let Ok(reading) = (opening.construct.parse)(opening.verb, &mut at) else { continue };
         // Without a verb only what is surely there makes a sentence.
-        let fits = reading.clauses.iter().all(|c| c.act() == opening.act)
+        let fits = reading.clauses.iter().all(|c| c.act() == opening.verb.act)
             && !(opening.words.is_empty() && reading.unknown > 0)
             && ends_here(&at)
             && remaining(&at).len() < tokens.len();
@@ -295,19 +295,20 @@ fn ends_here(input: &Input<'_>) -> bool {
 /// "and the trunk too".
 fn carried_clause<'t>(carried: &Carried<'_>, input: &Input<'t>) -> Option<(Reading, Input<'t>)> {
     let opening = carried.opening;
-    let read = |form: Form, act: Act| {
+    let read = || {
         let mut at = *input;
-        let reading = forms::read(form, act, opening.phrase, &mut at).ok()?;
+        let reading = (opening.construct.parse)(opening.verb, &mut at).ok()?;
         Some((reading, at))
     };
+    let with_known_names = || read().filter(|(reading, _)| reading.unknown == 0);
     let continued = || {
         let mut at = *input;
-        let reading = forms::continued(carried.clause.target.as_ref()?, &mut at).ok()?;
+        let reading = assignment::continued(carried.clause.target.as_ref()?, &mut at).ok()?;
         Some((reading, at))
     };
     let same_property = || {
         let mut at = *input;
-        let reading = forms::same_property(carried.property?, &mut at).ok()?;
+        let reading = assignment::same_property(carried.property?, &mut at).ok()?;
         Some((reading, at))
     };
     let likewise = || {
@@ -317,22 +318,11 @@ fn carried_clause<'t>(carried: &Carried<'_>, input: &Input<'t>) -> Option<(Readi
         let clause = Clause { target: Some(target.reference), ..carried.clause.clone() };
         Some((Reading { clauses: vec![clause], unknown: 0, property: carried.property }, at))
     };
-    match opening.form {
-        Form::Becoming => read(Form::Becoming, opening.act).or_else(continued).or_else(likewise),
-        Form::Property => same_property().or_else(likewise),
-        Form::Fading => read(Form::Fading, opening.act).filter(|(reading, _)| reading.unknown == 0).or_else(likewise),
-        Form::Target
-        | Form::Turn
-        | Form::Selecting
-        | Form::Unselecting
-        | Form::Deleting
-        | Form::Subject
-        | Form::LightWords
-        | Form::LightProperty
-        | Form::Raising
-        | Form::Lowering
-        | Form::Switching
-        | Form::LookAt => read(opening.form, opening.act).filter(|(reading, _)| reading.unknown == 0),
-        _ => None,
+    match opening.construct.ellipsis {
+        Ellipsis::None => None,
+        Ellipsis::Verb => with_known_names(),
+        Ellipsis::VerbOrValue => with_known_names().or_else(likewise),
+        Ellipsis::VerbTargetOrValue => read().or_else(continued).or_else(likewise),
+        Ellipsis::PropertyOrValue => same_property().or_else(likewise),
     }
 }

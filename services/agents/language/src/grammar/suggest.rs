@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use super::table::{Construction, TABLE, spoken};
 use crate::color;
-use crate::token::{self, Kind, Token};
+use crate::commands::command::Construct;
+use crate::commands::help::with_names;
+use crate::commands::table::TABLE;
+use crate::syntax::token::{self, Kind, Token};
 
 /// Most suggestions given.
 pub(super) const MAX_SUGGESTIONS: usize = 3;
@@ -37,7 +39,7 @@ fn vocabulary(names: &[&str]) -> BTreeSet<String> {
         vocabulary.extend(words.map(|t| t.text));
     };
     for entry in TABLE {
-        entry.constructions.iter().flat_map(Construction::phrases).for_each(&mut learn);
+        entry.constructs.iter().flat_map(Construct::phrases).for_each(&mut learn);
         entry.examples.iter().copied().for_each(&mut learn);
     }
     names.iter().copied().for_each(learn);
@@ -81,10 +83,11 @@ pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String>
     }
     // A stable sort keeps the order of the table among equals.
     scored.sort_by_key(|(shared, _)| std::cmp::Reverse(*shared));
-    let mut chosen: Vec<String> = scored.into_iter().map(|(_, e)| spoken(e, names)).take(2 * MAX_SUGGESTIONS).collect();
+    let mut chosen: Vec<String> =
+        scored.into_iter().map(|(_, e)| with_names(e, names)).take(2 * MAX_SUGGESTIONS).collect();
     let general = TABLE.iter().filter_map(|e| e.examples.first());
     if chosen.is_empty() {
-        chosen.extend(general.take(2).map(|e| spoken(e, names)));
+        chosen.extend(general.take(2).map(|e| with_names(e, names)));
         chosen.push("help".to_owned());
     }
     chosen

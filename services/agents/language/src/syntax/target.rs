@@ -12,19 +12,19 @@ use winnow::combinator::{alt, opt};
 use winnow::error::EmptyError;
 
 use super::phrase::{
-    EXCEPTING, Input, Outcome, advance, article, end, exactly, items as listed, one_of, peek_at, phrase, remaining,
-    slice, word,
+    EXCEPTING, Input, Outcome, advance, article, end, exactly, items as listed, mark, one_of, peek_at, phrase,
+    remaining, slice, word,
 };
+use super::token::Kind;
 use crate::color;
-use crate::token::Kind;
 
 /// A reading of a target.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Target {
+pub(crate) struct Target {
     /// What it refers to.
-    pub(super) reference: Reference,
+    pub(crate) reference: Reference,
     /// Names in it that the scene does not have.
-    pub(super) unknown: usize,
+    pub(crate) unknown: usize,
 }
 
 /// Most readings that are followed up.
@@ -87,7 +87,7 @@ const NOT_IN_NAMES: &str = "the | a | an | this | that | these | those | my | yo
 static BELONGS_TO_SENTENCE: LazyLock<BTreeSet<&str>> = LazyLock::new(|| listed(NOT_IN_NAMES).collect());
 
 /// All readings of a target that begins here, likeliest first, each with what is left after it.
-pub(super) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
+pub(crate) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
     let mut all = Vec::new();
     let mut start = *input;
     let both: Outcome<Option<_>> = opt(exactly("both")).parse_next(&mut start);
@@ -102,7 +102,7 @@ pub(super) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
 /// The first reading of a target whose continuation fits.
 ///
 /// Everything may be said first and what is excepted from it last: "make everything transparent except the sac".
-pub(super) fn target_then<'t, O>(
+pub(crate) fn target_then<'t, O>(
     input: &mut Input<'t>,
     mut tail: impl FnMut(&mut Input<'t>, &Target) -> Outcome<O>,
 ) -> Outcome<(Target, O)> {
@@ -136,12 +136,12 @@ fn with_exceptions<'t>(everything: Target, input: &mut Input<'t>) -> Target {
 }
 
 /// A target and nothing after it.
-pub(super) fn target_alone(input: &mut Input<'_>) -> Outcome<Target> {
+pub(crate) fn target_alone(input: &mut Input<'_>) -> Outcome<Target> {
     target_then(input, |rest, _| end(rest)).map(|(target, ())| target)
 }
 
 /// What the conversation was last about.
-pub(super) fn focus() -> Target {
+pub(crate) fn focus() -> Target {
     Target { reference: Reference { focus: true, ..Reference::default() }, unknown: 0 }
 }
 
@@ -202,7 +202,7 @@ fn list<'t>(input: &Input<'t>, so_far: &Target, length: usize, all: &mut Vec<(Ta
 }
 
 fn separator<'t>(c: char) -> impl Parser<Input<'t>, (), EmptyError> {
-    super::phrase::mark(c).void()
+    mark(c).void()
 }
 
 /// Readings of one item of a list.
