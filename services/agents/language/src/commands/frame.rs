@@ -16,12 +16,18 @@ use crate::syntax::target::{Target, target_then};
 pub(super) const FRAME: Command = Command {
     act: Act::SetView,
     title: "frame",
-    constructs: &[Construct::with_ellipsis(
+    constructs: &[
+        Construct::with_ellipsis(
         "look at | look closer at | zoom in closer on | zoom closer to | bring | take a look at | focus on | focus | centre on | \
                  center on | centre | center | frame | go to | fly to | move to | zoom to | \
                  zoom on | zoom onto | zoom in on | zoom in to | zoom into | fit | take me to | \
                  point the camera at | aim at | bring into view | show me where | home in on | \
                  get closer to | closer to",
+        Ellipsis::Verb,
+        frame,
+    ),
+    Construct::with_ellipsis(
+        "fit the view to | fit view to | fit the camera to | fit the picture to | fit the window to",
         Ellipsis::Verb,
         frame,
     )],

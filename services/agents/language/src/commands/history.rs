@@ -34,16 +34,6 @@ pub(super) const REDO: Command = Command {
     title: "redo",
     constructs: &[
         Construct::new("redo | do again | bring back | reapply", steps),
-        Construct::new(
-            "reset | reset everything | reset all | reset it all | reset the scene | \
-             reset the look | reset the appearance | reset the looks | reset all changes | \
-             start over | start again | start from scratch | back to the start | \
-             back to the beginning | go back to the start | go back to the beginning | \
-             back to square one | restore everything | restore the original look | \
-             restore the scene | restore the original | original look | back to the original | \
-             back to the original look | go back to the original look | make everything as it was",
-            complete,
-        ),
     ],
     examples: &["redo", "redo twice"],
     fields: &[Field::optional_count("amount")],
