@@ -334,7 +334,7 @@ fn stored_result(id: &str, event: &Event) -> ActionResult {
     let command = Command { id: id.to_owned(), ..Command::default() };
     ActionResult {
         ok: true,
-        text: report::summary(&event.summary),
+        text: report::sentence(&event.summary),
         command: Some(command),
         result: Some(result),
         ..ActionResult::default()

@@ -9,7 +9,7 @@ fn parse(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn an_intent_is_written_as_json_by_its_schema() {
+fn an_intent_is_written_as_json() {
     let output = parse(&["parse", "make the sac red, then zoom in", "--units", "sac,vessel", "--json"]);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     assert!(output.stderr.is_empty());
@@ -22,21 +22,21 @@ fn an_intent_is_written_as_json_by_its_schema() {
 }
 
 #[test]
-fn what_is_not_understood_fails_the_command_and_is_said() {
+fn parts_that_are_not_understood_fail_the_command() {
     let output = parse(&["parse", "make the sac red and dance", "--units", "sac"]);
     assert_eq!(output.status.code(), Some(1));
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(told.contains("set_color: “make the sac red”") && told.contains("not understood: “dance”"), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("set_color: “make the sac red”") && stderr.contains("not understood: “dance”"), "{stderr}");
     assert!(output.stdout.is_empty());
 }
 
 #[test]
-fn wrong_arguments_are_told_in_a_line_with_status_2() {
+fn invalid_arguments_exit_with_status_2() {
     for (arguments, part) in [
-        (&["parse", "", "--units", "sac"][..], "nothing was said"),
+        (&["parse", "", "--units", "sac"][..], "the utterance is empty"),
         (&["parse", &"a".repeat(5000)], "5000 bytes"),
-        (&["parse", "zoom in", "--backend", "gpt"], "there are `grammar`, `openai`, `grpc`"),
-        (&["parse", "zoom in", "--model", "m"], "`model` means nothing to the backend `grammar`"),
+        (&["parse", "zoom in", "--backend", "gpt"], "use one of `grammar`, `openai`, `grpc`"),
+        (&["parse", "zoom in", "--model", "m"], "the backend `grammar` has no parameter `model`"),
         (&["parse"], "<TEXT>"),
     ] {
         let output = parse(arguments);
@@ -46,7 +46,7 @@ fn wrong_arguments_are_told_in_a_line_with_status_2() {
 }
 
 #[test]
-fn phrases_name_the_units_given() {
+fn phrases_hold_the_names_of_units() {
     let output = parse(&["phrases", "--units", "leaves,pot"]);
     assert_eq!(output.status.code(), Some(0));
     assert!(String::from_utf8(output.stdout).unwrap().contains("make the leaves red"));

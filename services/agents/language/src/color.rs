@@ -1,11 +1,11 @@
-//! Colours by name, and the name of a colour.
+//! Colours to names and names to colours.
 //!
-//! RGB, 0 to 1, without transfer function, as palettes are stored.
+//! RGB from 0 to 1. No transfer function is applied, as in stored palettes.
 
 use csscolorparser::Color as Css;
 use sg_proto::scene::Color;
 
-/// Names beyond those of CSS, and the one where CSS goes against the word: its `darkgray` is lighter than its `gray`.
+/// Names that CSS lacks. `dark gray` is here because the `darkgray` of CSS is lighter than its `gray`.
 const EXTRA: [(&str, u32); 66] = [
     ("dark grey", 0x404040),
     ("dark gray", 0x404040),
@@ -75,33 +75,33 @@ const EXTRA: [(&str, u32); 66] = [
     ("wine red", 0x722f37),
 ];
 
-/// Words that change the colour after them.
-const MODIFIERS: [(&str, Shift); 21] = [
-    ("dark", Shift::Darker(0.55)),
-    ("darker", Shift::Darker(0.55)),
-    ("deep", Shift::Darker(0.7)),
-    ("light", Shift::Lighter(0.5)),
-    ("lighter", Shift::Lighter(0.5)),
-    ("pale", Shift::Lighter(0.65)),
-    ("pastel", Shift::Lighter(0.6)),
-    ("soft", Shift::Lighter(0.4)),
-    ("bright", Shift::Fuller),
-    ("vivid", Shift::Fuller),
-    ("strong", Shift::Fuller),
-    ("intense", Shift::Fuller),
-    ("saturated", Shift::Fuller),
-    ("pure", Shift::Same),
-    ("plain", Shift::Same),
-    ("solid", Shift::Same),
-    ("medium", Shift::Same),
-    ("nice", Shift::Same),
-    ("very", Shift::Same),
-    ("rich", Shift::Same),
-    ("really", Shift::Same),
+/// Words that modify the next colour.
+const MODIFIERS: [(&str, Adjustment); 21] = [
+    ("dark", Adjustment::Darker(0.55)),
+    ("darker", Adjustment::Darker(0.55)),
+    ("deep", Adjustment::Darker(0.7)),
+    ("light", Adjustment::Lighter(0.5)),
+    ("lighter", Adjustment::Lighter(0.5)),
+    ("pale", Adjustment::Lighter(0.65)),
+    ("pastel", Adjustment::Lighter(0.6)),
+    ("soft", Adjustment::Lighter(0.4)),
+    ("bright", Adjustment::Saturated),
+    ("vivid", Adjustment::Saturated),
+    ("strong", Adjustment::Saturated),
+    ("intense", Adjustment::Saturated),
+    ("saturated", Adjustment::Saturated),
+    ("pure", Adjustment::Unchanged),
+    ("plain", Adjustment::Unchanged),
+    ("solid", Adjustment::Unchanged),
+    ("medium", Adjustment::Unchanged),
+    ("nice", Adjustment::Unchanged),
+    ("very", Adjustment::Unchanged),
+    ("rich", Adjustment::Unchanged),
+    ("really", Adjustment::Unchanged),
 ];
 
-/// Adjectives that lean the colour after them towards another.
-const LEANINGS: [(&str, &str); 11] = [
+/// Adjectives that mix the next colour with another one.
+const TINTS: [(&str, &str); 11] = [
     ("reddish", "red"),
     ("bluish", "blue"),
     ("greenish", "green"),
@@ -115,8 +115,8 @@ const LEANINGS: [(&str, &str); 11] = [
     ("whitish", "white"),
 ];
 
-/// Names that a colour is described by, told apart by eye.
-const DESCRIBING: [&str; 34] = [
+/// Names for descriptions, easy to tell apart.
+const DESCRIPTIONS: [&str; 34] = [
     "black",
     "white",
     "grey",
@@ -154,18 +154,18 @@ const DESCRIBING: [&str; 34] = [
 ];
 
 #[derive(Debug, Clone, Copy)]
-enum Shift {
-    /// Every channel times this.
+enum Adjustment {
+    /// Multiplies each channel by this factor.
     Darker(f32),
-    /// This much white mixed in.
+    /// Mixes in this share of white.
     Lighter(f32),
-    /// As bright and saturated as the hue allows.
-    Fuller,
-    /// Said for emphasis only.
-    Same,
+    /// Raises brightness and saturation to the maximum of the hue.
+    Saturated,
+    /// Leaves the colour as it is.
+    Unchanged,
 }
 
-/// Most words that one colour takes.
+/// Largest number of words of a colour.
 pub(crate) const MAX_WORDS: usize = 5;
 
 fn rgb(color: [f32; 3]) -> Color {
@@ -173,19 +173,19 @@ fn rgb(color: [f32; 3]) -> Color {
     Color { red, green, blue }
 }
 
-/// A colour from its three channels; channels outside 0 to 1 are clamped.
+/// A colour from three channels, clamped to 0 to 1.
 #[must_use]
 pub fn from_rgb(channels: [f32; 3]) -> Color {
     rgb(channels.map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1.0) }))
 }
 
-fn shift(color: Color, by: Shift) -> Color {
+fn shift(color: Color, by: Adjustment) -> Color {
     let channels = [color.red, color.green, color.blue];
     from_rgb(match by {
-        Shift::Same => channels,
-        Shift::Darker(factor) => channels.map(|c| c * factor),
-        Shift::Lighter(share) => channels.map(|c| c + (1.0 - c) * share),
-        Shift::Fuller => {
+        Adjustment::Unchanged => channels,
+        Adjustment::Darker(factor) => channels.map(|c| c * factor),
+        Adjustment::Lighter(share) => channels.map(|c| c + (1.0 - c) * share),
+        Adjustment::Saturated => {
             let most = channels.iter().copied().fold(0.0, f32::max);
             let least = channels.iter().copied().fold(1.0, f32::min);
             let range = most - least;
@@ -194,7 +194,7 @@ fn shift(color: Color, by: Shift) -> Color {
     })
 }
 
-/// A single name without modifiers, given as its words.
+/// A colour by its name without modifiers.
 fn named(words: &[&str]) -> Option<Color> {
     let spaced = words.join(" ");
     if let Some((_, hex)) = EXTRA.iter().find(|(name, _)| *name == spaced) {
@@ -202,7 +202,7 @@ fn named(words: &[&str]) -> Option<Color> {
         return Some(rgb([red, green, blue].map(|c| f32::from(c) / 255.0)));
     }
     let joined = words.concat();
-    // The parser takes bare hexadecimal digits for a colour, so that "add" would be one; no name is made of those alone.
+    // The CSS parser accepts bare hexadecimal digits: "add" would be a colour.
     let plain = joined.bytes().all(|b| b.is_ascii_lowercase()) && !joined.bytes().all(|b| b.is_ascii_hexdigit());
     if !plain || joined == "transparent" {
         return None;
@@ -210,10 +210,10 @@ fn named(words: &[&str]) -> Option<Color> {
     csscolorparser::parse(&joined).ok().map(|c| rgb([c.r, c.g, c.b]))
 }
 
-/// The colour that a sequence of words in lower case begins with, longest name first, and how many words it takes.
+/// The colour at the start of a sequence of lowercase words, and its number of words. The longest name wins.
 ///
-/// Names of CSS, written together or apart, some more, and both with words before them that darken, lighten, saturate
-/// or lean them ("dark olive green", "pale reddish brown").
+/// It knows the names of CSS, joined or apart, and some more. Words before them darken, lighten, saturate or mix
+/// them ("dark olive green", "pale reddish brown").
 #[must_use]
 pub fn from_words(words: &[&str]) -> Option<(Color, usize)> {
     for length in (1..=words.len().min(3)).rev() {
@@ -226,7 +226,7 @@ pub fn from_words(words: &[&str]) -> Option<(Color, usize)> {
         let (color, length) = from_words(rest)?;
         return Some((shift(color, *by), length + 1));
     }
-    let (_, towards) = LEANINGS.iter().find(|(word, _)| word == first)?;
+    let (_, towards) = TINTS.iter().find(|(word, _)| word == first)?;
     let (color, length) = from_words(rest)?;
     let towards = named(&[towards])?;
     let mix = |a: f32, b: f32| 0.65 * a + 0.35 * b;
@@ -234,7 +234,7 @@ pub fn from_words(words: &[&str]) -> Option<(Color, usize)> {
     Some((from_rgb(mixed), length + 1))
 }
 
-/// The colour of a whole phrase such as `forest green`, `#ff8800` or `rgb(255 136 0)`.
+/// The colour of a whole phrase, for example `forest green`, `#ff8800` or `rgb(255 136 0)`.
 #[must_use]
 pub fn from_phrase(phrase: &str) -> Option<Color> {
     let lower = phrase.trim().to_lowercase();
@@ -245,26 +245,27 @@ pub fn from_phrase(phrase: &str) -> Option<Color> {
     from_words(&words).filter(|(_, length)| *length == words.len()).map(|(color, _)| color)
 }
 
-/// Whether a word before a colour is said for emphasis only.
+/// Whether a word before a colour has no effect.
 pub(crate) fn is_emphasis(word: &str) -> bool {
-    MODIFIERS.iter().any(|(w, shift)| *w == word && matches!(shift, Shift::Same))
+    MODIFIERS.iter().any(|(w, shift)| *w == word && matches!(shift, Adjustment::Unchanged))
 }
 
-/// Whether a word is a colour, or only ever said of one.
+/// Whether a word is a colour or a modifier of colours.
 pub(crate) fn is_word(word: &str) -> bool {
-    named(&[word]).is_some() || MODIFIERS.iter().any(|(w, _)| *w == word) || LEANINGS.iter().any(|(w, _)| *w == word)
+    named(&[word]).is_some() || MODIFIERS.iter().any(|(w, _)| *w == word) || TINTS.iter().any(|(w, _)| *w == word)
 }
 
-/// The everyday name nearest to a colour, by distance in Oklab.
+/// The nearest everyday name of a colour, by distance in Oklab.
 #[must_use]
 pub fn name_of(color: &Color) -> &'static str {
     let lab = |c: &Color| Css::new(c.red, c.green, c.blue, 1.0).to_oklaba();
-    let wanted = lab(color);
+    let lab_color = lab(color);
     let distance = |name: &str| {
-        from_phrase(name)
-            .map_or(f32::INFINITY, |c| lab(&c).iter().zip(&wanted).take(3).map(|(a, b)| (a - b) * (a - b)).sum::<f32>())
+        from_phrase(name).map_or(f32::INFINITY, |c| {
+            lab(&c).iter().zip(&lab_color).take(3).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+        })
     };
-    DESCRIBING.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or("grey")
+    DESCRIPTIONS.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or("grey")
 }
 
 #[cfg(test)]
@@ -297,21 +298,21 @@ mod tests {
     }
 
     #[test]
-    fn words_that_only_look_like_colours_are_none() {
+    fn other_words_are_not_colours() {
         for word in ["fade", "add", "bed", "transparent", "sac", "dark", "reddish", "", "red sac"] {
             assert_eq!(from_phrase(word), None, "{word}");
         }
     }
 
     #[test]
-    fn the_longest_name_is_taken_and_the_rest_left() {
+    fn the_longest_name_wins() {
         let (_, length) = from_words(&["light", "sea", "green", "please"]).unwrap();
         assert_eq!(length, 3);
     }
 
     #[test]
-    fn every_describing_name_is_a_colour_and_describes_itself() {
-        for name in DESCRIBING {
+    fn every_description_is_a_colour_and_describes_itself() {
+        for name in DESCRIPTIONS {
             assert_eq!(name_of(&from_phrase(name).unwrap()), name);
         }
         assert_eq!(name_of(&from_rgb([0.97, 0.02, 0.05])), "red");

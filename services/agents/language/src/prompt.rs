@@ -1,45 +1,45 @@
-//! What an agent asks of a language model, what comes back, and what may go wrong.
+//! Prompts to language models, and limits on prompts and answers.
 
 use serde_json::Value;
 
-/// Largest prompt: both texts and the schema together, bytes.
+/// Largest prompt with its schema, bytes.
 pub const MAX_PROMPT_BYTES: usize = 64 << 10;
 
-/// Largest answer that is read, bytes.
+/// Largest answer, bytes.
 pub const MAX_ANSWER_BYTES: usize = 64 << 10;
 
-/// Most names of units that one prompt lists.
+/// Largest number of unit names in a prompt.
 pub const MAX_LISTED_NAMES: usize = 200;
 
-/// Most bytes of names of units in one prompt.
+/// Largest total length of unit names in a prompt, bytes.
 const MAX_LISTED_BYTES: usize = 8 << 10;
 
-/// A question to a language model.
+/// A prompt to a language model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prompt {
-    /// Role of the agent that asks.
+    /// Role of the agent.
     pub agent: &'static str,
-    /// What the model is to do. Holds nothing that a person or a file has named.
+    /// The task. It holds no text from users or files.
     pub system: String,
-    /// What it is about: a JSON object, so that names and words are data whatever they say.
+    /// The input: a JSON object, so that the model can tell data from the task.
     pub user: String,
-    /// JSON schema of the answer; free text without one.
+    /// JSON schema of the answer, or `None` for free text.
     pub schema: Option<Value>,
-    /// Most tokens of the answer that are of use.
+    /// Largest number of tokens of the answer.
     pub max_tokens: u32,
-    /// Id of the request that this belongs to.
+    /// Id of the request.
     pub id: String,
 }
 
 impl Prompt {
-    /// Bytes of all of it.
+    /// Size of the prompt with its schema, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.system.len() + self.user.len() + self.schema.as_ref().map_or(0, |s| s.to_string().len())
     }
 }
 
-/// An answer that cannot be taken: it does not hold what was asked for.
+/// An answer that does not have the requested form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct InvalidAnswer(pub String);
@@ -52,7 +52,7 @@ impl InvalidAnswer {
     }
 }
 
-/// As many of the names, in their order, as one prompt lists.
+/// The first names, as many as fit into a prompt.
 #[must_use]
 pub fn limit_names<'n>(names: &[&'n str]) -> Vec<&'n str> {
     let mut bytes = 0;
@@ -63,13 +63,13 @@ pub fn limit_names<'n>(names: &[&'n str]) -> Vec<&'n str> {
     names.iter().take(MAX_LISTED_NAMES).take_while(fits).copied().collect()
 }
 
-/// At most this many bytes of a text, cut between letters.
+/// The first `bytes` bytes of a text, cut at a character boundary.
 #[must_use]
 pub fn clip(text: &str, bytes: usize) -> &str {
     text.get(..text.floor_char_boundary(bytes)).unwrap_or(text)
 }
 
-/// A line from elsewhere as it may stand in a log or a reply: one line, no control characters, at most 300 bytes.
+/// A text from another program for a log or a reply: one line, no control characters, at most 300 bytes.
 #[must_use]
 pub fn single_line(text: &str) -> String {
     let plain: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_of_names_are_bounded_both_ways() {
+    fn the_number_and_length_of_names_are_limited() {
         let short = vec!["a"; 1000];
         assert_eq!(limit_names(&short).len(), MAX_LISTED_NAMES);
         let long = "n".repeat(100);
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_are_cut_between_letters_and_lines_hold_no_control_characters() {
+    fn texts_are_clipped_at_character_boundaries() {
         assert_eq!(clip("größe", 3), "gr");
         assert_eq!(clip("größe", 4), "grö");
         assert_eq!(clip("sac", 9), "sac");

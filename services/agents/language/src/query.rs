@@ -1,4 +1,4 @@
-//! Answers to questions, from the scene and, where there is one of the same revision, its picture.
+//! Answers to questions about the scene and its picture.
 
 use sg_proto::render::Frame;
 use sg_proto::scene::{Color, LightMode, Mask, ShadingTerm, State};
@@ -6,14 +6,14 @@ use sg_proto::scene::{Color, LightMode, Mask, ShadingTerm, State};
 use crate::color;
 use crate::text::{capital, factor, grouped, join, percent, the};
 
-/// Most units that a list tells of one by one.
+/// Largest number of units in a list.
 const MAX_LINES: usize = 40;
 
-/// Most units that the selection is said to be part of.
+/// Largest number of units in the answer about the selection.
 const MAX_PARTS: usize = 8;
 
-/// What a unit looks like, whichever kind it is.
-struct Look<'s> {
+/// Appearance of a unit of any kind.
+struct UnitSummary<'s> {
     name: &'s str,
     count: u64,
     color: Option<&'s Color>,
@@ -22,61 +22,61 @@ struct Look<'s> {
     kind: &'static str,
 }
 
-fn looks(state: &State) -> Vec<Look<'_>> {
-    let base = state.base_units.iter().map(|u| Look {
+fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
+    let base = state.base_units.iter().map(|u| UnitSummary {
         name: &u.name,
         count: u.count,
         color: u.palette.as_ref(),
         opacity: u.opacity,
         visible: u.visible,
-        kind: "part of the scene file",
+        kind: "from the scene file",
     });
-    let saved = state.units.iter().map(|u| Look {
+    let saved = state.units.iter().map(|u| UnitSummary {
         name: &u.name,
         count: u.count,
         color: u.color.as_ref(),
         opacity: u.opacity,
         visible: u.visible,
-        kind: if u.derived { "made by a command" } else { "saved unit" },
+        kind: if u.derived { "made by a command" } else { "saved" },
     });
     base.chain(saved).collect()
 }
 
-/// Share of the picture that a unit covers, if it was measured.
+/// Share of the picture that a unit covers, if it is known.
 fn coverage(name: &str, frame: Option<&Frame>) -> Option<f64> {
     frame?.units.iter().find(|u| u.unit == name).map(|u| u.share)
 }
 
-fn line(look: &Look<'_>, state: &State, frame: Option<&Frame>) -> String {
-    let share = if state.count > 0 { look.count as f64 / state.count as f64 } else { 0.0 };
-    let color = look.color.map_or("its own colours", color::name_of);
-    let seen = match coverage(look.name, frame) {
-        Some(share) if look.visible => format!("; covers {} of the picture", percent(share)),
+fn line(unit: &UnitSummary<'_>, state: &State, frame: Option<&Frame>) -> String {
+    let share = if state.count > 0 { unit.count as f64 / state.count as f64 } else { 0.0 };
+    let color = unit.color.map_or("original colours", color::name_of);
+    let covered = match coverage(unit.name, frame) {
+        Some(share) if unit.visible => format!("; covers {} of the picture", percent(share)),
         _ => String::new(),
     };
     format!(
-        "{}: {} Gaussians ({} of the scene), {color}, opacity {}, {}{seen} ({})",
-        look.name,
-        grouped(look.count),
+        "{}: {} Gaussians ({} of the scene), {color}, opacity {}, {}{covered} ({})",
+        unit.name,
+        grouped(unit.count),
         percent(share),
-        percent(look.opacity.into()),
-        if look.visible { "visible" } else { "hidden" },
-        look.kind,
+        percent(unit.opacity.into()),
+        if unit.visible { "visible" } else { "hidden" },
+        unit.kind,
     )
 }
 
-/// One unit: size, share of the scene, colour, opacity, visibility, coverage. `None` if there is no such unit.
+/// One unit: size, share of the scene, colour, opacity, visibility, coverage. `None`: no such unit.
 #[must_use]
 pub fn unit(name: &str, state: &State, frame: Option<&Frame>) -> Option<String> {
-    looks(state).iter().find(|l| l.name == name).map(|l| capital(&line(l, state, frame)))
+    summaries(state).iter().find(|l| l.name == name).map(|l| capital(&line(l, state, frame)))
 }
 
-/// Every unit, one a line.
+/// All units, one per line.
 #[must_use]
 pub fn list(state: &State, frame: Option<&Frame>) -> String {
-    let looks = looks(state);
-    if looks.is_empty() {
-        return "There are no units in the scene.".to_owned();
+    let summaries = summaries(state);
+    if summaries.is_empty() {
+        return "The scene has no units.".to_owned();
     }
     let saved = state.units.iter().filter(|u| !u.derived).count();
     let mut lines = vec![format!(
@@ -86,14 +86,14 @@ pub fn list(state: &State, frame: Option<&Frame>) -> String {
             n => format!("{n} units"),
         }
     )];
-    lines.extend(looks.iter().take(MAX_LINES).map(|l| format!("  {}", line(l, state, frame))));
-    if looks.len() > MAX_LINES {
-        lines.push(format!("  and {} more", looks.len() - MAX_LINES));
+    lines.extend(summaries.iter().take(MAX_LINES).map(|l| format!("  {}", line(l, state, frame))));
+    if summaries.len() > MAX_LINES {
+        lines.push(format!("  and {} more", summaries.len() - MAX_LINES));
     }
     lines.join("\n")
 }
 
-/// The selection: how many Gaussians, what share of the scene and, where the masks are there, of which units.
+/// The selection: number of Gaussians, share of the scene and, with masks, shares of units.
 #[must_use]
 pub fn selection(state: &State) -> String {
     let count = state.selection.as_ref().map_or(0, |s| s.count);
@@ -107,7 +107,7 @@ pub fn selection(state: &State) -> String {
     format!("{gaussians} selected, {} of the scene{of}.", percent(share))
 }
 
-/// How much of each unit is selected, largest share first.
+/// Selected share of each unit, the largest first.
 fn selected_parts(state: &State) -> Vec<String> {
     let Some(selected) = state.selection.as_ref().and_then(|s| s.mask.as_ref()) else { return Vec::new() };
     let mut parts: Vec<(f64, &str)> = Vec::new();
@@ -123,15 +123,15 @@ fn selected_parts(state: &State) -> Vec<String> {
     }
     parts.retain(|(share, _)| *share > 0.0);
     parts.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let told = |(share, name): &(f64, &str)| match *share {
+    let describe = |(share, name): &(f64, &str)| match *share {
         s if s >= 1.0 => format!("all of {}", the(name)),
         s => format!("{} of {}", percent(s), the(name)),
     };
-    let mut told: Vec<String> = parts.iter().take(MAX_PARTS).map(told).collect();
+    let mut descriptions: Vec<String> = parts.iter().take(MAX_PARTS).map(describe).collect();
     if parts.len() > MAX_PARTS {
-        told.push(format!("parts of {} more", parts.len() - MAX_PARTS));
+        descriptions.push(format!("parts of {} more", parts.len() - MAX_PARTS));
     }
-    told
+    descriptions
 }
 
 fn bit(mask: &Mask, index: u64) -> bool {
@@ -139,7 +139,7 @@ fn bit(mask: &Mask, index: u64) -> bool {
     byte.is_some_and(|b| b >> (index % 8) & 1 == 1)
 }
 
-/// The whole scene: units, selection, light, background, what of the shading is shown.
+/// The whole scene: units, selection, light, background, shading.
 #[must_use]
 pub fn scene(state: &State, frame: Option<&Frame>) -> String {
     let mut parts = vec![format!("The scene has {} Gaussians. {}", grouped(state.count), list(state, frame))];
@@ -161,7 +161,7 @@ pub fn scene(state: &State, frame: Option<&Frame>) -> String {
     }
     let term = term_name(state.term());
     if state.term() != ShadingTerm::Full && state.term() != ShadingTerm::Unspecified {
-        parts.push(format!("Shown is only the {term}."));
+        parts.push(format!("The picture shows only the {term}."));
     }
     if let Some(frame) = frame {
         parts.push(format!("The scene covers {} of the picture.", percent(frame.coverage)));
@@ -169,7 +169,7 @@ pub fn scene(state: &State, frame: Option<&Frame>) -> String {
     parts.join("\n")
 }
 
-/// What a part of the shading is called.
+/// The name of a shading term.
 pub(crate) fn term_name(term: ShadingTerm) -> &'static str {
     match term {
         ShadingTerm::Normal => "surface normals",
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_is_told_with_its_numbers() {
+    fn a_unit_is_described_with_its_numbers() {
         let frame = Frame {
             revision: 4,
             units: vec![UnitCoverage { unit: "vessel".into(), share: 0.125, mean_color: None }],
@@ -220,17 +220,17 @@ mod tests {
         }
         let hidden = unit("sac", &scene_of_two(), Some(&frame)).unwrap();
         assert!(hidden.contains("hidden") && hidden.contains("2.5 %") && !hidden.contains("covers"), "{hidden}");
-        assert_eq!(unit("nobody", &scene_of_two(), None), None);
+        assert_eq!(unit("other", &scene_of_two(), None), None);
     }
 
     #[test]
-    fn the_selection_is_told_or_its_absence() {
+    fn the_selection_is_described() {
         assert_eq!(selection(&scene_of_two()), "25 Gaussians are selected, 2.5 % of the scene.");
         assert_eq!(selection(&State::default()), "Nothing is selected.");
     }
 
     #[test]
-    fn with_masks_the_selection_is_told_by_unit() {
+    fn with_masks_the_selection_is_described_by_unit() {
         let mask = |bits: &[u8]| Some(Mask { length: 16, bits: bits.to_vec() });
         let base = |name: &str, first, count| BaseUnit { name: name.into(), first, count, ..BaseUnit::default() };
         let state = State {
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_are_bounded() {
+    fn the_length_of_lists_is_limited() {
         let units = (0..500).map(|i| Unit { name: format!("u{i}"), ..Unit::default() }).collect();
         let text = list(&State { units, ..State::default() }, None);
         assert!(text.lines().count() <= MAX_LINES + 2 && text.contains("460 more"), "{text}");

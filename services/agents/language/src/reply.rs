@@ -1,4 +1,4 @@
-//! The answer to an utterance: what was done, what was seen of it, what was not understood.
+//! Replies to utterances: executed commands, their effect on the image, parts that were not understood.
 
 use sg_proto::language::{ActionResult, Clause, Intent, Observation, PlanResult, Reply};
 use sg_proto::scene::State;
@@ -7,14 +7,14 @@ use crate::commands::command::Effect;
 use crate::commands::table::effect;
 use crate::text::{is_plural, join, percent, the};
 
-/// What the picture shows of what was done.
+/// The observations before and after the commands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence<'o> {
-    /// Before understanding.
+    /// The observation before the commands.
     pub before: &'o Observation,
-    /// After acting; absent when nothing was done, or nothing that changes a picture.
+    /// The observation after the commands. `None`: no command changes the image.
     pub after: Option<&'o Observation>,
-    /// Whether the two pictures differ where an 8-bit display could show it; `None` if that could not be compared.
+    /// Whether the two images differ. `None`: they could not be compared.
     pub changed: Option<bool>,
 }
 
@@ -24,36 +24,36 @@ pub fn changes_image(clause: &Clause) -> bool {
     effect(clause) != Effect::None
 }
 
-/// The reply where nothing at all was understood.
+/// The reply where nothing was understood.
 #[must_use]
 pub fn not_understood(intent: &Intent, revision: u64) -> Reply {
-    let mut text = missed(intent);
+    let mut text = not_understood_text(intent);
     if text.is_empty() {
-        "There was nothing to do in that. Say “help” for what can be said.".clone_into(&mut text);
+        "That holds no command. Say “help” for examples.".clone_into(&mut text);
     }
     Reply { text, ok: false, revision, ..Reply::default() }
 }
 
-fn missed(intent: &Intent) -> String {
+fn not_understood_text(intent: &Intent) -> String {
     if intent.not_understood.is_empty() {
         return String::new();
     }
     let quoted = |items: &[String]| -> Vec<String> { items.iter().map(|i| format!("“{i}”")).collect() };
     let mut text = format!("I did not understand {}.", join(&quoted(&intent.not_understood)));
     if !intent.suggestions.is_empty() {
-        text.push_str(&format!(" You could say {}.", quoted(&intent.suggestions).join(" or ")));
+        text.push_str(&format!(" Try {}.", quoted(&intent.suggestions).join(" or ")));
     }
     text
 }
 
-/// The reply after a plan was carried out, or as much of it as could be.
+/// The reply after a plan was executed, completely or in part.
 #[must_use]
 pub fn compose(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Reply {
     let mut sentences = Vec::new();
     for (place, action) in outcome.actions.iter().enumerate() {
         let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
         let mut text = action.text.clone();
-        // The picture shows what the last change to a unit has left.
+        // The image shows only the last change of a unit.
         let last = outcome.actions.iter().skip(place + 1).all(|later| later.units != action.units);
         if action.ok
             && last
@@ -68,15 +68,15 @@ pub fn compose(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -
     if left > 0 {
         let words: Vec<String> =
             intent.clauses.iter().skip(outcome.actions.len()).map(|c| format!("“{}”", c.words)).collect();
-        sentences.push(format!("So this was not tried: {}.", join(&words)));
+        sentences.push(format!("Not executed: {}.", join(&words)));
     }
-    if let Some(text) = unseen(intent, outcome, evidence) {
+    if let Some(text) = invisible_change(intent, outcome, evidence) {
         sentences.push(text);
     }
-    let missed = missed(intent);
-    let understood_all = missed.is_empty();
+    let text = not_understood_text(intent);
+    let understood_all = text.is_empty();
     if !understood_all {
-        sentences.push(missed);
+        sentences.push(text);
     }
     Reply {
         text: sentences.join(if sentences.iter().any(|s| s.contains('\n')) { "\n" } else { " " }),
@@ -87,7 +87,7 @@ pub fn compose(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -
     }
 }
 
-/// What the one unit that an action was about covers of the picture now.
+/// The coverage of the one unit of an action.
 fn coverage(clause: &Clause, action: &ActionResult, evidence: &Evidence<'_>) -> Option<String> {
     let reported = effect(clause) == Effect::Coverage;
     let complement = clause.target.as_ref().is_some_and(|t| t.complement);
@@ -109,8 +109,8 @@ fn is_visible(unit: &str, scene: &State) -> bool {
     base.or_else(|| scene.units.iter().find(|u| u.name == unit).map(|u| u.visible && u.opacity > 0.0)).unwrap_or(true)
 }
 
-/// What is to be said where a change of look cannot be evidence, or nobody could look.
-fn unseen(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Option<String> {
+/// The sentence where a change is not visible, or the image is missing.
+fn invisible_change(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Option<String> {
     let done: Vec<(&Clause, &ActionResult)> = outcome
         .actions
         .iter()
@@ -123,8 +123,8 @@ fn unseen(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Opt
     }
     let after = evidence.after?;
     let Some(frame) = &after.frame else {
-        let why = if after.missing.is_empty() { "no picture came" } else { after.missing.as_str() };
-        return Some(format!("I could not look at the result: {}.", why.trim_end_matches('.')));
+        let why = if after.missing.is_empty() { "the picture is missing" } else { after.missing.as_str() };
+        return Some(format!("I could not check the result: {}.", why.trim_end_matches('.')));
     };
     if evidence.changed != Some(false) {
         return None;
@@ -138,7 +138,7 @@ fn unseen(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Opt
         let reason = match (hidden, share) {
             (true, _) => format!("{} {is} hidden", the(unit)),
             (false, Some(share)) if share <= 0.0 => format!("{} {lies} outside the picture", the(unit)),
-            (false, Some(_)) => format!("{} {is} covered by other things or looked so before", the(unit)),
+            (false, Some(_)) => format!("{} {is} covered by other structures or looked like this already", the(unit)),
             (false, None) => format!("{they} may be hidden, covered or outside the picture"),
         };
         if !reasons.contains(&reason) {
@@ -187,7 +187,7 @@ mod tests {
             units: vec![UnitCoverage { unit: "sac".into(), share, mean_color: None }],
             ..Frame::default()
         });
-        let missing = if frame.is_some() { String::new() } else { "nobody draws pictures at the moment".to_owned() };
+        let missing = if frame.is_some() { String::new() } else { "no render process is running".to_owned() };
         Observation { moment: "after".into(), scene: Some(scene), frame, missing }
     }
 
@@ -197,14 +197,14 @@ mod tests {
     }
 
     #[test]
-    fn a_change_is_told_with_what_was_seen() {
+    fn a_change_is_reported_with_its_coverage() {
         let reply =
             text(&[Act::SetColor], &[(true, "The sac is now red.")], &observation(true, Some(0.03)), Some(true));
         assert_eq!((reply.text.as_str(), reply.ok), ("The sac is now red; it covers 3 % of the picture.", true));
     }
 
     #[test]
-    fn no_visible_change_is_admitted_with_its_reason() {
+    fn an_invisible_change_is_reported_with_its_reason() {
         let done = [(true, "The sac is now red.")];
         let hidden = text(&[Act::SetColor], &done, &observation(false, Some(0.0)), Some(false));
         assert_eq!(hidden.text, "The sac is now red. The picture shows no change: the sac is hidden.");
@@ -215,37 +215,34 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_did_not_come_is_admitted() {
+    fn a_missing_image_is_reported() {
         let reply = text(&[Act::SetColor], &[(true, "The sac is now red.")], &observation(true, None), None);
-        assert_eq!(
-            reply.text,
-            "The sac is now red. I could not look at the result: nobody draws pictures at the moment."
-        );
+        assert_eq!(reply.text, "The sac is now red. I could not check the result: no render process is running.");
         assert!(reply.ok, "the change itself was made");
     }
 
     #[test]
-    fn a_failure_stops_and_says_what_was_left() {
+    fn a_failure_is_reported_with_the_skipped_clauses() {
         let reply = text(
             &[Act::SetColor, Act::Hide],
-            &[(false, "No unit is called “sack”.")],
+            &[(false, "Nothing is named “sack”.")],
             &observation(true, Some(0.1)),
             Some(false),
         );
-        assert_eq!(reply.text, "No unit is called “sack”. So this was not tried: “Hide”.");
+        assert_eq!(reply.text, "Nothing is named “sack”. Not executed: “Hide”.");
         assert!(!reply.ok);
     }
 
     #[test]
-    fn what_was_not_understood_is_said_and_fails_the_whole() {
+    fn parts_that_are_not_understood_fail_the_reply() {
         let mut intent = intent(&[Act::SetColor]);
         intent.not_understood = vec!["dance".into()];
         intent.suggestions = vec!["help".into()];
         let before = Observation::default();
         let reply =
             compose(&intent, &outcome(&[(true, "Done.")]), &Evidence { before: &before, after: None, changed: None });
-        assert_eq!(reply.text, "Done. I did not understand “dance”. You could say “help”.");
+        assert_eq!(reply.text, "Done. I did not understand “dance”. Try “help”.");
         assert!(!reply.ok);
-        assert_eq!(not_understood(&intent, 3).text, "I did not understand “dance”. You could say “help”.");
+        assert_eq!(not_understood(&intent, 3).text, "I did not understand “dance”. Try “help”.");
     }
 }

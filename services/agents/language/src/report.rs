@@ -1,4 +1,4 @@
-//! What was done, in words.
+//! Sentences about executed commands.
 
 use sg_proto::language::Clause;
 use sg_proto::scene::command::Action;
@@ -16,16 +16,16 @@ fn subject(of: Option<&Target>) -> (String, &'static str) {
     (capital(&name), if plural { "are" } else { "is" })
 }
 
-/// One line that says what a command did: `before` is the scene it was resolved against.
+/// One sentence about an executed command. `before` is the scene before the command.
 ///
-/// Where only the scene knows what happened (what undo took back), its own summary is passed on.
+/// Undo and redo use the summary of the scene.
 #[must_use]
 pub fn action(clause: &Clause, action: &Action, before: &State, result: &CommandResult) -> String {
     match action {
         Action::SetColor(set) => {
             let (what, verb) = subject(set.target.as_ref());
             match &set.color {
-                None => format!("{what} {verb} in the original colours again."),
+                None => format!("{what} {verb} now in the original colours."),
                 Some(color) => {
                     let said = clause.color_name.trim().to_lowercase();
                     let name = if said.is_empty() { color::name_of(color).to_owned() } else { said };
@@ -49,7 +49,7 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
                 if said.is_empty() { set.color.as_ref().map_or("changed", color::name_of).to_owned() } else { said };
             format!("The background is now {name}.")
         }
-        Action::SetTerm(set) => format!("Shown is now the {}.", query::term_name(set.term())),
+        Action::SetTerm(set) => format!("The picture now shows the {}.", query::term_name(set.term())),
         Action::SetView(set) => set.change.as_ref().map_or_else(String::new, view),
         Action::Select(select) => match &select.target {
             None => "Nothing is selected now.".to_owned(),
@@ -59,9 +59,9 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
                 let (what, verb) = (capital(&what), if plural { "are" } else { "is" });
                 match select.operation() {
                     SetOperation::Add => format!("{what} {verb} added to the selection."),
-                    SetOperation::Remove => format!("{what} {verb} taken out of the selection."),
+                    SetOperation::Remove => format!("{what} {verb} removed from the selection."),
                     SetOperation::Intersect => {
-                        format!("Only what the selection shares with {} stays selected.", lower(&what))
+                        format!("The selection is now limited to {}.", lower(&what))
                     }
                     SetOperation::Replace | SetOperation::Unspecified => format!("{what} {verb} selected."),
                 }
@@ -69,23 +69,21 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         },
         Action::SaveUnit(save) => {
             let count = before.selection.as_ref().map_or(0, |s| s.count);
-            let verb = if save.replace { "now holds" } else { "is saved with" };
-            format!("The unit “{}” {verb} the selection's {} Gaussians.", save.name, grouped(count))
+            let verb = if save.replace { "Updated" } else { "Saved" };
+            format!("{verb} “{}” with {} Gaussians.", save.name, grouped(count))
         }
         Action::DeleteUnit(delete) => {
-            format!("The unit “{}” is deleted; its Gaussians stay, and “undo” brings it back.", delete.name)
+            format!("Removed the name “{}”. Its Gaussians stay; “undo” restores the name.", delete.name)
         }
-        Action::RenameUnit(rename) => format!("The unit “{}” is now called “{}”.", rename.name, rename.new_name),
-        Action::Reset(_) => {
-            "Everything looks as it did when the scene was opened; units and selection stay.".to_owned()
-        }
-        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => summary(&result.summary),
+        Action::RenameUnit(rename) => format!("“{}” is now named “{}”.", rename.name, rename.new_name),
+        Action::Reset(_) => "The appearance is reset. Units and selection are unchanged.".to_owned(),
+        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),
     }
 }
 
-/// A summary of the scene's as a sentence of its own.
+/// A summary of the scene as a sentence.
 #[must_use]
-pub fn summary(summary: &str) -> String {
+pub fn sentence(summary: &str) -> String {
     let summary = capital(summary.trim());
     if summary.is_empty() {
         "Done.".to_owned()
@@ -101,7 +99,7 @@ fn lower(text: &str) -> String {
     letters.next().map(|first| first.to_lowercase().collect::<String>() + letters.as_str()).unwrap_or_default()
 }
 
-/// Present opacity factor of a unit.
+/// Current opacity of a unit.
 fn opacity_of(name: &str, state: &State) -> Option<f32> {
     let base = state.base_units.iter().find(|u| u.name == name).map(|u| u.opacity);
     base.or_else(|| state.units.iter().find(|u| u.name == name).map(|u| u.opacity))
@@ -114,7 +112,7 @@ fn opacity(set: &SetOpacity, before: &State) -> String {
     if !set.relative {
         return format!("{what} {verb} now at {} opacity.", percent(set.factor.into()));
     }
-    // One unit's new factor is known; of several each has its own.
+    // The new opacity is known only for a single unit.
     if let ([name], false, false) = (of.units.as_slice(), of.complement, of.selection)
         && let Some(old) = opacity_of(name, before)
     {
@@ -167,14 +165,14 @@ fn view(change: &set_view::Change) -> String {
             NamedView::Right => "This is the view from the right.",
             NamedView::Top => "This is the view from the top.",
             NamedView::Bottom => "This is the view from below.",
-            NamedView::Initial => "This is the view the scene was opened with.",
+            NamedView::Initial => "This is the initial view.",
             NamedView::Unspecified => "The view has changed.",
         }
         .to_owned(),
         set_view::Change::Orbit(orbit) => {
             let mut parts = Vec::new();
             for (degrees, positive, negative) in [
-                (orbit.azimuth_degrees, "to its right", "to its left"),
+                (orbit.azimuth_degrees, "to the right", "to the left"),
                 (orbit.elevation_degrees, "upwards", "downwards"),
             ] {
                 if degrees != 0.0 {
@@ -182,9 +180,10 @@ fn view(change: &set_view::Change) -> String {
                     parts.push(format!("{}° {way}", factor(degrees.abs())));
                 }
             }
-            format!("The eye moved {} around the scene.", join(&parts))
+            format!("The camera moved {}.", join(&parts))
         }
-        set_view::Change::Zoom(by) => format!("Things appear {} times as large.", factor(*by)),
+        set_view::Change::Zoom(by) if *by < 1.0 => format!("Zoomed out by a factor of {}.", factor(1.0 / by)),
+        set_view::Change::Zoom(by) => format!("Zoomed in by a factor of {}.", factor(*by)),
         set_view::Change::Focus(of) => {
             let (what, _) = target(of);
             format!("The view frames {what}.")
@@ -201,15 +200,15 @@ mod tests {
         Some(Target { units: names.iter().map(|n| (*n).to_owned()).collect(), ..Target::default() })
     }
 
-    fn told(action: &Action) -> String {
+    fn report(action: &Action) -> String {
         let before =
             State { units: vec![Unit { name: "sac".into(), opacity: 0.5, ..Unit::default() }], ..State::default() };
-        let result = CommandResult { summary: "took back: made the sac red".into(), ..CommandResult::default() };
+        let result = CommandResult { summary: "undid: made the sac red".into(), ..CommandResult::default() };
         super::action(&Clause::default(), action, &before, &result)
     }
 
     #[test]
-    fn what_was_done_reads_as_a_sentence() {
+    fn reports_are_sentences() {
         let red = Some(Color { red: 1.0, green: 0.0, blue: 0.0 });
         let cases = [
             (Action::SetColor(SetColor { target: units(&["sac"]), color: red }), "The sac is now red."),
@@ -230,15 +229,12 @@ mod tests {
                 Action::SetOpacity(SetOpacity { target: units(&["sac"]), factor: 0.5, relative: true }),
                 "The sac is now at 25 % opacity.",
             ),
-            (
-                Action::SetView(SetView { change: Some(set_view::Change::Zoom(1.5)) }),
-                "Things appear 1.5 times as large.",
-            ),
+            (Action::SetView(SetView { change: Some(set_view::Change::Zoom(1.5)) }), "Zoomed in by a factor of 1.5."),
             (Action::Select(Select { target: None, operation: 1 }), "Nothing is selected now."),
-            (Action::Undo(sg_proto::scene::Undo { steps: 1 }), "Took back: made the sac red."),
+            (Action::Undo(sg_proto::scene::Undo { steps: 1 }), "Undid: made the sac red."),
         ];
         for (action, text) in cases {
-            assert_eq!(told(&action), text);
+            assert_eq!(report(&action), text);
         }
     }
 }

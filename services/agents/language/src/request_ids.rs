@@ -1,10 +1,9 @@
-//! Ids that a repeated request gives again, so that what it causes happens once.
+//! Deterministic ids of derived requests, so that a repeated request has no second effect.
 
-/// The id under which something caused by a request takes effect: BLAKE3 of the request's id and what it is for,
-/// hexadecimal (64 bytes).
+/// The id of a request that another request causes: BLAKE3 of the other's id and a purpose, as 64 hexadecimal digits.
 ///
-/// A request that is sent again under the same id, by a client that retries or a service that was restarted, yields the
-/// same ids, and the scene answers a command it has seen with its first result.
+/// A repeated request with the same id causes requests with the same ids. The scene answers a known command with its
+/// first result.
 #[must_use]
 pub fn derived(request: &str, purpose: &str) -> String {
     let mut hasher = blake3::Hasher::new_derive_key("supergaussian agents: id of a caused message, version 1");
@@ -21,13 +20,13 @@ pub fn command(plan: &str, clause: usize) -> String {
     derived(plan, &format!("clause {clause}"))
 }
 
-/// The id of the request for what an utterance means.
+/// The id of the request to the intent agent.
 #[must_use]
 pub fn intent(utterance: &str) -> String {
     derived(utterance, "intent")
 }
 
-/// The id of the request to a model for the words of a reply.
+/// The id of the prompt that rephrases a reply.
 #[must_use]
 pub fn paraphrase(utterance: &str) -> String {
     derived(utterance, "wording")
@@ -44,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ids_repeat_for_the_same_and_differ_for_others() {
+    fn equal_inputs_give_equal_ids_and_others_differ() {
         let plan_id = plan("utterance");
         assert_eq!(command(&plan_id, 0), command(&plan("utterance"), 0));
         assert_ne!(command(&plan_id, 0), command(&plan_id, 1));

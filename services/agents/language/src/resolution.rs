@@ -1,10 +1,10 @@
-//! From what was understood to what is done: a clause against the scene as it stands.
+//! Targets of clauses: references to names and the selection of a scene.
 //!
-//! | reference | stands for |
+//! | reference | resolves to |
 //! | --- | --- |
-//! | names | units of these names: exactly, else without regard to case, else word by word in any inflection |
-//! | focus | the units last addressed, else the selection |
-//! | complement of nothing | all but the units last addressed, else all but the selection |
+//! | names | the units with these names: exact, then case-insensitive, then word by word in any inflection |
+//! | focus | the units of the last command, else the selection |
+//! | complement without names | all but the units of the last command, else all but the selection |
 
 use std::fmt::Write as _;
 
@@ -20,11 +20,11 @@ use crate::unit_names::{self, Lookup};
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct Refusal {
-    /// What kind of refusal.
+    /// The status code.
     pub code: Code,
-    /// One line for a person: what, and what to do.
+    /// One sentence for the user: the reason and a way out.
     pub message: String,
-    /// Further facts: the names that there are.
+    /// Further facts, for example the existing names.
     pub details: Vec<String>,
 }
 
@@ -42,36 +42,36 @@ impl Refusal {
     }
 }
 
-/// What is to be done for one clause.
+/// The result of resolving a clause.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Step {
-    /// The scene is to be changed.
+    /// A change of the scene.
     Change {
-        /// How.
+        /// The scene command.
         action: Action,
-        /// Names of the units it is about, as they stand in the scene.
+        /// Names of the affected units in the scene.
         units: Vec<String>,
     },
-    /// A question, and its answer.
+    /// An answer to a question.
     Answer {
-        /// The answer, for a person.
+        /// The answer for the user.
         text: String,
-        /// Names of the units it is about.
+        /// Names of the units in question.
         units: Vec<String>,
     },
 }
 
 impl Step {
-    /// A change that is not about units.
+    /// A change of the whole scene.
     pub(crate) fn scene_wide(action: Action) -> Self {
         Self::Change { action, units: Vec::new() }
     }
 }
 
-/// How many names a message lists.
+/// Largest number of names in a message.
 const LISTED_NAMES: usize = 12;
 
-fn listed(state: &State) -> String {
+fn name_list(state: &State) -> String {
     let names = unit_names::addressable(state);
     let shown = names.iter().take(LISTED_NAMES).copied().collect::<Vec<_>>().join(", ");
     match names.len() {
@@ -81,27 +81,30 @@ fn listed(state: &State) -> String {
     }
 }
 
-/// The unit that a spoken name means.
+/// Finds the unit with a spoken name.
 ///
 /// # Errors
-/// `NotFound` with near misses, `InvalidArgument` where several fit.
+/// `NotFound` with similar names, `InvalidArgument` where several names match.
 pub fn unit<'s>(spoken: &str, state: &'s State) -> Result<&'s str, Refusal> {
     match unit_names::lookup(spoken, &unit_names::all(state)) {
         Lookup::Unique(name) => Ok(name),
         Lookup::Ambiguous(names) => {
             let names: Vec<String> = names.iter().map(|n| format!("“{n}”")).collect();
             Err(Refusal::invalid(format!(
-                "“{spoken}” could be {}; say it exactly, in quotation marks.",
-                names.join(" or ")
+                "“{spoken}” matches several units: {}. Say the exact name in quotation marks.",
+                names.join(", ")
             )))
         }
         Lookup::Missing(near) => {
-            let mut message = format!("No unit is called “{spoken}”.");
-            if !near.is_empty() {
+            let mut message = if near.is_empty() {
+                format!("Nothing is named “{spoken}” yet. Brush it, press Ctrl+S, name it.")
+            } else {
                 let near: Vec<String> = near.iter().map(|n| format!("“{n}”")).collect();
-                let _ = write!(message, " Did you mean {}?", near.join(" or "));
+                format!("Nothing is named “{spoken}”. Did you mean {}?", near.join(" or "))
+            };
+            if !unit_names::addressable(state).is_empty() {
+                let _ = write!(message, " Names: {}.", name_list(state));
             }
-            let _ = write!(message, " Units: {}.", listed(state));
             let details = unit_names::addressable(state).into_iter().map(str::to_owned).collect();
             Err(Refusal { code: Code::NotFound, message, details })
         }
@@ -121,7 +124,7 @@ pub(crate) fn need_selection(state: &State) -> Result<(), Refusal> {
     Err(Refusal::precondition(format!("Nothing is selected. Brush a structure{example} first.")))
 }
 
-/// What "it" means: the units last addressed that are still there, else the selection.
+/// The target of "it": the units of the last command that still exist, else the selection.
 fn focus(state: &State) -> Option<Target> {
     let names = unit_names::all(state);
     let units: Vec<String> = state.focus.iter().filter(|f| names.contains(&f.as_str())).cloned().collect();
@@ -131,17 +134,19 @@ fn focus(state: &State) -> Option<Target> {
     (selected_count(state) > 0).then(|| Target { selection: true, ..Target::default() })
 }
 
-/// What a reference means in a scene.
+/// Resolves a reference in a scene.
 ///
 /// # Errors
-/// `NotFound`, `InvalidArgument` as [`unit()`]; `FailedPrecondition` where it leans on a selection or on something said
-/// before and there is none.
+/// `NotFound`, `InvalidArgument` as [`unit()`]. `FailedPrecondition`: nothing is selected, or the reference has no
+/// antecedent.
 pub fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
-    let nothing_said = |what: &str| {
-        Refusal::precondition(format!(
-            "Nothing was spoken of before, so “{what}” means nothing yet. Units: {}.",
-            listed(state)
-        ))
+    let no_antecedent = |word: &str| {
+        let names = match unit_names::addressable(state).as_slice() {
+            [] => "Nothing has a name yet.".to_owned(),
+            [name] => format!("Only “{name}” exists: say “the {name}”."),
+            _ => format!("Names: {}.", name_list(state)),
+        };
+        Refusal::precondition(format!("Which structure? “{word}” refers to nothing yet. {names}"))
     };
     let mut target = Target { complement: reference.complement, everything: reference.everything, ..Target::default() };
     for spoken in &reference.names {
@@ -154,20 +159,20 @@ pub fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
         need_selection(state)?;
         target.selection = true;
     }
-    let leans = reference.focus
+    let needs_antecedent = reference.focus
         || (reference.complement && reference.names.is_empty() && !reference.selection && !reference.everything);
-    if leans {
-        let what = if reference.complement { "everything else" } else { "it" };
-        let before = focus(state).ok_or_else(|| nothing_said(what))?;
-        target.selection |= before.selection;
-        for name in before.units {
+    if needs_antecedent {
+        let word = if reference.complement { "everything else" } else { "it" };
+        let antecedent = focus(state).ok_or_else(|| no_antecedent(word))?;
+        target.selection |= antecedent.selection;
+        for name in antecedent.units {
             if !target.units.contains(&name) {
                 target.units.push(name);
             }
         }
     }
     if target.units.is_empty() && !target.selection && !target.everything {
-        return Err(Refusal::invalid(format!("Say what it is about. Units: {}.", listed(state))));
+        return Err(Refusal::invalid(format!("Which structure? Names: {}.", name_list(state))));
     }
     Ok(target)
 }
@@ -181,12 +186,12 @@ pub(crate) fn color_of(color: Option<&Color>) -> Result<Option<Color>, Refusal> 
     match color {
         None => Ok(None),
         Some(c) if [c.red, c.green, c.blue].iter().all(|v| (0.0..=1.0).contains(v)) => Ok(Some(*c)),
-        Some(_) => Err(Refusal::new(Code::OutOfRange, "A colour has three numbers from 0 to 1.")),
+        Some(_) => Err(Refusal::new(Code::OutOfRange, "A colour needs three numbers from 0 to 1.")),
     }
 }
 
 pub(crate) fn missing(what: &str) -> Refusal {
-    Refusal::invalid(format!("The clause names no {what}."))
+    Refusal::invalid(format!("The clause has no {what}."))
 }
 
 pub(crate) fn number(clause: &Clause, what: &str) -> Result<f64, Refusal> {
@@ -194,7 +199,7 @@ pub(crate) fn number(clause: &Clause, what: &str) -> Result<f64, Refusal> {
     if value.is_finite() && (0.0..=1e6).contains(&value) {
         Ok(value)
     } else {
-        Err(Refusal::new(Code::OutOfRange, format!("{value} is no {what}; say a number from 0 to 1000000.")))
+        Err(Refusal::new(Code::OutOfRange, format!("{value} is not a valid {what}; use a number from 0 to 1,000,000.")))
     }
 }
 
@@ -205,7 +210,7 @@ pub(crate) fn step_count(clause: &Clause) -> Result<u32, Refusal> {
     } else {
         Err(Refusal::new(
             Code::OutOfRange,
-            format!("{value} steps cannot be taken; say a whole number from 1 to 1000."),
+            format!("{value} is not a number of steps; use a whole number from 1 to 1,000."),
         ))
     }
 }
@@ -221,29 +226,32 @@ pub(crate) fn checked_name(clause: &Clause) -> Result<String, Refusal> {
     Ok(name.to_owned())
 }
 
-/// Whether a name belongs to a base unit.
+/// Whether the name is that of a base unit.
 pub(crate) fn is_base_unit(name: &str, state: &State) -> bool {
     state.base_units.iter().any(|u| u.name == name)
 }
 
-/// The one editable unit that a clause is about.
+/// Finds the one editable unit of a clause.
 pub(crate) fn editable_unit(clause: &Clause, state: &State, verb: &str) -> Result<String, Refusal> {
     let reference = clause.target.clone().unwrap_or_default();
     let saved: Vec<&str> = state.units.iter().map(|u| u.name.as_str()).collect();
     let which = || {
-        let names = if saved.is_empty() { "none yet".to_owned() } else { saved.join(", ") };
-        format!("Say by name which unit to {verb}. Saved units: {names}.")
+        if saved.is_empty() {
+            "No unit is saved yet.".to_owned()
+        } else {
+            format!("Say the name of the unit: {}.", saved.join(", "))
+        }
     };
     if reference.everything || reference.complement {
-        return Err(Refusal::precondition(format!("Units are named one at a time here. {}", which())));
+        return Err(Refusal::precondition(format!("Only one unit at a time can be {verb}d. {}", which())));
     }
     if reference.selection {
-        return Err(Refusal::precondition(format!("The selection is not a unit. {}", which())));
+        return Err(Refusal::precondition(format!("The selection has no name yet. {}", which())));
     }
     let target = target(&reference, state)?;
     match target.units.as_slice() {
         [name] if is_base_unit(name, state) => Err(Refusal::precondition(format!(
-            "“{name}” is part of the scene file and cannot be {verb}d; it can be hidden. {}",
+            "“{name}” is part of the scene file and cannot be {verb}d. You can hide it. {}",
             which()
         ))),
         [name] if !target.selection => Ok(name.clone()),

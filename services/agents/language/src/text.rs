@@ -1,10 +1,10 @@
-//! Phrases that answers and reports are made of.
+//! Text formats of answers and reports: numbers, lists, names.
 
 use sg_proto::scene::Target;
 
 use crate::syntax::token;
 
-/// Items joined as in a sentence: "a", "a and b", "a, b and c".
+/// A list in a sentence: "a", "a and b", "a, b and c".
 pub(crate) fn join(items: &[String]) -> String {
     match items {
         [] => String::new(),
@@ -13,11 +13,11 @@ pub(crate) fn join(items: &[String]) -> String {
     }
 }
 
-/// A share from 0 to 1 in percent: whole numbers from 10, one digit below, and no false zero.
+/// A share from 0 to 1 in percent: whole numbers from 10 %, else one digit, and never 0 % for a positive share.
 pub(crate) fn percent(share: f64) -> String {
     let value = 100.0 * share;
     if !value.is_finite() {
-        return "an unknown part".to_owned();
+        return "an unknown share".to_owned();
     }
     match value {
         v if v <= 0.0 => "0 %".to_owned(),
@@ -30,7 +30,7 @@ pub(crate) fn percent(share: f64) -> String {
     }
 }
 
-/// A whole number with thousands set apart by commas.
+/// A whole number with commas between thousands.
 pub(crate) fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -43,24 +43,24 @@ pub(crate) fn grouped(number: u64) -> String {
     text
 }
 
-/// A factor with as many digits as it needs.
+/// A factor with up to two decimals.
 pub(crate) fn factor(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// A sentence's first letter in upper case.
+/// The text with its first letter in upper case.
 pub(crate) fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map(|first| first.to_uppercase().collect::<String>() + letters.as_str()).unwrap_or_default()
 }
 
-/// A unit in a sentence: "the sac".
+/// A unit in a sentence, with article.
 pub(crate) fn the(name: &str) -> String {
     format!("the {name}")
 }
 
-/// Whether a name speaks of several things ("leaves"), so that its verb does too.
+/// Whether a name is plural ("leaves").
 pub(crate) fn is_plural(name: &str) -> bool {
     let lower = name.to_lowercase();
     let Some(last) = lower.split_whitespace().last() else { return false };
@@ -68,7 +68,7 @@ pub(crate) fn is_plural(name: &str) -> bool {
     token::is_irregular_plural(last) || (last.ends_with('s') && !singular_ending && token::lemma(last) != last)
 }
 
-/// What a target is called in a sentence, and whether that is plural.
+/// A target in a sentence, and whether it is plural.
 pub(crate) fn target(target: &Target) -> (String, bool) {
     let mut parts: Vec<String> = target.units.iter().map(|u| the(u)).collect();
     if target.selection {
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_never_a_false_zero() {
+    fn positive_shares_are_never_zero_percent() {
         for (share, text) in [
             (0.0, "0 %"),
             (0.0004, "less than 0.1 %"),
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn verbs_agree_with_names() {
+    fn plural_names_are_recognized() {
         assert!(is_plural("leaves") && is_plural("left roots") && is_plural("vertebrae"));
         assert!(!is_plural("sac") && !is_plural("pelvis") && !is_plural("nucleus") && !is_plural("abscess"));
     }

@@ -1,4 +1,4 @@
-//! What is said and what it means: every utterance of `grammar.toml`, and properties that hold for any text.
+//! Intents of the utterances in `grammar.toml`, and properties of any utterance.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -14,7 +14,7 @@ use sg_proto::scene::{
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Book {
+struct Corpus {
     scene: Vec<Scene>,
 }
 
@@ -38,7 +38,7 @@ struct Case {
     misses: Vec<String>,
 }
 
-fn book() -> Book {
+fn corpus() -> Corpus {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/grammar.toml");
     toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
@@ -129,7 +129,7 @@ fn view(clause: &Clause) -> String {
     }
 }
 
-/// A clause in a notation short enough to be read beside the utterance.
+/// A clause in the notation of `grammar.toml`.
 fn short(clause: &Clause) -> String {
     let about = target(clause.target.as_ref());
     let sign = if clause.relative { "x" } else { "=" };
@@ -174,12 +174,12 @@ fn short(clause: &Clause) -> String {
 }
 
 #[test]
-fn every_utterance_of_the_book_means_what_it_says() {
-    let book = book();
+fn every_utterance_of_the_corpus_has_its_intent() {
+    let corpus = corpus();
     let mut wrong = Vec::new();
     let mut utterances = 0;
     let mut refusals = 0;
-    for scene in &book.scene {
+    for scene in &corpus.scene {
         let units: Vec<&str> = scene.units.iter().map(String::as_str).collect();
         let observation = observation(&units, scene.selected);
         for case in &scene.case {
@@ -193,7 +193,7 @@ fn every_utterance_of_the_book_means_what_it_says() {
                     scene.name, case.say, case.means, intent.not_understood, case.misses
                 ));
             }
-            // Whatever is missed is answered with something that would be understood.
+            // Every suggestion is understood.
             if !intent.not_understood.is_empty() {
                 assert!(!intent.suggestions.is_empty(), "“{}” is refused without a suggestion", case.say);
                 for suggestion in &intent.suggestions {
@@ -212,8 +212,8 @@ fn every_utterance_of_the_book_means_what_it_says() {
 }
 
 #[test]
-fn politeness_and_capitals_change_nothing() {
-    for scene in &book().scene {
+fn politeness_and_capitals_do_not_change_the_intent() {
+    for scene in &corpus().scene {
         let units: Vec<&str> = scene.units.iter().map(String::as_str).collect();
         let observation = observation(&units, scene.selected);
         for case in scene.case.iter().filter(|c| !c.means.is_empty() && c.misses.is_empty()) {
@@ -231,7 +231,7 @@ fn politeness_and_capitals_change_nothing() {
 }
 
 #[test]
-fn words_of_every_clause_stand_in_the_utterance() {
+fn every_clause_quotes_the_utterance() {
     let said = "Make the Sac red,  and fade everything else to 20 percent; then zoom in.";
     let intent = grammar::parse(said, &observation(&["sac"], false)).unwrap();
     let words: Vec<&str> = intent.clauses.iter().map(|c| c.words.as_str()).collect();
@@ -239,7 +239,7 @@ fn words_of_every_clause_stand_in_the_utterance() {
 }
 
 #[test]
-fn a_misspelt_verb_is_not_guessed_but_its_correction_is_offered() {
+fn a_misspelt_verb_gets_a_suggestion() {
     let intent = grammar::parse("hdie the soil", &observation(&["soil", "pot"], false)).unwrap();
     assert!(intent.clauses.is_empty());
     assert_eq!(intent.suggestions.first().map(String::as_str), Some("hide the soil"));
@@ -253,7 +253,7 @@ fn an_utterance_that_is_too_long_or_empty_is_refused() {
 }
 
 #[test]
-fn the_longest_utterances_are_read_in_a_moment() {
+fn the_longest_utterances_are_parsed_quickly() {
     let observation = observation(&["sac", "red vessel", "left renal artery"], true);
     for piece in [
         "make the red red ",
@@ -266,14 +266,14 @@ fn the_longest_utterances_are_read_in_a_moment() {
         "one ",
     ] {
         let said: String = piece.repeat(4096 / piece.len());
-        let begun = std::time::Instant::now();
+        let start = std::time::Instant::now();
         assert!(grammar::parse(&said, &observation).is_ok());
-        assert!(begun.elapsed() < std::time::Duration::from_secs(5), "“{piece}…” took {:?}", begun.elapsed());
+        assert!(start.elapsed() < std::time::Duration::from_secs(5), "“{piece}…” took {:?}", start.elapsed());
     }
 }
 
 #[test]
-fn help_speaks_of_the_units_that_are_there() {
+fn help_names_the_units_of_the_scene() {
     let help = commands::help(&["leaves", "pot"]);
     assert!(help.contains("make the leaves red") && !help.contains("{unit}"), "{help}");
 }
@@ -282,7 +282,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn no_text_makes_it_fail_and_nothing_is_invented(text in any::<String>(), units in prop::collection::vec(any::<String>(), 0..4)) {
+    fn any_text_is_parsed(text in any::<String>(), units in prop::collection::vec(any::<String>(), 0..4)) {
         let units: Vec<&str> = units.iter().map(String::as_str).collect();
         let observation = observation(&units, true);
         if let Ok(intent) = grammar::parse(&text, &observation) {
@@ -296,7 +296,7 @@ proptest! {
     }
 
     #[test]
-    fn no_row_of_words_makes_it_fail(words in prop::collection::vec(prop::sample::select(VOCABULARY.to_vec()), 0..14)) {
+    fn any_sequence_of_known_words_is_parsed(words in prop::collection::vec(prop::sample::select(VOCABULARY.to_vec()), 0..14)) {
         let observation = observation(&["sac", "red vessel", "light"], true);
         let text = words.join(" ");
         if let Ok(intent) = grammar::parse(&text, &observation) {
@@ -314,7 +314,7 @@ proptest! {
     }
 
     #[test]
-    fn a_known_name_is_found_however_it_is_written(name in "[a-z]{3,9}( [a-z]{3,9}){0,2}", shout in any::<bool>()) {
+    fn a_known_name_is_found_in_any_case(name in "[a-z]{3,9}( [a-z]{3,9}){0,2}", shout in any::<bool>()) {
         let said = if shout { name.to_uppercase() } else { name.clone() };
         let observation = observation(&[&name], false);
         let intent = grammar::parse(&format!("hide \"{said}\""), &observation).unwrap();

@@ -1,4 +1,4 @@
-//! What the grammar says and what a model may answer are the same: the form of an intent holds all of it.
+//! The JSON schema covers every intent of the grammar.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -6,16 +6,16 @@ use sg_language::intent_schema::IntentSchema;
 use sg_language::{commands, grammar};
 
 #[test]
-fn everything_that_the_grammar_says_has_this_form_and_comes_back_the_same() {
+fn every_intent_of_the_grammar_survives_the_schema() {
     let schema = IntentSchema::new().unwrap();
-    let mut others = Vec::new();
-    for said in commands::examples(&["sac", "vessel"]) {
-        let meant = grammar::parse(&said, &grammar::sample_observation(&["sac", "vessel"])).unwrap();
-        let written = schema.encode(&meant).unwrap();
-        match schema.decode(&written.to_string()) {
-            Ok(read) if read.clauses == meant.clauses => (),
-            other => others.push(format!("“{said}”: {meant:?}\n{written}\n{other:?}")),
+    let mut failures = Vec::new();
+    for utterance in commands::examples(&["sac", "vessel"]) {
+        let intent = grammar::parse(&utterance, &grammar::sample_observation(&["sac", "vessel"])).unwrap();
+        let json = schema.encode(&intent).unwrap();
+        match schema.decode(&json.to_string()) {
+            Ok(read) if read.clauses == intent.clauses => (),
+            other => failures.push(format!("“{utterance}”: {intent:?}\n{json}\n{other:?}")),
         }
     }
-    assert!(others.is_empty(), "{}", others.join("\n\n"));
+    assert!(failures.is_empty(), "{}", failures.join("\n\n"));
 }

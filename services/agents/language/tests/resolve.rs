@@ -1,4 +1,4 @@
-//! Clauses against a scene: what is sent, what is answered, what is refused.
+//! Clauses resolved against a scene: commands, answers, refusals.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -72,7 +72,7 @@ fn refusal(clause: &Clause, state: &State) -> Refusal {
 }
 
 #[test]
-fn names_are_found_in_any_spelling_and_kept_as_they_stand() {
+fn names_are_found_in_any_spelling() {
     for (spoken, name) in
         [("sac", "sac"), ("SAC", "sac"), ("the sacs", "sac"), ("leaf", "leaves"), ("Parent Vessels", "parent vessel")]
     {
@@ -82,17 +82,20 @@ fn names_are_found_in_any_spelling_and_kept_as_they_stand() {
 }
 
 #[test]
-fn an_unknown_name_is_refused_with_its_near_misses_and_all_names() {
+fn an_unknown_name_is_refused_with_similar_and_all_names() {
     let refusal = target(&names_of(&["sack"]), &scene()).unwrap_err();
     assert_eq!(refusal.code, Code::NotFound);
     assert_eq!(
         refusal.message,
-        "No unit is called “sack”. Did you mean “sac”? Units: parent vessel, leaves, sac, left root."
+        "Nothing is named “sack”. Did you mean “sac”? Names: parent vessel, leaves, sac, left root."
     );
     assert_eq!(refusal.details, ["parent vessel", "leaves", "sac", "left root"]);
     let strange = target(&names_of(&["weather"]), &scene()).unwrap_err();
     assert!(!strange.message.contains("Did you mean"), "{strange}");
-    assert!(target(&names_of(&["sac"]), &State::default()).unwrap_err().message.ends_with("Units: none."));
+    assert_eq!(
+        target(&names_of(&["sac"]), &State::default()).unwrap_err().message,
+        "Nothing is named “sac” yet. Brush it, press Ctrl+S, name it."
+    );
 }
 
 #[test]
@@ -126,7 +129,7 @@ fn everything_else_is_all_but_the_focus_or_all_but_the_selection() {
 }
 
 #[test]
-fn what_needs_a_selection_says_so_where_there_is_none() {
+fn without_a_selection_clauses_that_need_one_are_refused() {
     let selection = Reference { selection: true, ..Reference::default() };
     for clause in [
         clause(Act::SetColor, selection.clone()),
@@ -141,7 +144,7 @@ fn what_needs_a_selection_says_so_where_there_is_none() {
 }
 
 #[test]
-fn targets_travel_into_commands_as_they_are() {
+fn targets_are_copied_into_commands() {
     let red = Color { red: 1.0, green: 0.0, blue: 0.0 };
     let color = Clause { color: Some(red), ..clause(Act::SetColor, names_of(&["sacs"])) };
     let Action::SetColor(set) = action(&color, &scene()) else { panic!("no colour") };
@@ -158,6 +161,11 @@ fn targets_travel_into_commands_as_they_are() {
     let look = Clause { view: Some(view), ..clause(Act::SetView, names_of(&["leaf"])) };
     let Action::SetView(set) = action(&look, &scene()) else { panic!("no view") };
     assert_eq!(set.change, Some(set_view::Change::Focus(Target { units: vec!["leaves".into()], ..Target::default() })));
+    let selection = Reference { selection: true, ..Reference::default() };
+    let frame = Clause { view: look.view.clone(), ..clause(Act::SetView, selection) };
+    let Action::SetView(set) = action(&frame, &scene()) else { panic!("no view") };
+    assert_eq!(set.change, Some(set_view::Change::Focus(Target { selection: true, ..Target::default() })));
+    assert_eq!(refusal(&frame, &unselected()).code, Code::FailedPrecondition);
     let Action::Select(select) = action(&clause(Act::ClearSelection, Reference::default()), &scene()) else { panic!() };
     assert_eq!((select.target, select.operation), (None, i32::from(SetOperation::Replace)));
 }
@@ -188,16 +196,16 @@ fn numbers_out_of_range_are_refused() {
 }
 
 #[test]
-fn history_ends_are_told() {
+fn undo_and_redo_without_history_are_refused() {
     let undo = |amount| Clause { amount, ..clause(Act::Undo, Reference::default()) };
     assert!(matches!(action(&undo(Some(2.0)), &scene()), Action::Undo(u) if u.steps == 2));
     assert!(matches!(action(&undo(None), &scene()), Action::Undo(u) if u.steps == 1));
-    assert_eq!(refusal(&undo(None), &unselected()).message, "There is nothing to take back.");
-    assert_eq!(refusal(&clause(Act::Redo, Reference::default()), &scene()).message, "There is nothing to bring back.");
+    assert_eq!(refusal(&undo(None), &unselected()).message, "There is nothing to undo.");
+    assert_eq!(refusal(&clause(Act::Redo, Reference::default()), &scene()).message, "There is nothing to redo.");
 }
 
 #[test]
-fn a_name_is_given_once_unless_it_is_updated() {
+fn an_existing_name_is_refused_unless_it_is_updated() {
     let label = |name: &str, operation: SetOperation| Clause {
         name: name.into(),
         operation: operation.into(),
@@ -214,7 +222,7 @@ fn a_name_is_given_once_unless_it_is_updated() {
     );
     assert_eq!(refusal(&label("leaves", SetOperation::Unspecified), &scene()).code, Code::AlreadyExists);
     assert_eq!(refusal(&label("leaves", SetOperation::Replace), &scene()).code, Code::FailedPrecondition);
-    assert_eq!(refusal(&label("nobody", SetOperation::Replace), &scene()).code, Code::NotFound);
+    assert_eq!(refusal(&label("ghost", SetOperation::Replace), &scene()).code, Code::NotFound);
     assert_eq!(refusal(&label(" ", SetOperation::Unspecified), &scene()).code, Code::InvalidArgument);
     assert_eq!(refusal(&label(&"n".repeat(200), SetOperation::Unspecified), &scene()).code, Code::InvalidArgument);
 }
@@ -246,7 +254,7 @@ fn only_saved_units_are_renamed_and_deleted() {
 }
 
 #[test]
-fn questions_are_answered_from_scene_and_picture() {
+fn questions_are_answered_from_scene_and_frame() {
     let ask = |clause: &Clause, frame: Option<&Frame>| match commands::resolve(clause, &scene(), frame).unwrap() {
         Step::Answer { text, units } => (text, units),
         Step::Change { action, .. } => panic!("{action:?}"),
@@ -261,7 +269,7 @@ fn questions_are_answered_from_scene_and_picture() {
     assert_eq!(units, ["leaves"]);
     assert!(text.contains("10 % of the scene") && text.contains("covers 25 % of the picture"), "{text}");
     let (text, _) = ask(&clause(Act::Describe, names_of(&["leaf"])), Some(&frame(8)));
-    assert!(!text.contains("covers"), "a picture of another revision tells nothing: {text}");
+    assert!(!text.contains("covers"), "a frame of another revision is not used: {text}");
     let (text, _) = ask(&clause(Act::List, Reference::default()), None);
     assert!(text.contains("parent vessel") && text.contains("left root"), "{text}");
     let (text, _) = ask(&clause(Act::QuerySelection, Reference::default()), None);
@@ -273,7 +281,7 @@ fn questions_are_answered_from_scene_and_picture() {
 }
 
 #[test]
-fn units_made_by_commands_can_be_meant_but_are_not_offered() {
+fn derived_units_are_found_but_not_offered() {
     assert_eq!(unit_names::addressable(&scene()), ["parent vessel", "leaves", "sac", "left root"]);
     assert_eq!(target(&names_of(&["all but sac"]), &scene()).unwrap().units, ["all but sac"]);
 }

@@ -1,4 +1,4 @@
-//! The backend `openai` against a server that answers as a script says, through the command `parse`.
+//! The backend `openai` against a scripted server, through the command `parse`.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -18,7 +18,7 @@ fn parse(text: &str, more: &[&str]) -> Output {
         .args(more)
         .env("TEST_MODEL_KEY", KEY)
         .env_remove("TEST_NO_KEY")
-        // Nobody answers there: a client that went by these would not arrive.
+        // No server listens there, so a client that used these proxies would fail.
         .envs(
             ["http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"]
                 .map(|v| (v, "http://127.0.0.1:9")),
@@ -31,11 +31,11 @@ fn intent(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {output:?}"))
 }
 
-fn told(output: &Output) -> String {
+fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
-/// What a model that knows the form answers to "verstecke den Sack".
+/// The answer of a model to "verstecke den Sack".
 fn hides_the_sac() -> String {
     let target =
         json!({"names": ["sac"], "selection": false, "everything": false, "complement": false, "focus": false});
@@ -44,8 +44,8 @@ fn hides_the_sac() -> String {
 }
 
 #[test]
-fn a_model_understands_what_the_grammar_does_not_and_its_key_stays_hidden() {
-    let server = Server::start(&[Answer::said(&hides_the_sac())]);
+fn a_model_interprets_german_and_its_key_stays_secret() {
+    let server = Server::start(&[Answer::completion(&hides_the_sac())]);
     let asked = ["--endpoint", &server.url(), "--key-env", "TEST_MODEL_KEY", "--seed", "7", "--temperature", "0"];
     let output = parse("verstecke den Sack", &asked);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
@@ -54,7 +54,7 @@ fn a_model_understands_what_the_grammar_does_not_and_its_key_stays_hidden() {
     assert_eq!(meant["clauses"][0]["act"], "ACT_HIDE");
     assert_eq!(meant["clauses"][0]["target"]["names"], json!(["sac"]));
 
-    let request = &server.asked()[0];
+    let request = &server.requests()[0];
     assert_eq!(
         (request.path.as_str(), request.authorization.as_str()),
         ("/v1/chat/completions", "Bearer sk-very-5ecret-key")
@@ -68,85 +68,85 @@ fn a_model_understands_what_the_grammar_does_not_and_its_key_stays_hidden() {
 }
 
 #[test]
-fn nothing_that_is_logged_holds_the_key() {
-    let server = Server::start(&[Answer::said(&hides_the_sac())]);
+fn no_log_line_holds_the_key() {
+    let server = Server::start(&[Answer::completion(&hides_the_sac())]);
     let output = Command::new(env!("CARGO_BIN_EXE_supergaussian-agent-intent"))
         .args(["parse", "verstecke den Sack", "--units", "sac", "--backend", "openai", "--model", "m"])
         .args(["--endpoint", &server.url(), "--key-env", "TEST_MODEL_KEY"])
         .envs([("TEST_MODEL_KEY", KEY), ("SUPERGAUSSIAN_LOG", "trace")])
         .output()
         .unwrap();
-    assert_eq!(server.asked().len(), 1);
-    assert!(told(&output).contains("TRACE"), "{}", told(&output));
-    assert!(!told(&output).contains(KEY));
+    assert_eq!(server.requests().len(), 1);
+    assert!(stderr(&output).contains("TRACE"), "{}", stderr(&output));
+    assert!(!stderr(&output).contains(KEY));
 }
 
 #[test]
-fn an_answer_that_does_not_hold_is_asked_for_again_and_then_the_grammar_serves() {
-    let server = Server::start(&[Answer::said("I hid it for you!"), Answer::said(&hides_the_sac())]);
+fn an_invalid_answer_is_retried_before_the_fallback() {
+    let server = Server::start(&[Answer::completion("I hid it for you!"), Answer::completion(&hides_the_sac())]);
     let again = parse("verstecke den Sack", &["--endpoint", &server.url(), "--seed", "7"]);
     assert_eq!(intent(&again)["backend"], "openai", "{again:?}");
-    let seeds: Vec<Value> = server.asked().iter().map(|a| a.body["seed"].clone()).collect();
+    let seeds: Vec<Value> = server.requests().iter().map(|a| a.body["seed"].clone()).collect();
     assert_eq!(seeds, [7, 8], "the same seed would give the same answer");
 
-    let server = Server::start(&[Answer::said("I hid it for you!")]);
+    let server = Server::start(&[Answer::completion("I hid it for you!")]);
     let fallen = parse("hide the sac", &["--endpoint", &server.url(), "--retries", "2"]);
     assert_eq!(fallen.status.code(), Some(0), "{fallen:?}");
-    assert_eq!(server.asked().len(), 3);
+    assert_eq!(server.requests().len(), 3);
     let meant = intent(&fallen);
     assert_eq!((&meant["backend"], &meant["clauses"][0]["act"]), (&json!("grammar"), &json!("ACT_HIDE")));
-    assert!(meant["fallback"].as_str().unwrap().contains("does not hold: it is not the JSON asked for"), "{meant}");
-    assert!(told(&fallen).contains("understood by the grammar: the model's answer does not hold"), "{fallen:?}");
+    assert!(meant["fallback"].as_str().unwrap().contains("is invalid: it does not match the schema"), "{meant}");
+    assert!(stderr(&fallen).contains("the grammar served: the model's answer is invalid"), "{fallen:?}");
 
-    let server = Server::start(&[Answer::said(&hides_the_sac().replace("\"sac\"", "\"liver\""))]);
+    let server = Server::start(&[Answer::completion(&hides_the_sac().replace("\"sac\"", "\"liver\""))]);
     let invented = parse("hide the sac", &["--endpoint", &server.url()]);
     assert_eq!(intent(&invented)["backend"], "grammar");
-    assert!(told(&invented).contains("names what is no unit and was not said"), "{invented:?}");
+    assert!(stderr(&invented).contains("names a unit that does not exist and was not mentioned"), "{invented:?}");
 }
 
 #[test]
-fn without_a_fallback_the_reason_fails_the_request() {
+fn without_a_fallback_the_request_fails() {
     let echo = format!(r#"{{"error": {{"message": "wrong key {KEY}"}}}}"#);
     let server = Server::start(&[Answer::new(401, &echo)]);
     let more = ["--endpoint", &server.url(), "--key-env", "TEST_MODEL_KEY", "--fallback", "none", "--retries", "5"];
     let output = parse("hide the sac", &more);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert_eq!(told(&output).trim(), "The model refused: status 401: wrong key (key).");
-    assert_eq!(server.asked().len(), 1, "a refusal is not asked again");
+    assert_eq!(stderr(&output).trim(), "The model refused: status 401: wrong key (key).");
+    assert_eq!(server.requests().len(), 1, "a refusal is not asked again");
     assert!(output.stdout.is_empty());
 }
 
 #[test]
-fn a_model_that_is_late_away_or_overloaded_leaves_the_grammar() {
-    let server = Server::start(&[Answer::said(&hides_the_sac()).after(Duration::from_secs(30))]);
+fn the_grammar_serves_when_the_model_is_late_unavailable_or_overloaded() {
+    let server = Server::start(&[Answer::completion(&hides_the_sac()).with_delay(Duration::from_secs(30))]);
     let late = parse("hide the sac", &["--endpoint", &server.url(), "--timeout-s", "0.3"]);
     assert_eq!(intent(&late)["backend"], "grammar");
-    assert!(told(&late).contains("did not answer within"), "{late:?}");
+    assert!(stderr(&late).contains("did not answer within"), "{late:?}");
 
     let away = parse("hide the sac", &["--endpoint", "http://127.0.0.1:9/v1"]);
     assert_eq!(intent(&away)["backend"], "grammar");
-    assert!(told(&away).contains("the model is away"), "{away:?}");
+    assert!(stderr(&away).contains("the model is unavailable"), "{away:?}");
 
-    let server = Server::start(&[Answer::new(503, "{}"), Answer::said(&hides_the_sac())]);
+    let server = Server::start(&[Answer::new(503, "{}"), Answer::completion(&hides_the_sac())]);
     let busy = parse("verstecke den Sack", &["--endpoint", &server.url()]);
     assert_eq!(intent(&busy)["backend"], "openai", "{busy:?}");
 }
 
 #[test]
-fn answers_without_end_and_detours_are_not_followed() {
+fn endless_answers_and_redirects_are_refused() {
     let server = Server::start(&[Answer::new(200, &"a".repeat(4 << 20))]);
     let output = parse("hide the sac", &["--endpoint", &server.url(), "--retries", "0"]);
-    assert!(told(&output).contains("bytes"), "{output:?}");
+    assert!(stderr(&output).contains("bytes"), "{output:?}");
 
-    let elsewhere = Server::start(&[Answer::said(&hides_the_sac())]);
-    let server = Server::start(&[Answer::elsewhere(format!("{}/chat/completions", elsewhere.url()))]);
+    let elsewhere = Server::start(&[Answer::completion(&hides_the_sac())]);
+    let server = Server::start(&[Answer::redirect(format!("{}/chat/completions", elsewhere.url()))]);
     let output = parse("hide the sac", &["--endpoint", &server.url(), "--key-env", "TEST_MODEL_KEY"]);
-    assert!(told(&output).contains("refused: status 307"), "{output:?}");
-    assert!(elsewhere.asked().is_empty(), "prompts and keys go where the launch file says");
+    assert!(stderr(&output).contains("refused: status 307"), "{output:?}");
+    assert!(elsewhere.requests().is_empty(), "prompts and keys go where the launch file says");
 }
 
 #[test]
-fn wrong_parameters_are_told_in_a_line_with_status_2() {
+fn invalid_parameters_exit_with_status_2() {
     for (more, part) in [
         (
             &["--endpoint", "http://127.0.0.1:9", "--key-env", "TEST_NO_KEY"][..],
@@ -159,6 +159,6 @@ fn wrong_parameters_are_told_in_a_line_with_status_2() {
     ] {
         let output = parse("hide the sac", more);
         assert_eq!(output.status.code(), Some(2), "{more:?}: {output:?}");
-        assert!(told(&output).contains(part), "{output:?}");
+        assert!(stderr(&output).contains(part), "{output:?}");
     }
 }

@@ -27,10 +27,10 @@ pub(super) const SET_BACKGROUND: Command = Command {
     examples: &["white background", "set the background to dark grey", "make the background black"],
     fields: &[Field::required("color"), Field::optional("color_name")],
     effect: Effect::Visible,
-    resolve: resolve,
+    resolve,
 };
 
-/// A colour, or no more than that it is dark or light.
+/// Parses a colour, "dark" or "light".
 fn shade(input: &mut Input<'_>) -> Outcome<(Color, String)> {
     let grey = |level: f32| color::from_rgb([level; 3]);
     alt((
@@ -41,7 +41,7 @@ fn shade(input: &mut Input<'_>) -> Outcome<(Color, String)> {
     .parse_next(input)
 }
 
-/// "the background to dark grey", "white background", "a black backdrop".
+/// Parses "the background to dark grey", "white background", "a black backdrop".
 fn background(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     fn place(input: &mut Input<'_>) -> Outcome<()> {
         exactly("background | backdrop | backgrounds").void().parse_next(input)

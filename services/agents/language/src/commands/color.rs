@@ -35,7 +35,7 @@ pub(super) const SET_COLOR: Command = Command {
     ],
     fields: &[Field::required("target"), Field::optional("color"), Field::optional("color_name")],
     effect: Effect::Coverage,
-    resolve: resolve,
+    resolve,
 };
 
 fn resolve(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {

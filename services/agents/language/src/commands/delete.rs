@@ -24,10 +24,10 @@ pub(super) const DELETE: Command = Command {
     examples: &["delete the {unit}", "delete the unit {unit}"],
     fields: &[Field::required("target")],
     effect: Effect::None,
-    resolve: resolve,
+    resolve,
 };
 
-/// "the sac", "the unit sac". What is deleted is never somebody's ("my files"), but a unit of the scene.
+/// Parses "the sac", "the unit sac". "my files" is not a unit.
 fn delete(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let owned: Outcome<_> = exactly("my | our | your | his | her | their").parse_next(&mut input.clone());
     let mut at = *input;
@@ -44,7 +44,7 @@ fn delete(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         .map(|name| Reference { names: vec![name.clone()], ..Reference::default() })
         .collect();
     let rest = Reference { names: Vec::new(), ..target.reference.clone() };
-    // A complement belongs to the names it excepts.
+    // A complement stays one reference.
     if target.reference.complement {
         references = vec![target.reference.clone()];
     } else if rest != Reference::default() {

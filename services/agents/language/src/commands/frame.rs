@@ -18,26 +18,27 @@ pub(super) const FRAME: Command = Command {
     title: "frame",
     constructs: &[
         Construct::with_ellipsis(
-        "look at | look closer at | zoom in closer on | zoom closer to | bring | take a look at | focus on | focus | centre on | \
+            "look at | look closer at | zoom in closer on | zoom closer to | bring | take a look at | focus on | focus | centre on | \
                  center on | centre | center | frame | go to | fly to | move to | zoom to | \
                  zoom on | zoom onto | zoom in on | zoom in to | zoom into | fit | take me to | \
                  point the camera at | aim at | bring into view | show me where | home in on | \
                  get closer to | closer to",
-        Ellipsis::Verb,
-        frame,
-    ),
-    Construct::with_ellipsis(
-        "fit the view to | fit view to | fit the camera to | fit the picture to | fit the window to",
-        Ellipsis::Verb,
-        frame,
-    )],
+            Ellipsis::Verb,
+            frame,
+        ),
+        Construct::with_ellipsis(
+            "fit the view to | fit view to | fit the camera to | fit the picture to | fit the window to",
+            Ellipsis::Verb,
+            frame,
+        ),
+    ],
     examples: &["frame the selection", "look at the {unit}", "fit the view to the {unit}", "zoom to the selection"],
     fields: SET_VIEW_FIELDS,
     effect: Effect::Visible,
     resolve: resolve_view,
 };
 
-/// A target to look at.
+/// Parses the target, and words such as "into view".
 fn frame(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     fn focused(target: Target) -> Reading {
         let view = SetView { change: Some(set_view::Change::Focus(SceneTarget::default())) };

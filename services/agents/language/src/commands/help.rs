@@ -23,7 +23,7 @@ pub(super) const HELP: Command = Command {
     examples: &["help", "what can I say?"],
     fields: &[],
     effect: Effect::None,
-    resolve: resolve,
+    resolve,
 };
 
 fn resolve(_: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {
@@ -31,10 +31,10 @@ fn resolve(_: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {
     Ok(Step::Answer { text: help_text(context.table, &names), units: Vec::new() })
 }
 
-/// Names that stand in examples where the scene has none of its own.
+/// Names in examples where the scene has no units.
 const SAMPLE_NAMES: [&str; 2] = ["sac", "vessel"];
 
-/// An example with names of units in it.
+/// An example with the names of units.
 pub(crate) fn with_names(example: &str, names: &[&str]) -> String {
     let unit = names.first().copied().unwrap_or(SAMPLE_NAMES[0]);
     let other = names.get(1).copied().unwrap_or(SAMPLE_NAMES[1]);

@@ -32,9 +32,7 @@ pub(super) const UNDO: Command = Command {
 pub(super) const REDO: Command = Command {
     act: Act::Redo,
     title: "redo",
-    constructs: &[
-        Construct::new("redo | do again | bring back | reapply", steps),
-    ],
+    constructs: &[Construct::new("redo | do again | bring back | reapply", steps)],
     examples: &["redo", "redo twice"],
     fields: &[Field::optional_count("amount")],
     effect: Effect::Possible,
@@ -61,7 +59,7 @@ pub(super) const RESET: Command = Command {
     resolve: resolve_reset,
 };
 
-/// "twice", "the last 3 changes", "that", "two steps".
+/// Parses "twice", "the last 3 changes", "that", "two steps".
 fn steps(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     skip("that | it | this | what i did | what you did | what we did").parse_next(input)?;
     skip("by | of").parse_next(input)?;

@@ -63,21 +63,21 @@ pub(super) const SET_LIGHT: Command = Command {
     ],
     fields: &[Field::required("light")],
     effect: Effect::Visible,
-    resolve: resolve,
+    resolve,
 };
 
 fn light(change: SetLight) -> Reading {
     Reading::plain(Act::SetLight).map(|c| c.light = Some(change))
 }
 
-/// "brighter", "more light", "less specular", "no ambient", "a headlight".
+/// Parses "brighter", "more light", "less specular", "no ambient", "a headlight".
 fn words(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let amount = |input: &mut Input<'_>| {
         let degree = degree(input)?;
         let more = exactly("more | less | no").parse_next(input)?.text.clone();
         let part = part(input)?;
         if more == "no" {
-            // No light at all would leave a black picture, which nobody asks for in these words.
+            // A scene without light is black, so "no light" is not understood.
             return if part == Part::Brightness { Err(EmptyError) } else { Ok(part.set(0.0, false)) };
         }
         let grows = more == "more";
@@ -90,7 +90,7 @@ fn words(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(light(change))
 }
 
-/// "the ambient light to 50 %", "the light brighter", "the lights up a bit", "the light to a headlight", "specular off".
+/// Parses "the ambient light to 50 %", "the light brighter", "the lights up a bit", "specular off".
 fn light_property(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     article(input)?;
     let part = part(input)?;
@@ -139,7 +139,7 @@ fn light_property(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(light(change))
 }
 
-/// "from the left", "it from above", "comes from behind", "on the left".
+/// Parses "from the left", "it from above", "comes from behind", "on the left".
 fn direction(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let place = |input: &mut Input<'_>| {
         skip("come | comes | coming | shine | is | so that it comes").parse_next(input)?;
@@ -160,7 +160,7 @@ fn direction(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(light(change))
 }
 
-/// The light brought up or down by a verb: "the light by 20 %", "the specular highlights", nothing after "brighten".
+/// Parses the object of "turn up" or "turn down": "the light by 20 %", "the specular highlights".
 fn strength(verb: Verb, up: bool, input: &mut Input<'_>) -> Outcome<Reading> {
     let named = |input: &mut Input<'_>| {
         article(input)?;
@@ -216,6 +216,6 @@ fn checked_light(light: SetLight) -> Result<SetLight, Refusal> {
     if numbers.iter().flatten().all(|v| v.is_finite() && *v >= 0.0) && direction {
         Ok(light)
     } else {
-        Err(Refusal::new(Code::OutOfRange, "Light is set by numbers from 0 up and a direction that is not zero."))
+        Err(Refusal::new(Code::OutOfRange, "The light needs numbers of 0 or more and a direction that is not zero."))
     }
 }

@@ -49,10 +49,10 @@ pub(super) const RENAME: Command = Command {
     resolve: resolve_rename,
 };
 
-/// Most words of a name that is given.
+/// Largest number of words of a new name.
 const MAX_NAME_WORDS: usize = 8;
 
-/// A name to give: in quotation marks, or the words up to the end of the clause, without their article.
+/// Parses a new name: quoted, or the words up to the end of the clause without their article.
 fn name(input: &mut Input<'_>) -> Outcome<String> {
     article(input)?;
     if let Some(token) = peek_at(input, 0).filter(|t| t.kind == Kind::Quoted) {
@@ -80,7 +80,7 @@ fn name(input: &mut Input<'_>) -> Outcome<String> {
 }
 
 fn valid_name(name: String) -> Outcome<String> {
-    /// Words that point at something; as a name they can only be a slip.
+    /// Words that are not accepted as names.
     const NO_NAMES: &str = "it | this | that | them | these | those | selection | everything | all | something | unit | \
      label | structure | nothing | as | to | me | you | the | a";
     let fits =
@@ -88,7 +88,7 @@ fn valid_name(name: String) -> Outcome<String> {
     if fits { Ok(name) } else { Err(EmptyError) }
 }
 
-/// "this the sac", "the selection as aneurysm", "it 'left root'".
+/// Parses "this the sac", "the selection as aneurysm", "it 'left root'".
 fn name_selection(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let subject = opt(alt((one_of(
         "this | that | it | these | those | them | the selection | my selection | \
@@ -141,7 +141,7 @@ fn label_reading(name: &str) -> Reading {
     Reading::of(Act::Label, Target { reference: selection, unknown: 0 }).map(|c| name.clone_into(&mut c.name))
 }
 
-/// "the sac" after "this is": a statement that gives a name needs its article, so that "this is great" gives none.
+/// Parses "the sac" after "this is". It needs the article: "this is great" is not a name.
 fn name_only(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let quoted = peek_at(input, 0).is_some_and(|t| t.kind == Kind::Quoted);
     let definite = peek_at(input, 0).is_some_and(|t| t.is("the"));
@@ -151,7 +151,7 @@ fn name_only(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(label_reading(&name(input)?))
 }
 
-/// One unit, by name or as "it".
+/// Succeeds for one unit, by name or as "it".
 fn one_unit(target: &Target) -> Outcome<()> {
     let reference = &target.reference;
     let others = reference.selection || reference.everything || reference.complement;
@@ -159,13 +159,13 @@ fn one_unit(target: &Target) -> Outcome<()> {
     if one && !others { Ok(()) } else { Err(EmptyError) }
 }
 
-/// "the sac to dome", "the sac dome".
+/// Parses "the sac to dome", "the sac dome".
 fn rename(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let plain = matches!(verb.phrase, "call" | "name");
     let (target, name) = target_then(input, |rest, target| {
         one_unit(target)?;
         let linked = opt(one_of("to | as | into | to be")).parse_next(rest)?;
-        // "call it dome" names the selection; and what nobody knows must be told apart from its new name.
+        // "call it dome" names the selection. An unknown name needs "to" before the new name.
         if (plain && target.reference.focus) || (target.unknown > 0 && linked.is_none()) {
             return Err(EmptyError);
         }
@@ -174,7 +174,7 @@ fn rename(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(Reading::of(Act::Rename, target).map(|c| c.name.clone_from(&name)))
 }
 
-/// "the sac with the selection", "the sac": the selection under a name that is there already.
+/// Parses "the sac with the selection", "the sac": the unit is replaced by the selection.
 fn update(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let (target, ()) = target_then(input, |rest, target| {
         one_unit(target)?;
@@ -192,31 +192,31 @@ fn resolve_label(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal
     let spoken = checked_name(clause)?;
     let replace = clause.operation() == SetOperation::Replace;
     let name = if replace {
-        // What is updated must be there, under whatever spelling it was spoken.
+        // The unit to update must exist, in any spelling.
         unit(&spoken, state)?.to_owned()
     } else {
-        // A unit made by a command yields its name to one that a person gives.
+        // Derived units do not occupy a name.
         match unit_names::lookup(&spoken, &unit_names::addressable(state)) {
             Lookup::Missing(_) => spoken,
             Lookup::Unique(name) if !is_base_unit(name, state) => {
                 return Err(Refusal::new(
                     Code::AlreadyExists,
                     format!(
-                        "A unit is called “{name}” already. Say “update the {name}” to put the selection in its place, or choose another name."
+                        "The name “{name}” exists already. Say “update the {name}” to replace it by the selection, or use another name."
                     ),
                 ));
             }
             Lookup::Unique(_) | Lookup::Ambiguous(_) => {
                 return Err(Refusal::new(
                     Code::AlreadyExists,
-                    format!("A unit is called “{spoken}” already; choose another name."),
+                    format!("The name “{spoken}” exists already. Use another name."),
                 ));
             }
         }
     };
     if is_base_unit(&name, state) {
         return Err(Refusal::precondition(format!(
-            "“{name}” is part of the scene file and stays what it is; save the selection under another name."
+            "“{name}” is part of the scene file and cannot be replaced. Use another name."
         )));
     }
     let save = SaveUnit { name: name.clone(), replace };
@@ -229,10 +229,7 @@ fn resolve_rename(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusa
     if let Lookup::Unique(other) = unit_names::lookup(&new_name, &unit_names::addressable(context.state))
         && other != name
     {
-        return Err(Refusal::new(
-            Code::AlreadyExists,
-            format!("A unit is called “{other}” already; choose another name."),
-        ));
+        return Err(Refusal::new(Code::AlreadyExists, format!("The name “{other}” exists already. Use another name.")));
     }
     let units = vec![new_name.clone()];
     Ok(Step::Change { action: Action::RenameUnit(RenameUnit { name, new_name }), units })
@@ -244,7 +241,7 @@ mod tests {
     use crate::syntax::target::focus;
 
     #[test]
-    fn a_rename_or_update_is_of_one_unit() {
+    fn only_one_unit_can_be_renamed_or_updated() {
         assert!(one_unit(&focus()).is_ok());
         let two = Reference { names: vec!["a".into(), "b".into()], ..Reference::default() };
         assert!(one_unit(&Target { reference: two, unknown: 0 }).is_err());

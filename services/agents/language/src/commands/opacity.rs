@@ -10,7 +10,7 @@ use winnow::error::EmptyError;
 use super::command::{Command, Construct, Context, Effect, Ellipsis, Field};
 use super::verbs::{MAKE, SET};
 use crate::property::assignment::{becoming, property, restoring};
-use crate::property::opacity::{absolute, amount, faded, through};
+use crate::property::opacity::{absolute, amount, faded, transparency};
 use crate::property::value::{Value, assign, property_name};
 use crate::resolution::{Refusal, Step, number, target_of};
 use crate::syntax::modifier::{degree, factor_by};
@@ -54,10 +54,10 @@ pub(super) const SET_OPACITY: Command = Command {
     ],
     fields: &[Field::required("target"), Field::required("amount"), Field::required("relative")],
     effect: Effect::Coverage,
-    resolve: resolve,
+    resolve,
 };
 
-/// "the rest to 20 percent", "the soil by half", "the soil a bit", "to 20 percent".
+/// Parses "the rest to 20 percent", "the soil by half", "the soil a bit", "to 20 percent".
 fn fading(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let usual = match verb.phrase {
         "fade out" => Value::Opacity { factor: 0.1, relative: false },
@@ -85,7 +85,7 @@ fn fading(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     alt((with_target, without)).parse_next(input)
 }
 
-/// "the opacity of the sac by a third", "the sac's transparency to 80 %".
+/// Parses "the opacity of the sac by a third", "the sac's transparency to 80 %".
 fn opacity_change(verb: Verb, raised: bool, input: &mut Input<'_>) -> Outcome<Reading> {
     let of = |input: &mut Input<'_>| {
         article(input)?;
@@ -125,11 +125,11 @@ fn changed(verb: Verb, raised: bool, property: Property, input: &mut Input<'_>) 
     let opaque = property == Property::Opacity;
     let to = opt((one_of("to | up to | down to"), amount)).parse_next(input)?;
     if let Some((_, value)) = to {
-        let found = if opaque { absolute(value)? } else { through(value)? };
+        let found = if opaque { absolute(value)? } else { transparency(value)? };
         end(input)?;
         return Ok(found);
     }
-    // The transparency of a thing whose opacity may exceed 1 cannot be scaled; only its direction is clear.
+    // Opacity may exceed 1, so a transparency cannot be scaled.
     let by = if opaque { opt(|i: &mut Input<'_>| factor_by(raised, i)).parse_next(input)? } else { None };
     let degree = degree(input)?;
     end(input)?;

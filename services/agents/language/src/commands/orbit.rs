@@ -33,8 +33,8 @@ fn turned(azimuth_degrees: f64, elevation_degrees: f64) -> Reading {
     Reading::view(set_view::Change::Orbit(Orbit { azimuth_degrees, elevation_degrees }))
 }
 
-/// Degrees of a turn whose angle is not said.
-const USUAL_TURN: f64 = 30.0;
+/// Default angle, degrees.
+const DEFAULT_DEGREES: f64 = 30.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Direction {
@@ -44,12 +44,12 @@ enum Direction {
     Down,
 }
 
-/// "left 30 degrees", "by 45° to the right", "it up", "around", "the view a bit to the left".
+/// Parses "left 30 degrees", "by 45° to the right", "it up", "around", "the view a bit to the left".
 ///
-/// Without an object, and for the view or the camera, the eye moves the way that is said; a thing that is turned left
-/// shows its right side, so for it the eye moves the other way.
+/// The camera moves in the named direction. An object turns in the named direction, so the camera moves the other
+/// way.
 fn orbit(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    let eye = opt(alt((
+    let camera = opt(alt((
         one_of("the view | the camera | the viewpoint | the eye | view | camera | me | my view").map(|_| true),
         one_of(
             "it | the scene | the object | the model | the volume | the data | the picture | the image | \
@@ -58,11 +58,11 @@ fn orbit(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         .map(|_| false),
     )))
     .parse_next(input)?;
-    if matches!(verb.phrase, "move" | "go") && eye == Some(false) {
-        // To move a thing is not to turn it.
+    if matches!(verb.phrase, "move" | "go") && camera == Some(false) {
+        // Moving an object is not a rotation.
         return Err(EmptyError);
     }
-    if eye.is_none() && !matches!(verb.phrase, "move" | "go") {
+    if camera.is_none() && !matches!(verb.phrase, "move" | "go") {
         let of_unit = |input: &mut Input<'_>| {
             let (target, turn) = target_then(input, |rest, _| angles(rest))?;
             if target.unknown > 0 { Err(EmptyError) } else { Ok(turn) }
@@ -72,11 +72,11 @@ fn orbit(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         }
     }
     let (azimuth, elevation) = angles(input)?;
-    let sign = if eye == Some(false) { -1.0 } else { 1.0 };
+    let sign = if camera == Some(false) { -1.0 } else { 1.0 };
     Ok(turned(sign * azimuth, sign * elevation))
 }
 
-/// Azimuth and elevation in degrees, as the eye would move.
+/// Parses azimuth and elevation of the camera, degrees.
 fn angles(input: &mut Input<'_>) -> Outcome<(f64, f64)> {
     let around = |input: &mut Input<'_>| {
         one_of(
@@ -98,7 +98,7 @@ fn angles(input: &mut Input<'_>) -> Outcome<(f64, f64)> {
         if direction.is_none() && said.is_none() {
             return Err(EmptyError);
         }
-        let degrees = said.unwrap_or(USUAL_TURN) * repeated;
+        let degrees = said.unwrap_or(DEFAULT_DEGREES) * repeated;
         if !(degrees > 0.0 && degrees <= 3600.0) {
             return Err(EmptyError);
         }
@@ -139,7 +139,7 @@ fn angle(input: &mut Input<'_>) -> Outcome<f64> {
     };
     let counted = |input: &mut Input<'_>| {
         let degrees = plain_number(input)?;
-        // "two times" repeats a turn; it is not an angle.
+        // "two times" is a count, not an angle.
         if opt(exactly("times | time | x | steps | step")).parse_next(input)?.is_some() {
             return Err(EmptyError);
         }
@@ -151,7 +151,7 @@ fn angle(input: &mut Input<'_>) -> Outcome<f64> {
         counted,
         one_of(SLIGHTLY).map(|_| 10.0),
         one_of(MUCH).map(|_| 60.0),
-        phrase("further").map(|()| USUAL_TURN),
+        phrase("further").map(|()| DEFAULT_DEGREES),
     ))
     .parse_next(input)
 }

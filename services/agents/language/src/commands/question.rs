@@ -106,7 +106,7 @@ pub(super) const DESCRIBE: Command = Command {
     resolve: resolve_describe,
 };
 
-/// What a question is about: "the sac", "the sac's opacity", "the scene".
+/// Parses the subject of a question: "the sac", "the sac's opacity", "the scene".
 fn subject(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     skip("about").parse_next(input)?;
     let (target, ()) = target_then(input, |rest, _| {
@@ -118,7 +118,7 @@ fn subject(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(Reading::of(Act::Describe, target))
 }
 
-/// "the sac visible", "the sac red": a question that describing the unit answers.
+/// Parses "the sac visible", "the sac red". The description of the unit answers such a question.
 fn question(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let (target, ()) = target_then(input, |rest, _| {
         skip("currently | now | still | already | completely | fully | in | there").parse_next(rest)?;
@@ -140,7 +140,7 @@ fn question(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(Reading::of(Act::Describe, target))
 }
 
-/// "describe what you see".
+/// Parses the end of "describe what you see".
 fn whole_scene(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     end(input)?;
     let reference = Reference { everything: true, ..Reference::default() };

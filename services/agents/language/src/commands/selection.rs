@@ -45,7 +45,7 @@ pub(super) const SELECT: Command = Command {
     ],
     fields: &[Field::required("target"), Field::optional("operation")],
     effect: Effect::None,
-    resolve: resolve,
+    resolve,
 };
 
 /// The command "clear the selection".
@@ -71,7 +71,7 @@ fn selection(target: Target, operation: SetOperation) -> Reading {
     Reading::of(Act::Select, target).map(|c| c.set_operation(operation))
 }
 
-/// "the sac", "the vessel to the selection", "the vessel too".
+/// Parses "the sac", "the vessel to the selection", "the vessel too".
 fn select(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let adds = matches!(verb.phrase, "add" | "also select" | "also pick" | "include");
     skip("only | just").parse_next(input)?;
@@ -79,26 +79,26 @@ fn select(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         let to = opt((exactly("to | in | into"), one_of(THE_SELECTION))).parse_next(rest)?;
         let too = opt(one_of("too | as well | also | in addition | additionally")).parse_next(rest)?;
         end(rest)?;
-        // "add the sac" could as well mean to make a unit of that name.
+        // "add the sac" is ambiguous: it may ask for a new unit.
         if verb.phrase == "add" && to.is_none() { Err(EmptyError) } else { Ok(to.is_some() || too.is_some()) }
     })?;
     Ok(selection(target, if adds || added { SetOperation::Add } else { SetOperation::Replace }))
 }
 
-/// "the vessel" after "deselect", "the vessel from the selection" after "remove".
+/// Parses "the vessel" after "deselect", "the vessel from the selection" after "remove".
 fn unselect(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let plain = matches!(verb.phrase, "deselect" | "unselect");
     let (target, ()) = target_then(input, |rest, target| {
         let from = opt((one_of("from | out of | off"), one_of(THE_SELECTION))).parse_next(rest)?;
         end(rest)?;
-        // To deselect everything is to select nothing.
+        // "deselect everything" clears the selection.
         let all = target.reference.everything && !target.reference.complement;
         if (plain || from.is_some()) && !all { Ok(()) } else { Err(EmptyError) }
     })?;
     Ok(selection(target, SetOperation::Remove))
 }
 
-/// "the selection with the vessel", "with the vessel", "the selection to the vessel".
+/// Parses "the selection with the vessel", "with the vessel", "the selection to the vessel".
 fn intersect(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let before = |input: &mut Input<'_>| {
         opt(one_of(THE_SELECTION)).parse_next(input)?;
@@ -117,7 +117,7 @@ fn intersect(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(selection(target, SetOperation::Intersect))
 }
 
-/// "invert the selection".
+/// Parses the end of "invert the selection".
 fn invert(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     end(input)?;
     let inverse = Reference { selection: true, complement: true, ..Reference::default() };

@@ -22,7 +22,7 @@ pub(super) fn resolve_view(clause: &Clause, context: &Context<'_>) -> Result<Ste
             Ok(Step::Change { action: set(set_view::Change::Focus(target)), units })
         }
         set_view::Change::Zoom(factor) if !(factor.is_finite() && *factor > 0.0) => {
-            Err(Refusal::new(Code::OutOfRange, format!("{factor} is no zoom; say a number above 0.")))
+            Err(Refusal::new(Code::OutOfRange, format!("{factor} is not a zoom factor; use a number above 0.")))
         }
         change => Ok(Step::Change { action: set(change.clone()), units: Vec::new() }),
     }

@@ -26,10 +26,10 @@ pub(super) const SET_TERM: Command = Command {
     examples: &["show the normals", "show only the diffuse term", "full shading"],
     fields: &[Field::required("term")],
     effect: Effect::Visible,
-    resolve: resolve,
+    resolve,
 };
 
-/// "the normals", "the diffuse term", "full shading".
+/// Parses "the normals", "the diffuse term", "full shading".
 fn term(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let only = |input: &mut Input<'_>| {
         let alone = opt(one_of("only | alone | by itself | on its own | just")).parse_next(input)?;
@@ -61,7 +61,7 @@ fn term(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
          channel | reflection | reflections | highlights | colour | color",
         ))
         .parse_next(input)?;
-        // "specular" alone could as well be a wish for more of it.
+        // "specular" alone is ambiguous: it may ask for more specular light.
         if noun.is_none() && verb.phrase.is_empty() && !only(input)? { Err(EmptyError) } else { Ok(term) }
     };
     let term = alt((normals, full, part)).parse_next(input)?;

@@ -43,9 +43,9 @@ fn side_name(input: &mut Input<'_>) -> Outcome<NamedView> {
 
 const VIEW: &str = "view | viewpoint | perspective | side | position | angle | camera";
 
-/// "from the top", "it from above", "the top view", "the view"; with "reset", the view it was opened with.
+/// Parses "from the top", "it from above", "the top view". After "reset": "the view".
 fn viewpoint(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    let back_side = |input: &mut Input<'_>| {
+    let opposite = |input: &mut Input<'_>| {
         skip("from").parse_next(input)?;
         article(input)?;
         one_of("other side | opposite side | far side | reverse side").parse_next(input)?;
@@ -98,11 +98,11 @@ fn viewpoint(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         .parse_next(input)?;
         Ok(Reading::view(set_view::Change::Named(side.into())))
     };
-    // "the sac from above": the view is of the whole scene whatever was named, but only of what is there.
+    // "the sac from above" shows the whole scene, but the name must be known.
     let of_target = |input: &mut Input<'_>| {
         skip("at").parse_next(input)?;
         let (target, side) = target_then(input, |rest, _| from(rest))?;
         if target.unknown > 0 { Err(EmptyError) } else { Ok(Reading::view(set_view::Change::Named(side.into()))) }
     };
-    alt((back_side, initial, named, of_target)).parse_next(input)
+    alt((opposite, initial, named, of_target)).parse_next(input)
 }

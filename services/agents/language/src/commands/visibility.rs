@@ -29,7 +29,7 @@ pub(super) const SHOW_ONLY: Command = Command {
             Ellipsis::Verb,
             target,
         ),
-        Construct::new(verbs::SHOW, target_alone_shown),
+        Construct::new(verbs::SHOW, shown_alone),
     ],
     examples: &["show only the {unit}", "isolate the {unit}", "show the {unit} alone"],
     fields: &[Field::required("target")],
@@ -72,9 +72,9 @@ pub(super) const HIDE: Command = Command {
     resolve: |clause, context| resolve_visibility(clause, context, false),
 };
 
-/// A target alone.
+/// Parses a target at the end of the clause.
 fn target(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    // To remove a thing is to hide it; to remove a label or a unit is to delete it.
+    // "remove the sac" hides it; "remove the unit sac" deletes the unit.
     let mut at = *input;
     let unit: Outcome<_> = (article, exactly("unit | label")).parse_next(&mut at);
     if matches!(verb.phrase, "remove" | "get rid of") && unit.is_ok() {
@@ -93,7 +93,7 @@ fn target(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(Reading::of(verb.act, target))
 }
 
-/// "the sac off", "it back on", "the sac out of the picture".
+/// Parses "the sac off", "it back on", "the sac out of the picture".
 fn switching(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let (target, visible) = target_then(input, |rest, _| {
         let visible = match verb.phrase {
@@ -113,8 +113,8 @@ fn switching(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     assign(target, Value::Visible(visible))
 }
 
-/// "the sac alone".
-fn target_alone_shown(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
+/// Parses "the sac alone".
+fn shown_alone(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let (target, ()) = target_then(input, |rest, _| {
         one_of(
             "only | alone | by itself | by themselves | on its own | on their own | and nothing else | \

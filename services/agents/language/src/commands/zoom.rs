@@ -47,7 +47,7 @@ fn zoomed(factor: f64, input: &mut Input<'_>) -> Outcome<Reading> {
     if (0.01..=100.0).contains(&factor) { Ok(Reading::view(set_view::Change::Zoom(factor))) } else { Err(EmptyError) }
 }
 
-/// "twice", "a bit", "by 50 %", "2x", "to 200 %".
+/// Parses "twice", "a bit", "by 50 %", "2x", "to 200 %".
 fn zoom(closer: bool, input: &mut Input<'_>) -> Outcome<Reading> {
     let directed = |factor: f64| if closer { factor } else { 1.0 / factor };
     skip("more | further | closer | it | again | some more | even more").parse_next(input)?;
@@ -97,7 +97,7 @@ fn zoom(closer: bool, input: &mut Input<'_>) -> Outcome<Reading> {
     zoomed(directed(degree.pick(1.2, 1.5, 2.5).powf(steps)), input)
 }
 
-/// "to 200 %", "2x", "by 150 percent".
+/// Parses "to 200 %", "2x", "by 150 percent".
 fn zoom_to(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     skip("to | by | at | it to | it by | by a factor of | up to").parse_next(input)?;
     let value = quantity(input)?;

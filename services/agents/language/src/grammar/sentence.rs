@@ -1,4 +1,4 @@
-//! A whole utterance: clause after clause, verbs and objects carried over, what cannot be read set aside.
+//! Parser of a whole utterance: clause after clause, with ellipsis, and the parts that are not understood.
 
 use sg_proto::language::Clause;
 use winnow::Parser;
@@ -8,16 +8,16 @@ use crate::commands::command::{Construct, Ellipsis};
 use crate::commands::table::TABLE;
 use crate::property::assignment;
 use crate::syntax::phrase::{
-    CLOSERS, EXCEPTING, Input, JOINTS, Outcome, advance, end, is_break, one_of, peek_at, remaining, slice,
+    CLOSERS, CONJUNCTIONS, EXCEPTING, Input, Outcome, advance, end, is_break, one_of, peek_at, remaining, slice,
 };
 use crate::syntax::reading::{Property, Reading, Verb};
 use crate::syntax::target::target_alone;
 use crate::syntax::token::{self, Token};
 
-/// Most clauses of one utterance.
+/// Largest number of clauses in an utterance.
 const MAX_CLAUSES: usize = 64;
 
-/// Politeness and other words before a clause that mean nothing.
+/// Words before a clause without a meaning of their own, such as politeness.
 const PRELUDES: &str = "please | kindly | could you | can you | would you | will you | could we | can we | could i | \
  can i | may i | shall we | would you please | could you please | can you please | would you mind | \
  i want you to | i want to | i would like you to | i would like to | i'd like you to | i'd like to | \
@@ -29,25 +29,25 @@ const PRELUDES: &str = "please | kindly | could you | can you | would you | will
  at the same time | the same for | and then | help me to | help me | be so kind and | \
  be so kind as to";
 
-/// Words that turn a clause into its opposite, or into one with a condition.
-const BLOCKERS: &str = "don't | dont | do not | never | not | no need to | you must not | you shouldn't | stop | avoid | \
+/// Negations and conditions.
+const NEGATIONS: &str = "don't | dont | do not | never | not | no need to | you must not | you shouldn't | stop | avoid | \
  without | if | unless | when | while | until | before | why | instead of | except";
 
-/// What was read.
+/// The parsed utterance.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub(super) struct Sentence {
     pub(super) clauses: Vec<Clause>,
     pub(super) not_understood: Vec<String>,
-    /// Names in the clauses that the scene does not have.
+    /// Number of unknown names in the clauses.
     pub(super) unknown: usize,
 }
 
-/// OpeningIndex of every clause, each as lemmas, with their place in the table.
+/// All opening phrases of the table, as tokens.
 #[derive(Debug)]
 pub(super) struct OpeningIndex {
     all: Vec<Opening>,
-    /// First lemmas, for telling where a list of names ends.
-    pub(super) first: Vec<String>,
+    /// First lemmas. They end a list of names.
+    pub(super) first_lemmas: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -55,7 +55,7 @@ struct Opening {
     words: Vec<Token>,
     verb: Verb,
     construct: &'static Construct,
-    /// Place in the table: the earlier of two equal readings is taken.
+    /// Position in the table. The first of two equal readings wins.
     order: usize,
 }
 
@@ -75,35 +75,36 @@ impl OpeningIndex {
                 }
             }
         }
-        let mut first: Vec<String> = openings.iter().filter_map(|o| o.words.first()).map(|t| t.lemma.clone()).collect();
-        first.sort_unstable();
-        first.dedup();
-        Self { all: openings, first }
+        let mut first_lemmas: Vec<String> =
+            openings.iter().filter_map(|o| o.words.first()).map(|t| t.lemma.clone()).collect();
+        first_lemmas.sort_unstable();
+        first_lemmas.dedup();
+        Self { all: openings, first_lemmas }
     }
 }
 
-/// What a clause leaves for the next one to lean on.
+/// The previous clause, for ellipsis in the next one.
 #[derive(Debug, Clone)]
-struct Carried<'b> {
+struct Antecedent<'b> {
     opening: &'b Opening,
     clause: Clause,
     property: Option<Property>,
 }
 
-/// Reads all clauses.
-pub(super) fn read(openings: &OpeningIndex, mut input: Input<'_>) -> Sentence {
+/// Parses all clauses.
+pub(super) fn parse(openings: &OpeningIndex, mut input: Input<'_>) -> Sentence {
     let mut sentence = Sentence::default();
-    let mut carried: Option<Carried<'_>> = None;
-    // Where the part that was not understood began, if the last one was not.
-    let mut lost: Option<usize> = None;
-    // Whether "it" and "the rest" would lean on something that was not understood.
-    let mut dangling = false;
+    let mut antecedent: Option<Antecedent<'_>> = None;
+    // Start of the current part that is not understood.
+    let mut failed_from: Option<usize> = None;
+    // Whether the antecedent of "it" and "the rest" was not understood.
+    let mut antecedent_lost = false;
     let all = remaining(&input);
     let source = input.state.source;
     loop {
-        let sentence_ended = skip_joints(&mut input);
+        let sentence_ended = skip_conjunctions(&mut input);
         if sentence_ended {
-            lost = None;
+            failed_from = None;
         }
         let at = all.len() - remaining(&input).len();
         if remaining(&input).is_empty() {
@@ -113,16 +114,16 @@ pub(super) fn read(openings: &OpeningIndex, mut input: Input<'_>) -> Sentence {
         let reading = if blocked || sentence.clauses.len() >= MAX_CLAUSES {
             None
         } else {
-            clause(openings, &mut input, carried.as_ref())
+            clause(openings, &mut input, antecedent.as_ref())
         };
         match reading {
-            Some((opening, reading)) if !(dangling && leans(&reading)) => {
-                dangling &= !names_something(&reading);
-                lost = None;
+            Some((opening, reading)) if !(antecedent_lost && refers_back(&reading)) => {
+                antecedent_lost &= !names_target(&reading);
+                failed_from = None;
                 let end = all.len() - remaining(&input).len();
                 let words = slice(source, all.get(at..end).unwrap_or_default());
                 sentence.unknown += reading.unknown;
-                carried = reading.clauses.last().map(|clause| Carried {
+                antecedent = reading.clauses.last().map(|clause| Antecedent {
                     opening,
                     clause: clause.clone(),
                     property: reading.property,
@@ -133,26 +134,26 @@ pub(super) fn read(openings: &OpeningIndex, mut input: Input<'_>) -> Sentence {
                 if unread.is_none() {
                     skip_clause(&mut input, blocked);
                 }
-                let from = lost.unwrap_or(at);
+                let from = failed_from.unwrap_or(at);
                 let end = all.len() - remaining(&input).len();
                 let words = slice(source, all.get(from..end).unwrap_or_default());
-                if lost.is_some() {
+                if failed_from.is_some() {
                     sentence.not_understood.pop();
                 }
                 if !words.is_empty() {
                     sentence.not_understood.push(words);
                 }
-                lost = Some(from);
-                carried = None;
-                dangling = true;
+                failed_from = Some(from);
+                antecedent = None;
+                antecedent_lost = true;
             }
         }
     }
     sentence
 }
 
-/// Whether a reading refers to something said before.
-fn leans(reading: &Reading) -> bool {
+/// Whether a reading refers to an antecedent.
+fn refers_back(reading: &Reading) -> bool {
     reading
         .clauses
         .iter()
@@ -160,18 +161,18 @@ fn leans(reading: &Reading) -> bool {
         .any(|t| t.focus || (t.complement && t.names.is_empty() && !t.selection))
 }
 
-fn names_something(reading: &Reading) -> bool {
+fn names_target(reading: &Reading) -> bool {
     reading.clauses.iter().filter_map(|c| c.target.as_ref()).any(|t| !t.names.is_empty() || t.selection || t.everything)
 }
 
-/// Leaves out joining words, marks, and politeness that stands alone; says whether a sentence ended among them.
-fn skip_joints(input: &mut Input<'_>) -> bool {
-    // "also" may belong to what follows ("also select the sac"), so it stays.
+/// Skips conjunctions, marks and politeness between clauses. Returns whether a sentence ended.
+fn skip_conjunctions(input: &mut Input<'_>) -> bool {
+    // "also" may belong to the next clause ("also select the sac").
     const SKIPPED: &str = "and | then | but | plus | after that | afterwards | followed by";
     let mut ended = false;
     loop {
-        let joint: Outcome<usize> = one_of(SKIPPED).parse_next(input);
-        if joint.is_ok() {
+        let conjunction: Outcome<usize> = one_of(SKIPPED).parse_next(input);
+        if conjunction.is_ok() {
             continue;
         }
         let mut alone = *input;
@@ -190,14 +191,14 @@ fn skip_joints(input: &mut Input<'_>) -> bool {
     }
 }
 
-/// Whether the clause here is forbidden or conditional, so that no part of it may be done.
+/// Whether the next clause is negated or conditional. Such a clause is never executed.
 fn is_blocked(input: &Input<'_>) -> bool {
     let mut at = *input;
     loop {
         // "don't show the sac" is a way to say "hide the sac".
         let hides: Outcome<usize> = one_of("don't show | do not show").parse_next(&mut at.clone());
-        let blocker: Outcome<usize> = one_of(BLOCKERS).parse_next(&mut at.clone());
-        if hides.is_ok() || blocker.is_ok() {
+        let negation: Outcome<usize> = one_of(NEGATIONS).parse_next(&mut at.clone());
+        if hides.is_ok() || negation.is_ok() {
             return hides.is_err();
         }
         let prelude: Outcome<usize> = one_of(PRELUDES).parse_next(&mut at);
@@ -207,16 +208,16 @@ fn is_blocked(input: &Input<'_>) -> bool {
     }
 }
 
-/// Skips what could not be read: at least one token, to the next mark or joining word. What is forbidden or conditional
-/// reaches over joining words to the end of its sentence.
+/// Skips a clause that is not understood: at least one token, up to the next mark or conjunction. A negated or
+/// conditional clause extends to the end of its sentence.
 fn skip_clause(input: &mut Input<'_>, blocked: bool) {
     advance(input, 1);
     while let Some(token) = peek_at(input, 0) {
-        let joint: Outcome<usize> = one_of(JOINTS).parse_next(&mut { *input });
+        let conjunction: Outcome<usize> = one_of(CONJUNCTIONS).parse_next(&mut { *input });
         let stops = if blocked {
             ['.', '!', '?', ';'].iter().any(|m| token.is_mark(*m))
         } else {
-            is_break(token) || joint.is_ok()
+            is_break(token) || conjunction.is_ok()
         };
         if stops {
             return;
@@ -225,11 +226,11 @@ fn skip_clause(input: &mut Input<'_>, blocked: bool) {
     }
 }
 
-/// One clause: as it stands, without its politeness, or leaning on the one before.
+/// Parses one clause: with its own verb, after politeness, or with ellipsis.
 fn clause<'b>(
     openings: &'b OpeningIndex,
     input: &mut Input<'_>,
-    carried: Option<&Carried<'b>>,
+    antecedent: Option<&Antecedent<'b>>,
 ) -> Option<(&'b Opening, Reading)> {
     let start = *input;
     let mut at = start;
@@ -243,21 +244,21 @@ fn clause<'b>(
             break;
         }
     }
-    let carried = carried?;
+    let antecedent = antecedent?;
     let mut at = start;
     let _: Outcome<usize> = one_of("the same for | likewise | also | then").parse_next(&mut at);
-    let (reading, rest) = carried_clause(carried, &at)?;
+    let (reading, rest) = elliptical_clause(antecedent, &at)?;
     *input = rest;
-    Some((carried.opening, reading))
+    Some((antecedent.opening, reading))
 }
 
-/// How good a reading is, the least first: unknown names, words left over, place in the table.
+/// Rank of a reading, smallest first: unknown names, words left, position in the table.
 type Rank = (usize, usize, usize);
 
-/// A reading, its beginning, and what is left after it.
+/// A reading, its opening and the rest of the input.
 type Found<'b, 't> = (&'b Opening, Reading, Input<'t>);
 
-/// The best reading of a clause with its own verb: fewest unknown names, then most words, then first in the table.
+/// The best reading of a clause with its own verb.
 fn full_clause<'b, 't>(openings: &'b OpeningIndex, input: &Input<'t>) -> Option<Found<'b, 't>> {
     let tokens = remaining(input);
     let mut best: Option<(Rank, Found<'b, 't>)> = None;
@@ -269,7 +270,7 @@ fn full_clause<'b, 't>(openings: &'b OpeningIndex, input: &Input<'t>) -> Option<
         let mut at = *input;
         advance(&mut at, opening.words.len());
         let Ok(reading) = (opening.construct.parse)(opening.verb, &mut at) else { continue };
-        // Without a verb only what is surely there makes a sentence.
+        // A clause without a verb needs known names.
         let fits = reading.clauses.iter().all(|c| c.act() == opening.verb.act)
             && !(opening.words.is_empty() && reading.unknown > 0)
             && ends_here(&at)
@@ -285,16 +286,16 @@ fn full_clause<'b, 't>(openings: &'b OpeningIndex, input: &Input<'t>) -> Option<
     best.map(|(_, found)| found)
 }
 
-/// Whether a clause is over here, with nothing taken out of it by what follows.
+/// Whether a clause ends here, with no exception after it.
 fn ends_here(input: &Input<'_>) -> bool {
     let excepted: Outcome<usize> = one_of(EXCEPTING).parse_next(&mut input.clone());
     end(&mut input.clone()).is_ok() && excepted.is_err()
 }
 
-/// A clause that leaves out its verb, its object, or both: "and the pot brown", "and transparent", "and the vessel to 0.5",
+/// A clause without verb, object or both: "and the pot brown", "and transparent", "and the vessel to 0.5",
 /// "and the trunk too".
-fn carried_clause<'t>(carried: &Carried<'_>, input: &Input<'t>) -> Option<(Reading, Input<'t>)> {
-    let opening = carried.opening;
+fn elliptical_clause<'t>(antecedent: &Antecedent<'_>, input: &Input<'t>) -> Option<(Reading, Input<'t>)> {
+    let opening = antecedent.opening;
     let read = || {
         let mut at = *input;
         let reading = (opening.construct.parse)(opening.verb, &mut at).ok()?;
@@ -303,20 +304,20 @@ fn carried_clause<'t>(carried: &Carried<'_>, input: &Input<'t>) -> Option<(Readi
     let with_known_names = || read().filter(|(reading, _)| reading.unknown == 0);
     let continued = || {
         let mut at = *input;
-        let reading = assignment::continued(carried.clause.target.as_ref()?, &mut at).ok()?;
+        let reading = assignment::continued(antecedent.clause.target.as_ref()?, &mut at).ok()?;
         Some((reading, at))
     };
     let same_property = || {
         let mut at = *input;
-        let reading = assignment::same_property(carried.property?, &mut at).ok()?;
+        let reading = assignment::same_property(antecedent.property?, &mut at).ok()?;
         Some((reading, at))
     };
     let likewise = || {
         let mut at = *input;
         let target = target_alone(&mut at).ok().filter(|t| t.unknown == 0)?;
-        carried.clause.target.as_ref()?;
-        let clause = Clause { target: Some(target.reference), ..carried.clause.clone() };
-        Some((Reading { clauses: vec![clause], unknown: 0, property: carried.property }, at))
+        antecedent.clause.target.as_ref()?;
+        let clause = Clause { target: Some(target.reference), ..antecedent.clause.clone() };
+        Some((Reading { clauses: vec![clause], unknown: 0, property: antecedent.property }, at))
     };
     match opening.construct.ellipsis {
         Ellipsis::None => None,

@@ -1,4 +1,4 @@
-//! What could be said instead of what was not understood.
+//! Suggestions for parts that are not understood.
 
 use std::collections::BTreeSet;
 
@@ -8,10 +8,10 @@ use crate::commands::help::with_names;
 use crate::commands::table::TABLE;
 use crate::syntax::token::{self, Kind, Token};
 
-/// Most suggestions given.
+/// Largest number of suggestions.
 pub(super) const MAX_SUGGESTIONS: usize = 3;
 
-/// The utterance with each misspelt word replaced by the nearest word of the grammar; none where nothing was near.
+/// The utterance with each misspelt word corrected. `None`: no word has a similar known word.
 pub(super) fn corrected(source: &str, tokens: &[Token], names: &[&str]) -> Option<String> {
     let vocabulary = vocabulary(names);
     let mut text = String::new();
@@ -31,7 +31,7 @@ pub(super) fn corrected(source: &str, tokens: &[Token], names: &[&str]) -> Optio
     changed.then_some(text)
 }
 
-/// Every word that the table and the units' names are made of.
+/// All words of the table and of the units' names.
 fn vocabulary(names: &[&str]) -> BTreeSet<String> {
     let mut vocabulary = BTreeSet::new();
     let mut learn = |phrase: &str| {
@@ -46,7 +46,7 @@ fn vocabulary(names: &[&str]) -> BTreeSet<String> {
     vocabulary
 }
 
-/// The nearest word that is one slip away, or two for a long word.
+/// The most similar word: one edit away, or two for a long word.
 fn nearest<'v>(word: &str, vocabulary: &'v BTreeSet<String>) -> Option<&'v str> {
     let allowed = match word.chars().count() {
         0..=3 => return None,
@@ -62,7 +62,7 @@ fn nearest<'v>(word: &str, vocabulary: &'v BTreeSet<String>) -> Option<&'v str> 
         .map(|(_, w)| w)
 }
 
-/// Examples of the table that share the most with what was said; where none does, one of each of the main kinds.
+/// The examples with the most words in common with the utterance, or else one of each main command.
 pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String> {
     const COMMON: [&str; 14] =
         ["the", "a", "to", "of", "it", "and", "is", "from", "with", "me", "in", "my", "what", "i"];
@@ -81,7 +81,7 @@ pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String>
             }
         }
     }
-    // A stable sort keeps the order of the table among equals.
+    // The sort is stable, so equal examples keep the order of the table.
     scored.sort_by_key(|(shared, _)| std::cmp::Reverse(*shared));
     let mut chosen: Vec<String> =
         scored.into_iter().map(|(_, e)| with_names(e, names)).take(2 * MAX_SUGGESTIONS).collect();
@@ -98,14 +98,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slips_are_corrected_and_strange_words_left() {
+    fn misspelt_words_are_corrected_and_unknown_words_kept() {
         let correct = |text: &str| corrected(text, &token::tokens(text), &["aneurysm"]);
         assert_eq!(correct("hied the aneurism").as_deref(), Some("hide the aneurysm"));
         assert_eq!(correct("quantum chromodynamics"), None);
     }
 
     #[test]
-    fn what_shares_words_comes_first() {
+    fn examples_with_common_words_come_first() {
         let found = examples(&["make the background disappear slowly".to_owned()], &["pot"]);
         assert!(found.iter().any(|e| e.contains("background")), "{found:?}");
         assert_eq!(examples(&["xyzzy".to_owned()], &["pot"]).last().map(String::as_str), Some("help"));

@@ -10,30 +10,30 @@ pub(super) const ACT: Field = Field::required("act");
 
 pub(super) const WORDS: Field = Field::required("words");
 
-/// How far a field goes.
+/// Bound of a field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Bound {
-    /// A number from, to.
+    /// Smallest and largest number.
     Number(f64, f64),
-    /// Letters of a text, of each one in a list.
-    Letters(usize),
+    /// Largest number of characters, of each item in a list.
+    MaxChars(usize),
 }
 
-/// Most clauses of one answer.
+/// Largest number of clauses in an answer.
 pub(super) const MAX_CLAUSES: usize = 16;
 
-/// Most entries of any other list.
+/// Largest number of items in another list.
 pub(super) const MAX_ITEMS: usize = 16;
 
-/// Fields by full name without `supergaussian.` and their bounds: those that the contract documents, or that keep a
-/// slip of a model from wiping a picture out. A number or text without a line here does not go into the form.
+/// Bounds by full name without `supergaussian.`. They follow the documentation of the contract, or prevent a useless
+/// picture. Numbers and texts without a bound are not part of the schema.
 pub(super) const BOUNDS: &[(&str, Bound)] = &[
-    ("language.v1.Intent.not_understood", Bound::Letters(MAX_UTTERANCE_BYTES)),
-    ("language.v1.Clause.words", Bound::Letters(MAX_UTTERANCE_BYTES)),
-    ("language.v1.Clause.color_name", Bound::Letters(40)),
-    ("language.v1.Clause.name", Bound::Letters(MAX_NAME_BYTES)),
+    ("language.v1.Intent.not_understood", Bound::MaxChars(MAX_UTTERANCE_BYTES)),
+    ("language.v1.Clause.words", Bound::MaxChars(MAX_UTTERANCE_BYTES)),
+    ("language.v1.Clause.color_name", Bound::MaxChars(40)),
+    ("language.v1.Clause.name", Bound::MaxChars(MAX_NAME_BYTES)),
     ("language.v1.Clause.amount", Bound::Number(0.0, 1000.0)),
-    ("language.v1.Reference.names", Bound::Letters(MAX_NAME_BYTES)),
+    ("language.v1.Reference.names", Bound::MaxChars(MAX_NAME_BYTES)),
     ("scene.v1.Color.red", Bound::Number(0.0, 1.0)),
     ("scene.v1.Color.green", Bound::Number(0.0, 1.0)),
     ("scene.v1.Color.blue", Bound::Number(0.0, 1.0)),
@@ -49,8 +49,8 @@ pub(super) const BOUNDS: &[(&str, Bound)] = &[
     ("scene.v1.SetView.zoom", Bound::Number(0.01, 100.0)),
 ];
 
-/// What no utterance says in this form: an exact viewpoint, and the target of a view, which stands in the clause.
-pub(super) const LEFT_OUT: &[&str] = &[
+/// Fields that are not part of the schema: exact viewpoints, and the target of a view, which is in the clause.
+pub(super) const EXCLUDED: &[&str] = &[
     "language.v1.Intent.suggestions",
     "language.v1.Intent.backend",
     "language.v1.Intent.model",
@@ -62,20 +62,19 @@ pub(super) const LEFT_OUT: &[&str] = &[
     "scene.v1.Target.complement",
 ];
 
-pub(super) fn short(name: &str) -> &str {
+pub(super) fn short_name(name: &str) -> &str {
     name.strip_prefix("supergaussian.").unwrap_or(name)
 }
 
-pub(super) fn is_left_out(field: &FieldDescriptor) -> bool {
-    LEFT_OUT.contains(&short(field.full_name()))
+pub(super) fn is_excluded(field: &FieldDescriptor) -> bool {
+    EXCLUDED.contains(&short_name(field.full_name()))
 }
 
 pub(super) fn bound(field: &FieldDescriptor) -> Option<Bound> {
-    BOUNDS.iter().find(|(name, _)| *name == short(field.full_name())).map(|(_, bound)| *bound)
+    BOUNDS.iter().find(|(name, _)| *name == short_name(field.full_name())).map(|(_, bound)| *bound)
 }
 
-/// Whether a field of a message within a clause may be null: what the contract can tell from its default, and an enum,
-/// whose default says that nothing was said.
+/// Whether a field of a message within a clause may be null. The contract must tell null from the default.
 pub(super) fn may_be_absent(field: &FieldDescriptor) -> bool {
     field.supports_presence() || (matches!(field.kind(), Kind::Enum(_)) && !field.is_list())
 }

@@ -3,23 +3,22 @@
 use prost_reflect::{DeserializeOptions, DynamicMessage, FieldDescriptor, Kind, Value as Reflected};
 use sg_proto::language::{Act, Clause, Intent, Reference};
 
-use super::contract::{ACT, Bound, MAX_CLAUSES, MAX_ITEMS, WORDS, bound, is_left_out};
+use super::contract::{ACT, Bound, MAX_CLAUSES, MAX_ITEMS, WORDS, bound, is_excluded};
 use super::descriptors::Descriptors;
 use crate::commands::command::Field;
 use crate::commands::table::fields;
 use crate::prompt::{InvalidAnswer, MAX_ANSWER_BYTES, single_line};
 
-/// Reads an answer in this form and checks it: nothing the form does not have, every number finite and within its
-/// bounds, every text short enough and free of control characters, every clause with what its act needs.
+/// Decodes an answer. It checks fields, numbers, lengths of texts and what each act requires.
 ///
 /// # Errors
 /// [`InvalidAnswer`] with the place.
 pub(super) fn decode(contract: &Descriptors, answer: &str) -> Result<Intent, InvalidAnswer> {
     if answer.len() > MAX_ANSWER_BYTES {
-        return Err(InvalidAnswer::new(format!("it has {} bytes, over {MAX_ANSWER_BYTES}", answer.len())));
+        return Err(InvalidAnswer::new(format!("it has {} bytes; the limit is {MAX_ANSWER_BYTES}", answer.len())));
     }
     let malformed = |e: serde_json::Error| {
-        InvalidAnswer::new(format!("it is not the JSON asked for: {}", single_line(&e.to_string())))
+        InvalidAnswer::new(format!("it does not match the schema: {}", single_line(&e.to_string())))
     };
     let mut reader = serde_json::Deserializer::from_str(answer);
     let strict = DeserializeOptions::new().deny_unknown_fields(true);
@@ -29,30 +28,33 @@ pub(super) fn decode(contract: &Descriptors, answer: &str) -> Result<Intent, Inv
     check(&message, "")?;
     let mut intent: Intent = message.transcode_to().map_err(|e| InvalidAnswer::new(e.to_string()))?;
     if intent.clauses.len() > MAX_CLAUSES {
-        return Err(InvalidAnswer::new(format!("it has {} clauses, over {MAX_CLAUSES}", intent.clauses.len())));
+        return Err(InvalidAnswer::new(format!("it has {} clauses; the limit is {MAX_CLAUSES}", intent.clauses.len())));
     }
     let clauses = message.get_field_by_name("clauses");
     let clauses = clauses.as_deref().and_then(Reflected::as_list).unwrap_or_default();
     for (at, (clause, reflected)) in intent.clauses.iter().zip(clauses).enumerate() {
         check_clause(clause, reflected, at)?;
     }
-    // What is given a name is always the selection, so the form does not ask for it.
+    // A label always names the selection, so the schema has no target for it.
     for clause in intent.clauses.iter_mut().filter(|c| c.act() == Act::Label) {
         clause.target = Some(Reference { selection: true, ..Reference::default() });
     }
     Ok(intent)
 }
 
-/// Checks everything that is set in a message, and what is set in it.
+/// Checks all fields of a message.
 fn check(message: &DynamicMessage, place: &str) -> Result<(), InvalidAnswer> {
     for (field, value) in message.fields() {
         let place = if place.is_empty() { field.name().to_owned() } else { format!("{place}.{}", field.name()) };
-        if is_left_out(&field) {
-            return Err(InvalidAnswer::new(format!("`{place}` is not asked for")));
+        if is_excluded(&field) {
+            return Err(InvalidAnswer::new(format!("`{place}` is not in the schema")));
         }
         match value.as_list() {
             Some(items) if items.len() > MAX_ITEMS => {
-                return Err(InvalidAnswer::new(format!("`{place}` has {} entries, over {MAX_ITEMS}", items.len())));
+                return Err(InvalidAnswer::new(format!(
+                    "`{place}` has {} items; the limit is {MAX_ITEMS}",
+                    items.len()
+                )));
             }
             Some(items) => {
                 for (at, item) in items.iter().enumerate() {
@@ -67,8 +69,8 @@ fn check(message: &DynamicMessage, place: &str) -> Result<(), InvalidAnswer> {
 
 fn check_value(field: &FieldDescriptor, value: &Reflected, place: &str) -> Result<(), InvalidAnswer> {
     let number = |v: f64| match bound(field) {
-        Some(Bound::Number(least, most)) if !(least..=most).contains(&v) => {
-            Err(InvalidAnswer::new(format!("`{place}` is {v}; it goes from {least} to {most}")))
+        Some(Bound::Number(min, max)) if !(min..=max).contains(&v) => {
+            Err(InvalidAnswer::new(format!("`{place}` is {v}; use a number from {min} to {max}")))
         }
         _ => Ok(()),
     };
@@ -76,8 +78,8 @@ fn check_value(field: &FieldDescriptor, value: &Reflected, place: &str) -> Resul
         Reflected::F32(v) => number(f64::from(*v)),
         Reflected::F64(v) => number(*v),
         Reflected::String(text) => match bound(field) {
-            Some(Bound::Letters(letters)) if text.chars().count() > letters => {
-                Err(InvalidAnswer::new(format!("`{place}` has over {letters} letters")))
+            Some(Bound::MaxChars(max)) if text.chars().count() > max => {
+                Err(InvalidAnswer::new(format!("`{place}` has more than {max} characters")))
             }
             _ if text.chars().any(char::is_control) => {
                 Err(InvalidAnswer::new(format!("`{place}` has control characters")))
@@ -95,7 +97,7 @@ fn check_value(field: &FieldDescriptor, value: &Reflected, place: &str) -> Resul
     }
 }
 
-/// Checks that a clause has what its act needs and nothing else.
+/// Checks that a clause has exactly the fields of its act.
 fn check_clause(clause: &Clause, reflected: &Reflected, at: usize) -> Result<(), InvalidAnswer> {
     let act = clause.act();
     let Some(fields) = fields(act) else {
@@ -105,23 +107,23 @@ fn check_clause(clause: &Clause, reflected: &Reflected, at: usize) -> Result<(),
     let present: Vec<String> = present.map(|(field, _)| field.name().to_owned()).collect();
     for name in &present {
         if ![ACT, WORDS].iter().chain(fields).any(|field| field.name == name) {
-            return Err(InvalidAnswer::new(format!("`clauses[{at}]` is {} and carries `{name}`", act.as_str_name())));
+            return Err(InvalidAnswer::new(format!("`clauses[{at}]`: {} has no field `{name}`", act.as_str_name())));
         }
     }
     // A false `relative` cannot be told from an absent one.
     for Field { name, .. } in fields.iter().filter(|f| !f.is_optional() && f.name != "relative") {
         if !present.iter().any(|known| known == name) {
-            return Err(InvalidAnswer::new(format!("`clauses[{at}]` is {} without `{name}`", act.as_str_name())));
+            return Err(InvalidAnswer::new(format!("`clauses[{at}]`: {} needs `{name}`", act.as_str_name())));
         }
     }
     if let Some(amount) = clause.amount.filter(|_| fields.contains(&Field::optional_count("amount")))
         && (amount.fract() != 0.0 || amount < 1.0)
     {
-        return Err(InvalidAnswer::new(format!("`clauses[{at}].amount` is {amount}; steps are counted from 1")));
+        return Err(InvalidAnswer::new(format!("`clauses[{at}].amount` is {amount}; use a whole number from 1")));
     }
     let empty = |v: &sg_proto::scene::SetView| v.change.is_none();
     if clause.view.as_ref().is_some_and(empty) {
-        return Err(InvalidAnswer::new(format!("`clauses[{at}].view` changes nothing")));
+        return Err(InvalidAnswer::new(format!("`clauses[{at}].view` is empty")));
     }
     Ok(())
 }

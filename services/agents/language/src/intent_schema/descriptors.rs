@@ -7,9 +7,9 @@ use sg_proto::language::{Act, Clause, Intent};
 use crate::commands::command::Field;
 use crate::commands::table::fields;
 
-/// The contract's descriptors do not hold what this form is made of.
+/// The contract lacks a message or field of an intent.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the form of an intent cannot be made from the contract: {0}")]
+#[error("the schema of intents does not fit the contract: {0}")]
 pub struct SchemaError(pub(super) String);
 
 /// Descriptors of the messages of an intent.
@@ -34,7 +34,7 @@ impl Descriptors {
         let (intent, clause) = (message(Intent::full_name())?, message(Clause::full_name())?);
         let act = clause.get_field_by_name("act").map(|f| f.kind());
         let acts =
-            act.as_ref().and_then(Kind::as_enum).cloned().ok_or(SchemaError("a clause has no act".to_owned()))?;
+            act.as_ref().and_then(Kind::as_enum).cloned().ok_or(SchemaError("the clause has no act".to_owned()))?;
         Ok(Self { intent, clause, acts })
     }
 

@@ -3,7 +3,7 @@
 use prost_reflect::{FieldDescriptor, Kind, MessageDescriptor};
 use serde_json::{Map, Value, json};
 
-use super::contract::{Bound, MAX_CLAUSES, MAX_ITEMS, WORDS, bound, is_left_out, may_be_absent};
+use super::contract::{Bound, MAX_CLAUSES, MAX_ITEMS, WORDS, bound, is_excluded, may_be_absent};
 use super::descriptors::{Descriptors, SchemaError};
 use crate::commands::command::{Field, Presence};
 
@@ -17,7 +17,7 @@ pub(super) fn build(contract: &Descriptors) -> Result<Value, SchemaError> {
             let field = contract
                 .clause
                 .get_field_by_name(name)
-                .ok_or_else(|| SchemaError(format!("a clause has no {name}")))?;
+                .ok_or_else(|| SchemaError(format!("the clause has no {name}")))?;
             let schema = match presence {
                 Presence::OptionalCount => json!({"type": "integer", "minimum": 1, "maximum": 1000}),
                 Presence::Required | Presence::Optional => field_schema(&field, &mut definitions)?,
@@ -28,7 +28,7 @@ pub(super) fn build(contract: &Descriptors) -> Result<Value, SchemaError> {
         clauses.push(closed(&properties));
     }
     let mut properties = Map::new();
-    for field in contract.intent.fields().filter(|f| !is_left_out(f)) {
+    for field in contract.intent.fields().filter(|f| !is_excluded(f)) {
         let schema = if field.name() == "clauses" {
             json!({"type": "array", "items": {"anyOf": clauses}, "maxItems": MAX_CLAUSES})
         } else {
@@ -43,7 +43,7 @@ pub(super) fn build(contract: &Descriptors) -> Result<Value, SchemaError> {
     Ok(schema)
 }
 
-/// The form in words: each act with its fields, then what the fields mean, as the contract documents them.
+/// Each act with its fields, then each field with its comment in the contract.
 pub(super) fn manual(contract: &Descriptors) -> String {
     let mut text = String::from("Acts, each with the fields of its clause (a field with ? may be null):\n");
     for (act, fields) in contract.act_fields() {
@@ -55,11 +55,11 @@ pub(super) fn manual(contract: &Descriptors) -> String {
         text.push_str(&format!("{} {{{}}}: {comment}\n", act.as_str_name(), fields.join(", ")));
     }
     text.push_str("Fields:\n");
-    let mut told = Vec::new();
+    let mut visited = Vec::new();
     let used = |f: &FieldDescriptor| {
         contract.act_fields().any(|(_, fields)| fields.iter().any(|field| field.name == f.name()))
     };
-    describe(&contract.clause, &|f| f.name() == "words" || used(f), &mut told, &mut text);
+    describe(&contract.clause, &|f| f.name() == "words" || used(f), &mut visited, &mut text);
     text
 }
 
@@ -67,7 +67,7 @@ fn or_null(schema: &Value) -> Value {
     json!({"anyOf": [schema, {"type": "null"}]})
 }
 
-/// An object with these properties, all of them and no others.
+/// An object with exactly these properties.
 fn closed(properties: &Map<String, Value>) -> Value {
     let required: Vec<Value> = properties.keys().map(|name| json!(name)).collect();
     json!({"type": "object", "properties": properties, "required": required, "additionalProperties": false})
@@ -77,10 +77,10 @@ fn field_schema(field: &FieldDescriptor, definitions: &mut Map<String, Value>) -
     let unbounded = || SchemaError(format!("{} has no bound", field.full_name()));
     let one = match (field.kind(), bound(field)) {
         (Kind::Bool, _) => json!({"type": "boolean"}),
-        (Kind::Float | Kind::Double, Some(Bound::Number(least, most))) => {
-            json!({"type": "number", "minimum": least, "maximum": most})
+        (Kind::Float | Kind::Double, Some(Bound::Number(min, max))) => {
+            json!({"type": "number", "minimum": min, "maximum": max})
         }
-        (Kind::String, Some(Bound::Letters(letters))) => json!({"type": "string", "maxLength": letters}),
+        (Kind::String, Some(Bound::MaxChars(chars))) => json!({"type": "string", "maxLength": chars}),
         (Kind::Enum(of), _) => {
             let names: Vec<Value> = of.values().filter(|v| v.number() != 0).map(|v| json!(v.name())).collect();
             json!({"type": "string", "enum": names})
@@ -97,11 +97,11 @@ fn field_schema(field: &FieldDescriptor, definitions: &mut Map<String, Value>) -
     Ok(if field.is_list() { json!({"type": "array", "items": one, "maxItems": MAX_ITEMS}) } else { one })
 }
 
-/// A message: each of its fields, and of alternatives one.
+/// The schema of a message. Of alternatives exactly one is present.
 fn message_schema(message: &MessageDescriptor, definitions: &mut Map<String, Value>) -> Result<Value, SchemaError> {
     let is_alternative = |f: &FieldDescriptor| f.containing_oneof().is_some_and(|o| !o.is_synthetic());
     let (alternatives, plain): (Vec<_>, Vec<_>) =
-        message.fields().filter(|f| !is_left_out(f)).partition(is_alternative);
+        message.fields().filter(|f| !is_excluded(f)).partition(is_alternative);
     let mut properties = Map::new();
     for field in plain {
         let schema = field_schema(&field, definitions)?;
@@ -120,16 +120,16 @@ fn message_schema(message: &MessageDescriptor, definitions: &mut Map<String, Val
     Ok(json!({"anyOf": choices}))
 }
 
-/// Describes the fields of a message and of the messages in them, each message once.
+/// Describes the fields of a message and of the messages in it, each message once.
 fn describe(
     message: &MessageDescriptor,
-    wanted: &dyn Fn(&FieldDescriptor) -> bool,
-    told: &mut Vec<String>,
+    include: &dyn Fn(&FieldDescriptor) -> bool,
+    visited: &mut Vec<String>,
     text: &mut String,
 ) {
-    told.push(message.full_name().to_owned());
+    visited.push(message.full_name().to_owned());
     let mut within = Vec::new();
-    for field in message.fields().filter(|f| !is_left_out(f) && wanted(f)) {
+    for field in message.fields().filter(|f| !is_excluded(f) && include(f)) {
         let about = comment(message.parent_file().file_descriptor_proto(), field.path());
         text.push_str(&format!("{}.{}: {about}\n", message.name(), field.name()));
         if let Kind::Message(of) = field.kind() {
@@ -137,13 +137,13 @@ fn describe(
         }
     }
     for of in within {
-        if !told.iter().any(|name| name == of.full_name()) {
-            describe(&of, &|_| true, told, text);
+        if !visited.iter().any(|name| name == of.full_name()) {
+            describe(&of, &|_| true, visited, text);
         }
     }
 }
 
-/// The comment before an item of a `.proto` file, on one line.
+/// The comment of an item of a `.proto` file, on one line.
 fn comment(file: &prost_reflect::prost_types::FileDescriptorProto, path: &[i32]) -> String {
     let locations = file.source_code_info.iter().flat_map(|info| &info.location);
     let found = locations.into_iter().find(|l| l.path == path).and_then(|l| l.leading_comments.as_deref());

@@ -66,7 +66,7 @@ impl IntentSchema {
 
 #[cfg(test)]
 mod tests {
-    use super::contract::{BOUNDS, LEFT_OUT};
+    use super::contract::{BOUNDS, EXCLUDED};
     use super::*;
     use crate::prompt::MAX_ANSWER_BYTES;
     use prost_reflect::DescriptorPool;
@@ -94,9 +94,9 @@ mod tests {
     }
 
     #[test]
-    fn every_line_of_the_tables_speaks_of_a_field_of_the_contract() {
+    fn every_bound_belongs_to_a_field_of_the_contract() {
         let pool = DescriptorPool::decode(sg_proto::DESCRIPTORS).unwrap();
-        for name in BOUNDS.iter().map(|(name, _)| name).chain(LEFT_OUT) {
+        for name in BOUNDS.iter().map(|(name, _)| name).chain(EXCLUDED) {
             let (message, field) = name.rsplit_once('.').unwrap();
             let message = pool.get_message_by_name(&format!("supergaussian.{message}"));
             assert!(message.unwrap().get_field_by_name(field).is_some(), "{name}");
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn the_schema_closes_every_object_and_bounds_every_value() {
+    fn every_object_is_closed_and_every_value_bounded() {
         fn walk(schema: &Value, place: &str) {
             match schema {
                 Value::Object(map) => {
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_manual_says_what_the_contract_says() {
+    fn the_manual_quotes_the_contract() {
         let manual = intent_schema().manual();
         assert!(manual.contains("ACT_SET_COLOR {target, color?, color_name?}: Give a colour.\n"), "{manual}");
         assert!(manual.contains("Reference.complement: All that is not named;"), "{manual}");
@@ -152,28 +152,31 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_json_or_not_this_form_is_refused() {
+    fn answers_that_do_not_match_are_refused() {
         for (answer, part) in [
-            ("", "not the JSON"),
-            ("make it red", "not the JSON"),
-            (r#"{"clauses": ["#, "not the JSON"),
-            (r#"{"clauses": []} and more"#, "not the JSON"),
-            (r#"{"clauses": {}}"#, "not the JSON"),
+            ("", "does not match the schema"),
+            ("make it red", "does not match the schema"),
+            (r#"{"clauses": ["#, "does not match the schema"),
+            (r#"{"clauses": []} and more"#, "does not match the schema"),
+            (r#"{"clauses": {}}"#, "does not match the schema"),
             (r#"{"clauses": [], "note": "hello"}"#, "note"),
-            (r#"{"clauses": [], "backend": "grammar"}"#, "`backend` is not asked for"),
-            (&clause(r#""act": "ACT_FLY""#), "not the JSON"),
+            (r#"{"clauses": [], "backend": "grammar"}"#, "`backend` is not in the schema"),
+            (&clause(r#""act": "ACT_FLY""#), "does not match the schema"),
             (&clause(r#""act": "ACT_UNSPECIFIED""#), "no act"),
             (&clause(r#""act": 99"#), "no value 99"),
             (&clause(r#""act": "ACT_HIDE", "target": {"names": ["sac"], "colour": 1}"#), "colour"),
-            (&clause(r#""act": "ACT_HIDE""#), "ACT_HIDE without `target`"),
-            (&clause(r#""act": "ACT_HIDE", "target": {"names": ["sac"]}, "amount": 1"#), "carries `amount`"),
-            (&clause(r#""act": "ACT_SET_VIEW", "view": {"view": {}}"#), "`clauses[0].view.view` is not asked for"),
-            (&clause(r#""act": "ACT_SET_VIEW", "view": {}"#), "changes nothing"),
-            (&clause(r#""act": "ACT_SET_TERM", "term": "SHADING_TERM_UNSPECIFIED""#), "without `term`"),
+            (&clause(r#""act": "ACT_HIDE""#), "ACT_HIDE needs `target`"),
+            (
+                &clause(r#""act": "ACT_HIDE", "target": {"names": ["sac"]}, "amount": 1"#),
+                "ACT_HIDE has no field `amount`",
+            ),
+            (&clause(r#""act": "ACT_SET_VIEW", "view": {"view": {}}"#), "`clauses[0].view.view` is not in the schema"),
+            (&clause(r#""act": "ACT_SET_VIEW", "view": {}"#), "is empty"),
+            (&clause(r#""act": "ACT_SET_TERM", "term": "SHADING_TERM_UNSPECIFIED""#), "needs `term`"),
         ] {
             refused(answer, part);
         }
-        refused(&format!("{}[]{}", "[".repeat(5000), "]".repeat(5000)), "not the JSON");
+        refused(&format!("{}[]{}", "[".repeat(5000), "]".repeat(5000)), "does not match the schema");
     }
 
     #[test]
@@ -187,7 +190,7 @@ mod tests {
         for red in ["1.5", "-0.1", "1e300", "1e999", "NaN", "\"NaN\"", "\"Infinity\"", "\"-Infinity\""] {
             assert!(intent_schema().decode(&color(red)).is_err(), "{red}");
         }
-        refused(&color("2"), "`clauses[0].color.red` is 2; it goes from 0 to 1");
+        refused(&color("2"), "`clauses[0].color.red` is 2; use a number from 0 to 1");
         refused(&color("\"NaN\""), "NaN");
         let opacity = |amount: &str| {
             clause(&format!(
@@ -198,19 +201,19 @@ mod tests {
         for amount in ["-1", "1e6", "\"NaN\"", "null"] {
             assert!(intent_schema().decode(&opacity(amount)).is_err(), "{amount}");
         }
-        refused(&clause(r#""act": "ACT_UNDO", "amount": 1.5"#), "steps are counted from 1");
+        refused(&clause(r#""act": "ACT_UNDO", "amount": 1.5"#), "use a whole number from 1");
         refused(&clause(r#""act": "ACT_SET_VIEW", "view": {"zoom": 0}"#), "`clauses[0].view.zoom` is 0");
     }
 
     #[test]
-    fn huge_answers_are_refused_before_they_are_read() {
+    fn large_answers_are_refused() {
         refused(&" ".repeat(MAX_ANSWER_BYTES + 1), "bytes");
         let name = format!(r#""act": "ACT_HIDE", "target": {{"names": ["{}"]}}"#, "a".repeat(129));
-        refused(&clause(&name), "`clauses[0].target.names[0]` has over 128 letters");
+        refused(&clause(&name), "`clauses[0].target.names[0]` has more than 128 characters");
         refused(&clause(r#""act": "ACT_HIDE", "target": {"names": ["a\u0007b"]}"#), "control characters");
         let many = vec![r#"{"act": "ACT_RESET", "words": "w"}"#; 17].join(",");
         refused(&format!(r#"{{"clauses": [{many}]}}"#), "17");
         let names = vec!["\"a\""; 17].join(",");
-        refused(&clause(&format!(r#""act": "ACT_HIDE", "target": {{"names": [{names}]}}"#)), "17 entries");
+        refused(&clause(&format!(r#""act": "ACT_HIDE", "target": {{"names": [{names}]}}"#)), "17 items");
     }
 }

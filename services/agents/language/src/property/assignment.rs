@@ -5,21 +5,21 @@ use winnow::Parser;
 use winnow::combinator::{alt, opt};
 
 use super::light;
-use super::opacity::{absolute, amount, opacity, through};
+use super::opacity::{absolute, amount, opacity, transparency};
 use super::value::{COLOR, Value, assign, property_name};
 use crate::syntax::modifier::{connector, degree};
 use crate::syntax::phrase::{Input, Outcome, article, color, end, exactly, one_of, skip};
 use crate::syntax::reading::{Property, Reading, Verb};
 use crate::syntax::target::{Target, focus, target_alone, target_then};
 
-/// "the sac red", "it 50 % transparent", "everything visible".
+/// Parses "the sac red", "it 50 % transparent", "everything visible".
 pub(crate) fn becoming(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     skip("me | us").parse_next(input)?;
     let (target, value) = target_then(input, |rest, _| any_value(rest))?;
     assign(target, value)
 }
 
-/// What a carried-over target value: "and transparent" after "make the sac red".
+/// Parses a value for the target of the previous clause: "and transparent" after "make the sac red".
 pub(crate) fn continued(before: &Reference, input: &mut Input<'_>) -> Outcome<Reading> {
     let value = any_value(input)?;
     assign(Target { reference: before.clone(), unknown: 0 }, value)
@@ -93,13 +93,13 @@ fn property_value(property: Property, input: &mut Input<'_>) -> Outcome<Value> {
             Value::Color(color, name)
         }
         Property::Opacity => absolute(amount(input)?)?,
-        Property::Transparency => through(amount(input)?)?,
+        Property::Transparency => transparency(amount(input)?)?,
     };
     end(input)?;
     Ok(found)
 }
 
-/// "the colour of the sac to red", "the sac's opacity to 0.3", "the opacity to 30 %".
+/// Parses "the colour of the sac to red", "the sac's opacity to 0.3", "the opacity to 30 %".
 pub(crate) fn property(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     alt((property_of, property_after, property_of_focus)).parse_next(input)
 }
@@ -113,7 +113,7 @@ fn property_of(input: &mut Input<'_>) -> Outcome<Reading> {
 }
 
 fn property_after(input: &mut Input<'_>) -> Outcome<Reading> {
-    // "its colour" says whose it is in one word.
+    // "its" is the target.
     let of_it = opt(exactly("its | their")).parse_next(input)?;
     if of_it.is_some() {
         let property = property_name(input)?;
@@ -135,10 +135,10 @@ fn property_of_focus(input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(Reading { property: Some(property), ..assign(focus(), value)? })
 }
 
-/// "the colour of the sac", "the sac's opacity": back to how it was.
+/// Parses "the colour of the sac", "the sac's opacity": reset to the original value.
 pub(crate) fn restoring(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    const OLD: &str = "own | original | old | natural | real | former | first | initial | true | default | full";
-    fn old(property: Property) -> Value {
+    const ORIGINAL: &str = "own | original | old | natural | real | former | first | initial | true | default | full";
+    fn original(property: Property) -> Value {
         match property {
             Property::Color => Value::OriginalColor,
             Property::Opacity | Property::Transparency => Value::Opacity { factor: 1.0, relative: false },
@@ -146,7 +146,7 @@ pub(crate) fn restoring(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     }
     let of = |input: &mut Input<'_>| {
         article(input)?;
-        opt(exactly(OLD)).parse_next(input)?;
+        opt(exactly(ORIGINAL)).parse_next(input)?;
         let property = property_name(input)?;
         let target = match opt(exactly("of | to | for")).parse_next(input)? {
             Some(_) => target_alone(input)?,
@@ -155,30 +155,30 @@ pub(crate) fn restoring(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
                 focus()
             }
         };
-        assign(target, old(property))
+        assign(target, original(property))
     };
     let after = |input: &mut Input<'_>| {
         let (target, property) = target_then(input, |rest, _| {
             opt(exactly("'s | its | their")).parse_next(rest)?;
-            opt(exactly(OLD)).parse_next(rest)?;
+            opt(exactly(ORIGINAL)).parse_next(rest)?;
             let property = property_name(rest)?;
             skip("back").parse_next(rest)?;
             end(rest)?;
             Ok(property)
         })?;
-        assign(target, old(property))
+        assign(target, original(property))
     };
     let whose = |input: &mut Input<'_>| {
         exactly("its | their").parse_next(input)?;
-        opt(exactly(OLD)).parse_next(input)?;
+        opt(exactly(ORIGINAL)).parse_next(input)?;
         let property = property_name(input)?;
         end(input)?;
-        assign(focus(), old(property))
+        assign(focus(), original(property))
     };
     alt((of, whose, after)).parse_next(input)
 }
 
-/// "the vessel to 0.5" after the opacity of something else was set.
+/// Parses "the vessel to 0.5" after a clause with the same property.
 pub(crate) fn same_property(property: Property, input: &mut Input<'_>) -> Outcome<Reading> {
     opt((exactly("that | those"), exactly("of"))).parse_next(input)?;
     let (target, value) = target_then(input, |rest, _| {

@@ -1,4 +1,4 @@
-//! Strength of the light: brightness, its parts, gloss.
+//! Values of the light: brightness, terms, gloss.
 
 use sg_proto::scene::{LightMode, SetLight};
 use winnow::Parser;
@@ -9,16 +9,16 @@ use crate::syntax::modifier::{Degree, degree, factor_by};
 use crate::syntax::number::times;
 use crate::syntax::phrase::{Input, Outcome, article, exactly, one_of};
 
-/// A part of the light that has a strength.
+/// A quantity of the light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
-    /// Ambient and diffuse together: how bright the picture is.
+    /// Ambient and diffuse: the brightness of the picture.
     Brightness,
     Ambient,
     Diffuse,
     Specular,
     Shininess,
-    /// Specular strength and exponent together: how shiny things are.
+    /// Specular strength and exponent.
     Gloss,
 }
 
@@ -37,7 +37,7 @@ impl Part {
         light
     }
 
-    /// By how much it grows where nothing was said.
+    /// Default factor of an increase.
     fn step(self, degree: Degree) -> f64 {
         if self == Self::Brightness { degree.pick(1.1, 1.25, 1.6) } else { degree.pick(1.2, 1.5, 2.5) }
     }
@@ -77,7 +77,7 @@ fn part_alone(input: &mut Input<'_>) -> Outcome<Part> {
         .parse_next(input)
 }
 
-/// "brighter", "much darker by 20 %", "shinier", "twice as bright": said of the scene, or of nothing.
+/// Parses "brighter", "much darker by 20 %", "shinier", "twice as bright".
 pub(crate) fn quality(input: &mut Input<'_>) -> Outcome<SetLight> {
     let multiplied = |input: &mut Input<'_>| {
         let times = alt((exactly("half").map(|_| 0.5), times)).parse_next(input)?;

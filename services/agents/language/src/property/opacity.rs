@@ -1,4 +1,4 @@
-//! Opacity: adjectives, measures, fading, raising and lowering.
+//! Values of opacity: adjectives, numbers, fading.
 
 use winnow::Parser;
 use winnow::combinator::{alt, opt};
@@ -9,31 +9,31 @@ use crate::syntax::modifier::{MUCH, SLIGHTLY, connector, degree, factor_by};
 use crate::syntax::number::{Quantity, quantity, times};
 use crate::syntax::phrase::{Input, Outcome, article, exactly, one_of, skip};
 
-/// An opacity as it is set.
+/// An absolute opacity.
 pub(crate) fn absolute(factor: f64) -> Outcome<Value> {
     if (0.0..=1000.0).contains(&factor) { Ok(Value::Opacity { factor, relative: false }) } else { Err(EmptyError) }
 }
 
-/// A share of transparency as a factor on opacity.
-pub(crate) fn through(share: f64) -> Outcome<Value> {
+/// An absolute transparency.
+pub(crate) fn transparency(share: f64) -> Outcome<Value> {
     if (0.0..=1.0).contains(&share) { absolute(1.0 - share) } else { Err(EmptyError) }
 }
 
 const TRANSPARENT: &str = "transparent | translucent | see through | seethrough | transparency | faint | ghostly";
 const OPAQUE: &str = "opaque | solid | opacity | dense";
 
-/// An adjective of opacity: `true` for opaque, `false` for transparent.
+/// Parses an adjective of opacity: `true` for opaque, `false` for transparent.
 fn adjective(input: &mut Input<'_>) -> Outcome<bool> {
     alt((one_of(TRANSPARENT).map(|_| false), one_of(OPAQUE).map(|_| true))).parse_next(input)
 }
 
-/// What a target's opacity becomes, said as an adjective or a measure.
+/// Parses a value of opacity.
 pub(crate) fn opacity(input: &mut Input<'_>) -> Outcome<Value> {
-    alt((compared, multiplied, measured, graded)).parse_next(input)
+    alt((comparative, multiple, numeric_value, adjective_value)).parse_next(input)
 }
 
-/// "a bit more transparent", "less opaque by 20 percent", "fainter".
-fn compared(input: &mut Input<'_>) -> Outcome<Value> {
+/// Parses "a bit more transparent", "less opaque by 20 percent", "fainter".
+fn comparative(input: &mut Input<'_>) -> Outcome<Value> {
     let degree = degree(input)?;
     let more = alt((
         (exactly("more | less"), adjective).map(|(word, opaque)| (word.text == "more") == opaque),
@@ -46,8 +46,8 @@ fn compared(input: &mut Input<'_>) -> Outcome<Value> {
     Ok(Value::Opacity { factor: by.unwrap_or(usual), relative: true })
 }
 
-/// "twice as transparent", "half as opaque", "three times as opaque".
-fn multiplied(input: &mut Input<'_>) -> Outcome<Value> {
+/// Parses "twice as transparent", "half as opaque", "three times as opaque".
+fn multiple(input: &mut Input<'_>) -> Outcome<Value> {
     let times = alt((exactly("half").map(|_| 0.5), times)).parse_next(input)?;
     exactly("as").parse_next(input)?;
     let opaque = adjective(input)?;
@@ -56,24 +56,24 @@ fn multiplied(input: &mut Input<'_>) -> Outcome<Value> {
     if factor.is_finite() && factor > 0.0 { Ok(Value::Opacity { factor, relative: true }) } else { Err(EmptyError) }
 }
 
-/// "50 percent transparent", "to 30 % opacity", "at an opacity of 0.3".
-fn measured(input: &mut Input<'_>) -> Outcome<Value> {
+/// Parses "50 percent transparent", "to 30 % opacity", "at an opacity of 0.3".
+fn numeric_value(input: &mut Input<'_>) -> Outcome<Value> {
     skip("at | to | with | by | an | a | at an | with an | to an | at a | with a | to a").parse_next(input)?;
     let (value, opaque) =
         alt(((quantity, adjective), (adjective, connector, quantity).map(|(opaque, (), value)| (value, opaque))))
             .parse_next(input)?;
     let value = value.as_opacity();
-    if opaque { absolute(value) } else { through(value) }
+    if opaque { absolute(value) } else { transparency(value) }
 }
 
-/// "transparent", "semi-transparent", "nearly opaque", "completely transparent".
-fn graded(input: &mut Input<'_>) -> Outcome<Value> {
+/// Parses "transparent", "semi-transparent", "nearly opaque", "completely transparent".
+fn adjective_value(input: &mut Input<'_>) -> Outcome<Value> {
     const GRADES: &str = "semi | partly | partially | slightly | a bit | a little | a little bit | somewhat | very | \
      highly | mostly | really | quite | nearly | almost | nearly completely | almost completely | \
      fully | completely | totally | entirely | perfectly | absolutely";
     let grade = opt(one_of(GRADES)).parse_next(input)?;
     let opaque = adjective(input)?;
-    // Opacity of a transparent thing and of an opaque one, by grade.
+    // Opacity of "transparent" and of "opaque" with this adverb.
     let (transparent, solid) = match grade {
         None => (0.3, 1.0),
         Some(0..=2) => (0.5, 0.5),
@@ -85,7 +85,7 @@ fn graded(input: &mut Input<'_>) -> Outcome<Value> {
     absolute(if opaque { solid } else { transparent })
 }
 
-/// A share or factor, in numbers or words.
+/// Parses a share or factor in numbers or words.
 pub(crate) fn amount(input: &mut Input<'_>) -> Outcome<f64> {
     let named = alt((
         one_of("full | maximum | max | the maximum | normal").map(|_| 1.0),
@@ -100,7 +100,7 @@ pub(crate) fn faded(input: &mut Input<'_>) -> Outcome<Value> {
         article(input)?;
         let value = amount(input)?;
         let opaque = opt(adjective).parse_next(input)?;
-        if opaque == Some(false) { through(value) } else { absolute(value) }
+        if opaque == Some(false) { transparency(value) } else { absolute(value) }
     };
     let by = |input: &mut Input<'_>| Ok(Value::Opacity { factor: factor_by(false, input)?, relative: true });
     let words = alt((

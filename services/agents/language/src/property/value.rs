@@ -1,4 +1,4 @@
-//! What a target becomes, and the properties that have a name.
+//! Values that a clause assigns to a target.
 
 use sg_proto::language::Act;
 use sg_proto::scene::{Color, SetLight, set_view};
@@ -10,10 +10,10 @@ use crate::syntax::phrase::{Input, Outcome, exactly};
 use crate::syntax::reading::{Property, Reading};
 use crate::syntax::target::Target;
 
-/// Words for colour.
+/// Nouns for a colour.
 pub(crate) const COLOR: &str = "colour | color | colours | colors | hue | tint";
 
-/// What a target becomes.
+/// A value that a clause assigns.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Value {
     Color(Color, String),
@@ -24,9 +24,9 @@ pub(crate) enum Value {
     Zoom(f64),
 }
 
-/// The clause of a target that becomes something.
+/// The clause that assigns a value to a target.
 pub(crate) fn assign(target: Target, value: Value) -> Outcome<Reading> {
-    // The light and the distance are the whole scene's: "make the sac brighter" asks for something else.
+    // Light and zoom belong to the whole scene, so "make the sac brighter" is not understood.
     let of_scene = target.reference.names.is_empty() && !target.reference.selection && !target.reference.complement;
     let unknown = target.unknown;
     Ok(match value {
@@ -46,7 +46,7 @@ pub(crate) fn assign(target: Target, value: Value) -> Outcome<Reading> {
     })
 }
 
-/// A property by name.
+/// Parses the name of a property.
 pub(crate) fn property_name(input: &mut Input<'_>) -> Outcome<Property> {
     alt((
         exactly(COLOR).map(|_| Property::Color),

@@ -7,7 +7,7 @@ use winnow::error::EmptyError;
 use super::number::{Quantity, quantity};
 use super::phrase::{Input, Outcome, exactly, mark, one_of, phrase};
 
-/// How strongly something was asked for.
+/// Degree of a change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Degree {
     Slight,
@@ -16,7 +16,7 @@ pub(crate) enum Degree {
 }
 
 impl Degree {
-    /// The value of three that belongs to it.
+    /// Selects the value for this degree.
     pub(crate) fn pick(self, slight: f64, plain: f64, much: f64) -> f64 {
         match self {
             Self::Slight => slight,
@@ -32,7 +32,7 @@ pub(crate) const SLIGHTLY: &str =
 pub(crate) const MUCH: &str = "much | a lot | lots | far | way | considerably | significantly | strongly | a good deal | \
      even much";
 
-/// "a bit", "much", or nothing.
+/// Parses "a bit", "much" or nothing.
 pub(crate) fn degree(input: &mut Input<'_>) -> Outcome<Degree> {
     alt((
         one_of(SLIGHTLY).map(|_| Degree::Slight),
@@ -42,7 +42,7 @@ pub(crate) fn degree(input: &mut Input<'_>) -> Outcome<Degree> {
     .parse_next(input)
 }
 
-/// Words between a property and its value.
+/// Parses words between a property and its value.
 pub(crate) fn connector(input: &mut Input<'_>) -> Outcome<()> {
     opt(alt((
         one_of(
@@ -57,7 +57,7 @@ pub(crate) fn connector(input: &mut Input<'_>) -> Outcome<()> {
     .parse_next(input)
 }
 
-/// A factor by which something grows or shrinks: "by 20 percent", "by half", "by a factor of 2", "two times".
+/// Parses the factor of a change: "by 20 percent", "by half", "by a factor of 2", "two times".
 pub(crate) fn factor_by(grows: bool, input: &mut Input<'_>) -> Outcome<f64> {
     phrase("by").parse_next(input)?;
     let factor = opt(one_of("a factor of | a factor")).parse_next(input)?;
@@ -67,7 +67,7 @@ pub(crate) fn factor_by(grows: bool, input: &mut Input<'_>) -> Outcome<f64> {
         (Some(_), _, false) => 1.0 / amount.value,
         (None, true, true) => 1.0 + amount.value,
         (None, true, false) => 1.0 - amount.value,
-        // A bare number above 1 is percent; one below could as well be added as multiplied, so it is not guessed at.
+        // A bare number above 1 is a percentage. One below 1 is ambiguous (sum or factor) and refused.
         (None, false, true) if amount.value > 1.0 => 1.0 + amount.value / 100.0,
         (None, false, false) if amount.value > 1.0 => 1.0 - amount.value / 100.0,
         _ => return Err(EmptyError),

@@ -8,26 +8,26 @@ use winnow::error::EmptyError;
 use super::phrase::{Input, Outcome, advance, exactly, mark, one_of, phrase, remaining, token};
 use super::token::Kind;
 
-/// A number as it was said.
+/// A spoken number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Quantity {
-    /// Its value; a percentage is already divided by 100.
+    /// The value. Percentages are divided by 100.
     pub(crate) value: f64,
-    /// Whether it was said as a percentage or as a fraction of something.
+    /// Whether it is a percentage or a fraction.
     pub(crate) share: bool,
 }
 
 impl Quantity {
-    /// As an opacity: a bare number above 10 can only have been meant in percent.
+    /// The number as an opacity. A bare number above 10 is a percentage.
     pub(crate) fn as_opacity(self) -> f64 {
         if !self.share && self.value > 10.0 { self.value / 100.0 } else { self.value }
     }
 }
 
-/// Largest number that is taken for meant.
+/// Largest accepted number.
 const MAX_QUANTITY: f64 = 1e6;
 
-/// A number in digits or words, a percentage, or a fraction (`half`, `two thirds`, `1/2`).
+/// Parses a number in digits or words, a percentage or a fraction (`half`, `two thirds`, `1/2`).
 pub(crate) fn quantity(input: &mut Input<'_>) -> Outcome<Quantity> {
     let found = alt((spoken_fraction, numeric)).parse_next(input)?;
     if found.value <= MAX_QUANTITY { Ok(found) } else { Err(EmptyError) }
@@ -49,7 +49,7 @@ fn numeric(input: &mut Input<'_>) -> Outcome<Quantity> {
     }
 }
 
-/// A number in digits or words.
+/// Parses a number in digits or words.
 pub(crate) fn plain_number(input: &mut Input<'_>) -> Outcome<f64> {
     alt((digits, spoken_number)).parse_next(input)
 }
@@ -62,14 +62,14 @@ fn digits(input: &mut Input<'_>) -> Outcome<f64> {
     }
 }
 
-/// Longest number in words that is tried.
+/// Largest number of words in a number.
 const MAX_NUMBER_WORDS: usize = 8;
 
 fn whole_number(words: &[&str]) -> Option<f64> {
     thread_local! {
         static ENGLISH: Language = Language::english();
     }
-    // An ordinal becomes "3rd", which is not a number here: "a third" is a fraction and "the third" a name.
+    // Ordinals are not numbers: "a third" is a fraction, "the third" a name.
     let text = ENGLISH.with(|english| text2digits(&words.join(" "), english)).ok()?;
     text.parse().ok()
 }
@@ -81,7 +81,7 @@ fn spoken_number(input: &mut Input<'_>) -> Outcome<f64> {
         .take_while(|t| t.kind == Kind::Word)
         .map(|t| t.text.as_str())
         .collect();
-    // "a hundred" and "a thousand" are one hundred and one thousand.
+    // "a hundred" is 100, "a thousand" is 1000.
     let skipped = usize::from(matches!(words.get(..2), Some(["a", "hundred" | "thousand"])));
     let words = words.get(skipped..).unwrap_or_default();
     for length in (1..=words.len()).rev() {
@@ -98,7 +98,7 @@ fn spoken_number(input: &mut Input<'_>) -> Outcome<f64> {
     Err(EmptyError)
 }
 
-/// "zero point two five": the digits after the point are said one by one.
+/// Parses "zero point two five".
 fn decimal(whole: &[&str], digits: &[&str]) -> Option<f64> {
     if digits.is_empty() {
         return None;
@@ -133,11 +133,11 @@ fn spoken_fraction(input: &mut Input<'_>) -> Outcome<Quantity> {
         .map(|(_, below)| *below)
         .ok_or(EmptyError)?;
     let of = opt(phrase("of")).parse_next(input)?;
-    // "half of the sac" is a part of the sac, not a number.
+    // "half of the sac" is not a number.
     if of.is_some() { Err(EmptyError) } else { Ok(Quantity { value: above / below, share: true }) }
 }
 
-/// How often: `once`, `twice`, `three times`, `2x`, `two steps`.
+/// Parses a count: `once`, `twice`, `three times`, `2x`, `two steps`.
 pub(crate) fn times(input: &mut Input<'_>) -> Outcome<f64> {
     let adverb = one_of("once | twice | thrice").map(|place| (place + 1) as f64);
     let counted = (plain_number, exactly("times | time | x | steps | step | notches | notch")).map(|(n, _)| n);

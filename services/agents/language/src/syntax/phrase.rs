@@ -10,38 +10,38 @@ use winnow::token::any;
 use crate::color;
 use crate::syntax::token::{Kind, Token};
 
-/// What the parsers know beside the tokens.
+/// Context of the parsers: the utterance and the scene.
 #[derive(Debug)]
-pub(crate) struct Known<'t> {
+pub(crate) struct ParseContext<'t> {
     /// The utterance.
     pub(crate) source: &'t str,
-    /// Names of the scene's units, each with its folded words.
+    /// Names of the scene's units, each with its normalized words.
     pub(crate) names: &'t [(String, Vec<String>)],
-    /// First words of everything that may begin a clause.
-    pub(crate) beginnings: &'t [String],
+    /// First lemmas of all opening phrases.
+    pub(crate) opening_lemmas: &'t [String],
     /// Whether something is selected.
     pub(crate) has_selection: bool,
-    /// From where the scene is looked at.
+    /// The current viewpoint.
     pub(crate) view: Option<&'t sg_proto::scene::View>,
 }
 
-/// The rest of the utterance.
-pub(crate) type Input<'t> = Stateful<TokenSlice<'t, &'t Token>, &'t Known<'t>>;
+/// The remaining tokens.
+pub(crate) type Input<'t> = Stateful<TokenSlice<'t, &'t Token>, &'t ParseContext<'t>>;
 
-/// A parsed piece, or nothing.
+/// The result of a parser.
 pub(crate) type Outcome<O> = Result<O, EmptyError>;
 
-/// The token `ahead` places on.
+/// The token after `ahead` others.
 pub(crate) fn peek_at<'t>(input: &Input<'t>, ahead: usize) -> Option<&'t Token> {
     remaining(input).get(ahead).copied()
 }
 
-/// All tokens that are left.
+/// All remaining tokens.
 pub(crate) fn remaining<'t>(input: &Input<'t>) -> &'t [&'t Token] {
     input.input.peek_finish()
 }
 
-/// The next token.
+/// Takes the next token.
 pub(crate) fn token<'t>(input: &mut Input<'t>) -> Outcome<&'t Token> {
     any.map(|t: &&'t Token| *t).parse_next(input)
 }
@@ -53,27 +53,27 @@ pub(crate) fn advance(input: &mut Input<'_>, count: usize) {
     }
 }
 
-/// The items of a list that is written as one text: `"a bit | a little"`.
+/// The items of a list in one text: `"a bit | a little"`.
 pub(crate) fn items(list: &'static str) -> impl Iterator<Item = &'static str> {
     list.split('|').map(str::trim)
 }
 
-/// One word of a list, in any inflection.
+/// Parses one word of a list in any inflection.
 pub(crate) fn word<'t>(list: &'static str) -> impl Parser<Input<'t>, &'t Token, EmptyError> {
     token.verify(move |t: &&'t Token| items(list).any(|w| t.is(w)))
 }
 
-/// One word, written exactly so.
+/// Parses one word of a list, spelled exactly.
 pub(crate) fn exactly<'t>(list: &'static str) -> impl Parser<Input<'t>, &'t Token, EmptyError> {
     token.verify(move |t: &&'t Token| t.kind == Kind::Word && items(list).any(|w| t.text == w))
 }
 
-/// One mark.
+/// Parses a mark.
 pub(crate) fn mark<'t>(c: char) -> impl Parser<Input<'t>, &'t Token, EmptyError> {
     token.verify(move |t: &&'t Token| t.is_mark(c))
 }
 
-/// How many tokens of `tokens` a phrase takes, its words in any inflection; none if it does not stand there.
+/// Number of tokens that a phrase takes, its words in any inflection. `None`: the phrase does not match.
 fn phrase_length(tokens: &[&Token], phrase: &str) -> Option<usize> {
     let mut length = 0;
     for word in phrase.split(' ') {
@@ -85,7 +85,7 @@ fn phrase_length(tokens: &[&Token], phrase: &str) -> Option<usize> {
     Some(length)
 }
 
-/// The longest of some phrases that stands here; gives its place in the list.
+/// Parses the longest matching phrase of a list. Returns its position in the list.
 pub(crate) fn one_of<'t>(list: &'static str) -> impl Parser<Input<'t>, usize, EmptyError> {
     move |input: &mut Input<'t>| {
         let tokens = remaining(input);
@@ -99,7 +99,7 @@ pub(crate) fn one_of<'t>(list: &'static str) -> impl Parser<Input<'t>, usize, Em
     }
 }
 
-/// A phrase, its words in any inflection.
+/// Parses a phrase, its words in any inflection.
 pub(crate) fn phrase<'t>(phrase: &'static str) -> impl Parser<Input<'t>, (), EmptyError> {
     move |input: &mut Input<'t>| {
         let length = phrase_length(remaining(input), phrase).ok_or(EmptyError)?;
@@ -108,35 +108,35 @@ pub(crate) fn phrase<'t>(phrase: &'static str) -> impl Parser<Input<'t>, (), Emp
     }
 }
 
-/// Leaves out one of some phrases if it stands here.
+/// Skips one of some phrases, if it matches.
 pub(crate) fn skip<'t>(list: &'static str) -> impl Parser<Input<'t>, (), EmptyError> {
     opt(one_of(list)).void()
 }
 
-/// `the`, `a`, `my` and the like, if one stands here.
+/// Skips `the`, `a`, `my` and similar words.
 pub(crate) fn article(input: &mut Input<'_>) -> Outcome<()> {
     opt(exactly("the | a | an | my | our")).void().parse_next(input)
 }
 
-/// Words that close a clause without meaning anything.
+/// Words without meaning at the end of a clause.
 pub(crate) const CLOSERS: &str = "please | now | right now | thanks | thank you | for me | for us | again | too | as well | instead | \
  in the picture | in the image | in the scene | in this scene | in the view | on the screen | \
  if you can | if possible | at once | first | will you | would you | okay | ok";
 
-/// Ways to say "from the selection" and "to the selection" after their preposition.
+/// Phrases for the selection after "from" or "to".
 pub(crate) const THE_SELECTION: &str = "the selection | my selection | the current selection | selection | what is selected | \
      the selected";
 
 /// Nouns for a unit.
 pub(crate) const UNIT_NOUN: &str = "unit | label | structure | object | segment | component | part | group | region";
 
-/// Words that take something out of what was said before them.
+/// Words that begin an exception.
 pub(crate) const EXCEPTING: &str = "except | except for | apart from | other than | besides | excluding";
 
-/// Words that stand between clauses.
-pub(crate) const JOINTS: &str = "and | then | but | plus | also | after that | afterwards | followed by";
+/// Conjunctions between clauses.
+pub(crate) const CONJUNCTIONS: &str = "and | then | but | plus | also | after that | afterwards | followed by";
 
-/// Marks that stand between clauses.
+/// Marks between clauses.
 pub(crate) fn is_break(token: &Token) -> bool {
     matches!(
         token.kind,
@@ -144,19 +144,19 @@ pub(crate) fn is_break(token: &Token) -> bool {
     )
 }
 
-/// The end of a clause: the end of the utterance, a mark or a joining word; closing words before it are taken.
+/// Parses the end of a clause: the end of the utterance, a mark or a conjunction, after closing words.
 pub(crate) fn end(input: &mut Input<'_>) -> Outcome<()> {
     let _: Vec<usize> = repeat(0.., one_of(CLOSERS)).parse_next(input)?;
     let tokens = remaining(input);
-    // What comes after "except" is looked at by whoever knows what it is excepted from.
+    // The caller handles the exception.
     let excepted = items(EXCEPTING).any(|e| phrase_length(tokens, e).is_some());
     let ends = excepted
         || tokens.first().is_none_or(|t| is_break(t))
-        || items(JOINTS).any(|j| phrase_length(tokens, j).is_some());
+        || items(CONJUNCTIONS).any(|j| phrase_length(tokens, j).is_some());
     if ends { Ok(()) } else { Err(EmptyError) }
 }
 
-/// A colour by name or literal, and how it was said.
+/// Parses a colour by name or literal. Returns it with its spoken name.
 pub(crate) fn color(input: &mut Input<'_>) -> Outcome<(Color, String)> {
     let tokens = remaining(input);
     let first = tokens.first().ok_or(EmptyError)?;
@@ -174,12 +174,12 @@ pub(crate) fn color(input: &mut Input<'_>) -> Outcome<(Color, String)> {
         }
     };
     let emphasis = tokens.iter().take(length.saturating_sub(1)).take_while(|t| color::is_emphasis(&t.text)).count();
-    let said = slice(input.state.source, tokens.get(emphasis..length).unwrap_or_default());
+    let spoken = slice(input.state.source, tokens.get(emphasis..length).unwrap_or_default());
     advance(input, length);
-    Ok((color, said))
+    Ok((color, spoken))
 }
 
-/// The source text of some tokens, white space reduced to single spaces.
+/// The source text of some tokens, with single spaces.
 pub(crate) fn slice(source: &str, tokens: &[&Token]) -> String {
     let (Some(first), Some(last)) = (tokens.first(), tokens.last()) else { return String::new() };
     let text = source.get(first.start..last.end).unwrap_or_default();

@@ -14,25 +14,25 @@ pub(crate) struct Verb {
     pub(crate) phrase: &'static str,
 }
 
-/// Properties that have a name.
+/// Named properties.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Property {
     /// Colour.
     Color,
     /// Opacity.
     Opacity,
-    /// One minus opacity.
+    /// Transparency: one minus opacity.
     Transparency,
 }
 
-/// What a clause was read as.
+/// A parsed clause.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Reading {
-    /// Mostly one clause; several where one verb has several objects that are acted on one by one.
+    /// One clause, or one for each object of the verb.
     pub(crate) clauses: Vec<Clause>,
-    /// Names in it that the scene does not have.
+    /// Number of unknown names.
     pub(crate) unknown: usize,
-    /// The property it names, which the next clause may leave out.
+    /// The named property, which the next clause may leave out.
     pub(crate) property: Option<Property>,
 }
 
@@ -58,7 +58,7 @@ impl Reading {
     }
 }
 
-/// A clause about something.
+/// A clause with a target.
 pub(crate) fn clause(act: Act, target: Reference) -> Clause {
     let target = (target != Reference::default()).then_some(target);
     Clause { act: act.into(), target, ..Clause::default() }

@@ -1,7 +1,7 @@
-//! What a clause is about: names, the selection, everything, everything else, "it".
+//! Parser of targets: names, the selection, everything, everything else, "it".
 //!
-//! Where a target ends depends on what may follow it ("make the dark vessel red", "hide the soil and zoom in"), so this
-//! gives all readings, likeliest first, and [`target_then`] takes the first whose continuation fits.
+//! The end of a target depends on the words after it ("make the dark vessel red", "hide the soil and zoom in"). So the
+//! parser returns all readings, the most likely first. [`target_then`] takes the first whose continuation matches.
 
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -15,65 +15,65 @@ use super::phrase::{
     EXCEPTING, Input, Outcome, advance, article, end, exactly, items as listed, mark, one_of, peek_at, phrase,
     remaining, slice, word,
 };
-use super::token::Kind;
+use super::token::{Kind, normalized_name};
 use crate::color;
 
-/// A reading of a target.
+/// A parsed target.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Target {
-    /// What it refers to.
+    /// The reference.
     pub(crate) reference: Reference,
-    /// Names in it that the scene does not have.
+    /// Number of unknown names.
     pub(crate) unknown: usize,
 }
 
-/// Most readings that are followed up.
+/// Largest number of readings.
 const MAX_READINGS: usize = 48;
 
-/// Most words of a name that the scene does not have.
+/// Largest number of words of an unknown name.
 const MAX_UNKNOWN_WORDS: usize = 5;
 
-/// Most names of one list.
+/// Largest number of names in a list.
 const MAX_LIST: usize = 32;
 
-/// Words for a unit in general.
+/// Nouns for a unit.
 const UNIT: &str = "unit | structure | label | object | segment | component | material | part | region | layer | \
      group";
 
-/// Words for all units together.
+/// Nouns for several units.
 const UNITS: &str = "units | structures | labels | objects | segments | components | materials | parts | things | \
      layers";
 
-/// Ways to speak of the selection.
+/// Phrases for the selection, after an article.
 const SELECTION: &str = "selection | current selection | present selection | selected | selected part | selected region | \
  selected structure | selected thing | selected area | selected one | selected piece | \
  selected gaussian | selected point | selected stuff | marked region | marked part | \
  marked structure | marked area | brushed region | brushed part | brushed structure | \
  highlighted part | highlighted region | highlighted structure";
 
-/// Ways to speak of the selection without an article.
+/// Phrases for the selection, without an article.
 const SELECTED: &str = "what is selected | what 's selected | what i selected | what i have selected | what i've selected | \
  what i brushed | what i marked | what i painted | what i picked";
 
-/// Ways to speak of the whole scene.
+/// Phrases for the whole scene.
 const EVERYTHING: &str = "everything | all | all of it | all of them | the whole scene | the entire scene | the scene | \
  the whole thing | the whole volume | the volume | the whole data set | the whole dataset | \
  the data | the model | the whole model | the picture | the image";
 
-/// Ways to speak of all but what the conversation is about.
+/// Phrases for everything but the last target.
 const REST: &str = "everything else | all else | the rest | all the rest | rest of the scene | the rest of the scene | \
  the rest of it | the others | all others | all the others | all the other | all other | the other | \
  others | the remaining | what remains | the remainder | anything else | the surroundings | \
  its surroundings";
 
-/// Words after which the exceptions from everything are named.
+/// Phrases for everything but the names after them.
 const EXCEPT: &str = "everything except | everything except for | everything but | everything apart from | \
  everything other than | everything besides | everything save | everything that is not | \
  everything that 's not | everything outside | everything around | all except | all except for | \
  all but | all apart from | all other than | anything but | anything except | all units except | \
  all units but | all structures except | all structures but | the rest except";
 
-/// Words that no name the scene does not have can hold: they belong to the sentence.
+/// Words that are never part of an unknown name.
 const NOT_IN_NAMES: &str = "the | a | an | this | that | these | those | my | your | our | his | her | its | their | it | \
  them | they | me | you | i | we | us | he | she | to | by | from | with | without | at | on | \
  onto | off | into | in | as | of | for | than | and | or | but | not | no | nor | never | don't | \
@@ -84,9 +84,9 @@ const NOT_IN_NAMES: &str = "the | a | an | this | that | these | those | my | yo
  rest | more | less | most | much | very | too | please | now | then | percent | selection | \
  selected | 's | once | twice | again | about | except | like";
 
-static BELONGS_TO_SENTENCE: LazyLock<BTreeSet<&str>> = LazyLock::new(|| listed(NOT_IN_NAMES).collect());
+static SENTENCE_WORDS: LazyLock<BTreeSet<&str>> = LazyLock::new(|| listed(NOT_IN_NAMES).collect());
 
-/// All readings of a target that begins here, likeliest first, each with what is left after it.
+/// All readings of the target that begins here, the most likely first, each with the rest of the input.
 pub(crate) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
     let mut all = Vec::new();
     let mut start = *input;
@@ -99,9 +99,9 @@ pub(crate) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
     all
 }
 
-/// The first reading of a target whose continuation fits.
+/// Parses the first reading of a target whose continuation matches.
 ///
-/// Everything may be said first and what is excepted from it last: "make everything transparent except the sac".
+/// An exception may follow the continuation: "make everything transparent except the sac".
 pub(crate) fn target_then<'t, O>(
     input: &mut Input<'t>,
     mut tail: impl FnMut(&mut Input<'t>, &Target) -> Outcome<O>,
@@ -117,7 +117,7 @@ pub(crate) fn target_then<'t, O>(
     Err(EmptyError)
 }
 
-/// Everything but what is named here, if something is.
+/// Parses exceptions from everything, if there are any.
 fn with_exceptions<'t>(everything: Target, input: &mut Input<'t>) -> Target {
     let mut at = *input;
     let excepting: Outcome<_> = alt((one_of(EXCEPTING), one_of("but"))).parse_next(&mut at);
@@ -135,17 +135,17 @@ fn with_exceptions<'t>(everything: Target, input: &mut Input<'t>) -> Target {
     everything
 }
 
-/// A target and nothing after it.
+/// Parses a target at the end of a clause.
 pub(crate) fn target_alone(input: &mut Input<'_>) -> Outcome<Target> {
     target_then(input, |rest, _| end(rest)).map(|(target, ())| target)
 }
 
-/// What the conversation was last about.
+/// The target of the last command.
 pub(crate) fn focus() -> Target {
     Target { reference: Reference { focus: true, ..Reference::default() }, unknown: 0 }
 }
 
-/// References that stand for themselves and are part of no list.
+/// References that are not part of a list.
 fn whole<'t>(input: &Input<'t>, all: &mut Vec<(Target, Input<'t>)>) {
     let mut at = *input;
     if one_of(EXCEPT).parse_next(&mut at).is_ok() {
@@ -175,7 +175,7 @@ fn whole<'t>(input: &Input<'t>, all: &mut Vec<(Target, Input<'t>)>) {
     }
 }
 
-/// Lists of names and pronouns: the longest first, so that "the soil and the pot" is one target where that makes sense.
+/// Lists of names and pronouns, the longest first: "the soil and the pot" may be one target.
 fn list<'t>(input: &Input<'t>, so_far: &Target, length: usize, all: &mut Vec<(Target, Input<'t>)>) {
     if length >= MAX_LIST || all.len() >= MAX_READINGS {
         return;
@@ -187,14 +187,14 @@ fn list<'t>(input: &Input<'t>, so_far: &Target, length: usize, all: &mut Vec<(Ta
         target.reference.focus |= item.reference.focus;
         target.unknown += item.unknown;
         let mut next = rest;
-        let joint: Outcome<()> = alt((
+        let conjunction: Outcome<()> = alt((
             (exactly("as"), exactly("well"), exactly("as")).void(),
             (opt(separator(',')), exactly("and | plus"), opt(exactly("also"))).void(),
             separator(','),
             separator('&'),
         ))
         .parse_next(&mut next);
-        if joint.is_ok() {
+        if conjunction.is_ok() {
             list(&next, &target, length + 1, all);
         }
         all.push((target, rest));
@@ -220,7 +220,7 @@ fn items<'t>(input: &Input<'t>, continued: bool) -> Vec<(Target, Input<'t>)> {
     .parse_next(&mut at);
     if let Ok(mut reference) = pronoun {
         if !reference.selection && !reference.focus {
-            // "this" points at what is selected where something is, else at what was last spoken of.
+            // "this" is the selection if there is one, else the last target.
             reference.selection = input.state.has_selection;
             reference.focus = !input.state.has_selection;
         }
@@ -258,16 +258,16 @@ fn named(name: String, unknown: usize) -> Target {
 }
 
 fn is_known(input: &Input<'_>, name: &str) -> bool {
-    let key = crate::unit_names::normalized(name);
+    let key = normalized_name(name);
     input.state.names.iter().any(|(n, folded)| n == name || *folded == key)
 }
 
-/// Names of the scene that begin here, the longest first.
+/// Known names that begin here, the longest first.
 fn known<'t>(input: &Input<'t>, found: &mut Vec<(Target, Input<'t>)>) {
     const LEADS: &str =
         "all | of | the | a | an | my | our | this | that | these | those | whole | entire | both | each";
     let tokens = remaining(input);
-    // A name may itself begin with one of these words, so it is looked for before any of them is left out.
+    // A name may begin with one of these words, so names are tried before the words are skipped.
     for skipped in 0..=3 {
         let lead = tokens.get(..skipped).unwrap_or_default();
         if lead.len() < skipped || !lead.iter().all(|t| t.kind == Kind::Word && listed(LEADS).any(|w| t.text == w)) {
@@ -302,25 +302,25 @@ fn known<'t>(input: &Input<'t>, found: &mut Vec<(Target, Input<'t>)>) {
     }
 }
 
-/// A name that the scene does not have: a few words that cannot belong to the sentence around it, the fewest first.
-fn unknown<'t>(input: &Input<'t>, may_not_begin_a_clause: bool, found: &mut Vec<(Target, Input<'t>)>) {
+/// Unknown names: a few words that are not part of the sentence, the shortest first.
+fn unknown<'t>(input: &Input<'t>, not_an_opening: bool, found: &mut Vec<(Target, Input<'t>)>) {
     let tokens = remaining(input);
-    let begins = tokens.first().is_some_and(|t| input.state.beginnings.contains(&t.lemma));
-    if may_not_begin_a_clause && begins {
+    let is_opening = tokens.first().is_some_and(|t| input.state.opening_lemmas.contains(&t.lemma));
+    if not_an_opening && is_opening {
         return;
     }
     for length in 1..=MAX_UNKNOWN_WORDS {
         let Some(name) = tokens.get(..length) else { return };
         let Some(last) = name.last() else { return };
         let fits = match last.kind {
-            Kind::Word => !BELONGS_TO_SENTENCE.contains(last.text.as_str()),
+            Kind::Word => !SENTENCE_WORDS.contains(last.text.as_str()),
             Kind::Number(_) => length > 1,
             Kind::Quoted | Kind::Color(_) | Kind::Mark(_) => false,
         };
         if !fits {
             return;
         }
-        // A name of nothing but colours is a colour that lacks its unit.
+        // A name of colour words only is a colour without its unit.
         if name.iter().all(|t| color::is_word(&t.text)) {
             continue;
         }

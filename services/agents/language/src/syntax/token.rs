@@ -1,4 +1,4 @@
-//! Text into words: numbers, colour literals, quoted names, marks, and the lemma of every word.
+//! Tokens of a text: words with lemmas, numbers, colour literals, quoted names, marks.
 
 use std::sync::LazyLock;
 
@@ -10,43 +10,43 @@ use winnow::error::EmptyError;
 use winnow::stream::{LocatingSlice, Stream as _};
 use winnow::token::{any, one_of, take_while};
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Kind {
     /// A word, or the possessive `'s`.
     Word,
-    /// A number written in digits, at least 0; a sign is a mark of its own.
+    /// A number in digits, at least 0. A sign is a separate mark.
     Number(f64),
-    /// A name in quotation marks; its text is what stands between them.
+    /// A quoted name. The text of the token is without quotation marks.
     Quoted,
-    /// A colour as `#rrggbb`, `rgb(…)` or another functional notation of CSS: RGB, 0 to 1.
+    /// A colour: `#rrggbb`, `rgb(…)` or another CSS function. RGB from 0 to 1.
     Color([f32; 3]),
-    /// Any other character that is not white space.
+    /// Any other character except white space.
     Mark(char),
 }
 
-/// A piece of text and where it stands.
+/// A token with its position.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Token {
-    /// What it is.
+    /// The kind.
     pub(crate) kind: Kind,
     /// The text in lower case.
     pub(crate) text: String,
-    /// Its lemma: the dictionary form's stem for a word, the text for anything else.
+    /// The lemma: the stem of a word, or else the text.
     pub(crate) lemma: String,
-    /// First byte in the source.
+    /// Offset of the first byte.
     pub(crate) start: usize,
-    /// Byte after the last in the source.
+    /// Offset after the last byte.
     pub(crate) end: usize,
 }
 
 impl Token {
-    /// Whether it is this word, written so or in another inflection.
+    /// Whether the token is this word in any inflection.
     pub(crate) fn is(&self, word: &str) -> bool {
         self.kind == Kind::Word && (self.text == word || self.lemma == word)
     }
 
-    /// Whether it is this mark.
+    /// Whether the token is this mark.
     pub(crate) fn is_mark(&self, mark: char) -> bool {
         self.kind == Kind::Mark(mark)
     }
@@ -54,7 +54,7 @@ impl Token {
 
 static STEMMER: LazyLock<Stemmer> = LazyLock::new(|| Stemmer::create(Algorithm::English));
 
-/// Plurals that no rule of English forms, as they stand in names of structures.
+/// Irregular plurals that occur in names of structures.
 const IRREGULAR: [(&str, &str); 26] = [
     ("leaves", "leaf"),
     ("calves", "calf"),
@@ -84,12 +84,12 @@ const IRREGULAR: [(&str, &str); 26] = [
     ("haloes", "halo"),
 ];
 
-/// Whether a word in lower case is a plural that no rule forms.
+/// Whether a lowercase word is an irregular plural.
 pub(crate) fn is_irregular_plural(word: &str) -> bool {
     IRREGULAR.iter().any(|(plural, _)| *plural == word)
 }
 
-/// The lemma of a word in lower case. Words of other scripts are their own lemma.
+/// The lemma of a lowercase word. Words of other scripts are their own lemma.
 pub(crate) fn lemma(word: &str) -> String {
     let singular = IRREGULAR.iter().find(|(plural, _)| *plural == word).map_or(word, |(_, singular)| singular);
     if singular.bytes().all(|b| b.is_ascii_lowercase()) {
@@ -102,7 +102,7 @@ pub(crate) fn lemma(word: &str) -> String {
 type Input<'s> = LocatingSlice<&'s str>;
 type Outcome<O> = Result<O, EmptyError>;
 
-/// Splits a text into tokens. Every text has tokens; none is an error.
+/// Splits a text into tokens. Every text is valid.
 pub(crate) fn tokens(source: &str) -> Vec<Token> {
     let mut input = LocatingSlice::new(source);
     let mut tokens: Vec<Token> = Vec::new();
@@ -113,31 +113,47 @@ pub(crate) fn tokens(source: &str) -> Vec<Token> {
         let lemma = if kind == Kind::Word { lemma(&text) } else { text.clone() };
         tokens.push(Token { kind, text, lemma, start: span.start, end: span.end });
     }
-    drop_joints(&mut tokens);
+    remove_hyphens(&mut tokens);
     tokens
 }
 
-/// Hyphens and underscores inside a word join its parts: `semi-transparent` is two words, `a - b` keeps its dash.
-fn drop_joints(tokens: &mut Vec<Token>) {
-    let joins: Vec<bool> = (0..tokens.len())
+/// The lemmas of a name's words, without a leading article.
+pub(crate) fn normalized_name(name: &str) -> Vec<String> {
+    let mut lemmas: Vec<String> = tokens(name)
+        .into_iter()
+        .flat_map(|t| match t.kind {
+            Kind::Quoted => normalized_name(&t.text),
+            Kind::Mark(_) => Vec::new(),
+            Kind::Word | Kind::Number(_) | Kind::Color(_) => vec![t.lemma],
+        })
+        .collect();
+    if lemmas.len() > 1 && matches!(lemmas.first().map(String::as_str), Some("the" | "a" | "an")) {
+        lemmas.remove(0);
+    }
+    lemmas
+}
+
+/// Removes hyphens and underscores inside words: `semi-transparent` is two words, `a - b` keeps its dash.
+fn remove_hyphens(tokens: &mut Vec<Token>) {
+    let is_hyphen: Vec<bool> = (0..tokens.len())
         .map(|i| {
             let (Some(before), Some(here), Some(after)) =
                 (i.checked_sub(1).and_then(|b| tokens.get(b)), tokens.get(i), tokens.get(i + 1))
             else {
                 return false;
             };
-            let solid = |t: &Token| matches!(t.kind, Kind::Word | Kind::Number(_));
-            let joint = matches!(here.kind, Kind::Mark('-' | '_' | '\u{2010}' | '\u{2011}'));
-            joint && solid(before) && solid(after) && before.end == here.start && here.end == after.start
+            let is_word = |t: &Token| matches!(t.kind, Kind::Word | Kind::Number(_));
+            let hyphen = matches!(here.kind, Kind::Mark('-' | '_' | '\u{2010}' | '\u{2011}'));
+            hyphen && is_word(before) && is_word(after) && before.end == here.start && here.end == after.start
         })
         .collect();
-    let mut joins = joins.into_iter();
-    tokens.retain(|_| !joins.next().unwrap_or(false));
+    let mut is_hyphen = is_hyphen.into_iter();
+    tokens.retain(|_| !is_hyphen.next().unwrap_or(false));
 }
 
-/// A token; `before` is the one that ends right where this begins.
+/// Parses a token. `before` is the token that ends directly before it.
 fn token(input: &mut Input<'_>, before: Option<&Token>) -> Outcome<((Kind, String), std::ops::Range<usize>)> {
-    // An apostrophe right behind a word belongs to it and opens no quotation.
+    // An apostrophe directly after a word does not open a quotation.
     let behind_word = before.is_some_and(|t| t.kind == Kind::Word);
     let plural = before.is_some_and(|t| t.text.ends_with('s'));
     let apostrophe = |input: &mut Input<'_>| {
@@ -168,7 +184,7 @@ fn literal_color(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
     if rgb.iter().all(|c| c.is_finite()) { Ok((Kind::Color(rgb), text.to_lowercase())) } else { Err(EmptyError) }
 }
 
-/// Succeeds, taking nothing, where no letter or digit follows.
+/// Succeeds if no letter or digit follows.
 fn word_end(input: &mut Input<'_>) -> Outcome<()> {
     match input.peek_token() {
         Some(c) if c.is_alphanumeric() => Err(EmptyError),
@@ -203,13 +219,13 @@ fn is_apostrophe(c: char) -> bool {
     c == '\'' || c == '\u{2019}'
 }
 
-/// `'s` after a word.
+/// Parses `'s` after a word.
 fn possessive(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
     (one_of(is_apostrophe), one_of(['s', 'S']), word_end).parse_next(input)?;
     Ok((Kind::Word, "'s".to_owned()))
 }
 
-/// The bare apostrophe after a plural.
+/// Parses the apostrophe after a plural.
 fn plural_possessive(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
     (one_of(is_apostrophe), word_end).parse_next(input)?;
     Ok((Kind::Word, "'s".to_owned()))
@@ -224,7 +240,7 @@ fn plain_word(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
     loop {
         let rest: &str = take_while(0.., |c: char| c.is_alphanumeric()).parse_next(input)?;
         text.push_str(rest);
-        // A contraction ("don't") stays whole; the possessive becomes a token of its own.
+        // A contraction ("don't") is one token; the possessive is a token of its own.
         let start = input.checkpoint();
         let contraction = opt((one_of(is_apostrophe), take_while(1.., char::is_alphabetic))).parse_next(input)?;
         match contraction {
@@ -250,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn words_numbers_and_marks() {
+    fn words_numbers_and_marks_are_tokens() {
         assert_eq!(texts("Fade it to 20%, please!"), ["fade", "it", "to", "20", "%", ",", "please", "!"]);
         assert_eq!(
             texts("the sac's semi-transparent vessel_1"),
@@ -261,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_and_quotes() {
+    fn colours_and_quotes_are_tokens() {
         let all = tokens("paint it #ff8800 or rgb(0, 128, 255)");
         assert_eq!(all[2].kind, Kind::Color([1.0, f32::from(0x88_u8) / 255.0, 0.0]));
         assert_eq!(all[4].kind, Kind::Color([0.0, 128.0 / 255.0, 1.0]));
@@ -275,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn spans_point_into_the_source() {
+    fn offsets_are_character_boundaries() {
         let source = "Größe 3 “Ä b”";
         for token in tokens(source) {
             assert!(source.get(token.start..token.end).is_some(), "{token:?}");

@@ -7,7 +7,7 @@ use winnow::error::EmptyError;
 
 use super::phrase::{Input, Outcome, article, exactly, one_of, skip};
 
-/// Sides as the viewer sees them.
+/// Sides of the current picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Side {
     Left,
@@ -18,7 +18,7 @@ enum Side {
     Behind,
 }
 
-/// Where light comes from: one or more sides ("the upper left"), or the eye.
+/// Parses the origin of light: one or more sides ("the upper left"), or the camera.
 pub(crate) fn light_source(input: &mut Input<'_>) -> Outcome<SetLight> {
     article(input)?;
     let eye = opt(one_of("eye | eyes | camera | viewer | viewpoint | me | here | where i am")).parse_next(input)?;
@@ -40,11 +40,11 @@ pub(crate) fn light_source(input: &mut Input<'_>) -> Outcome<SetLight> {
     let sides: Vec<Side> = repeat(1..=3, side).parse_next(input)?;
     opt((opt(exactly("hand")), exactly("side | corner | edge"))).parse_next(input)?;
     skip("of the picture | of the scene | of the image | of it").parse_next(input)?;
-    let axes = Axes::of(input.state.view);
+    let axes = CameraAxes::of(input.state.view);
     let mut sum = [0.0; 3];
     for side in sides {
-        let along = axes.towards(side);
-        for (s, a) in sum.iter_mut().zip(along) {
+        let axis = axes.direction(side);
+        for (s, a) in sum.iter_mut().zip(axis) {
             *s += a;
         }
     }
@@ -53,39 +53,39 @@ pub(crate) fn light_source(input: &mut Input<'_>) -> Outcome<SetLight> {
     Ok(SetLight { mode: LightMode::Direction.into(), direction: Some(Vector { x, y, z }), ..SetLight::default() })
 }
 
-/// The viewer's axes in the scene frame.
-struct Axes {
+/// CameraAxes of the camera in the scene frame.
+struct CameraAxes {
     right: [f64; 3],
     up: [f64; 3],
-    to_eye: [f64; 3],
+    backward: [f64; 3],
 }
 
-impl Axes {
-    /// The axes of a view; where there is none, those of the front view (the eye at -y, z up).
+impl CameraAxes {
+    /// The axes of a view. Without a view: the front view (camera at -y, z up).
     fn of(view: Option<&View>) -> Self {
         view.and_then(Self::from_view).unwrap_or(Self {
             right: [1.0, 0.0, 0.0],
             up: [0.0, 0.0, 1.0],
-            to_eye: [0.0, -1.0, 0.0],
+            backward: [0.0, -1.0, 0.0],
         })
     }
 
     fn from_view(view: &View) -> Option<Self> {
         let [eye, target, up] = [view.eye?, view.target?, view.up?].map(|v| [v.x, v.y, v.z]);
-        let to_eye = unit([eye[0] - target[0], eye[1] - target[1], eye[2] - target[2]])?;
+        let backward = unit([eye[0] - target[0], eye[1] - target[1], eye[2] - target[2]])?;
         let up = unit(up)?;
-        let right = unit(cross(up, to_eye))?;
-        Some(Self { right, up, to_eye })
+        let right = unit(cross(up, backward))?;
+        Some(Self { right, up, backward })
     }
 
-    fn towards(&self, side: Side) -> [f64; 3] {
+    fn direction(&self, side: Side) -> [f64; 3] {
         match side {
             Side::Right => self.right,
             Side::Left => self.right.map(|c| -c),
             Side::Above => self.up,
             Side::Below => self.up.map(|c| -c),
-            Side::Front => self.to_eye,
-            Side::Behind => self.to_eye.map(|c| -c),
+            Side::Front => self.backward,
+            Side::Behind => self.backward.map(|c| -c),
         }
     }
 }
@@ -112,14 +112,14 @@ mod tests {
             up: vector(0.0, 0.0, 1.0),
             fov_y_degrees: 45.0,
         };
-        assert_eq!(Axes::of(Some(&front)).towards(Side::Left), [-1.0, 0.0, 0.0]);
+        assert_eq!(CameraAxes::of(Some(&front)).direction(Side::Left), [-1.0, 0.0, 0.0]);
         let back = View { eye: vector(0.0, 5.0, 0.0), ..front };
-        assert_eq!(Axes::of(Some(&back)).towards(Side::Left), [1.0, 0.0, 0.0]);
-        assert_eq!(Axes::of(Some(&back)).towards(Side::Front), [0.0, 1.0, 0.0]);
+        assert_eq!(CameraAxes::of(Some(&back)).direction(Side::Left), [1.0, 0.0, 0.0]);
+        assert_eq!(CameraAxes::of(Some(&back)).direction(Side::Front), [0.0, 1.0, 0.0]);
     }
 
     #[test]
-    fn a_view_along_its_own_up_falls_back() {
+    fn a_view_along_its_up_vector_uses_the_front_view() {
         let vector = |x, y, z| Some(Vector { x, y, z });
         let view = View {
             eye: vector(0.0, 0.0, 5.0),
@@ -127,6 +127,6 @@ mod tests {
             up: vector(0.0, 0.0, 1.0),
             fov_y_degrees: 45.0,
         };
-        assert_eq!(Axes::of(Some(&view)).towards(Side::Right), [1.0, 0.0, 0.0]);
+        assert_eq!(CameraAxes::of(Some(&view)).direction(Side::Right), [1.0, 0.0, 0.0]);
     }
 }
