@@ -2,8 +2,8 @@
 
 use sg_proto::render::Frame;
 
-/// Whether two pictures differ as an 8-bit display shows them: by content hash, else by their PNG files, which the same
-/// pixels make byte for byte. `None` where only the hashes differ and a file cannot be read.
+/// Whether two frames differ in 8-bit colours. Equal hashes mean equal frames; otherwise the PNG files decide. `None`: a PNG
+/// file cannot be read.
 pub(crate) fn images_differ(before: &Frame, after: &Frame) -> Option<bool> {
     if !before.hash.is_empty() && before.hash == after.hash {
         return Some(false);
@@ -11,23 +11,23 @@ pub(crate) fn images_differ(before: &Frame, after: &Frame) -> Option<bool> {
     if !before.png_hash.is_empty() && !after.png_hash.is_empty() {
         return Some(before.png_hash != after.png_hash);
     }
-    // A renderer that tells no hash of its PNG is on this machine, or cannot be compared.
+    // Without hashes of the PNG files the files themselves are compared, if they are on this machine.
     let read = |frame: &Frame| {
-        let small = std::fs::metadata(&frame.png_path).is_ok_and(|m| m.len() <= MAX_PICTURE_BYTES);
+        let small = std::fs::metadata(&frame.png_path).is_ok_and(|m| m.len() <= MAX_PNG_BYTES);
         if small { std::fs::read(&frame.png_path).ok() } else { None }
     };
     Some(read(before)? != read(after)?)
 }
 
-/// Largest picture file that is read for comparison.
-const MAX_PICTURE_BYTES: u64 = 16 << 20;
+/// Largest PNG file that is compared, bytes.
+const MAX_PNG_BYTES: u64 = 16 << 20;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn pictures_are_compared_as_they_are_displayed() {
+    fn frames_are_compared_by_hash_or_png() {
         let frame = |hash: &str, png: &str| Frame { hash: hash.into(), png_path: png.into(), ..Frame::default() };
         assert_eq!(images_differ(&frame("a", ""), &frame("a", "")), Some(false));
         assert_eq!(images_differ(&frame("a", ""), &frame("b", "")), None);

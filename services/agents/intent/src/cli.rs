@@ -2,6 +2,7 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command writes to the terminal")]
 
+use std::error::Error;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -200,12 +201,12 @@ fn interpret(parameters: &Parameters, request: &IntentRequest) -> Result<Intent,
 }
 
 /// The intent as JSON, with the field and enum names of the contract.
-fn as_json(intent: &Intent) -> Result<String, String> {
-    let pool = DescriptorPool::decode(sg_proto::DESCRIPTORS).map_err(|e| e.to_string())?;
+fn as_json(intent: &Intent) -> Result<String, Box<dyn Error>> {
+    let pool = DescriptorPool::decode(sg_proto::DESCRIPTORS)?;
     let name = Intent::full_name();
     let descriptor = pool.get_message_by_name(&name).ok_or_else(|| format!("{name} is not in the schema"))?;
-    let message = DynamicMessage::decode(descriptor, intent.encode_to_vec().as_slice()).map_err(|e| e.to_string())?;
+    let message = DynamicMessage::decode(descriptor, intent.encode_to_vec().as_slice())?;
     let options = SerializeOptions::new().use_proto_field_name(true).stringify_64_bit_integers(false);
-    let value = message.serialize_with_options(serde_json::value::Serializer, &options).map_err(|e| e.to_string())?;
-    serde_json::to_string_pretty(&value).map_err(|e| e.to_string())
+    let value = message.serialize_with_options(serde_json::value::Serializer, &options)?;
+    Ok(serde_json::to_string_pretty(&value)?)
 }

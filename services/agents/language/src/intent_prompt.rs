@@ -189,10 +189,10 @@ mod tests {
 
     #[test]
     fn scene_and_conversation_are_data() {
-        let mut asked = request("hide it", &["sac", "vessel"]);
-        asked.conversation =
+        let mut input = request("hide it", &["sac", "vessel"]);
+        input.conversation =
             (0..9).map(|n| Exchange { said: format!("said {n}"), answered: "x".repeat(5000) }).collect();
-        let prompt = intent_prompt().build("agent-intent", &asked, "id").unwrap();
+        let prompt = intent_prompt().build("agent-intent", &input, "id").unwrap();
         let user: Value = serde_json::from_str(&prompt.user).unwrap();
         assert_eq!(user["utterance"], "hide it");
         assert_eq!(user["units"], json!(["sac", "vessel"]));
@@ -220,47 +220,44 @@ mod tests {
     fn the_size_of_a_prompt_is_limited() {
         let names: Vec<String> = (0..2000).map(|n| format!("{n:0128}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let mut asked = request(&"a ".repeat(MAX_UTTERANCE_BYTES / 2), &names);
-        asked.conversation = vec![Exchange { said: "\u{1}".repeat(9999), answered: "\u{1}".repeat(9999) }; 100];
-        let prompt = intent_prompt().build("agent-intent", &asked, "id").unwrap();
+        let mut input = request(&"a ".repeat(MAX_UTTERANCE_BYTES / 2), &names);
+        input.conversation = vec![Exchange { said: "\u{1}".repeat(9999), answered: "\u{1}".repeat(9999) }; 100];
+        let prompt = intent_prompt().build("agent-intent", &input, "id").unwrap();
         assert!(prompt.bytes() < MAX_PROMPT_BYTES, "{}", prompt.bytes());
         let user: Value = serde_json::from_str(&prompt.user).unwrap();
         assert_eq!(user["units"].as_array().unwrap().len() as u64 + user["more_units"].as_u64().unwrap(), 2000);
-        asked.text.push('a');
-        assert!(intent_prompt().build("agent-intent", &asked, "id").is_err());
+        input.text.push('a');
+        assert!(intent_prompt().build("agent-intent", &input, "id").is_err());
         assert_eq!(intent_prompt().build("agent-intent", &request(" ", &[]), "id"), Err(UtteranceError::Empty));
     }
 
     #[test]
     fn an_answer_about_the_utterance_is_accepted() {
-        let asked = request("please hide the Bulge", &["sac"]);
-        let intent = intent_prompt().parse_answer(&hide("sac", "hide the bulge"), &asked).unwrap();
+        let input = request("please hide the Bulge", &["sac"]);
+        let intent = intent_prompt().parse_answer(&hide("sac", "hide the bulge"), &input).unwrap();
         assert_eq!((intent.clauses[0].act(), intent.clauses[0].words.as_str()), (Act::Hide, "hide the bulge"));
         let fenced = format!("```json\n{}\n```", hide("bulge", "hide the bulge"));
-        assert!(
-            intent_prompt().parse_answer(&fenced, &asked).is_ok(),
-            "a spoken name is for the function agent to resolve"
-        );
+        assert!(intent_prompt().parse_answer(&fenced, &input).is_ok(), "the function agent resolves spoken names");
     }
 
     #[test]
     fn invented_names_are_refused_and_invented_words_replaced() {
-        let asked = request("hide the bulge", &["sac"]);
-        let error = intent_prompt().parse_answer(&hide("liver", "hide the bulge"), &asked).unwrap_err();
+        let input = request("hide the bulge", &["sac"]);
+        let error = intent_prompt().parse_answer(&hide("liver", "hide the bulge"), &input).unwrap_err();
         assert!(error.to_string().contains("does not exist and was not mentioned"), "{error}");
-        let intent = intent_prompt().parse_answer(&hide("sac", "remove the liver"), &asked).unwrap();
+        let intent = intent_prompt().parse_answer(&hide("sac", "remove the liver"), &input).unwrap();
         assert_eq!(intent.clauses[0].words, "hide the bulge");
     }
 
     #[test]
     fn parts_that_are_not_understood_come_from_the_utterance() {
-        let asked = request("dance with the sac", &["sac"]);
+        let input = request("dance with the sac", &["sac"]);
         for answer in [
             r#"{"clauses": [], "not_understood": []}"#,
             r#"{"clauses": [], "not_understood": ["I cannot do that"]}"#,
             r#"{"clauses": [], "not_understood": ["dance with the sac"]}"#,
         ] {
-            let intent = intent_prompt().parse_answer(answer, &asked).unwrap();
+            let intent = intent_prompt().parse_answer(answer, &input).unwrap();
             assert_eq!(intent.not_understood, ["dance with the sac"]);
             assert!(!intent.suggestions.is_empty());
         }

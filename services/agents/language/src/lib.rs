@@ -10,7 +10,8 @@
 //! | [`paraphrase`] | reply | reply in other words, with a language model |
 //!
 //! All functions are pure: the crate knows neither the bus nor the network. `sg-llm` sends the prompts.
-//! [`commands`] holds the one table of commands; a new command is one file and one row there.
+//!
+//! [`commands`] holds the table of commands. A new command is one file and one row there.
 //!
 //! # Example
 //!

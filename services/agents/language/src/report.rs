@@ -27,8 +27,8 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
             match &set.color {
                 None => format!("{what} {verb} now in the original colours."),
                 Some(color) => {
-                    let said = clause.color_name.trim().to_lowercase();
-                    let name = if said.is_empty() { color::name_of(color).to_owned() } else { said };
+                    let spoken = clause.color_name.trim().to_lowercase();
+                    let name = if spoken.is_empty() { color::name_of(color).to_owned() } else { spoken };
                     format!("{what} {verb} now {name}.")
                 }
             }
@@ -44,9 +44,12 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         }
         Action::SetLight(set) => light(set),
         Action::SetBackground(set) => {
-            let said = clause.color_name.trim().to_lowercase();
-            let name =
-                if said.is_empty() { set.color.as_ref().map_or("changed", color::name_of).to_owned() } else { said };
+            let spoken = clause.color_name.trim().to_lowercase();
+            let name = if spoken.is_empty() {
+                set.color.as_ref().map_or("changed", color::name_of).to_owned()
+            } else {
+                spoken
+            };
             format!("The background is now {name}.")
         }
         Action::SetTerm(set) => format!("The picture now shows the {}.", query::term_name(set.term())),

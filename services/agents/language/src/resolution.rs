@@ -95,12 +95,12 @@ pub fn unit<'s>(spoken: &str, state: &'s State) -> Result<&'s str, Refusal> {
                 names.join(", ")
             )))
         }
-        Lookup::Missing(near) => {
-            let mut message = if near.is_empty() {
+        Lookup::Missing(similar) => {
+            let mut message = if similar.is_empty() {
                 format!("Nothing is named “{spoken}” yet. Brush it, press Ctrl+S, name it.")
             } else {
-                let near: Vec<String> = near.iter().map(|n| format!("“{n}”")).collect();
-                format!("Nothing is named “{spoken}”. Did you mean {}?", near.join(" or "))
+                let similar: Vec<String> = similar.iter().map(|n| format!("“{n}”")).collect();
+                format!("Nothing is named “{spoken}”. Did you mean {}?", similar.join(" or "))
             };
             if !unit_names::addressable(state).is_empty() {
                 let _ = write!(message, " Names: {}.", name_list(state));
@@ -111,10 +111,12 @@ pub fn unit<'s>(spoken: &str, state: &'s State) -> Result<&'s str, Refusal> {
     }
 }
 
+/// Number of selected Gaussians.
 pub(crate) fn selected_count(state: &State) -> u64 {
     state.selection.as_ref().map_or(0, |s| s.count)
 }
 
+/// Refuses a scene without a selection.
 pub(crate) fn need_selection(state: &State) -> Result<(), Refusal> {
     if selected_count(state) > 0 {
         return Ok(());
@@ -177,11 +179,13 @@ pub fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
     Ok(target)
 }
 
+/// Resolves the target of a clause.
 pub(crate) fn target_of(clause: &Clause, state: &State) -> Result<Target, Refusal> {
-    let nothing = Reference::default();
-    target(clause.target.as_ref().unwrap_or(&nothing), state)
+    let empty = Reference::default();
+    target(clause.target.as_ref().unwrap_or(&empty), state)
 }
 
+/// Checks a colour.
 pub(crate) fn color_of(color: Option<&Color>) -> Result<Option<Color>, Refusal> {
     match color {
         None => Ok(None),
@@ -190,10 +194,12 @@ pub(crate) fn color_of(color: Option<&Color>) -> Result<Option<Color>, Refusal> 
     }
 }
 
+/// The refusal of a clause that lacks a field.
 pub(crate) fn missing(what: &str) -> Refusal {
     Refusal::invalid(format!("The clause has no {what}."))
 }
 
+/// Checks the number of a clause: finite, 0 to 1,000,000.
 pub(crate) fn number(clause: &Clause, what: &str) -> Result<f64, Refusal> {
     let value = clause.amount.ok_or_else(|| missing(what))?;
     if value.is_finite() && (0.0..=1e6).contains(&value) {
@@ -203,6 +209,7 @@ pub(crate) fn number(clause: &Clause, what: &str) -> Result<f64, Refusal> {
     }
 }
 
+/// Checks the number of history steps: 1 to 1,000.
 pub(crate) fn step_count(clause: &Clause) -> Result<u32, Refusal> {
     let value = clause.amount.unwrap_or(1.0);
     if value.fract() == 0.0 && (1.0..=1000.0).contains(&value) {
@@ -215,6 +222,7 @@ pub(crate) fn step_count(clause: &Clause) -> Result<u32, Refusal> {
     }
 }
 
+/// Checks the new name of a clause.
 pub(crate) fn checked_name(clause: &Clause) -> Result<String, Refusal> {
     let name = clause.name.trim();
     if name.is_empty() {

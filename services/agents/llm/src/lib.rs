@@ -1,8 +1,8 @@
 //! Clients of large language models: OpenAI-style HTTP and gRPC, with deadlines, retries and a fallback.
 //!
-//! [`Parameters`] are the model's table in a launch file. [`LlmClient`] sends a
-//! [`Prompt`](sg_language::prompt::Prompt) until an answer is accepted. [`Interpreter`] turns an utterance into an
-//! intent: with the model, or with the grammar where no model is configured or it failed.
+//! - [`Parameters`]: the table of the model in a launch file.
+//! - [`LlmClient`]: sends a [`Prompt`](sg_language::prompt::Prompt) until an answer is accepted.
+//! - [`Interpreter`]: turns an utterance into an intent, with the model or the grammar.
 //!
 //! API keys come from environment variables and never appear in logs. Prompts leave this machine only encrypted.
 //!

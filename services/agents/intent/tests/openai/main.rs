@@ -46,8 +46,8 @@ fn hides_the_sac() -> String {
 #[test]
 fn a_model_interprets_german_and_its_key_stays_secret() {
     let server = Server::start(&[Answer::completion(&hides_the_sac())]);
-    let asked = ["--endpoint", &server.url(), "--key-env", "TEST_MODEL_KEY", "--seed", "7", "--temperature", "0"];
-    let output = parse("verstecke den Sack", &asked);
+    let options = ["--endpoint", &server.url(), "--key-env", "TEST_MODEL_KEY", "--seed", "7", "--temperature", "0"];
+    let output = parse("verstecke den Sack", &options);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let meant = intent(&output);
     assert_eq!((&meant["backend"], &meant["model"]), (&json!("openai"), &json!("scripted-1")));
@@ -111,8 +111,8 @@ fn without_a_fallback_the_request_fails() {
     let more = ["--endpoint", &server.url(), "--key-env", "TEST_MODEL_KEY", "--fallback", "none", "--retries", "5"];
     let output = parse("hide the sac", &more);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert_eq!(stderr(&output).trim(), "The model refused: status 401: wrong key (key).");
-    assert_eq!(server.requests().len(), 1, "a refusal is not asked again");
+    assert_eq!(stderr(&output).trim(), "the model refused: status 401: wrong key (key)");
+    assert_eq!(server.requests().len(), 1, "a refusal is not retried");
     assert!(output.stdout.is_empty());
 }
 

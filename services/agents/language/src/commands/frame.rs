@@ -18,7 +18,8 @@ pub(super) const FRAME: Command = Command {
     title: "frame",
     constructs: &[
         Construct::with_ellipsis(
-            "look at | look closer at | zoom in closer on | zoom closer to | bring | take a look at | focus on | focus | centre on | \
+            "look at | look closer at | zoom in closer on | zoom closer to | bring | take a look at | focus on | \
+                 focus | centre on | \
                  center on | centre | center | frame | go to | fly to | move to | zoom to | \
                  zoom on | zoom onto | zoom in on | zoom in to | zoom into | fit | take me to | \
                  point the camera at | aim at | bring into view | show me where | home in on | \

@@ -94,11 +94,11 @@ fn angles(input: &mut Input<'_>) -> Outcome<(f64, f64)> {
         let repeated = opt(times).parse_next(input)?.unwrap_or(1.0);
         skip("around | round").parse_next(input)?;
         end(input)?;
-        let said = before.or(after);
-        if direction.is_none() && said.is_none() {
+        let degrees = before.or(after);
+        if direction.is_none() && degrees.is_none() {
             return Err(EmptyError);
         }
-        let degrees = said.unwrap_or(DEFAULT_DEGREES) * repeated;
+        let degrees = degrees.unwrap_or(DEFAULT_DEGREES) * repeated;
         if !(degrees > 0.0 && degrees <= 3600.0) {
             return Err(EmptyError);
         }

@@ -158,7 +158,7 @@ mod tests {
                 let mut seen = std::collections::BTreeSet::new();
                 for opening in construct.phrases() {
                     assert!(!opening.starts_with('(') && !opening.contains("  "), "“{opening}”");
-                    assert!(seen.insert(opening), "“{opening}” stands twice under {}", entry.title);
+                    assert!(seen.insert(opening), "“{opening}” occurs twice under {}", entry.title);
                 }
             }
         }

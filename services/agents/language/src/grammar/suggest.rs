@@ -66,7 +66,7 @@ fn nearest<'v>(word: &str, vocabulary: &'v BTreeSet<String>) -> Option<&'v str> 
 pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String> {
     const COMMON: [&str; 14] =
         ["the", "a", "to", "of", "it", "and", "is", "from", "with", "me", "in", "my", "what", "i"];
-    let said: BTreeSet<String> = not_understood
+    let lemmas: BTreeSet<String> = not_understood
         .iter()
         .flat_map(|part| token::tokens(part))
         .filter(|t| t.kind == Kind::Word && !COMMON.contains(&t.text.as_str()))
@@ -75,7 +75,7 @@ pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String>
     let mut scored: Vec<(usize, &str)> = Vec::new();
     for entry in TABLE {
         for example in entry.examples {
-            let shared = token::tokens(example).iter().filter(|t| said.contains(&t.lemma)).count();
+            let shared = token::tokens(example).iter().filter(|t| lemmas.contains(&t.lemma)).count();
             if shared > 0 {
                 scored.push((shared, example));
             }
