@@ -58,7 +58,7 @@ fn one_agent_of_a_stack_thinks_with_a_program_in_python_and_falls_back_when_that
     assert_eq!(answer["ok"], true, "{answer:#}");
     let intent = stage(&answer, "Intent");
     assert_eq!(intent["backend"], "grammar");
-    starts(&intent["fallback"], "the model is away");
+    starts(&intent["fallback"], "the model is unavailable");
     say(&stack, "make the sac green");
     let (_, log, _) = stack.run(&["logs", agent]).unwrap();
     assert_eq!(log.matches("the grammar serves until the model does").count(), 1, "{log}");
@@ -116,7 +116,7 @@ fn every_agent_thinks_with_its_own() {
     let stack = Stack::up_with(&settings).unwrap();
     let refused = say(&stack, "verstecke die beule");
     assert_eq!(refused["ok"], false, "{refused:#}");
-    starts(&refused["text"], "Nicht alles ging: No unit is called “beule”.");
+    starts(&refused["text"], "Nicht alles ging: Nothing is named “beule” yet.");
     assert_eq!(refused["reply"]["backend"], "grpc");
     drop(stack);
 
@@ -129,7 +129,7 @@ fn every_agent_thinks_with_its_own() {
     assert_eq!(answer["ok"], true, "{answer:#}");
     let chosen = &stage(&answer, "ActionResult")["chosen"][0];
     assert_eq!((&chosen["spoken"], &chosen["unit"]), (&"beule".into(), &"sac".into()));
-    starts(&answer["reply"]["facts"], "I took “beule” for the unit “sac”. The sac is now hidden.");
+    starts(&answer["reply"]["facts"], "Interpreted “beule” as the unit “sac”. The sac is now hidden.");
     assert_eq!(answer["text"], format!("Erledigt: {}", answer["reply"]["facts"].as_str().unwrap()));
     drop(stack);
 
@@ -144,13 +144,13 @@ fn every_agent_thinks_with_its_own() {
             assert!(["sac", "body"].contains(&unit) && answer["ok"] == true, "{answer:#}");
             assert!(action["chosen"][0]["model"].as_str().is_some_and(|m| m.contains("random")), "{action:#}");
         }
-        None => starts(&action["text"], "No unit is called “leber”."),
+        None => starts(&action["text"], "Nothing is named “leber” yet."),
     }
 
     drop(german);
     let answer = say(&stack, "zeige das sac");
     assert_eq!(answer["ok"], false, "{answer:#}");
-    starts(&answer["error"], "The model is away");
+    starts(&answer["error"], "The model is unavailable");
 }
 
 #[test]
@@ -171,10 +171,10 @@ fn a_llama_cpp_server_holds_to_the_form_and_what_it_makes_up_is_not_taken() {
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         if output.stdout.is_empty() {
             println!("{seed}: {}", told.trim());
-            assert!(told.contains("answer does not hold"), "{told}");
+            assert!(told.contains("answer is invalid"), "{told}");
             // Its grammar holds the form; it does not hold ranges of fractions, and the most tokens may cut it off.
             assert!(
-                !told.contains("not the JSON") && !told.contains("without `") && !told.contains("carries `"),
+                !told.contains("does not match the schema") && !told.contains(" needs `") && !told.contains("has no field `"),
                 "{told}"
             );
             made_up += 1;

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""A language model's place, filled by a hundred lines of Python: keyword rules for German.
+"""A backend with keyword rules for German, in place of a language model.
 
 Serves supergaussian.backend.v1.BackendService, so that any agent of a launch file may choose it with `backend = "grpc"`.
-Put a real model where `understand`, `choose` and `retell` are; everything else can stay.
+Put a real model where `understand`, `choose` and `paraphrase` are; everything else can stay.
 """
 
 import argparse
@@ -34,9 +34,9 @@ def contract(folder):
 
 
 def reference(part, units):
-    """What a part of an utterance is about."""
+    """The target of a part of an utterance."""
     named = [unit for unit in units if re.search(rf"\b{re.escape(unit.lower())}\b", part)]
-    # A name that no unit has is passed on as it was spoken: the function agent asks again what is meant.
+    # Unknown names stay as they were spoken; the function agent resolves them.
     if not named:
         named = re.findall(r"\b(?:der|die|das|den)\s+(?!auswahl|rest\b|alles\b)(\w+)", part)
     return {
@@ -49,7 +49,7 @@ def reference(part, units):
 
 
 def clause(part, units):
-    """One clause in the form that the agent asks for (`json_schema`), or None."""
+    """One clause in the form of `json_schema`, or None."""
     target = reference(part, units)
     color = next((c for c in COLORS if re.search(rf"\b{c}(?:e[nrms]?)?\b", part)), None)
     if "hintergrund" in part and color:
@@ -64,7 +64,7 @@ def clause(part, units):
     elif re.search(r"\bzeige?\b", part):
         fields = {"act": "ACT_SHOW", "target": target}
     elif part in ("hilfe", "help"):
-        # "help" is what a supervisor asks an intent agent that is to take its role while the stack runs.
+        # During a swap the supervisor probes an intent agent with "help".
         fields = {"act": "ACT_HELP"}
     elif "rückgängig" in part:
         fields = {"act": "ACT_UNDO", "amount": None}
@@ -86,17 +86,17 @@ def understand(asked):
 
 
 def choose(asked):
-    """agent-function: a name that no unit has becomes one of those there are, or null."""
+    """agent-function: the unit for an unknown name, or null."""
     unit = OTHER_WORDS.get(asked["spoken"].lower())
     return json.dumps({"unit": unit if unit in asked["units"] else None})
 
 
-def retell(asked):
-    """agent-core: what was done, in other words."""
+def paraphrase(asked):
+    """agent-core: the reply in other words."""
     return ("Erledigt: " if asked["done"] else "Nicht alles ging: ") + asked["facts"]
 
 
-AGENTS = {"agent-intent": understand, "agent-function": choose, "agent-core": retell}
+AGENTS = {"agent-intent": understand, "agent-function": choose, "agent-core": paraphrase}
 
 
 def serve(messages, address):

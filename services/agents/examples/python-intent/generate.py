@@ -1,4 +1,4 @@
-"""Generates the Python classes of the contract's messages and prints the folder they lie in.
+"""Generates the Python classes of the contract's messages and prints their folder.
 
     python generate.py            # found from this file: the checkout's proto/
     python generate.py PROTO      # or the folder that holds supergaussian/
@@ -16,7 +16,7 @@ import tempfile
 
 
 def proto_folder() -> pathlib.Path:
-    """The schema: where SUPERGAUSSIAN_PROTO says, else the `proto/` of the checkout this file stands in."""
+    """The folder of the schema: SUPERGAUSSIAN_PROTO, else the `proto/` of this checkout."""
     named = os.environ.get("SUPERGAUSSIAN_PROTO")
     if named:
         return pathlib.Path(named)
@@ -27,7 +27,7 @@ def proto_folder() -> pathlib.Path:
 
 
 def generated(proto: pathlib.Path) -> pathlib.Path:
-    """The folder of generated classes for a schema; made where there is none."""
+    """The folder of generated classes for a schema. It is created if it is missing."""
     files = sorted(str(path.relative_to(proto)) for path in proto.glob("supergaussian/*/*/*.proto"))
     if not files:
         raise SystemExit(f"{proto}: no supergaussian/<domain>/<version>/*.proto in here")
@@ -43,7 +43,7 @@ def generated(proto: pathlib.Path) -> pathlib.Path:
     from grpc_tools import protoc
 
     target.parent.mkdir(parents=True, exist_ok=True)
-    # Written beside its place and renamed: two services that start together do not see each other's halves.
+    # Written under another name and renamed, so that a second service never sees a partial folder.
     part = pathlib.Path(tempfile.mkdtemp(dir=target.parent))
     try:
         if protoc.main(["protoc", f"-I{proto}", f"--python_out={part}", *files]) != 0:

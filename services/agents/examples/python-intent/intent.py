@@ -15,7 +15,7 @@ ROLE = "agent-intent"
 VERSION = "0.1.0"
 BACKEND = "python-keywords"
 MAX_UTTERANCE_BYTES = 4096
-# Most clauses of one utterance.
+# Largest number of clauses in an utterance.
 MAX_CLAUSES = 64
 
 COLORS = {
@@ -39,10 +39,10 @@ OPACITIES = {"transparent": 0.3, "translucent": 0.3, "see-through": 0.3, "half-t
 COLOR = "|".join(COLORS)
 OPACITY = "|".join(OPACITIES)
 NUMBER = r"(?P<number>\d+(?:\.\d+)?)\s*(?P<percent>%|percent)?"
-# What a clause may begin with; a part without one of these goes on with the list of names before it.
+# Words that begin a clause. A part without one continues the list of names before it.
 VERBS = r"make|turn|colou?r|paint|hide|show|display|reveal|fade|set|undo|redo|take back|bring back"
 
-# (pattern, act): the first that fits the whole clause.
+# (pattern, act): the first pattern that matches the whole clause wins.
 RULES = [
     (rf"(?:make|turn|colou?r|paint)\s+(?P<target>.+?)\s+(?P<color>{COLOR})", language.ACT_SET_COLOR),
     (rf"set\s+(?:the\s+)?colou?r\s+of\s+(?P<target>.+?)\s+to\s+(?P<color>{COLOR})", language.ACT_SET_COLOR),
@@ -58,7 +58,7 @@ RULES = [
 RULES = [(re.compile(pattern, re.IGNORECASE), act) for pattern, act in RULES]
 SUGGESTIONS = ["make {} red", "fade everything else to 20 percent", "hide {}", "undo"]
 
-# Stands for a known name while an utterance is taken apart.
+# Placeholder of a known name during parsing.
 MARK = re.compile(r"<(\d+)>")
 
 EVERYTHING = {"everything", "all", "the scene", "the whole scene", "the whole volume"}
@@ -75,11 +75,11 @@ def known_names(request: language.IntentRequest) -> list[str]:
 
 
 def parts_of(text: str, names: list[str]) -> list[str]:
-    """The clauses of an utterance, in which a mark stands for each known name: one may be called "salt and pepper"."""
+    """The clauses of an utterance with placeholders for known names: a name may be "salt and pepper"."""
     for number, name in enumerate(names):
         text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", f"<{number}>", text, flags=re.IGNORECASE)
     clauses: list[str] = []
-    # A full stop or "then" ends a clause; after a comma or "and" its list of names may go on.
+    # A full stop or "then" ends a clause; a comma or "and" may continue its list of names.
     for sentence in re.split(r"[;!?]|\.(?!\d)|\bthen\b", text, flags=re.IGNORECASE):
         begun = False
         for piece in re.split(r",|\band\b", sentence, flags=re.IGNORECASE):
@@ -95,19 +95,19 @@ def parts_of(text: str, names: list[str]) -> list[str]:
 
 
 def spoken(words: str, names: list[str]) -> str:
-    """The words with the names in place of their marks."""
+    """The words with the names in place of their placeholders."""
     return MARK.sub(lambda mark: names[int(mark[1])], words)
 
 
 def takes_more(clause: str) -> bool:
-    """Whether names may follow: "hide the soil" and "make the soil" may go on, "make the soil red" is complete."""
+    """Whether names may follow: "hide the soil" may continue, "make the soil red" is complete."""
     return re.match(r"(?:hide|show|display|reveal)\b", clause, re.IGNORECASE) is not None or not any(
         pattern.fullmatch(clause) for pattern, _ in RULES
     )
 
 
 def reference(words: str, names: list[str]) -> language.Reference | None:
-    """What a clause is about; names the scene does not have stay as they were spoken, for whoever acts to refuse."""
+    """The target of a clause. Unknown names stay as they were spoken; the function agent refuses them."""
     target = language.Reference()
     for item in re.split(r"\s*(?:,|\band\b)\s*", words):
         plain = item.strip().lower()
@@ -130,7 +130,7 @@ def reference(words: str, names: list[str]) -> language.Reference | None:
 
 
 def clause_of(words: str, names: list[str]) -> language.Clause | None:
-    """One clause; None if no rule covers it."""
+    """One clause, or None without a matching rule."""
     for pattern, act in RULES:
         match = pattern.fullmatch(words)
         if not match:
@@ -150,21 +150,21 @@ def clause_of(words: str, names: list[str]) -> language.Clause | None:
             clause.amount = OPACITIES[found["opacity"].lower()]
         if found.get("number"):
             number = float(found["number"])
-            # "fade it to 20" means percent: nobody asks for twenty times the opacity.
+            # "fade it to 20" means percent.
             clause.amount = number / 100 if found["percent"] or number > 1 else number
         return clause
     return None
 
 
 def understand(request: language.IntentRequest) -> language.Intent:
-    """The meaning of an utterance. The same utterance before the same scene means the same, whenever it is asked."""
+    """The intent of an utterance. The result is deterministic."""
     if len(request.text.encode()) > MAX_UTTERANCE_BYTES:
         size = len(request.text.encode())
         raise sg.invalid(f"the utterance has {size} bytes; say it in at most {MAX_UTTERANCE_BYTES}")
     if not request.text.strip():
         raise sg.invalid("nothing was said; try “undo”")
     names = known_names(request)
-    # Marks are ours alone.
+    # The utterance must not hold placeholders.
     text = re.sub(r"[<>]", " ", request.text)
     intent = language.Intent(backend=BACKEND)
     for words in parts_of(text, names):

@@ -1,4 +1,4 @@
-"""What every Python service of Super-Gaussian needs, whatever its role: the life of a process and its place on the bus.
+"""The common part of Python services of Super-Gaussian: lifecycle and bus.
 
     service = Service(arguments(), version="0.1.0")
     service.answer("cmd/parse", IntentRequest, ("agent-core", "supervisor", "cli"), handler)
@@ -39,27 +39,27 @@ import zenoh  # noqa: E402
 from google.protobuf.message import DecodeError, Message  # noqa: E402
 from supergaussian.bus.v1 import bus_pb2 as bus  # noqa: E402
 
-# The bounds that every service keeps (proto/src/limits.rs).
+# Limits of the contract (proto/src/limits.rs).
 MAX_MESSAGE_BYTES = 4 << 20
 MAX_ENVELOPE_BYTES = 4096
 DEFAULT_DEADLINE = 5.0
 HEALTH_PERIOD = 1.0
 
-# Requests that may wait.
+# Length of the request queue.
 QUEUE = 16
-# Exit statuses: the work failed; parameters or input are wrong, so that starting again would not help.
+# Exit statuses: failure; invalid parameters or input (a restart does not help).
 EXIT_FAILED = 1
 EXIT_INPUT = 2
-# How often the main thread looks up from an empty queue, seconds.
+# Poll interval of the main thread on an empty queue, seconds.
 GLANCE = 0.05
-# Any role may ask.
+# Any role may send requests.
 ANYBODY = None
 
 PROTOBUF = "application/protobuf;"
 
 
 def log(level: str, message: str, **fields: object) -> None:
-    """One JSON object a line on standard error, where the supervisor collects it."""
+    """Logs one JSON object per line to standard error; the supervisor collects it."""
     now = datetime.datetime.now(datetime.timezone.utc)
     timestamp = now.isoformat(timespec="microseconds").replace("+00:00", "Z")
     line = {"timestamp": timestamp, "level": level, "message": message, **fields, "target": "python"}
@@ -67,11 +67,11 @@ def log(level: str, message: str, **fields: object) -> None:
 
 
 class InputError(Exception):
-    """Parameters or input are wrong: starting again would not help."""
+    """Invalid parameters or input: a restart does not help."""
 
 
 class Refusal(Exception):
-    """A request that is not served: a code of gRPC, one line for a person, when another try is worthwhile."""
+    """A failed request: gRPC code, message for the user, delay before a retry."""
 
     def __init__(self, code: int, message: str, retry_after_ms: int = 0, details: tuple[str, ...] = ()):
         super().__init__(message)
@@ -79,17 +79,17 @@ class Refusal(Exception):
 
 
 def invalid(message: str) -> Refusal:
-    """The request itself is wrong."""
+    """The request is invalid."""
     return Refusal(bus.CODE_INVALID_ARGUMENT, message)
 
 
 def exhausted(message: str, retry_after_ms: int = 0) -> Refusal:
-    """Too large, or too many at once."""
+    """The request is too large, or the queue is full."""
     return Refusal(bus.CODE_RESOURCE_EXHAUSTED, message, retry_after_ms)
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
-    """The arguments of the service mode, as the supervisor gives them."""
+    """The arguments of the service mode."""
     parser = argparse.ArgumentParser(description="A service of Super-Gaussian; a supervisor calls `serve`.")
     commands = parser.add_subparsers(dest="command", required=True)
     serve = commands.add_parser("serve", help="serve a role in a session")
@@ -108,7 +108,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 @dataclass
 class Context:
-    """The chain a message belongs to and the time that is left for it."""
+    """The conversation of a message and its deadline."""
 
     id: str = ""
     conversation: str = ""
@@ -120,7 +120,7 @@ class Context:
 
     @classmethod
     def of(cls, envelope: bus.Envelope) -> Context:
-        """From what travelled."""
+        """From the envelope."""
         seconds = envelope.deadline_ms / 1000 if envelope.deadline_ms else DEFAULT_DEADLINE
         return cls(
             id=envelope.id,
@@ -133,7 +133,7 @@ class Context:
         )
 
     def is_late(self) -> bool:
-        """Whether an answer is of no more use."""
+        """Whether the deadline has passed."""
         return time.monotonic() >= self.deadline
 
 
@@ -149,7 +149,7 @@ class Row:
 
 @dataclass(eq=False)
 class Request:
-    """A request on its way through the queue. It is answered once: by its handler, its cancellation or its refusal."""
+    """A queued request. It gets one answer: from its handler, its cancellation or its refusal."""
 
     row: Row
     query: zenoh.Query
@@ -160,18 +160,18 @@ class Request:
 
 
 class Slot:
-    """The newest value of something that the role owns."""
+    """The newest value of a state of the role."""
 
     def __init__(self, service: Service, name: str, value: Message):
         self._service, self._name, self._value = service, name, value
 
     def set(self, value: Message, context: Context | None = None) -> None:
-        """Replaces the value and tells whoever follows."""
+        """Replaces the value and publishes it."""
         self._value = value
         self._service.publish(self._name, value, context)
 
     def answer(self, query: zenoh.Query) -> None:
-        """Hands the present value to a late reader."""
+        """Sends the current value to a late reader."""
         with query:
             reply(query, self._value)
 
@@ -182,7 +182,7 @@ def encoding(message: Message) -> zenoh.Encoding:
 
 
 def reply(query: zenoh.Query, message: Message) -> None:
-    """A reply, or a refusal in its place. An asker that is gone misses nothing."""
+    """Sends a reply or an error. The client may be gone."""
     payload = message.SerializeToString()
     try:
         if isinstance(message, bus.Error):
@@ -194,7 +194,7 @@ def reply(query: zenoh.Query, message: Message) -> None:
 
 
 class Service:
-    """One process of one role. Rows are added first, then `run` lives its life: connect, ready, serve, drain, stop."""
+    """One process of one role. Add rows first; `run` then connects, serves, drains and stops."""
 
     def __init__(self, args: argparse.Namespace, version: str):
         self.args, self.version = args, version
@@ -214,7 +214,7 @@ class Service:
         self._lost_supervisor = False
         self._declared: list[object] = []
         self._session: zenoh.Session | None = None
-        # What every process answers, whatever its role.
+        # Questions that every process answers.
         self._own_questions = [
             Row("cmd/status", bus.StatusRequest, ANYBODY, lambda _request, _context: self._health()),
             Row("cmd/metrics", bus.MetricsRequest, ANYBODY, lambda _request, _context: self._metrics()),
@@ -235,7 +235,7 @@ class Service:
         senders: tuple[str, ...] | None,
         handler: Callable[[Message, Context], Message],
     ) -> None:
-        """Answers the requests of a row, which only these senders may ask."""
+        """Answers the requests of a row from these senders."""
         self._rows.append(Row(name, request, senders, handler))
 
     def own(self, name: str, value: Message) -> Slot:
@@ -244,7 +244,7 @@ class Service:
         return slot
 
     def publish(self, name: str, message: Message, context: Context | None = None) -> None:
-        """Publishes one message of the role, or of the instance while it stands by. Nobody need listen."""
+        """Publishes one message of the role, or of the instance during standby."""
         context = context or Context()
         key = self._key(name, self._instance() if self._standby else self.args.role)
         with self._lock:
@@ -272,9 +272,9 @@ class Service:
             log("WARN", "a message could not be published", key=key, error=str(error))
 
     def run(self) -> int:
-        """Serves until it is told to stop; the exit status is 0 then."""
+        """Serves until it is stopped; the exit status is then 0."""
         signal.signal(signal.SIGTERM, lambda *_: self._stopping.set())
-        # Ctrl-C reaches the whole terminal; a supervised process waits for its supervisor's word.
+        # Ctrl-C reaches all processes of the terminal; the supervisor stops this one.
         supervised = self.args.supervisor_pid is not None
         signal.signal(signal.SIGINT, signal.SIG_IGN if supervised else lambda *_: self._stopping.set())
         if supervised:
@@ -285,7 +285,7 @@ class Service:
             log("ERROR", f"bus of session `{self.args.session}` at {self.args.connect}: {error}")
             return EXIT_FAILED
         try:
-            # Under its instance it can be spoken to whether it stands by or not.
+            # The instance key is served during standby too.
             self._declare(self._instance())
             if self._standby:
                 self._say_ready()
@@ -297,7 +297,7 @@ class Service:
             self._session.close()
         return EXIT_FAILED if self._lost_supervisor else 0
 
-    # The life of the process.
+    # Lifecycle.
 
     def _serve(self) -> None:
         next_beat = time.monotonic()
@@ -324,14 +324,14 @@ class Service:
                 outcome = request.row.handler(request.message, request.context)
             except Refusal as refusal:
                 outcome = refusal.error
-            except Exception:  # A fault in the handler is this request's, not the service's.
+            except Exception:  # An exception of the handler fails the request, not the service.
                 log("ERROR", f"{request.row.name} failed", trace=traceback.format_exc())
                 outcome = bus.Error(code=bus.CODE_INTERNAL, message=f"a fault of the service in {request.row.name}")
         self._answer(request, outcome)
         return True
 
     def _drain(self) -> None:
-        """Accepts nothing new, finishes what was accepted, at most within the grace."""
+        """Accepts no new requests and finishes the queued ones within the grace period."""
         self._phase = bus.PHASE_DRAINING
         deadline = time.monotonic() + self.args.grace_ms / 1000
         for declared in self._declared:
@@ -347,7 +347,7 @@ class Service:
         self._phase = bus.PHASE_STOPPED
 
     def _die_with(self, supervisor: int) -> None:
-        """A signal from the kernel when the parent dies, and a watch for the gap before that is armed."""
+        """Arms the parent-death signal, and a watchdog for the time before."""
         pr_set_pdeathsig = 1
         ctypes.CDLL(None, use_errno=True).prctl(pr_set_pdeathsig, signal.SIGTERM)
 
@@ -362,13 +362,13 @@ class Service:
 
         threading.Thread(target=watch, name="supervisor-watch", daemon=True).start()
 
-    # Its place on the bus.
+    # Bus.
 
     def _instance(self) -> str:
         return f"@instance/{self.args.instance}"
 
     def _present_epoch(self) -> int:
-        """The epoch under which it speaks; none while it stands by."""
+        """The epoch of its messages; none during standby."""
         return 0 if self._standby else self._epoch
 
     def _key(self, name: str, segment: str) -> str:
@@ -413,7 +413,7 @@ class Service:
     # Requests.
 
     def _admit(self, row: Row, query: zenoh.Query) -> tuple[Message, Context]:
-        """Envelope, sender, epoch, type, size and form of a request, before anybody works on it."""
+        """Checks envelope, sender, epoch, type, size and form of a request."""
         attachment = query.attachment.to_bytes() if query.attachment is not None else b""
         if len(attachment) > MAX_ENVELOPE_BYTES:
             raise exhausted(f"an envelope of {len(attachment)} bytes is over the limit of {MAX_ENVELOPE_BYTES}")
@@ -443,7 +443,7 @@ class Service:
             raise invalid(f"malformed {wanted}: {error}") from error
 
     def _check_epoch(self, envelope: bus.Envelope) -> None:
-        """What comes from an instance that was replaced is refused."""
+        """Refuses messages from a replaced instance."""
         if not envelope.epoch:
             return
         with self._lock:
@@ -458,7 +458,7 @@ class Service:
         reply(query, refusal.error)
 
     def _accept(self, row: Row, query: zenoh.Query) -> None:
-        """Puts a request into the queue, or refuses it at once."""
+        """Queues or refuses a request."""
         try:
             message, context = self._admit(row, query)
         except Refusal as refusal:
@@ -477,7 +477,7 @@ class Service:
             self._answer(request, exhausted(full, retry_after_ms=100).error)
 
     def _answer(self, request: Request, outcome: Message) -> bool:
-        """Answers a request, unless that has been done."""
+        """Answers a request once."""
         with request.lock:
             if request.answered:
                 return False
@@ -512,7 +512,7 @@ class Service:
         self._take_role()
         return bus.PromoteReply(elapsed_ms=(time.monotonic() - begun) * 1000)
 
-    # What it tells of itself.
+    # Health and metrics.
 
     def _health(self) -> bus.Health:
         return bus.Health(
@@ -545,13 +545,13 @@ class Service:
 
     @staticmethod
     def _next_span(context: Context) -> str:
-        """The same trace with a span of our own."""
+        """The same trace with a new span."""
         head = context.traceparent[:36]
         return f"{head}{secrets.token_hex(8)}-01" if len(head) == 36 else ""
 
 
 def client_config(endpoint: str) -> zenoh.Config:
-    """A client of the one router that the supervisor embeds: nothing listens, nothing looks around."""
+    """A client of the supervisor's router, without listeners and scouting."""
     config = zenoh.Config()
     for key, value in (
         ("mode", "client"),
@@ -559,7 +559,7 @@ def client_config(endpoint: str) -> zenoh.Config:
         ("connect/endpoints", [endpoint]),
         ("scouting/multicast/enabled", False),
         ("scouting/gossip/enabled", False),
-        # A process that is stopped rather than dead is noticed by its lease.
+        # The lease detects a stopped process.
         ("transport/link/tx/lease", 2000),
         ("transport/link/rx/max_message_size", 8 << 20),
     ):

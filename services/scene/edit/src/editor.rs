@@ -220,8 +220,8 @@ impl Editor {
         let next = self.with_values(entries.iter().flat_map(|e| &e.backward));
         let summary = match entries.as_slice() {
             [] => return Err(EditError::NothingToUndo),
-            [entry] => format!("took back: {}", entry.label),
-            many => format!("took back {} changes", many.len()),
+            [entry] => format!("undid: {}", entry.label),
+            many => format!("undid {} changes", many.len()),
         };
         Ok((next?, HistoryMove::Undo(entries.len()), summary))
     }
@@ -231,8 +231,8 @@ impl Editor {
         let next = self.with_values(entries.iter().flat_map(|e| &e.forward));
         let summary = match entries.as_slice() {
             [] => return Err(EditError::NothingToRedo),
-            [entry] => format!("brought back: {}", entry.label),
-            many => format!("brought back {} changes", many.len()),
+            [entry] => format!("redid: {}", entry.label),
+            many => format!("redid {} changes", many.len()),
         };
         Ok((next?, HistoryMove::Redo(entries.len()), summary))
     }

@@ -393,7 +393,7 @@ fn undo_and_redo_walk_through_everything() {
     let red = editor.message(true);
     assert_eq!(red.undo, ["coloured sac #ff0000", "saved the selection as sac: 10 Gaussians", "selected 10 Gaussians"]);
     let back = run(&mut editor, [undo(0)]).unwrap();
-    assert_eq!(back.result.summary, "took back: coloured sac #ff0000");
+    assert_eq!(back.result.summary, "undid: coloured sac #ff0000");
     assert_eq!(editor.message(true).redo, ["coloured sac #ff0000"]);
     run(&mut editor, [undo(99)]);
     assert_eq!((names(&editor).len(), editor.state().selection().mask().count()), (0, 0));

@@ -1,0 +1,392 @@
+//! The core agent on the bus: observe, interpret, act, observe again, reply. It publishes every stage under the id of the
+//! conversation with a growing step number.
+
+use std::collections::BTreeSet;
+use std::num::NonZeroUsize;
+use std::time::{Duration, Instant};
+
+use lru::LruCache;
+use sg_language::intent_prompt::{MAX_EXCHANGE_BYTES, MAX_EXCHANGES};
+use sg_language::prompt::clip;
+use sg_language::reply::{self, Evidence};
+use sg_language::{grammar, paraphrase, request_ids};
+use sg_llm::{LlmClient, LlmError};
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, Stream, role};
+use sg_proto::language::{
+    AgentState, Exchange, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Utterance,
+};
+use sg_proto::limits::MAX_UTTERANCE_BYTES;
+use sg_proto::render::{CaptureRequest, Quality};
+use sg_runtime::actor::{self, Actor};
+use sg_runtime::bus::{Bus, Liveliness, Owned};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{Host, StartError};
+use tokio::sync::{mpsc, watch};
+
+use crate::image_diff::images_differ;
+
+/// Length of the request queue.
+const QUEUE: usize = 16;
+/// Replies and faults kept for repeated requests.
+const CACHED_REPLIES: NonZeroUsize = NonZeroUsize::MIN.saturating_add(63);
+/// Shortest time that is enough to repeat a failed utterance.
+const MIN_RETRY_TIME: Duration = Duration::from_millis(500);
+/// Conversations kept in memory.
+const CACHED_CONVERSATIONS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(255);
+/// Edge of the captured image, pixels.
+const CAPTURE_PIXELS: u32 = 256;
+/// Most units whose coverage one observation measures: each needs its own image.
+const MAX_MEASURED_UNITS: usize = 32;
+/// Timeout of one observation.
+const OBSERVE_TIME: Duration = Duration::from_secs(3);
+/// Time reserved for the reply.
+const MARGIN: Duration = Duration::from_millis(150);
+/// Length of the queue of liveliness events.
+const LIVELINESS_QUEUE: usize = 256;
+
+pub(crate) async fn start(host: Host) -> Result<(), StartError> {
+    if host.role() != role::AGENT_CORE {
+        return Err(StartError::Input(format!(
+            "role `{}`: this executable serves `{}`",
+            host.role(),
+            role::AGENT_CORE
+        )));
+    }
+    let llm = LlmClient::new(&host.params()?)
+        .map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+    let agent_state = llm.initial_state();
+    let published_state = host.bus().own(&keys::CORE_STATE, agent_state.clone()).await?;
+    let capture_processes = count_capture_processes(host.bus().watch_alive(LIVELINESS_QUEUE).await?);
+    let agent = CoreAgent {
+        bus: host.bus().clone(),
+        llm,
+        agent_state,
+        published_state,
+        capture_processes,
+        intents: LruCache::new(CACHED_REPLIES),
+        replies: LruCache::new(CACHED_REPLIES),
+        faults: LruCache::new(CACHED_REPLIES),
+        conversations: LruCache::new(CACHED_CONVERSATIONS),
+    };
+    let (mailbox, _) = host.spawn(agent, QUEUE);
+    host.serve(&keys::UTTER, QUEUE, move |utterance, context| {
+        let mailbox = mailbox.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Utter { utterance, context, reply }).await }
+    })
+    .await?;
+    Ok(())
+}
+
+/// Counts the live capture processes. Without one the agent does not wait for an image.
+fn count_capture_processes(mut events: mpsc::Receiver<Liveliness>) -> watch::Receiver<usize> {
+    let (count, receiver) = watch::channel(0);
+    tokio::spawn(async move {
+        let mut alive = BTreeSet::new();
+        while let Some(event) = events.recv().await {
+            if event.role == role::RENDER_CAPTURE {
+                if event.alive {
+                    alive.insert(event.instance)
+                } else {
+                    alive.remove(&event.instance)
+                };
+                count.send_replace(alive.len());
+            }
+        }
+    });
+    receiver
+}
+
+enum Message {
+    Utter { utterance: Utterance, context: Context, reply: actor::Reply<Reply> },
+}
+
+struct CoreAgent {
+    bus: Bus,
+    llm: LlmClient,
+    agent_state: AgentState,
+    published_state: Owned<AgentState>,
+    /// Number of live capture processes.
+    capture_processes: watch::Receiver<usize>,
+    /// Intents by utterance id. A model may interpret a repeated utterance differently, and half of the plan may be done.
+    intents: LruCache<String, Intent>,
+    /// Replies by utterance id, for repeated requests.
+    replies: LruCache<String, Reply>,
+    /// Transient faults by utterance id, for repeated requests without time for another try.
+    faults: LruCache<String, Fault>,
+    /// Conversations by id.
+    conversations: LruCache<String, Conversation>,
+}
+
+/// The history of a conversation.
+#[derive(Debug, Clone, Default)]
+struct Conversation {
+    /// The last step.
+    step: u32,
+    /// The last exchanges, oldest first.
+    exchanges: Vec<Exchange>,
+}
+
+impl Conversation {
+    fn add(&mut self, utterance: &str, reply: &str) {
+        let cut = |text| clip(text, MAX_EXCHANGE_BYTES).to_owned();
+        self.exchanges.push(Exchange { said: cut(utterance), answered: cut(reply) });
+        let excess = self.exchanges.len().saturating_sub(MAX_EXCHANGES);
+        self.exchanges.drain(..excess);
+    }
+}
+
+/// The progress of one utterance through the stages.
+struct Turn {
+    context: Context,
+    step: u32,
+}
+
+impl Turn {
+    /// The context of the next stage.
+    fn next_stage(&mut self) -> Context {
+        self.step = self.step.saturating_add(1);
+        self.current_stage()
+    }
+
+    /// The context of another message of the current stage.
+    fn current_stage(&self) -> Context {
+        self.context.next().at_step(self.context.conversation.clone(), self.step)
+    }
+}
+
+/// A transient fault of an agent as a sentence. A fault whose details name a role is a sentence already.
+fn stage_fault(stage: &str, fault: Fault) -> Fault {
+    let message = match fault.code {
+        _ if fault.details.iter().any(|d| role::ALL.contains(&d.as_str())) => return fault,
+        Code::Unavailable => format!("The {stage} agent is unavailable; try again in a moment."),
+        Code::DeadlineExceeded => format!("The {stage} agent did not answer in time; try again in a moment."),
+        _ => return fault,
+    };
+    Fault { message, ..fault }
+}
+
+/// The fault where the model failed and no fallback is allowed.
+fn llm_fault(error: &LlmError) -> Fault {
+    Fault { retry_after: error.retry_after(), ..Fault::new(error.code(), error.sentence()) }
+}
+
+impl CoreAgent {
+    async fn utter(&mut self, utterance: &Utterance, mut context: Context) -> Result<Reply, Fault> {
+        let start = Instant::now();
+        if utterance.text.len() > MAX_UTTERANCE_BYTES {
+            return Err(Fault::invalid(format!(
+                "the utterance has {} bytes; the limit is {MAX_UTTERANCE_BYTES}",
+                utterance.text.len()
+            )));
+        }
+        if context.id.is_empty() {
+            context = context.with_id(Context::root().id);
+        }
+        if let Some(reply) = self.replies.get(&context.id) {
+            return Ok(reply.clone());
+        }
+        if let Some(fault) = self.faults.get(&context.id).filter(|_| context.remaining() < MIN_RETRY_TIME) {
+            return Err(fault.clone());
+        }
+        let mut turn = self.begin(context);
+        self.publish(&keys::UTTERANCE, utterance, &turn.next_stage()).await;
+        let outcome = match self.answer(utterance, &mut turn).await {
+            Ok(reply) => self.paraphrase(reply, &utterance.text, &turn.context).await,
+            Err(fault) => Err(fault),
+        };
+        let mut reply = match &outcome {
+            Ok(reply) => reply.clone(),
+            Err(fault) => Reply { text: fault.message.clone(), ok: false, ..Reply::default() },
+        };
+        reply.elapsed_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.publish(&keys::REPLY, &reply, &turn.next_stage()).await;
+        let id = turn.context.conversation.clone();
+        let conversation = self.conversations.get_or_insert_mut(id, Conversation::default);
+        conversation.step = turn.step;
+        conversation.add(&utterance.text, &reply.text);
+        // A fault is transient: a repeated utterance continues where it stopped.
+        match outcome {
+            Ok(_) => {
+                self.replies.put(turn.context.id.clone(), reply.clone());
+            }
+            Err(fault) => {
+                self.faults.put(turn.context.id.clone(), fault.clone());
+                return Err(fault);
+            }
+        }
+        Ok(reply)
+    }
+
+    /// Observe, interpret, act, observe again.
+    async fn answer(&mut self, utterance: &Utterance, turn: &mut Turn) -> Result<Reply, Fault> {
+        let before = self.observe("before", 0, turn).await;
+        let inner = |context: Context| {
+            let time = context.remaining().saturating_sub(MARGIN);
+            context.within(time)
+        };
+        let intent = match self.intents.get(&turn.context.id) {
+            Some(intent) => intent.clone(),
+            None => {
+                let intent = self.interpret(utterance, &before, turn).await?;
+                self.intents.put(turn.context.id.clone(), intent.clone());
+                intent
+            }
+        };
+        let revision = before.scene.as_ref().map_or(0, |s| s.revision);
+        if intent.clauses.is_empty() {
+            return Ok(reply::not_understood(&intent, revision));
+        }
+        let plan = Plan { clauses: intent.clauses.clone(), observation: Some(before.clone()) };
+        let stage = turn.next_stage();
+        self.publish(&keys::PLAN, &plan, &stage).await;
+        let execute = inner(turn.next_stage()).with_id(request_ids::plan(&turn.context.id));
+        let outcome: PlanResult =
+            self.bus.ask(&keys::EXECUTE, &plan, &execute).await.map_err(|f| stage_fault("function", f))?;
+        let changed = outcome.actions.iter().any(|action| {
+            let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
+            action.ok && action.command.is_some() && clause.is_some_and(reply::changes_image)
+        });
+        let after = if changed { Some(self.observe("after", outcome.revision, turn).await) } else { None };
+        let frames = after.as_ref().and_then(|a| Some((before.frame.as_ref()?, a.frame.as_ref()?)));
+        let changed = tokio::task::block_in_place(|| frames.and_then(|(b, a)| images_differ(b, a)));
+        let evidence = Evidence { before: &before, after: after.as_ref(), changed };
+        Ok(reply::compose(&intent, &outcome, &evidence))
+    }
+
+    /// Asks the intent agent. A third of the time is left to act.
+    async fn interpret(&self, utterance: &Utterance, before: &Observation, turn: &mut Turn) -> Result<Intent, Fault> {
+        let conversation = self.conversations.peek(&turn.context.conversation);
+        let request = IntentRequest {
+            text: utterance.text.clone(),
+            observation: Some(before.clone()),
+            conversation: conversation.map_or_else(Vec::new, |c| c.exchanges.clone()),
+        };
+        let parse = turn.next_stage();
+        let time = parse.remaining() * 2 / 3;
+        let parse = parse.within(time).with_id(request_ids::intent(&turn.context.id));
+        self.bus.ask(&keys::PARSE, &request, &parse).await.map_err(|f| stage_fault("intent", f))
+    }
+
+    /// Lets the model rephrase a reply, where a model is configured.
+    async fn paraphrase(&mut self, reply: Reply, utterance: &str, context: &Context) -> Result<Reply, Fault> {
+        let plain = Reply { facts: reply.text.clone(), backend: grammar::NAME.to_owned(), ..reply };
+        if !self.llm.has_model() {
+            return Ok(plain);
+        }
+        let Some(prompt) =
+            paraphrase::prompt(role::AGENT_CORE, utterance, &plain, &request_ids::paraphrase(&context.id))
+        else {
+            return Ok(plain);
+        };
+        let deadline = context.deadline.checked_sub(MARGIN).unwrap_or(context.deadline);
+        match self.llm.ask(&prompt, deadline, |answer| paraphrase::parse_answer(answer, utterance, &plain.facts)).await
+        {
+            Ok(answer) => {
+                self.llm.record_success();
+                Ok(Reply { text: answer.value, backend: self.llm.backend().to_owned(), model: answer.model, ..plain })
+            }
+            // The commands are done already, so the fault reports them too.
+            Err(error) => match self.llm.fall_back(error, &mut self.agent_state) {
+                Ok(fallback) => Ok(Reply { fallback, ..plain }),
+                Err(error) => {
+                    let fault = llm_fault(&error);
+                    let message = format!("{} {}", plain.facts, fault.message);
+                    Err(Fault { message, ..fault })
+                }
+            },
+        }
+    }
+
+    /// Observes the scene and its image. Missing parts are named in the observation and are not an error.
+    async fn observe(&self, moment: &str, at_least_revision: u64, turn: &mut Turn) -> Observation {
+        let context = turn.next_stage();
+        let time = OBSERVE_TIME.min(context.remaining() / 3);
+        let limited = context.clone().within(time);
+        let mut observation = Observation { moment: moment.to_owned(), ..Observation::default() };
+        let mut missing = Vec::new();
+        match self.bus.newest(&keys::SCENE_STATE, &limited.next()).await {
+            Ok(scene) => observation.scene = Some(scene),
+            Err(fault) => missing.push(missing_reason(&fault, "scene")),
+        }
+        let scene = observation.scene.as_ref();
+        let units = scene.map_or(0, |s| s.base_units.len() + s.units.len());
+        let capture = CaptureRequest {
+            width: CAPTURE_PIXELS,
+            height: CAPTURE_PIXELS,
+            quality: Quality::Fast.into(),
+            at_least_revision: at_least_revision.max(scene.map_or(0, |s| s.revision)),
+            measure_units: units <= MAX_MEASURED_UNITS,
+            ..CaptureRequest::default()
+        };
+        let perceive = Perceive { capture: Some(capture.clone()), moment: moment.to_owned() };
+        self.publish(&keys::PERCEIVE, &perceive, &context).await;
+        if *self.capture_processes.borrow() == 0 {
+            missing.push("no render process is running".to_owned());
+        } else if scene.is_some() {
+            match self.bus.ask(&keys::CAPTURE, &capture, &limited.next()).await {
+                Ok(frame) => observation.frame = Some(frame),
+                Err(fault) => missing.push(missing_reason(&fault, "render")),
+            }
+        }
+        observation.missing = missing.join("; ");
+        self.publish(&keys::OBSERVATION, &observation, &turn.next_stage()).await;
+        observation
+    }
+
+    /// Publishes a stage. A failure is logged and does not stop the utterance.
+    async fn publish<M: prost::Message + prost::Name>(&self, row: &Stream<M>, message: &M, context: &Context) {
+        if let Err(fault) = self.bus.publish(row, message, context).await {
+            tracing::warn!(%fault, key = row.name, "a stage could not be published");
+        }
+    }
+
+    /// Starts a turn in the conversation of the utterance, or in a new one. Steps continue those of the last utterance.
+    fn begin(&self, context: Context) -> Turn {
+        let conversation =
+            if context.conversation.is_empty() { Context::root().id } else { context.conversation.clone() };
+        let last = self.conversations.peek(&conversation).map_or(0, |c| c.step);
+        let step = last.max(context.step.saturating_sub(1));
+        let context = context.at_step(conversation, step);
+        Turn { context, step }
+    }
+}
+
+/// The reason why a part of an observation is missing.
+fn missing_reason(fault: &Fault, service: &str) -> String {
+    match fault.code {
+        Code::Unavailable => format!("the {service} service is unavailable"),
+        Code::DeadlineExceeded => format!("the {service} service did not answer in time"),
+        _ => fault.message.clone(),
+    }
+}
+
+impl Actor for CoreAgent {
+    type Message = Message;
+    type State = String;
+
+    fn name(&self) -> &'static str {
+        "core"
+    }
+
+    fn state(&self) -> String {
+        format!("{} utterances answered, {} refused", self.agent_state.answered, self.agent_state.refused)
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        let Message::Utter { utterance, context, reply } = message;
+        let outcome = if context.remaining().is_zero() {
+            Err(Fault::deadline("the utterance passed its deadline in the queue and was not executed"))
+        } else {
+            self.utter(&utterance, context.clone()).await
+        };
+        self.agent_state.answered += 1;
+        self.agent_state.refused += u64::from(outcome.as_ref().map_or(true, |r| !r.ok));
+        if let Err(fault) = self.published_state.set(self.agent_state.clone(), &context.next()).await {
+            tracing::warn!(%fault, "the state could not be published");
+        }
+        let _ = reply.send(outcome);
+        Ok(())
+    }
+}

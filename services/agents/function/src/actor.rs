@@ -1,0 +1,372 @@
+//! The function agent on the bus: a plan in, scene commands out, one published result per clause.
+
+use std::collections::HashMap;
+use std::num::NonZeroUsize;
+use std::time::{Duration, Instant};
+
+use lru::LruCache;
+use sg_language::resolution::Step;
+use sg_language::{commands, report, request_ids, unit_choice, unit_names};
+use sg_llm::{Answer, LlmClient, LlmError};
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::language::{Act, ActionResult, AgentState, Chosen, Clause, Plan, PlanResult};
+use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, State};
+use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{Host, StartError};
+
+/// Length of the request queue.
+const QUEUE: usize = 16;
+/// Most clauses of one plan.
+const MAX_CLAUSES: usize = 256;
+/// Results and faults kept for repeated requests.
+const CACHED_RESULTS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(63);
+/// Choices of the model kept for repeated plans.
+const CACHED_CHOICES: NonZeroUsize = NonZeroUsize::MIN.saturating_add(255);
+/// Most unknown names of one clause that the model resolves.
+const MAX_CHOICES: usize = 8;
+/// Shortest time that is enough to repeat a failed plan.
+const MIN_RETRY_TIME: Duration = Duration::from_millis(400);
+/// Time reserved for the reply.
+const MARGIN: Duration = Duration::from_millis(100);
+
+pub(crate) async fn start(host: Host) -> Result<(), StartError> {
+    if host.role() != role::AGENT_FUNCTION {
+        return Err(StartError::Input(format!(
+            "role `{}`: this executable serves `{}`",
+            host.role(),
+            role::AGENT_FUNCTION
+        )));
+    }
+    let llm = LlmClient::new(&host.params()?)
+        .map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+    let agent_state = llm.initial_state();
+    let published_state = host.bus().own(&keys::FUNCTION_STATE, agent_state.clone()).await?;
+    let agent = FunctionAgent {
+        bus: host.bus().clone(),
+        llm,
+        agent_state,
+        published_state,
+        choices: LruCache::new(CACHED_CHOICES),
+        results: LruCache::new(CACHED_RESULTS),
+        faults: LruCache::new(CACHED_RESULTS),
+    };
+    let (mailbox, _) = host.spawn(agent, QUEUE);
+    host.serve(&keys::EXECUTE, QUEUE, move |plan, context| {
+        let mailbox = mailbox.clone();
+        async move { mailbox.ask(context.deadline, |reply| Message::Execute { plan, context, reply }).await }
+    })
+    .await?;
+    Ok(())
+}
+
+enum Message {
+    Execute { plan: Plan, context: Context, reply: Reply<PlanResult> },
+}
+
+struct FunctionAgent {
+    bus: Bus,
+    llm: LlmClient,
+    agent_state: AgentState,
+    published_state: Owned<AgentState>,
+    /// Units chosen by the model, by plan and spoken name. `None`: the model found no unit.
+    choices: LruCache<String, Option<Chosen>>,
+    /// Results by plan id, for repeated requests.
+    results: LruCache<String, PlanResult>,
+    /// Transient faults by plan id, for repeated requests without time for another try.
+    faults: LruCache<String, Fault>,
+}
+
+/// Whether the same plan may succeed later.
+fn is_transient(fault: &Fault) -> bool {
+    matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded | Code::ResourceExhausted | Code::Cancelled)
+}
+
+/// A transient fault of the scene service as a sentence. Its details name the role.
+fn scene_fault(fault: Fault) -> Fault {
+    let message = match fault.code {
+        Code::Unavailable => "The scene service is unavailable; try again in a moment.",
+        Code::DeadlineExceeded => "The scene service did not answer in time; try again in a moment.",
+        _ => return fault,
+    };
+    Fault { message: message.to_owned(), ..fault }.with_details([role::SCENE.to_owned()])
+}
+
+/// The reply where the model failed and no fallback is allowed.
+fn llm_fault(error: &LlmError) -> Fault {
+    Fault { retry_after: error.retry_after(), ..Fault::new(error.code(), error.sentence()) }
+        .with_details([role::AGENT_FUNCTION.to_owned()])
+}
+
+impl FunctionAgent {
+    /// Executes a plan, or repeats its stored result.
+    async fn execute_once(&mut self, plan: &Plan, context: &Context) -> Result<PlanResult, Fault> {
+        if let Some(result) = self.results.get(&context.id) {
+            return Ok(result.clone());
+        }
+        if let Some(fault) = self.faults.get(&context.id).filter(|_| context.remaining() < MIN_RETRY_TIME) {
+            return Err(fault.clone());
+        }
+        let outcome = self.execute(plan, context).await;
+        if !context.id.is_empty() {
+            match &outcome {
+                Ok(result) => {
+                    self.results.put(context.id.clone(), result.clone());
+                }
+                Err(fault) => {
+                    self.faults.put(context.id.clone(), fault.clone());
+                }
+            }
+        }
+        outcome
+    }
+
+    /// Executes a plan. A transient fault fails the whole plan, so that the client repeats it under the same id. Commands
+    /// that the scene has applied already are found by their ids and not repeated. Any other fault fails its clause.
+    async fn execute(&mut self, plan: &Plan, context: &Context) -> Result<PlanResult, Fault> {
+        if plan.clauses.len() > MAX_CLAUSES {
+            return Err(Fault::invalid(format!(
+                "the plan has {} clauses; the limit is {MAX_CLAUSES}",
+                plan.clauses.len()
+            )));
+        }
+        let inner = context.clone().within(context.remaining().saturating_sub(MARGIN));
+        let mut outcome = PlanResult::default();
+        let asks_scene = plan.clauses.iter().any(|c| c.act() != Act::Help);
+        let observed = || plan.observation.as_ref().and_then(|o| o.scene.clone()).unwrap_or_default();
+        let mut state = if asks_scene { self.scene(&inner).await? } else { observed() };
+        let applied = self.applied_commands(plan, &state, &inner).await?;
+        for (index, clause) in plan.clauses.iter().enumerate() {
+            let id = request_ids::command(&context.id, index);
+            let mut action = match applied.get(&id) {
+                Some(event) => stored_result(&id, event),
+                None => self.execute_clause(clause, id, &state, plan, &inner).await.map_err(|fault| {
+                    let before = outcome.actions.len();
+                    let message = match before {
+                        0 => fault.message.clone(),
+                        n => format!("{} (after {n} of {} steps)", fault.message, plan.clauses.len()),
+                    };
+                    Fault { message, ..fault }
+                })?,
+            };
+            action.clause = u32::try_from(index).unwrap_or(u32::MAX);
+            if let Err(fault) = self.bus.publish(&keys::ACTION, &action, &context.next()).await {
+                tracing::warn!(%fault, "an action could not be published");
+            }
+            let (ok, changed) = (action.ok, action.command.is_some());
+            outcome.actions.push(action);
+            if !ok {
+                break;
+            }
+            if changed {
+                // The command may have changed names, focus or selection.
+                state = self.scene(&inner).await?;
+            }
+        }
+        outcome.revision = state.revision;
+        Ok(outcome)
+    }
+
+    /// The current scene, without masks.
+    async fn scene(&self, context: &Context) -> Result<State, Fault> {
+        self.bus.newest(&keys::SCENE_STATE, &context.next()).await.map_err(scene_fault)
+    }
+
+    /// The current scene with masks, if it fits into one message.
+    async fn scene_with_masks(&self, context: &Context) -> Option<State> {
+        let request = ChangesRequest { from: 0, snapshot: true };
+        let changes = self.bus.ask(&keys::SCENE_CHANGES, &request, &context.next()).await;
+        changes.inspect_err(|fault| tracing::debug!(%fault, "no snapshot")).ok()?.snapshot
+    }
+
+    /// Commands of this plan that the scene applied in an earlier try.
+    async fn applied_commands(
+        &self,
+        plan: &Plan,
+        state: &State,
+        context: &Context,
+    ) -> Result<HashMap<String, Event>, Fault> {
+        let observed = plan.observation.as_ref().and_then(|o| o.scene.as_ref()).map(|s| s.revision);
+        let Some(from) = observed.filter(|observed| *observed < state.revision) else { return Ok(HashMap::new()) };
+        let request = ChangesRequest { from, snapshot: false };
+        let changes = self.bus.ask(&keys::SCENE_CHANGES, &request, &context.next()).await.map_err(scene_fault)?;
+        Ok(changes.events.into_iter().map(|event| (event.command_id.clone(), event)).collect())
+    }
+
+    /// Replaces unknown names in a clause by units that the model chooses. Returns the clause and the choices.
+    async fn choose_units(
+        &mut self,
+        clause: &Clause,
+        state: &State,
+        context: &Context,
+    ) -> Result<(Clause, Vec<Chosen>), Fault> {
+        let mut resolved = (clause.clone(), Vec::new());
+        if !self.llm.has_model() {
+            return Ok(resolved);
+        }
+        for spoken in unit_choice::unknown_names(clause, state).into_iter().take(MAX_CHOICES) {
+            let id = request_ids::derived(&context.id, &format!("unit for {spoken}"));
+            let choice = match self.choices.get(&id) {
+                Some(choice) => choice.clone(),
+                None => {
+                    let Some(prompt) = unit_choice::prompt(role::AGENT_FUNCTION, spoken, clause, state, &id) else {
+                        continue;
+                    };
+                    // Half of the time is left for the execution.
+                    let deadline = Instant::now() + context.remaining() / 2;
+                    match self.llm.ask(&prompt, deadline, |answer| unit_choice::parse_answer(answer, state)).await {
+                        Ok(Answer { value, model }) => {
+                            self.llm.record_success();
+                            let choice = value.map(|unit| Chosen { spoken: spoken.to_owned(), unit, model });
+                            self.choices.put(id, choice.clone());
+                            choice
+                        }
+                        Err(error) => {
+                            self.llm.fall_back(error, &mut self.agent_state).map_err(|error| llm_fault(&error))?;
+                            // The model failed, so the other names are not sent to it.
+                            break;
+                        }
+                    }
+                }
+            };
+            // A unit that was chosen in an earlier try may be deleted by now.
+            if let Some(choice) = choice.filter(|c| unit_names::all(state).contains(&c.unit.as_str())) {
+                resolved.0 = unit_choice::substitute(resolved.0, spoken, &choice.unit);
+                resolved.1.push(choice);
+            }
+        }
+        Ok(resolved)
+    }
+
+    /// The stored result of the command with this id. A command without action is never applied: the scene only looks up
+    /// its id.
+    async fn stored_event(&self, id: &str, context: &Context) -> Result<Option<Event>, Fault> {
+        let probe = Command { id: id.to_owned(), ..Command::default() };
+        match self.bus.ask(&keys::SCENE_APPLY, &probe, &context.next().with_id(id)).await {
+            Ok(CommandResult { revision, summary, .. }) => {
+                Ok(Some(Event { revision, command_id: id.to_owned(), summary, changes: Vec::new() }))
+            }
+            Err(fault) if is_transient(&fault) => Err(scene_fault(fault)),
+            Err(_) => Ok(None),
+        }
+    }
+
+    async fn execute_clause(
+        &mut self,
+        clause: &Clause,
+        id: String,
+        state: &State,
+        plan: &Plan,
+        context: &Context,
+    ) -> Result<ActionResult, Fault> {
+        let (clause, chosen) = self.choose_units(clause, state, context).await?;
+        let action = self.apply_clause(&clause, id, state, plan, context).await?;
+        let text = chosen
+            .iter()
+            .rev()
+            .fold(action.text, |text, c| format!("Interpreted “{}” as the unit “{}”. {text}", c.spoken, c.unit));
+        Ok(ActionResult { text, chosen, ..action })
+    }
+
+    async fn apply_clause(
+        &self,
+        clause: &Clause,
+        id: String,
+        state: &State,
+        plan: &Plan,
+        context: &Context,
+    ) -> Result<ActionResult, Fault> {
+        let frame = plan.observation.as_ref().and_then(|o| o.frame.as_ref());
+        let with_masks = match clause.act() {
+            Act::QuerySelection | Act::Describe => self.scene_with_masks(context).await,
+            _ => None,
+        };
+        let step = match commands::resolve(clause, with_masks.as_ref().unwrap_or(state), frame) {
+            Ok(step) => step,
+            // An earlier try may have applied the command already, for example renamed the unit.
+            Err(refusal) => {
+                let stored = self.stored_event(&id, context).await?;
+                return Ok(stored.map_or_else(|| failure(refusal.message), |event| stored_result(&id, &event)));
+            }
+        };
+        let (action, units) = match step {
+            Step::Answer { text, units } => {
+                return Ok(ActionResult { ok: true, text, units, ..ActionResult::default() });
+            }
+            Step::Change { action, units } => (action, units),
+        };
+        let command = Command { id: id.clone(), expected_revision: 0, action: Some(action.clone()) };
+        match self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id)).await {
+            Ok(result) => {
+                let text = report::action(clause, &action, state, &result);
+                let units = if units.is_empty() { result.units.clone() } else { units };
+                Ok(ActionResult {
+                    ok: true,
+                    text,
+                    units,
+                    command: Some(command),
+                    result: Some(result),
+                    ..ActionResult::default()
+                })
+            }
+            Err(fault) if is_transient(&fault) => Err(scene_fault(fault)),
+            Err(fault) => Ok(ActionResult { command: Some(command), ..failure(fault.message) }),
+        }
+    }
+}
+
+fn failure(text: String) -> ActionResult {
+    ActionResult { ok: false, text, ..ActionResult::default() }
+}
+
+/// The result of a command that an earlier try of the plan applied.
+fn stored_result(id: &str, event: &Event) -> ActionResult {
+    let result = CommandResult {
+        id: id.to_owned(),
+        revision: event.revision,
+        summary: event.summary.clone(),
+        repeated: true,
+        ..CommandResult::default()
+    };
+    let command = Command { id: id.to_owned(), ..Command::default() };
+    ActionResult {
+        ok: true,
+        text: report::sentence(&event.summary),
+        command: Some(command),
+        result: Some(result),
+        ..ActionResult::default()
+    }
+}
+
+impl Actor for FunctionAgent {
+    type Message = Message;
+    type State = String;
+
+    fn name(&self) -> &'static str {
+        "function"
+    }
+
+    fn state(&self) -> String {
+        format!("{} plans, {} failed", self.agent_state.answered, self.agent_state.refused)
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        let Message::Execute { plan, context, reply } = message;
+        // No client waits for the result, so the plan is not executed.
+        let outcome = if context.remaining().is_zero() {
+            Err(Fault::deadline("the plan passed its deadline in the queue and was not executed"))
+        } else {
+            self.execute_once(&plan, &context).await
+        };
+        self.agent_state.answered += 1;
+        self.agent_state.refused += u64::from(outcome.as_ref().map_or(true, |r| r.actions.iter().any(|a| !a.ok)));
+        if let Err(fault) = self.published_state.set(self.agent_state.clone(), &context.next()).await {
+            tracing::warn!(%fault, "the state could not be published");
+        }
+        let _ = reply.send(outcome);
+        Ok(())
+    }
+}

@@ -1,0 +1,28 @@
+//! `supergaussian-agent-function`: executes plans, clause by clause.
+
+mod actor;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// The agent that executes plans
+///
+/// Example: supergaussian say "hide the soil and the pot"   (reaches it in a running stack)
+#[derive(Debug, Parser)]
+#[command(name = "supergaussian-agent-function", version, verbatim_doc_comment)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Serve the role in a session (started by the supervisor)
+    Serve(sg_runtime::process::ServeArgs),
+}
+
+fn main() -> ExitCode {
+    let Command::Serve(args) = Arguments::parse().command;
+    sg_runtime::process::run(args, env!("CARGO_PKG_VERSION"), actor::start)
+}

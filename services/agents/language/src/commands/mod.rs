@@ -1,0 +1,26 @@
+//! Commands in words. Each command is one row of the table: its phrases, fields, examples and effect.
+//!
+//! To add a command, write one file here and add one row to the table in `table.rs`.
+
+mod background;
+mod color;
+pub(crate) mod command;
+mod delete;
+mod frame;
+pub(crate) mod help;
+mod history;
+mod light;
+mod naming;
+mod opacity;
+mod orbit;
+mod question;
+mod selection;
+mod set_view;
+mod shading;
+pub(crate) mod table;
+mod verbs;
+mod viewpoint;
+mod visibility;
+mod zoom;
+
+pub use table::{examples, help, resolve};

@@ -1,0 +1,79 @@
+//! The table of commands. Parser, help, suggestions, JSON schema and execution use it.
+
+use sg_proto::language::{Act, Clause};
+use sg_proto::render::Frame;
+use sg_proto::scene::State;
+
+use super::command::{Command, Context, Effect, Field};
+use super::help::{help_text, with_names};
+use super::{
+    background, color, delete, frame, help as help_command, history, light, naming, opacity, orbit, question,
+    selection, shading, viewpoint, visibility, zoom,
+};
+use crate::resolution::{Refusal, Step};
+
+/// All commands in the order of the help. The first of two equally good readings wins.
+pub(crate) const TABLE: &[Command] = &[
+    color::SET_COLOR,
+    opacity::SET_OPACITY,
+    visibility::SHOW_ONLY,
+    visibility::SHOW,
+    visibility::HIDE,
+    light::SET_LIGHT,
+    background::SET_BACKGROUND,
+    viewpoint::VIEWPOINT,
+    frame::FRAME,
+    orbit::ORBIT,
+    zoom::ZOOM,
+    shading::SET_TERM,
+    selection::SELECT,
+    selection::CLEAR_SELECTION,
+    naming::LABEL,
+    naming::RENAME,
+    delete::DELETE,
+    question::LIST,
+    question::QUERY_SELECTION,
+    question::DESCRIBE,
+    history::UNDO,
+    history::REDO,
+    history::RESET,
+    help_command::HELP,
+];
+
+/// The first command with this act.
+fn command(act: Act) -> Option<&'static Command> {
+    TABLE.iter().find(|command| command.act == act)
+}
+
+/// The fields of a clause besides `act` and `words`.
+pub(crate) fn fields(act: Act) -> Option<&'static [Field]> {
+    command(act).map(|command| command.fields)
+}
+
+/// The effect of a clause on the image.
+pub(crate) fn effect(clause: &Clause) -> Effect {
+    command(clause.act()).map_or(Effect::None, |command| command.effect)
+}
+
+/// Turns a clause into a scene command or an answer. `frame` is the last frame; it is used only if it shows the same
+/// revision as `state`.
+///
+/// # Errors
+/// [`Refusal`]: the clause does not fit the scene.
+pub fn resolve(clause: &Clause, state: &State, frame: Option<&Frame>) -> Result<Step, Refusal> {
+    let frame = frame.filter(|f| f.revision == state.revision);
+    let command = command(clause.act()).ok_or_else(|| Refusal::invalid("The clause has no act."))?;
+    (command.resolve)(clause, &Context { state, frame, table: TABLE })
+}
+
+/// All examples of the table, with names of the scene's units.
+#[must_use]
+pub fn examples(names: &[&str]) -> Vec<String> {
+    TABLE.iter().flat_map(|command| command.examples).map(|example| with_names(example, names)).collect()
+}
+
+/// The help: one line per command, with names of the scene's units in the examples.
+#[must_use]
+pub fn help(names: &[&str]) -> String {
+    help_text(TABLE, names)
+}

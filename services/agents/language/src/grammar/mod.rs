@@ -1,0 +1,166 @@
+//! The embedded backend: a deterministic grammar from text to an [`Intent`].
+//!
+//! A recursive-descent parser reads tokens with lemmas. The table of [`commands`](crate::commands) lists all phrases.
+//! The longest name of a unit is matched first, so that a unit may be called "red vessel". Unknown names stay in the
+//! intent as they were spoken; the function agent refuses them with the existing names.
+//!
+//! | phrase | result |
+//! | --- | --- |
+//! | "it", "them" | [`Reference::focus`](sg_proto::language::Reference) |
+//! | "this", "that" | the selection if there is one, else the focus |
+//! | "everything else", "the rest" | a complement without names |
+//! | "make it brighter" (scene), "brighter" | ambient and diffuse multiplied |
+//! | "transparent" · "half/semi-transparent" · "80 % transparent" | opacity 0.3 · 0.5 · 0.2 |
+//! | "rotate left", "turn the camera left" | the camera moves to its left |
+//! | "turn it left" | the scene turns left, so the camera moves to its right |
+//! | "light from the left" | light from the left of the current picture |
+//! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
+
+mod sentence;
+mod suggest;
+
+use std::sync::LazyLock;
+
+use sg_proto::language::{Intent, Observation};
+use sg_proto::limits::MAX_UTTERANCE_BYTES;
+use sg_proto::scene::{BaseUnit, Selection, State};
+use winnow::stream::TokenSlice;
+
+use crate::syntax::phrase::{Input, ParseContext};
+use crate::syntax::token;
+use crate::unit_names;
+use sentence::{OpeningIndex, Sentence};
+
+static OPENINGS: LazyLock<OpeningIndex> = LazyLock::new(OpeningIndex::of_table);
+
+/// Name of this backend.
+pub const NAME: &str = "grammar";
+
+/// An utterance that is not parsed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum UtteranceError {
+    /// The utterance is longer than the contract allows.
+    #[error("the utterance has {0} bytes; the limit is {MAX_UTTERANCE_BYTES}")]
+    TooLong(usize),
+    /// The utterance is empty.
+    #[error("the utterance is empty; try “help”")]
+    Empty,
+}
+
+/// Parses an utterance for a scene.
+///
+/// The result is deterministic. Parts that are not understood stand word for word in `not_understood`, with up to three
+/// suggestions. A clause that refers back to such a part ("it", "the rest") is not understood either.
+///
+/// # Errors
+/// [`UtteranceError`]: the utterance is empty or longer than [`MAX_UTTERANCE_BYTES`].
+pub fn parse(text: &str, observation: &Observation) -> Result<Intent, UtteranceError> {
+    if text.len() > MAX_UTTERANCE_BYTES {
+        return Err(UtteranceError::TooLong(text.len()));
+    }
+    let tokens = token::tokens(text);
+    if tokens.is_empty() {
+        return Err(UtteranceError::Empty);
+    }
+    let scene = observation.scene.as_ref();
+    let names = scene.map(unit_names::addressable).unwrap_or_default();
+    let normalized: Vec<(String, Vec<String>)> =
+        names.iter().map(|n| ((*n).to_owned(), token::normalized_name(n))).collect();
+    let parse = |source: &str, tokens: &[token::Token]| -> Sentence {
+        let context = ParseContext {
+            source,
+            names: &normalized,
+            opening_lemmas: &OPENINGS.first_lemmas,
+            has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
+            view: scene.and_then(|s| s.view.as_ref()),
+        };
+        let tokens: Vec<&token::Token> = tokens.iter().collect();
+        sentence::parse(&OPENINGS, Input { input: TokenSlice::new(&tokens), state: &context })
+    };
+    let sentence = parse(text, &tokens);
+    let mut suggestions = Vec::new();
+    if !sentence.not_understood.is_empty() {
+        let corrected = suggest::corrected(text, &tokens, &names).filter(|better| {
+            let again = parse(better, &token::tokens(better));
+            again.not_understood.is_empty() && again.unknown == 0
+        });
+        suggestions.extend(corrected);
+        // Some examples need units.
+        let is_understood = |example: &String| parse(example, &token::tokens(example)).not_understood.is_empty();
+        for example in suggest::examples(&sentence.not_understood, &names).into_iter().filter(is_understood) {
+            if suggestions.len() < suggest::MAX_SUGGESTIONS && !suggestions.contains(&example) {
+                suggestions.push(example);
+            }
+        }
+    }
+    Ok(Intent {
+        clauses: sentence.clauses,
+        not_understood: sentence.not_understood,
+        suggestions,
+        backend: NAME.to_owned(),
+        ..Intent::default()
+    })
+}
+
+/// An observation of a scene with these units and a selection, for examples.
+#[must_use]
+pub fn sample_observation(names: &[&str]) -> Observation {
+    let unit = |name: &&str| BaseUnit { name: (*name).to_owned(), ..BaseUnit::default() };
+    let selection = Some(Selection { count: 1, ..Selection::default() });
+    let scene = State { base_units: names.iter().map(unit).collect(), selection, ..State::default() };
+    Observation { scene: Some(scene), ..Observation::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::help::with_names;
+    use crate::commands::table::TABLE;
+
+    fn observation(names: &[&str]) -> Observation {
+        let unit = |name: &&str| BaseUnit { name: (*name).to_owned(), ..BaseUnit::default() };
+        let scene = State { base_units: names.iter().map(unit).collect(), ..State::default() };
+        Observation { scene: Some(scene), ..Observation::default() }
+    }
+
+    #[test]
+    fn every_example_is_parsed_as_its_act() {
+        for names in [&["sac", "vessel"][..], &["leaves", "flower pot"], &[]] {
+            // Without known names the old name cannot be told from the new one.
+            for entry in TABLE.iter().filter(|e| !names.is_empty() || e.act != sg_proto::language::Act::Rename) {
+                assert!(!entry.examples.is_empty(), "{} has no example", entry.title);
+                for example in entry.examples {
+                    let utterance = with_names(example, names);
+                    let intent = parse(&utterance, &observation(names)).unwrap();
+                    assert!(intent.not_understood.is_empty(), "“{utterance}” misses {:?}", intent.not_understood);
+                    assert!(!intent.clauses.is_empty(), "“{utterance}” means nothing");
+                    for clause in &intent.clauses {
+                        assert_eq!(clause.act(), entry.act, "“{utterance}”");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_act_of_the_contract_has_a_command() {
+        for act in 1..=21 {
+            let act = sg_proto::language::Act::try_from(act).unwrap();
+            assert!(TABLE.iter().any(|e| e.act == act), "{act:?}");
+        }
+        assert!(sg_proto::language::Act::try_from(22).is_err(), "an act was added to the contract");
+    }
+
+    #[test]
+    fn no_phrase_occurs_twice_in_one_construct() {
+        for entry in TABLE {
+            for construct in entry.constructs {
+                let mut seen = std::collections::BTreeSet::new();
+                for opening in construct.phrases() {
+                    assert!(!opening.starts_with('(') && !opening.contains("  "), "“{opening}”");
+                    assert!(seen.insert(opening), "“{opening}” occurs twice under {}", entry.title);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! Properties that a clause assigns: colour, opacity, visibility, light, size.
+
+pub(crate) mod assignment;
+pub(crate) mod light;
+pub(crate) mod opacity;
+pub(crate) mod value;

@@ -1,0 +1,57 @@
+//! Values that a clause assigns to a target.
+
+use sg_proto::language::Act;
+use sg_proto::scene::{Color, SetLight, set_view};
+use winnow::Parser;
+use winnow::combinator::alt;
+use winnow::error::EmptyError;
+
+use crate::syntax::phrase::{Input, Outcome, exactly};
+use crate::syntax::reading::{Property, Reading};
+use crate::syntax::target::Target;
+
+/// Nouns for a colour.
+pub(crate) const COLOR: &str = "colour | color | colours | colors | hue | tint";
+
+/// A value that a clause assigns.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Value {
+    Color(Color, String),
+    OriginalColor,
+    Opacity { factor: f64, relative: bool },
+    Visible(bool),
+    Light(SetLight),
+    Zoom(f64),
+}
+
+/// The clause that assigns a value to a target.
+pub(crate) fn assign(target: Target, value: Value) -> Outcome<Reading> {
+    // Light and zoom belong to the whole scene, so "make the sac brighter" is not understood.
+    let of_scene = target.reference.names.is_empty() && !target.reference.selection && !target.reference.complement;
+    let unknown = target.unknown;
+    Ok(match value {
+        Value::Color(color, name) => Reading::of(Act::SetColor, target).map(|c| {
+            c.color = Some(color);
+            c.color_name.clone_from(&name);
+        }),
+        Value::OriginalColor => Reading::of(Act::SetColor, target),
+        Value::Opacity { factor, relative } => Reading::of(Act::SetOpacity, target).map(|c| {
+            c.amount = Some(factor);
+            c.relative = relative;
+        }),
+        Value::Visible(visible) => Reading::of(if visible { Act::Show } else { Act::Hide }, target),
+        Value::Light(light) if of_scene => Reading::plain(Act::SetLight).map(|c| c.light = Some(light)),
+        Value::Zoom(factor) if of_scene && unknown == 0 => Reading::view(set_view::Change::Zoom(factor)),
+        Value::Light(_) | Value::Zoom(_) => return Err(EmptyError),
+    })
+}
+
+/// Parses the name of a property.
+pub(crate) fn property_name(input: &mut Input<'_>) -> Outcome<Property> {
+    alt((
+        exactly(COLOR).map(|_| Property::Color),
+        exactly("opacity | opacities | alpha | opaqueness").map(|_| Property::Opacity),
+        exactly("transparency | translucency | transparence").map(|_| Property::Transparency),
+    ))
+    .parse_next(input)
+}

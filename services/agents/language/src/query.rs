@@ -1,0 +1,258 @@
+//! Answers to questions about the scene and its picture.
+
+use sg_proto::render::Frame;
+use sg_proto::scene::{Color, LightMode, Mask, ShadingTerm, State};
+
+use crate::color;
+use crate::text::{capital, factor, grouped, join, percent, the};
+
+/// Largest number of units in a list.
+const MAX_LINES: usize = 40;
+
+/// Largest number of units in the answer about the selection.
+const MAX_PARTS: usize = 8;
+
+/// Appearance of a unit of any kind.
+struct UnitSummary<'s> {
+    name: &'s str,
+    count: u64,
+    color: Option<&'s Color>,
+    opacity: f32,
+    visible: bool,
+    kind: &'static str,
+}
+
+fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
+    let base = state.base_units.iter().map(|u| UnitSummary {
+        name: &u.name,
+        count: u.count,
+        color: u.palette.as_ref(),
+        opacity: u.opacity,
+        visible: u.visible,
+        kind: "from the scene file",
+    });
+    let saved = state.units.iter().map(|u| UnitSummary {
+        name: &u.name,
+        count: u.count,
+        color: u.color.as_ref(),
+        opacity: u.opacity,
+        visible: u.visible,
+        kind: if u.derived { "made by a command" } else { "saved" },
+    });
+    base.chain(saved).collect()
+}
+
+/// Share of the picture that a unit covers, if it is known.
+fn coverage(name: &str, frame: Option<&Frame>) -> Option<f64> {
+    frame?.units.iter().find(|u| u.unit == name).map(|u| u.share)
+}
+
+fn line(unit: &UnitSummary<'_>, state: &State, frame: Option<&Frame>) -> String {
+    let share = if state.count > 0 { unit.count as f64 / state.count as f64 } else { 0.0 };
+    let color = unit.color.map_or("original colours", color::name_of);
+    let covered = match coverage(unit.name, frame) {
+        Some(share) if unit.visible => format!("; covers {} of the picture", percent(share)),
+        _ => String::new(),
+    };
+    format!(
+        "{}: {} Gaussians ({} of the scene), {color}, opacity {}, {}{covered} ({})",
+        unit.name,
+        grouped(unit.count),
+        percent(share),
+        percent(unit.opacity.into()),
+        if unit.visible { "visible" } else { "hidden" },
+        unit.kind,
+    )
+}
+
+/// One unit: size, share of the scene, colour, opacity, visibility, coverage. `None`: no such unit.
+#[must_use]
+pub fn unit(name: &str, state: &State, frame: Option<&Frame>) -> Option<String> {
+    summaries(state).iter().find(|l| l.name == name).map(|l| capital(&line(l, state, frame)))
+}
+
+/// All units, one per line.
+#[must_use]
+pub fn list(state: &State, frame: Option<&Frame>) -> String {
+    let summaries = summaries(state);
+    if summaries.is_empty() {
+        return "The scene has no units.".to_owned();
+    }
+    let saved = state.units.iter().filter(|u| !u.derived).count();
+    let mut lines = vec![format!(
+        "{} of the scene file and {saved} saved:",
+        match state.base_units.len() {
+            1 => "1 unit".to_owned(),
+            n => format!("{n} units"),
+        }
+    )];
+    lines.extend(summaries.iter().take(MAX_LINES).map(|l| format!("  {}", line(l, state, frame))));
+    if summaries.len() > MAX_LINES {
+        lines.push(format!("  and {} more", summaries.len() - MAX_LINES));
+    }
+    lines.join("\n")
+}
+
+/// The selection: number of Gaussians, share of the scene and, with masks, shares of units.
+#[must_use]
+pub fn selection(state: &State) -> String {
+    let count = state.selection.as_ref().map_or(0, |s| s.count);
+    if count == 0 {
+        return "Nothing is selected.".to_owned();
+    }
+    let share = if state.count > 0 { count as f64 / state.count as f64 } else { 0.0 };
+    let gaussians = if count == 1 { "1 Gaussian is".to_owned() } else { format!("{} Gaussians are", grouped(count)) };
+    let parts = selected_parts(state);
+    let of = if parts.is_empty() { String::new() } else { format!(": {}", join(&parts)) };
+    format!("{gaussians} selected, {} of the scene{of}.", percent(share))
+}
+
+/// Selected share of each unit, the largest first.
+fn selected_parts(state: &State) -> Vec<String> {
+    let Some(selected) = state.selection.as_ref().and_then(|s| s.mask.as_ref()) else { return Vec::new() };
+    let mut parts: Vec<(f64, &str)> = Vec::new();
+    for base in &state.base_units {
+        let last = base.first.saturating_add(base.count).min(selected.length);
+        let inside = (base.first..last).filter(|i| bit(selected, *i)).count();
+        parts.push((inside as f64 / base.count.max(1) as f64, &base.name));
+    }
+    for unit in state.units.iter().filter(|u| !u.derived) {
+        let Some(mask) = &unit.mask else { continue };
+        let inside: u32 = mask.bits.iter().zip(&selected.bits).map(|(a, b)| (a & b).count_ones()).sum();
+        parts.push((f64::from(inside) / unit.count.max(1) as f64, &unit.name));
+    }
+    parts.retain(|(share, _)| *share > 0.0);
+    parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let describe = |(share, name): &(f64, &str)| match *share {
+        s if s >= 1.0 => format!("all of {}", the(name)),
+        s => format!("{} of {}", percent(s), the(name)),
+    };
+    let mut descriptions: Vec<String> = parts.iter().take(MAX_PARTS).map(describe).collect();
+    if parts.len() > MAX_PARTS {
+        descriptions.push(format!("parts of {} more", parts.len() - MAX_PARTS));
+    }
+    descriptions
+}
+
+fn bit(mask: &Mask, index: u64) -> bool {
+    let byte = usize::try_from(index / 8).ok().and_then(|at| mask.bits.get(at));
+    byte.is_some_and(|b| b >> (index % 8) & 1 == 1)
+}
+
+/// The whole scene: units, selection, light, background, shading.
+#[must_use]
+pub fn scene(state: &State, frame: Option<&Frame>) -> String {
+    let mut parts = vec![format!("The scene has {} Gaussians. {}", grouped(state.count), list(state, frame))];
+    parts.push(selection(state));
+    if let Some(light) = &state.light {
+        let from = match light.mode() {
+            LightMode::Direction => "from a fixed direction",
+            LightMode::Headlight | LightMode::Unspecified => "from the eye",
+        };
+        parts.push(format!(
+            "Light {from}: ambient × {}, diffuse × {}, specular × {}.",
+            factor(light.ambient.into()),
+            factor(light.diffuse.into()),
+            factor(light.specular.into())
+        ));
+    }
+    if let Some(background) = &state.background {
+        parts.push(format!("The background is {}.", color::name_of(background)));
+    }
+    let term = term_name(state.term());
+    if state.term() != ShadingTerm::Full && state.term() != ShadingTerm::Unspecified {
+        parts.push(format!("The picture shows only the {term}."));
+    }
+    if let Some(frame) = frame {
+        parts.push(format!("The scene covers {} of the picture.", percent(frame.coverage)));
+    }
+    parts.join("\n")
+}
+
+/// The name of a shading term.
+pub(crate) fn term_name(term: ShadingTerm) -> &'static str {
+    match term {
+        ShadingTerm::Normal => "surface normals",
+        ShadingTerm::Ambient => "ambient term",
+        ShadingTerm::Diffuse => "diffuse term",
+        ShadingTerm::Specular => "specular term",
+        ShadingTerm::Full | ShadingTerm::Unspecified => "full shading",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sg_proto::render::UnitCoverage;
+    use sg_proto::scene::{BaseUnit, Selection, Unit};
+
+    fn scene_of_two() -> State {
+        State {
+            revision: 4,
+            count: 1000,
+            base_units: vec![BaseUnit {
+                name: "vessel".into(),
+                count: 1000,
+                palette: Some(Color { red: 0.98, green: 0.0, blue: 0.02 }),
+                opacity: 1.0,
+                visible: true,
+                ..BaseUnit::default()
+            }],
+            units: vec![Unit { name: "sac".into(), count: 25, opacity: 0.2, visible: false, ..Unit::default() }],
+            selection: Some(Selection { count: 25, ..Selection::default() }),
+            focus: vec!["sac".into()],
+            ..State::default()
+        }
+    }
+
+    #[test]
+    fn a_unit_is_described_with_its_numbers() {
+        let frame = Frame {
+            revision: 4,
+            units: vec![UnitCoverage { unit: "vessel".into(), share: 0.125, mean_color: None }],
+            ..Frame::default()
+        };
+        let text = unit("vessel", &scene_of_two(), Some(&frame)).unwrap();
+        for part in
+            ["1,000 Gaussians", "100 % of the scene", "red", "opacity 100 %", "visible", "covers 13 % of the picture"]
+        {
+            assert!(text.contains(part), "{text} lacks {part}");
+        }
+        let hidden = unit("sac", &scene_of_two(), Some(&frame)).unwrap();
+        assert!(hidden.contains("hidden") && hidden.contains("2.5 %") && !hidden.contains("covers"), "{hidden}");
+        assert_eq!(unit("other", &scene_of_two(), None), None);
+    }
+
+    #[test]
+    fn the_selection_is_described() {
+        assert_eq!(selection(&scene_of_two()), "25 Gaussians are selected, 2.5 % of the scene.");
+        assert_eq!(selection(&State::default()), "Nothing is selected.");
+    }
+
+    #[test]
+    fn with_masks_the_selection_is_described_by_unit() {
+        let mask = |bits: &[u8]| Some(Mask { length: 16, bits: bits.to_vec() });
+        let base = |name: &str, first, count| BaseUnit { name: name.into(), first, count, ..BaseUnit::default() };
+        let state = State {
+            count: 16,
+            base_units: vec![base("leaves", 0, 8), base("pot", 8, 8)],
+            units: vec![
+                Unit { name: "tip".into(), count: 2, mask: mask(&[0b11, 0]), ..Unit::default() },
+                Unit { name: "saucer".into(), count: 1, mask: mask(&[0, 0b1000_0000]), ..Unit::default() },
+            ],
+            selection: Some(Selection { count: 5, mask: mask(&[0b1111, 0b1]), ..Selection::default() }),
+            ..State::default()
+        };
+        assert_eq!(
+            selection(&state),
+            "5 Gaussians are selected, 31 % of the scene: all of the tip, 50 % of the leaves and 13 % of the pot."
+        );
+    }
+
+    #[test]
+    fn the_length_of_lists_is_limited() {
+        let units = (0..500).map(|i| Unit { name: format!("u{i}"), ..Unit::default() }).collect();
+        let text = list(&State { units, ..State::default() }, None);
+        assert!(text.lines().count() <= MAX_LINES + 2 && text.contains("460 more"), "{text}");
+    }
+}

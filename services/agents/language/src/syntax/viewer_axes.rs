@@ -1,0 +1,132 @@
+//! Directions as the viewer sees them: "the upper left".
+
+use sg_proto::scene::{LightMode, SetLight, Vector, View};
+use winnow::Parser;
+use winnow::combinator::{alt, opt, repeat};
+use winnow::error::EmptyError;
+
+use super::phrase::{Input, Outcome, article, exactly, one_of, skip};
+
+/// Sides of the current picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Left,
+    Right,
+    Above,
+    Below,
+    Front,
+    Behind,
+}
+
+/// Parses the origin of light: one or more sides ("the upper left"), or the camera.
+pub(crate) fn light_source(input: &mut Input<'_>) -> Outcome<SetLight> {
+    article(input)?;
+    let eye = opt(one_of("eye | eyes | camera | viewer | viewpoint | me | here | where i am")).parse_next(input)?;
+    if eye.is_some() {
+        return Ok(SetLight { mode: LightMode::Headlight.into(), ..SetLight::default() });
+    }
+    let side = |input: &mut Input<'_>| {
+        skip("and | and from | and the | and from the | the").parse_next(input)?;
+        alt((
+            exactly("left").map(|_| Side::Left),
+            exactly("right").map(|_| Side::Right),
+            exactly("above | top | upper | overhead | over").map(|_| Side::Above),
+            exactly("below | bottom | underneath | beneath | lower | under").map(|_| Side::Below),
+            exactly("front").map(|_| Side::Front),
+            exactly("behind | back | rear").map(|_| Side::Behind),
+        ))
+        .parse_next(input)
+    };
+    let sides: Vec<Side> = repeat(1..=3, side).parse_next(input)?;
+    opt((opt(exactly("hand")), exactly("side | corner | edge"))).parse_next(input)?;
+    skip("of the picture | of the scene | of the image | of it").parse_next(input)?;
+    let axes = CameraAxes::of(input.state.view);
+    let mut sum = [0.0; 3];
+    for side in sides {
+        let axis = axes.direction(side);
+        for (s, a) in sum.iter_mut().zip(axis) {
+            *s += a;
+        }
+    }
+    let direction = unit(sum).ok_or(EmptyError)?;
+    let [x, y, z] = direction;
+    Ok(SetLight { mode: LightMode::Direction.into(), direction: Some(Vector { x, y, z }), ..SetLight::default() })
+}
+
+/// CameraAxes of the camera in the scene frame.
+struct CameraAxes {
+    right: [f64; 3],
+    up: [f64; 3],
+    backward: [f64; 3],
+}
+
+impl CameraAxes {
+    /// The axes of a view. Without a view: the front view (camera at -y, z up).
+    fn of(view: Option<&View>) -> Self {
+        view.and_then(Self::from_view).unwrap_or(Self {
+            right: [1.0, 0.0, 0.0],
+            up: [0.0, 0.0, 1.0],
+            backward: [0.0, -1.0, 0.0],
+        })
+    }
+
+    fn from_view(view: &View) -> Option<Self> {
+        let [eye, target, up] = [view.eye?, view.target?, view.up?].map(|v| [v.x, v.y, v.z]);
+        let backward = unit([eye[0] - target[0], eye[1] - target[1], eye[2] - target[2]])?;
+        let up = unit(up)?;
+        let right = unit(cross(up, backward))?;
+        Some(Self { right, up, backward })
+    }
+
+    fn direction(&self, side: Side) -> [f64; 3] {
+        match side {
+            Side::Right => self.right,
+            Side::Left => self.right.map(|c| -c),
+            Side::Above => self.up,
+            Side::Below => self.up.map(|c| -c),
+            Side::Front => self.backward,
+            Side::Behind => self.backward.map(|c| -c),
+        }
+    }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    (length.is_finite() && length > 1e-9).then(|| v.map(|c| c / length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_left_is_the_viewers_left() {
+        let vector = |x, y, z| Some(Vector { x, y, z });
+        let front = View {
+            eye: vector(0.0, -5.0, 0.0),
+            target: vector(0.0, 0.0, 0.0),
+            up: vector(0.0, 0.0, 1.0),
+            fov_y_degrees: 45.0,
+        };
+        assert_eq!(CameraAxes::of(Some(&front)).direction(Side::Left), [-1.0, 0.0, 0.0]);
+        let back = View { eye: vector(0.0, 5.0, 0.0), ..front };
+        assert_eq!(CameraAxes::of(Some(&back)).direction(Side::Left), [1.0, 0.0, 0.0]);
+        assert_eq!(CameraAxes::of(Some(&back)).direction(Side::Front), [0.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_view_along_its_up_vector_uses_the_front_view() {
+        let vector = |x, y, z| Some(Vector { x, y, z });
+        let view = View {
+            eye: vector(0.0, 0.0, 5.0),
+            target: vector(0.0, 0.0, 0.0),
+            up: vector(0.0, 0.0, 1.0),
+            fov_y_degrees: 45.0,
+        };
+        assert_eq!(CameraAxes::of(Some(&view)).direction(Side::Right), [1.0, 0.0, 0.0]);
+    }
+}

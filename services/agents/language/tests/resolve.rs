@@ -1,0 +1,320 @@
+//! Clauses resolved against a scene: commands, answers, refusals.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use proptest::prelude::*;
+use sg_language::commands;
+use sg_language::resolution::{self, Refusal, Step};
+use sg_language::unit_names;
+use sg_proto::bus::Code;
+use sg_proto::language::{Act, Clause, Reference};
+use sg_proto::render::{Frame, UnitCoverage};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{
+    BaseUnit, Color, Selection, SetLight, SetOperation, SetView, State, Target, Unit, Vector, set_view,
+};
+
+fn scene() -> State {
+    let base = |name: &str, first, count| BaseUnit {
+        name: name.into(),
+        first,
+        count,
+        palette: Some(Color { red: 1.0, green: 0.0, blue: 0.0 }),
+        opacity: 1.0,
+        visible: true,
+    };
+    let unit = |id, name: &str, derived| Unit {
+        id,
+        name: name.into(),
+        count: 10,
+        opacity: 1.0,
+        visible: true,
+        derived,
+        ..Unit::default()
+    };
+    State {
+        revision: 9,
+        count: 1000,
+        base_units: vec![base("parent vessel", 0, 900), base("leaves", 900, 100)],
+        units: vec![unit(1, "sac", false), unit(2, "left root", false), unit(3, "all but sac", true)],
+        selection: Some(Selection { count: 42, ..Selection::default() }),
+        focus: vec!["sac".into()],
+        undo: vec!["made the sac red".into()],
+        ..State::default()
+    }
+}
+
+fn unselected() -> State {
+    State { selection: None, focus: Vec::new(), undo: Vec::new(), ..scene() }
+}
+
+fn names_of(names: &[&str]) -> Reference {
+    Reference { names: names.iter().map(|n| (*n).to_owned()).collect(), ..Reference::default() }
+}
+
+fn clause(act: Act, target: Reference) -> Clause {
+    Clause { act: act.into(), target: Some(target), ..Clause::default() }
+}
+
+fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
+    resolution::target(reference, state)
+}
+
+fn action(clause: &Clause, state: &State) -> Action {
+    match commands::resolve(clause, state, None).unwrap() {
+        Step::Change { action, .. } => action,
+        Step::Answer { text, .. } => panic!("answered: {text}"),
+    }
+}
+
+fn refusal(clause: &Clause, state: &State) -> Refusal {
+    commands::resolve(clause, state, None).unwrap_err()
+}
+
+#[test]
+fn names_are_found_in_any_spelling() {
+    for (spoken, name) in
+        [("sac", "sac"), ("SAC", "sac"), ("the sacs", "sac"), ("leaf", "leaves"), ("Parent Vessels", "parent vessel")]
+    {
+        assert_eq!(target(&names_of(&[spoken]), &scene()).unwrap().units, [name], "{spoken}");
+    }
+    assert_eq!(target(&names_of(&["sac", "SAC", "leaf"]), &scene()).unwrap().units, ["sac", "leaves"]);
+}
+
+#[test]
+fn an_unknown_name_is_refused_with_similar_and_all_names() {
+    let refusal = target(&names_of(&["sack"]), &scene()).unwrap_err();
+    assert_eq!(refusal.code, Code::NotFound);
+    assert_eq!(
+        refusal.message,
+        "Nothing is named “sack”. Did you mean “sac”? Names: parent vessel, leaves, sac, left root."
+    );
+    assert_eq!(refusal.details, ["parent vessel", "leaves", "sac", "left root"]);
+    let strange = target(&names_of(&["weather"]), &scene()).unwrap_err();
+    assert!(!strange.message.contains("Did you mean"), "{strange}");
+    assert_eq!(
+        target(&names_of(&["sac"]), &State::default()).unwrap_err().message,
+        "Nothing is named “sac” yet. Brush it, press Ctrl+S, name it."
+    );
+}
+
+#[test]
+fn it_is_the_focus_then_the_selection_then_nothing() {
+    let it = Reference { focus: true, ..Reference::default() };
+    assert_eq!(target(&it, &scene()).unwrap().units, ["sac"]);
+    let gone = State { focus: vec!["was deleted".into()], ..scene() };
+    let selected = target(&it, &gone).unwrap();
+    assert!(selected.selection && selected.units.is_empty());
+    let nothing = target(&it, &unselected()).unwrap_err();
+    assert_eq!(nothing.code, Code::FailedPrecondition);
+    assert!(nothing.message.contains("“it”") && nothing.message.contains("parent vessel"), "{nothing}");
+}
+
+#[test]
+fn everything_else_is_all_but_the_focus_or_all_but_the_selection() {
+    let rest = Reference { complement: true, ..Reference::default() };
+    let of_focus = target(&rest, &scene()).unwrap();
+    assert_eq!(
+        (of_focus.units.as_slice(), of_focus.complement, of_focus.selection),
+        (&["sac".to_owned()][..], true, false)
+    );
+    let of_selection = target(&rest, &State { focus: Vec::new(), ..scene() }).unwrap();
+    assert_eq!((of_selection.units.len(), of_selection.complement, of_selection.selection), (0, true, true));
+    assert_eq!(target(&rest, &unselected()).unwrap_err().code, Code::FailedPrecondition);
+    let named = Reference { complement: true, ..names_of(&["leaf"]) };
+    assert_eq!(
+        target(&named, &unselected()).unwrap(),
+        Target { units: vec!["leaves".into()], complement: true, ..Target::default() }
+    );
+}
+
+#[test]
+fn without_a_selection_clauses_that_need_one_are_refused() {
+    let selection = Reference { selection: true, ..Reference::default() };
+    for clause in [
+        clause(Act::SetColor, selection.clone()),
+        clause(Act::Hide, selection.clone()),
+        Clause { name: "dome".into(), ..clause(Act::Label, selection) },
+        Clause { operation: SetOperation::Remove.into(), ..clause(Act::Select, names_of(&["sac"])) },
+    ] {
+        let refusal = refusal(&clause, &unselected());
+        assert_eq!(refusal.code, Code::FailedPrecondition);
+        assert!(refusal.message.starts_with("Nothing is selected."), "{refusal}");
+    }
+}
+
+#[test]
+fn targets_are_copied_into_commands() {
+    let red = Color { red: 1.0, green: 0.0, blue: 0.0 };
+    let color = Clause { color: Some(red), ..clause(Act::SetColor, names_of(&["sacs"])) };
+    let Action::SetColor(set) = action(&color, &scene()) else { panic!("no colour") };
+    assert_eq!((set.target.unwrap().units, set.color), (vec!["sac".to_owned()], Some(red)));
+    let fade =
+        Clause { amount: Some(0.2), ..clause(Act::SetOpacity, Reference { complement: true, ..Reference::default() }) };
+    let Action::SetOpacity(set) = action(&fade, &scene()) else { panic!("no opacity") };
+    assert_eq!((set.factor, set.relative, set.target.unwrap().complement), (0.2, false, true));
+    let Action::SetVisibility(set) = action(&clause(Act::Hide, names_of(&["leaves"])), &scene()) else {
+        panic!("not hidden")
+    };
+    assert!(!set.visible);
+    let view = SetView { change: Some(set_view::Change::Focus(Target::default())) };
+    let look = Clause { view: Some(view), ..clause(Act::SetView, names_of(&["leaf"])) };
+    let Action::SetView(set) = action(&look, &scene()) else { panic!("no view") };
+    assert_eq!(set.change, Some(set_view::Change::Focus(Target { units: vec!["leaves".into()], ..Target::default() })));
+    let selection = Reference { selection: true, ..Reference::default() };
+    let frame = Clause { view: look.view.clone(), ..clause(Act::SetView, selection) };
+    let Action::SetView(set) = action(&frame, &scene()) else { panic!("no view") };
+    assert_eq!(set.change, Some(set_view::Change::Focus(Target { selection: true, ..Target::default() })));
+    assert_eq!(refusal(&frame, &unselected()).code, Code::FailedPrecondition);
+    let Action::Select(select) = action(&clause(Act::ClearSelection, Reference::default()), &scene()) else { panic!() };
+    assert_eq!((select.target, select.operation), (None, i32::from(SetOperation::Replace)));
+}
+
+#[test]
+fn numbers_out_of_range_are_refused() {
+    let opacity = |amount| Clause { amount, ..clause(Act::SetOpacity, names_of(&["sac"])) };
+    for (amount, code) in [
+        (None, Code::InvalidArgument),
+        (Some(-0.1), Code::OutOfRange),
+        (Some(f64::NAN), Code::OutOfRange),
+        (Some(f64::INFINITY), Code::OutOfRange),
+    ] {
+        assert_eq!(refusal(&opacity(amount), &scene()).code, code, "{amount:?}");
+    }
+    let color = Color { red: 2.0, green: 0.0, blue: f32::NAN };
+    let colored = Clause { color: Some(color), ..clause(Act::SetColor, names_of(&["sac"])) };
+    assert_eq!(refusal(&colored, &scene()).code, Code::OutOfRange);
+    let zero = SetLight { direction: Some(Vector::default()), ..SetLight::default() };
+    let dark = Clause { light: Some(zero), ..clause(Act::SetLight, Reference::default()) };
+    assert_eq!(refusal(&dark, &scene()).code, Code::OutOfRange);
+    let zoom = SetView { change: Some(set_view::Change::Zoom(0.0)) };
+    let zoomed = Clause { view: Some(zoom), ..clause(Act::SetView, Reference::default()) };
+    assert_eq!(refusal(&zoomed, &scene()).code, Code::OutOfRange);
+    let undo = Clause { amount: Some(1.5), ..clause(Act::Undo, Reference::default()) };
+    assert_eq!(refusal(&undo, &scene()).code, Code::OutOfRange);
+    assert_eq!(refusal(&Clause::default(), &scene()).code, Code::InvalidArgument);
+}
+
+#[test]
+fn undo_and_redo_without_history_are_refused() {
+    let undo = |amount| Clause { amount, ..clause(Act::Undo, Reference::default()) };
+    assert!(matches!(action(&undo(Some(2.0)), &scene()), Action::Undo(u) if u.steps == 2));
+    assert!(matches!(action(&undo(None), &scene()), Action::Undo(u) if u.steps == 1));
+    assert_eq!(refusal(&undo(None), &unselected()).message, "There is nothing to undo.");
+    assert_eq!(refusal(&clause(Act::Redo, Reference::default()), &scene()).message, "There is nothing to redo.");
+}
+
+#[test]
+fn an_existing_name_is_refused_unless_it_is_updated() {
+    let label = |name: &str, operation: SetOperation| Clause {
+        name: name.into(),
+        operation: operation.into(),
+        ..clause(Act::Label, Reference { selection: true, ..Reference::default() })
+    };
+    assert!(
+        matches!(action(&label("dome", SetOperation::Unspecified), &scene()), Action::SaveUnit(s) if s.name == "dome" && !s.replace)
+    );
+    let taken = refusal(&label("Sac", SetOperation::Unspecified), &scene());
+    assert_eq!(taken.code, Code::AlreadyExists);
+    assert!(taken.message.contains("update the sac"), "{taken}");
+    assert!(
+        matches!(action(&label("the SAC", SetOperation::Replace), &scene()), Action::SaveUnit(s) if s.name == "sac" && s.replace)
+    );
+    assert_eq!(refusal(&label("leaves", SetOperation::Unspecified), &scene()).code, Code::AlreadyExists);
+    assert_eq!(refusal(&label("leaves", SetOperation::Replace), &scene()).code, Code::FailedPrecondition);
+    assert_eq!(refusal(&label("ghost", SetOperation::Replace), &scene()).code, Code::NotFound);
+    assert_eq!(refusal(&label(" ", SetOperation::Unspecified), &scene()).code, Code::InvalidArgument);
+    assert_eq!(refusal(&label(&"n".repeat(200), SetOperation::Unspecified), &scene()).code, Code::InvalidArgument);
+}
+
+#[test]
+fn only_saved_units_are_renamed_and_deleted() {
+    let rename = |from: &str, to: &str| Clause { name: to.into(), ..clause(Act::Rename, names_of(&[from])) };
+    assert!(
+        matches!(action(&rename("sac", "dome"), &scene()), Action::RenameUnit(r) if r.name == "sac" && r.new_name == "dome")
+    );
+    assert!(matches!(action(&rename("sac", "Sac"), &scene()), Action::RenameUnit(_)), "its own name in capitals");
+    assert_eq!(refusal(&rename("sac", "left root"), &scene()).code, Code::AlreadyExists);
+    assert_eq!(refusal(&rename("leaves", "foliage"), &scene()).code, Code::FailedPrecondition);
+    let delete = |reference| clause(Act::Delete, reference);
+    assert!(matches!(action(&delete(names_of(&["sac"])), &scene()), Action::DeleteUnit(d) if d.name == "sac"));
+    let it = Reference { focus: true, ..Reference::default() };
+    assert!(matches!(action(&delete(it), &scene()), Action::DeleteUnit(d) if d.name == "sac"));
+    for wrong in [
+        names_of(&["leaves"]),
+        Reference { selection: true, ..Reference::default() },
+        Reference { everything: true, ..Reference::default() },
+        Reference { complement: true, ..names_of(&["sac"]) },
+        names_of(&["sac", "left root"]),
+    ] {
+        let refusal = refusal(&delete(wrong.clone()), &scene());
+        assert_eq!(refusal.code, Code::FailedPrecondition, "{wrong:?}");
+        assert!(refusal.message.contains("sac, left root"), "{refusal}");
+    }
+}
+
+#[test]
+fn questions_are_answered_from_scene_and_frame() {
+    let ask = |clause: &Clause, frame: Option<&Frame>| match commands::resolve(clause, &scene(), frame).unwrap() {
+        Step::Answer { text, units } => (text, units),
+        Step::Change { action, .. } => panic!("{action:?}"),
+    };
+    let frame = |revision| Frame {
+        revision,
+        coverage: 0.4,
+        units: vec![UnitCoverage { unit: "leaves".into(), share: 0.25, mean_color: None }],
+        ..Frame::default()
+    };
+    let (text, units) = ask(&clause(Act::Describe, names_of(&["leaf"])), Some(&frame(9)));
+    assert_eq!(units, ["leaves"]);
+    assert!(text.contains("10 % of the scene") && text.contains("covers 25 % of the picture"), "{text}");
+    let (text, _) = ask(&clause(Act::Describe, names_of(&["leaf"])), Some(&frame(8)));
+    assert!(!text.contains("covers"), "a frame of another revision is not used: {text}");
+    let (text, _) = ask(&clause(Act::List, Reference::default()), None);
+    assert!(text.contains("parent vessel") && text.contains("left root"), "{text}");
+    let (text, _) = ask(&clause(Act::QuerySelection, Reference::default()), None);
+    assert_eq!(text, "42 Gaussians are selected, 4.2 % of the scene.");
+    let (text, _) = ask(&clause(Act::Help, Reference::default()), None);
+    assert!(text.contains("make the parent vessel red"), "{text}");
+    let everything = Reference { everything: true, ..Reference::default() };
+    assert!(ask(&clause(Act::Describe, everything), Some(&frame(9))).0.contains("covers 40 % of the picture"));
+}
+
+#[test]
+fn derived_units_are_found_but_not_offered() {
+    assert_eq!(unit_names::addressable(&scene()), ["parent vessel", "leaves", "sac", "left root"]);
+    assert_eq!(target(&names_of(&["all but sac"]), &scene()).unwrap().units, ["all but sac"]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_clause_is_resolved_or_refused_in_one_line(
+        act in -1..25_i32,
+        names in prop::collection::vec("\\PC{0,12}|sac|leaf|parent vessel", 0..3),
+        flags in any::<[bool; 4]>(),
+        name in "\\PC{0,20}",
+        amount in prop::option::of(any::<f64>()),
+        operation in 0..6_i32,
+        empty in any::<bool>(),
+    ) {
+        let [selection, everything, complement, focus] = flags;
+        let reference = Reference { names, selection, everything, complement, focus };
+        let clause = Clause { act, name, amount, operation, ..clause(Act::Unspecified, reference) };
+        let clause = Clause { act, ..clause };
+        let state = if empty { State::default() } else { scene() };
+        match commands::resolve(&clause, &state, None) {
+            Err(refusal) => {
+                prop_assert!(!refusal.message.contains('\n') && !refusal.message.is_empty());
+                prop_assert!(refusal.code != Code::Unspecified);
+            }
+            Ok(Step::Change { units, .. }) => {
+                let known = unit_names::all(&state);
+                let given = clause.name.trim().to_owned();
+                prop_assert!(units.iter().all(|u| known.contains(&u.as_str()) || *u == given), "{:?}", units);
+            }
+            Ok(Step::Answer { text, .. }) => prop_assert!(!text.is_empty()),
+        }
+    }
+}
