@@ -177,7 +177,7 @@ fn every_process_of_a_running_stack_keeps_to_its_rows() {
     // A process that answers what is another's is found.
     sg_runtime::process::block_on(async {
         let thief = stack.join(sg_proto::keys::role::AGENT_INTENT).await.unwrap();
-        let _token = thief.declare_alive("thief-1").await.unwrap();
+        let _token = thief.declare_liveliness("thief-1").await.unwrap();
         let _serving = thief
             .serve(&sg_proto::keys::PARSE, 4, |_, _| std::future::ready(Err(sg_runtime::fault::Fault::internal("no"))))
             .await
