@@ -1,4 +1,4 @@
-//! `capture`: one picture of the scene of a running stack, wherever it is drawn.
+//! `capture`: one picture of the scene of a running stack.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -8,15 +8,15 @@ use sg_proto::render::CaptureRequest;
 use sg_runtime::blobs::{BlobError, Blobs};
 use sg_runtime::context::Context;
 
-use crate::remote;
-use crate::terminal::{self, Done, Failure, time};
+use crate::supervisor_client;
+use crate::terminal::{self, CommandResult, Failure, format_time};
 
-/// How long drawing may take, and each part of the picture on its way here.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Longest time to draw, and to receive each part of the picture.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CaptureArgs {
-    /// Where the picture goes: `.png`, or `.npy` for float32 (height, width, 4) with RGB and coverage
+    /// Output file: `.png`, or `.npy` for float32 (height, width, 4) with RGB and coverage
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// Width in pixels
@@ -25,46 +25,46 @@ pub(crate) struct CaptureArgs {
     /// Height in pixels
     #[arg(long, default_value_t = 1024)]
     height: u32,
-    /// Show what is selected
+    /// Highlight the selection
     #[arg(long)]
     highlight: bool,
 }
 
-pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> Done {
+pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> CommandResult {
     let CaptureArgs { out, width, height, highlight } = arguments;
     let extension = out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let floats = match extension.as_deref() {
         Some("png") => false,
         Some("npy") => true,
-        _ => return Err(Failure::Input(format!("{}: end its name with .png or .npy", out.display()))),
+        _ => return Err(Failure::Input(format!("{}: the name must end with .png or .npy", out.display()))),
     };
-    let (session, bus) = remote::join(session).await?;
-    let context = Context::root().deadline_in(PATIENCE);
+    let (session, bus) = supervisor_client::join(session).await?;
+    let context = Context::root().deadline_in(TIMEOUT);
     let request =
         CaptureRequest { width: *width, height: *height, highlight_selection: *highlight, ..CaptureRequest::default() };
-    let frame = bus.ask(&keys::CAPTURE, &request, &context).await.map_err(remote::refused)?;
+    let frame = bus.ask(&keys::CAPTURE, &request, &context).await.map_err(supervisor_client::refused)?;
     let kept = if floats { (&frame.npy_path, &frame.hash) } else { (&frame.png_path, &frame.png_hash) };
     let blobs = Blobs::open(&session.path().join("blobs")).map_err(|e| Failure::Work(e.to_string()))?;
-    let context = Context::root().deadline_in(PATIENCE);
+    let context = Context::root().deadline_in(TIMEOUT);
     let path = blobs.fetch(&bus, &keys::CAPTURE_CONTENT, (kept.0, kept.1), &context).await?;
     keep(&path, out).map_err(|e| Failure::Work(e.to_string()))?;
     bus.close().await;
-    terminal::out(&format!(
+    terminal::print_line(&format!(
         "{}: {} x {}, revision {}, drawn in {}",
         out.display(),
         frame.width,
         frame.height,
         frame.revision,
-        time(frame.render_ms)
+        format_time(frame.render_ms)
     ));
     Ok(())
 }
 
-/// Copies a file, whole or not at all.
+/// Copies a file. A failed copy leaves no file.
 fn keep(from: &Path, to: &Path) -> Result<(), BlobError> {
     let part = to.with_extension("part");
     std::fs::copy(from, &part).and_then(|_| std::fs::rename(&part, to)).map_err(|source| {
-        // It may not exist; what matters is the error that led here.
+        // The file may not exist. The first error is the one to report.
         let _ = std::fs::remove_file(&part);
         BlobError { path: to.to_owned(), source }
     })

@@ -1,4 +1,4 @@
-//! Messages as JSON, decoded by the compiled schema: a tool for people need not know the types.
+//! Messages as JSON, decoded with the compiled schema instead of Rust types.
 
 use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use sg_runtime::bus::Seen;
 
 use crate::terminal::Failure;
 
-/// Longest list that is shown whole.
+/// Longest list that is printed whole.
 const MAX_LIST: usize = 24;
 
 /// Decodes any message of the contract.
@@ -20,7 +20,7 @@ impl Decoder {
         Ok(Self(pool.map_err(|e| Failure::Work(format!("the compiled schema cannot be read: {e}")))?))
     }
 
-    /// A message as JSON with the field names of the schema; what cannot be decoded says so.
+    /// A message as JSON with the field names of the schema. Undecodable payloads become a description.
     pub(crate) fn json(&self, full_name: &str, payload: &[u8]) -> Value {
         let Some(descriptor) = self.0.get_message_by_name(full_name) else {
             return format!("{} bytes of unknown type `{full_name}`", payload.len()).into();
@@ -29,7 +29,7 @@ impl Decoder {
         let decoded = DynamicMessage::decode(descriptor, payload)
             .map_err(|e| e.to_string())
             .and_then(|m| m.serialize_with_options(serde_json::value::Serializer, &options).map_err(|e| e.to_string()));
-        decoded.unwrap_or_else(|e| format!("{} bytes that are no {full_name}: {e}", payload.len()).into())
+        decoded.unwrap_or_else(|e| format!("{} bytes that are not a {full_name}: {e}", payload.len()).into())
     }
 
     /// A typed message as JSON.
@@ -38,8 +38,8 @@ impl Decoder {
     }
 }
 
-/// Puts the number of bytes in place of masks.
-pub(crate) fn without_masks(value: &mut Value) {
+/// Replaces masks by their number of bytes.
+pub(crate) fn hide_masks(value: &mut Value) {
     match value {
         Value::Object(object) => {
             for (key, value) in object {
@@ -49,23 +49,23 @@ pub(crate) fn without_masks(value: &mut Value) {
                         let padding = bits.chars().rev().take_while(|c| *c == '=').count();
                         *value = format!("<{} bytes>", bits.len() / 4 * 3 - padding.min(2)).into();
                     }
-                    other => without_masks(other),
+                    other => hide_masks(other),
                 }
             }
         }
-        Value::Array(items) => items.iter_mut().for_each(without_masks),
+        Value::Array(items) => items.iter_mut().for_each(hide_masks),
         _ => {}
     }
 }
 
-/// Puts the number of items in place of what a list has beyond a few.
-pub(crate) fn with_short_lists(value: &mut Value) {
+/// Truncates long lists and adds the number of omitted items.
+pub(crate) fn shorten_lists(value: &mut Value) {
     match value {
-        Value::Object(object) => object.values_mut().for_each(with_short_lists),
+        Value::Object(object) => object.values_mut().for_each(shorten_lists),
         Value::Array(items) => {
             let left_out = items.len().saturating_sub(MAX_LIST);
             items.truncate(MAX_LIST);
-            items.iter_mut().for_each(with_short_lists);
+            items.iter_mut().for_each(shorten_lists);
             if left_out > 0 {
                 items.push(format!("<{left_out} more>").into());
             }
@@ -74,12 +74,12 @@ pub(crate) fn with_short_lists(value: &mut Value) {
     }
 }
 
-/// The stage of the pipeline that a key belongs to: its last part.
+/// The pipeline stage of a key: its last part.
 pub(crate) fn stage(key: &str) -> &str {
     key.rsplit('/').next().unwrap_or(key)
 }
 
-/// Whether a message is one of the signs of life that every service gives each second.
+/// Whether a message is a health message, sent every second by each service.
 pub(crate) fn is_health(seen: &Seen) -> bool {
     seen.key.ends_with(sg_proto::keys::HEALTH.name)
 }
@@ -98,8 +98,8 @@ mod tests {
                 Stroke { points: vec![0.5; 300], radius: 0.02, mode: 1, kind: 1, pressure: vec![], depth: None };
             let commit = CommitSelection { mask: Some(mask), strokes: vec![stroke], ..CommitSelection::default() };
             let mut json = decoder.json_of(&commit);
-            without_masks(&mut json);
-            with_short_lists(&mut json);
+            hide_masks(&mut json);
+            shorten_lists(&mut json);
             assert_eq!(json["mask"]["length"], 60_000);
             let expected = if bytes > 0 { format!("<{bytes} bytes>").into() } else { Value::Null };
             assert_eq!(json["mask"]["bits"], expected);
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_decoded_says_so() {
+    fn undecodable_payloads_are_described() {
         let decoder = Decoder::new().unwrap();
         assert_eq!(decoder.json("a.B", &[1, 2]), "2 bytes of unknown type `a.B`");
         let text = decoder.json("supergaussian.scene.v1.Event", &[0xff]);

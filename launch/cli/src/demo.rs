@@ -1,4 +1,4 @@
-//! The demo: makes or loads a scene, starts the full stack, plays a script through the bus, leaves pictures and a transcript.
+//! The demo: makes or loads a scene, starts the full stack and plays a script. It leaves pictures and a transcript.
 
 mod summary;
 
@@ -11,7 +11,7 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::session::{self, SessionDir};
 use sg_stack::console::Verbosity;
-use sg_stack::file::Search;
+use sg_stack::file::ExecutableSearch;
 use sg_stack::reconcile::Outcome;
 use sg_stack::suggestion::suggestion;
 use sg_stack::supervisor::{Stack, Supervisor};
@@ -21,41 +21,41 @@ use crate::display::has_display;
 use crate::input::{GAUSSIANS, Input, Scene};
 use crate::opener::CommandOpener;
 use crate::playback::{Player, Settings};
-use crate::remote::wait_until_ready;
 use crate::script::{self, Step};
 use crate::shipped::{self, DENSEST, DESKTOP, HEADLESS};
 use crate::strokes::check_strokes;
-use crate::terminal::{self, Done, Failure};
+use crate::supervisor_client::wait_until_ready;
+use crate::terminal::{self, CommandResult, Failure};
 use crate::text_file::read_text;
 use crate::transcript;
 use crate::up::outcome;
 use summary::Summary;
 
-/// What the names of demos' sessions begin with; the rest is the process id.
+/// Prefix of the names of demo sessions. The process id follows.
 const SESSION: &str = "demo-";
-/// How long one step may take, restarts of services included.
+/// Longest time of one step, restarts of services included.
 const STEP_TIME: Duration = Duration::from_secs(180);
 #[derive(Debug, clap::Args)]
 pub(crate) struct DemoArgs {
-    /// Volume or scene; without one a vessel tree with an aneurysm is made
+    /// Volume or scene; by default a synthetic vessel tree with an aneurysm
     #[arg(value_name = "VOLUME|SCENE")]
     input: Option<PathBuf>,
-    /// Script to play, or `generic`, which works on any scene; by default the one shipped for the input
+    /// Script to play, or `generic` for any scene; by default the one shipped for the input
     #[arg(long, value_name = "FILE|generic")]
     script: Option<String>,
     /// Folder for the scene, the pictures and the transcript
     #[arg(long, value_name = "DIR", default_value = "supergaussian-demo")]
     out: PathBuf,
-    /// Kill this service with kill -9 in the middle of the script
+    /// Kill this service with SIGKILL in the middle of the script
     #[arg(long, value_name = "SERVICE")]
     chaos: Option<String>,
-    /// Transfer function of a volume; by default the one shipped for it, else one made from its histogram
+    /// Transfer function of a volume; by default the shipped one, else one from its histogram
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
-    /// Gaussians that a volume becomes
+    /// Number of Gaussians for a volume
     #[arg(long, value_name = "N", default_value_t = GAUSSIANS)]
     gaussians: u32,
-    /// Seed of the made volume and of the Gaussians' placement
+    /// Seed of the synthetic volume and of the Gaussians' placement
     #[arg(long, value_name = "K", default_value_t = 0)]
     seed: u64,
     /// Width and height of the pictures, pixels
@@ -66,11 +66,11 @@ pub(crate) struct DemoArgs {
     json: bool,
 }
 
-pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
-    // What can be wrong is looked at before anything that takes time.
+pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResult {
+    // Check all inputs before slow work.
     let input = Input::of(arguments.input.as_deref())?;
-    let search = Search::here_then_path();
-    // Whoever names a script or a service to kill wants to see what comes of it in files.
+    let search = ExecutableSearch::here_then_path();
+    // A script or a service to kill asks for files, not for a window.
     let shipped_file = match arguments.script.is_none() && arguments.chaos.is_none() && has_display() {
         true => DESKTOP,
         false => HEADLESS,
@@ -84,7 +84,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         return Err(Failure::Input(format!("--chaos {name}: no such service{hint}")));
     }
     let out = fresh_folder(&arguments.out)?;
-    let files = shipped::unpack(&out, input.known())?;
+    let files = shipped::unpack(&out, input.shipped_name())?;
     let path = match arguments.script.as_deref() {
         Some("generic") => files.generic.clone(),
         Some(path) => PathBuf::from(path),
@@ -95,15 +95,15 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
     if let Some(service) = &arguments.chaos
         && !steps.contains(&Step::Chaos)
     {
-        terminal::tell(&format!("the script does not say when to kill {service}: it happens in its middle"));
+        terminal::print_status(&format!("the script has no step to kill {service}: it is killed in the middle"));
         steps.insert(steps.len() / 2, Step::Chaos);
     }
     let how = match (windowed, &arguments.script) {
-        (true, _) => Some("a window shows the scene; close it to end, or play a script without one by --script"),
-        (false, None) => Some("no display (DISPLAY is not set): a script is played without a window"),
+        (true, _) => Some("a window shows the scene; close it to end; --script plays a script without a window"),
+        (false, None) => Some("DISPLAY is not set: the demo plays a script without a window"),
         (false, Some(_)) => None,
     };
-    how.into_iter().for_each(terminal::tell);
+    how.into_iter().for_each(terminal::print_status);
 
     let function = arguments.transfer_function.as_deref().or(files.transfer_function.as_deref());
     let scene = input.scene(&out, function, arguments.gaussians, arguments.seed)?;
@@ -127,18 +127,18 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         })
     };
     let failed = |_: &Failure| {
-        terminal::tell(&format!("what the services have logged: supergaussian logs --session {}", session.name()));
+        terminal::print_status(&format!("logs of the services: supergaussian logs --session {}", session.name()));
     };
     if windowed {
         match Supervisor::open(stack(shipped_file)?).await?.run().await? {
-            // A screen without a Vulkan driver, say: everything else can be seen all the same.
+            // For example a screen without a Vulkan driver. The rest of the demo still works.
             Outcome::Failed { service, reason } if service == role::RENDER_VIEW => {
-                terminal::tell(&format!("{reason}; a script is played without a window"));
+                terminal::print_status(&format!("{reason}; the demo plays a script without a window"));
             }
             ended => {
                 outcome(ended).inspect_err(failed)?;
                 let _ = std::fs::remove_dir_all(session.path());
-                terminal::tell(&format!("what was edited is kept in {}", project.display()));
+                terminal::print_status(&format!("edits are saved in {}", project.display()));
                 return Ok(());
             }
         }
@@ -152,16 +152,16 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> Done {
         counts: Arc::default(),
     };
     let summary = run(stack(HEADLESS)?, scene, steps, settings).await.inspect_err(failed)?;
-    // The logs of a demo that went well are of no further use.
+    // After success the logs are of no further use.
     let _ = std::fs::remove_dir_all(session.path());
     summary.tell(arguments.json);
-    if summary.undone.is_empty() {
+    if summary.failed_utterances.is_empty() {
         return Ok(());
     }
-    Err(Failure::Work(format!("not everything was done: {}", summary.undone.join("; "))))
+    Err(Failure::Work(format!("not everything was done: {}", summary.failed_utterances.join("; "))))
 }
 
-/// Supervises the stack and plays the script at the same time; whichever ends first ends the other.
+/// Supervises the stack and plays the script at the same time. The first end stops the other.
 async fn run(stack: Stack, scene: Scene, steps: Vec<Step>, settings: Settings) -> Result<Summary, Failure> {
     let session = stack.session.clone();
     let supervisor = Supervisor::open(stack).await?;
@@ -172,7 +172,7 @@ async fn run(stack: Stack, scene: Scene, steps: Vec<Step>, settings: Settings) -
     tokio::select! {
         ended = &mut supervising => {
             outcome(ended?)?;
-            Err(Failure::Work("stopped before the script was done".to_owned()))
+            Err(Failure::Work("stopped before the end of the script".to_owned()))
         }
         played = &mut playing => {
             handle.down().await;
@@ -189,10 +189,10 @@ async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Se
     let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
     let ready = wait_until_ready(&bus).await?;
     let start_seconds = began.elapsed().as_secs_f64();
-    terminal::tell(&format!("{} services ready after {start_seconds:.1} s", ready.services.len()));
+    terminal::print_status(&format!("{} services ready after {start_seconds:.1} s", ready.services.len()));
     let mut player = Player::new(bus.clone(), settings).await?;
     let played = player.play(&steps).await;
-    // The transcript is of most use when something went wrong.
+    // The transcript matters most after a failure.
     let transcript = player.write_transcript();
     played?;
     let transcript = transcript?;
@@ -201,23 +201,23 @@ async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Se
     Ok(summary)
 }
 
-/// Removes what demos that were killed, or that failed, have left of their sessions: pictures are large.
+/// Removes the sessions of killed and failed demos, because their pictures are large.
 fn forget_dead_demos() {
     let sessions = std::fs::read_dir(session::run_root()).into_iter().flatten().flatten();
     for entry in sessions {
         let name = entry.file_name().to_string_lossy().into_owned();
         let Some(pid) = name.strip_prefix(SESSION) else { continue };
         let Ok(dead) = SessionDir::named(&name) else { continue };
-        // A supervisor writes its id after it has locked its session: what has no id yet is being started.
+        // A supervisor writes its id after it locks its session. A session without an id is starting.
         let written = std::fs::read_to_string(dead.lock_file()).is_ok_and(|text| text.trim() == pid);
         if written && !dead.is_running() {
-            // What cannot be removed takes room and does no other harm.
+            // A leftover folder only takes disk space.
             let _ = std::fs::remove_dir_all(dead.path());
         }
     }
 }
 
-/// Makes the folder, and removes from it what an earlier demo has left there and this one will write anew.
+/// Creates the folder, and removes the outputs of an earlier demo.
 fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
     std::fs::create_dir_all(out).map_err(fail)?;
@@ -239,12 +239,12 @@ fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::KNOWN;
+    use crate::input::SHIPPED_VOLUMES;
     use crate::strokes::read_strokes;
 
     #[test]
     fn every_shipped_script_is_good_and_complete() {
-        for known in KNOWN.into_iter().chain(["vessel", "generic"]) {
+        for known in SHIPPED_VOLUMES.into_iter().chain(["vessel", "generic"]) {
             let folder = tempfile::tempdir().unwrap();
             let files = shipped::unpack(folder.path(), Some(known)).unwrap();
             assert!(files.script.ends_with(format!("{known}.toml")), "no script for {known}");

@@ -1,4 +1,4 @@
-//! What the demo shows: a made volume, a volume, or a scene.
+//! Inputs of the demo: a synthetic volume, a volume file, or a scene.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -8,38 +8,38 @@ use serde_json::Value;
 use crate::subcommands::json_of;
 use crate::terminal::{self, Failure};
 
-/// Gaussians that a volume becomes where nobody says how many.
+/// Default number of Gaussians for a volume.
 pub(crate) const GAUSSIANS: u32 = 100_000;
 
-/// Voxels along each edge of the made volume.
-const MADE_SIZE: &str = "128";
-/// Volumes that scripts are shipped for, by what their file names begin with.
-pub(crate) const KNOWN: [&str; 3] = ["bonsai", "aneurism", "tooth"];
+/// Voxels along each edge of the synthetic volume.
+const SYNTHETIC_SIZE: &str = "128";
+/// Volumes with shipped scripts, by the beginning of their file names.
+pub(crate) const SHIPPED_VOLUMES: [&str; 3] = ["bonsai", "aneurism", "tooth"];
 
-/// What the user named.
+/// The input, as the user named it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Input {
-    /// Nothing: a vessel tree is made.
-    Made,
+    /// No file: a synthetic vessel tree.
+    Synthetic,
     /// A volume.
     Volume(PathBuf),
-    /// Gaussians.
+    /// A scene file or folder.
     Scene(PathBuf),
 }
 
-/// A scene that is ready to be opened.
+/// A scene that is ready to open.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Scene {
     /// Its file, absolute.
     pub(crate) path: PathBuf,
-    /// Seconds from volume to Gaussians, where there was a volume.
+    /// Seconds from volume to Gaussians, for a volume.
     pub(crate) fit_seconds: Option<f64>,
 }
 
 impl Input {
-    /// Tells a scene from a volume by its extension.
+    /// Tells scenes from volumes by the extension.
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
-        let Some(path) = path else { return Ok(Self::Made) };
+        let Some(path) = path else { return Ok(Self::Synthetic) };
         let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         // A folder is an output of iVR-GS.
@@ -47,19 +47,19 @@ impl Input {
         Ok(if scene { Self::Scene(path) } else { Self::Volume(path) })
     }
 
-    /// The volume of [`KNOWN`] it is.
-    pub(crate) fn known(&self) -> Option<&'static str> {
+    /// The name in [`SHIPPED_VOLUMES`], if it is one of these.
+    pub(crate) fn shipped_name(&self) -> Option<&'static str> {
         match self {
-            Self::Made => Some("vessel"),
+            Self::Synthetic => Some("vessel"),
             Self::Scene(_) => None,
             Self::Volume(path) => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-                KNOWN.into_iter().find(|known| name.starts_with(known))
+                SHIPPED_VOLUMES.into_iter().find(|known| name.starts_with(known))
             }
         }
     }
 
-    /// Makes what has to be made.
+    /// Makes the scene from the volume, if necessary.
     pub(crate) fn scene(
         &self,
         out: &Path,
@@ -70,28 +70,28 @@ impl Input {
         let volume = match self {
             Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
             Self::Volume(path) => path.clone(),
-            Self::Made => return made(out, function, gaussians, seed),
+            Self::Synthetic => return make_synthetic(out, function, gaussians, seed),
         };
         fit(&volume, out, function, gaussians, seed)
     }
 }
 
-fn made(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
+fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
     let folder = out.join("volume");
-    terminal::tell(&format!("making a vessel tree with an aneurysm, {MADE_SIZE}³ voxels"));
+    terminal::print_status(&format!("making a synthetic vessel tree with an aneurysm, {SYNTHETIC_SIZE}³ voxels"));
     let truth = fit_command(&[
         "phantom".as_ref(),
         "--out".as_ref(),
         folder.as_os_str(),
         "--size".as_ref(),
-        MADE_SIZE.as_ref(),
+        SYNTHETIC_SIZE.as_ref(),
         "--seed".as_ref(),
         seed.to_string().as_ref(),
         "--json".as_ref(),
     ])?;
     let file = |key: &str| {
         let name = truth.get(key).and_then(Value::as_str);
-        name.map(|n| folder.join(n)).ok_or_else(|| Failure::Work(format!("the made volume does not tell its `{key}`")))
+        name.map(|n| folder.join(n)).ok_or_else(|| Failure::Work(format!("the synthetic volume has no `{key}`")))
     };
     let own = file("transfer_function")?;
     fit(&file("volume")?, out, Some(function.unwrap_or(&own)), gaussians, seed)
@@ -115,11 +115,11 @@ fn fit(volume: &Path, out: &Path, function: Option<&Path>, gaussians: u32, seed:
     if let Some(function) = function {
         arguments.extend(["--transfer-function".as_ref(), function.as_os_str()]);
     }
-    terminal::tell(&format!("placing Gaussians in {}", volume.display()));
+    terminal::print_status(&format!("placing Gaussians in {}", volume.display()));
     let report = fit_command(&arguments)?;
     let fit_seconds = began.elapsed().as_secs_f64();
     let placed = report.get("gaussians").and_then(Value::as_u64).unwrap_or(0);
-    terminal::tell(&format!("{} Gaussians after {fit_seconds:.1} s", terminal::thousands(placed)));
+    terminal::print_status(&format!("{} Gaussians after {fit_seconds:.1} s", terminal::format_count(placed)));
     Ok(Scene { path: folder.join("scene.toml"), fit_seconds: Some(fit_seconds) })
 }
 
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inputs_are_told_apart_by_their_names() {
+    fn inputs_are_recognized_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let kind = |name: &str| {
             let path = folder.path().join(name);
@@ -142,10 +142,10 @@ mod tests {
         };
         assert!(matches!(kind("a.compressed.ply"), Input::Scene(_)));
         assert!(matches!(kind("scene.toml"), Input::Scene(_)));
-        assert_eq!(kind("Bonsai_256x256x256_uint8.raw.zst").known(), Some("bonsai"));
-        assert_eq!(kind("tooth.nrrd").known(), Some("tooth"));
-        assert_eq!(kind("skull.nrrd").known(), None);
-        assert_eq!(Input::of(None).unwrap().known(), Some("vessel"));
+        assert_eq!(kind("Bonsai_256x256x256_uint8.raw.zst").shipped_name(), Some("bonsai"));
+        assert_eq!(kind("tooth.nrrd").shipped_name(), Some("tooth"));
+        assert_eq!(kind("skull.nrrd").shipped_name(), None);
+        assert_eq!(Input::of(None).unwrap().shipped_name(), Some("vessel"));
         let absent = Input::of(Some(&folder.path().join("none.raw"))).unwrap_err();
         assert!(matches!(absent, Failure::Input(_)));
     }

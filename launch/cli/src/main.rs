@@ -1,4 +1,4 @@
-//! The `supergaussian` command: starts and watches stacks, talks to them, and finds the executables of the other commands.
+//! The `supergaussian` command: starts and supervises stacks, talks to them, and dispatches to other executables.
 
 mod capture;
 mod certificates;
@@ -17,13 +17,13 @@ mod open;
 mod opener;
 mod playback;
 mod reload;
-mod remote;
 mod say;
 mod script;
 mod session_name;
 mod shipped;
 mod strokes;
 mod subcommands;
+mod supervisor_client;
 mod swap;
 mod terminal;
 mod text_file;

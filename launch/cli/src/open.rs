@@ -1,11 +1,11 @@
-//! `open`: a scene or volume in a window and a session of its own.
+//! `open`: a scene or volume in its own window and session.
 
 use std::fs::{File, TryLockError};
 use std::path::PathBuf;
 
 use sg_runtime::session::SessionDir;
 use sg_stack::console::Verbosity;
-use sg_stack::file::Search;
+use sg_stack::file::ExecutableSearch;
 use sg_stack::supervisor::{Stack, Supervisor};
 
 use crate::display::has_display;
@@ -13,7 +13,7 @@ use crate::input::{GAUSSIANS, Input};
 use crate::opener::CommandOpener;
 use crate::session_name::session_of;
 use crate::shipped::{self, DESKTOP};
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 use crate::up::outcome;
 
 #[derive(Debug, clap::Args)]
@@ -23,21 +23,21 @@ pub(crate) struct OpenArgs {
     path: PathBuf,
 }
 
-pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> Done {
+pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> CommandResult {
     let path = &arguments.path;
     let input = Input::of(Some(path))?;
     if !has_display() {
         return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));
     }
-    // What can be wrong is looked at before anything that takes time.
-    let search = Search::here_then_path();
+    // Check all inputs before slow work.
+    let search = ExecutableSearch::here_then_path();
     shipped::launch_file(DESKTOP, &[], &search)?;
     let name = told.map_or_else(|| session_of(path), |told| Ok(told.to_owned()))?;
     let session = SessionDir::named(&name)?;
     session.create()?;
     let _held = hold(&session)?;
-    let function = shipped::unpack(session.path(), input.known())?.transfer_function;
-    // The same Gaussians each time, so that what was edited of them before fits.
+    let function = shipped::unpack(session.path(), input.shipped_name())?.transfer_function;
+    // The Gaussians must be the same each time, so that earlier edits fit.
     let scene = input.scene(session.path(), function.as_deref(), GAUSSIANS, 0)?;
     let scene = format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string()));
     let file = shipped::launch_file(DESKTOP, &[scene], &search)?;
@@ -48,11 +48,11 @@ pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> Done {
         verbosity: Verbosity::Quiet,
         opener: Box::new(CommandOpener),
     };
-    terminal::tell(&format!("session {name}: a window shows the scene; close it to end"));
+    terminal::print_status(&format!("session {name}: a window shows the scene; close it to end"));
     outcome(Supervisor::open(stack).await?.run().await?)
 }
 
-/// Keeps anybody else from opening the same session while Gaussians are made, before there is a supervisor to lock it.
+/// Locks the session while Gaussians are made, before a supervisor exists.
 fn hold(session: &SessionDir) -> Result<File, Failure> {
     let path = session.path().join("open.lock");
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));

@@ -7,11 +7,11 @@ use sg_proto::stroke_file::{self, Limits};
 
 use crate::script::Step;
 use crate::shipped::DENSEST;
-use crate::terminal::{Done, Failure};
+use crate::terminal::{CommandResult, Failure};
 use crate::text_file::read_text;
 
-/// Reads every file of strokes, so that a mistake in the last one is not found after minutes.
-pub(crate) fn check_strokes(steps: &[Step]) -> Done {
+/// Reads all stroke files of a script, so that mistakes show before slow work.
+pub(crate) fn check_strokes(steps: &[Step]) -> CommandResult {
     for step in steps {
         if let Step::Strokes { file, .. } = step
             && !file.ends_with(DENSEST)

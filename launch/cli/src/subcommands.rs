@@ -1,4 +1,4 @@
-//! Commands that other executables carry out, found as git finds its own: beside this one, else on `PATH`.
+//! Subcommands in other executables, found as git finds its own: beside this one, then on `PATH`.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
@@ -7,33 +7,33 @@ use std::process::Stdio;
 use std::sync::LazyLock;
 
 use serde_json::Value;
-use sg_stack::file::Search;
-use sg_stack::spawn::dies_with_us;
+use sg_stack::file::ExecutableSearch;
+use sg_stack::spawn::tied_to_parent;
 use sg_stack::suggestion::suggestion;
 
-use crate::terminal::{Done, Failure};
+use crate::terminal::{CommandResult, Failure};
 
-/// Command, executable, what it is for.
+/// The command table: name, executable, help line. A new command is one row.
 const TABLE: [(&str, &str, &str); 6] = [
-    ("scene", "supergaussian-scene", "Look at and convert Gaussian files"),
-    ("render", "supergaussian-render-node", "Draw one picture of a scene"),
-    ("selection", "supergaussian-selection", "Cluster a scene, select by strokes"),
+    ("scene", "supergaussian-scene", "Show and convert Gaussian files"),
+    ("render", "supergaussian-render-node", "Render one picture of a scene"),
+    ("selection", "supergaussian-selection", "Cluster a scene and select by strokes"),
     ("fit", "supergaussian-fit", "Turn a volume into an editable scene"),
-    ("conformance", "supergaussian-conformance", "Try whether an executable can fill a role"),
-    ("eval", "supergaussian-eval", "Evaluation tables on scenes whose truth is known"),
+    ("conformance", "supergaussian-conformance", "Test whether an executable can serve a role"),
+    ("eval", "supergaussian-eval", "Make evaluation tables on scenes with known truth"),
 ];
 
-/// What the help says about them.
+/// Help text for the table.
 pub(crate) static HELP: LazyLock<String> = LazyLock::new(|| {
     let rows: Vec<_> = TABLE.iter().map(|(name, _, doc)| format!("  {name:<11} {doc}")).collect();
     format!("Offline, on files (`supergaussian NAME --help`):\n{}\n\nExample: supergaussian demo", rows.join("\n"))
 });
 
-/// The executable of a command of the table. `built_in` are the other commands, for a suggestion.
+/// The executable of a command. `built_in` are the other commands, for a suggestion.
 fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
     match TABLE.iter().find(|(command, ..)| *command == name) {
         Some((_, executable, _)) => {
-            let found = Search::here_then_path().find(executable, Path::new(""));
+            let found = ExecutableSearch::here_then_path().find(executable, Path::new(""));
             found.map_err(|e| Failure::Work(e.to_string()))
         }
         None => {
@@ -43,8 +43,8 @@ fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
     }
 }
 
-/// Becomes the executable of a command: its standard streams and exit status are those of this process.
-pub(crate) fn run(words: &[OsString], built_in: &[String]) -> Done {
+/// Replaces this process by the executable of a command, with the same streams and exit status.
+pub(crate) fn run(words: &[OsString], built_in: &[String]) -> CommandResult {
     let Some((name, arguments)) = words.split_first() else {
         return Err(Failure::Input("no command".to_owned()));
     };
@@ -54,10 +54,10 @@ pub(crate) fn run(words: &[OsString], built_in: &[String]) -> Done {
     Err(Failure::Work(format!("{} cannot be started: {error}", executable.display())))
 }
 
-/// Runs a command that prints JSON; what it says to people goes to people.
+/// Runs a command with JSON output. Its standard error goes to this process's.
 pub(crate) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
     let executable = executable(command, &[])?;
-    let output = dies_with_us(&executable)
+    let output = tied_to_parent(&executable)
         .args(arguments)
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())
@@ -66,7 +66,7 @@ pub(crate) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<V
     match output.status.code() {
         Some(0) => serde_json::from_slice(&output.stdout)
             .map_err(|e| Failure::Work(format!("`supergaussian {command}` printed no JSON: {e}"))),
-        Some(status @ 1..=2) => Err(Failure::Told(status as u8)),
+        Some(status @ 1..=2) => Err(Failure::Reported(status as u8)),
         _ => Err(Failure::Work(format!("`supergaussian {command}` failed: {}", output.status))),
     }
 }

@@ -1,4 +1,4 @@
-//! `swap`: another executable for one service of a running stack.
+//! `swap`: another executable for one running service.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -6,27 +6,27 @@ use std::time::{Duration, Instant};
 use sg_proto::keys;
 use sg_proto::launch::{Service, ServiceState, SwapRequest, SwapState};
 use sg_runtime::context::Context;
-use sg_stack::file::Search;
+use sg_stack::file::ExecutableSearch;
 
-use crate::remote::{ANSWER, GLANCE, join, refused, services, state};
-use crate::terminal::{self, Done, Failure, time};
+use crate::supervisor_client::{ANSWER, POLL_PERIOD, join, refused, services, state};
+use crate::terminal::{self, CommandResult, Failure, format_time};
 
-/// How long a swap is followed: longer than a large scene takes to be read and clustered. It goes on after that.
-pub(crate) const FOLLOWED: Duration = Duration::from_secs(1800);
+/// How long to follow a swap. It is longer than a large scene takes to load and cluster. The swap itself continues.
+pub(crate) const FOLLOW_TIME: Duration = Duration::from_secs(1800);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct SwapArgs {
     /// Name in the launch file
     service: String,
-    /// Executable: a path with a slash, or a name that is beside this program or on PATH; of a service on another machine, a
-    /// name there
+    /// Executable: a path with a slash, or a name beside this program or on PATH; a name only for a service on another
+    /// machine
     executable: String,
-    /// Parameters of the newcomer, a JSON object; by default those that the service has now
+    /// Parameters of the candidate as a JSON object; by default the present ones
     #[arg(long, value_name = "JSON")]
     params: Option<String>,
 }
 
-pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Done {
+pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> CommandResult {
     let SwapArgs { service, executable, params } = arguments;
     if let Some(text) = params
         && let Err(error) = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(text)
@@ -36,10 +36,10 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Done {
     let (_, bus) = join(session).await?;
     let before = services(&bus).await?.services.into_iter().find(|s| s.name == *service);
     let found = match &before {
-        // On another machine it is looked for there.
+        // A node looks its executables up itself.
         Some(service) if !service.node.is_empty() => executable.clone(),
         _ => {
-            let found = Search::here_then_path().find(executable, Path::new(""));
+            let found = ExecutableSearch::here_then_path().find(executable, Path::new(""));
             let found = found.map_err(|e| Failure::Input(e.to_string()))?;
             found.display().to_string()
         }
@@ -52,59 +52,59 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Done {
     loop {
         let ps = services(&bus).await?;
         let Some(now) = ps.services.into_iter().find(|s| s.name == *service) else {
-            return Err(Failure::Work(format!("service `{service}` was removed meanwhile")));
+            return Err(Failure::Work(format!("service `{service}` was removed in the meantime")));
         };
         match progress(&now, reply.number) {
             Progress::Done => {
                 let left = if old > 0 { format!("process {old} stopped, ") } else { String::new() };
-                let took = time(began.elapsed().as_secs_f64() * 1000.0);
-                terminal::out(&format!("{service}: {left}process {} serves after {took}", now.pid));
+                let took = format_time(began.elapsed().as_secs_f64() * 1000.0);
+                terminal::print_line(&format!("{service}: {left}process {} serves after {took}", now.pid));
                 bus.close().await;
                 return Ok(());
             }
             Progress::Failed(reason) => return Err(Failure::Work(reason)),
-            Progress::Going(what) if began.elapsed() > FOLLOWED => {
-                let seconds = FOLLOWED.as_secs();
+            Progress::Running(what) if began.elapsed() > FOLLOW_TIME => {
+                let seconds = FOLLOW_TIME.as_secs();
                 return Err(Failure::Work(format!("swap of `{service}` is not done after {seconds} s: {what}")));
             }
-            Progress::Going(_) => tokio::time::sleep(GLANCE).await,
+            Progress::Running(_) => tokio::time::sleep(POLL_PERIOD).await,
         }
     }
 }
 
-/// How far something has come.
+/// Progress of a change.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
     Done,
     Failed(String),
-    /// With a word on where it is.
-    Going(String),
+    /// Running, with the present stage.
+    Running(String),
 }
 
-/// How far the swap of this number has come; number 0 is the first start of a service.
+/// Progress of the swap with this number. Number 0 is the first start of a service.
 pub(crate) fn progress(service: &Service, number: u64) -> Progress {
     let name = &service.name;
     let Some(swap) = service.swap.as_ref().filter(|_| number > 0) else { return started(service) };
     match swap.state() {
-        _ if swap.number > number => Progress::Failed(format!("swap of `{name}` failed: another took its place")),
+        _ if swap.number > number => Progress::Failed(format!("swap of `{name}` failed: another swap replaced it")),
         SwapState::Done => Progress::Done,
         SwapState::Failed => {
             let now = match service.state() {
                 ServiceState::Ready => format!("process {} serves on", service.pid),
-                _ => format!("the service is {}, with its old executable", state(service)),
+                _ => format!("the service is {} with its old executable", state(service)),
             };
             Progress::Failed(format!("swap of `{name}` failed: {}; {now}", swap.reason))
         }
-        _ => Progress::Going(format!("{} {}", swap.state().as_str_name(), swap.reason)),
+        _ => Progress::Running(format!("{} {}", swap.state().as_str_name(), swap.reason)),
     }
 }
 
-/// How far a service is from being ready.
+/// Progress of a service towards readiness.
 pub(crate) fn started(service: &Service) -> Progress {
     match service.state() {
         ServiceState::Ready | ServiceState::Stopped => Progress::Done,
         ServiceState::Failed => Progress::Failed(format!("service `{}` failed: {}", service.name, service.reason)),
-        _ => Progress::Going(format!("{} {}", state(service), service.reason)),
+        _ => Progress::Running(format!("{} {}", state(service), service.reason)),
     }
 }
 
@@ -133,10 +133,10 @@ mod tests {
     fn a_swap_is_followed_by_its_number() {
         let at = |state| progress(&service(ServiceState::Ready, Some((2, state))), 2);
         assert_eq!(at(SwapState::Done), Progress::Done);
-        assert!(matches!(at(SwapState::Proving), Progress::Going(_)));
+        assert!(matches!(at(SwapState::Proving), Progress::Running(_)));
         assert_eq!(at(SwapState::Failed), Progress::Failed("swap of `a` failed: no; process 7 serves on".into()));
         let later = progress(&service(ServiceState::Ready, Some((3, SwapState::Done))), 2);
-        assert_eq!(later, Progress::Failed("swap of `a` failed: another took its place".into()));
+        assert_eq!(later, Progress::Failed("swap of `a` failed: another swap replaced it".into()));
         let first = progress(&service(ServiceState::Failed, None), 0);
         assert_eq!(first, Progress::Failed("service `a` failed: why".into()));
     }

@@ -1,4 +1,4 @@
-//! Words for people and for programs: what was asked for goes to standard output, everything else to standard error.
+//! Output of commands: results on standard output, everything else on standard error.
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use sg_runtime::process::{EXIT_FAILED, EXIT_INPUT};
 use sg_stack::StackError;
 use sg_stack::terminal::may_color;
-pub(crate) use sg_stack::terminal::{Color, paint, tell, time};
+pub(crate) use sg_stack::terminal::{Color, format_time, paint, print_status};
 
-/// Writes a line that was asked for. A reader that went away ends the command quietly, as it does for other programs.
-pub(crate) fn out(line: &str) {
+/// Writes a line of the result. A closed reader ends the command quietly, as in other programs.
+pub(crate) fn print_line(line: &str) {
     let mut stdout = io::stdout().lock();
     if writeln!(stdout, "{line}").and_then(|()| stdout.flush()).is_err() {
         std::process::exit(0);
@@ -21,23 +21,23 @@ pub(crate) fn stdout_colored() -> bool {
     may_color(&io::stdout())
 }
 
-/// Why a command did not do what was asked.
+/// Failure of a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Failure {
     /// The arguments or the input are wrong.
     Input(String),
     /// The work failed.
     Work(String),
-    /// A program that was started has told its failure itself; its exit status is passed on.
-    Told(u8),
+    /// A child program has reported its failure. Its exit status is passed on.
+    Reported(u8),
 }
 
 impl Failure {
-    /// What is still to be told; empty where it has been told.
+    /// The text to print; empty if it was printed already.
     pub(crate) fn text(&self) -> &str {
         match self {
             Self::Input(text) | Self::Work(text) => text,
-            Self::Told(_) => "",
+            Self::Reported(_) => "",
         }
     }
 }
@@ -78,28 +78,30 @@ impl From<StackError> for Failure {
     }
 }
 
-/// What a command comes to.
-pub(crate) type Done = Result<(), Failure>;
+/// Result of a command.
+pub(crate) type CommandResult = Result<(), Failure>;
 
-/// Tells a failure, once, and gives the exit status.
-pub(crate) fn finish(done: Done) -> ExitCode {
+/// Prints a failure once. Returns the exit status.
+pub(crate) fn exit_code(done: CommandResult) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             let colored = may_color(&io::stderr());
             for line in failure.text().lines() {
-                tell(&format!("{} {line}", paint(Color::Red, "error:", colored)));
+                // Indented lines belong to the error above them.
+                let mark = if line.starts_with("  ") { String::new() } else { paint(Color::Red, "error: ", colored) };
+                print_status(&format!("{mark}{line}"));
             }
             ExitCode::from(match failure {
                 Failure::Input(_) => EXIT_INPUT,
                 Failure::Work(_) => EXIT_FAILED,
-                Failure::Told(status) => status,
+                Failure::Reported(status) => status,
             })
         }
     }
 }
 
-/// Rows as columns of equal width, two blanks apart; numbers (cells that begin with a digit) to the right.
+/// Aligns rows in columns, two blanks apart. Columns of numbers (cells that begin with a digit) are right-aligned.
 pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
     let count = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
@@ -119,8 +121,8 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
         .collect()
 }
 
-/// A whole number with thousands apart: `1,234,567`.
-pub(crate) fn thousands(n: u64) -> String {
+/// An integer with a comma every three digits: `1,234,567`.
+pub(crate) fn format_count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -137,8 +139,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thousands_are_apart() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(thousands), ["0", "999", "1,000", "1,234,567"]);
+    fn thousands_are_separated() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(format_count), ["0", "999", "1,000", "1,234,567"]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `up`, `check` and `graph`: what is done with a launch file.
+//! `up`, `check` and `graph`: commands on a launch file.
 
 use std::path::{Path, PathBuf};
 
@@ -9,17 +9,17 @@ use sg_stack::reconcile::Outcome;
 
 use crate::opener::CommandOpener;
 use crate::reload;
-use crate::terminal::{self, Done, Failure, columns};
+use crate::terminal::{self, CommandResult, Failure, columns};
 use sg_stack::console::Verbosity;
 use sg_stack::supervisor::{Stack, Supervisor};
 
-/// A launch file and what is put over it.
+/// A launch file with overrides.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct FileArgs {
     /// Launch file
     #[arg(value_name = "FILE")]
     path: PathBuf,
-    /// Put a value over the file's, such as service.scene.stop=2; may be given several times
+    /// Override a value of the file, such as service.scene.stop=2; repeatable
     #[arg(long = "set", value_name = "A.B=C")]
     overrides: Vec<String>,
 }
@@ -31,17 +31,17 @@ pub(crate) struct UpArgs {
     /// Start only these services
     #[arg(long, value_delimiter = ',', value_name = "A,B")]
     only: Vec<String>,
-    /// Tell only warnings and what goes wrong
+    /// Print warnings and failures only
     #[arg(long)]
     quiet: bool,
 }
 
 /// Reads a launch file.
 fn launch_file(path: &Path, overrides: &[String], only: &[String]) -> Result<LaunchFile, Failure> {
-    file::load(path, overrides, only).map_err(|e| Failure::Input(e.to_string()))
+    file::load(path, overrides, only).map_err(|e| Failure::Input(e.report()))
 }
 
-/// The session of a launch file: the name it was told, the one it gives itself, or its file's.
+/// The session of a launch file: from the command line, from the file, or after the file's name.
 fn session(told: Option<&str>, file: &LaunchFile, path: &Path) -> Result<SessionDir, Failure> {
     let stem = || {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -51,7 +51,7 @@ fn session(told: Option<&str>, file: &LaunchFile, path: &Path) -> Result<Session
     Ok(SessionDir::named(&name)?)
 }
 
-pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> Done {
+pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> CommandResult {
     let FileArgs { path, overrides } = &arguments.file;
     let file = launch_file(path, overrides, &arguments.only)?;
     let session = session(told, &file, path)?;
@@ -73,20 +73,20 @@ pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> Done {
     )
 }
 
-/// What the end of a stack means for the command that supervised it.
-pub(crate) fn outcome(outcome: Outcome) -> Done {
+/// Result of the command at the end of its stack.
+pub(crate) fn outcome(outcome: Outcome) -> CommandResult {
     match outcome {
         Outcome::Down | Outcome::Finished => Ok(()),
         Outcome::Failed { service, reason } => Err(Failure::Work(format!("service `{service}` failed: {reason}"))),
     }
 }
 
-pub(crate) fn check(arguments: &FileArgs) -> Done {
+pub(crate) fn check(arguments: &FileArgs) -> CommandResult {
     let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
     let session = session(None, &file, &arguments.path)?;
     let names: Vec<_> = file.services.iter().map(|s| s.name.as_str()).collect();
-    terminal::out(&format!(
-        "{}: good; session {}, {} services, starting in this order: {}",
+    terminal::print_line(&format!(
+        "{}: valid; session {}, {} services, start order: {}",
         arguments.path.display(),
         session.name(),
         names.len(),
@@ -95,11 +95,11 @@ pub(crate) fn check(arguments: &FileArgs) -> Done {
     Ok(())
 }
 
-pub(crate) fn graph(arguments: &FileArgs, dot: bool) -> Done {
+pub(crate) fn graph(arguments: &FileArgs, dot: bool) -> CommandResult {
     let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
     let lines = if dot { graphviz(&file) } else { table(&file) };
     for line in lines {
-        terminal::out(&line);
+        terminal::print_line(&line);
     }
     Ok(())
 }

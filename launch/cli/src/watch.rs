@@ -6,41 +6,41 @@ use serde_json::json;
 use sg_runtime::bus::Seen;
 use tokio::signal::unix::{SignalKind, signal};
 
-use crate::decode::{Decoder, is_health, with_short_lists, without_masks};
-use crate::remote::join;
-use crate::terminal::{self, Done, Failure};
+use crate::decode::{Decoder, hide_masks, is_health, shorten_lists};
+use crate::supervisor_client::join;
+use crate::terminal::{self, CommandResult, Failure};
 
-/// Messages that may wait for a slow terminal; the oldest are lost first, and counted.
+/// Most messages that wait for a slow terminal. The oldest are dropped and counted.
 const CAPACITY: usize = 4096;
-/// How often it is looked whether the stack still runs.
-const GLANCE: Duration = Duration::from_millis(500);
+/// Pause between two checks of the stack.
+const POLL_PERIOD: Duration = Duration::from_millis(500);
 
-pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> Done {
+pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> CommandResult {
     let decoder = Decoder::new()?;
     let (session, bus) = join(name).await?;
     let mut seen = bus.watch_all(CAPACITY).await?;
-    let no_signal = |e| Failure::Work(format!("signals cannot be watched: {e}"));
+    let no_signal = |e| Failure::Work(format!("signals cannot be received: {e}"));
     let mut interrupt = signal(SignalKind::interrupt()).map_err(no_signal)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(no_signal)?;
-    terminal::tell(&format!("watching session {}; Ctrl-C ends", session.name()));
+    terminal::print_status(&format!("watching session {}; press Ctrl-C to end", session.name()));
     let began = Instant::now();
     let mut told = 0;
-    let mut glance = tokio::time::interval(GLANCE);
+    let mut glance = tokio::time::interval(POLL_PERIOD);
     loop {
         tokio::select! {
             message = seen.next() => {
                 let Some(message) = message else { break };
                 if all || !is_health(&message) {
-                    terminal::out(&line(&decoder, &message, began.elapsed(), json));
+                    terminal::print_line(&line(&decoder, &message, began.elapsed(), json));
                 }
                 if seen.lost() > told {
-                    terminal::tell(&format!("{} messages lost: this reader is too slow", seen.lost() - told));
+                    terminal::print_status(&format!("{} messages lost, because this terminal is too slow", seen.lost() - told));
                     told = seen.lost();
                 }
             }
             _ = glance.tick() => {
                 if !session.is_running() {
-                    terminal::tell(&format!("session {} has stopped", session.name()));
+                    terminal::print_status(&format!("session {} has stopped", session.name()));
                     break;
                 }
             }
@@ -55,7 +55,7 @@ pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> Done {
 /// Key, conversation and step, type, JSON.
 fn line(decoder: &Decoder, seen: &Seen, at: Duration, json: bool) -> String {
     let mut message = decoder.json(&seen.message, &seen.payload);
-    without_masks(&mut message);
+    hide_masks(&mut message);
     if json {
         return json!({
             "t_seconds": at.as_secs_f64(), "key": seen.key, "conversation": seen.context.conversation,
@@ -64,7 +64,7 @@ fn line(decoder: &Decoder, seen: &Seen, at: Duration, json: bool) -> String {
         })
         .to_string();
     }
-    with_short_lists(&mut message);
+    shorten_lists(&mut message);
     let chain = match seen.context.conversation.as_str() {
         "" => "-".to_owned(),
         conversation => format!("{conversation}/{}", seen.context.step),

@@ -1,7 +1,7 @@
-//! `join`: this machine runs services for a stack of another one.
+//! A node: this machine runs services for a stack of another machine.
 //!
-//! The supervisor asks for processes to be started and signalled; this machine says every second that it is there and what
-//! it runs, and ends all of that when it is not answered for its lease: what the supervisor then takes for gone is gone.
+//! The supervisor sends requests to start and signal processes. The node reports its processes once a second. If the
+//! reports stay unanswered for the lease, the node ends all its processes, and the supervisor assumes the same.
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
@@ -20,30 +20,30 @@ use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 
 use crate::error::StackError;
-use crate::file::Search;
-use crate::pid_registry::Roster;
-use crate::reconcile::{Exit, Incarnation};
+use crate::file::ExecutableSearch;
+use crate::pid_registry::PidRegistry;
+use crate::reconcile::{Exit, ProcessId};
 use crate::request_queue::{Reply, forward};
 use crate::serve_arguments;
-use crate::spawn::{self, Lines, Order};
+use crate::spawn::{self, LineSink, SpawnRequest};
 use crate::terminal;
 
-/// How often this machine speaks.
-const BEAT: Duration = Duration::from_secs(1);
-/// How long an answer may take.
+/// Time between two reports.
+const REPORT_PERIOD: Duration = Duration::from_secs(1);
+/// Longest time for an answer to a report.
 const ANSWER: Duration = Duration::from_millis(1500);
-/// Lease until the supervisor has named one.
+/// Lease before the supervisor's first answer.
 const LEASE: Duration = Duration::from_secs(5);
-/// Pause between two tries to reach a stack that is not there.
-const PAUSE: Duration = Duration::from_secs(1);
-/// Orders, exits and answers that may wait.
+/// Pause between two attempts to connect.
+const RETRY_PAUSE: Duration = Duration::from_secs(1);
+/// Most requests, exits and answers that wait at a time.
 const CAPACITY: usize = 64;
-/// Log lines that may wait to be sent; more are dropped, and counted.
+/// Most log lines that wait at a time. Further lines are dropped.
 const LINES: usize = 4096;
 /// Most lines of one message, and bytes of one line.
 const LINES_AT_ONCE: usize = 200;
 const LINE_BYTES: usize = 8 << 10;
-/// Most processes that run at once.
+/// Most processes at a time.
 const PROCESSES: usize = 64;
 
 /// How this machine joins a stack.
@@ -57,16 +57,16 @@ pub struct NodeSettings {
     pub link: Link,
 }
 
-/// What the supervisor asks for.
-enum Asked {
+/// A request of the supervisor.
+enum Request {
     Start(Box<StartRequest>, Reply<StartReply>),
     Signal(SignalRequest, Reply<SignalReply>),
 }
 
-/// An answer to what this machine said, and when it said it.
-struct Answer {
-    said: Instant,
-    /// Ended processes that it had spoken of.
+/// The answer to a report.
+struct ReportAnswer {
+    sent: Instant,
+    /// Number of ended processes in the report.
     ended: usize,
     outcome: Result<JoinReply, Fault>,
 }
@@ -80,7 +80,7 @@ pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     let folder = SessionDir::on_node(&session, &name)?;
     folder.create()?;
     let lock = lock(&folder)?;
-    let roster = Roster::begin(folder.path()).await?;
+    let registry = PidRegistry::open(folder.path()).await?;
     for stale in ["blobs", "scenes"] {
         let path = folder.path().join(stale);
         match std::fs::remove_dir_all(&path) {
@@ -93,24 +93,24 @@ pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     let watch = |kind| signal(kind).map_err(StackError::Signals);
     let mut interrupt = watch(SignalKind::interrupt())?;
     let mut terminate = watch(SignalKind::terminate())?;
-    terminal::tell(&format!("node {name} · session {session} · {}", link.endpoint));
+    terminal::print_status(&format!("node {name} · session {session} · {}", link.endpoint));
     let reached = tokio::select! {
-        bus = reach(&session, &name, &link) => bus,
+        bus = connect(&session, &name, &link) => bus,
         _ = interrupt.recv() => return Ok(()),
         _ = terminate.recv() => return Ok(()),
     };
-    let mut node = Node::begin(reached, &name, link, folder, roster).await?;
+    let mut node = Node::new(reached, &name, link, folder, registry).await?;
     let outcome = tokio::select! {
         refused = node.run() => Err(refused),
         _ = interrupt.recv() => Ok(()),
         _ = terminate.recv() => Ok(()),
     };
-    node.leave().await;
+    node.shut_down().await;
     drop(lock);
     outcome
 }
 
-/// One process for one machine's name: the system gives the lock back when it dies.
+/// Takes the lock of this node's name. The system releases it when this process ends.
 fn lock(folder: &SessionDir) -> Result<File, StackError> {
     let path = folder.path().join("node.lock");
     let fail = |e: std::io::Error| StackError::io(&path, e);
@@ -122,31 +122,31 @@ fn lock(folder: &SessionDir) -> Result<File, StackError> {
     }
 }
 
-/// Tries until the stack is there.
-async fn reach(session: &str, name: &str, link: &Link) -> Bus {
+/// Connects to the bus. Retries until the stack answers.
+async fn connect(session: &str, name: &str, link: &Link) -> Bus {
     let instance = keys::node_instance(name);
     let mut told = String::new();
     loop {
-        // It is no service of a role that others look for: it is known by its instance alone, for good.
+        // A node serves no role. It is addressed by its instance only.
         match Bus::connect_instance(session, role::NODE, &instance, 0, true, link.clone()).await {
             Ok(bus) => return bus,
             Err(error) => {
                 let text = error.to_string();
                 if text != told {
-                    terminal::tell(&format!(
-                        "{text}; does the stack run, listen there, and know this machine's authority? trying again every {} s",
-                        PAUSE.as_secs()
+                    terminal::print_status(&format!(
+                        "{text}; check that the stack runs, that it listens there, and that the authority is the same; next try every {} s",
+                        RETRY_PAUSE.as_secs()
                     ));
                     told = text;
                 }
-                tokio::time::sleep(PAUSE).await;
+                tokio::time::sleep(RETRY_PAUSE).await;
             }
         }
     }
 }
 
 /// A process that runs for the stack.
-struct Running {
+struct RunningProcess {
     instance: String,
     pid: u32,
     stop: Duration,
@@ -158,42 +158,48 @@ struct Node {
     life: String,
     link: Link,
     folder: SessionDir,
-    roster: Roster,
-    asked: mpsc::Receiver<Asked>,
-    exits: mpsc::Receiver<(Incarnation, Exit)>,
-    exit_sender: mpsc::Sender<(Incarnation, Exit)>,
-    answers: mpsc::Receiver<Answer>,
-    answer_sender: mpsc::Sender<Answer>,
+    registry: PidRegistry,
+    requests: mpsc::Receiver<Request>,
+    exits: mpsc::Receiver<(ProcessId, Exit)>,
+    exit_sender: mpsc::Sender<(ProcessId, Exit)>,
+    answers: mpsc::Receiver<ReportAnswer>,
+    answer_sender: mpsc::Sender<ReportAnswer>,
     lines: mpsc::Sender<(String, String)>,
-    running: BTreeMap<Incarnation, Running>,
-    /// Not acknowledged yet.
+    running: BTreeMap<ProcessId, RunningProcess>,
+    /// Ends that the supervisor has not acknowledged.
     ended: Vec<Ended>,
     starts: u64,
     lease: Duration,
-    /// When this machine last said something that was answered.
+    /// Time of the last report that was answered.
     answered: Option<Instant>,
     waits_for_answer: bool,
-    /// What was told last of why it is not answered.
-    told: String,
+    /// Last reason for a missing answer, to print each reason once.
+    last_problem: String,
     _serving: Vec<Serving>,
 }
 
 impl Node {
-    async fn begin(bus: Bus, name: &str, link: Link, folder: SessionDir, roster: Roster) -> Result<Self, StackError> {
-        let (sender, asked) = mpsc::channel(CAPACITY);
+    async fn new(
+        bus: Bus,
+        name: &str,
+        link: Link,
+        folder: SessionDir,
+        registry: PidRegistry,
+    ) -> Result<Self, StackError> {
+        let (sender, requests) = mpsc::channel(CAPACITY);
         let serving = serve(&bus, &sender).await?;
         let (exit_sender, exits) = mpsc::channel(CAPACITY);
         let (answer_sender, answers) = mpsc::channel(CAPACITY);
         let (lines, waiting) = mpsc::channel(LINES);
-        tokio::spawn(pass_on(bus.clone(), waiting));
+        tokio::spawn(send_lines(bus.clone(), waiting));
         Ok(Self {
             life: Context::root().id,
             bus,
             name: name.to_owned(),
             link,
             folder,
-            roster,
-            asked,
+            registry,
+            requests,
             exits,
             exit_sender,
             answers,
@@ -205,49 +211,49 @@ impl Node {
             lease: LEASE,
             answered: None,
             waits_for_answer: false,
-            told: String::new(),
+            last_problem: String::new(),
             _serving: serving,
         })
     }
 
-    /// Runs what is asked for until the supervisor refuses this machine for good.
+    /// Serves requests until the supervisor refuses this node for good.
     async fn run(&mut self) -> StackError {
-        let mut beat = tokio::time::interval(BEAT);
-        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut report_timer = tokio::time::interval(REPORT_PERIOD);
+        report_timer.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
-                _ = beat.tick() => self.speak(),
-                Some(asked) = self.asked.recv() => self.obey(asked),
-                Some((incarnation, exit)) = self.exits.recv() => {
-                    self.note_end(incarnation, exit);
-                    self.speak();
+                _ = report_timer.tick() => self.send_report(),
+                Some(request) = self.requests.recv() => self.handle_request(request),
+                Some((id, exit)) = self.exits.recv() => {
+                    self.process_ended(id, exit);
+                    self.send_report();
                 }
                 Some(answer) = self.answers.recv() => {
-                    if let Some(failure) = self.take(answer) {
+                    if let Some(failure) = self.handle_answer(answer) {
                         return failure;
                     }
                 }
             }
-            self.keep_lease();
+            self.check_lease();
         }
     }
 
-    /// Says that this machine is there and what it runs, unless that was just said and is not answered yet.
-    fn speak(&mut self) {
+    /// Sends a report, unless an earlier one is still unanswered.
+    fn send_report(&mut self) {
         if std::mem::replace(&mut self.waits_for_answer, true) {
             return;
         }
-        let request = self.word();
+        let request = self.report();
         let (bus, sender, ended) = (self.bus.clone(), self.answer_sender.clone(), request.ended.len());
         tokio::spawn(async move {
-            let said = Instant::now();
+            let sent = Instant::now();
             let outcome = bus.ask(&keys::JOIN, &request, &Context::root().deadline_in(ANSWER)).await;
-            // Who has left does not care.
-            let _ = sender.send(Answer { said, ended, outcome }).await;
+            // After the end of the node the answer is of no use.
+            let _ = sender.send(ReportAnswer { sent, ended, outcome }).await;
         });
     }
 
-    fn word(&self) -> JoinRequest {
+    fn report(&self) -> JoinRequest {
         JoinRequest {
             node: self.name.clone(),
             life: self.life.clone(),
@@ -259,24 +265,24 @@ impl Node {
         }
     }
 
-    /// Takes an answer. What is returned is no reason to go on.
-    fn take(&mut self, answer: Answer) -> Option<StackError> {
+    /// Handles the answer to a report. Returns an error if the node must stop.
+    fn handle_answer(&mut self, answer: ReportAnswer) -> Option<StackError> {
         self.waits_for_answer = false;
         match answer.outcome {
             Ok(reply) => {
                 if self.answered.is_none() {
-                    self.told.clear();
-                    terminal::tell("joined; Ctrl-C leaves");
+                    self.last_problem.clear();
+                    terminal::print_status("joined; press Ctrl-C to leave");
                 }
-                self.answered = Some(answer.said);
+                self.answered = Some(answer.sent);
                 self.lease = Duration::from_millis(reply.lease_ms);
                 self.ended.drain(..answer.ended.min(self.ended.len()));
                 for (_, process) in self.running.iter().filter(|(_, r)| reply.strays.contains(&r.instance)) {
-                    terminal::tell(&format!("{}: not known to the supervisor; ended", process.instance));
+                    terminal::print_status(&format!("{}: unknown to the supervisor; ended", process.instance));
                     kill(process);
                 }
                 if !self.ended.is_empty() {
-                    self.speak();
+                    self.send_report();
                 }
                 None
             }
@@ -285,32 +291,32 @@ impl Node {
             }
             Err(fault) => {
                 let text = fault.to_string();
-                if self.answered.is_none() && text != self.told {
-                    terminal::tell(&format!("{text}; trying again"));
-                    self.told = text;
+                if self.answered.is_none() && text != self.last_problem {
+                    terminal::print_status(&format!("{text}; retrying"));
+                    self.last_problem = text;
                 }
                 None
             }
         }
     }
 
-    /// Ends what runs once this machine has not been answered for its lease.
-    fn keep_lease(&mut self) {
+    /// Ends all processes once the lease has run out.
+    fn check_lease(&mut self) {
         if self.answered.is_some_and(|at| at.elapsed() >= self.lease) {
             self.answered = None;
             let count = self.running.len();
-            terminal::tell(&format!("the stack is away; {count} processes that ran for it end"));
+            terminal::print_status(&format!("the stack does not answer; its {count} processes here end"));
             self.running.values().for_each(kill);
         }
     }
 
-    fn obey(&mut self, asked: Asked) {
-        // Whoever asked may have given up; then this machine's next word tells what runs.
-        match asked {
-            Asked::Start(request, reply) => {
+    fn handle_request(&mut self, request: Request) {
+        // The requester may have given up. The next report says what runs.
+        match request {
+            Request::Start(request, reply) => {
                 let _ = reply.send(self.start(&request));
             }
-            Asked::Signal(request, reply) => {
+            Request::Signal(request, reply) => {
                 let signal = if request.kill { Signal::SIGKILL } else { Signal::SIGTERM };
                 if let Some(process) = self.running.values().find(|r| r.instance == request.instance) {
                     send(process, signal);
@@ -325,12 +331,12 @@ impl Node {
             return Err(Fault::unavailable("this machine has no lease"));
         }
         if self.running.len() >= PROCESSES {
-            return Err(Fault::exhausted(format!("{PROCESSES} processes run here already")));
+            return Err(Fault::exhausted(format!("{PROCESSES} processes run here; that is the limit")));
         }
         if request.exec.contains('/') {
-            return Err(Fault::invalid(format!("executable `{}`: a name without a path is looked up", request.exec)));
+            return Err(Fault::invalid(format!("executable `{}`: give a name without a path", request.exec)));
         }
-        let executable = Search::here_then_path().find(&request.exec, std::path::Path::new(""));
+        let executable = ExecutableSearch::here_then_path().find(&request.exec, std::path::Path::new(""));
         let executable = executable.map_err(|e| Fault::not_found(e.to_string()))?;
         let stop = Duration::from_millis(request.stop_ms);
         let serving = serve_arguments::Serving {
@@ -344,27 +350,27 @@ impl Node {
             standby: request.standby,
             stop,
         };
-        let incarnation = Incarnation(self.starts + 1);
-        let order = Order {
-            incarnation,
+        let id = ProcessId(self.starts + 1);
+        let spawn_request = SpawnRequest {
+            id,
             executable: executable.clone(),
             arguments: serving.arguments(),
             env: request.env.iter().map(|v| (v.name.clone(), v.value.clone())).collect(),
         };
         let log = Log { instance: request.instance.clone(), lines: self.lines.clone() };
-        let pid = spawn::start(order, log, self.exit_sender.clone())
+        let pid = spawn::start(spawn_request, log, self.exit_sender.clone())
             .map_err(|e| Fault::internal(format!("{} cannot be started: {e}", executable.display())))?;
         self.starts += 1;
-        self.roster.add(pid);
-        self.running.insert(incarnation, Running { instance: request.instance.clone(), pid, stop });
-        terminal::tell(&format!("{}: {}, process {pid}", request.instance, executable.display()));
+        self.registry.add(pid);
+        self.running.insert(id, RunningProcess { instance: request.instance.clone(), pid, stop });
+        terminal::print_status(&format!("{}: {}, process {pid}", request.instance, executable.display()));
         Ok(StartReply { pid, number: self.starts, executable: executable.display().to_string() })
     }
 
-    fn note_end(&mut self, incarnation: Incarnation, exit: Exit) {
-        let Some(process) = self.running.remove(&incarnation) else { return };
-        self.roster.remove(process.pid);
-        terminal::tell(&format!("{}: {}", process.instance, exit.reason));
+    fn process_ended(&mut self, id: ProcessId, exit: Exit) {
+        let Some(process) = self.running.remove(&id) else { return };
+        self.registry.remove(process.pid);
+        terminal::print_status(&format!("{}: {}", process.instance, exit.reason));
         self.ended.push(Ended {
             instance: process.instance,
             exited: exit.status.is_some(),
@@ -373,17 +379,20 @@ impl Node {
         });
     }
 
-    /// Asks what runs to stop, ends what does not, and says so.
-    async fn leave(mut self) {
+    /// Asks all processes to stop, kills the rest, and reports their ends.
+    async fn shut_down(mut self) {
         let stop = self.running.values().map(|r| r.stop).max().unwrap_or_default();
         self.running.values().for_each(|r| send(r, Signal::SIGTERM));
         let deadline = tokio::time::Instant::now() + stop;
         let mut killed = false;
         while !self.running.is_empty() {
-            match tokio::time::timeout_at(deadline + if killed { PAUSE } else { Duration::ZERO }, self.exits.recv())
-                .await
+            match tokio::time::timeout_at(
+                deadline + if killed { RETRY_PAUSE } else { Duration::ZERO },
+                self.exits.recv(),
+            )
+            .await
             {
-                Ok(Some((incarnation, exit))) => self.note_end(incarnation, exit),
+                Ok(Some((id, exit))) => self.process_ended(id, exit),
                 Ok(None) => break,
                 Err(_) if killed => break,
                 Err(_) => {
@@ -392,19 +401,19 @@ impl Node {
                 }
             }
         }
-        // A stack that is away learns it from the lease.
-        let _ = self.bus.ask(&keys::JOIN, &self.word(), &Context::root().deadline_in(ANSWER)).await;
+        // A stack that does not answer learns it from the lease.
+        let _ = self.bus.ask(&keys::JOIN, &self.report(), &Context::root().deadline_in(ANSWER)).await;
         self.bus.close().await;
     }
 }
 
-fn kill(process: &Running) {
+fn kill(process: &RunningProcess) {
     send(process, Signal::SIGKILL);
 }
 
-fn send(process: &Running, signal: Signal) {
+fn send(process: &RunningProcess, signal: Signal) {
     if let Err(error) = spawn::signal(process.pid, signal) {
-        terminal::tell(&format!("{signal} could not be sent to {}: {error}", process.instance));
+        terminal::print_status(&format!("{signal} could not be sent to {}: {error}", process.instance));
     }
 }
 
@@ -412,31 +421,31 @@ fn leaving() -> Fault {
     Fault::unavailable("this machine is leaving")
 }
 
-async fn serve(bus: &Bus, asked: &mpsc::Sender<Asked>) -> Result<Vec<Serving>, BusError> {
+async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Serving>, BusError> {
     Ok(vec![
-        forward(bus, &keys::NODE_START, asked, |request, reply| Asked::Start(Box::new(request), reply), leaving)
+        forward(bus, &keys::NODE_START, requests, |request, reply| Request::Start(Box::new(request), reply), leaving)
             .await?,
-        forward(bus, &keys::NODE_SIGNAL, asked, Asked::Signal, leaving).await?,
+        forward(bus, &keys::NODE_SIGNAL, requests, Request::Signal, leaving).await?,
     ])
 }
 
-/// Where the lines of one process go.
+/// Destination of one process's lines.
 #[derive(Clone)]
 struct Log {
     instance: String,
     lines: mpsc::Sender<(String, String)>,
 }
 
-impl Lines for Log {
+impl LineSink for Log {
     fn line(&self, line: &str) {
         let end = line.floor_char_boundary(LINE_BYTES);
-        // A process that says more than can be sent loses what is too much, not its time.
+        // A process that writes too much loses lines, not time.
         let _ = self.lines.try_send((self.instance.clone(), line.get(..end).unwrap_or_default().to_owned()));
     }
 }
 
-/// Sends lines to the supervisor, many at once where they come fast.
-async fn pass_on(bus: Bus, mut waiting: mpsc::Receiver<(String, String)>) {
+/// Sends lines to the supervisor, in batches.
+async fn send_lines(bus: Bus, mut waiting: mpsc::Receiver<(String, String)>) {
     let mut batch = Vec::new();
     while waiting.recv_many(&mut batch, LINES_AT_ONCE).await > 0 {
         let mut by_instance: BTreeMap<String, Vec<String>> = BTreeMap::new();
@@ -444,7 +453,7 @@ async fn pass_on(bus: Bus, mut waiting: mpsc::Receiver<(String, String)>) {
             by_instance.entry(instance).or_default().push(line);
         }
         for (instance, lines) in by_instance {
-            // Lost lines show in the stream's numbers.
+            // Lost lines show in the stream's sequence numbers.
             let _ = bus.publish(&keys::NODE_LOG, &LogLines { instance, lines }, &Context::root()).await;
         }
     }

@@ -1,6 +1,6 @@
-//! Processes that a supervisor has started, written down so that the next one can make sure that they are gone.
+//! A session's file of process ids, with which a new supervisor ends the processes of the last one.
 //!
-//! Services die with their supervisor, but they need a moment, and two of one role must never serve at once.
+//! Services die with their supervisor, but not at once. Two processes must never serve one role.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,81 +11,82 @@ use nix::sys::signal::Signal;
 use crate::error::StackError;
 use crate::spawn::signal;
 
-/// How long processes of a supervisor that died may take to follow it before they are killed.
-const PATIENCE: Duration = Duration::from_millis(1500);
-/// How long the system may take to remove them then.
-const REMOVAL: Duration = Duration::from_secs(3);
+/// How long old processes may take to end before they are killed.
+const FOLLOW_TIME: Duration = Duration::from_millis(1500);
+/// How long killed processes may take to disappear.
+const REMOVAL_TIME: Duration = Duration::from_secs(3);
 
-/// The list of a session's processes.
+/// The process ids of a session.
 #[derive(Debug)]
-pub(crate) struct Roster {
+pub(crate) struct PidRegistry {
     path: PathBuf,
     running: BTreeMap<u32, u64>,
 }
 
-impl Roster {
-    /// Waits until every process of the list that is there is gone, killing those that do not go, and begins a new list.
+impl PidRegistry {
+    /// Waits until every recorded process is gone, kills those that stay, and starts an empty list.
     ///
     /// # Errors
-    /// [`StackError::Leftover`] names a process that does not go.
-    pub(crate) async fn begin(session: &Path) -> Result<Self, StackError> {
-        let roster = Self { path: session.join("processes"), running: BTreeMap::new() };
-        let text = std::fs::read_to_string(&roster.path).unwrap_or_default();
+    /// [`StackError::Leftover`] names a process that stays.
+    pub(crate) async fn open(session: &Path) -> Result<Self, StackError> {
+        let registry = Self { path: session.join("processes"), running: BTreeMap::new() };
+        let text = std::fs::read_to_string(&registry.path).unwrap_or_default();
         let old: Vec<(u32, u64)> = text.lines().filter_map(entry).collect();
-        let left =
-            || old.iter().filter(|(pid, born)| birth(*pid) == Some(*born)).map(|(pid, _)| *pid).collect::<Vec<_>>();
+        let left = || {
+            old.iter().filter(|(pid, start)| start_time(*pid) == Some(*start)).map(|(pid, _)| *pid).collect::<Vec<_>>()
+        };
         let began = Instant::now();
         let mut killed = false;
         loop {
             let left = left();
             let Some(first) = left.first() else { break };
-            if began.elapsed() > PATIENCE && !killed {
+            if began.elapsed() > FOLLOW_TIME && !killed {
                 killed = true;
                 for pid in &left {
-                    // It may have gone since; if the system refuses, the wait below ends with an error.
+                    // The process may be gone by now. If the signal is refused, the wait below ends with an error.
                     let _ = signal(*pid, Signal::SIGKILL);
                 }
             }
-            if began.elapsed() > PATIENCE + REMOVAL {
+            if began.elapsed() > FOLLOW_TIME + REMOVAL_TIME {
                 return Err(StackError::Leftover(*first));
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        Ok(roster)
+        Ok(registry)
     }
 
-    /// Notes a process that was started.
+    /// Adds a started process.
     pub(crate) fn add(&mut self, pid: u32) {
-        if let Some(born) = birth(pid) {
-            self.running.insert(pid, born);
+        if let Some(start) = start_time(pid) {
+            self.running.insert(pid, start);
             self.write();
         }
     }
 
-    /// Notes that a process is gone.
+    /// Removes an ended process.
     pub(crate) fn remove(&mut self, pid: u32) {
         self.running.remove(&pid);
         self.write();
     }
 
     fn write(&self) {
-        let text: String = self.running.iter().map(|(pid, born)| format!("{pid} {born}\n")).collect();
+        let text: String = self.running.iter().map(|(pid, start)| format!("{pid} {start}\n")).collect();
         let part = self.path.with_extension("tmp");
-        // Only a later run after a sudden death reads this, and it can do without.
+        // Only the next run after a crash reads this file. It works without it.
         let _ = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &self.path));
     }
 }
 
 fn entry(line: &str) -> Option<(u32, u64)> {
-    let (pid, born) = line.split_once(' ')?;
-    Some((pid.parse().ok()?, born.parse().ok()?))
+    let (pid, start) = line.split_once(' ')?;
+    Some((pid.parse().ok()?, start.parse().ok()?))
 }
 
-/// When a living process was started, in ticks since the system's; with its id this names it for good, since ids are used
-/// again. `None` for one that is gone or a zombie.
-pub fn birth(pid: u32) -> Option<u64> {
+/// Start time of a living process, in clock ticks since boot. Process ids are reused, so id and start time together
+/// identify a process. `None` for a missing process or a zombie.
+pub fn start_time(pid: u32) -> Option<u64> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The second field is the name in brackets and may hold anything: fields are counted from its end.
+    // The second field is the name in brackets, with any characters. Count fields from its end.
     let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
     let state = *fields.first()?;
     if state == "Z" || state == "X" { None } else { fields.get(19)?.parse().ok() }
@@ -97,24 +98,24 @@ mod tests {
     use std::os::unix::process::CommandExt;
 
     #[tokio::test]
-    async fn what_is_left_is_ended_before_a_new_run_begins() {
+    async fn leftover_processes_are_ended() {
         let folder = tempfile::tempdir().unwrap();
-        let mut roster = Roster::begin(folder.path()).await.unwrap();
+        let mut registry = PidRegistry::open(folder.path()).await.unwrap();
         let mut child = std::process::Command::new("sleep").arg("60").process_group(0).spawn().unwrap();
-        roster.add(child.id());
-        // The same id with another birth is another process, which is left alone.
-        roster.running.insert(std::process::id(), 1);
-        roster.write();
-        // A zombie is gone: nothing of it runs.
+        registry.add(child.id());
+        // The same id with another start time is another process. It stays.
+        registry.running.insert(std::process::id(), 1);
+        registry.write();
+        // A zombie counts as gone.
         let began = Instant::now();
-        Roster::begin(folder.path()).await.unwrap();
-        assert!(began.elapsed() >= PATIENCE && began.elapsed() < PATIENCE + REMOVAL);
+        PidRegistry::open(folder.path()).await.unwrap();
+        assert!(began.elapsed() >= FOLLOW_TIME && began.elapsed() < FOLLOW_TIME + REMOVAL_TIME);
         assert_eq!(std::os::unix::process::ExitStatusExt::signal(&child.wait().unwrap()), Some(9));
     }
 
     #[test]
-    fn this_process_was_born() {
-        assert!(birth(std::process::id()).is_some_and(|b| b > 0));
-        assert_eq!(birth(u32::MAX), None);
+    fn this_process_has_a_start_time() {
+        assert!(start_time(std::process::id()).is_some_and(|b| b > 0));
+        assert_eq!(start_time(u32::MAX), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Processes of services: started, listened to, signalled, waited for.
+//! Starting, observing and signalling processes.
 
 use std::io;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt};
@@ -15,143 +15,160 @@ use tokio::process::Command;
 use tokio::sync::mpsc;
 
 use crate::log_line::{Level, LogLine};
-use crate::reconcile::{Exit, Incarnation};
+use crate::reconcile::{Exit, ProcessId};
 
-/// First argument by which this program knows that it stands between a supervisor and a service for a moment.
+/// First argument with which this program runs as the short-lived parent of a service.
 pub const BECOME_CHILD: &str = "become-child-of";
 
-/// First argument by which this program knows that it was started to outlive who started it.
-pub const OUTLIVE: &str = "on-its-own";
+/// First argument with which this program outlives the process that started it.
+pub const DETACHED: &str = "on-its-own";
 
-/// Longest line of a log that is kept whole, bytes.
-const MAX_LINE: usize = 64 << 10;
+/// Longest log line, bytes. The rest of a longer line is dropped.
+const MAX_LINE_BYTES: usize = 64 << 10;
 
-/// How long the output of a process that ended is read for what it still holds: a process it left behind may keep it open.
-const LAST_WORDS: Duration = Duration::from_millis(500);
+/// How long to read the output of an ended process. Its children may keep it open.
+const LAST_OUTPUT_TIME: Duration = Duration::from_millis(500);
 
-/// What is started.
+/// A process to start.
 #[derive(Debug, Clone)]
-pub(crate) struct Order {
-    pub(crate) incarnation: Incarnation,
+pub(crate) struct SpawnRequest {
+    pub(crate) id: ProcessId,
     pub(crate) executable: PathBuf,
     pub(crate) arguments: Vec<String>,
     pub(crate) env: Vec<(String, String)>,
 }
 
-/// Where the lines of a service go.
-pub(crate) trait Lines: Send + 'static {
-    /// Takes one line, without its end.
+/// A destination for the lines of a service.
+pub(crate) trait LineSink: Send + 'static {
+    /// Takes one line, without its line break.
     fn line(&self, line: &str);
 }
 
-/// A program and its arguments, to be run so that the kernel kills it when this process dies.
+/// A command for a program, such that the kernel kills the program when this process dies.
 ///
-/// The kernel forgets the wish at a fork and keeps it over an exec, so the new process has to make it itself: this program
-/// is run first, makes it, looks whether its parent is still there, and becomes the other one ([`become_child`]).
-pub fn dies_with_us(program: &std::path::Path) -> std::process::Command {
-    // Not the path of this program: that may have been replaced by a newer build meanwhile.
+/// The parent-death signal is lost at a fork and kept over an exec. The new process must set it itself. So this program
+/// runs first, sets the signal, checks that its parent is alive, and becomes the other program ([`become_child`]).
+pub fn tied_to_parent(program: &std::path::Path) -> std::process::Command {
+    // Not the path of this program: a newer build may have replaced it.
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg0("supergaussian").arg(BECOME_CHILD).arg(std::process::id().to_string()).arg(program);
     command
 }
 
-/// This program, to be run so that it outlives this process; its arguments follow. The other end is [`drop_inherited`].
-pub fn outliving() -> std::process::Command {
+/// This program, as a command that outlives this process. The new process calls [`close_inherited`] first.
+pub fn detached() -> std::process::Command {
     let mut command = std::process::Command::new("/proc/self/exe");
-    command.arg0("supergaussian").arg(OUTLIVE);
+    command.arg0("supergaussian").arg(DETACHED);
     command
 }
 
-/// The other end of [`outliving`], before anything is opened: lets go of what was inherited.
-pub fn drop_inherited() {
-    close_inherited();
+/// A process that could not become the program of [`tied_to_parent`].
+#[derive(Debug, thiserror::Error)]
+pub enum BecomeChildError {
+    /// The arguments are not those of [`tied_to_parent`].
+    #[error("`{BECOME_CHILD}` is for internal use")]
+    Arguments,
+    /// The kernel refused the parent-death signal.
+    #[error("the parent-death signal cannot be set: {0}")]
+    DeathSignal(Errno),
+    /// The parent ended before the signal was set.
+    #[error("the parent has ended already")]
+    ParentGone,
+    /// The program cannot be started.
+    #[error("{} cannot be started: {source}", .program.display())]
+    Exec {
+        /// The program.
+        program: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
 }
 
-/// The other end of [`dies_with_us`]: becomes the program named in the arguments. Returns only if it cannot.
-pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> String {
+/// The new process of [`tied_to_parent`]: becomes the program in the arguments. Returns only on failure.
+pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> BecomeChildError {
     let parent = arguments.next().and_then(|a| a.to_str()?.parse::<i32>().ok());
     let (Some(parent), Some(program)) = (parent, arguments.next()) else {
-        return format!("`{BECOME_CHILD}` is for the supervisor's own use");
+        return BecomeChildError::Arguments;
     };
     if let Err(error) = nix::sys::prctl::set_pdeathsig(Signal::SIGKILL) {
-        return format!("the kernel does not watch the parent: {error}");
+        return BecomeChildError::DeathSignal(error);
     }
     if getppid() != Pid::from_raw(parent) {
-        return "the parent is gone already".to_owned();
+        return BecomeChildError::ParentGone;
     }
     close_inherited();
-    let error = std::process::Command::new(&program).args(arguments).exec();
-    format!("{} cannot be started: {error}", program.display())
+    let source = std::process::Command::new(&program).args(arguments).exec();
+    BecomeChildError::Exec { program: program.into(), source }
 }
 
-/// Closes everything but the standard streams. The bus's lock on its socket would pass on to services (it is not opened
-/// close-on-exec), outlive the supervisor in what they start, and keep the next supervisor from opening the session.
-fn close_inherited() {
+/// Closes all descriptors but the standard streams. The bus opens its socket lock without close-on-exec. A service that
+/// inherited the lock would outlive the supervisor with it, and block the next supervisor.
+pub fn close_inherited() {
     let entries = std::fs::read_dir("/proc/self/fd").into_iter().flatten().flatten();
     let open: Vec<i32> = entries.filter_map(|e| e.file_name().to_str()?.parse().ok()).collect();
     for descriptor in open.into_iter().filter(|d| *d > 2) {
-        // The descriptor of the listing itself is closed already.
+        // The descriptor of this listing is closed already.
         let _ = nix::unistd::close(descriptor);
     }
 }
 
-/// Starts a process in a process group of its own, so that Ctrl-C at the terminal does not reach it before its turn.
-/// When it is gone, how it ended goes to `exits`.
+/// Starts a process in its own process group, so that Ctrl-C at the terminal does not reach it. Its end goes to
+/// `exits`.
 ///
-/// Must be called on a thread that lives as long as the supervisor: the kernel takes the end of the thread that started a
-/// process for the death of its parent.
+/// Call it on a thread that lives as long as the supervisor. The kernel takes the end of that thread for the death of
+/// the parent.
 ///
 /// # Errors
-/// What the system said.
+/// The system's error.
 pub(crate) fn start(
-    order: Order,
-    lines: impl Lines + Clone,
-    exits: mpsc::Sender<(Incarnation, Exit)>,
+    request: SpawnRequest,
+    lines: impl LineSink + Clone,
+    exits: mpsc::Sender<(ProcessId, Exit)>,
 ) -> io::Result<u32> {
-    let mut command = dies_with_us(&order.executable);
-    command.args(&order.arguments).envs(order.env);
+    let mut command = tied_to_parent(&request.executable);
+    command.args(&request.arguments).envs(request.env);
     let (pid, ended) = run(command, lines)?;
     tokio::spawn(async move {
-        // The receiver lives as long as the supervisor; without it nobody wants to know.
-        let _ = exits.send((order.incarnation, ended.await)).await;
+        // Without a supervisor the exit is of no use.
+        let _ = exits.send((request.id, ended.await)).await;
     });
     Ok(pid)
 }
 
-/// Starts a command in a process group of its own: its process id, and how it ended, to be waited for.
+/// Starts a command in its own process group. Returns its process id, and a future for its end.
 ///
 /// # Errors
-/// What the system said.
+/// The system's error.
 pub(crate) fn run(
     command: std::process::Command,
-    lines: impl Lines + Clone,
+    lines: impl LineSink + Clone,
 ) -> io::Result<(u32, impl Future<Output = Exit> + Send + 'static)> {
     let mut command = Command::from(command);
     command.process_group(0);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn()?;
-    let pid = child.id().ok_or_else(|| io::Error::other("the process was gone at once"))?;
-    let last = LastWords::default();
+    let pid = child.id().ok_or_else(|| io::Error::other("the process ended at once"))?;
+    let last = LastLines::default();
     let streams = [
-        child.stdout.take().map(|s| tokio::spawn(listen(BufReader::new(s), lines.clone(), last.clone()))),
-        child.stderr.take().map(|s| tokio::spawn(listen(BufReader::new(s), lines, last.clone()))),
+        child.stdout.take().map(|s| tokio::spawn(read_lines(BufReader::new(s), lines.clone(), last.clone()))),
+        child.stderr.take().map(|s| tokio::spawn(read_lines(BufReader::new(s), lines, last.clone()))),
     ];
     let ended = async move {
         let status = child.wait().await;
-        // Whatever it started itself goes with it.
+        // Kill the whole group, with all children of the process.
         let _ = signal(pid, Signal::SIGKILL);
         for stream in streams.into_iter().flatten() {
-            let _ = tokio::time::timeout(LAST_WORDS, stream).await;
+            let _ = tokio::time::timeout(LAST_OUTPUT_TIME, stream).await;
         }
-        describe(status, &last)
+        describe_exit(status, &last)
     };
     Ok((pid, ended))
 }
 
-/// Sends a signal to a process and whatever it started. A process that is gone is no error.
+/// Sends a signal to a process group. A missing process is not an error.
 ///
 /// # Errors
-/// What the system said.
+/// The system's error.
 pub fn signal(pid: u32, signal: Signal) -> io::Result<()> {
     let pid = i32::try_from(pid).map_err(io::Error::other)?;
     match killpg(Pid::from_raw(pid), signal) {
@@ -160,12 +177,12 @@ pub fn signal(pid: u32, signal: Signal) -> io::Result<()> {
     }
 }
 
-/// The line that says best why a process ended: its last error, else its last line.
+/// The line that best explains the end of a process: its last error, else its last line.
 #[derive(Debug, Clone, Default)]
-struct LastWords(Arc<Mutex<(Option<String>, Option<String>)>>);
+struct LastLines(Arc<Mutex<(Option<String>, Option<String>)>>);
 
-impl LastWords {
-    fn hear(&self, line: &str) {
+impl LastLines {
+    fn note(&self, line: &str) {
         let parsed = LogLine::parse(line);
         let mut words = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if parsed.level == Level::Error {
@@ -181,39 +198,39 @@ impl LastWords {
     }
 }
 
-async fn listen(mut stream: impl AsyncBufRead + Unpin, lines: impl Lines, last: LastWords) {
+async fn read_lines(mut stream: impl AsyncBufRead + Unpin, lines: impl LineSink, last: LastLines) {
     let mut line = Vec::new();
     loop {
         let (taken, whole) = match stream.fill_buf().await {
-            // Nothing more comes, or nothing more can be read.
+            // End of the stream, or a read error.
             Ok([]) | Err(_) => break,
             Ok(buffer) => {
                 let end = buffer.iter().position(|b| *b == b'\n');
                 let part = buffer.get(..end.unwrap_or(buffer.len())).unwrap_or_default();
-                let room = MAX_LINE.saturating_sub(line.len());
+                let room = MAX_LINE_BYTES.saturating_sub(line.len());
                 line.extend_from_slice(part.get(..room.min(part.len())).unwrap_or_default());
                 (end.map_or(buffer.len(), |e| e + 1), end.is_some())
             }
         };
         stream.consume(taken);
         if whole {
-            pass_on(&mut line, &lines, &last);
+            forward_line(&mut line, &lines, &last);
         }
     }
     if !line.is_empty() {
-        pass_on(&mut line, &lines, &last);
+        forward_line(&mut line, &lines, &last);
     }
 }
 
-fn pass_on(line: &mut Vec<u8>, lines: &impl Lines, last: &LastWords) {
+fn forward_line(line: &mut Vec<u8>, lines: &impl LineSink, last: &LastLines) {
     let text = String::from_utf8_lossy(line);
     let text = text.trim_end_matches('\r');
-    last.hear(text);
+    last.note(text);
     lines.line(text);
     line.clear();
 }
 
-fn describe(status: io::Result<ExitStatus>, last: &LastWords) -> Exit {
+fn describe_exit(status: io::Result<ExitStatus>, last: &LastLines) -> Exit {
     let status = match status {
         Ok(status) => status,
         Err(error) => return Exit { status: None, reason: format!("cannot be waited for: {error}") },
@@ -223,7 +240,7 @@ fn describe(status: io::Result<ExitStatus>, last: &LastWords) -> Exit {
         (Some(code), _) => format!("exit status {code}"),
         (None, Some(number)) => {
             let name = Signal::try_from(number).map_or_else(|_| number.to_string(), |s| s.to_string());
-            // What it said before has nothing to do with a signal that others sent.
+            // The output is unrelated to a signal from outside.
             return Exit { status: None, reason: format!("killed by {name}") };
         }
         (None, None) => status.to_string(),
@@ -239,7 +256,7 @@ mod tests {
     #[derive(Clone, Default)]
     struct Kept(Arc<Mutex<Vec<String>>>);
 
-    impl Lines for Kept {
+    impl LineSink for Kept {
         fn line(&self, line: &str) {
             self.0.lock().unwrap().push(line.to_owned());
         }
@@ -247,26 +264,26 @@ mod tests {
 
     #[tokio::test]
     async fn lines_are_split_bounded_and_remembered() {
-        let (kept, last) = (Kept::default(), LastWords::default());
-        let long = "x".repeat(MAX_LINE + 10);
+        let (kept, last) = (Kept::default(), LastLines::default());
+        let long = "x".repeat(MAX_LINE_BYTES + 10);
         let text =
             format!("one\r\n\n{long}\n{{\"level\":\"ERROR\",\"message\":\"no such file\",\"path\":\"a\"}}\nafter");
         let bytes = [text.as_bytes(), b"\xff\ntail"].concat();
-        listen(BufReader::new(bytes.as_slice()), kept.clone(), last.clone()).await;
+        read_lines(BufReader::new(bytes.as_slice()), kept.clone(), last.clone()).await;
         let lines = kept.0.lock().unwrap();
         assert_eq!(lines.len(), 6);
         assert_eq!(
             (lines[0].as_str(), lines[1].as_str(), lines[2].len(), lines[5].as_str()),
-            ("one", "", MAX_LINE, "tail")
+            ("one", "", MAX_LINE_BYTES, "tail")
         );
         assert_eq!(last.get().as_deref(), Some("no such file path=a"));
     }
 
     #[test]
-    fn an_end_is_described_with_the_last_words() {
-        let last = LastWords::default();
-        last.hear("about to give up");
-        let exit = |raw| describe(Ok(ExitStatus::from_raw(raw)), &last);
+    fn exit_reason_has_the_last_line() {
+        let last = LastLines::default();
+        last.note("about to give up");
+        let exit = |raw| describe_exit(Ok(ExitStatus::from_raw(raw)), &last);
         assert_eq!(exit(0), Exit { status: Some(0), reason: "ended by itself".into() });
         assert_eq!(exit(3 << 8), Exit { status: Some(3), reason: "exit status 3: about to give up".into() });
         assert_eq!(exit(9), Exit { status: None, reason: "killed by SIGKILL".into() });

@@ -1,9 +1,9 @@
-//! Status lines on standard error, and text for them: colours and times.
+//! Status lines on standard error, and formats for them: colours and times.
 
 use std::io::{self, IsTerminal, Write};
 
 /// Writes a status line to standard error. Ignores a closed stream: supervision goes on without a reader.
-pub fn tell(line: &str) {
+pub fn print_status(line: &str) {
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
@@ -52,7 +52,7 @@ pub fn paint(color: Color, text: &str, colored: bool) -> String {
 
 /// A time in milliseconds for people: `312 ms`, `1.4 s`, `2 min 5 s`, `3 h 20 min`.
 #[must_use]
-pub fn time(ms: f64) -> String {
+pub fn format_time(ms: f64) -> String {
     let seconds = ms / 1000.0;
     match ms {
         ms if ms < 9.95 => format!("{ms:.1} ms"),
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn times_have_a_unit_that_fits() {
-        let times = [0.04, 312.4, 999.7, 1400.0, 59_949.0, 125_000.0, 12_000_000.0].map(time);
+        let times = [0.04, 312.4, 999.7, 1400.0, 59_949.0, 125_000.0, 12_000_000.0].map(format_time);
         assert_eq!(times, ["0.0 ms", "312 ms", "1.0 s", "1.4 s", "59.9 s", "2 min 5 s", "3 h 20 min"]);
     }
 }

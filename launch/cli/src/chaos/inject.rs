@@ -1,4 +1,4 @@
-//! Makes faults happen, one after another, and waits until the stack has recovered from each.
+//! Injects faults one after another. Waits until the stack has recovered from each.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -15,76 +15,76 @@ use sg_runtime::context::Context;
 use tokio::sync::watch;
 
 use super::plan::{Fault, Kind};
-use super::session::Act;
-use super::stack::{self, GLANCE, Process, Stack, signal};
+use super::session::SessionStep;
+use super::stack::{self, POLL_PERIOD, Process, Stack, signal};
 use crate::playback::Counts;
-use crate::terminal::{self, Failure, time};
+use crate::terminal::{self, Failure, format_time};
 
-/// How long the stack may take to recover from one fault.
+/// Longest time for the recovery from one fault.
 const RECOVERY_TIME: Duration = Duration::from_secs(60);
-/// How long a service that is to be struck may take to have a process.
-const VICTIM_TIME: Duration = Duration::from_secs(30);
-/// How long a command that cannot be kept may take to be refused.
+/// Longest wait for the process of a targeted service.
+const TARGET_TIME: Duration = Duration::from_secs(30);
+/// Longest wait for the refusal of a command on a full disk.
 const REFUSAL_TIME: Duration = Duration::from_secs(10);
 
 /// A fault that the stack has recovered from.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Survived {
+pub(super) struct Recovery {
     pub(super) kind: Kind,
-    /// From the fault until every service was ready again.
+    /// Time from the fault until every service is ready again.
     pub(super) recovered: Duration,
 }
 
-/// Everything that was seen of the faults.
+/// Observations during all faults.
 #[derive(Debug, Default)]
-pub(super) struct Seen {
-    pub(super) survived: Vec<Survived>,
+pub(super) struct FaultLog {
+    pub(super) recoveries: Vec<Recovery>,
     /// Longest time that processes outlived their supervisor.
     pub(super) followed: Duration,
-    /// Processes that belong to no service, each as a line.
+    /// Processes without a service, one line each.
     pub(super) orphans: Vec<String>,
 }
 
-/// What strikes, and what tells when.
+/// Injects the faults of a plan.
 pub(super) struct Injector<'a> {
     pub(super) stack: &'a mut Stack,
     pub(super) bus: &'a Bus,
-    /// Of each service.
+    /// By service.
     pub(super) executables: &'a HashMap<String, PathBuf>,
     pub(super) plan: &'a [Fault],
-    pub(super) acts: &'a [Act],
-    /// How long each step took without faults.
+    pub(super) steps: &'a [SessionStep],
+    /// Duration of each step without faults.
     pub(super) calm: &'a [Duration],
     pub(super) begun: watch::Receiver<usize>,
     pub(super) answered: watch::Receiver<usize>,
     pub(super) set_up: watch::Sender<usize>,
     pub(super) counts: Arc<Counts>,
-    pub(super) seen: &'a mut Seen,
+    pub(super) log: &'a mut FaultLog,
 }
 
 impl Injector<'_> {
-    /// Makes every fault of the plan happen at its moment.
+    /// Injects every fault of the plan.
     pub(super) async fn run(mut self) -> Result<(), Failure> {
         let plan = self.plan;
         for (index, fault) in plan.iter().enumerate() {
             let number = index + 1;
-            let act = self.acts.get(fault.step).map_or_else(String::new, Act::name);
-            let outcome = self.strike(index, fault).await;
+            let act = self.steps.get(fault.step).map_or_else(String::new, SessionStep::name);
+            let outcome = self.inject(index, fault).await;
             let recovered = outcome
                 .map_err(|failure| Failure::Work(format!("fault {number}, {fault} ({act}): {}", failure.text())))?;
             let of = plan.len();
-            terminal::tell(&format!(
-                "[{number:>width$}/{of}] {fault} ({act}): well again after {}",
-                time(recovered.as_secs_f64() * 1e3),
+            terminal::print_status(&format!(
+                "[{number:>width$}/{of}] {fault} ({act}): recovered after {}",
+                format_time(recovered.as_secs_f64() * 1e3),
                 width = of.to_string().len()
             ));
-            self.seen.survived.push(Survived { kind: fault.kind, recovered });
+            self.log.recoveries.push(Recovery { kind: fault.kind, recovered });
         }
         Ok(())
     }
 
-    /// Waits for the moment of a fault, makes it happen and waits for the recovery; how long that took.
-    async fn strike(&mut self, index: usize, fault: &Fault) -> Result<Duration, Failure> {
+    /// Injects one fault at its moment and waits for the recovery. Returns the time of the recovery.
+    async fn inject(&mut self, index: usize, fault: &Fault) -> Result<Duration, Failure> {
         let over = |_| Failure::Work("the session ended before the fault".to_owned());
         self.begun.wait_for(|n| *n > fault.step).await.map_err(over)?;
         if fault.kind == Kind::NoRoom {
@@ -102,7 +102,7 @@ impl Injector<'_> {
             Kind::Restart => {
                 for service in &fault.whom {
                     let request = RestartRequest { service: service.clone() };
-                    let context = Context::root().deadline_in(VICTIM_TIME);
+                    let context = Context::root().deadline_in(TARGET_TIME);
                     gone.push(self.bus.ask(&keys::RESTART, &request, &context).await?.old_pid);
                 }
             }
@@ -121,8 +121,8 @@ impl Injector<'_> {
         Ok(recovered)
     }
 
-    /// Process ids of those that a fault strikes; they have to have one.
-    async fn victims(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
+    /// Process ids of a fault's targets. Waits until each target has a process.
+    async fn targets(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
         let began = Instant::now();
         loop {
             self.stack.check()?;
@@ -132,28 +132,28 @@ impl Injector<'_> {
                     return Ok(pids);
                 }
             }
-            if began.elapsed() > VICTIM_TIME {
+            if began.elapsed() > TARGET_TIME {
                 return Err(Failure::Work(format!("no process of {}", fault.whom.join(", "))));
             }
-            tokio::time::sleep(GLANCE).await;
+            tokio::time::sleep(POLL_PERIOD).await;
         }
     }
 
     async fn signal_all(&mut self, fault: &Fault, what: Signal) -> Result<Vec<u32>, Failure> {
-        let pids = self.victims(fault).await?;
+        let pids = self.targets(fault).await?;
         for pid in &pids {
             signal(*pid, what)?;
         }
         Ok(pids)
     }
 
-    /// Has a service replaced by another process of its own executable.
+    /// Swaps a service for another process of its own executable.
     async fn swap(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
-        let pids = self.victims(fault).await?;
+        let pids = self.targets(fault).await?;
         for name in &fault.whom {
             let executable = self.executables.get(name).map_or_else(String::new, |path| path.display().to_string());
             let request = SwapRequest { service: name.clone(), executable, params: String::new() };
-            self.bus.ask(&keys::SWAP, &request, &Context::root().deadline_in(VICTIM_TIME)).await?;
+            self.bus.ask(&keys::SWAP, &request, &Context::root().deadline_in(TARGET_TIME)).await?;
         }
         Ok(pids)
     }
@@ -164,7 +164,7 @@ impl Injector<'_> {
         pids.into_iter().try_for_each(|pid| signal(pid, Signal::SIGCONT))
     }
 
-    /// Kills a process, waits for the next one, and kills that some time after it was seen.
+    /// Kills a process, waits for its successor, and kills that too after a pause.
     async fn kill_twice(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
         if fault.whom.iter().any(|name| name == role::SUPERVISOR) {
             let gone = self.kill_supervisor(false).await?;
@@ -173,10 +173,10 @@ impl Injector<'_> {
         }
         let mut gone = self.signal_all(fault, Signal::SIGKILL).await?;
         let began = Instant::now();
-        while began.elapsed() < VICTIM_TIME {
-            let next = self.victims(fault).await?;
+        while began.elapsed() < TARGET_TIME {
+            let next = self.targets(fault).await?;
             if next.iter().all(|pid| !gone.contains(pid)) {
-                // As a share of the start, most of which is over after a tenth of a second.
+                // A share of the start, which is mostly over after a tenth of a second.
                 tokio::time::sleep(Duration::from_millis(fault.pause_ms / 4)).await;
                 for pid in &next {
                     signal(*pid, Signal::SIGKILL)?;
@@ -184,12 +184,12 @@ impl Injector<'_> {
                 gone.extend(next);
                 return Ok(gone);
             }
-            tokio::time::sleep(GLANCE).await;
+            tokio::time::sleep(POLL_PERIOD).await;
         }
         Err(Failure::Work("the killed process was not started again".to_owned()))
     }
 
-    /// Kills the supervisor, and with it all services or not, and starts it again at once, as a person would.
+    /// Kills the supervisor, with or without its services, and starts it again at once.
     async fn kill_supervisor(&mut self, all: bool) -> Result<Vec<u32>, Failure> {
         let before = self.stack.processes();
         if all {
@@ -201,40 +201,40 @@ impl Injector<'_> {
         self.stack.kill_supervisor().await?;
         self.stack.up()?;
         let (took, left) = self.stack.wait_gone(&before).await;
-        self.seen.followed = self.seen.followed.max(took);
-        self.seen.orphans.extend(left.iter().map(|p| format!("process {} outlived its supervisor", p.pid)));
+        self.log.followed = self.log.followed.max(took);
+        self.log.orphans.extend(left.iter().map(|p| format!("process {} outlived its supervisor", p.pid)));
         Ok(before.iter().map(|p| p.pid).chain(supervisor).collect())
     }
 
-    /// Takes the room away before the step's command comes, waits for the refusal, and gives the room back.
+    /// Simulates a full disk before the step's command, waits for the refusal, and ends the simulation.
     async fn no_room(&mut self, index: usize, fault: &Fault) -> Result<Duration, Failure> {
         let refused = |counts: &Counts| counts.refused_for_room.load(Ordering::Relaxed);
         let before = refused(&self.counts);
-        let pids = self.victims(fault).await?;
+        let pids = self.targets(fault).await?;
         let limits = pids.iter().map(|pid| limit(*pid, Some(0))).collect::<Result<Vec<_>, _>>()?;
         let began = Instant::now();
         self.set_up.send_replace(index + 1);
         while refused(&self.counts) == before && began.elapsed() < REFUSAL_TIME {
-            tokio::time::sleep(GLANCE).await;
+            tokio::time::sleep(POLL_PERIOD).await;
         }
-        // A process that the full disk has ended is found below.
+        // If the full disk ended the process, the check below finds it.
         let given_back: Result<Vec<_>, _> = pids.iter().zip(limits).map(|(pid, old)| limit(*pid, old)).collect();
-        if self.victims(fault).await? != pids {
+        if self.targets(fault).await? != pids {
             return Err(Failure::Work("the full disk ended the process".to_owned()));
         }
         given_back?;
         if refused(&self.counts) == before {
-            return Err(Failure::Work("the command was not refused as RESOURCE_EXHAUSTED".to_owned()));
+            return Err(Failure::Work("the command was not refused with RESOURCE_EXHAUSTED".to_owned()));
         }
-        let over = |_| Failure::Work("the session ended before its command was kept".to_owned());
+        let over = |_| Failure::Work("the session ended before its command was saved".to_owned());
         let kept = self.answered.wait_for(|n| *n > fault.step);
         let kept = tokio::time::timeout(RECOVERY_TIME, kept).await;
-        kept.map_err(|_| Failure::Work("there is room again, and the command is still refused".to_owned()))?
+        kept.map_err(|_| Failure::Work("the disk has room again, but the command is still refused".to_owned()))?
             .map_err(over)?;
         Ok(began.elapsed())
     }
 
-    /// Waits until every service is ready and none of these processes is among them.
+    /// Waits until every service is ready, with none of these processes.
     async fn recovery(&mut self, gone: &[u32]) -> Result<(), Failure> {
         let began = Instant::now();
         let mut last = "the supervisor does not answer".to_owned();
@@ -246,7 +246,7 @@ impl Injector<'_> {
                     None if self.stack.supervisor() == Some(ps.pid) => return Ok(()),
                     None => last = format!("the supervisor is process {}", ps.pid),
                     Some(ill) => {
-                        let state = crate::remote::state(ill);
+                        let state = crate::supervisor_client::state(ill);
                         let swap = ill.swap.as_ref().map_or("", |s| s.reason.as_str());
                         last = format!("`{}` is {state} (process {}): {} {swap}", ill.name, ill.pid, ill.reason);
                         let swap_failed = ill.swap.as_ref().is_some_and(|s| s.state() == SwapState::Failed);
@@ -256,16 +256,16 @@ impl Injector<'_> {
                     }
                 }
             }
-            tokio::time::sleep(GLANCE).await;
+            tokio::time::sleep(POLL_PERIOD).await;
         }
-        Err(Failure::Work(format!("not well after {}: {last}", time(began.elapsed().as_secs_f64() * 1e3))))
+        Err(Failure::Work(format!("not recovered after {}: {last}", format_time(began.elapsed().as_secs_f64() * 1e3))))
     }
 
     async fn look_for_orphans(&mut self) {
         let Some(ps) = stack::ps(self.bus).await else { return };
         let strays = self.stack.processes();
         let of_no_service = |p: &&Process| !ps.services.iter().any(|s| s.pid == p.pid);
-        self.seen.orphans.extend(
+        self.log.orphans.extend(
             strays
                 .iter()
                 .filter(of_no_service)
@@ -281,7 +281,7 @@ fn pid_of(ps: &PsReply, name: &str) -> Option<u32> {
     ps.services.iter().find(|s| s.name == name).map(|s| s.pid).filter(|pid| *pid > 0)
 }
 
-/// Sets how long the files that a process writes may get, as a full disk would; the limit before.
+/// Limits the size of files that a process writes, as a full disk does. Returns the earlier limit.
 fn limit(pid: u32, bytes: Option<u64>) -> Result<Option<u64>, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure::Work(format!("process {pid} cannot be limited: {e}"));
     let raw = i32::try_from(pid).map_err(|e| failed(&e))?;

@@ -1,10 +1,10 @@
-//! `chaos`: plays a scripted session twice over a real stack, once in peace and once under faults, and compares the ends.
+//! `chaos`: plays a scripted session twice, with and without faults, and compares the results.
 
 mod inject;
 mod plan;
+mod report;
 mod session;
 mod stack;
-mod tally;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -15,97 +15,97 @@ use std::time::{Duration, Instant};
 use sg_proto::keys::role;
 use sg_runtime::bus::Bus;
 use sg_runtime::session::SessionDir;
-use sg_stack::file::{LaunchFile, Search, Source, read};
+use sg_stack::file::{ExecutableSearch, LaunchFile, Source, read};
 use tokio::sync::watch;
 
 use crate::densest_strokes;
 use crate::input::Input;
 use crate::playback::Counts;
-use crate::remote::wait_until_ready;
 use crate::script;
 use crate::shipped::{self, DENSEST, HEADLESS};
 use crate::strokes::check_strokes;
-use crate::terminal::{self, Done, Failure};
+use crate::supervisor_client::wait_until_ready;
+use crate::terminal::{self, CommandResult, Failure};
 use crate::text_file::read_text;
-use inject::{Injector, Seen};
+use inject::{FaultLog, Injector};
 use plan::Fault;
-use session::{Act, Gate, Played, Playing};
+use report::{Report, Verdict};
+use session::{FaultGate, SessionResult, SessionSettings, SessionStep};
 use stack::Stack;
-use tally::{Tally, Verdict};
 
-/// How long a supervisor may take to open its session.
+/// Longest time for a supervisor to open its session.
 const OPEN_TIME: Duration = Duration::from_secs(30);
-/// The launch file of the demo's stack, within the folder.
+/// Launch file of the demo's stack, in the output folder.
 const LAUNCH_FILE: &str = "stack.toml";
-/// What the supervisors have said, within the folder.
+/// Output of the supervisors, in the output folder.
 const LOG: &str = "supervisor.log";
-/// What is put over every launch file: faults come faster than any intensity that makes sense in earnest.
+/// Overrides for every launch file: faults are more frequent than any realistic restart intensity.
 const OVERRIDES: [&str; 4] = [
     "defaults.intensity={ restarts = 1000, within_s = 1 }",
     "defaults.backoff={ initial_ms = 20, max_ms = 200 }",
     "defaults.liveness=2.5",
     "defaults.stop=3",
 ];
-/// The script for the made volume; its strokes are those of the demo's.
+/// Script for the synthetic volume. It uses the demo's strokes.
 const SCRIPT: &str = include_str!("session.toml");
-/// What is put over the demo's: the view is looked at by nobody.
+/// Override for the demo's stack: the window is small, because it is not shown.
 const SMALL_VIEW: &str = "service.render-view.params={ width = 96, height = 96 }";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ChaosArgs {
-    /// Launch file with a scene; without one the demo's stack on the made volume
+    /// Launch file with a scene; by default the demo's stack on the synthetic volume
     #[arg(value_name = "FILE")]
     file: Option<PathBuf>,
-    /// Faults
+    /// Number of faults
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     faults: u32,
-    /// Seed of what happens to whom and when
+    /// Seed of the faults, their targets and their moments
     #[arg(long, value_name = "K", default_value_t = 0)]
     seed: u64,
     /// Folder for the scene, the pictures and the transcripts
     #[arg(long, value_name = "DIR", default_value = "supergaussian-chaos")]
     out: PathBuf,
-    /// Script to play in rounds, or `generic`; by default one for the made volume, `generic` with a launch file
+    /// Script to play in rounds, or `generic`; by default one for the synthetic volume, `generic` with a launch file
     #[arg(long, value_name = "FILE|generic")]
     script: Option<String>,
-    /// Gaussians of the made volume
+    /// Gaussians of the synthetic volume
     #[arg(long, value_name = "N", default_value_t = 20_000)]
     gaussians: u32,
     /// Width and height of the pictures, pixels
     #[arg(long, value_name = "PIXELS", default_value_t = 96, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
-    /// Seconds after which the whole run counts as hung; by default two minutes and twelve seconds a fault
+    /// Time limit for the whole run in seconds; by default two minutes and twelve seconds per fault
     #[arg(long, value_name = "SECONDS")]
     within: Option<u64>,
-    /// Only print the plan
+    /// Print the plan and stop
     #[arg(long)]
     plan: bool,
-    /// Print the tally as JSON
+    /// Print the report as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Everything that is known before anything is started.
+/// All inputs of a run, checked before the start.
 struct Prepared {
     out: PathBuf,
-    /// The launch file as it is given to the supervisor.
+    /// The launch file for the supervisor.
     file: PathBuf,
     overrides: Vec<String>,
-    /// Parameter of the launch file that names the project.
+    /// Launch-file parameter with the path of the project.
     project: String,
     executables: HashMap<String, PathBuf>,
-    acts: Vec<Act>,
+    steps: Vec<SessionStep>,
     round: usize,
     rounds: usize,
     plan: Vec<Fault>,
 }
 
-pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> Done {
+pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> CommandResult {
     let prepared = prepare(&arguments)?;
     if arguments.plan {
         for (fault, number) in prepared.plan.iter().zip(1..) {
-            let act = prepared.acts.get(fault.step).map_or_else(String::new, Act::name);
-            terminal::out(&format!("{number:>6}  {fault} ({act})"));
+            let act = prepared.steps.get(fault.step).map_or_else(String::new, SessionStep::name);
+            terminal::print_line(&format!("{number:>6}  {fault} ({act})"));
         }
         return Ok(());
     }
@@ -115,18 +115,18 @@ pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> Done {
     let running = run(&prepared, &arguments, &session);
     let outcome = match tokio::time::timeout(Duration::from_secs(within), running).await {
         Ok(outcome) => outcome,
-        Err(_) => Err(Failure::Work(format!("not done after {within} s: something hangs"))),
+        Err(_) => Err(Failure::Work(format!("not done after {within} s"))),
     };
     match outcome {
         Ok(()) => {
-            // The logs of a run that went well are of no further use.
+            // After success the logs are of no further use.
             let _ = std::fs::remove_dir_all(session.path());
             Ok(())
         }
         Err(Failure::Work(text)) => {
             let (seed, faults) = (arguments.seed, arguments.faults);
             Err(Failure::Work(format!(
-                "{text}\nseed {seed}, {faults} faults; left as it was: {} and {} (supergaussian logs --session {name})",
+                "{text}\nseed {seed}, {faults} faults; kept for inspection: {} and {} (supergaussian logs --session {name})",
                 session.path().display(),
                 prepared.out.display()
             )))
@@ -136,12 +136,12 @@ pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> Done {
 }
 
 fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
-    let search = Search::here_then_path();
+    let search = ExecutableSearch::here_then_path();
     let launch = |path: &Path, text: &str, overrides: &[String]| -> Result<LaunchFile, Failure> {
         read(Source { path, text, overrides }, &search).map_err(|p| Failure::Input(p.to_string()))
     };
     let mut overrides: Vec<String> = OVERRIDES.map(str::to_owned).to_vec();
-    // What can be wrong is looked at before anything that takes time.
+    // Check all inputs before slow work.
     let given = match &arguments.file {
         Some(path) => Some((path, launch(path, &read_text(path)?, &overrides)?)),
         None => None,
@@ -177,8 +177,8 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
     let keeper = launch.services.iter().find(|s| s.role == role::SCENE).ok_or_else(no_scene)?;
     let scene = match &arguments.file {
         None if arguments.plan => None,
-        None => Some(Input::Made.scene(&out, None, arguments.gaussians, 0)?.path),
-        // A path of a launch file's parameters is from where the launcher was started.
+        None => Some(Input::Synthetic.scene(&out, None, arguments.gaussians, 0)?.path),
+        // Paths in parameters are relative to the launcher's working folder.
         Some(_) => keeper.start.params.get("scene").and_then(serde_json::Value::as_str).map(PathBuf::from),
     };
     if let Some(scene) = &scene {
@@ -194,40 +194,40 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
 
     let (round, between) = session::round(steps);
     let services: Vec<_> = launch.services.iter().map(|s| s.name.clone()).collect();
-    let commands = |acts: &[Act]| acts.iter().map(Act::is_command).collect::<Vec<_>>();
+    let commands = |steps: &[SessionStep]| steps.iter().map(SessionStep::is_command).collect::<Vec<_>>();
     let (of_round, of_between) = (commands(&round), commands(&between));
     let shape = plan::Session { round: &of_round, between: &of_between, services: &services, scene: &keeper.name };
     let (rounds, plan) = plan::plan(&shape, arguments.faults as usize, arguments.seed);
-    let mut acts = round.clone();
+    let mut steps = round.clone();
     for _ in 1..rounds {
-        acts.extend(between.iter().chain(&round).cloned());
+        steps.extend(between.iter().chain(&round).cloned());
     }
     let project = format!("service.{}.params.project", keeper.name);
     let executables = launch.services.iter().map(|s| (s.name.clone(), s.start.executable.clone())).collect();
-    Ok(Prepared { out, file, overrides, project, executables, acts, round: round.len(), rounds, plan })
+    Ok(Prepared { out, file, overrides, project, executables, steps, round: round.len(), rounds, plan })
 }
 
-async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -> Done {
+async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -> CommandResult {
     let began = Instant::now();
     let calm = play(prepared, arguments, session, "calm", None).await?;
     let peaceful = began.elapsed();
-    terminal::tell(&format!(
+    terminal::print_status(&format!(
         "without faults: {} steps in {} rounds, revision {}, {} pictures",
-        prepared.acts.len(),
+        prepared.steps.len(),
         prepared.rounds,
         calm.state.revision,
         calm.pictures.len()
     ));
     let began = Instant::now();
     let counts = Arc::new(Counts::default());
-    let mut seen = Seen::default();
-    let faults = Faults { calm: &calm.times, counts: Arc::clone(&counts), seen: &mut seen };
+    let mut log = FaultLog::default();
+    let faults = Faults { calm: &calm.times, counts: Arc::clone(&counts), log: &mut log };
     let shaken = play(prepared, arguments, session, "shaken", Some(faults)).await?;
-    let verdict = Verdict::of(&calm, &shaken).with(&seen);
-    let tally = Tally {
+    let verdict = Verdict::of(&calm, &shaken).with(&log);
+    let report = Report {
         seed: arguments.seed,
         rounds: prepared.rounds,
-        steps: prepared.acts.len(),
+        steps: prepared.steps.len(),
         calm: peaceful,
         shaken: began.elapsed(),
         retries: counts.retries.load(Ordering::Relaxed),
@@ -235,18 +235,18 @@ async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -
         acknowledged: shaken.acknowledged.len(),
         revision: shaken.state.revision,
         pictures: shaken.pictures.len(),
-        seen: &seen,
+        log: &log,
         verdict: &verdict,
     };
-    tally.tell(arguments.json);
+    report.tell(arguments.json);
     if verdict.wrong.is_empty() { Ok(()) } else { Err(Failure::Work(verdict.wrong.join("\n"))) }
 }
 
-/// What a session under faults needs beside the session.
+/// Extra inputs of a session with faults.
 struct Faults<'a> {
     calm: &'a [Duration],
     counts: Arc<Counts>,
-    seen: &'a mut Seen,
+    log: &'a mut FaultLog,
 }
 
 /// Starts the stack on a new project, plays the session, and stops the stack.
@@ -256,7 +256,7 @@ async fn play(
     session: &SessionDir,
     name: &str,
     faults: Option<Faults<'_>>,
-) -> Result<Played, Failure> {
+) -> Result<SessionResult, Failure> {
     let project = prepared.out.join(format!("{name}.sgproj"));
     let mut overrides = prepared.overrides.clone();
     overrides.push(format!("{}={}", prepared.project, toml::Value::String(project.display().to_string())));
@@ -264,7 +264,7 @@ async fn play(
     let out = prepared.out.join(name);
     let played = over(&mut stack, prepared, arguments, out, faults).await;
     if played.is_err() {
-        stack.abandon().await;
+        stack.kill_all().await;
     }
     played
 }
@@ -275,13 +275,13 @@ async fn over(
     arguments: &ChaosArgs,
     out: PathBuf,
     faults: Option<Faults<'_>>,
-) -> Result<Played, Failure> {
+) -> Result<SessionResult, Failure> {
     stack.up()?;
     let bus = join(stack).await?;
     wait_until_ready(&bus).await?;
-    let mut playing = Playing {
+    let mut playing = SessionSettings {
         bus: &bus,
-        acts: &prepared.acts,
+        steps: &prepared.steps,
         round: prepared.round,
         out,
         size: arguments.size,
@@ -289,28 +289,27 @@ async fn over(
     };
     let played = match faults {
         None => session::play(playing, None).await?,
-        Some(Faults { calm, counts, seen }) => {
+        Some(Faults { calm, counts, log }) => {
             let (begun, begun_seen) = watch::channel(0);
             let (answered, answered_seen) = watch::channel(0);
             let (set_up, set_up_seen) = watch::channel(0);
             let steps = prepared.plan.iter().map(|f| f.step).collect();
             playing.counts = Arc::clone(&counts);
-            let gate = Gate { steps, begun, answered, set_up: set_up_seen };
+            let gate = FaultGate { steps, begun, answered, set_up: set_up_seen };
             let injector = Injector {
                 stack: &mut *stack,
                 bus: &bus,
                 executables: &prepared.executables,
                 plan: &prepared.plan,
-                acts: &prepared.acts,
+                steps: &prepared.steps,
                 calm,
                 begun: begun_seen,
                 answered: answered_seen,
                 set_up,
                 counts,
-                seen,
+                log,
             };
-            // A fault that is not survived ends the session at once; what a session that fails left behind is of interest
-            // as it is.
+            // A failed recovery ends the session at once. Its remains are kept for inspection.
             tokio::try_join!(session::play(playing, Some(gate)), injector.run())?.0
         }
     };
@@ -324,7 +323,7 @@ async fn over(
     }
 }
 
-/// Joins the bus as soon as the supervisor has opened it.
+/// Joins the bus once the supervisor has opened it.
 async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
     let began = Instant::now();
     let session = stack.session().clone();
@@ -333,7 +332,7 @@ async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
         if session.is_running() && session.socket().exists() {
             match Bus::connect(session.name(), role::CLI, &session.endpoint()).await {
                 Ok(bus) => return Ok(bus),
-                // The socket of a supervisor that was killed, until the next one has removed it.
+                // The socket may belong to a killed supervisor. The next one replaces it.
                 Err(error) if began.elapsed() > OPEN_TIME => return Err(error.into()),
                 Err(_) => {}
             }
@@ -341,11 +340,11 @@ async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
         if began.elapsed() > OPEN_TIME {
             return Err(Failure::Work(format!("no supervisor after {} s", OPEN_TIME.as_secs())));
         }
-        tokio::time::sleep(stack::GLANCE).await;
+        tokio::time::sleep(stack::POLL_PERIOD).await;
     }
 }
 
-/// Makes the folder, and removes from it what an earlier run has left there.
+/// Creates the folder, and removes the output of an earlier run.
 fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
     std::fs::create_dir_all(out).map_err(fail)?;

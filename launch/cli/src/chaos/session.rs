@@ -1,4 +1,4 @@
-//! The scripted session: the script round by round, and what was heard of the scene while it was played.
+//! The scripted session, in rounds, and its results.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,27 +12,27 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use tokio::sync::watch;
 
-use crate::playback::{Acknowledged, Counts, Player, Settings};
+use crate::playback::{AcknowledgedChange, Counts, Player, Settings};
 use crate::terminal::Failure;
 
-/// Name of the conversation, the same with and without faults: the ids of all commands follow from it.
+/// Name of the conversation, equal with and without faults. It determines the ids of all commands.
 const CONVERSATION: &str = "chaos";
 /// Longest time of one step, faults included.
 const STEP_TIME: Duration = Duration::from_secs(60);
-/// How long the scene may take to tell what changed.
+/// Longest time for the scene's list of changes.
 const ANSWER: Duration = Duration::from_secs(60);
 
 /// One step of the session.
 #[derive(Debug, Clone)]
-pub(super) enum Act {
-    /// Of the script.
+pub(super) enum SessionStep {
+    /// A step of the script.
     Step(Step),
-    /// Between two rounds of the script.
+    /// A command between two rounds.
     Command(Action),
 }
 
-impl Act {
-    /// Whether it is one command to the scene, whose sender sees it refused.
+impl SessionStep {
+    /// Whether it is one scene command whose refusal the sender sees.
     pub(super) fn is_command(&self) -> bool {
         matches!(self, Self::Command(_) | Self::Step(Step::Save(_) | Step::View(_)))
     }
@@ -54,8 +54,8 @@ impl Act {
     }
 }
 
-/// The script as one round, and what makes room for the next: no unit, no selection, the first look.
-pub(super) fn round(steps: Vec<Step>) -> (Vec<Act>, Vec<Act>) {
+/// One round of the script, and the commands between rounds: delete units, clear the selection, reset.
+pub(super) fn round(steps: Vec<Step>) -> (Vec<SessionStep>, Vec<SessionStep>) {
     let mut between: Vec<_> = steps
         .iter()
         .filter_map(|step| match step {
@@ -65,26 +65,26 @@ pub(super) fn round(steps: Vec<Step>) -> (Vec<Act>, Vec<Act>) {
         .collect();
     between.push(Action::Select(Select { target: Some(Target::default()), ..Select::default() }));
     between.push(Action::Reset(Reset {}));
-    // The faults are ours.
-    let round = steps.into_iter().filter(|s| *s != Step::Chaos).map(Act::Step).collect();
-    (round, between.into_iter().map(Act::Command).collect())
+    // The plan injects all faults.
+    let round = steps.into_iter().filter(|s| *s != Step::Chaos).map(SessionStep::Step).collect();
+    (round, between.into_iter().map(SessionStep::Command).collect())
 }
 
-/// Where the player waits for the faults, and they for it.
+/// Synchronizes the player with the faults.
 #[derive(Debug)]
-pub(super) struct Gate {
-    /// The step that each fault strikes.
+pub(super) struct FaultGate {
+    /// Step of each fault.
     pub(super) steps: Vec<usize>,
-    /// Steps that were begun.
+    /// Number of begun steps.
     pub(super) begun: watch::Sender<usize>,
-    /// Steps that were answered.
+    /// Number of answered steps.
     pub(super) answered: watch::Sender<usize>,
-    /// Faults that are set up, so that the step they strike may go on.
+    /// Number of injected faults. The step of a fault waits for its injection.
     pub(super) set_up: watch::Receiver<usize>,
 }
 
-impl Gate {
-    /// Waits until the fault that strikes this step is set up, which it is when the stack has recovered from the one before.
+impl FaultGate {
+    /// Waits for the fault of this step, which is injected after the recovery from the one before.
     async fn enter(&mut self, step: usize) -> Result<(), Failure> {
         self.begun.send_replace(step + 1);
         let Some(fault) = self.steps.iter().position(|s| *s == step) else { return Ok(()) };
@@ -93,29 +93,29 @@ impl Gate {
     }
 }
 
-/// A session that was played.
+/// The result of a session.
 #[derive(Debug)]
-pub(super) struct Played {
+pub(super) struct SessionResult {
     /// The scene at the end, with masks.
     pub(super) state: State,
     /// Revision and command of every accepted change.
     pub(super) changes: Vec<(u64, String)>,
-    pub(super) acknowledged: Vec<Acknowledged>,
+    pub(super) acknowledged: Vec<AcknowledgedChange>,
     /// Content hashes of the pictures, in order.
     pub(super) hashes: Vec<String>,
-    /// Their files, as PNG; the arrays stand beside them.
+    /// PNG files of the pictures. The arrays are beside them.
     pub(super) pictures: Vec<PathBuf>,
-    /// What was said but not done.
-    pub(super) undone: Vec<String>,
-    /// How long each step took.
+    /// Utterances that the agents could not carry out.
+    pub(super) failed_utterances: Vec<String>,
+    /// Duration of each step.
     pub(super) times: Vec<Duration>,
 }
 
-/// How a session is played.
-pub(super) struct Playing<'a> {
+/// Settings of a session.
+pub(super) struct SessionSettings<'a> {
     pub(super) bus: &'a Bus,
-    pub(super) acts: &'a [Act],
-    /// Steps after which the changes are asked for.
+    pub(super) steps: &'a [SessionStep],
+    /// Number of steps after which the changes are requested.
     pub(super) round: usize,
     pub(super) out: PathBuf,
     pub(super) size: u32,
@@ -123,8 +123,8 @@ pub(super) struct Playing<'a> {
 }
 
 /// Plays all steps in order.
-pub(super) async fn play(playing: Playing<'_>, mut gate: Option<Gate>) -> Result<Played, Failure> {
-    let Playing { bus, acts, round, out, size, counts } = playing;
+pub(super) async fn play(playing: SessionSettings<'_>, mut gate: Option<FaultGate>) -> Result<SessionResult, Failure> {
+    let SessionSettings { bus, steps, round, out, size, counts } = playing;
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", out.display()));
     std::fs::create_dir_all(&out).map_err(fail)?;
     let settings = Settings {
@@ -137,19 +137,19 @@ pub(super) async fn play(playing: Playing<'_>, mut gate: Option<Gate>) -> Result
     };
     let mut player = Player::new(bus.clone(), settings).await?;
     let mut changes = Vec::new();
-    let mut times = Vec::with_capacity(acts.len());
-    for (index, act) in acts.iter().enumerate() {
+    let mut times = Vec::with_capacity(steps.len());
+    for (index, act) in steps.iter().enumerate() {
         if let Some(gate) = &mut gate {
             gate.enter(index).await?;
         }
         let began = Instant::now();
         let played = match act {
-            Act::Step(step) => player.play_step(step).await,
-            Act::Command(action) => player.play_command(action.clone()).await,
+            SessionStep::Step(step) => player.play_step(step).await,
+            SessionStep::Command(action) => player.play_command(action.clone()).await,
         };
         times.push(began.elapsed());
         if let Err(failure) = played {
-            // It says what was going on when a step failed.
+            // The transcript shows the context of the failure.
             player.write_transcript()?;
             let text = format!("step {}, {}: {}", index + 1, act.name(), failure.text());
             return Err(Failure::Work(text));
@@ -166,11 +166,11 @@ pub(super) async fn play(playing: Playing<'_>, mut gate: Option<Gate>) -> Result
     let reply = bus.ask(&keys::SCENE_CHANGES, &request, &Context::root().deadline_in(ANSWER)).await?;
     let state = reply.snapshot.ok_or_else(|| Failure::Work("the scene gave no snapshot".to_owned()))?;
     player.write_transcript()?;
-    let Player { acknowledged, hashes, pictures, undone, .. } = player;
-    Ok(Played { state, changes, acknowledged, hashes, pictures, undone, times })
+    let Player { acknowledged, hashes, pictures, failed_utterances, .. } = player;
+    Ok(SessionResult { state, changes, acknowledged, hashes, pictures, failed_utterances, times })
 }
 
-/// Asks the scene for what was accepted since it was asked last.
+/// Requests the changes since the last request.
 async fn catch_up(bus: &Bus, changes: &mut Vec<(u64, String)>) -> Result<(), Failure> {
     let from = changes.last().map_or(0, |(revision, _)| *revision);
     let request = ChangesRequest { from, snapshot: false };

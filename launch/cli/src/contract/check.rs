@@ -11,14 +11,14 @@ use sg_proto::released;
 use super::buf::{self, Buf};
 use super::findings::Findings;
 use super::{live, structure};
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CheckArgs {
-    /// Compiled schema to be compatible with; by default that of the last release
+    /// Compiled schema to compare with; by default the last release
     #[arg(long, value_name = "IMAGE")]
     against: Option<PathBuf>,
-    /// Folder of the schema; by default `proto` here or above
+    /// Folder of the schema; by default `proto` here or in a parent folder
     #[arg(long, value_name = "DIR")]
     proto: Option<PathBuf>,
     /// Print JSON
@@ -26,10 +26,10 @@ pub(crate) struct CheckArgs {
     json: bool,
 }
 
-/// Most complaints of one kind that are told.
-const MAX_TOLD: usize = 20;
+/// Most problems of one kind that are listed.
+const MAX_LISTED: usize = 20;
 
-pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Done {
+pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> CommandResult {
     let mut findings = Findings::default();
     let proto = proto_folder(arguments.proto.clone())?;
     let compiled = pool("the compiled schema", sg_proto::DESCRIPTORS)?;
@@ -45,20 +45,24 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Done 
 
     sources(proto.as_deref(), arguments.against.as_deref(), &mut findings).await;
     let looked_at = format!(
-        "{} messages and {} enums are in the compiled schema as they were",
+        "{} messages and {} enums are unchanged in the compiled schema",
         before.all_messages().count(),
         before.all_enums().count()
     );
-    findings.judge(format!("structure against {name}"), structure::breaks(&before, &compiled), looked_at);
+    findings.add_result(
+        format!("structure against {name}"),
+        structure::breaking_changes(&before, &compiled),
+        looked_at,
+    );
     golden(proto.as_deref(), &compiled, &mut findings)?;
     let rows = keys::rows();
-    findings.judge("key table", table(&rows, &compiled), format!("{} rows and the schema fit", rows.len()));
+    findings.add_result("key table", table(&rows, &compiled), format!("{} rows match the schema", rows.len()));
     if let Some(session) = session {
-        live::look(session, &rows, &mut findings).await?;
+        live::check_stack(session, &rows, &mut findings).await?;
     }
 
     if arguments.json {
-        terminal::out(&findings.as_json().to_string());
+        terminal::print_line(&findings.as_json().to_string());
     } else {
         findings.print();
     }
@@ -69,10 +73,10 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Done 
 }
 
 fn pool(name: &str, image: &[u8]) -> Result<DescriptorPool, Failure> {
-    DescriptorPool::decode(image).map_err(|e| Failure::Input(format!("{name} is no compiled schema: {e}")))
+    DescriptorPool::decode(image).map_err(|e| Failure::Input(format!("{name} is not a compiled schema: {e}")))
 }
 
-/// The folder of the schema: the one named, else `proto` of the checkout that the working folder lies in.
+/// The folder of the schema: the named one, or `proto` of the surrounding checkout.
 pub(super) fn proto_folder(named: Option<PathBuf>) -> Result<Option<PathBuf>, Failure> {
     let is_schema = |folder: &Path| folder.join("buf.yaml").is_file() && folder.join("supergaussian").is_dir();
     if let Some(folder) = named {
@@ -86,27 +90,31 @@ pub(super) fn proto_folder(named: Option<PathBuf>) -> Result<Option<PathBuf>, Fa
     Ok(here.ancestors().map(|folder| folder.join("proto")).find(|folder| is_schema(folder)))
 }
 
-/// What buf says of the sources.
+/// Checks the sources with buf.
 async fn sources(proto: Option<&Path>, against: Option<&Path>, findings: &mut Findings) {
     let Some(proto) = proto else {
-        findings.leave_out("buf", "no proto/ here or above: the compiled schema is looked at, its sources are not");
+        findings.skip("buf", "no proto/ here or in a parent folder: only the compiled schema is checked");
         return;
     };
     let Some(buf) = Buf::find(proto) else {
         let absent = "buf is missing (ops/setup-debian.sh installs it): lint, format and FILE rules are not checked";
         if buf::is_required() {
-            findings.judge("buf", vec![absent.to_owned()], "");
+            findings.add_result("buf", vec![absent.to_owned()], "");
         } else {
-            findings.leave_out("buf", absent);
+            findings.skip("buf", absent);
         }
         return;
     };
     let newest = proto.join("released").join(format!("v{}.binpb", released::VERSION));
     let against = against.map_or(newest, |path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
-    findings.judge("buf lint", buf.lint().await, "no complaint");
-    findings.judge("buf format", buf.format().await, "no difference");
+    findings.add_result("buf lint", buf.lint().await, "no complaint");
+    findings.add_result("buf format", buf.format().await, "no difference");
     let image = against.file_name().unwrap_or_default().display();
-    findings.judge("buf breaking", buf.breaking(&against).await, format!("nothing breaks {image} by the FILE rules"));
+    findings.add_result(
+        "buf breaking",
+        buf.breaking(&against).await,
+        format!("nothing breaks {image} by the FILE rules"),
+    );
 }
 
 /// Package and content of every golden file, by name.
@@ -123,35 +131,35 @@ pub(super) fn golden_files(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, Fail
     Ok(files)
 }
 
-/// Golden bytes: what the last release held is there as it was, and every line means what it meant.
-fn golden(proto: Option<&Path>, compiled: &DescriptorPool, findings: &mut Findings) -> Done {
+/// Golden bytes: released lines are unchanged, and every line still decodes to its meaning.
+fn golden(proto: Option<&Path>, compiled: &DescriptorPool, findings: &mut Findings) -> CommandResult {
     let Some(proto) = proto else {
-        findings.leave_out("golden bytes", "no proto/ here or above");
+        findings.skip("golden bytes", "no proto/ here or in a parent folder");
         return Ok(());
     };
     let files = golden_files(&proto.join("golden"))?;
     let parts = released::golden_parts().map_err(Failure::Work)?;
-    findings.judge(
+    findings.add_result(
         "golden bytes of the release",
         parts.iter().filter_map(|part| changed_since(part, &files)).collect(),
-        format!("{} files begin as they did in v{}", parts.len(), released::VERSION),
+        format!("{} files begin as in v{}", parts.len(), released::VERSION),
     );
-    let mut complaints = Vec::new();
+    let mut problems = Vec::new();
     let mut lines = 0;
     for (package, bytes) in &files {
         for (number, text) in String::from_utf8_lossy(bytes).lines().enumerate() {
             lines += 1;
             if let Err(why) = Line::parse(text).and_then(|line| line.check(compiled).map(drop)) {
-                complaints.push(format!("{package}.txt:{}: {why}", number + 1));
+                problems.push(format!("{package}.txt:{}: {why}", number + 1));
             }
         }
     }
-    let more = complaints.len().saturating_sub(MAX_TOLD);
-    complaints.truncate(MAX_TOLD);
+    let more = problems.len().saturating_sub(MAX_LISTED);
+    problems.truncate(MAX_LISTED);
     if more > 0 {
-        complaints.push(format!("and {more} more lines"));
+        problems.push(format!("and {more} more lines"));
     }
-    findings.judge("golden bytes", complaints, format!("{lines} lines mean what they meant"));
+    findings.add_result("golden bytes", problems, format!("{lines} lines still decode to their meaning"));
     Ok(())
 }
 
@@ -161,39 +169,39 @@ fn changed_since(part: &released::GoldenPart, files: &[(String, Vec<u8>)]) -> Op
     match file.get(..part.bytes) {
         Some(then) if blake3::hash(then).to_hex().as_str() == part.hash => None,
         _ => Some(format!(
-            "{}.txt: lines that v{} holds were changed or deleted; new ones go to the end",
+            "{}.txt: released lines of v{} were changed or deleted; append new lines at the end",
             part.package,
             released::VERSION
         )),
     }
 }
 
-/// Messages that travel without a row: in the attachment of every payload, and in place of a reply.
+/// Messages without a row: the attachment of every payload, and the error reply.
 const BESIDE_THE_TABLE: [&str; 2] = ["supergaussian.bus.v1.Envelope", "supergaussian.bus.v1.Error"];
 
-/// What in the key table does not fit the schema, and what in the schema no row has a use for.
+/// Mismatches between the key table and the schema, in both directions.
 fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
-    let mut complaints = Vec::new();
+    let mut problems = Vec::new();
     let mut seen = BTreeSet::new();
     let mut used: BTreeSet<String> = BESIDE_THE_TABLE.iter().map(|name| (*name).to_owned()).collect();
     for row in rows {
         let place = format!("{}/{}", row.role, row.name);
         if !seen.insert((row.role, row.name)) {
-            complaints.push(format!("{place} stands twice"));
+            problems.push(format!("{place} stands twice"));
         }
         for role in row.senders.iter().chain([&row.role]) {
             if *role != keys::ANY && !role::ALL.contains(role) {
-                complaints.push(format!("{place}: `{role}` is no role"));
+                problems.push(format!("{place}: `{role}` is not a role"));
             }
         }
         for name in messages_of(row) {
             if pool.get_message_by_name(name).is_none() {
-                complaints.push(format!("{place}: {name} is not in the schema"));
+                problems.push(format!("{place}: {name} is not in the schema"));
             }
             used.insert(name.to_owned());
         }
     }
-    // What another message or a gRPC service holds has a use as well.
+    // A field of another message or a gRPC service is a use too.
     for message in pool.all_messages() {
         for field in message.fields() {
             if let FieldKind::Message(inner) = field.kind() {
@@ -207,8 +215,8 @@ fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
     }
     let ours = pool.all_messages().filter(|m| m.package_name().starts_with("supergaussian."));
     let idle = ours.filter(|m| !used.contains(m.full_name()));
-    complaints.extend(idle.map(|m| format!("{} travels under no key and within no message", m.full_name())));
-    complaints
+    problems.extend(idle.map(|m| format!("{} belongs to no key and no message", m.full_name())));
+    problems
 }
 
 /// Full names of the messages of a row.
@@ -224,14 +232,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_and_the_schema_fit_and_a_misfit_is_told() {
+    fn key_table_matches_the_schema() {
         let pool = DescriptorPool::decode(sg_proto::DESCRIPTORS).unwrap();
         let mut rows = keys::rows();
         assert_eq!(table(&rows, &pool), Vec::<String>::new());
 
         rows.retain(|row| row.name != "cmd/parse");
         let idle = table(&rows, &pool);
-        assert_eq!(idle, ["supergaussian.language.v1.IntentRequest travels under no key and within no message"]);
+        assert_eq!(idle, ["supergaussian.language.v1.IntentRequest belongs to no key and no message"]);
 
         let ready = rows.iter_mut().find(|row| row.name == "event/ready").unwrap();
         ready.kind = Kind::Stream { message: "supergaussian.bus.v2.Ready".to_owned() };

@@ -4,37 +4,37 @@ use serde_json::json;
 use sg_proto::keys::{self, Kind, Row, role, rows};
 use sg_stack::suggestion::suggestion;
 
-use crate::terminal::{self, Done, Failure};
+use crate::terminal::{self, CommandResult, Failure};
 
-pub(super) fn describe(service: Option<&str>, json: bool) -> Done {
+pub(super) fn describe(service: Option<&str>, json: bool) -> CommandResult {
     let roles: Vec<&str> = match service {
         None => role::ALL.to_vec(),
         Some(service) => match role::ALL.iter().find(|r| **r == service) {
             Some(known) => vec![known],
             None => {
                 let hint = suggestion(service, role::ALL);
-                return Err(Failure::Input(format!("no role `{service}` in the contract{hint}")));
+                return Err(Failure::Input(format!("unknown role `{service}`{hint}")));
             }
         },
     };
     let rows = rows();
     if json {
         let roles: serde_json::Map<_, _> = roles.iter().map(|r| ((*r).to_owned(), as_json(r, &rows))).collect();
-        terminal::out(&serde_json::Value::Object(roles).to_string());
+        terminal::print_line(&serde_json::Value::Object(roles).to_string());
         return Ok(());
     }
     for (i, role) in roles.iter().enumerate() {
         if i > 0 {
-            terminal::out("");
+            terminal::print_line("");
         }
         for line in as_text(role, &rows) {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
     }
     Ok(())
 }
 
-/// People, the supervisor and nodes are not services: they have the rows that name them, not those of every service.
+/// The command line, the supervisor and nodes are not services. They have only the rows that name them.
 fn is_of(row: &Row, role: &str) -> bool {
     row.role == role || row.role == keys::ANY && !role::NO_SERVICES.contains(&role)
 }
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_side_of_a_row_is_told() {
+    fn both_sides_of_a_row_are_listed() {
         let rows = rows();
         let scene = as_text(role::SCENE, &rows).join("\n");
         assert!(scene.contains("cmd/apply") && scene.contains("answers    scene.v1.Command → scene.v1.CommandResult"));

@@ -1,45 +1,44 @@
-//! What a check has found, for people and for programs.
+//! Results of a contract check, for people and programs.
 
 use serde_json::{Value, json};
 
 use crate::terminal::{self, Color, paint};
 
-/// What came of looking at one thing.
+/// Result of one check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Outcome {
-    /// It holds; a line on what was looked at.
-    Holds(String),
-    /// It does not: what exactly.
-    Broken(Vec<String>),
-    /// It was not looked at, and why.
-    LeftOut(String),
+    /// Passed, with a summary.
+    Passed(String),
+    /// Failed, with the problems.
+    Failed(Vec<String>),
+    /// Skipped, with the reason.
+    Skipped(String),
 }
 
-/// What a check has found, in order.
+/// Results in order.
 #[derive(Debug, Default)]
 pub(super) struct Findings(Vec<(String, Outcome)>);
 
 impl Findings {
-    /// Notes that something holds if nothing speaks against it.
-    pub(super) fn judge(&mut self, what: impl Into<String>, complaints: Vec<String>, looked_at: impl Into<String>) {
-        let outcome =
-            if complaints.is_empty() { Outcome::Holds(looked_at.into()) } else { Outcome::Broken(complaints) };
+    /// Adds a result: passed if there are no problems.
+    pub(super) fn add_result(&mut self, what: impl Into<String>, problems: Vec<String>, looked_at: impl Into<String>) {
+        let outcome = if problems.is_empty() { Outcome::Passed(looked_at.into()) } else { Outcome::Failed(problems) };
         self.0.push((what.into(), outcome));
     }
 
-    /// Notes that something was not looked at.
-    pub(super) fn leave_out(&mut self, what: impl Into<String>, why: impl Into<String>) {
-        self.0.push((what.into(), Outcome::LeftOut(why.into())));
+    /// Adds a skipped check.
+    pub(super) fn skip(&mut self, what: impl Into<String>, why: impl Into<String>) {
+        self.0.push((what.into(), Outcome::Skipped(why.into())));
     }
 
-    /// How many things do not hold.
+    /// Number of failed checks.
     pub(super) fn broken(&self) -> usize {
-        self.0.iter().filter(|(_, outcome)| matches!(outcome, Outcome::Broken(_))).count()
+        self.0.iter().filter(|(_, outcome)| matches!(outcome, Outcome::Failed(_))).count()
     }
 
-    /// How many things were looked at.
+    /// Number of checks that ran.
     pub(super) fn looked_at(&self) -> usize {
-        self.0.iter().filter(|(_, outcome)| !matches!(outcome, Outcome::LeftOut(_))).count()
+        self.0.iter().filter(|(_, outcome)| !matches!(outcome, Outcome::Skipped(_))).count()
     }
 
     pub(super) fn print(&self) {
@@ -47,16 +46,22 @@ impl Findings {
         let width = self.0.iter().map(|(what, _)| what.chars().count()).max().unwrap_or(0);
         for (what, outcome) in &self.0 {
             match outcome {
-                Outcome::Holds(text) => {
-                    terminal::out(&format!("{}        {what:<width$}  {text}", paint(Color::Green, "ok", colored)));
+                Outcome::Passed(text) => {
+                    terminal::print_line(&format!(
+                        "{}        {what:<width$}  {text}",
+                        paint(Color::Green, "ok", colored)
+                    ));
                 }
-                Outcome::LeftOut(why) => {
-                    terminal::out(&format!("{}  {what:<width$}  {why}", paint(Color::Yellow, "LEFT OUT", colored)));
+                Outcome::Skipped(why) => {
+                    terminal::print_line(&format!(
+                        "{}   {what:<width$}  {why}",
+                        paint(Color::Yellow, "SKIPPED", colored)
+                    ));
                 }
-                Outcome::Broken(complaints) => {
-                    terminal::out(&format!("{}    {what}", paint(Color::Red, "FAILED", colored)));
-                    for complaint in complaints.iter().flat_map(|c| c.lines()) {
-                        terminal::out(&format!("          {complaint}"));
+                Outcome::Failed(problems) => {
+                    terminal::print_line(&format!("{}    {what}", paint(Color::Red, "FAILED", colored)));
+                    for complaint in problems.iter().flat_map(|c| c.lines()) {
+                        terminal::print_line(&format!("          {complaint}"));
                     }
                 }
             }
@@ -65,9 +70,9 @@ impl Findings {
 
     pub(super) fn as_json(&self) -> Value {
         let one = |(what, outcome): &(String, Outcome)| match outcome {
-            Outcome::Holds(text) => json!({"check": what, "outcome": "ok", "details": [text]}),
-            Outcome::LeftOut(why) => json!({"check": what, "outcome": "left out", "details": [why]}),
-            Outcome::Broken(complaints) => json!({"check": what, "outcome": "failed", "details": complaints}),
+            Outcome::Passed(text) => json!({"check": what, "outcome": "ok", "details": [text]}),
+            Outcome::Skipped(why) => json!({"check": what, "outcome": "skipped", "details": [why]}),
+            Outcome::Failed(problems) => json!({"check": what, "outcome": "failed", "details": problems}),
         };
         self.0.iter().map(one).collect()
     }

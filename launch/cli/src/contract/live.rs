@@ -1,5 +1,4 @@
-//! A running stack: every process is who the supervisor takes it for, answers the rows of its role and no others, and
-//! speaks the types of this contract.
+//! Checks of a running stack: the identity of every process, the rows that it serves, and their message types.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,16 +10,16 @@ use sg_runtime::bus::{Bus, Declared, Heard, Raw};
 use sg_runtime::context::Context;
 
 use super::findings::Findings;
-use crate::remote;
-use crate::terminal::Done;
+use crate::supervisor_client;
+use crate::terminal::CommandResult;
 
-/// How long a process may take to answer.
+/// Longest time for an answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
-/// Looks at every process of a session that serves its role.
-pub(super) async fn look(session: &str, rows: &[Row], findings: &mut Findings) -> Done {
-    let (_, bus) = remote::join(Some(session)).await?;
-    let ready = remote::services(&bus).await?.services;
+/// Checks every process of a session that serves a role.
+pub(super) async fn check_stack(session: &str, rows: &[Row], findings: &mut Findings) -> CommandResult {
+    let (_, bus) = supervisor_client::join(Some(session)).await?;
+    let ready = supervisor_client::services(&bus).await?.services;
     let ready: Vec<_> = ready.into_iter().filter(|s| s.state() == ServiceState::Ready).collect();
     identities(&bus, &ready, findings).await;
     types(&bus, &ready, rows, findings).await;
@@ -28,42 +27,48 @@ pub(super) async fn look(session: &str, rows: &[Row], findings: &mut Findings) -
     bus.close().await;
     let what = format!("rows of `{session}`");
     if declared.is_empty() {
-        findings.leave_out(what, "the router of this session does not tell what is declared");
+        findings.skip(what, "the router of this session does not list the declared keys");
     } else {
-        let complaints = strange_rows(session, &ready, rows, &declared);
-        findings.judge(what, complaints, format!("{} keys are answered, each by whom the table says", declared.len()));
+        let problems = unexpected_rows(session, &ready, rows, &declared);
+        findings.add_result(
+            what,
+            problems,
+            format!("{} keys are served by the processes of the table", declared.len()),
+        );
     }
     Ok(())
 }
 
 async fn identities(bus: &Bus, ready: &[Service], findings: &mut Findings) {
-    let mut complaints = Vec::new();
+    let mut problems = Vec::new();
     let mut schemas: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for service in ready {
         let context = Context::root().deadline_in(ANSWER);
         match bus.ask_role(&keys::STATUS, &service.role, &StatusRequest {}, &context).await {
-            Err(fault) => complaints.push(format!("{}: {fault}", service.name)),
+            Err(fault) => problems.push(format!("{}: {fault}", service.name)),
             Ok(health) => {
                 if (health.role.as_str(), health.instance.as_str()) != (&service.role, &service.instance) {
                     let (is, meant) = (&health.instance, &service.instance);
-                    complaints
-                        .push(format!("{}: `{is}` of role `{}` answers for `{meant}`", service.name, health.role));
+                    problems.push(format!(
+                        "{}: `{is}` of role `{}` answers instead of `{meant}`",
+                        service.name, health.role
+                    ));
                 }
                 let schema = match health.schema_hash.get(..8) {
                     Some(hash) => format!("schema {hash}"),
-                    None => "a schema they do not tell".to_owned(),
+                    None => "an unknown schema".to_owned(),
                 };
                 schemas.entry(schema).or_default().push(&service.name);
             }
         }
     }
     let by_schema: Vec<_> = schemas.iter().map(|(schema, names)| format!("{} of {schema}", names.join(", "))).collect();
-    findings.judge(format!("processes of `{}`", bus.session()), complaints, by_schema.join("; "));
+    findings.add_result(format!("processes of `{}`", bus.session()), problems, by_schema.join("; "));
 }
 
-/// The newest values travel as the types of the table; a process of another major would name others.
+/// Newest values have the types of the table. A process of another major version would have others.
 async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findings) {
-    let (mut complaints, mut looked_at) = (Vec::new(), 0);
+    let (mut problems, mut looked_at) = (Vec::new(), 0);
     for service in ready {
         for row in rows.iter().filter(|r| r.role == service.role) {
             let Kind::Slot { message } = &row.kind else { continue };
@@ -72,20 +77,20 @@ async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findin
             match bus.ask_raw(&service.role, row.name, &Raw::default(), ANSWER).await {
                 Heard::Reply { encoding, .. } if encoding == wanted => (),
                 Heard::Reply { encoding, .. } | Heard::Refusal { encoding, .. } => {
-                    complaints.push(format!("{}/{}: `{encoding}` instead of `{wanted}`", row.role, row.name));
+                    problems.push(format!("{}/{}: `{encoding}` instead of `{wanted}`", row.role, row.name));
                 }
-                Heard::Nothing => complaints.push(format!("{}/{}: nobody answers", row.role, row.name)),
+                Heard::Nothing => problems.push(format!("{}/{}: no answer", row.role, row.name)),
             }
         }
     }
     let what = format!("types of `{}`", bus.session());
-    findings.judge(what, complaints, format!("{looked_at} newest values are of the types of the table"));
+    findings.add_result(what, problems, format!("{looked_at} newest values have the types of the table"));
 }
 
-/// Rows that are none of their role, that two processes answer, that the process of another role answers, or that nobody
-/// answers. A role's process is the one that answers its `cmd/status`.
-fn strange_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Declared]) -> Vec<String> {
-    let mut complaints = Vec::new();
+/// Rows that do not belong to their role, have two processes, belong to another role's process, or have none. The
+/// process of a role serves its `cmd/status`.
+fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Declared]) -> Vec<String> {
+    let mut problems = Vec::new();
     let root = format!("{}/{session}/", keys::ROOT);
     let places: Vec<_> = declared
         .iter()
@@ -93,23 +98,23 @@ fn strange_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Decl
         .collect();
     let processes: BTreeMap<&str, &str> = places
         .iter()
-        // The supervisor tells no status: whoever answers its rows is taken for it.
+        // The supervisor serves no status. The process behind its rows is the supervisor.
         .filter(|(_, role, name)| *name == keys::STATUS.name || *role == role::SUPERVISOR)
         .filter_map(|(d, role, _)| Some((d.clients.first()?.as_str(), *role)))
         .collect();
     let answered = |row: &Row| !matches!(row.kind, Kind::Stream { .. });
     for (Declared { key, clients }, role, name) in places {
         if !rows.iter().any(|r| r.name == name && r.is_of(role) && answered(r)) {
-            complaints.push(format!("{key} is no row of `{role}`"));
+            problems.push(format!("{key} is not a row of `{role}`"));
         }
         if clients.len() > 1 {
-            complaints.push(format!("{key} is answered by {} processes", clients.len()));
+            problems.push(format!("{key} is served by {} processes", clients.len()));
         }
         for client in clients {
             match processes.get(client.as_str()) {
-                Some(of) if *of != role => complaints.push(format!("{key} is answered by the process of `{of}`")),
+                Some(of) if *of != role => problems.push(format!("{key} is served by the process of `{of}`")),
                 Some(_) => (),
-                None => complaints.push(format!("{key} is answered by a process that answers for no role")),
+                None => problems.push(format!("{key} is served by a process without a role")),
             }
         }
     }
@@ -117,11 +122,11 @@ fn strange_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Decl
         for row in rows.iter().filter(|r| r.role == service.role && answered(r)) {
             let key = keys::key(session, &service.role, row.name);
             if !declared.iter().any(|d| d.key == key) {
-                complaints.push(format!("{key} is answered by nobody"));
+                problems.push(format!("{key} has no process"));
             }
         }
     }
-    complaints
+    problems
 }
 
 #[cfg(test)]
@@ -133,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn who_answers_what_he_may_not_is_told() {
+    fn unexpected_rows_are_found() {
         let rows = keys::rows();
         let intent = Service { name: "i".into(), role: role::AGENT_INTENT.into(), ..Service::default() };
         let fine = vec![
@@ -144,15 +149,16 @@ mod tests {
             at("scene/cmd/apply", &["b"]),
             at("supervisor/cmd/ps", &["s"]),
         ];
-        let told = |declared: &[Declared]| strange_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
+        let told =
+            |declared: &[Declared]| unexpected_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
         assert_eq!(told(&fine), "");
-        assert_eq!(told(&fine[..2]), "sg/s/agent-intent/state is answered by nobody");
+        assert_eq!(told(&fine[..2]), "sg/s/agent-intent/state has no process");
         for (strange, complaint) in [
-            (at("scene/cmd/changes", &["a"]), "answered by the process of `agent-intent`"),
-            (at("scene/cmd/apply", &["b", "c"]), "answered by 2 processes"),
-            (at("supervisor/cmd/down", &["s", "a"]), "answered by the process of `agent-intent`"),
+            (at("scene/cmd/changes", &["a"]), "served by the process of `agent-intent`"),
+            (at("scene/cmd/apply", &["b", "c"]), "served by 2 processes"),
+            (at("supervisor/cmd/down", &["s", "a"]), "served by the process of `agent-intent`"),
             (at("agent-intent/cmd/apply", &["a"]), "no row of `agent-intent`"),
-            (at("agent-core/cmd/utter", &["c"]), "answered by a process that answers for no role"),
+            (at("agent-core/cmd/utter", &["c"]), "served by a process without a role"),
         ] {
             let told = told(&[fine.clone(), vec![strange]].concat());
             assert!(told.contains(complaint), "{complaint}: {told}");

@@ -1,49 +1,49 @@
-//! Two compiled schemas by structure: what whoever relies on the old one would miss in the new one.
+//! Structural comparison of two compiled schemas.
 //!
-//! A small part of what buf's FILE rules say, for where buf or the schema's sources are not at hand: no message, field,
-//! enum value or method is gone, and none became another.
+//! It covers a small part of buf's FILE rules, for machines without buf or the sources. No message, field, enum value
+//! or method may be missing or changed.
 
 use prost_reflect::{DescriptorPool, EnumDescriptor, FieldDescriptor, Kind, MessageDescriptor, ServiceDescriptor};
 
-/// What the new schema takes from or changes for those who rely on the old one.
-pub(super) fn breaks(old: &DescriptorPool, new: &DescriptorPool) -> Vec<String> {
-    let mut complaints = Vec::new();
+/// Removals and changes in the new schema that break users of the old one.
+pub(super) fn breaking_changes(old: &DescriptorPool, new: &DescriptorPool) -> Vec<String> {
+    let mut problems = Vec::new();
     for message in old.all_messages() {
         match new.get_message_by_name(message.full_name()) {
-            None => complaints.push(format!("message {} is gone", message.full_name())),
-            Some(now) => fields(&message, &now, &mut complaints),
+            None => problems.push(format!("message {} is gone", message.full_name())),
+            Some(now) => fields(&message, &now, &mut problems),
         }
     }
     for values in old.all_enums() {
         match new.get_enum_by_name(values.full_name()) {
-            None => complaints.push(format!("enum {} is gone", values.full_name())),
-            Some(now) => enum_values(&values, &now, &mut complaints),
+            None => problems.push(format!("enum {} is gone", values.full_name())),
+            Some(now) => enum_values(&values, &now, &mut problems),
         }
     }
     for service in old.services() {
         match new.services().find(|s| s.full_name() == service.full_name()) {
-            None => complaints.push(format!("service {} is gone", service.full_name())),
-            Some(now) => methods(&service, &now, &mut complaints),
+            None => problems.push(format!("service {} is gone", service.full_name())),
+            Some(now) => methods(&service, &now, &mut problems),
         }
     }
-    complaints
+    problems
 }
 
-fn fields(old: &MessageDescriptor, new: &MessageDescriptor, complaints: &mut Vec<String>) {
+fn fields(old: &MessageDescriptor, new: &MessageDescriptor, problems: &mut Vec<String>) {
     for field in old.fields() {
         let name = field.full_name();
         let Some(now) = new.get_field(field.number()) else {
-            complaints.push(format!("field {name} = {} is gone", field.number()));
+            problems.push(format!("field {name} = {} is gone", field.number()));
             continue;
         };
         let (was, is) = (described(&field), described(&now));
         if was != is {
-            complaints.push(format!("field {name} = {}: was `{was}`, is `{is}`", field.number()));
+            problems.push(format!("field {name} = {}: was `{was}`, is `{is}`", field.number()));
         }
     }
 }
 
-/// All of a field that travels or that generated code shows.
+/// The parts of a field that are visible on the wire or in generated code.
 fn described(field: &FieldDescriptor) -> String {
     let kind = match field.kind() {
         Kind::Message(message) => message.full_name().to_owned(),
@@ -56,17 +56,17 @@ fn described(field: &FieldDescriptor) -> String {
     format!("{:?} {kind} {}{within}{presence}", field.cardinality(), field.name()).to_lowercase()
 }
 
-fn enum_values(old: &EnumDescriptor, new: &EnumDescriptor, complaints: &mut Vec<String>) {
+fn enum_values(old: &EnumDescriptor, new: &EnumDescriptor, problems: &mut Vec<String>) {
     for value in old.values() {
         let now = new.get_value(value.number());
         if now.as_ref().map(|v| v.name().to_owned()).as_deref() != Some(value.name()) {
             let is = now.map_or_else(|| "is gone".to_owned(), |v| format!("is now {}", v.name()));
-            complaints.push(format!("enum value {} = {} {is}", value.full_name(), value.number()));
+            problems.push(format!("enum value {} = {} {is}", value.full_name(), value.number()));
         }
     }
 }
 
-fn methods(old: &ServiceDescriptor, new: &ServiceDescriptor, complaints: &mut Vec<String>) {
+fn methods(old: &ServiceDescriptor, new: &ServiceDescriptor, problems: &mut Vec<String>) {
     for method in old.methods() {
         let same = new.methods().any(|now| {
             now.name() == method.name()
@@ -76,7 +76,7 @@ fn methods(old: &ServiceDescriptor, new: &ServiceDescriptor, complaints: &mut Ve
                 && now.is_server_streaming() == method.is_server_streaming()
         });
         if !same {
-            complaints.push(format!("method {} is gone or takes or gives another message", method.full_name()));
+            problems.push(format!("method {} is missing or has other messages", method.full_name()));
         }
     }
 }
@@ -105,15 +105,15 @@ mod tests {
         file.message_type.iter_mut().find(|m| m.name() == name).unwrap()
     }
 
-    /// What an edit of the schema would take away.
+    /// An edit that removes parts of a schema.
     fn broken_by(edit: impl FnOnce(&mut FileDescriptorSet)) -> Vec<String> {
         let mut files = compiled();
         edit(&mut files);
-        breaks(&pool(compiled()), &pool(files))
+        breaking_changes(&pool(compiled()), &pool(files))
     }
 
     #[test]
-    fn what_is_only_added_breaks_nothing() {
+    fn additions_break_nothing() {
         assert_eq!(broken_by(|_| ()), Vec::<String>::new());
         let added = broken_by(|files| {
             let error = message(file(files, "bus"), "Error");
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_gone_renumbered_retyped_or_renamed_is_told() {
+    fn breaking_changes_are_found() {
         let gone = broken_by(|files| file(files, "launch").message_type.retain(|m| m.name() != "DownReply"));
         assert_eq!(gone, ["message supergaussian.launch.v1.DownReply is gone"]);
 

@@ -1,4 +1,4 @@
-//! What a demo came to, in five lines.
+//! The summary of a demo, in five lines.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -9,14 +9,14 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 
 use crate::input::Scene;
-use crate::playback::{Measured, Player};
-use crate::remote::services;
-use crate::terminal::{self, Failure, thousands, time};
+use crate::playback::{Measurements, Player};
+use crate::supervisor_client::services;
+use crate::terminal::{self, Failure, format_count, format_time};
 
-/// How long a service may take to tell its state.
+/// Longest time for a service's state.
 const ANSWER: Duration = Duration::from_secs(30);
 
-/// A demo in numbers.
+/// The numbers of a demo.
 #[derive(Debug, Clone)]
 pub(super) struct Summary {
     scene: PathBuf,
@@ -34,13 +34,13 @@ pub(super) struct Summary {
     replies: usize,
     restarts: u32,
     size: Option<u32>,
-    measured: Measured,
-    /// What was said but not done.
-    pub(super) undone: Vec<String>,
+    measured: Measurements,
+    /// Utterances that the agents could not carry out.
+    pub(super) failed_utterances: Vec<String>,
 }
 
 impl Summary {
-    /// Asks the services for what they hold.
+    /// Requests the states of the services.
     pub(super) async fn gather(
         bus: &Bus,
         player: Player,
@@ -69,21 +69,21 @@ impl Summary {
             restarts,
             size: (!player.pictures.is_empty()).then(|| player.size()),
             measured: player.measured.clone(),
-            undone: player.undone,
+            failed_utterances: player.failed_utterances,
         })
     }
 
-    /// Tells it: JSON to programs, five lines and the pictures' paths to people.
+    /// Prints the summary: JSON, or the pictures' paths and five lines.
     pub(super) fn tell(&self, json: bool) {
         if json {
-            terminal::out(&self.json().to_string());
+            terminal::print_line(&self.json().to_string());
             return;
         }
         for picture in &self.pictures {
-            terminal::out(&picture.display().to_string());
+            terminal::print_line(&picture.display().to_string());
         }
         for line in self.lines() {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
     }
 
@@ -97,24 +97,24 @@ impl Summary {
             "walk_seconds": seconds(&self.measured.walk), "frame_seconds": seconds(&self.measured.frame),
             "stroke_to_picture_seconds": seconds(&self.measured.stroke_to_picture),
             "reply_seconds": seconds(&self.measured.reply),
-            "replies": self.replies, "replies_done": self.replies - self.undone.len(), "restarts": self.restarts,
+            "replies": self.replies, "replies_done": self.replies - self.failed_utterances.len(), "restarts": self.restarts,
         })
     }
 
     fn lines(&self) -> [String; 5] {
         let plural = if self.base_units == 1 { "" } else { "s" };
-        let fitted = self.fit_seconds.map_or(String::new(), |s| format!(", made in {}", time(s * 1000.0)));
+        let fitted = self.fit_seconds.map_or(String::new(), |s| format!(", made in {}", format_time(s * 1000.0)));
         let units = if self.units.is_empty() { "none saved".to_owned() } else { self.units.join(", ") };
         let size = self.size.map_or(String::new(), |s| format!("{s}×{s} "));
-        let median = |list: &[f64]| median(list).map_or_else(|| "-".to_owned(), time);
+        let median = |list: &[f64]| median(list).map_or_else(|| "-".to_owned(), format_time);
         let m = &self.measured;
         [
-            format!("Gaussians   {} in {} base unit{plural}{fitted}", thousands(self.gaussians), self.base_units),
-            format!("clusters    {}, made in {}", thousands(self.clusters.into()), time(self.clustering_ms)),
-            format!("selected    {} Gaussians; units: {units}", thousands(self.selected)),
+            format!("Gaussians   {} in {} base unit{plural}{fitted}", format_count(self.gaussians), self.base_units),
+            format!("clusters    {}, made in {}", format_count(self.clusters.into()), format_time(self.clustering_ms)),
+            format!("selected    {} Gaussians; units: {units}", format_count(self.selected)),
             format!(
                 "latencies   start-up {}, walk {}, stroke to picture {}, {size}frame {}, reply {} (medians)",
-                time(self.start_seconds * 1000.0),
+                format_time(self.start_seconds * 1000.0),
                 median(&m.walk),
                 median(&m.stroke_to_picture),
                 median(&m.frame),
@@ -122,7 +122,7 @@ impl Summary {
             ),
             format!(
                 "replies     {} of {} done; {} restarts; transcript: {}",
-                self.replies - self.undone.len(),
+                self.replies - self.failed_utterances.len(),
                 self.replies,
                 self.restarts,
                 self.transcript.display()
@@ -135,7 +135,7 @@ fn seconds(ms: &[f64]) -> Vec<f64> {
     ms.iter().map(|ms| ms / 1000.0).collect()
 }
 
-/// The middle value, or the lower one of two.
+/// The median; the lower one of two middle values.
 fn median(list: &[f64]) -> Option<f64> {
     let mut sorted = list.to_vec();
     sorted.sort_by(f64::total_cmp);

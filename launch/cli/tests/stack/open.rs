@@ -1,4 +1,4 @@
-//! Scenes and volumes that are opened from a stack that runs.
+//! Scenes and volumes opened from a running stack.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -13,79 +13,79 @@ use sg_runtime::bus::{Bus, Following};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 
-use crate::bench::{Bench, PATIENCE, runs};
+use crate::sandbox::{Sandbox, TIMEOUT, runs};
 
 const ONE: &str = "schema = 1\n[service.scene]\nexec = \"./fixture\"\n";
 
 async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
     let request = OpenRequest { path: path.display().to_string() };
-    bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(PATIENCE)).await
+    bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(TIMEOUT)).await
 }
 
 async fn failed(events: &mut Following<OpenFailed>) -> OpenFailed {
-    tokio::time::timeout(PATIENCE, events.next()).await.expect("a failure is told").unwrap().0
+    tokio::time::timeout(TIMEOUT, events.next()).await.expect("a failure is told").unwrap().0
 }
 
 #[test]
-fn what_cannot_be_opened_is_refused_with_a_line() {
-    let bench = Bench::new();
-    let file = bench.file("one.toml", ONE);
+fn unopenable_files_are_refused_with_one_line() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.file("one.toml", ONE);
     let command = Path::new(env!("CARGO_BIN_EXE_supergaussian"));
-    let up = bench.up_by(command, &file, ":4711");
-    bench.ready("one", "scene");
-    let pipe = bench.path().join("pipe.ply");
+    let up = sandbox.up_by(command, &file, ":4711");
+    sandbox.ready("one", "scene");
+    let pipe = sandbox.path().join("pipe.ply");
     mkfifo(&pipe, Mode::S_IRWXU).unwrap();
     let refused = |path: &Path| {
-        let asked = async { open(&Bench::join_in(bench.path(), "one").await, path).await };
+        let asked = async { open(&Sandbox::join_in(sandbox.path(), "one").await, path).await };
         sg_runtime::process::block_on(asked).unwrap().unwrap_err()
     };
     for (path, code, said) in [
         (Path::new("scene.ply"), Code::InvalidArgument, "absolute"),
-        (&bench.path().join("none.ply"), Code::NotFound, "none.ply: No such file"),
+        (&sandbox.path().join("none.ply"), Code::NotFound, "none.ply: No such file"),
         (&pipe, Code::FailedPrecondition, "neither a file nor a folder"),
     ] {
         let fault = refused(path);
         assert!(fault.code == code && fault.message.contains(said), "{fault:?}");
     }
     drop(up);
-    let _up = bench.up_by(command, &file, "");
-    bench.ready("one", "scene");
-    let fault = refused(&bench.file("scene.ply", "ply"));
+    let _up = sandbox.up_by(command, &file, "");
+    sandbox.ready("one", "scene");
+    let fault = refused(&sandbox.file("scene.ply", "ply"));
     assert!(fault.message.contains("DISPLAY is not set") && fault.message.contains("supergaussian open"), "{fault:?}");
 }
 
 #[test]
-fn why_what_was_opened_failed_is_told_and_the_stack_goes_on() {
-    let bench = Bench::new();
+fn failed_open_is_reported_and_the_stack_continues() {
+    let sandbox = Sandbox::new();
     let refuse = "echo '{\"level\":\"ERROR\",\"message\":\"no such scene\"}' >&2; exit 2";
-    let command = bench.among(&[("supergaussian-scene", refuse)]);
-    let _up = bench.up_by(&command, &bench.file("one.toml", ONE), ":4711");
-    let before = bench.ready("one", "scene");
-    let scene = bench.file("heart.ply", "ply");
+    let command = sandbox.install_beside(&[("supergaussian-scene", refuse)]);
+    let _up = sandbox.up_by(&command, &sandbox.file("one.toml", ONE), ":4711");
+    let before = sandbox.ready("one", "scene");
+    let scene = sandbox.file("heart.ply", "ply");
     sg_runtime::process::block_on(async {
-        let bus = Bench::join_in(bench.path(), "one").await;
+        let bus = Sandbox::join_in(sandbox.path(), "one").await;
         let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
         let reply = open(&bus, &scene).await.unwrap();
         assert!(reply.session.starts_with("heart-") && !reply.volume, "{reply:?}");
         let told = failed(&mut events).await;
         assert_eq!((told.path, &told.session), (scene.display().to_string(), &reply.session));
         assert_eq!(told.reason, "service `scene` failed: exit status 2: no such scene");
-        // What it said is among the logs of who opened it, as its services' own are among its own.
-        let (_, log, _) = bench.run(&["logs", "--session", "one", &reply.session]);
+        // The opener logs the output of the new session. The new session logs its own services.
+        let (_, log, _) = sandbox.run(&["logs", "--session", "one", &reply.session]);
         assert!(log.contains("no such scene"), "{log}");
     })
     .unwrap();
-    assert_eq!(bench.ready("one", "scene")["pid"], before["pid"]);
+    assert_eq!(sandbox.ready("one", "scene")["pid"], before["pid"]);
 }
 
 #[test]
-fn no_more_than_four_are_opened_and_they_outlive_who_opened_them() {
-    let bench = Bench::new();
-    // Gaussians that take for ever; who has them made is written down.
-    let command = bench.among(&[("supergaussian-fit", "echo $PPID >> \"$0.pids\"; exec sleep 60")]);
-    let up = bench.up_by(&command, &bench.file("one.toml", ONE), ":4711");
-    bench.ready("one", "scene");
-    let volumes: Vec<_> = (0..5).map(|k| bench.file(&format!("v{k}.nrrd"), "NRRD0004")).collect();
+fn at_most_four_sessions_open_and_outlive_the_opener() {
+    let sandbox = Sandbox::new();
+    // Fitting that never ends, with a file that records its process.
+    let command = sandbox.install_beside(&[("supergaussian-fit", "echo $PPID >> \"$0.pids\"; exec sleep 60")]);
+    let up = sandbox.up_by(&command, &sandbox.file("one.toml", ONE), ":4711");
+    sandbox.ready("one", "scene");
+    let volumes: Vec<_> = (0..5).map(|k| sandbox.file(&format!("v{k}.nrrd"), "NRRD0004")).collect();
     let making = || {
         let text = std::fs::read_to_string(command.with_file_name("supergaussian-fit.pids")).unwrap_or_default();
         text.lines().map(|l| l.parse().unwrap()).collect::<Vec<i32>>()
@@ -93,17 +93,17 @@ fn no_more_than_four_are_opened_and_they_outlive_who_opened_them() {
     let until = |count: usize| {
         let began = Instant::now();
         while making().len() < count {
-            assert!(began.elapsed() < PATIENCE, "{} of {count} are made", making().len());
+            assert!(began.elapsed() < TIMEOUT, "{} of {count} are made", making().len());
             std::thread::sleep(Duration::from_millis(10));
         }
     };
     sg_runtime::process::block_on(async {
-        let bus = Bench::join_in(bench.path(), "one").await;
+        let bus = Sandbox::join_in(sandbox.path(), "one").await;
         let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
         let first = open(&bus, &volumes[0]).await.unwrap();
         assert!(first.volume, "{first:?}");
         until(1);
-        // Once more while Gaussians of it are made.
+        // A second request during the fitting.
         open(&bus, &volumes[0]).await.unwrap();
         let told = failed(&mut events).await;
         assert_eq!(told.reason, format!("it is open already, in session `{}`", first.session));
@@ -122,6 +122,6 @@ fn no_more_than_four_are_opened_and_they_outlive_who_opened_them() {
     assert!(opened.iter().all(|pid| runs(*pid)), "what was opened has ended: {opened:?}");
     for pid in opened {
         kill(Pid::from_raw(pid), Signal::SIGKILL).unwrap();
-        bench.gone(pid);
+        sandbox.gone(pid);
     }
 }

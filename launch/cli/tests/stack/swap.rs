@@ -13,35 +13,35 @@ use sg_proto::keys;
 use sg_proto::language::{Source, Utterance};
 use sg_runtime::context::Context;
 
-use crate::bench::{Bench, Up, pid, runs};
+use crate::sandbox::{Sandbox, Up, pid, runs};
 
 /// A stack of one service that answers utterances.
-fn answering(bench: &Bench, more: &str) -> Up {
+fn answering(sandbox: &Sandbox, more: &str) -> Up {
     let text = format!(
         "schema = 1\n[service.core]\nexec = \"./fixture\"\nrole = \"agent-core\"\nparams = {{ answers = true }}\nready = 20\n{more}"
     );
-    let file = bench.file("talk.toml", &text);
-    let up = bench.up(&[file.to_str().unwrap()]);
-    bench.ready("talk", "core");
+    let file = sandbox.file("talk.toml", &text);
+    let up = sandbox.up(&[file.to_str().unwrap()]);
+    sandbox.ready("talk", "core");
     up
 }
 
-fn path(bench: &Bench, name: &str) -> String {
-    bench.path().join(name).display().to_string()
+fn path(sandbox: &Sandbox, name: &str) -> String {
+    sandbox.path().join(name).display().to_string()
 }
 
-fn core(bench: &Bench) -> Value {
-    bench.ps("talk").into_iter().find(|s| s["name"] == "core").unwrap()
+fn core(sandbox: &Sandbox) -> Value {
+    sandbox.ps("talk").into_iter().find(|s| s["name"] == "core").unwrap()
 }
 
 #[test]
 fn a_service_is_swapped_to_another_executable_and_answers() {
-    let bench = Bench::new();
-    let mut up = answering(&bench, "");
-    let before = core(&bench);
-    let (status, out, errors) = bench.run(&["swap", "core", &path(&bench, "other")]);
+    let sandbox = Sandbox::new();
+    let mut up = answering(&sandbox, "");
+    let before = core(&sandbox);
+    let (status, out, errors) = sandbox.run(&["swap", "core", &path(&sandbox, "other")]);
     assert_eq!(status, 0, "{errors}");
-    let after = core(&bench);
+    let after = core(&sandbox);
     assert!(
         out.starts_with(&format!("core: process {} stopped, process {} serves", pid(&before), pid(&after))),
         "{out}"
@@ -49,20 +49,20 @@ fn a_service_is_swapped_to_another_executable_and_answers() {
     assert!(!runs(pid(&before)) && runs(pid(&after)));
     assert_eq!(
         (&after["state"], &after["executable"], &after["instance"], &after["restarts"], &after["swap"]["state"]),
-        (&"READY".into(), &path(&bench, "other").into(), &"core-2".into(), &0.into(), &"DONE".into())
+        (&"READY".into(), &path(&sandbox, "other").into(), &"core-2".into(), &0.into(), &"DONE".into())
     );
     assert!(after["epoch"].as_u64() > before["epoch"].as_u64(), "{before} {after}");
-    assert_eq!(bench.run(&["say", "make it red"]).1, "you said: make it red\n");
-    // What is started from now on is the new one.
+    assert_eq!(sandbox.run(&["say", "make it red"]).1, "you said: make it red\n");
+    // Processes from now on are the new executable.
     kill(Pid::from_raw(pid(&after)), Signal::SIGKILL).unwrap();
-    let again = bench.wait("talk", "core", |s| s["state"] == "READY" && s["restarts"] == 1);
-    assert_eq!(again["executable"], path(&bench, "other"));
+    let again = sandbox.wait("talk", "core", |s| s["state"] == "READY" && s["restarts"] == 1);
+    assert_eq!(again["executable"], path(&sandbox, "other"));
 
-    let (status, _, errors) = bench.run(&["swap", "coer", &path(&bench, "other")]);
+    let (status, _, errors) = sandbox.run(&["swap", "coer", &path(&sandbox, "other")]);
     assert!(status == 2 && errors.contains("no service `coer`; did you mean `core`?"), "{errors}");
-    let (status, _, errors) = bench.run(&["swap", "core", "./none"]);
+    let (status, _, errors) = sandbox.run(&["swap", "core", "./none"]);
     assert!(status == 2 && errors.contains("executable `./none`"), "{errors}");
-    let (status, _, errors) = bench.run(&["swap", "core", &path(&bench, "other"), "--params", "[1]"]);
+    let (status, _, errors) = sandbox.run(&["swap", "core", &path(&sandbox, "other"), "--params", "[1]"]);
     assert!(status == 2 && errors.contains("write a JSON object"), "{errors}");
     up.signal(Signal::SIGINT);
     let (status, errors) = up.end();
@@ -70,119 +70,119 @@ fn a_service_is_swapped_to_another_executable_and_answers() {
 }
 
 #[test]
-fn a_newcomer_that_fails_leaves_the_old_one_serving() {
-    let bench = Bench::new();
-    let mut up = answering(&bench, "");
-    let before = core(&bench);
-    let other = path(&bench, "other");
+fn failed_candidate_leaves_the_old_process() {
+    let sandbox = Sandbox::new();
+    let mut up = answering(&sandbox, "");
+    let before = core(&sandbox);
+    let other = path(&sandbox, "other");
     let serves_on = format!("process {} serves on", pid(&before));
     let check = |status: i32, errors: &str, why: &str| {
         assert_eq!(status, 1, "{errors}");
         assert!(errors.contains(why) && errors.contains(&serves_on), "{errors}");
-        let now = core(&bench);
+        let now = core(&sandbox);
         assert_eq!(
             (&now["pid"], &now["state"], &now["swap"]["state"]),
             (&before["pid"], &"READY".into(), &"FAILED".into())
         );
-        assert_eq!(now["executable"], path(&bench, "fixture"));
-        assert_eq!(bench.run(&["say", "undo"]).0, 0);
+        assert_eq!(now["executable"], path(&sandbox, "fixture"));
+        assert_eq!(sandbox.run(&["say", "undo"]).0, 0);
     };
     // It crashes at its start.
-    let (status, _, errors) = bench.run(&["swap", "core", &path(&bench, "crash")]);
+    let (status, _, errors) = sandbox.run(&["swap", "core", &path(&sandbox, "crash")]);
     check(status, &errors, "swap of `core` failed: exit status 1: cannot go on");
-    let (status, _, errors) = bench.run(&["swap", "core", &other, "--params", "{\"crash\": true}"]);
+    let (status, _, errors) = sandbox.run(&["swap", "core", &other, "--params", "{\"crash\": true}"]);
     check(status, &errors, "crashed on purpose");
-    // It does not take its parameters.
-    let (status, _, errors) = bench.run(&["swap", "core", &other, "--params", "{\"odd\": 1}"]);
+    // It refuses its parameters.
+    let (status, _, errors) = sandbox.run(&["swap", "core", &other, "--params", "{\"odd\": 1}"]);
     check(status, &errors, "unknown field `odd`");
-    // It does not answer what its role answers.
-    let (status, _, errors) = bench.run(&["swap", "core", &other, "--params", "{}"]);
-    check(status, &errors, "it failed its proof: it does not declare cmd/utter, state");
-    let (_, table, _) = bench.run(&["ps"]);
-    assert!(table.contains("failed: it failed its proof"), "{table}");
+    // It does not serve the rows of its role.
+    let (status, _, errors) = sandbox.run(&["swap", "core", &other, "--params", "{}"]);
+    check(status, &errors, "it failed its probe: it does not declare cmd/utter, state");
+    let (_, table, _) = sandbox.run(&["ps"]);
+    assert!(table.contains("failed: it failed its probe"), "{table}");
     up.signal(Signal::SIGINT);
     let (_, errors) = up.end();
-    assert!(errors.contains("swap failed: it failed its proof") && errors.contains("stays in force"), "{errors}");
+    assert!(errors.contains("swap failed: it failed its probe") && errors.contains("stays in force"), "{errors}");
 }
 
 #[test]
-fn a_newcomer_that_never_gets_ready_is_given_up_and_seen_meanwhile() {
-    let bench = Bench::new();
-    let up = answering(&bench, "");
-    // The time for it is changed in place, by the same file with another value over it.
-    let file = path(&bench, "talk.toml");
-    let (status, out, _) = bench.run(&["up", &file, "--set", "service.core.ready=2"]);
+fn unready_candidate_is_listed_and_given_up() {
+    let sandbox = Sandbox::new();
+    let up = answering(&sandbox, "");
+    // A time limit changes in place, by the same file with another override.
+    let file = path(&sandbox, "talk.toml");
+    let (status, out, _) = sandbox.run(&["up", &file, "--set", "service.core.ready=2"]);
     assert!(status == 0 && out.contains("core     changed"), "{out}");
-    let before = core(&bench);
-    let swap = ["swap", "core", &path(&bench, "other"), "--params", "{\"never_ready\": true}"];
-    let swapping = bench.command(&swap).stderr(std::process::Stdio::piped()).spawn().unwrap();
-    let seen = bench.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
+    let before = core(&sandbox);
+    let swap = ["swap", "core", &path(&sandbox, "other"), "--params", "{\"never_ready\": true}"];
+    let swapping = sandbox.command(&swap).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let seen = sandbox.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
     assert_eq!(
         (&seen["state"], &seen["pid"], &seen["swap"]["instance"]),
         (&"READY".into(), &before["pid"], &"core-2".into())
     );
-    let newcomer = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
-    assert!(runs(newcomer));
-    let (_, table, _) = bench.run(&["ps"]);
+    let candidate = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
+    assert!(runs(candidate));
+    let (_, table, _) = sandbox.run(&["ps"]);
     assert!(table.contains("swap to") && table.contains("starting"), "{table}");
     let output = swapping.wait_with_output().unwrap();
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(!output.status.success() && errors.contains("not ready within 2 s"), "{errors}");
-    assert_eq!(core(&bench)["pid"], before["pid"]);
-    bench.gone(newcomer);
+    assert_eq!(core(&sandbox)["pid"], before["pid"]);
+    sandbox.gone(candidate);
     drop(up);
 }
 
 #[test]
-fn one_that_is_stopped_by_a_signal_is_swapped_all_the_same() {
-    let bench = Bench::new();
-    let _up = answering(&bench, "stop = 1\nliveness = 60\n");
-    let before = core(&bench);
+fn stopped_process_is_swapped() {
+    let sandbox = Sandbox::new();
+    let _up = answering(&sandbox, "stop = 1\nliveness = 60\n");
+    let before = core(&sandbox);
     kill(Pid::from_raw(pid(&before)), Signal::SIGSTOP).unwrap();
-    let (status, out, errors) = bench.run(&["swap", "core", &path(&bench, "other")]);
+    let (status, out, errors) = sandbox.run(&["swap", "core", &path(&sandbox, "other")]);
     assert_eq!(status, 0, "{out}{errors}");
     assert!(!runs(pid(&before)));
-    assert_eq!(bench.run(&["say", "undo"]).0, 0);
+    assert_eq!(sandbox.run(&["say", "undo"]).0, 0);
 }
 
 #[test]
 fn a_stop_during_a_swap_stops_both() {
-    let bench = Bench::new();
-    let mut up = answering(&bench, "");
-    let before = core(&bench);
-    let swap = ["swap", "core", &path(&bench, "other"), "--params", "{\"answers\": true, \"start_ms\": 60000}"];
-    let mut swapping = bench.command(&swap).stderr(std::process::Stdio::null()).spawn().unwrap();
-    let seen = bench.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
-    let newcomer = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
-    assert_eq!(bench.run(&["down"]).0, 0);
+    let sandbox = Sandbox::new();
+    let mut up = answering(&sandbox, "");
+    let before = core(&sandbox);
+    let swap = ["swap", "core", &path(&sandbox, "other"), "--params", "{\"answers\": true, \"start_ms\": 60000}"];
+    let mut swapping = sandbox.command(&swap).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let seen = sandbox.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
+    let candidate = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
+    assert_eq!(sandbox.run(&["down"]).0, 0);
     assert_eq!(up.end().0, 0);
-    assert!(!runs(newcomer) && !runs(pid(&before)));
+    assert!(!runs(candidate) && !runs(pid(&before)));
     assert!(!swapping.wait().unwrap().success());
 }
 
-/// Requests from several askers at once while the service is swapped again and again: none fails after its retries, none
-/// takes effect twice.
+/// Clients send requests while the service is swapped repeatedly. No request fails after its retries or takes effect
+/// twice.
 #[allow(clippy::print_stdout, reason = "figures for whoever runs it by hand")]
 fn swaps_under_load(swaps: u32) {
-    let bench = Bench::new();
-    let ledger = bench.path().join("ledger");
+    let sandbox = Sandbox::new();
+    let ledger = sandbox.path().join("ledger");
     let more = format!("[service.core.params]\nanswers = true\nledger = \"{}\"\n", ledger.display());
     let text = format!("schema = 1\n[service.core]\nexec = \"./fixture\"\nrole = \"agent-core\"\nready = 20\n{more}");
-    let file = bench.file("talk.toml", &text);
-    let _up = bench.up(&[file.to_str().unwrap()]);
-    bench.ready("talk", "core");
+    let file = sandbox.file("talk.toml", &text);
+    let _up = sandbox.up(&[file.to_str().unwrap()]);
+    sandbox.ready("talk", "core");
     let enough = Arc::new(AtomicBool::new(false));
     let (answered, slowest) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
     let (stop, count, worst) = (Arc::clone(&enough), Arc::clone(&answered), Arc::clone(&slowest));
-    let folder = bench.path().to_owned();
+    let folder = sandbox.path().to_owned();
     let load = std::thread::spawn(move || sg_runtime::process::block_on(ask(folder, stop, count, worst)).unwrap());
     let began = Instant::now();
     for i in 0..swaps {
         let before = answered.load(Ordering::Relaxed);
         let executable = if i % 2 == 0 { "other" } else { "fixture" };
-        let (status, _, errors) = bench.run(&["swap", "core", &path(&bench, executable)]);
+        let (status, _, errors) = sandbox.run(&["swap", "core", &path(&sandbox, executable)]);
         assert_eq!(status, 0, "swap {i}: {errors}");
-        // The load goes on after each: otherwise nothing would be shown.
+        // The load continues after each swap, otherwise the test proves nothing.
         while answered.load(Ordering::Relaxed) <= before {
             assert!(began.elapsed() < Duration::from_secs(60 + 10 * u64::from(swaps)), "no answers any more");
             std::thread::sleep(Duration::from_millis(5));
@@ -195,7 +195,7 @@ fn swaps_under_load(swaps: u32) {
     let twice: Vec<_> = effects.values().filter(|n| **n != 1).collect();
     assert!(twice.is_empty(), "{} of {asked} took effect more than once", twice.len());
     assert_eq!(effects.len(), asked, "every answer has its effect");
-    let swap = core(&bench)["swap"].clone();
+    let swap = core(&sandbox)["swap"].clone();
     assert_eq!((&swap["number"], &swap["state"]), (&swaps.into(), &"DONE".into()));
     println!(
         "{swaps} swaps in {:.1} s under {asked} requests: 0 failed, 0 effects twice, slowest answer {} ms",
@@ -204,14 +204,14 @@ fn swaps_under_load(swaps: u32) {
     );
 }
 
-/// Asks until it is enough: requests asked and what failed.
+/// Sends requests until the end. Returns their number and the failures.
 async fn ask(
     folder: std::path::PathBuf,
     enough: Arc<AtomicBool>,
     answered: Arc<AtomicU64>,
     slowest: Arc<AtomicU64>,
 ) -> (usize, Vec<String>) {
-    let bus = Bench::join_in(&folder, "talk").await;
+    let bus = Sandbox::join_in(&folder, "talk").await;
     let asker = |number: u32| {
         let (bus, enough, answered, slowest) = (bus.clone(), enough.clone(), answered.clone(), slowest.clone());
         async move {
@@ -244,7 +244,7 @@ async fn ask(
     (asked, failures)
 }
 
-/// How often each request took effect, by its words, which are those of one request alone.
+/// Effects of each request, by its unique text.
 fn effects(ledger: &Path) -> HashMap<String, u32> {
     let mut effects = HashMap::new();
     for line in std::fs::read_to_string(ledger).unwrap().lines() {

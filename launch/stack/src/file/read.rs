@@ -1,10 +1,10 @@
-//! From a document to a launch file, with every mistake told at its place.
+//! From a document to a launch file. Every mistake carries its place.
 
 use std::path::Path;
 
 use sg_proto::keys::role;
 
-use super::executables::Search;
+use super::executables::ExecutableSearch;
 use super::model::{self, LaunchFile, Policy, Restart, Service, Start};
 use super::names::{MAX_SERVICE_NAME, is_name};
 use super::nodes;
@@ -19,20 +19,20 @@ const MAX_MEMORY_MIB: i64 = 16 << 20;
 /// Most services of one file.
 const MAX_SERVICES: usize = 256;
 
-/// A launch file's text and what is put over it.
+/// Text of a launch file, with overrides.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
-    /// The file as the user named it: for messages, and where relative executables are looked up.
+    /// The file as the user named it, for messages and relative executables.
     pub path: &'a Path,
     /// Its text.
     pub text: &'a str,
-    /// Overrides `a.b=c`, applied in order.
+    /// Overrides `a.b=c`, in order.
     pub overrides: &'a [String],
 }
 
-/// What `[defaults]` may hold and a service may say otherwise.
+/// Policy and environment from `[defaults]`.
 #[derive(Debug, Clone, Default)]
-struct Base {
+struct Defaults {
     policy: Policy,
     env: Vec<(String, String)>,
 }
@@ -40,9 +40,8 @@ struct Base {
 /// Reads and checks a launch file.
 ///
 /// # Errors
-/// Every mistake that was found: form, unknown keys, wrong values, unknown names, duplicate roles, cycles, executables that
-/// are not there.
-pub fn read(source: Source<'_>, search: &Search) -> Result<LaunchFile, Problems> {
+/// All mistakes: syntax, unknown keys, wrong values, unknown names, duplicate roles, cycles, missing executables.
+pub fn read(source: Source<'_>, search: &ExecutableSearch) -> Result<LaunchFile, Problems> {
     let mut problems = Vec::new();
     let file = match parse(source) {
         Err(problem) => {
@@ -65,13 +64,13 @@ fn parse(source: Source<'_>) -> Result<Table, Problem> {
     Ok(table)
 }
 
-fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<Problem>) -> LaunchFile {
+fn launch_file(table: &Table, path: &Path, search: &ExecutableSearch, problems: &mut Vec<Problem>) -> LaunchFile {
     let start = document::Place::File { line: 1, column: 1 };
     let mut top = Reader::new("the file", table, problems);
     match top.node("schema") {
         None => top.problem(&start, format!("`schema` is missing; begin the file with `schema = {SCHEMA}`")),
         Some(Node { value: Value::Integer(SCHEMA), .. }) => {}
-        Some(node) => top.problem(&node.place, format!("this launcher reads schema {SCHEMA} only")),
+        Some(node) => top.problem(&node.place, format!("this version reads schema {SCHEMA} only")),
     }
     let name = top.string("name").map(str::to_owned);
     if let Some(name) = &name
@@ -90,10 +89,10 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
     let listen = nodes::listening(bus, path, problems);
     let nodes = nodes::read_nodes(nodes, listen.is_some(), problems);
 
-    let mut base = Base::default();
+    let mut base = Defaults::default();
     if let Some(defaults) = defaults {
         let mut reader = Reader::new("[defaults]", defaults, problems);
-        watched(&mut reader, &mut base);
+        read_policy(&mut reader, &mut base);
         reader.finish();
     }
     let entries = services.map_or(&[][..], |t| &t.entries);
@@ -136,11 +135,11 @@ fn launch_file(table: &Table, path: &Path, search: &Search, problems: &mut Vec<P
 fn service(
     entry: &document::Entry,
     table: &Table,
-    base: &Base,
+    base: &Defaults,
     nodes: &[model::Node],
     edges: &mut Vec<Edge>,
     path: &Path,
-    search: &Search,
+    search: &ExecutableSearch,
     problems: &mut Vec<Problem>,
 ) -> Service {
     let mut reader = Reader::new(format!("[service.{}]", entry.key), table, problems);
@@ -152,8 +151,9 @@ fn service(
             if name.contains('/')
                 && let Some(place) = reader.node("exec").map(|n| n.place.clone())
             {
-                let text =
-                    format!("`{name}`: a service on another machine is named without a path; it is looked for there");
+                let text = format!(
+                    "`{name}`: a service on another machine needs a name without a path, because the node looks it up"
+                );
                 reader.problem(&place, text);
             }
             executable = Some(name.into());
@@ -192,7 +192,7 @@ fn service(
         edges.push(Edge { from: entry.key.clone(), on: condition.key.clone(), place: condition.place.clone() });
     }
     let mut own = base.clone();
-    watched(&mut reader, &mut own);
+    read_policy(&mut reader, &mut own);
     reader.finish();
     let exec = exec.unwrap_or_default().to_owned();
     Service {
@@ -205,9 +205,9 @@ fn service(
     }
 }
 
-/// The keys that say how a service is watched; those that are there replace what the base holds.
-fn watched(reader: &mut Reader<'_, '_>, base: &mut Base) {
-    let Base { policy, env: variables } = base;
+/// Reads the policy keys of a table over the defaults.
+fn read_policy(reader: &mut Reader<'_, '_>, base: &mut Defaults) {
+    let Defaults { policy, env: variables } = base;
     const RESTART: [(&str, Restart); 3] =
         [("always", Restart::Always), ("on-failure", Restart::OnFailure), ("never", Restart::Never)];
     if let Some(text) = reader.string("restart") {
@@ -221,7 +221,7 @@ fn watched(reader: &mut Reader<'_, '_>, base: &mut Base) {
             }
         }
     }
-    // The inner tables are read with readers of their own, which need the list of problems in turn.
+    // The inner tables need readers of their own, with the same list of problems.
     let (backoff, intensity, env) = (reader.table("backoff"), reader.table("intensity"), reader.table("env"));
     if let Some(time) = reader.time("ready", "seconds", 1.0) {
         policy.ready = time;
@@ -278,7 +278,7 @@ fn duplicate_roles(services: &[Service], problems: &mut Vec<Problem>) {
     for (i, service) in services.iter().enumerate() {
         if let Some(first) = services.iter().take(i).find(|s| s.role == service.role) {
             let text = format!(
-                "services `{}` and `{}` both serve role `{}`; a role is served by one",
+                "services `{}` and `{}` both serve role `{}`; only one service may hold a role",
                 first.name, service.name, service.role
             );
             problems.push(Problem { place: service.place.clone(), text });

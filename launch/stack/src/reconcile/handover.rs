@@ -1,19 +1,18 @@
-//! Swaps: a newcomer loads beside the process that serves, is proven, and takes over when that one is gone.
+//! Swaps: a candidate loads beside the serving process, is probed, and takes over when the old process is gone.
 //!
-//! Until the process that serves is asked to stop, whatever befalls the newcomer leaves it serving. After that, a newcomer
-//! that fails means an ordinary restart with the old start, which stays in force until the newcomer has the role. A service
-//! whose process dies during its swap is restarted as ever, and the swap goes on; a newcomer that is proven meanwhile takes
-//! over at once.
+//! A candidate that fails before the hand-over leaves the old process serving. A candidate that fails after it causes
+//! an ordinary restart with the old start, which stays in force until the swap is done. If the old process dies during
+//! a swap, it is restarted and the swap continues. A candidate in standby then takes over at once.
 
 use sg_proto::launch::SwapState;
 
-use super::model::{Action, Incarnation, PROOF_TIME, Time};
+use super::model::{Action, PROBE_TIME, ProcessId, Time};
 use super::reconciler::{Goal, Reconciler};
-use super::slot::{At, Part, Process, Stage, State, Swap, Then, Wish};
+use super::slot::{AfterStop, Occupant, PendingSwap, Process, ProcessIndex, Stage, State, Swap};
 use crate::file::Start;
 
 impl Reconciler {
-    /// A swap is wished. A service that has never been started has nothing to hand over: it will start like this.
+    /// Requests a swap. A service that was never started takes the new start without a swap.
     pub(super) fn swap(&mut self, index: usize, start: Start, now: Time, actions: &mut Vec<Action>) {
         if self.goal != Goal::Run {
             return;
@@ -23,71 +22,73 @@ impl Reconciler {
             slot.service.start = start;
             return;
         }
-        self.retract(index, "another swap took its place", now, actions);
+        self.cancel_before_handover(index, "replaced by another swap", now, actions);
         let Some(slot) = self.slots.get_mut(index) else { return };
         let number = slot.next_swap();
         let executable = start.executable.display().to_string();
-        slot.next = Some(Wish { number, start });
+        slot.next = Some(PendingSwap { number, start });
         slot.swap = Some(Swap { number, state: SwapState::Waiting, executable, reason: String::new() });
         slot.announce_swap(index, actions);
     }
 
-    /// Takes a swap back as long as the process that serves has not been asked to stop for it.
-    pub(super) fn retract(&mut self, index: usize, why: &str, now: Time, actions: &mut Vec<Action>) {
+    /// Cancels a swap if the serving process has not been asked to stop for it.
+    pub(super) fn cancel_before_handover(&mut self, index: usize, why: &str, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let reason = format!("withdrawn: {why}");
-        if let Some(wish) = slot.next.take() {
-            slot.swap_enters(wish.number, SwapState::Failed, reason.as_str(), index, actions);
+        if let Some(pending) = slot.next.take() {
+            slot.swap_enters(pending.number, SwapState::Failed, reason.as_str(), index, actions);
         }
         let early = |stage: &Stage| matches!(stage, Stage::Starting { .. } | Stage::Proving { .. });
-        if let Some(number) = slot.newcomer.as_ref().filter(|n| early(&n.stage)).and_then(|n| n.swap) {
+        if let Some(number) = slot.candidate.as_ref().filter(|n| early(&n.stage)).and_then(|n| n.swap) {
             slot.swap_enters(number, SwapState::Failed, reason, index, actions);
-            self.dismiss(index, now, actions);
+            self.stop_candidate(index, now, actions);
         }
     }
 
-    /// Takes a swap back whatever it has come to: a newcomer leaves, and so does one that is taking the role.
-    pub(super) fn withdraw(&mut self, index: usize, why: &str, now: Time, actions: &mut Vec<Action>) {
-        self.retract(index, why, now, actions);
+    /// Cancels a swap at any stage. The candidate stops, even while it takes the role.
+    pub(super) fn cancel_swap(&mut self, index: usize, why: &str, now: Time, actions: &mut Vec<Action>) {
+        self.cancel_before_handover(index, why, now, actions);
         let Some(slot) = self.slots.get_mut(index) else { return };
         let reason = format!("withdrawn: {why}");
         let standing = |stage: &Stage| matches!(stage, Stage::StandingBy { .. });
-        if let Some(number) = slot.newcomer.as_ref().filter(|n| standing(&n.stage)).and_then(|n| n.swap) {
+        if let Some(number) = slot.candidate.as_ref().filter(|n| standing(&n.stage)).and_then(|n| n.swap) {
             slot.swap_enters(number, SwapState::Failed, reason, index, actions);
-            if let Some(Stage::Stopping { then: then @ Then::HandOver, .. }) =
-                slot.process_mut(Part::Main).map(|p| &mut p.stage)
+            if let Some(Stage::Stopping { then: then @ AfterStop::HandOver, .. }) =
+                slot.process_mut(Occupant::Serving).map(|p| &mut p.stage)
             {
-                *then = Then::StartAgain;
+                *then = AfterStop::Restart;
             }
-            self.dismiss(index, now, actions);
-        } else if let Some(process) = slot.process_mut(Part::Main)
+            self.stop_candidate(index, now, actions);
+        } else if let Some(process) = slot.process_mut(Occupant::Serving)
             && !matches!(process.stage, Stage::Stopping { .. })
             && let Some(number) = process.swap.take()
         {
             slot.swap_enters(number, SwapState::Failed, reason, index, actions);
-            self.stop((index, Part::Main), Then::StartAgain, now, actions);
+            self.stop((index, Occupant::Serving), AfterStop::Restart, now, actions);
         }
     }
 
-    /// Asks a newcomer whose swap has been told as failed to leave.
-    fn dismiss(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
-        if let Some(newcomer) = self.slots.get_mut(index).and_then(|s| s.newcomer.as_mut()) {
-            newcomer.swap = None;
-            self.stop((index, Part::Newcomer), Then::Stay, now, actions);
+    /// Stops a candidate whose swap has been announced as failed.
+    fn stop_candidate(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
+        if let Some(candidate) = self.slots.get_mut(index).and_then(|s| s.candidate.as_mut()) {
+            candidate.swap = None;
+            self.stop((index, Occupant::Candidate), AfterStop::Stay, now, actions);
         }
     }
 
-    /// A process says that it serves, or that it stands by.
-    pub(super) fn heard(&mut self, at: At, standby: bool, now: Time, actions: &mut Vec<Action>) {
+    /// Handles the announcement of a process that serves or stands by.
+    pub(super) fn on_ready(&mut self, at: ProcessIndex, standby: bool, now: Time, actions: &mut Vec<Action>) {
         let (index, part) = at;
         let Some(slot) = self.slots.get_mut(index) else { return };
         let Some(process) = slot.process_mut(part) else { return };
         match (part, standby, &process.stage) {
-            (Part::Main, false, Stage::Starting { .. } | Stage::Promoting { .. }) => self.serves(index, now, actions),
-            (Part::Newcomer, true, Stage::Starting { .. }) => {
-                process.stage = Stage::Proving { deadline: now + PROOF_TIME };
+            (Occupant::Serving, false, Stage::Starting { .. } | Stage::Promoting { .. }) => {
+                self.serves(index, now, actions);
+            }
+            (Occupant::Candidate, true, Stage::Starting { .. }) => {
+                process.stage = Stage::Proving { deadline: now + PROBE_TIME };
                 actions.push(Action::Prove {
-                    incarnation: process.incarnation,
+                    id: process.id,
                     instance: process.instance.clone(),
                     role: process.role.clone(),
                 });
@@ -95,17 +96,17 @@ impl Reconciler {
                     slot.swap_enters(number, SwapState::Proving, "", index, actions);
                 }
             }
-            (Part::Newcomer, false, Stage::Starting { .. } | Stage::Proving { .. } | Stage::StandingBy { .. }) => {
-                let reason = "it does not stand by: it took the role without being promoted";
-                self.stop(at, Then::Fail(reason.to_owned()), now, actions);
-                // Two at one role are worse than one that could not finish.
+            (Occupant::Candidate, false, Stage::Starting { .. } | Stage::Proving { .. } | Stage::StandingBy { .. }) => {
+                let reason = "it took the role without waiting for its promotion";
+                self.stop(at, AfterStop::Fail(reason.to_owned()), now, actions);
+                // Two processes in one role are worse than one that could not finish.
                 self.kill(at, now, actions);
             }
             _ => {}
         }
     }
 
-    /// A process that was starting, or taking its role, serves.
+    /// A starting or promoted process serves.
     fn serves(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let deadline = now + slot.service.policy.liveness;
@@ -125,17 +126,17 @@ impl Reconciler {
         }
     }
 
-    pub(super) fn proven(
+    pub(super) fn on_proven(
         &mut self,
-        incarnation: Incarnation,
+        id: ProcessId,
         outcome: Result<(), String>,
         now: Time,
         actions: &mut Vec<Action>,
     ) {
-        let waited = |p: &Process| p.incarnation == incarnation && matches!(p.stage, Stage::Proving { .. });
-        let Some((at, process)) = self.process_of(waited) else { return };
+        let waited = |p: &Process| p.id == id && matches!(p.stage, Stage::Proving { .. });
+        let Some((at, process)) = self.find_process(waited) else { return };
         if let Err(reason) = outcome {
-            return self.stop(at, Then::Fail(format!("it failed its proof: {reason}")), now, actions);
+            return self.stop(at, AfterStop::Fail(format!("it failed its probe: {reason}")), now, actions);
         }
         let number = process.swap;
         let Some(slot) = self.slots.get_mut(at.0) else { return };
@@ -148,22 +149,22 @@ impl Reconciler {
         }
     }
 
-    /// A newcomer that is proven: who serves is asked to stop; when nobody serves any more the newcomer gets the role.
+    /// Hands over to a probed candidate: stops the serving process, then promotes the candidate once the role is free.
     pub(super) fn hand_over_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let free = self.occupants(index).is_empty();
         let Some(slot) = self.slots.get_mut(index) else { return };
-        let Some(newcomer) = &slot.newcomer else { return };
-        if !matches!(newcomer.stage, Stage::StandingBy { .. }) || self.goal != Goal::Run {
+        let Some(candidate) = &slot.candidate else { return };
+        if !matches!(candidate.stage, Stage::StandingBy { .. }) || self.goal != Goal::Run {
             return;
         }
         match &mut slot.state {
             State::Alive(process) => match &mut process.stage {
-                Stage::Stopping { then, .. } => *then = Then::HandOver,
-                _ => self.stop((index, Part::Main), Then::HandOver, now, actions),
+                Stage::Stopping { then, .. } => *then = AfterStop::HandOver,
+                _ => self.stop((index, Occupant::Serving), AfterStop::HandOver, now, actions),
             },
             _ if !slot.lost.is_empty() => {
-                let reason = "the system does not remove the process that it was to replace";
-                self.stop((index, Part::Newcomer), Then::Fail(reason.to_owned()), now, actions);
+                let reason = "the system does not remove the old process";
+                self.stop((index, Occupant::Candidate), AfterStop::Fail(reason.to_owned()), now, actions);
             }
             _ if free => self.promote(index, now, actions),
             _ => {}
@@ -173,30 +174,30 @@ impl Reconciler {
     fn promote(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let epoch = self.grant();
         let Some(slot) = self.slots.get_mut(index) else { return };
-        let Some(mut process) = slot.newcomer.take() else { return };
+        let Some(mut process) = slot.candidate.take() else { return };
         let within = slot.service.policy.ready;
         slot.epoch = epoch;
         process.stage = Stage::Promoting { deadline: now + within };
-        let (incarnation, instance, swap) = (process.incarnation, process.instance.clone(), process.swap);
-        actions.push(Action::Promote { incarnation, instance, epoch, within });
+        let (id, instance, swap) = (process.id, process.instance.clone(), process.swap);
+        actions.push(Action::Promote { id, instance, epoch, within });
         slot.enter(State::Alive(process), "takes its role", index, actions);
         if let Some(number) = swap {
             slot.swap_enters(number, SwapState::Promoting, "", index, actions);
         }
     }
 
-    pub(super) fn promoted(
+    pub(super) fn on_promoted(
         &mut self,
-        incarnation: Incarnation,
+        id: ProcessId,
         outcome: Result<(), String>,
         now: Time,
         actions: &mut Vec<Action>,
     ) {
-        let waited = |p: &Process| p.incarnation == incarnation && matches!(p.stage, Stage::Promoting { .. });
-        let Some((at, _)) = self.process_of(waited) else { return };
+        let waited = |p: &Process| p.id == id && matches!(p.stage, Stage::Promoting { .. });
+        let Some((at, _)) = self.find_process(waited) else { return };
         match outcome {
             Ok(()) => self.serves(at.0, now, actions),
-            Err(reason) => self.stop(at, Then::Fail(format!("could not take its role: {reason}")), now, actions),
+            Err(reason) => self.stop(at, AfterStop::Fail(format!("could not take its role: {reason}")), now, actions),
         }
     }
 }

@@ -1,10 +1,10 @@
-//! The state of a stack and its one entry: [`Reconciler::step`].
+//! The state of a stack, and its entry point [`Reconciler::step`].
 
 use std::collections::BTreeSet;
 
 use super::backoff::Jitter;
 use super::model::{AWAY_TIME, Action, Event, Outcome, Time};
-use super::slot::{At, Part, Process, Slot, Stage, State, Then};
+use super::slot::{AfterStop, Occupant, Process, ProcessIndex, Slot, Stage, State};
 use crate::file::Service;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -18,34 +18,33 @@ pub(super) enum Goal {
 #[derive(Debug, Clone)]
 pub struct Reconciler {
     pub(super) slots: Vec<Slot>,
-    /// Positions in the order of the launch file; what was removed comes after those until it is gone.
+    /// Positions in the order of the launch file. Removed services follow until their processes are gone.
     pub(super) listing: Vec<usize>,
     pub(super) goal: Goal,
-    pub(super) incarnations: u64,
-    /// Last one granted.
+    pub(super) processes_started: u64,
+    /// Last granted epoch.
     pub(super) epoch: u64,
     pub(super) jitter: Jitter,
-    /// Machines that have joined.
+    /// Nodes that have joined.
     pub(super) nodes: BTreeSet<String>,
 }
 
 impl Reconciler {
-    /// A stack of which nothing runs yet. `seed` spreads the pauses between restarts; epochs are granted from above
-    /// `epoch` on.
+    /// A stack without processes. `seed` spreads the pauses between restarts. Granted epochs are above `epoch`.
     #[must_use]
     pub fn new(services: Vec<Service>, seed: u64, epoch: u64) -> Self {
         Self {
             listing: (0..services.len()).collect(),
             slots: services.into_iter().map(Slot::new).collect(),
             goal: Goal::Run,
-            incarnations: 0,
+            processes_started: 0,
             epoch,
             jitter: Jitter::new(seed),
             nodes: BTreeSet::new(),
         }
     }
 
-    /// Takes one event into account and says what is to be done, in order.
+    /// Applies one event and returns the actions, in order.
     pub fn step(&mut self, event: Event, now: Time) -> Vec<Action> {
         let mut actions = Vec::new();
         if self.goal == Goal::Finished {
@@ -53,28 +52,28 @@ impl Reconciler {
         }
         match event {
             Event::Tick => {}
-            Event::Started { incarnation, pid } => {
-                if let Some((_, process)) = self.process_of(|p| p.incarnation == incarnation) {
+            Event::Started { id, pid } => {
+                if let Some((_, process)) = self.find_process(|p| p.id == id) {
                     process.pid = Some(pid);
                 }
             }
-            Event::Exited { incarnation, exit } => self.exited(incarnation, exit, now, &mut actions),
+            Event::Exited { id, exit } => self.on_exited(id, exit, now, &mut actions),
             Event::Ready { instance, start_ms, standby } => {
-                if let Some((at, process)) = self.process_of(|p| p.instance == instance) {
+                if let Some((at, process)) = self.find_process(|p| p.instance == instance) {
                     process.start_ms = Some(start_ms);
-                    self.heard(at, standby, now, &mut actions);
+                    self.on_ready(at, standby, now, &mut actions);
                 }
             }
-            // The token says the same as the announcement, which may come a moment later.
-            Event::Seen { instance, alive: true } => {
-                if let Some((at, _)) = self.process_of(|p| p.instance == instance) {
-                    self.heard(at, false, now, &mut actions);
-                    self.postpone(at, now);
+            // The liveliness token means the same as the announcement. It may come first.
+            Event::Presence { instance, alive: true } => {
+                if let Some((at, _)) = self.find_process(|p| p.instance == instance) {
+                    self.on_ready(at, false, now, &mut actions);
+                    self.extend_deadline(at, now);
                 }
             }
-            Event::Seen { instance, alive: false } => {
-                if let Some((_, process)) = self.process_of(|p| p.instance == instance)
-                    // The way to another machine may be cut for a while; its lease says when that is too long.
+            Event::Presence { instance, alive: false } => {
+                if let Some((_, process)) = self.find_process(|p| p.instance == instance)
+                    // The connection to a node may be cut for a while. The lease decides.
                     && process.start.node.is_none()
                     && let Stage::Ready { deadline, .. } = &mut process.stage
                 {
@@ -86,23 +85,23 @@ impl Reconciler {
             }
             Event::Node { name, present: false } => self.node_away(&name, now, &mut actions),
             Event::Health { instance, memory_bytes, answer_ms } => {
-                if let Some((at, process)) = self.process_of(|p| p.instance == instance) {
+                if let Some((at, process)) = self.find_process(|p| p.instance == instance) {
                     process.memory_bytes = memory_bytes;
                     process.answer_ms = answer_ms;
-                    self.postpone(at, now);
-                    self.weigh(at, now, &mut actions);
+                    self.extend_deadline(at, now);
+                    self.check_memory(at, now, &mut actions);
                 }
             }
-            Event::Proven { incarnation, outcome } => self.proven(incarnation, outcome, now, &mut actions),
-            Event::Promoted { incarnation, outcome } => self.promoted(incarnation, outcome, now, &mut actions),
-            Event::Desire(services) => self.desire(services, now, &mut actions),
+            Event::Proven { id, outcome } => self.on_proven(id, outcome, now, &mut actions),
+            Event::Promoted { id, outcome } => self.on_promoted(id, outcome, now, &mut actions),
+            Event::SetServices(services) => self.set_services(services, now, &mut actions),
             Event::Swap { service, start } => self.swap(service, start, now, &mut actions),
             Event::Restart { service } => self.restart(service, now, &mut actions),
             Event::Down => self.down(Outcome::Down),
             Event::Kill => {
                 self.down(Outcome::Down);
-                for at in self.parts() {
-                    self.stop(at, Then::Stay, now, &mut actions);
+                for at in self.all_processes() {
+                    self.stop(at, AfterStop::Stay, now, &mut actions);
                     self.kill(at, now, &mut actions);
                 }
             }
@@ -111,21 +110,21 @@ impl Reconciler {
         actions
     }
 
-    /// When [`Event::Tick`] is due at the latest; `None` if only an event can change anything.
+    /// When [`Event::Tick`] is due at the latest; `None` if only an event can change the state.
     #[must_use]
     pub fn next_deadline(&self) -> Option<Time> {
         self.slots.iter().flat_map(Slot::deadlines).min()
     }
 
-    /// Brings the stack one step nearer to its goal, until nothing is due at this time.
+    /// Moves the stack towards its goal, until nothing is due at this time.
     fn settle(&mut self, now: Time, actions: &mut Vec<Action>) {
-        for at in self.parts() {
-            self.overdue(at, now, actions);
+        for at in self.all_processes() {
+            self.handle_deadline(at, now, actions);
         }
         match &self.goal {
             Goal::Finished => {}
             Goal::Run => {
-                if let Some((service, reason)) = self.hopeless() {
+                if let Some((service, reason)) = self.critical_failure() {
                     self.down(Outcome::Failed { service, reason });
                     return self.settle(now, actions);
                 }
@@ -133,18 +132,18 @@ impl Reconciler {
                     self.down(Outcome::Finished);
                     return self.settle(now, actions);
                 }
-                // Whoever is to stop stops before anybody is started who depends on it.
+                // Stop before start: a dependent starts after its dependency has stopped.
                 for index in 0..self.slots.len() {
                     self.hand_over_if_due(index, now, actions);
                 }
                 for index in 0..self.slots.len() {
                     self.start_if_due(index, now, actions);
-                    self.start_newcomer_if_due(index, now, actions);
+                    self.start_candidate_if_due(index, now, actions);
                 }
-                // What waits now waits for something that will never be ready.
+                // All remaining services wait for one that will never be ready.
                 if !self.slots.iter().any(|s| s.is_active() || self.waits_for_node(s)) {
                     for index in 0..self.slots.len() {
-                        self.retract(index, "the stack ended", now, actions);
+                        self.cancel_before_handover(index, "the stack ended", now, actions);
                     }
                     let failed = self.slots.iter().find(|s| s.state == State::Failed && !s.removed);
                     let outcome = failed.map_or(Outcome::Finished, |s| Outcome::Failed {
@@ -157,18 +156,18 @@ impl Reconciler {
             Goal::Down(outcome) => {
                 let outcome = outcome.clone();
                 for index in 0..self.slots.len() {
-                    self.withdraw(index, "the stack stops", now, actions);
+                    self.cancel_swap(index, "the stack stops", now, actions);
                     if let Some(slot) = self.slots.get_mut(index)
                         && matches!(slot.state, State::Waiting | State::Backoff { .. })
                     {
                         slot.enter(State::Stopped, "stopped", index, actions);
                     }
                 }
-                // One after another, the last one started first: nobody loses what it depends on while it drains.
+                // Stop in reverse start order, so that a draining service keeps its dependencies.
                 let last = self.slots.iter().enumerate().filter(|(_, s)| matches!(s.state, State::Alive(_)));
                 match last.map(|(index, s)| (s.order.unwrap_or(0), index)).max() {
-                    Some((_, index)) => self.stop((index, Part::Main), Then::Stay, now, actions),
-                    None if self.slots.iter().any(|s| s.newcomer.is_some()) => {}
+                    Some((_, index)) => self.stop((index, Occupant::Serving), AfterStop::Stay, now, actions),
+                    None if self.slots.iter().any(|s| s.candidate.is_some()) => {}
                     None => self.finish(outcome, actions),
                 }
             }
@@ -187,7 +186,7 @@ impl Reconciler {
     }
 
     /// The first critical service that failed for good.
-    fn hopeless(&self) -> Option<(String, String)> {
+    fn critical_failure(&self) -> Option<(String, String)> {
         let failed = |s: &&Slot| s.service.policy.critical && s.state == State::Failed && !s.removed;
         self.slots.iter().find(failed).map(|s| (s.service.name.clone(), s.reason.clone()))
     }
@@ -197,22 +196,23 @@ impl Reconciler {
         self.epoch
     }
 
-    /// Every process there is; newcomers first, since they depend on more.
-    pub(super) fn parts(&self) -> Vec<At> {
+    /// All processes. Candidates come first, because they depend on more.
+    pub(super) fn all_processes(&self) -> Vec<ProcessIndex> {
         let of = |part| move |(index, slot): (usize, &Slot)| slot.process(part).map(|_| (index, part));
-        let newcomers = self.slots.iter().enumerate().filter_map(of(Part::Newcomer));
-        newcomers.chain(self.slots.iter().enumerate().filter_map(of(Part::Main))).collect()
+        let candidates = self.slots.iter().enumerate().filter_map(of(Occupant::Candidate));
+        candidates.chain(self.slots.iter().enumerate().filter_map(of(Occupant::Serving))).collect()
     }
 
-    pub(super) fn process_of(&mut self, is: impl Fn(&Process) -> bool) -> Option<(At, &mut Process)> {
+    pub(super) fn find_process(&mut self, is: impl Fn(&Process) -> bool) -> Option<(ProcessIndex, &mut Process)> {
         self.slots.iter_mut().enumerate().find_map(|(index, slot)| {
-            let part = [Part::Main, Part::Newcomer].into_iter().find(|p| slot.process(*p).is_some_and(&is))?;
+            let part =
+                [Occupant::Serving, Occupant::Candidate].into_iter().find(|p| slot.process(*p).is_some_and(&is))?;
             Some(((index, part), slot.process_mut(part)?))
         })
     }
 
-    /// A sign of life: the next one is due within the service's time.
-    pub(super) fn postpone(&mut self, (index, part): At, now: Time) {
+    /// Moves the liveness deadline of a process.
+    pub(super) fn extend_deadline(&mut self, (index, part): ProcessIndex, now: Time) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let until = now + slot.service.policy.liveness;
         if let Some(Process { stage: Stage::Ready { deadline, .. } | Stage::StandingBy { deadline }, .. }) =
@@ -222,14 +222,14 @@ impl Reconciler {
         }
     }
 
-    /// Stops a process that takes more memory than it may.
-    pub(super) fn weigh(&mut self, at: At, now: Time, actions: &mut Vec<Action>) {
+    /// Stops a process above its memory limit.
+    pub(super) fn check_memory(&mut self, at: ProcessIndex, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(at.0) else { return };
         let (Some(process), Some(most)) = (slot.process(at.1), slot.service.policy.memory_bytes) else { return };
         if process.memory_bytes > most && !matches!(process.stage, Stage::Stopping { .. }) {
             let mib = |bytes: u64| bytes >> 20;
-            let reason = format!("takes {} MiB of memory, more than its {} MiB", mib(process.memory_bytes), mib(most));
-            self.stop(at, Then::Fail(reason), now, actions);
+            let reason = format!("uses {} MiB of memory; its limit is {} MiB", mib(process.memory_bytes), mib(most));
+            self.stop(at, AfterStop::Fail(reason), now, actions);
         }
     }
 }

@@ -1,14 +1,15 @@
-//! Another list of services: the difference is applied.
+//! Reload: applies the difference between two lists of services.
 
 use sg_proto::launch::{Change, Difference};
 
 use super::model::{Action, Time};
 use super::reconciler::{Goal, Reconciler};
-use super::slot::{Part, Slot, Stage, State, Then};
+use super::slot::{AfterStop, Occupant, Slot, Stage, State};
 use crate::file::{Service, Start};
 
 impl Reconciler {
-    /// What [`super::model::Event::Desire`] would do to each service: those of the list in its order, removed ones last.
+    /// Effect of [`super::model::Event::SetServices`] on each service, in the order of the list. Removed services come
+    /// last.
     #[must_use]
     pub fn differences(&self, services: &[Service]) -> Vec<Difference> {
         let told = |name: &str, (change, swap): (Change, u64)| Difference {
@@ -26,7 +27,7 @@ impl Reconciler {
         self.slots.iter().enumerate().find(|(_, s)| s.service.name == name)
     }
 
-    pub(super) fn desire(&mut self, services: Vec<Service>, now: Time, actions: &mut Vec<Action>) {
+    pub(super) fn set_services(&mut self, services: Vec<Service>, now: Time, actions: &mut Vec<Action>) {
         if self.goal != Goal::Run {
             return;
         }
@@ -55,8 +56,8 @@ impl Reconciler {
     }
 
     fn remove(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
-        self.withdraw(index, "the service was removed", now, actions);
-        self.stop((index, Part::Main), Then::Stay, now, actions);
+        self.cancel_swap(index, "the service was removed", now, actions);
+        self.stop((index, Occupant::Serving), AfterStop::Stay, now, actions);
         let Some(slot) = self.slots.get_mut(index) else { return };
         slot.removed = true;
         if !matches!(slot.state, State::Alive(_)) {
@@ -67,7 +68,7 @@ impl Reconciler {
     fn change(&mut self, index: usize, service: Service, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let (change, _) = slot.difference(&service);
-        // What is in force stays so until the swap is done.
+        // The old start stays in force until the swap is done.
         let present = std::mem::replace(&mut slot.service, service).start;
         let start = std::mem::replace(&mut slot.service.start, present);
         match change {
@@ -78,9 +79,9 @@ impl Reconciler {
                 self.restart(index, now, actions);
             }
             _ if slot.starts == 0 => slot.service.start = start,
-            // It is to be as it is: what would make it otherwise is taken back.
-            _ if slot.service.start == start && slot.heading() != Some(&start) => {
-                self.retract(index, "the launch file has it as it was", now, actions);
+            // The file has the start in force again: cancel the swap that would change it.
+            _ if slot.service.start == start && slot.target_start() != Some(&start) => {
+                self.cancel_before_handover(index, "the launch file has the present executable again", now, actions);
             }
             _ => {}
         }
@@ -88,7 +89,7 @@ impl Reconciler {
 }
 
 impl Slot {
-    /// What has to be done so that it becomes like this, and the number that its swap would have.
+    /// The change to this service, and the number of its swap.
     fn difference(&self, service: &Service) -> (Change, u64) {
         let rest = |s: &Service| (s.after.clone(), s.policy.clone());
         let in_place = if rest(&self.service) == rest(service) { Change::Unchanged } else { Change::InPlace };
@@ -96,27 +97,27 @@ impl Slot {
             (Change::Added, 0)
         } else if self.service.role != service.role {
             (Change::Restarted, 0)
-        } else if self.heading() == Some(&service.start) {
+        } else if self.target_start() == Some(&service.start) {
             (in_place, 0)
         } else if self.starts == 0 || (self.service.start == service.start && !self.hands_over()) {
-            // Nothing runs that would have to be replaced, or it is enough to take a swap back.
+            // Nothing has to be replaced, or cancelling a swap suffices.
             (Change::InPlace, 0)
         } else {
             (Change::Swapped, self.next_swap())
         }
     }
 
-    /// The start that will be in force when all that is under way went well.
-    fn heading(&self) -> Option<&Start> {
-        if let Some(wish) = &self.next {
-            return Some(&wish.start);
+    /// The start that will be in force after all running swaps.
+    fn target_start(&self) -> Option<&Start> {
+        if let Some(pending) = &self.next {
+            return Some(&pending.start);
         }
-        let newcomer = self.newcomer.as_ref().filter(|n| !matches!(n.stage, Stage::Stopping { .. }));
+        let candidate = self.candidate.as_ref().filter(|n| !matches!(n.stage, Stage::Stopping { .. }));
         let promoting = self.main().filter(|p| matches!(p.stage, Stage::Promoting { .. }));
-        newcomer.or(promoting).map(|p| &p.start).or(Some(&self.service.start))
+        candidate.or(promoting).map(|p| &p.start).or(Some(&self.service.start))
     }
 
-    /// The number that the next swap will have.
+    /// Number of the next swap.
     pub(super) fn next_swap(&self) -> u64 {
         self.swap.as_ref().map_or(1, |s| s.number + 1)
     }

@@ -1,14 +1,14 @@
-//! Starting processes: after those they come after, and never beside one that serves the same role.
+//! Starting processes: after their dependencies, and never two in one role.
 
 use sg_proto::launch::SwapState;
 
-use super::model::{Action, Exit, Incarnation, Spawn, Time};
+use super::model::{Action, Exit, ProcessId, Spawn, Time};
 use super::reconciler::Reconciler;
-use super::slot::{Part, Process, Slot, Stage, State, Then};
+use super::slot::{AfterStop, Occupant, Process, Slot, Stage, State};
 use crate::file::Start;
 
 impl Reconciler {
-    /// Starts a service that waits or has paused long enough, if nothing is missing.
+    /// Starts a waiting or paused service if nothing is missing.
     pub(super) fn start_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(index) else { return };
         match slot.state {
@@ -36,43 +36,43 @@ impl Reconciler {
         let start = slot.service.start.clone();
         let reason = std::mem::take(&mut slot.reason);
         let reason = if slot.starts == 1 || reason.starts_with("waits for") { String::new() } else { reason };
-        // The action comes first: what is announced is what was asked for.
+        // Spawn first, so that the announcement reports the new process.
         let Some(process) = self.spawn(index, start, Some(epoch), now, actions) else { return };
         if let Some(slot) = self.slots.get_mut(index) {
             slot.enter(State::Alive(process), reason, index, actions);
         }
     }
 
-    /// Starts the newcomer of a swap that is wished.
-    pub(super) fn start_newcomer_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
+    /// Starts the candidate of a pending swap.
+    pub(super) fn start_candidate_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(index) else { return };
-        let Some(wish) = slot.next.clone() else { return };
-        if slot.newcomer.is_some() || slot.hands_over() {
+        let Some(pending) = slot.next.clone() else { return };
+        if slot.candidate.is_some() || slot.hands_over() {
             return;
         }
-        let missing = [self.unready(index), self.absent_node(&wish.start)].concat();
-        let hopeless = self.slots.iter().any(|s| s.state == State::Failed && after(slot, s));
+        let missing = [self.unready(index), self.absent_node(&pending.start)].concat();
+        let critical_failure = self.slots.iter().any(|s| s.state == State::Failed && after(slot, s));
         let Some(slot) = self.slots.get_mut(index) else { return };
         if !missing.is_empty() {
             let reason = format!("waits for {}", missing.join(", "));
-            if hopeless {
+            if critical_failure {
                 slot.next = None;
-                slot.swap_enters(wish.number, SwapState::Failed, reason, index, actions);
+                slot.swap_enters(pending.number, SwapState::Failed, reason, index, actions);
             } else if slot.swap.as_ref().is_some_and(|s| s.reason != reason) {
-                slot.swap_enters(wish.number, SwapState::Waiting, reason, index, actions);
+                slot.swap_enters(pending.number, SwapState::Waiting, reason, index, actions);
             }
             return;
         }
         slot.next = None;
-        let Some(mut process) = self.spawn(index, wish.start, None, now, actions) else { return };
-        process.swap = Some(wish.number);
+        let Some(mut process) = self.spawn(index, pending.start, None, now, actions) else { return };
+        process.swap = Some(pending.number);
         if let Some(slot) = self.slots.get_mut(index) {
-            slot.newcomer = Some(process);
-            slot.swap_enters(wish.number, SwapState::Starting, "", index, actions);
+            slot.candidate = Some(process);
+            slot.swap_enters(pending.number, SwapState::Starting, "", index, actions);
         }
     }
 
-    /// Asks for a process; without an epoch it stands by.
+    /// Adds the action that spawns a process. Without an epoch it starts in standby.
     fn spawn(
         &mut self,
         index: usize,
@@ -81,16 +81,16 @@ impl Reconciler {
         now: Time,
         actions: &mut Vec<Action>,
     ) -> Option<Process> {
-        let order = self.incarnations;
-        let incarnation = Incarnation(order + 1);
+        let order = self.processes_started;
+        let id = ProcessId(order + 1);
         let slot = self.slots.get_mut(index)?;
-        self.incarnations += 1;
+        self.processes_started += 1;
         slot.processes += 1;
         slot.order.get_or_insert(order);
         let instance = format!("{}-{}", slot.service.name, slot.processes);
         actions.push(Action::Spawn(Box::new(Spawn {
             service: index,
-            incarnation,
+            id,
             instance: instance.clone(),
             role: slot.service.role.clone(),
             start: start.clone(),
@@ -99,7 +99,7 @@ impl Reconciler {
             stop: slot.service.policy.stop,
         })));
         Some(Process {
-            incarnation,
+            id,
             instance,
             role: slot.service.role.clone(),
             start,
@@ -113,7 +113,7 @@ impl Reconciler {
         })
     }
 
-    /// What a service comes after and is not ready, in words.
+    /// Dependencies that are not ready, in words.
     fn unready(&self, index: usize) -> Vec<String> {
         let Some(slot) = self.slots.get(index) else { return Vec::new() };
         let missing = self.slots.iter().filter(|s| after(slot, s) && !s.is_ready());
@@ -125,45 +125,45 @@ impl Reconciler {
             .collect()
     }
 
-    /// The machine that a process is to run on, in words, where it has not joined.
+    /// The node of a process if it has not joined, in words.
     fn absent_node(&self, start: &Start) -> Vec<String> {
         let absent = start.node.iter().filter(|node| !self.nodes.contains(*node));
         absent.map(|node| format!("node `{node}`, which has not joined")).collect()
     }
 
-    /// Whether a service waits for a machine that may yet join.
+    /// Whether a service waits for a node that may still join.
     pub(super) fn waits_for_node(&self, slot: &Slot) -> bool {
         slot.state == State::Waiting && !slot.removed && !self.absent_node(&slot.service.start).is_empty()
     }
 
-    /// A machine is away: its lease is over, and with it every process that it ran. Nobody is to blame, so no failure is
-    /// counted; the services wait for it to come back.
+    /// Handles the end of a node's lease: all its processes count as ended. This is no failure of the services, which
+    /// wait for the node.
     pub(super) fn node_away(&mut self, name: &str, now: Time, actions: &mut Vec<Action>) {
         self.nodes.remove(name);
-        for (index, part) in self.parts() {
+        for (index, part) in self.all_processes() {
             let process = self.slots.get(index).and_then(|s| s.process(part));
             let Some(process) = process.filter(|p| p.start.node.as_deref() == Some(name)) else { continue };
-            let incarnation = process.incarnation;
-            if part == Part::Main
+            let id = process.id;
+            if part == Occupant::Serving
                 && process.swap.is_none()
                 && let Some(process) = self.slots.get_mut(index).and_then(|s| s.process_mut(part))
             {
-                // As if it had been asked to start again when it can. What looked like a failure was its machine's.
+                // Treat it as a requested restart: the apparent failure was the node's.
                 match &mut process.stage {
-                    Stage::Stopping { then: then @ Then::Fail(_), .. } => *then = Then::StartAgain,
+                    Stage::Stopping { then: then @ AfterStop::Fail(_), .. } => *then = AfterStop::Restart,
                     Stage::Stopping { .. } => {}
-                    stage => *stage = Stage::Stopping { deadline: now, kills: 0, then: Then::StartAgain },
+                    stage => *stage = Stage::Stopping { deadline: now, kills: 0, then: AfterStop::Restart },
                 }
             }
             let reason = format!("node `{name}` is away");
-            self.exited(incarnation, Exit { status: None, reason }, now, actions);
+            self.on_exited(id, Exit { status: None, reason }, now, actions);
         }
         for slot in &mut self.slots {
             slot.lost.retain(|(_, _, node)| node.as_deref() != Some(name));
         }
     }
 
-    /// Who still serves the role of a service or may, in words: no second one may, and none before it is gone.
+    /// Other processes that hold or may hold the role, in words. They block a start.
     pub(super) fn occupants(&self, index: usize) -> Vec<String> {
         let Some(slot) = self.slots.get(index) else { return Vec::new() };
         let role = &slot.service.role;
@@ -174,7 +174,7 @@ impl Reconciler {
     }
 }
 
-/// Whether a service comes after another.
+/// Whether a service depends on another.
 fn after(slot: &Slot, other: &Slot) -> bool {
     slot.service.after.contains(&other.service.name)
 }

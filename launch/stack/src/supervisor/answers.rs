@@ -16,7 +16,7 @@ use crate::reconcile::Event;
 use crate::suggestion::suggestion;
 
 impl Supervisor {
-    /// Answers a request; what follows from it, in order.
+    /// Answers a request. Returns the events that follow, in order.
     pub(super) fn answer(&mut self, request: Request) -> Vec<Event> {
         let event = match request {
             Request::Ps(_, reply) => {
@@ -24,14 +24,14 @@ impl Supervisor {
                     session: self.stack.session.name().to_owned(),
                     launch_file: self.stack.path.display().to_string(),
                     pid: std::process::id(),
-                    services: self.mind.services(self.now()),
+                    services: self.reconciler.services(self.now()),
                 };
-                // Whoever asked may have given up.
+                // The requester may have given up.
                 let _ = reply.send(Ok(ps));
                 Event::Tick
             }
             Request::Restart(request, reply) => {
-                let known = self.known(&request.service);
+                let known = self.service_named(&request.service);
                 let event = known.as_ref().map_or(Event::Tick, |(service, _)| Event::Restart { service: *service });
                 let pid = |(_, service): (usize, ServiceMessage)| RestartReply { old_pid: service.pid };
                 let _ = reply.send(known.map(pid));
@@ -51,18 +51,18 @@ impl Supervisor {
                 event
             }
             Request::Join(request, reply) => {
-                let (answer, events) = match self.nodes.hear(&request, Instant::now()) {
+                let (answer, events) = match self.nodes.handle_join(&request, Instant::now()) {
                     Ok((answer, events)) => (Ok(answer), events),
                     Err(fault) => (Err(fault), Vec::new()),
                 };
                 if events.iter().any(|e| matches!(e, Event::Node { present: true, .. })) {
-                    self.console.detail(format!("  node {} has joined, process {}", request.node, request.pid));
+                    self.console.print_detail(format!("  node {} has joined, process {}", request.node, request.pid));
                 }
                 let _ = reply.send(answer);
                 return events;
             }
             Request::Open(request, reply) => {
-                let _ = reply.send(self.open_beside(&request));
+                let _ = reply.send(self.open_session(&request));
                 Event::Tick
             }
             Request::Down => Event::Down,
@@ -70,23 +70,26 @@ impl Supervisor {
         vec![event]
     }
 
-    /// A service by name, if there is anything to be done about it.
-    fn known(&self, name: &str) -> Result<(usize, ServiceMessage), Fault> {
-        if self.mind.is_stopping() {
+    /// A service by name, unless the stack is stopping.
+    fn service_named(&self, name: &str) -> Result<(usize, ServiceMessage), Fault> {
+        if self.reconciler.is_stopping() {
             return Err(Fault::precondition("the stack is stopping"));
         }
-        let known = self.mind.kept(name).and_then(|(index, _)| Some((index, self.mind.service(index, self.now())?)));
+        let known = self
+            .reconciler
+            .find_service(name)
+            .and_then(|(index, _)| Some((index, self.reconciler.service(index, self.now())?)));
         known.ok_or_else(|| {
-            let services = self.mind.services(self.now());
+            let services = self.reconciler.services(self.now());
             let hint = suggestion(name, services.iter().map(|s| s.name.as_str()));
             Fault::not_found(format!("no service `{name}`{hint}"))
         })
     }
 
-    /// What a swap that is asked for comes to: its number and its event.
+    /// Checks a swap request. Returns the number of the swap, and its event.
     fn swap(&self, request: &SwapRequest) -> Result<(u64, Event), Fault> {
-        let (service, _) = self.known(&request.service)?;
-        let (_, kept) = self.mind.kept(&request.service).ok_or_else(|| Fault::not_found("it is gone"))?;
+        let (service, _) = self.service_named(&request.service)?;
+        let (_, kept) = self.reconciler.find_service(&request.service).ok_or_else(|| Fault::not_found("it is gone"))?;
         let params = match request.params.as_str() {
             "" => kept.start.params.clone(),
             text => serde_json::from_str(text).map_err(|e| Fault::invalid(format!("parameters: {e}")))?,
@@ -98,7 +101,7 @@ impl Supervisor {
             }
             Some(node) if request.executable.contains('/') => {
                 return Err(Fault::invalid(format!(
-                    "`{}` runs on node `{node}`: name its executable without a path, it is looked for there",
+                    "`{}` runs on node `{node}`: give its executable as a name without a path",
                     request.service
                 )));
             }
@@ -106,26 +109,26 @@ impl Supervisor {
         }
         let Start { env, node, .. } = kept.start.clone();
         let start = Start { exec: request.executable.clone(), executable, params, env, node };
-        Ok((self.mind.next_swap(service), Event::Swap { service, start }))
+        Ok((self.reconciler.next_swap(service), Event::Swap { service, start }))
     }
 
-    /// What a launch file that is to be read again comes to: what is told of it and its event.
+    /// Reads a launch file again. Returns the differences, and the event that applies them.
     fn reload(&mut self, request: &ReloadRequest) -> Result<(ReloadReply, Event), Fault> {
-        if self.mind.is_stopping() {
+        if self.reconciler.is_stopping() {
             return Err(Fault::precondition("the stack is stopping"));
         }
         let path = PathBuf::from(&request.launch_file);
         let file = file::load(&path, &request.overrides, &request.only).map_err(|e| Fault::invalid(e.to_string()))?;
-        // Who may do what on the bus was settled when it was opened.
+        // The bus took its access rules when it was opened.
         if nodes::listen(&file) != nodes::listen(&self.stack.file) || file.nodes != self.stack.file.nodes {
             return Err(Fault::precondition(
-                "what other machines run or may do has changed (`[bus]`, `[node.…]`, `on`); stop the stack and start it again",
+                "`[bus]`, `[node.…]` or `on` has changed; stop the stack and start it again",
             ));
         }
-        let differences = self.mind.differences(&file.services);
-        self.console.detail(format!("{}: read again", path.display()));
+        let differences = self.reconciler.differences(&file.services);
+        self.console.print_detail(format!("{}: read again", path.display()));
         self.stack.path = path;
-        self.all_ready_told = true;
-        Ok((ReloadReply { differences }, Event::Desire(file.services)))
+        self.all_ready_printed = true;
+        Ok((ReloadReply { differences }, Event::SetServices(file.services)))
     }
 }

@@ -1,4 +1,4 @@
-//! The supervisor's event loop: turns actions of the reconciler into processes, and observations into its events.
+//! The supervisor's event loop: turns the reconciler's actions into processes, and observations into its events.
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
@@ -15,21 +15,21 @@ use sg_runtime::session::SessionDir;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{Semaphore, mpsc};
 
-use super::nodes::{self, Nodes, Placed};
+use super::nodes::{self, Nodes, StartResult};
 use super::opener::{MAX_OPEN, SessionOpener};
 use super::requests::{CAPACITY, Handle, Request, serve};
 use super::session_lock::{forget, lock};
 use crate::console::{Console, ServiceLog, Verbosity, Writer};
 use crate::error::StackError;
 use crate::file::LaunchFile;
-use crate::pid_registry::Roster;
-use crate::reconcile::{Action, Event, Exit, Incarnation, Outcome, Reconciler, Time};
-use crate::spawn::Lines as _;
+use crate::pid_registry::PidRegistry;
+use crate::reconcile::{Action, Event, Exit, Outcome, ProcessId, Reconciler, Time};
+use crate::spawn::LineSink as _;
 
-/// What stands in place of a role in the keys of all that stand by.
+/// Key part that matches every candidate in standby, in place of a role.
 const STANDING_BY: &str = "@instance/*";
 
-/// What is to be supervised.
+/// The stack to supervise.
 pub struct Stack {
     /// The launch file.
     pub file: LaunchFile,
@@ -43,10 +43,10 @@ pub struct Stack {
     pub opener: Box<dyn SessionOpener>,
 }
 
-/// A session that is open: locked, with its router, nothing started yet.
+/// An open session: locked, with its router, without processes.
 pub struct Supervisor {
     pub(super) stack: Stack,
-    pub(super) mind: Reconciler,
+    pub(super) reconciler: Reconciler,
     began: Instant,
     pub(super) bus: Bus,
     pub(super) endpoint: String,
@@ -54,31 +54,31 @@ pub struct Supervisor {
     handle: Handle,
     ready: Following<Ready>,
     health: Following<Health>,
-    newcomers_ready: Following<Ready>,
-    newcomers_health: Following<Health>,
-    /// What newcomers said of themselves when they stood by.
-    pub(super) newcomers: HashMap<String, Ready>,
-    /// What became of proofs and promotions.
+    candidates_ready: Following<Ready>,
+    candidates_health: Following<Health>,
+    /// Announcements of candidates, by instance.
+    pub(super) candidates: HashMap<String, Ready>,
+    /// Results of probes and promotions.
     outcomes: mpsc::Receiver<Event>,
     pub(super) outcome_sender: mpsc::Sender<Event>,
     alive: mpsc::Receiver<Liveliness>,
-    exits: mpsc::Receiver<(Incarnation, Exit)>,
-    pub(super) exit_sender: mpsc::Sender<(Incarnation, Exit)>,
-    /// Other machines and what runs on them.
+    exits: mpsc::Receiver<(ProcessId, Exit)>,
+    pub(super) exit_sender: mpsc::Sender<(ProcessId, Exit)>,
+    /// Nodes and their processes.
     pub(super) nodes: Nodes,
-    placed: mpsc::Receiver<Placed>,
+    placed: mpsc::Receiver<StartResult>,
     node_logs: Following<LogLines>,
-    /// For sessions that are opened from this one.
-    pub(super) places: Arc<Semaphore>,
-    /// Process id and instance of all that run on this machine.
-    pub(super) pids: HashMap<Incarnation, (u32, String)>,
+    /// Limits the sessions that are opened from this one.
+    pub(super) open_slots: Arc<Semaphore>,
+    /// Process id and instance of all processes on this machine.
+    pub(super) pids: HashMap<ProcessId, (u32, String)>,
     /// By service.
     pub(super) logs: HashMap<String, ServiceLog>,
     pub(super) width: usize,
     pub(super) console: Console,
     writer: Writer,
-    pub(super) roster: Roster,
-    pub(super) all_ready_told: bool,
+    pub(super) registry: PidRegistry,
+    pub(super) all_ready_printed: bool,
     _serving: Vec<Serving>,
     _lock: File,
 }
@@ -87,13 +87,13 @@ impl Supervisor {
     /// Opens the session: its folder, its lock, its router, its logs.
     ///
     /// # Errors
-    /// The session runs already; a folder or the socket cannot be made.
+    /// The session runs already, or a folder or the socket cannot be created.
     pub async fn open(stack: Stack) -> Result<Self, StackError> {
         let session = stack.session.clone();
         session.create()?;
         let lock = lock(&session).await?;
-        let roster = Roster::begin(session.path()).await?;
-        // A supervisor that died leaves its socket, and pictures that nobody will ask for.
+        let registry = PidRegistry::open(session.path()).await?;
+        // A supervisor that died leaves its socket and unused pictures.
         forget(&session)?;
         metrics::install(role::SUPERVISOR, session.name());
         let bus = Bus::route(session.name(), role::SUPERVISOR, &session.socket(), nodes::listen(&stack.file).as_ref())
@@ -105,8 +105,8 @@ impl Supervisor {
         let serving = serve(&bus, &sender).await?;
         let ready = bus.follow(&keys::READY, keys::ANY, CAPACITY).await?;
         let health = bus.follow(&keys::HEALTH, keys::ANY, CAPACITY).await?;
-        let newcomers_ready = bus.follow(&keys::READY, STANDING_BY, CAPACITY).await?;
-        let newcomers_health = bus.follow(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
+        let candidates_ready = bus.follow(&keys::READY, STANDING_BY, CAPACITY).await?;
+        let candidates_health = bus.follow(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
         let node_logs = bus.follow(&keys::NODE_LOG, STANDING_BY, CAPACITY).await?;
         let (placed_sender, placed) = mpsc::channel(CAPACITY);
         let nodes = Nodes::new(&stack.file.nodes, placed_sender);
@@ -115,23 +115,23 @@ impl Supervisor {
         let (outcome_sender, outcomes) = mpsc::channel(CAPACITY);
         let (console, writer) = Console::open(stack.verbosity);
         let width = stack.file.services.iter().map(|s| s.name.len()).max().unwrap_or(0);
-        // Of the clock, so that epochs grow over the lives of supervisors too.
+        // From the clock, so that epochs also grow across supervisors.
         let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
         let epoch = u64::try_from(epoch).unwrap_or(u64::MAX);
-        let mind = Reconciler::new(stack.file.services.clone(), u64::from(std::process::id()), epoch);
+        let reconciler = Reconciler::new(stack.file.services.clone(), u64::from(std::process::id()), epoch);
         let mut supervisor = Self {
             endpoint: session.endpoint(),
             stack,
-            mind,
+            reconciler,
             began: Instant::now(),
             bus,
             requests,
             handle: Handle(sender),
             ready,
             health,
-            newcomers_ready,
-            newcomers_health,
-            newcomers: HashMap::new(),
+            candidates_ready,
+            candidates_health,
+            candidates: HashMap::new(),
             outcomes,
             outcome_sender,
             alive,
@@ -140,85 +140,85 @@ impl Supervisor {
             nodes,
             placed,
             node_logs,
-            places: Arc::new(Semaphore::new(MAX_OPEN)),
+            open_slots: Arc::new(Semaphore::new(MAX_OPEN)),
             pids: HashMap::new(),
             logs: HashMap::new(),
             width,
             console,
             writer,
-            roster,
-            all_ready_told: false,
+            registry,
+            all_ready_printed: false,
             _serving: serving,
             _lock: lock,
         };
-        // What an earlier run has logged is kept apart, whether or not the service is started this time.
+        // Rotate the logs of all services, started or not.
         for index in 0..supervisor.stack.file.services.len() {
             supervisor.log(index);
         }
         Ok(supervisor)
     }
 
-    /// A way to speak to it.
+    /// A handle for requests from the same process.
     pub fn handle(&self) -> Handle {
         self.handle.clone()
     }
 
-    /// Starts the services and watches them until the stack is down. To be polled on a thread that lives as long as the
-    /// process: see [`crate::spawn::start`].
+    /// Starts the services and supervises them until the stack is down. Poll it on a thread that lives as long as the
+    /// process: see [`crate::spawn::tied_to_parent`].
     ///
     /// # Errors
-    /// Signals cannot be watched.
+    /// The system's signals cannot be received.
     pub async fn run(mut self) -> Result<Outcome, StackError> {
         let watch = |kind| signal(kind).map_err(StackError::Signals);
         let mut interrupt = watch(SignalKind::interrupt())?;
         let mut terminate = watch(SignalKind::terminate())?;
         let mut hang_up = watch(SignalKind::hangup())?;
-        self.console.detail(format!(
+        self.console.print_detail(format!(
             "session {} · {} · {} services · {}",
             self.stack.session.name(),
             self.stack.path.display(),
             self.stack.file.services.len(),
             self.stack.session.path().display()
         ));
-        let mut happened = VecDeque::from([Event::Tick]);
+        let mut events = VecDeque::from([Event::Tick]);
         let outcome = 'watching: loop {
-            while let Some(event) = happened.pop_front() {
+            while let Some(event) = events.pop_front() {
                 let now = self.now();
-                for action in self.mind.step(event, now) {
+                for action in self.reconciler.step(event, now) {
                     match action {
                         Action::Finish(outcome) => break 'watching outcome,
-                        action => happened.extend(self.act(action).await),
+                        action => events.extend(self.perform(action).await),
                     }
                 }
             }
-            // Without a deadline only an event can change anything; an hour is as good as never.
-            let deadline = self.mind.next_deadline().unwrap_or(self.now() + Duration::from_secs(3600));
+            // Without a deadline only an event changes the state. An hour stands for never.
+            let deadline = self.reconciler.next_deadline().unwrap_or(self.now() + Duration::from_secs(3600));
             let deadline = self.nodes.deadline().into_iter().chain([self.began + deadline]).min();
             let deadline = tokio::time::Instant::from_std(deadline.unwrap_or_else(Instant::now));
             let event = tokio::select! {
-                Some((incarnation, exit)) = self.exits.recv() => self.gone(incarnation, exit),
-                Some((ready, _)) = self.ready.next() => serves(ready),
-                Some((health, _)) = self.health.next() => lives(health),
-                Some((ready, _)) = self.newcomers_ready.next() => self.stands_by(ready),
-                Some((health, _)) = self.newcomers_health.next() => lives(health),
+                Some((id, exit)) = self.exits.recv() => self.process_exited(id, exit),
+                Some((ready, _)) = self.ready.next() => ready_event(ready),
+                Some((health, _)) = self.health.next() => health_event(health),
+                Some((ready, _)) = self.candidates_ready.next() => self.candidate_ready(ready),
+                Some((health, _)) = self.candidates_health.next() => health_event(health),
                 Some(event) = self.outcomes.recv() => event,
-                Some(seen) = self.alive.recv() => Event::Seen { instance: seen.instance, alive: seen.alive },
-                Some(placed) = self.placed.recv() => self.nodes.placed(placed),
+                Some(seen) = self.alive.recv() => Event::Presence { instance: seen.instance, alive: seen.alive },
+                Some(placed) = self.placed.recv() => self.nodes.start_finished(placed),
                 Some((heard, _)) = self.node_logs.next() => {
-                    self.heard_lines(&heard);
+                    self.log_remote_lines(&heard);
                     Event::Tick
                 }
                 Some(request) = self.requests.recv() => {
-                    happened.extend(self.answer(request));
+                    events.extend(self.answer(request));
                     continue;
                 }
-                _ = interrupt.recv() => self.asked_to_stop(),
-                _ = terminate.recv() => self.asked_to_stop(),
-                _ = hang_up.recv() => self.asked_to_stop(),
+                _ = interrupt.recv() => self.stop_event(),
+                _ = terminate.recv() => self.stop_event(),
+                _ = hang_up.recv() => self.stop_event(),
                 () = tokio::time::sleep_until(deadline) => Event::Tick,
             };
-            happened.push_back(event);
-            happened.extend(self.leases());
+            events.push_back(event);
+            events.extend(self.expired_leases());
         };
         self.close(outcome).await
     }
@@ -230,7 +230,7 @@ impl Supervisor {
         forget(&stack.session)?;
         drop((console, logs));
         writer.flush();
-        // Last: who waits for the end of the session waits for the lock.
+        // Last, because other commands wait for the lock.
         drop(lock);
         Ok(outcome)
     }
@@ -239,34 +239,34 @@ impl Supervisor {
         self.began.elapsed()
     }
 
-    fn asked_to_stop(&self) -> Event {
-        if self.mind.is_stopping() {
-            self.console.tell("stopping at once".to_owned());
+    fn stop_event(&self) -> Event {
+        if self.reconciler.is_stopping() {
+            self.console.print("stopping at once".to_owned());
             return Event::Kill;
         }
-        self.console.detail("stopping; once more to stop at once".to_owned());
+        self.console.print_detail("stopping; press Ctrl-C again to stop at once".to_owned());
         Event::Down
     }
 
-    fn stands_by(&mut self, ready: Ready) -> Event {
-        // Only of those that were started here: what others say of themselves would stay for ever.
+    fn candidate_ready(&mut self, ready: Ready) -> Event {
+        // Keep only announcements of our own processes. Others would stay for ever.
         let here = self.pids.values().any(|(_, instance)| *instance == ready.instance);
-        if here || self.nodes.is_of(&ready.instance) {
-            self.newcomers.insert(ready.instance.clone(), ready.clone());
+        if here || self.nodes.runs(&ready.instance) {
+            self.candidates.insert(ready.instance.clone(), ready.clone());
         }
-        serves(ready)
+        ready_event(ready)
     }
 
-    fn gone(&mut self, incarnation: Incarnation, exit: Exit) -> Event {
-        if let Some((pid, instance)) = self.pids.remove(&incarnation) {
-            self.roster.remove(pid);
-            self.newcomers.remove(&instance);
+    fn process_exited(&mut self, id: ProcessId, exit: Exit) -> Event {
+        if let Some((pid, instance)) = self.pids.remove(&id) {
+            self.registry.remove(pid);
+            self.candidates.remove(&instance);
         }
-        Event::Exited { incarnation, exit }
+        Event::Exited { id, exit }
     }
 
-    /// What a process on another machine has logged goes where that of one here would.
-    fn heard_lines(&mut self, heard: &LogLines) {
+    /// Logs the lines of a process on another machine.
+    fn log_remote_lines(&mut self, heard: &LogLines) {
         let service = self.nodes.running.values().find(|p| p.instance == heard.instance).map(|p| p.service);
         let Some(service) = service else { return };
         let log = self.log(service);
@@ -275,21 +275,21 @@ impl Supervisor {
         }
     }
 
-    /// Machines whose lease has run out.
-    fn leases(&mut self) -> VecDeque<Event> {
+    /// Events for nodes whose lease has run out.
+    fn expired_leases(&mut self) -> VecDeque<Event> {
         let away = self.nodes.expired(Instant::now());
         for name in &away {
-            self.console.tell(format!("  node {name} is away; what it ran is over and starts again when it is back"));
+            self.console.print(format!("  node {name} does not answer; its services start again when it returns"));
         }
         away.into_iter().map(|name| Event::Node { name, present: false }).collect()
     }
 }
 
-fn serves(ready: Ready) -> Event {
+fn ready_event(ready: Ready) -> Event {
     Event::Ready { instance: ready.instance, start_ms: ready.start_ms, standby: ready.standby }
 }
 
-fn lives(health: Health) -> Event {
+fn health_event(health: Health) -> Event {
     let answer_ms = (health.answer_ms, health.answer_ms_p99);
     Event::Health { instance: health.instance, memory_bytes: health.memory_bytes, answer_ms }
 }

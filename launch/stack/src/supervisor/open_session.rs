@@ -17,9 +17,9 @@ use crate::spawn;
 
 impl Supervisor {
     /// Opens a scene or volume. Publishes [`OpenFailed`] if its command fails later.
-    pub(super) fn open_beside(&self, request: &OpenRequest) -> Result<OpenReply, Fault> {
+    pub(super) fn open_session(&self, request: &OpenRequest) -> Result<OpenReply, Fault> {
         let path = Path::new(&request.path);
-        if self.mind.is_stopping() {
+        if self.reconciler.is_stopping() {
             return Err(Fault::precondition("the stack is stopping"));
         }
         if !path.is_absolute() {
@@ -30,16 +30,14 @@ impl Supervisor {
         if SessionDir::named(&session).map_err(|e| refuse(&e))?.is_running() {
             return Err(refuse(&format!("it is open already, in session `{session}`")));
         }
-        let place = Arc::clone(&self.places).try_acquire_owned().map_err(|_| {
-            Fault::exhausted(format!(
-                "{MAX_OPEN} sessions that were opened from this one run; close the window of one first"
-            ))
+        let place = Arc::clone(&self.open_slots).try_acquire_owned().map_err(|_| {
+            Fault::exhausted(format!("{MAX_OPEN} sessions opened from this one run; close the window of one first"))
         })?;
         let log = ServiceLog {
             service: session.clone(),
             width: self.width,
             color: console::color_of(self.logs.len()),
-            file: Arc::new(Mutex::new(LogFile::begin(log_file::path_of(&self.stack.session.logs(), &session)))),
+            file: Arc::new(Mutex::new(LogFile::create(log_file::path_of(&self.stack.session.logs(), &session)))),
             console: self.console.clone(),
         };
         let (_, ended) = spawn::run(command, log).map_err(|e| refuse(&format!("it cannot be opened: {e}")))?;
@@ -51,9 +49,9 @@ impl Supervisor {
             let exit = ended.await;
             drop(place);
             if exit.status != Some(0) {
-                // What the command itself has said last, where it has said something.
+                // Prefer the command's own last error line.
                 let reason = exit.reason.split_once("error: ").map_or(exit.reason.as_str(), |(_, said)| said);
-                // Nobody need listen; it stands in the log too.
+                // The log has the line too.
                 let _ = bus
                     .publish(&keys::OPEN_FAILED, &OpenFailed { reason: reason.to_owned(), ..failed }, &Context::root())
                     .await;

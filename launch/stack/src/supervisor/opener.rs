@@ -15,7 +15,7 @@ pub struct OpenCommand {
     pub session: String,
     /// Whether the file is a volume, from which Gaussians are made first.
     pub volume: bool,
-    /// The command. It must outlive the supervisor (see [`crate::spawn::outliving`]).
+    /// The command. It must outlive the supervisor (see [`crate::spawn::detached`]).
     pub command: Command,
 }
 

@@ -27,14 +27,14 @@ pub(super) enum Request {
     Down,
 }
 
-/// A way to speak to a supervisor in the same process.
+/// A handle for requests in the same process.
 #[derive(Debug, Clone)]
 pub struct Handle(pub(super) mpsc::Sender<Request>);
 
 impl Handle {
     /// Begins an orderly stop.
     pub async fn down(&self) {
-        // A supervisor that no longer listens is stopping.
+        // A supervisor that does not receive is stopping.
         let _ = self.0.send(Request::Down).await;
     }
 }

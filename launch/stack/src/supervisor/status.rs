@@ -1,4 +1,4 @@
-//! What a supervisor tells of its services: on the bus and at its terminal.
+//! Status of services, on the bus and at the terminal.
 
 use sg_proto::keys;
 use sg_proto::launch::{Service as ServiceMessage, ServiceEvent, ServiceState, Swap, SwapState};
@@ -6,24 +6,24 @@ use sg_runtime::context::Context;
 use sg_runtime::metrics;
 
 use super::event_loop::Supervisor;
-use crate::terminal::{Color, paint, time};
+use crate::terminal::{Color, format_time, paint};
 
 impl Supervisor {
     pub(super) async fn announce(&mut self, index: usize) {
-        let Some(service) = self.mind.service(index, self.now()) else { return };
-        self.tell(&service);
+        let Some(service) = self.reconciler.service(index, self.now()) else { return };
+        self.print_state(&service);
         metrics::service(&service.name, service.restarts, service.state() == ServiceState::Ready);
         let event = ServiceEvent { service: Some(service) };
-        // Nobody need listen, and the state can be asked for.
+        // Ignore a missing subscriber: the state can be requested.
         let _ = self.bus.publish(&keys::SERVICE, &event, &Context::root()).await;
-        if !self.all_ready_told {
-            let services = self.mind.services(self.now());
+        if !self.all_ready_printed {
+            let services = self.reconciler.services(self.now());
             if services.iter().all(|s| s.state() == ServiceState::Ready) {
-                self.all_ready_told = true;
-                let after = time(self.now().as_secs_f64() * 1000.0);
+                self.all_ready_printed = true;
+                let after = format_time(self.now().as_secs_f64() * 1000.0);
                 let name = self.stack.session.name();
-                self.console.detail(format!(
-                    "all {} services ready after {after}; `supergaussian say \"help\" --session {name}` talks to them, Ctrl-C stops them",
+                self.console.print_detail(format!(
+                    "all {} services ready after {after}; `supergaussian say \"help\" --session {name}` sends an utterance, Ctrl-C stops the stack",
                     services.len()
                 ));
             }
@@ -31,29 +31,29 @@ impl Supervisor {
     }
 
     pub(super) async fn announce_swap(&self, index: usize, swap: Swap) {
-        let Some(service) = self.mind.service(index, self.now()) else { return };
+        let Some(service) = self.reconciler.service(index, self.now()) else { return };
         let colored = self.console.colored();
         let name = format!("{:<width$}", service.name, width = self.width);
         let executable = &swap.executable;
         match swap.state() {
-            SwapState::Starting => self.console.detail(format!("  {name}  swap: {executable} starts beside it")),
-            SwapState::HandingOver => self.console.detail(format!("  {name}  swap: proven, takes over")),
+            SwapState::Starting => self.console.print_detail(format!("  {name}  swap: {executable} starts in standby")),
+            SwapState::HandingOver => self.console.print_detail(format!("  {name}  swap: probe passed, handing over")),
             SwapState::Done => {
                 let mark = paint(Color::Green, "swapped", colored);
-                self.console.tell(format!("  {name}  {mark} to {executable}, pid {}", service.pid));
+                self.console.print(format!("  {name}  {mark} to {executable}, pid {}", service.pid));
             }
             SwapState::Failed => {
                 let mark = paint(Color::Yellow, "swap failed", colored);
-                self.console.tell(format!("  {name}  {mark}: {}; the old executable stays in force", swap.reason));
+                self.console.print(format!("  {name}  {mark}: {}; the old executable stays in force", swap.reason));
             }
             SwapState::Waiting | SwapState::Proving | SwapState::Promoting | SwapState::Unspecified => {}
         }
         let event = ServiceEvent { service: Some(ServiceMessage { swap: Some(swap), ..service }) };
-        // Nobody need listen, and the state can be asked for.
+        // Ignore a missing subscriber: the state can be requested.
         let _ = self.bus.publish(&keys::SERVICE, &event, &Context::root()).await;
     }
 
-    fn tell(&self, service: &ServiceMessage) {
+    fn print_state(&self, service: &ServiceMessage) {
         let colored = self.console.colored();
         let width = self.width;
         let name = format!("{:<width$}", service.name);
@@ -63,9 +63,12 @@ impl Supervisor {
                 let mark = paint(Color::Green, "ready", colored);
                 let again =
                     if service.restarts > 0 { format!("  restart {}", service.restarts) } else { String::new() };
-                let row =
-                    format!("  {name}  {mark} after {:>8}  pid {}{again}", time(service.start_ms as f64), service.pid);
-                return if service.restarts > 0 { self.console.tell(row) } else { self.console.detail(row) };
+                let row = format!(
+                    "  {name}  {mark} after {:>8}  pid {}{again}",
+                    format_time(service.start_ms as f64),
+                    service.pid
+                );
+                return if service.restarts > 0 { self.console.print(row) } else { self.console.print_detail(row) };
             }
             ServiceState::Failed => format!("  {name}  {}: {reason}", paint(Color::Red, "FAILED", colored)),
             ServiceState::Backoff => {
@@ -74,10 +77,10 @@ impl Supervisor {
             ServiceState::Stopping if !reason.starts_with("asked") && reason != "hands over" => {
                 format!("  {name}  {}: {reason}", paint(Color::Yellow, "stopping", colored))
             }
-            ServiceState::Stopping => return self.console.detail(format!("  {name}  stopping")),
-            ServiceState::Stopped => return self.console.detail(format!("  {name}  {reason}")),
+            ServiceState::Stopping => return self.console.print_detail(format!("  {name}  stopping")),
+            ServiceState::Stopped => return self.console.print_detail(format!("  {name}  {reason}")),
             ServiceState::Waiting | ServiceState::Starting | ServiceState::Unspecified => return,
         };
-        self.console.tell(line);
+        self.console.print(line);
     }
 }

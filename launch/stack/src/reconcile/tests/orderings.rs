@@ -1,7 +1,7 @@
-//! Every order in which things can happen to one service during its swap, to a depth.
+//! All orders of events for one service during its swap, to a depth.
 //!
-//! Where the simulated worlds draw at random, this tries all: at each point each process may end, get ready, be proven or
-//! promoted or not, the next deadline may pass, and a person may want something else.
+//! The simulated worlds draw at random. This test enumerates: each process may end, get ready, be probed or promoted,
+//! the next deadline may pass, and a request may arrive.
 
 use std::collections::BTreeMap;
 
@@ -22,14 +22,14 @@ struct Process {
 struct Point {
     stack: Reconciler,
     now: Time,
-    alive: BTreeMap<Incarnation, Process>,
+    alive: BTreeMap<ProcessId, Process>,
     ended: usize,
     started: usize,
     epoch: u64,
     swaps: u32,
     wished: bool,
     finished: bool,
-    /// Whether a process was given up that serves: it is there for ever.
+    /// Whether a serving process was lost. It stays for ever.
     haunted: bool,
     trace: Vec<&'static str>,
 }
@@ -56,12 +56,12 @@ impl Point {
         self.now =
             if event == Event::Tick { self.stack.next_deadline().unwrap_or(self.now) } else { self.now + millis(1) };
         match &event {
-            Event::Exited { incarnation, .. } => assert!(self.alive.remove(incarnation).is_some()),
+            Event::Exited { id, .. } => assert!(self.alive.remove(id).is_some()),
             Event::Ready { instance, .. } => {
                 self.alive.values_mut().filter(|p| p.instance == *instance).for_each(|p| p.ready = true);
             }
-            Event::Proven { incarnation, .. } => self.alive.get_mut(incarnation).unwrap().proving = false,
-            Event::Promoted { incarnation, .. } => self.alive.get_mut(incarnation).unwrap().promoting = false,
+            Event::Proven { id, .. } => self.alive.get_mut(id).unwrap().proving = false,
+            Event::Promoted { id, .. } => self.alive.get_mut(id).unwrap().promoting = false,
             Event::Swap { .. } => self.swaps += 1,
             Event::Restart { .. } | Event::Down => self.wished = true,
             _ => {}
@@ -81,21 +81,21 @@ impl Point {
                         serves: !spawn.standby,
                         ..Process::default()
                     };
-                    self.alive.insert(spawn.incarnation, process);
+                    self.alive.insert(spawn.id, process);
                 }
-                Action::Prove { incarnation, .. } => self.alive.get_mut(&incarnation).unwrap().proving = true,
-                Action::Promote { incarnation, epoch, .. } => {
+                Action::Prove { id, .. } => self.alive.get_mut(&id).unwrap().proving = true,
+                Action::Promote { id, epoch, .. } => {
                     self.grant(epoch);
-                    let process = self.alive.get_mut(&incarnation).unwrap();
+                    let process = self.alive.get_mut(&id).unwrap();
                     (process.promoting, process.serves) = (true, true);
                 }
-                Action::Terminate(incarnation) | Action::Kill(incarnation) => {
-                    assert!(self.alive.contains_key(&incarnation), "{:?}", self.trace);
+                Action::Terminate(id) | Action::Kill(id) => {
+                    assert!(self.alive.contains_key(&id), "{:?}", self.trace);
                 }
-                Action::Ended { incarnation, end, .. } => {
+                Action::Ended { id, end, .. } => {
                     self.ended += 1;
                     if end == End::Lost {
-                        self.haunted |= self.alive.remove(&incarnation).unwrap().serves;
+                        self.haunted |= self.alive.remove(&id).unwrap().serves;
                     }
                 }
                 Action::Finish(_) => self.finished = true,
@@ -103,9 +103,9 @@ impl Point {
             }
         }
         let slot = &self.stack.slots[0];
-        let running = usize::from(matches!(slot.state, State::Alive(_))) + usize::from(slot.newcomer.is_some());
+        let running = usize::from(matches!(slot.state, State::Alive(_))) + usize::from(slot.candidate.is_some());
         assert_eq!(running, self.alive.len(), "{:?}: {slot:?}", self.trace);
-        assert!(slot.deadlines().all(|d| d > self.now), "overdue: {:?}", self.trace);
+        assert!(slot.deadlines().all(|d| d > self.now), "handle_deadline: {:?}", self.trace);
         assert!(slot.deadlines().count() >= running);
     }
 
@@ -117,22 +117,22 @@ impl Point {
 
     fn choices(&self) -> Vec<(&'static str, Event)> {
         let mut choices = Vec::new();
-        for (incarnation, process) in &self.alive {
-            let incarnation = *incarnation;
-            let newcomer = process.standby && !process.serves;
-            let name = |main, other| if newcomer { other } else { main };
-            choices.push((name("main ends", "newcomer ends"), Event::Exited { incarnation, exit: exit(Some(1)) }));
+        for (id, process) in &self.alive {
+            let id = *id;
+            let candidate = process.standby && !process.serves;
+            let name = |main, other| if candidate { other } else { main };
+            choices.push((name("main ends", "candidate ends"), Event::Exited { id, exit: exit(Some(1)) }));
             if !process.ready {
                 let event = Event::Ready { instance: process.instance.clone(), start_ms: 1, standby: process.standby };
-                choices.push((name("main is ready", "newcomer stands by"), event));
+                choices.push((name("main is ready", "candidate stands by"), event));
             }
             if process.proving {
-                choices.push(("proven", Event::Proven { incarnation, outcome: Ok(()) }));
-                choices.push(("unfit", Event::Proven { incarnation, outcome: Err("unfit".into()) }));
+                choices.push(("proven", Event::Proven { id, outcome: Ok(()) }));
+                choices.push(("unfit", Event::Proven { id, outcome: Err("unfit".into()) }));
             }
             if process.promoting {
-                choices.push(("promoted", Event::Promoted { incarnation, outcome: Ok(()) }));
-                choices.push(("cannot", Event::Promoted { incarnation, outcome: Err("cannot".into()) }));
+                choices.push(("promoted", Event::Promoted { id, outcome: Ok(()) }));
+                choices.push(("cannot", Event::Promoted { id, outcome: Err("cannot".into()) }));
             }
         }
         if self.stack.next_deadline().is_some() {
@@ -145,19 +145,19 @@ impl Point {
             choices.push(("restart", Event::Restart { service: 0 }));
             choices.push(("down", Event::Down));
             let list = vec![service(0, &[], patient())];
-            choices.push(("as it was", Event::Desire(list)));
+            choices.push(("as it was", Event::SetServices(list)));
         }
         choices
     }
 
-    /// From any point an obedient world comes to its end, with one end for each incarnation.
+    /// From every state an obedient world reaches its end, with one end for each process.
     fn ends(mut self) {
         if !self.finished {
             self.take("down", Event::Down);
         }
         for _ in 0..20 {
-            let Some(incarnation) = self.alive.keys().next().copied() else { break };
-            self.take("obeys", Event::Exited { incarnation, exit: exit(Some(0)) });
+            let Some(id) = self.alive.keys().next().copied() else { break };
+            self.take("obeys", Event::Exited { id, exit: exit(Some(0)) });
         }
         assert!(self.finished, "{:?}: {:?}", self.trace, self.stack);
         assert_eq!(self.ended, self.started, "{:?}", self.trace);
@@ -176,12 +176,12 @@ fn explore(point: &Point, depth: u32, seen: &mut u64) {
     }
 }
 
-/// From its first start on, and from each stage of a swap on.
+/// From the first start, and from each stage of a swap.
 #[test]
-fn every_order_of_events_is_survived() {
+fn all_orders_of_events_keep_the_invariants() {
     let mut point = Point::new();
     point.take("begin", Event::Tick);
-    let story = ["main is ready", "swap", "newcomer stands by", "proven", "main ends", "promoted"];
+    let story = ["main is ready", "swap", "candidate stands by", "proven", "main ends", "promoted"];
     let mut seen = 0;
     explore(&point, 6, &mut seen);
     for wanted in story {

@@ -34,7 +34,7 @@ fn only_the_difference_is_applied() {
         (name(4), Change::Removed),
     ];
     assert_eq!(changes(&world, &list), expected);
-    world.give(Event::Desire(list.clone()));
+    world.give(Event::SetServices(list.clone()));
     world.run_until(millis(2000));
     assert!(changes(&world, &list).iter().all(|(_, change)| *change == Change::Unchanged));
     let services = world.stack.services(world.now);
@@ -47,24 +47,24 @@ fn only_the_difference_is_applied() {
         ("s3", "s3-2", "other"),
     ];
     assert_eq!(told, expected);
-    assert_eq!(world.stack.kept("s2").unwrap().1.policy.liveness, millis(9000));
-    assert!(world.stack.kept("s4").is_none());
+    assert_eq!(world.stack.find_service("s2").unwrap().1.policy.liveness, millis(9000));
+    assert!(world.stack.find_service("s4").is_none());
 
-    // One that comes back keeps its slot, so that no instance's name is used twice.
+    // A returning service keeps its slot, so that instance names stay unique.
     list.push(plain(4));
     assert_eq!(changes(&world, &list).last().unwrap(), &(name(4), Change::Added));
-    world.give(Event::Desire(list));
+    world.give(Event::SetServices(list));
     world.run_until(millis(3000));
     assert_eq!(world.stack.service(4, world.now).unwrap().instance, "s4-2");
 }
 
 #[test]
-fn a_role_passes_on_only_when_whoever_had_it_is_gone() {
+fn role_is_granted_after_its_last_holder_is_gone() {
     let mut world = World::new(vec![service(0, &[], patient())], vec![(Behaviour::Stubborn, millis(20))]);
     world.give(Event::Tick);
     world.run_until(millis(200));
     let heir = Service { role: "r0".to_owned(), ..service(1, &[], patient()) };
-    world.give(Event::Desire(vec![heir]));
+    world.give(Event::SetServices(vec![heir]));
     assert_eq!(world.state(1).1, "waits for the end of `s0`, which has the role");
     let seen: Vec<_> = world.stack.services(world.now).into_iter().map(|s| s.name).collect();
     assert_eq!(seen, ["s1", "s0"], "what was removed is seen until it is gone");
@@ -74,15 +74,18 @@ fn a_role_passes_on_only_when_whoever_had_it_is_gone() {
 }
 
 #[test]
-fn a_file_that_is_as_it_was_takes_a_swap_back() {
+fn unchanged_file_cancels_a_swap() {
     let list = vec![service(0, &[], patient())];
     let mut world = running(list.clone());
     world.behaviours = vec![(Behaviour::Slow, millis(20))];
-    world.give(Event::Desire(vec![Service { start: start(1), ..list[0].clone() }]));
+    world.give(Event::SetServices(vec![Service { start: start(1), ..list[0].clone() }]));
     world.run_until(millis(300));
     assert_eq!(world.swap(0).0, SwapState::Starting);
-    world.give(Event::Desire(list));
-    assert_eq!(world.swap(0), (SwapState::Failed, "withdrawn: the launch file has it as it was".to_owned()));
+    world.give(Event::SetServices(list));
+    assert_eq!(
+        world.swap(0),
+        (SwapState::Failed, "withdrawn: the launch file has the present executable again".to_owned())
+    );
     world.run_until(millis(2000));
     assert_eq!((world.serving(0).unwrap().instance.as_str(), world.alive.len()), ("s0-1", 1));
 }
@@ -92,25 +95,25 @@ fn the_same_file_again_does_not_begin_a_swap_again_but_tries_one_that_failed() {
     let list = vec![Service { start: start(1), ..service(0, &[], patient()) }];
     let mut world = running(vec![service(0, &[], patient())]);
     world.behaviours = vec![(Behaviour::Slow, millis(20))];
-    world.give(Event::Desire(list.clone()));
+    world.give(Event::SetServices(list.clone()));
     assert_eq!(changes(&world, &list)[0].1, Change::Unchanged);
     world.run_until(millis(3000));
     assert_eq!(world.swap(0).0, SwapState::Failed);
     assert_eq!(world.stack.differences(&list)[0].swap, 2);
     world.behaviours = vec![(Behaviour::Good, millis(20))];
-    world.give(Event::Desire(list));
+    world.give(Event::SetServices(list));
     world.run_until(millis(4000));
     assert_eq!((world.swap(0).0, &world.serving(0).unwrap().start), (SwapState::Done, &start(1)));
 }
 
 #[test]
-fn one_that_was_never_started_starts_as_the_new_file_says() {
+fn unstarted_service_takes_the_new_start() {
     let mut world =
         World::new(vec![service(0, &[], patient()), service(1, &[0], patient())], vec![(Behaviour::Good, millis(300))]);
     world.give(Event::Tick);
     let list = vec![service(0, &[], patient()), Service { start: start(1), ..service(1, &[0], patient()) }];
     assert_eq!(changes(&world, &list)[1].1, Change::InPlace);
-    world.give(Event::Desire(list));
+    world.give(Event::SetServices(list));
     world.run_until(millis(1500));
     assert_eq!((world.spawned.len(), &world.serving(1).unwrap().start), (2, &start(1)));
 }

@@ -19,23 +19,23 @@ pub(super) enum Behaviour {
     CrashLater(i32),
     /// Never gets ready, obeys.
     Slow,
-    /// Gets ready, then falls silent and obeys nothing but a kill.
+    /// Gets ready, then falls silent and obeys only SIGKILL.
     Hang,
     /// Gets ready and leaves the bus without ending.
     Leave,
     /// Gets ready, ignores requests to stop.
     Stubborn,
-    /// Not even a kill removes it.
+    /// SIGKILL does not remove it.
     Undead,
     /// Cannot be started.
     Missing,
     /// Takes more and more memory.
     Greedy,
-    /// Stands by and fails its proof.
+    /// Stands by and fails its probe.
     Unfit,
     /// Stands by and says nothing more.
     Mute,
-    /// Serves at once although it is to stand by.
+    /// Serves at once instead of standing by.
     Impostor,
     /// Cannot take its role.
     Refuse,
@@ -66,7 +66,7 @@ const BEHAVIOURS: [Behaviour; 20] = [
     Behaviour::Faint,
 ];
 
-/// Resident memory of one that takes too much.
+/// Resident memory of a greedy process.
 const TOO_MUCH: u64 = 100 << 20;
 
 #[derive(Debug, Clone)]
@@ -77,7 +77,7 @@ pub(super) struct Simulated {
     pub(super) start: Start,
     behaviour: Behaviour,
     delay: Duration,
-    /// Serves its role or was told to.
+    /// Serves its role, or was promoted.
     pub(super) serves: bool,
 }
 
@@ -86,21 +86,21 @@ pub(super) struct World {
     pub(super) now: Time,
     pub(super) behaviours: Vec<(Behaviour, Duration)>,
     next_behaviour: usize,
-    /// What will happen, by time and a serial number.
+    /// Future events, by time and serial number.
     future: BTreeMap<(Time, u64), Event>,
     serial: u64,
-    pub(super) alive: BTreeMap<Incarnation, Simulated>,
+    pub(super) alive: BTreeMap<ProcessId, Simulated>,
     pub(super) spawned: Vec<(Time, Spawn)>,
-    pub(super) ended: BTreeMap<Incarnation, End>,
+    pub(super) ended: BTreeMap<ProcessId, End>,
     pub(super) first_started: Vec<usize>,
     pub(super) asked_to_stop: Vec<usize>,
     wished: bool,
-    /// Whether the other machine is there.
+    /// Whether the other machine is present.
     present: bool,
     pub(super) finished: Option<Outcome>,
-    /// Times at which the machine decided by itself to start a service again.
+    /// Times of automatic restarts.
     automatic: BTreeMap<usize, Vec<Time>>,
-    /// Last one granted for each role.
+    /// Last granted epoch of each role.
     epochs: BTreeMap<String, u64>,
     /// States that swaps went through.
     pub(super) swaps: Vec<(usize, u64, SwapState, String)>,
@@ -161,15 +161,15 @@ impl World {
 
     pub(super) fn give(&mut self, event: Event) {
         match &event {
-            // What a process does ends with it.
-            Event::Exited { incarnation, .. } if self.alive.remove(incarnation).is_none() => return,
-            Event::Ready { instance, .. } | Event::Seen { instance, .. } | Event::Health { instance, .. }
+            // The end of a process cancels its future events.
+            Event::Exited { id, .. } if self.alive.remove(id).is_none() => return,
+            Event::Ready { instance, .. } | Event::Presence { instance, .. } | Event::Health { instance, .. }
                 if !self.alive.values().any(|s| s.instance == *instance) =>
             {
                 return;
             }
             Event::Down | Event::Kill => self.wished = true,
-            // Its lease is over, and so is what it ran.
+            // The node's lease ran out, and its processes ended.
             Event::Node { present, .. } => {
                 self.present = *present;
                 self.alive.retain(|_, s| *present || s.start.node.is_none());
@@ -177,7 +177,7 @@ impl World {
             Event::Restart { service } => {
                 self.automatic.remove(service);
             }
-            Event::Desire(_) => self.automatic.clear(),
+            Event::SetServices(_) => self.automatic.clear(),
             _ => {}
         }
         let actions = self.stack.step(event, self.now);
@@ -191,29 +191,29 @@ impl World {
         assert!(self.finished.is_none(), "{action:?} after the end");
         match action {
             Action::Spawn(spawn) => self.spawn(*spawn),
-            Action::Prove { incarnation, .. } => {
-                let Some(Simulated { behaviour, delay, .. }) = self.alive.get(&incarnation).cloned() else { return };
+            Action::Prove { id, .. } => {
+                let Some(Simulated { behaviour, delay, .. }) = self.alive.get(&id).cloned() else { return };
                 let outcome = if behaviour == Behaviour::Unfit { Err("unfit".to_owned()) } else { Ok(()) };
                 if behaviour != Behaviour::Mute {
-                    self.later(delay / 3, Event::Proven { incarnation, outcome });
+                    self.later(delay / 3, Event::Proven { id, outcome });
                 }
             }
-            Action::Promote { incarnation, epoch, .. } => self.promote(incarnation, epoch),
-            Action::Terminate(incarnation) => {
-                let Some(process) = self.alive.get(&incarnation).cloned() else { return };
+            Action::Promote { id, epoch, .. } => self.promote(id, epoch),
+            Action::Terminate(id) => {
+                let Some(process) = self.alive.get(&id).cloned() else { return };
                 self.asked_to_stop.push(process.service);
                 if !matches!(process.behaviour, Behaviour::Hang | Behaviour::Stubborn | Behaviour::Undead) {
-                    self.later(process.delay / 4, Event::Exited { incarnation, exit: exit(Some(0)) });
+                    self.later(process.delay / 4, Event::Exited { id, exit: exit(Some(0)) });
                 }
             }
-            Action::Kill(incarnation) => {
-                if self.alive.get(&incarnation).is_some_and(|s| s.behaviour != Behaviour::Undead) {
-                    self.later(millis(3), Event::Exited { incarnation, exit: exit(None) });
+            Action::Kill(id) => {
+                if self.alive.get(&id).is_some_and(|s| s.behaviour != Behaviour::Undead) {
+                    self.later(millis(3), Event::Exited { id, exit: exit(None) });
                 }
             }
-            Action::Ended { incarnation, service, end } => {
-                let before = self.ended.insert(incarnation, end);
-                assert_eq!(before, None, "{incarnation:?} of {service} ended twice");
+            Action::Ended { id, service, end } => {
+                let before = self.ended.insert(id, end);
+                assert_eq!(before, None, "{id:?} of {service} ended twice");
             }
             Action::Announce { service } => {
                 if self.state(service).0 == ServiceState::Backoff {
@@ -231,7 +231,7 @@ impl World {
         }
     }
 
-    /// Nobody serves the role, and it never had so high an epoch.
+    /// The role is free, and the epoch is new.
     fn grant(&mut self, role: &str, epoch: u64) {
         let other = self.alive.values().find(|s| s.serves && s.role == role);
         assert!(other.is_none(), "role {role} is given away while {other:?} has it");
@@ -239,35 +239,35 @@ impl World {
         assert!(epoch > 100 && before.is_none_or(|b| b < epoch), "{role}: {before:?} then {epoch}");
     }
 
-    fn promote(&mut self, incarnation: Incarnation, epoch: u64) {
-        let Some(Simulated { behaviour, delay, role, serves, .. }) = self.alive.get(&incarnation).cloned() else {
+    fn promote(&mut self, id: ProcessId, epoch: u64) {
+        let Some(Simulated { behaviour, delay, role, serves, .. }) = self.alive.get(&id).cloned() else {
             return;
         };
         assert!(!serves, "promoted twice");
         self.grant(&role, epoch);
-        self.alive.get_mut(&incarnation).unwrap().serves = true;
+        self.alive.get_mut(&id).unwrap().serves = true;
         let outcome = match behaviour {
             Behaviour::Refuse => Err("cannot".to_owned()),
             Behaviour::Faint => {
-                return self.later(delay / 3, Event::Exited { incarnation, exit: exit(Some(1)) });
+                return self.later(delay / 3, Event::Exited { id, exit: exit(Some(1)) });
             }
             _ => Ok(()),
         };
-        self.later(delay / 3, Event::Promoted { incarnation, outcome });
+        self.later(delay / 3, Event::Promoted { id, outcome });
     }
 
     fn spawn(&mut self, spawn: Spawn) {
-        let Spawn { service, incarnation, instance, role, start, epoch, standby, .. } = spawn.clone();
+        let Spawn { service, id, instance, role, start, epoch, standby, .. } = spawn.clone();
         let standing =
             self.alive.values().find(|s| s.service == service && !s.serves && s.behaviour != Behaviour::Undead);
-        assert!(!standby || standing.is_none(), "two newcomers: {standing:?}");
+        assert!(!standby || standing.is_none(), "two candidates: {standing:?}");
         assert!(!self.wished, "{service} started although the stack is to stop");
         assert!(start.node.is_none() || self.present, "{service} started on a machine that is not there");
         for on in &self.stack.slots[service].service.after {
-            let index = self.stack.kept(on).unwrap().0;
+            let index = self.stack.find_service(on).unwrap().0;
             assert_eq!(self.state(index).0, ServiceState::Ready, "{service} started before {on} is ready");
         }
-        assert!(self.spawned.iter().all(|(_, s)| s.incarnation != incarnation && s.instance != instance));
+        assert!(self.spawned.iter().all(|(_, s)| s.id != id && s.instance != instance));
         if standby {
             assert_eq!(epoch, 0, "an epoch is granted with the role");
         } else {
@@ -281,13 +281,13 @@ impl World {
         self.next_behaviour += 1;
         let process =
             Simulated { service, instance: instance.clone(), role, start, behaviour, delay, serves: !standby };
-        self.alive.insert(incarnation, process);
+        self.alive.insert(id, process);
         if behaviour == Behaviour::Missing {
-            return self.later(Duration::ZERO, Event::Exited { incarnation, exit: exit(None) });
+            return self.later(Duration::ZERO, Event::Exited { id, exit: exit(None) });
         }
-        self.later(Duration::ZERO, Event::Started { incarnation, pid: 7 });
+        self.later(Duration::ZERO, Event::Started { id, pid: 7 });
         match behaviour {
-            Behaviour::Crash(status) => self.later(delay, Event::Exited { incarnation, exit: exit(Some(status)) }),
+            Behaviour::Crash(status) => self.later(delay, Event::Exited { id, exit: exit(Some(status)) }),
             Behaviour::Slow => {}
             _ => {
                 let standby = standby && behaviour != Behaviour::Impostor;
@@ -296,9 +296,9 @@ impl World {
         }
         match behaviour {
             Behaviour::CrashLater(status) => {
-                self.later(delay * 2, Event::Exited { incarnation, exit: exit(Some(status)) });
+                self.later(delay * 2, Event::Exited { id, exit: exit(Some(status)) });
             }
-            Behaviour::Leave => self.later(delay * 2, Event::Seen { instance, alive: false }),
+            Behaviour::Leave => self.later(delay * 2, Event::Presence { instance, alive: false }),
             Behaviour::Greedy => self.later(delay * 3, health(instance, TOO_MUCH)),
             Behaviour::Hang | Behaviour::Crash(_) | Behaviour::Slow | Behaviour::Missing => {}
             _ => self.later(delay + millis(500), health(instance, 1)),
@@ -310,16 +310,16 @@ impl World {
             let name = &slot.service.name;
             let state = self.state(index).0;
             let timed = [ServiceState::Starting, ServiceState::Ready, ServiceState::Stopping, ServiceState::Backoff];
-            let states = usize::from(timed.contains(&state)) + usize::from(slot.newcomer.is_some());
+            let states = usize::from(timed.contains(&state)) + usize::from(slot.candidate.is_some());
             let deadlines: Vec<_> = slot.deadlines().collect();
             assert_eq!(deadlines.len(), states, "{name} is {state:?}: {slot:?}");
-            assert!(deadlines.iter().all(|d| *d > self.now), "{name} is overdue in {state:?}: {slot:?}");
+            assert!(deadlines.iter().all(|d| *d > self.now), "{name} is handle_deadline in {state:?}: {slot:?}");
             if self.finished.is_none() {
-                let known = slot.main().into_iter().chain(&slot.newcomer).map(|p| p.incarnation);
+                let known = slot.main().into_iter().chain(&slot.candidate).map(|p| p.id);
                 let known: BTreeSet<_> = known.chain(slot.lost.iter().map(|(i, _, _)| *i)).collect();
                 let mine = self.alive.iter().filter(|(_, s)| s.service == index && s.behaviour != Behaviour::Undead);
-                for (incarnation, process) in mine {
-                    assert!(known.contains(incarnation), "{process:?} is forgotten");
+                for (id, process) in mine {
+                    assert!(known.contains(id), "{process:?} is forgotten");
                 }
             }
             let times = self.automatic.get(&index).map_or(&[][..], Vec::as_slice);
@@ -330,7 +330,7 @@ impl World {
         }
     }
 
-    /// Lets time pass until nothing is left to happen before `end`, or the stack is finished.
+    /// Advances time until `end`, the end of all events, or the end of the stack.
     pub(super) fn run_until(&mut self, end: Time) {
         for _ in 0..200_000 {
             if self.finished.is_some() {
@@ -385,14 +385,14 @@ fn policies() -> impl Strategy<Value = Policy> {
     )
 }
 
-/// Lists of services: some of six, with starts and roles of few kinds, each after some of those before it.
+/// Lists of services: a subset of six, with few starts and roles, each with earlier dependencies.
 fn plans() -> impl Strategy<Value = Vec<Service>> {
     prop::collection::vec((policies(), any::<u8>(), 0..5_u32, 0..8_usize), 1..6).prop_map(|services| {
         let mut plan: Vec<Service> = Vec::new();
         for (i, (policy, bits, version, other)) in services.into_iter().enumerate() {
             let after: Vec<_> = (0..i).filter(|j| bits & (1 << j) != 0).collect();
             let mut service = Service { start: start(version), ..service(i, &after, policy) };
-            // Now and then a role that another service has in another list.
+            // Sometimes the role of another service in another list.
             let role = format!("r{other}");
             if other < 6 && plan.iter().all(|s| s.role != role) && other > i {
                 service.role = role;
@@ -415,23 +415,23 @@ fn behaviours() -> impl Strategy<Value = Vec<(Behaviour, Duration)>> {
 }
 
 fn wishes() -> impl Strategy<Value = Vec<(u64, Event)>> {
-    let wish = prop_oneof![
+    let pending = prop_oneof![
         2 => (0..6_usize).prop_map(|service| Event::Restart { service }),
         4 => (0..6_usize, 0..5_u32).prop_map(|(service, version)| Event::Swap { service, start: start(version) }),
-        2 => plans().prop_map(Event::Desire),
+        2 => plans().prop_map(Event::SetServices),
         3 => any::<bool>().prop_map(node),
     ];
-    prop::collection::vec((0..20_000_u64, wish), 0..10)
+    prop::collection::vec((0..20_000_u64, pending), 0..10)
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the processes do and whatever people ask for: no role is given away before whoever had it is gone, and
-    /// every time with a higher epoch; nothing starts before what it comes after; no state is without a deadline; there are
-    /// no more restarts than allowed, one end for every incarnation and every swap, and the stack ends when it is told to.
+    /// Invariants for all behaviours and requests. A role is granted only when its last holder is gone, with a higher
+    /// epoch. Dependencies come first. Every state has a deadline. Restarts stay within their limit. Each process and
+    /// each swap ends once. The stack stops on request.
     #[test]
-    fn every_world_is_survived(
+    fn all_worlds_keep_the_invariants(
         plan in plans(),
         behaviours in behaviours(),
         wishes in wishes(),
@@ -439,28 +439,28 @@ proptest! {
         hurry in any::<bool>(),
     ) {
         let mut world = World::new(plan, behaviours);
-        for (at, wish) in wishes {
-            world.later(millis(at), wish);
+        for (at, pending) in wishes {
+            world.later(millis(at), pending);
         }
         world.give(Event::Tick);
         world.run_until(millis(end));
         if world.finished.is_none() {
             world.give(if hurry { Event::Kill } else { Event::Down });
-            // What a machine runs is over with its lease at the latest.
+            // The lease ends the processes of a node at the latest.
             world.later(millis(12_000), node(false));
         }
-        // Each of six services may need its grace, and two kills that are waited for.
+        // Each of six services may need its grace period and two kills.
         let limit = world.now + millis(6 * 10_400);
         world.run_until(limit);
         prop_assert!(world.finished.is_some(), "not down: {:?}", world.stack);
-        prop_assert_eq!(world.ended.len(), world.spawned.len(), "an incarnation without an end");
+        prop_assert_eq!(world.ended.len(), world.spawned.len(), "an id without an end");
         for slot in &world.stack.slots {
             let over = |s: &super::super::slot::Swap| matches!(s.state, SwapState::Done | SwapState::Failed);
             prop_assert!(slot.swap.as_ref().is_none_or(over), "a swap without an end: {:?}", slot.swap);
         }
     }
 
-    /// Well-behaved services are asked to stop in the reverse of the order in which they were started.
+    /// Well-behaved services stop in the reverse order of their start.
     #[test]
     fn a_stack_stops_in_reverse(plan in plans(), delays in prop::collection::vec(1..600_u64, 1..9)) {
         let count = plan.len();
@@ -477,10 +477,10 @@ proptest! {
         prop_assert_eq!(&world.asked_to_stop, &reversed);
     }
 
-    /// In a world where all goes well every list of services is reached: each runs with the start that was last wished
-    /// for it, and nothing else runs.
+    /// In a world without failures every list of services is reached: each service runs with the last requested start,
+    /// and nothing else runs.
     #[test]
-    fn what_is_wished_is_reached(
+    fn desired_services_are_reached(
         plans in prop::collection::vec((plans(), 1..3000_u64), 1..6),
         delays in prop::collection::vec(1..300_u64, 1..9),
     ) {
@@ -488,7 +488,7 @@ proptest! {
         let mut world = World::new(plans[0].0.clone(), behaviours);
         world.give(node(true));
         for (plan, pause) in &plans {
-            world.give(Event::Desire(plan.clone()));
+            world.give(Event::SetServices(plan.clone()));
             let until = world.now + millis(*pause);
             world.run_until(until);
         }
@@ -497,7 +497,7 @@ proptest! {
         let (last, _) = plans.last().unwrap();
         prop_assert_eq!(world.alive.len(), last.len());
         for service in last {
-            let (index, kept) = world.stack.kept(&service.name).unwrap();
+            let (index, kept) = world.stack.find_service(&service.name).unwrap();
             prop_assert_eq!(world.state(index).0, ServiceState::Ready);
             let serving = world.serving(index).unwrap();
             prop_assert_eq!((&serving.start, &serving.role), (&service.start, &service.role));

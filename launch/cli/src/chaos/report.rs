@@ -1,4 +1,4 @@
-//! What a run with faults came to, against the same session without.
+//! The result of a run with faults, compared with the same session without faults.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -6,28 +6,28 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::inject::{Seen, Survived};
+use super::inject::{FaultLog, Recovery};
 use super::plan::Kind;
-use super::session::Played;
-use crate::terminal::{self, columns, thousands, time};
+use super::session::SessionResult;
+use crate::terminal::{self, columns, format_count, format_time};
 
-/// Differences that are told one by one.
-const TOLD: usize = 5;
+/// Most differences that are listed.
+const MAX_DIFFERENCES: usize = 5;
 
-/// What is wrong.
+/// The comparison of two sessions.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Verdict {
-    /// Acknowledged commands that the scene does not have.
+    /// Number of acknowledged commands that the scene has lost.
     pub(super) lost: usize,
-    /// Commands that took effect more than once.
+    /// Number of commands that took effect more than once.
     pub(super) doubled: usize,
-    /// What is wrong, one line each; empty when nothing is.
+    /// Differences, one line each; empty after success.
     pub(super) wrong: Vec<String>,
 }
 
 impl Verdict {
-    /// Compares the session with faults to the one without.
-    pub(super) fn of(calm: &Played, shaken: &Played) -> Self {
+    /// Compares the session with faults to the session without faults.
+    pub(super) fn of(calm: &SessionResult, shaken: &SessionResult) -> Self {
         let mut verdict = Self::default();
         let mut revisions: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
         for (revision, id) in &shaken.changes {
@@ -35,7 +35,7 @@ impl Verdict {
         }
         for (id, at) in revisions.iter().filter(|(_, at)| at.len() > 1) {
             verdict.doubled += 1;
-            verdict.tell(format!("command {id} took effect at the revisions {at:?}"));
+            verdict.tell(format!("command {id} took effect at revisions {at:?}"));
         }
         let known: BTreeSet<_> = shaken.changes.iter().map(|(revision, _)| *revision).collect();
         for one in &shaken.acknowledged {
@@ -45,7 +45,7 @@ impl Verdict {
             };
             if !there {
                 verdict.lost += 1;
-                verdict.tell(format!("command {} was acknowledged as revision {} and is lost", one.id, one.revision));
+                verdict.tell(format!("command {} was acknowledged as revision {}, but is lost", one.id, one.revision));
             }
         }
         for (index, (revision, _)) in shaken.changes.iter().enumerate() {
@@ -61,10 +61,13 @@ impl Verdict {
             verdict.tell(format!("the history differs from revision {at} on ({s} changes, without faults {c})"));
         }
         if calm.state != shaken.state {
-            verdict.tell("the scene at the end is another one".to_owned());
+            verdict.tell("the final scene differs".to_owned());
         }
-        if calm.undone != shaken.undone {
-            verdict.tell(format!("said and not done: {:?}; without faults {:?}", shaken.undone, calm.undone));
+        if calm.failed_utterances != shaken.failed_utterances {
+            verdict.tell(format!(
+                "failed utterances: {:?}; without faults {:?}",
+                shaken.failed_utterances, calm.failed_utterances
+            ));
         }
         if calm.hashes.len() != shaken.hashes.len() {
             let (c, s) = (calm.hashes.len(), shaken.hashes.len());
@@ -79,9 +82,9 @@ impl Verdict {
         verdict
     }
 
-    /// Adds what was seen of the faults.
-    pub(super) fn with(mut self, seen: &Seen) -> Self {
-        for orphan in &seen.orphans {
+    /// Adds the orphaned processes.
+    pub(super) fn with(mut self, log: &FaultLog) -> Self {
+        for orphan in &log.orphans {
             self.tell(orphan.clone());
         }
         self
@@ -89,8 +92,8 @@ impl Verdict {
 
     fn tell(&mut self, what: String) {
         match self.wrong.len() {
-            n if n < TOLD => self.wrong.push(what),
-            TOLD => self.wrong.push("and more".to_owned()),
+            n if n < MAX_DIFFERENCES => self.wrong.push(what),
+            MAX_DIFFERENCES => self.wrong.push("and more".to_owned()),
             _ => {}
         }
     }
@@ -104,8 +107,8 @@ fn same_bytes(a: &Path, b: &Path) -> bool {
     })
 }
 
-/// A run in numbers.
-pub(super) struct Tally<'a> {
+/// The numbers of a run.
+pub(super) struct Report<'a> {
     pub(super) seed: u64,
     pub(super) rounds: usize,
     pub(super) steps: usize,
@@ -116,27 +119,27 @@ pub(super) struct Tally<'a> {
     pub(super) acknowledged: usize,
     pub(super) revision: u64,
     pub(super) pictures: usize,
-    pub(super) seen: &'a Seen,
+    pub(super) log: &'a FaultLog,
     pub(super) verdict: &'a Verdict,
 }
 
-impl Tally<'_> {
-    /// Tells it: JSON to programs, a table and a few lines to people.
+impl Report<'_> {
+    /// Prints the report: JSON, or a table and a few lines.
     pub(super) fn tell(&self, as_json: bool) {
         if as_json {
-            return terminal::out(&self.json().to_string());
+            return terminal::print_line(&self.json().to_string());
         }
         for line in self.table() {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
         for line in self.lines() {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
     }
 
     fn kinds(&self) -> BTreeMap<Kind, Vec<f64>> {
         let mut kinds: BTreeMap<Kind, Vec<f64>> = BTreeMap::new();
-        for Survived { kind, recovered } in &self.seen.survived {
+        for Recovery { kind, recovered } in &self.log.recoveries {
             kinds.entry(*kind).or_default().push(recovered.as_secs_f64() * 1e3);
         }
         kinds.values_mut().for_each(|times| times.sort_by(f64::total_cmp));
@@ -146,7 +149,7 @@ impl Tally<'_> {
     fn table(&self) -> Vec<String> {
         let head = ["FAULT", "TIMES", "MEDIAN", "P99", "LONGEST"].map(str::to_owned).to_vec();
         let row = |(kind, times): (Kind, Vec<f64>)| {
-            let at = |share| quantile(&times, share).map_or_else(|| "-".to_owned(), time);
+            let at = |share| quantile(&times, share).map_or_else(|| "-".to_owned(), format_time);
             vec![kind.name().to_owned(), times.len().to_string(), at(0.5), at(0.99), at(1.0)]
         };
         let rows: Vec<_> = std::iter::once(head).chain(self.kinds().into_iter().map(row)).collect();
@@ -154,34 +157,38 @@ impl Tally<'_> {
     }
 
     fn lines(&self) -> Vec<String> {
-        let time = |d: Duration| time(d.as_secs_f64() * 1e3);
+        let duration = |d: Duration| format_time(d.as_secs_f64() * 1e3);
         vec![
             format!(
                 "faults        {} (seed {}) over {} steps in {} rounds; {}, without faults {}",
-                self.seen.survived.len(),
+                self.log.recoveries.len(),
                 self.seed,
-                thousands(self.steps as u64),
+                format_count(self.steps as u64),
                 self.rounds,
-                time(self.shaken),
-                time(self.calm)
+                duration(self.shaken),
+                duration(self.calm)
             ),
             format!(
-                "commands      {} acknowledged, revision {}, {} tried again, {} refused for want of room",
-                thousands(self.acknowledged as u64),
-                thousands(self.revision),
-                thousands(self.retries),
+                "commands      {} acknowledged, revision {}, {} retried, {} refused on a full disk",
+                format_count(self.acknowledged as u64),
+                format_count(self.revision),
+                format_count(self.retries),
                 self.refused_for_room
             ),
             format!(
-                "lost          {}; doubled {}; orphans {} (children gone {} after their supervisor at the latest)",
+                "lost          {}; doubled {}; orphans {} (services ended at most {} after their supervisor)",
                 self.verdict.lost,
                 self.verdict.doubled,
-                self.seen.orphans.len(),
-                time(self.seen.followed)
+                self.log.orphans.len(),
+                duration(self.log.followed)
             ),
             format!(
                 "scene         {}; {} pictures",
-                if self.verdict.wrong.is_empty() { "the same as without faults" } else { "NOT AS WITHOUT FAULTS" },
+                if self.verdict.wrong.is_empty() {
+                    "equal to the session without faults"
+                } else {
+                    "DIFFERS FROM THE SESSION WITHOUT FAULTS"
+                },
                 self.pictures
             ),
         ]
@@ -198,17 +205,17 @@ impl Tally<'_> {
             })
             .collect();
         json!({
-            "seed": self.seed, "faults": self.seen.survived.len(), "kinds": kinds, "rounds": self.rounds,
+            "seed": self.seed, "faults": self.log.recoveries.len(), "kinds": kinds, "rounds": self.rounds,
             "steps": self.steps, "seconds": self.shaken.as_secs_f64(), "calm_seconds": self.calm.as_secs_f64(),
             "retries": self.retries, "refused_for_room": self.refused_for_room, "acknowledged": self.acknowledged,
             "revision": self.revision, "pictures": self.pictures, "lost": self.verdict.lost,
-            "doubled": self.verdict.doubled, "orphans": self.seen.orphans.len(),
-            "children_gone_ms": self.seen.followed.as_secs_f64() * 1e3, "wrong": self.verdict.wrong,
+            "doubled": self.verdict.doubled, "orphans": self.log.orphans.len(),
+            "children_gone_ms": self.log.followed.as_secs_f64() * 1e3, "wrong": self.verdict.wrong,
         })
     }
 }
 
-/// The least value of a sorted list that this share of it does not exceed.
+/// The smallest value of a sorted list with at least this share at or below it.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.max(1) - 1).copied()
@@ -217,19 +224,20 @@ fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::playback::Acknowledged;
+    use crate::playback::AcknowledgedChange;
     use sg_proto::scene::State;
 
-    fn played() -> Played {
+    fn played() -> SessionResult {
         let changes = ["a", "b", "c"].iter().zip(1..).map(|(id, n)| (n, (*id).to_owned())).collect();
-        let acknowledged = ["a", "", "c"].iter().zip(1..).map(|(id, n)| Acknowledged { id: (*id).into(), revision: n });
-        Played {
+        let acknowledged =
+            ["a", "", "c"].iter().zip(1..).map(|(id, n)| AcknowledgedChange { id: (*id).into(), revision: n });
+        SessionResult {
             state: State { revision: 3, ..State::default() },
             changes,
             acknowledged: acknowledged.collect(),
             hashes: Vec::new(),
             pictures: Vec::new(),
-            undone: Vec::new(),
+            failed_utterances: Vec::new(),
             times: Vec::new(),
         }
     }
@@ -240,18 +248,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_lost_doubled_or_other_is_found() {
+    fn differences_are_found() {
         let mut shaken = played();
         shaken.changes.truncate(2);
         let verdict = Verdict::of(&played(), &shaken);
         assert_eq!((verdict.lost, verdict.doubled), (1, 0));
-        assert!(verdict.wrong[0].contains("command c was acknowledged as revision 3 and is lost"), "{verdict:?}");
+        assert!(verdict.wrong[0].contains("command c was acknowledged as revision 3, but is lost"), "{verdict:?}");
 
         let mut shaken = played();
         shaken.changes.push((4, "b".to_owned()));
         let verdict = Verdict::of(&played(), &shaken);
         assert_eq!((verdict.lost, verdict.doubled), (0, 1));
-        assert!(verdict.wrong[0].contains("command b took effect at the revisions [2, 4]"), "{verdict:?}");
+        assert!(verdict.wrong[0].contains("command b took effect at revisions [2, 4]"), "{verdict:?}");
 
         let mut shaken = played();
         shaken.changes.remove(0);
@@ -260,10 +268,10 @@ mod tests {
 
         let mut shaken = played();
         shaken.state.revision = 4;
-        assert_eq!(Verdict::of(&played(), &shaken).wrong, ["the scene at the end is another one"]);
+        assert_eq!(Verdict::of(&played(), &shaken).wrong, ["the final scene differs"]);
 
         let mut shaken = played();
-        shaken.undone.push("undo".to_owned());
+        shaken.failed_utterances.push("undo".to_owned());
         assert_eq!(Verdict::of(&played(), &shaken).wrong.len(), 1);
     }
 
@@ -274,7 +282,7 @@ mod tests {
             let path = folder.path().join(name).with_extension("png");
             std::fs::write(&path, bytes).unwrap();
             std::fs::write(path.with_extension("npy"), bytes).unwrap();
-            Played { pictures: vec![path], hashes: vec!["x".to_owned()], ..played() }
+            SessionResult { pictures: vec![path], hashes: vec!["x".to_owned()], ..played() }
         };
         let (one, same, other) = (picture("one", b"1"), picture("same", b"1"), picture("other", b"2"));
         assert_eq!(Verdict::of(&one, &same), Verdict::default());

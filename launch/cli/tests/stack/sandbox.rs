@@ -1,4 +1,4 @@
-//! A folder with launch files, fixture services and stacks that run in it, for tests.
+//! A test folder with launch files, fixture services and running stacks.
 
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
@@ -12,28 +12,28 @@ use serde_json::Value;
 use sg_proto::keys::role;
 use sg_runtime::bus::{Bus, endpoint_of};
 
-/// Longest time that anything here may take.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest wait of a test.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(20);
 
-pub(crate) struct Bench {
+pub(crate) struct Sandbox {
     folder: tempfile::TempDir,
 }
 
-impl Bench {
+impl Sandbox {
     /// A folder with the executables `fixture` and `other` (a service, see `fixture.rs`), `crash`, `refuse` and `stubborn`.
     pub(crate) fn new() -> Self {
-        let bench = Self { folder: tempfile::tempdir().unwrap() };
+        let sandbox = Self { folder: tempfile::tempdir().unwrap() };
         let this = std::env::current_exe().unwrap();
         let fixture = format!(
             "ARGUMENTS=\"$(printf '%s\\n' \"$@\")\"; export ARGUMENTS\nexec '{}' --exact fixture::fixture --ignored --nocapture",
             this.display()
         );
-        bench.script("fixture", &fixture);
-        bench.script("other", &fixture);
-        bench.script("crash", "echo 'cannot go on' >&2; exit 1");
-        bench.script("refuse", "echo '{\"level\":\"ERROR\",\"message\":\"no such scene\"}' >&2; exit 2");
-        bench.script("stubborn", "trap '' TERM\nwhile :; do sleep 0.1; done");
-        bench
+        sandbox.script("fixture", &fixture);
+        sandbox.script("other", &fixture);
+        sandbox.script("crash", "echo 'cannot go on' >&2; exit 1");
+        sandbox.script("refuse", "echo '{\"level\":\"ERROR\",\"message\":\"no such scene\"}' >&2; exit 2");
+        sandbox.script("stubborn", "trap '' TERM\nwhile :; do sleep 0.1; done");
+        sandbox
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -53,7 +53,7 @@ impl Bench {
         path
     }
 
-    /// The command under test, with sessions of this folder only.
+    /// The command under test, limited to sessions of this folder.
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_supergaussian"));
         command.args(arguments).env("SUPERGAUSSIAN_RUN_ROOT", self.path().join("run")).env_remove("SUPERGAUSSIAN_LOG");
@@ -75,23 +75,23 @@ impl Bench {
         Up { child, errors }
     }
 
-    /// The command itself copied to a folder of its own, beside services and helpers that do this instead of their work.
-    pub(crate) fn among(&self, others: &[(&str, &str)]) -> PathBuf {
-        let folder = self.path().join("among");
+    /// Copies the command to a folder with dummy services, where these helper scripts stand in for others.
+    pub(crate) fn install_beside(&self, others: &[(&str, &str)]) -> PathBuf {
+        let folder = self.path().join("installed");
         std::fs::create_dir_all(&folder).unwrap();
         let services = ["scene", "selection", "render-node", "agent-intent", "agent-function", "agent-core"];
         for service in services {
-            self.script(&format!("among/supergaussian-{service}"), "exec sleep 60");
+            self.script(&format!("installed/supergaussian-{service}"), "exec sleep 60");
         }
         for (name, does) in others {
-            self.script(&format!("among/{name}"), does);
+            self.script(&format!("installed/{name}"), does);
         }
         let command = folder.join("supergaussian");
         std::fs::copy(env!("CARGO_BIN_EXE_supergaussian"), &command).unwrap();
         command
     }
 
-    /// Starts a stack by another copy of the command, on a display that nobody has to be able to open; none if it is empty.
+    /// Starts a stack with another copy of the command, on a fake display, or none if empty.
     pub(crate) fn up_by(&self, command: &Path, file: &Path, display: &str) -> Up {
         let errors = self.path().join("up-by.err");
         let stderr = std::fs::File::create(&errors).unwrap();
@@ -110,11 +110,11 @@ impl Bench {
         ps["services"].as_array().unwrap().clone()
     }
 
-    /// Waits until a service of a stack is as wished, and returns it.
+    /// Waits until a service fulfils a condition, and returns it.
     pub(crate) fn wait(&self, session: &str, service: &str, wish: impl Fn(&Value) -> bool) -> Value {
         let began = Instant::now();
         let mut last = Vec::new();
-        while began.elapsed() < PATIENCE {
+        while began.elapsed() < TIMEOUT {
             last = self.ps(session);
             if let Some(found) = last.iter().find(|s| s["name"] == service && wish(s)) {
                 return found.clone();
@@ -124,7 +124,7 @@ impl Bench {
         panic!("`{service}` of {session} is not as wished: {last:#?}");
     }
 
-    /// Joins the bus of a stack that runs in such a folder, as a person at a terminal would.
+    /// Joins the bus of a stack in such a folder with the role of the command line.
     pub(crate) async fn join_in(folder: &Path, session: &str) -> Bus {
         let socket = folder.join("run").join(session).join("bus.sock");
         Bus::connect(session, role::CLI, &endpoint_of(&socket)).await.unwrap()
@@ -134,7 +134,7 @@ impl Bench {
     pub(crate) fn gone(&self, pid: i32) {
         let began = Instant::now();
         while runs(pid) {
-            assert!(began.elapsed() < PATIENCE, "process {pid} of {} does not go", self.path().display());
+            assert!(began.elapsed() < TIMEOUT, "process {pid} of {} does not go", self.path().display());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -163,7 +163,7 @@ impl Up {
             if let Some(status) = self.child.try_wait().unwrap() {
                 return (status.code().unwrap_or(-1), self.errors());
             }
-            assert!(began.elapsed() < PATIENCE, "`up` does not end: {}", self.errors());
+            assert!(began.elapsed() < TIMEOUT, "`up` does not end: {}", self.errors());
             std::thread::sleep(Duration::from_millis(10));
         }
     }

@@ -1,4 +1,4 @@
-//! `ps`, `logs`, `restart` and `down`: speaking to the supervisor of a running stack.
+//! `ps`, `logs`, `restart` and `down`: requests to the supervisor of a running stack.
 
 use std::time::{Duration, Instant};
 
@@ -12,27 +12,27 @@ use sg_runtime::session::{self, SessionDir};
 use sg_stack::log_line::LogLine;
 use sg_stack::suggestion::suggestion;
 
-use crate::terminal::{self, Done, Failure, columns, time};
+use crate::terminal::{self, CommandResult, Failure, columns, format_time};
 use sg_stack::console;
 use sg_stack::log_file::{self, LogReader};
 
-/// How long the supervisor may take to answer.
+/// Longest time for the supervisor's answer.
 pub(crate) const ANSWER: Duration = Duration::from_secs(5);
-/// How long a stack may take to stop, or a service to restart: longer than any grace is likely to be.
-const PATIENCE: Duration = Duration::from_secs(120);
-/// How long the stack may take to get ready. A large scene is clustered meanwhile.
+/// Longest time for a stop or restart, beyond any grace period.
+const TIMEOUT: Duration = Duration::from_secs(120);
+/// Longest time until a stack is ready. A large scene is clustered meanwhile.
 const START_TIME: Duration = Duration::from_secs(900);
-/// How often something that takes its time is looked at.
-pub(crate) const GLANCE: Duration = Duration::from_millis(50);
+/// Pause between two checks.
+pub(crate) const POLL_PERIOD: Duration = Duration::from_millis(50);
 
-/// Joins the bus of a running session as a person at a terminal.
+/// Joins the bus of a running session with the role of the command line.
 pub(crate) async fn join(name: Option<&str>) -> Result<(SessionDir, Bus), Failure> {
     let session = session::find(name)?;
     let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
     Ok((session, bus))
 }
 
-/// The services of a stack as they stand.
+/// The services of a stack.
 pub(crate) async fn services(bus: &Bus) -> Result<PsReply, Failure> {
     Ok(bus.ask(&keys::PS, &PsRequest {}, &Context::root().deadline_in(ANSWER)).await?)
 }
@@ -54,18 +54,18 @@ pub(crate) async fn wait_until_ready(bus: &Bus) -> Result<PsReply, Failure> {
             let seconds = START_TIME.as_secs();
             return Err(Failure::Work(format!("not ready after {seconds} s: {}", missing.join(", "))));
         }
-        tokio::time::sleep(GLANCE).await;
+        tokio::time::sleep(POLL_PERIOD).await;
     }
 }
 
-pub(crate) async fn ps(name: Option<&str>, json: bool) -> Done {
+pub(crate) async fn ps(name: Option<&str>, json: bool) -> CommandResult {
     let (_, bus) = join(name).await?;
     let ps = services(&bus).await?;
     if json {
-        terminal::out(&as_json(&ps).to_string());
+        terminal::print_line(&as_json(&ps).to_string());
     } else {
         for line in columns(&as_rows(&ps)) {
-            terminal::out(&line);
+            terminal::print_line(&line);
         }
     }
     bus.close().await;
@@ -92,7 +92,7 @@ fn as_json(ps: &PsReply) -> serde_json::Value {
 }
 
 fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
-    // The times in which requests are answered: median / 99th percentile of the last minute.
+    // Latencies of requests: median / 99th percentile of the last minute.
     let head = ["SERVICE", "ROLE", "ON", "STATE", "PID", "UP", "RESTARTS", "MEMORY", "START", "LATENCY", "WHY"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     let or_dash = |known: bool, text: String| if known { text } else { "-".to_owned() };
@@ -103,10 +103,10 @@ fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
             if s.node.is_empty() { "here".to_owned() } else { s.node.clone() },
             state(s).to_owned(),
             or_dash(s.pid > 0, s.pid.to_string()),
-            or_dash(s.pid > 0, time(s.uptime_ms as f64)),
+            or_dash(s.pid > 0, format_time(s.uptime_ms as f64)),
             s.restarts.to_string(),
             or_dash(s.memory_bytes > 0, format!("{} MiB", s.memory_bytes >> 20)),
-            or_dash(s.start_ms > 0, time(s.start_ms as f64)),
+            or_dash(s.start_ms > 0, format_time(s.start_ms as f64)),
             or_dash(s.answer_ms > 0.0, format!("{:.1} / {:.1} ms", s.answer_ms, s.answer_ms_p99)),
             why(s),
         ]
@@ -114,7 +114,7 @@ fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
     rows
 }
 
-/// Why a service is where it is, and where its swap is.
+/// The reason for a service's state, and the state of its swap.
 fn why(service: &Service) -> String {
     let swap = service.swap.as_ref().filter(|s| s.state() != SwapState::Done).map(|swap| {
         let reason = if swap.reason.is_empty() { String::new() } else { format!(": {}", swap.reason) };
@@ -129,12 +129,12 @@ fn swap_state(swap: &Swap) -> &'static str {
     swap.state().as_str_name().trim_start_matches("SWAP_STATE_")
 }
 
-/// The state in one word.
+/// The name of a service's state.
 pub(crate) fn state(service: &Service) -> &'static str {
     service.state().as_str_name().trim_start_matches("SERVICE_STATE_")
 }
 
-/// A request that a supervisor refused: what was wrong with it, or with the stack.
+/// The failure for a request that the supervisor refused.
 pub(crate) fn refused(fault: Fault) -> Failure {
     match fault.code {
         Code::NotFound | Code::InvalidArgument => Failure::Input(fault.to_string()),
@@ -142,7 +142,7 @@ pub(crate) fn refused(fault: Fault) -> Failure {
     }
 }
 
-pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
+pub(crate) async fn restart(name: Option<&str>, service: &str) -> CommandResult {
     let (_, bus) = join(name).await?;
     let find = |ps: PsReply| ps.services.into_iter().find(|s| s.name == service);
     let before = find(services(&bus).await?).map_or(0, |s| s.restarts);
@@ -151,23 +151,23 @@ pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
     let reply = reply.map_err(refused)?;
     let began = Instant::now();
     loop {
-        tokio::time::sleep(GLANCE).await;
+        tokio::time::sleep(POLL_PERIOD).await;
         let Some(now) = find(services(&bus).await?) else { continue };
         match now.state() {
             ServiceState::Ready if now.restarts > before => {
                 let old =
                     if reply.old_pid > 0 { format!("process {} stopped, ", reply.old_pid) } else { String::new() };
-                terminal::out(&format!(
+                terminal::print_line(&format!(
                     "{service}: {old}process {} ready after {}",
                     now.pid,
-                    time(now.start_ms as f64)
+                    format_time(now.start_ms as f64)
                 ));
                 bus.close().await;
                 return Ok(());
             }
             ServiceState::Failed => return Err(Failure::Work(format!("service `{service}` failed: {}", now.reason))),
-            _ if began.elapsed() > PATIENCE => {
-                let seconds = PATIENCE.as_secs();
+            _ if began.elapsed() > TIMEOUT => {
+                let seconds = TIMEOUT.as_secs();
                 return Err(Failure::Work(format!("`{service}` is {} after {seconds} s: {}", state(&now), now.reason)));
             }
             _ => {}
@@ -175,24 +175,24 @@ pub(crate) async fn restart(name: Option<&str>, service: &str) -> Done {
     }
 }
 
-pub(crate) async fn down(name: Option<&str>) -> Done {
+pub(crate) async fn down(name: Option<&str>) -> CommandResult {
     let (session, bus) = join(name).await?;
     bus.ask(&keys::DOWN, &DownRequest {}, &Context::root().deadline_in(ANSWER)).await?;
     let began = Instant::now();
     while session.is_running() {
-        if began.elapsed() > PATIENCE {
-            let seconds = PATIENCE.as_secs();
+        if began.elapsed() > TIMEOUT {
+            let seconds = TIMEOUT.as_secs();
             return Err(Failure::Work(format!("session `{}` still runs after {seconds} s", session.name())));
         }
-        tokio::time::sleep(GLANCE).await;
+        tokio::time::sleep(POLL_PERIOD).await;
     }
-    let took = time(began.elapsed().as_secs_f64() * 1000.0);
-    terminal::out(&format!("session {} stopped after {took}", session.name()));
+    let took = format_time(began.elapsed().as_secs_f64() * 1000.0);
+    terminal::print_line(&format!("session {} stopped after {took}", session.name()));
     Ok(())
 }
 
-/// Logs outlive their stack: a session that was named is read whether it runs or not.
-pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> Done {
+/// Logs outlive their stack, so a named session is read even if it does not run.
+pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> CommandResult {
     let session = match name {
         Some(name) => SessionDir::named(name)?,
         None => session::find(None)?,
@@ -215,13 +215,13 @@ pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> D
         wanted.iter().map(|s| (LogReader::open(log_file::path_of(&folder, s)), String::new())).collect();
     let colored = terminal::stdout_colored();
     loop {
-        // Looked at before reading: what is written until the end is still read.
+        // Check before reading, so that the last lines are still read.
         let running = session.is_running();
         let mut lines = Vec::new();
         for (position, (service, (reader, last))) in wanted.iter().zip(&mut readers).enumerate() {
             for line in reader.lines().map_err(|e| Failure::Work(format!("log of `{service}`: {e}")))? {
                 let mut line = LogLine::parse(&line);
-                // A line that does not say when it was written stays with the one before.
+                // A line without a time stays behind the line before it.
                 if line.timestamp.is_empty() {
                     line.timestamp.clone_from(last);
                 }
@@ -233,11 +233,11 @@ pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> D
         for (line, position) in lines {
             let service = wanted.get(position).map_or("", String::as_str);
             let ink = console::color_of(position);
-            terminal::out(&console::rendered(line.time(), service, width, ink, &line, colored));
+            terminal::print_line(&console::format_line(line.time(), service, width, ink, &line, colored));
         }
         if !follow || !running {
             return Ok(());
         }
-        std::thread::sleep(4 * GLANCE);
+        std::thread::sleep(4 * POLL_PERIOD);
     }
 }
