@@ -114,6 +114,6 @@ mod tests {
         let decoder = Decoder::new().unwrap();
         assert_eq!(decoder.json("a.B", &[1, 2]), "2 bytes of unknown type `a.B`");
         let text = decoder.json("supergaussian.scene.v1.Event", &[0xff]);
-        assert!(text.as_str().unwrap().starts_with("1 bytes that are no supergaussian.scene.v1.Event"), "{text}");
+        assert!(text.as_str().unwrap().starts_with("1 bytes that are not a supergaussian.scene.v1.Event"), "{text}");
     }
 }

@@ -66,7 +66,7 @@ pub(crate) struct DemoArgs {
     json: bool,
 }
 
-pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResult {
+pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> CommandResult {
     // Check all inputs before slow work.
     let input = Input::of(arguments.input.as_deref())?;
     let search = ExecutableSearch::here_then_path();
@@ -116,7 +116,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResu
         format!("service.scene.params.project={}", toml::Value::String(project.display().to_string())),
     ];
     forget_dead_demos();
-    let session = SessionDir::named(told.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
+    let session = SessionDir::named(session_name.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
     let stack = |shipped_file: (&str, &str)| -> Result<Stack, Failure> {
         Ok(Stack {
             file: shipped::launch_file(shipped_file, &overrides, &search)?,

@@ -45,7 +45,7 @@ pub(crate) async fn metrics(session: Option<&str>, listen: Option<SocketAddr>) -
 async fn gather(bus: &Bus) -> Result<String, Failure> {
     let running = services(bus).await?.services.into_iter().filter(|s| s.pid > 0);
     let places = running.map(|s| keys::instance(&s.instance)).chain([role::SUPERVISOR.to_owned()]);
-    let asked = places.map(|place| {
+    let requests = places.map(|place| {
         let bus = bus.clone();
         tokio::spawn(async move {
             let context = Context::root().deadline_in(TIMEOUT);
@@ -53,7 +53,7 @@ async fn gather(bus: &Bus) -> Result<String, Failure> {
         })
     });
     let mut texts = Vec::new();
-    for answer in asked.collect::<Vec<_>>() {
+    for answer in requests.collect::<Vec<_>>() {
         // A missing answer shows in `supergaussian_service_ready`.
         if let Ok(Ok(reply)) = answer.await {
             texts.push(reply.text);

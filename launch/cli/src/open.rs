@@ -23,7 +23,7 @@ pub(crate) struct OpenArgs {
     path: PathBuf,
 }
 
-pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> CommandResult {
+pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> CommandResult {
     let path = &arguments.path;
     let input = Input::of(Some(path))?;
     if !has_display() {
@@ -32,10 +32,10 @@ pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> CommandRes
     // Check all inputs before slow work.
     let search = ExecutableSearch::here_then_path();
     shipped::launch_file(DESKTOP, &[], &search)?;
-    let name = told.map_or_else(|| session_of(path), |told| Ok(told.to_owned()))?;
+    let name = session_name.map_or_else(|| session_of(path), |session_name| Ok(session_name.to_owned()))?;
     let session = SessionDir::named(&name)?;
     session.create()?;
-    let _held = hold(&session)?;
+    let _lock = lock(&session)?;
     let function = shipped::unpack(session.path(), input.shipped_name())?.transfer_function;
     // The Gaussians must be the same each time, so that earlier edits fit.
     let scene = input.scene(session.path(), function.as_deref(), GAUSSIANS, 0)?;
@@ -53,7 +53,7 @@ pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> CommandRes
 }
 
 /// Locks the session while Gaussians are made, before a supervisor exists.
-fn hold(session: &SessionDir) -> Result<File, Failure> {
+fn lock(session: &SessionDir) -> Result<File, Failure> {
     let path = session.path().join("open.lock");
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
     let file = File::options().write(true).create(true).truncate(false).open(&path).map_err(fail)?;

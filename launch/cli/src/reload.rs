@@ -33,8 +33,8 @@ pub(crate) async fn reload(session: &SessionDir, request: ReloadRequest, name: O
     }
     loop {
         let ps = services(&bus).await?;
-        let open: Vec<_> = reply.differences.iter().map(|d| (d, come(&ps, d))).collect();
-        let going: Vec<_> = open
+        let open: Vec<_> = reply.differences.iter().map(|d| (d, progress_of(&ps, d))).collect();
+        let running: Vec<_> = open
             .iter()
             .filter_map(
                 |(d, p)| if let Progress::Running(what) = p { Some(format!("{}: {what}", d.service)) } else { None },
@@ -46,17 +46,17 @@ pub(crate) async fn reload(session: &SessionDir, request: ReloadRequest, name: O
             .collect();
         // A service that waits for a failed one waits for ever.
         let waits = |line: &String| line.contains("which failed");
-        if going.is_empty() || (!failed.is_empty() && going.iter().all(waits)) {
+        if running.is_empty() || (!failed.is_empty() && running.iter().all(waits)) {
             bus.close().await;
             if failed.is_empty() {
                 terminal::print_line(&format!("done after {}", format_time(began.elapsed().as_secs_f64() * 1000.0)));
                 return Ok(());
             }
-            return Err(Failure::Work([failed, going].concat().join("\n")));
+            return Err(Failure::Work([failed, running].concat().join("\n")));
         }
         if began.elapsed() > FOLLOW_TIME {
             let seconds = FOLLOW_TIME.as_secs();
-            return Err(Failure::Work(format!("not done after {seconds} s: {}", going.join("; "))));
+            return Err(Failure::Work(format!("not done after {seconds} s: {}", running.join("; "))));
         }
         tokio::time::sleep(POLL_PERIOD).await;
     }
@@ -74,7 +74,7 @@ fn word(change: Change) -> &'static str {
 }
 
 /// Progress of a difference.
-fn come(ps: &PsReply, difference: &Difference) -> Progress {
+fn progress_of(ps: &PsReply, difference: &Difference) -> Progress {
     let service = ps.services.iter().find(|s| s.name == difference.service);
     match (difference.change(), service) {
         (Change::Removed, None) => Progress::Done,

@@ -42,19 +42,19 @@ fn launch_file(path: &Path, overrides: &[String], only: &[String]) -> Result<Lau
 }
 
 /// The session of a launch file: from the command line, from the file, or after the file's name.
-fn session(told: Option<&str>, file: &LaunchFile, path: &Path) -> Result<SessionDir, Failure> {
+fn session(session_name: Option<&str>, file: &LaunchFile, path: &Path) -> Result<SessionDir, Failure> {
     let stem = || {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         stem.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' }).collect::<String>()
     };
-    let name = told.map(str::to_owned).or_else(|| file.name.clone()).unwrap_or_else(stem);
+    let name = session_name.map(str::to_owned).or_else(|| file.name.clone()).unwrap_or_else(stem);
     Ok(SessionDir::named(&name)?)
 }
 
-pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> CommandResult {
+pub(crate) async fn up(arguments: &UpArgs, session_name: Option<&str>) -> CommandResult {
     let FileArgs { path, overrides } = &arguments.file;
     let file = launch_file(path, overrides, &arguments.only)?;
-    let session = session(told, &file, path)?;
+    let session = session(session_name, &file, path)?;
     let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
     if session.is_running() {
         let request = ReloadRequest {

@@ -24,7 +24,7 @@ pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> CommandR
     let mut terminate = signal(SignalKind::terminate()).map_err(no_signal)?;
     terminal::print_status(&format!("watching session {}; press Ctrl-C to end", session.name()));
     let began = Instant::now();
-    let mut told = 0;
+    let mut printed = 0;
     let mut glance = tokio::time::interval(POLL_PERIOD);
     loop {
         tokio::select! {
@@ -33,9 +33,9 @@ pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> CommandR
                 if all || !is_health(&message) {
                     terminal::print_line(&line(&decoder, &message, began.elapsed(), json));
                 }
-                if seen.lost() > told {
-                    terminal::print_status(&format!("{} messages lost, because this terminal is too slow", seen.lost() - told));
-                    told = seen.lost();
+                if seen.lost() > printed {
+                    terminal::print_status(&format!("{} messages lost, because this terminal is too slow", seen.lost() - printed));
+                    printed = seen.lost();
                 }
             }
             _ = glance.tick() => {

@@ -125,19 +125,19 @@ fn lock(folder: &SessionDir) -> Result<File, StackError> {
 /// Connects to the bus. Retries until the stack answers.
 async fn connect(session: &str, name: &str, link: &Link) -> Bus {
     let instance = keys::node_instance(name);
-    let mut told = String::new();
+    let mut last_problem = String::new();
     loop {
         // A node serves no role. It is addressed by its instance only.
         match Bus::connect_instance(session, role::NODE, &instance, 0, true, link.clone()).await {
             Ok(bus) => return bus,
             Err(error) => {
                 let text = error.to_string();
-                if text != told {
+                if text != last_problem {
                     terminal::print_status(&format!(
                         "{text}; check that the stack runs, that it listens there, and that the authority is the same; next try every {} s",
                         RETRY_PAUSE.as_secs()
                     ));
-                    told = text;
+                    last_problem = text;
                 }
                 tokio::time::sleep(RETRY_PAUSE).await;
             }
@@ -339,7 +339,7 @@ impl Node {
         let executable = ExecutableSearch::here_then_path().find(&request.exec, std::path::Path::new(""));
         let executable = executable.map_err(|e| Fault::not_found(e.to_string()))?;
         let stop = Duration::from_millis(request.stop_ms);
-        let serving = serve_arguments::Serving {
+        let serving = serve_arguments::ServeArguments {
             session: self.folder.name(),
             role: &request.role,
             instance: &request.instance,

@@ -7,7 +7,7 @@ use sg_runtime::bus::Link;
 
 /// Arguments of a service's process.
 #[derive(Debug)]
-pub(crate) struct Serving<'a> {
+pub(crate) struct ServeArguments<'a> {
     pub(crate) session: &'a str,
     pub(crate) role: &'a str,
     pub(crate) instance: &'a str,
@@ -21,7 +21,7 @@ pub(crate) struct Serving<'a> {
     pub(crate) stop: Duration,
 }
 
-impl Serving<'_> {
+impl ServeArguments<'_> {
     /// The arguments. The process dies with this one.
     pub(crate) fn arguments(&self) -> Vec<String> {
         let run_dir = self.run_dir.display().to_string();

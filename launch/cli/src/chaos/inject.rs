@@ -94,26 +94,26 @@ impl Injector<'_> {
         let calm = self.calm.get(fault.step).copied().unwrap_or_default();
         tokio::time::sleep(calm.mul_f64(fault.moment)).await;
         let began = Instant::now();
-        let mut gone = Vec::new();
+        let mut ended = Vec::new();
         match fault.kind {
-            Kind::Kill | Kind::Two => gone = self.signal_all(fault, Signal::SIGKILL).await?,
-            Kind::Terminate => gone = self.signal_all(fault, Signal::SIGTERM).await?,
-            Kind::Hang => gone = self.signal_all(fault, Signal::SIGSTOP).await?,
+            Kind::Kill | Kind::Two => ended = self.signal_all(fault, Signal::SIGKILL).await?,
+            Kind::Terminate => ended = self.signal_all(fault, Signal::SIGTERM).await?,
+            Kind::Hang => ended = self.signal_all(fault, Signal::SIGSTOP).await?,
             Kind::Restart => {
-                for service in &fault.whom {
+                for service in &fault.targets {
                     let request = RestartRequest { service: service.clone() };
                     let context = Context::root().deadline_in(TARGET_TIME);
-                    gone.push(self.bus.ask(&keys::RESTART, &request, &context).await?.old_pid);
+                    ended.push(self.bus.ask(&keys::RESTART, &request, &context).await?.old_pid);
                 }
             }
-            Kind::Swap => gone = self.swap(fault).await?,
+            Kind::Swap => ended = self.swap(fault).await?,
             Kind::Pause => self.pause(fault).await?,
-            Kind::AtStart => gone = self.kill_twice(fault).await?,
-            Kind::Supervisor => gone = self.kill_supervisor(false).await?,
-            Kind::Everything => gone = self.kill_supervisor(true).await?,
+            Kind::AtStart => ended = self.kill_twice(fault).await?,
+            Kind::Supervisor => ended = self.kill_supervisor(false).await?,
+            Kind::Everything => ended = self.kill_supervisor(true).await?,
             Kind::NoRoom => {}
         }
-        self.recovery(&gone).await?;
+        self.recovery(&ended).await?;
         let recovered = began.elapsed();
         if matches!(fault.kind, Kind::Supervisor | Kind::Everything) {
             self.look_for_orphans().await;
@@ -127,13 +127,13 @@ impl Injector<'_> {
         loop {
             self.stack.check()?;
             if let Some(ps) = stack::ps(self.bus).await {
-                let pids: Vec<_> = fault.whom.iter().filter_map(|name| pid_of(&ps, name)).collect();
-                if pids.len() == fault.whom.len() {
+                let pids: Vec<_> = fault.targets.iter().filter_map(|name| pid_of(&ps, name)).collect();
+                if pids.len() == fault.targets.len() {
                     return Ok(pids);
                 }
             }
             if began.elapsed() > TARGET_TIME {
-                return Err(Failure::Work(format!("no process of {}", fault.whom.join(", "))));
+                return Err(Failure::Work(format!("no process of {}", fault.targets.join(", "))));
             }
             tokio::time::sleep(POLL_PERIOD).await;
         }
@@ -150,7 +150,7 @@ impl Injector<'_> {
     /// Swaps a service for another process of its own executable.
     async fn swap(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
         let pids = self.targets(fault).await?;
-        for name in &fault.whom {
+        for name in &fault.targets {
             let executable = self.executables.get(name).map_or_else(String::new, |path| path.display().to_string());
             let request = SwapRequest { service: name.clone(), executable, params: String::new() };
             self.bus.ask(&keys::SWAP, &request, &Context::root().deadline_in(TARGET_TIME)).await?;
@@ -166,23 +166,23 @@ impl Injector<'_> {
 
     /// Kills a process, waits for its successor, and kills that too after a pause.
     async fn kill_twice(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
-        if fault.whom.iter().any(|name| name == role::SUPERVISOR) {
-            let gone = self.kill_supervisor(false).await?;
+        if fault.targets.iter().any(|name| name == role::SUPERVISOR) {
+            let ended = self.kill_supervisor(false).await?;
             tokio::time::sleep(Duration::from_millis(fault.pause_ms)).await;
-            return Ok([gone, self.kill_supervisor(false).await?].concat());
+            return Ok([ended, self.kill_supervisor(false).await?].concat());
         }
-        let mut gone = self.signal_all(fault, Signal::SIGKILL).await?;
+        let mut ended = self.signal_all(fault, Signal::SIGKILL).await?;
         let began = Instant::now();
         while began.elapsed() < TARGET_TIME {
             let next = self.targets(fault).await?;
-            if next.iter().all(|pid| !gone.contains(pid)) {
+            if next.iter().all(|pid| !ended.contains(pid)) {
                 // A share of the start, which is mostly over after a tenth of a second.
                 tokio::time::sleep(Duration::from_millis(fault.pause_ms / 4)).await;
                 for pid in &next {
                     signal(*pid, Signal::SIGKILL)?;
                 }
-                gone.extend(next);
-                return Ok(gone);
+                ended.extend(next);
+                return Ok(ended);
             }
             tokio::time::sleep(POLL_PERIOD).await;
         }
@@ -227,30 +227,34 @@ impl Injector<'_> {
             return Err(Failure::Work("the command was not refused with RESOURCE_EXHAUSTED".to_owned()));
         }
         let over = |_| Failure::Work("the session ended before its command was saved".to_owned());
-        let kept = self.answered.wait_for(|n| *n > fault.step);
-        let kept = tokio::time::timeout(RECOVERY_TIME, kept).await;
-        kept.map_err(|_| Failure::Work("the disk has room again, but the command is still refused".to_owned()))?
+        let saved = self.answered.wait_for(|n| *n > fault.step);
+        let saved = tokio::time::timeout(RECOVERY_TIME, saved).await;
+        saved
+            .map_err(|_| Failure::Work("the disk has room again, but the command is still refused".to_owned()))?
             .map_err(over)?;
         Ok(began.elapsed())
     }
 
     /// Waits until every service is ready, with none of these processes.
-    async fn recovery(&mut self, gone: &[u32]) -> Result<(), Failure> {
+    async fn recovery(&mut self, ended: &[u32]) -> Result<(), Failure> {
         let began = Instant::now();
         let mut last = "the supervisor does not answer".to_owned();
         while began.elapsed() < RECOVERY_TIME {
             self.stack.check()?;
             if let Some(ps) = stack::ps(self.bus).await {
-                let well = |s: &Service| s.state() == ServiceState::Ready && !gone.contains(&s.pid);
-                match ps.services.iter().find(|s| !well(s)) {
+                let recovered = |s: &Service| s.state() == ServiceState::Ready && !ended.contains(&s.pid);
+                match ps.services.iter().find(|s| !recovered(s)) {
                     None if self.stack.supervisor() == Some(ps.pid) => return Ok(()),
                     None => last = format!("the supervisor is process {}", ps.pid),
-                    Some(ill) => {
-                        let state = crate::supervisor_client::state(ill);
-                        let swap = ill.swap.as_ref().map_or("", |s| s.reason.as_str());
-                        last = format!("`{}` is {state} (process {}): {} {swap}", ill.name, ill.pid, ill.reason);
-                        let swap_failed = ill.swap.as_ref().is_some_and(|s| s.state() == SwapState::Failed);
-                        if swap_failed || matches!(ill.state(), ServiceState::Failed | ServiceState::Stopped) {
+                    Some(unready) => {
+                        let state = crate::supervisor_client::state(unready);
+                        let swap = unready.swap.as_ref().map_or("", |s| s.reason.as_str());
+                        last = format!(
+                            "`{}` is {state} (process {}): {} {swap}",
+                            unready.name, unready.pid, unready.reason
+                        );
+                        let swap_failed = unready.swap.as_ref().is_some_and(|s| s.state() == SwapState::Failed);
+                        if swap_failed || matches!(unready.state(), ServiceState::Failed | ServiceState::Stopped) {
                             break;
                         }
                     }
@@ -263,10 +267,10 @@ impl Injector<'_> {
 
     async fn look_for_orphans(&mut self) {
         let Some(ps) = stack::ps(self.bus).await else { return };
-        let strays = self.stack.processes();
+        let processes = self.stack.processes();
         let of_no_service = |p: &&Process| !ps.services.iter().any(|s| s.pid == p.pid);
         self.log.orphans.extend(
-            strays
+            processes
                 .iter()
                 .filter(of_no_service)
                 .map(|p| format!("process {} belongs to no service of the stack", p.pid)),

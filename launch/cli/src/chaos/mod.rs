@@ -100,7 +100,7 @@ struct Prepared {
     plan: Vec<Fault>,
 }
 
-pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> CommandResult {
+pub(crate) async fn chaos(arguments: ChaosArgs, session_name: Option<&str>) -> CommandResult {
     let prepared = prepare(&arguments)?;
     if arguments.plan {
         for (fault, number) in prepared.plan.iter().zip(1..) {
@@ -109,7 +109,7 @@ pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> CommandRe
         }
         return Ok(());
     }
-    let name = told.map_or_else(|| format!("chaos-{}", std::process::id()), str::to_owned);
+    let name = session_name.map_or_else(|| format!("chaos-{}", std::process::id()), str::to_owned);
     let session = SessionDir::named(&name)?;
     let within = arguments.within.unwrap_or(120 + 12 * u64::from(arguments.faults));
     let running = run(&prepared, &arguments, &session);

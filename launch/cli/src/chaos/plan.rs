@@ -78,7 +78,7 @@ impl Kind {
 pub(super) struct Fault {
     pub(super) kind: Kind,
     /// Targets: services, or [`role::SUPERVISOR`].
-    pub(super) whom: Vec<String>,
+    pub(super) targets: Vec<String>,
     /// Step of the session, from 0.
     pub(super) step: usize,
     /// Moment within the step, as a share of its duration without faults.
@@ -89,12 +89,12 @@ pub(super) struct Fault {
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { kind, whom, step, moment, pause_ms } = self;
+        let Self { kind, targets, step, moment, pause_ms } = self;
         write!(f, "step {}, {:.0} % in: {}", step + 1, 100.0 * moment, kind.name())?;
         match kind {
             Kind::Supervisor | Kind::Everything => Ok(()),
-            Kind::Pause | Kind::AtStart => write!(f, " {} ({pause_ms} ms between)", whom.join(", ")),
-            _ => write!(f, " {}", whom.join(", ")),
+            Kind::Pause | Kind::AtStart => write!(f, " {} ({pause_ms} ms between)", targets.join(", ")),
+            _ => write!(f, " {}", targets.join(", ")),
         }
     }
 }
@@ -142,7 +142,7 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
     for kind in picky.into_iter().chain(others) {
         let fits = |step: &usize| kind != Kind::NoRoom || steps.get(*step).is_some_and(|command| *command);
         let Some(place) = places.iter().position(fits) else { continue };
-        let mut whom = match kind {
+        let mut targets = match kind {
             Kind::Kill | Kind::Terminate | Kind::Restart | Kind::Swap | Kind::Hang => vec![services.draw(&mut random)],
             Kind::Pause | Kind::AtStart => vec![everyone.draw(&mut random)],
             Kind::Two => {
@@ -155,10 +155,10 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
             Kind::NoRoom => vec![session.scene.to_owned()],
         };
         // A stack of one service has no second target.
-        whom.retain(|name| !name.is_empty());
+        targets.retain(|name| !name.is_empty());
         plan.push(Fault {
             kind,
-            whom,
+            targets,
             step: places.swap_remove(place),
             moment: if kind == Kind::NoRoom { 0.0 } else { random.random_range(0.0..1.0) },
             pause_ms: random.random_range(PAUSE_MS),
@@ -227,9 +227,11 @@ mod tests {
         }
         assert_eq!(kinds, Kind::DECK.iter().map(|(kind, n)| (*kind, 2 * n)).collect());
         for name in ["scene", "view", "talk", role::SUPERVISOR] {
-            assert!(faults.iter().any(|f| f.whom.iter().any(|w| w == name)), "{name} was spared");
+            assert!(faults.iter().any(|f| f.targets.iter().any(|w| w == name)), "{name} was spared");
         }
-        assert!(faults.iter().filter(|f| f.kind == Kind::Two).all(|f| f.whom.len() == 2 && f.whom[0] != f.whom[1]));
+        assert!(
+            faults.iter().filter(|f| f.kind == Kind::Two).all(|f| f.targets.len() == 2 && f.targets[0] != f.targets[1])
+        );
         // Of five steps, 3 and 5 are scene commands. Only those can be refused on a full disk.
         assert!(faults.iter().filter(|f| f.kind == Kind::NoRoom).all(|f| matches!(f.step % 5, 2 | 4)));
     }

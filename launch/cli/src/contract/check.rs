@@ -44,16 +44,12 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Comma
     let before = pool(&name, &image)?;
 
     sources(proto.as_deref(), arguments.against.as_deref(), &mut findings).await;
-    let looked_at = format!(
+    let summary = format!(
         "{} messages and {} enums are unchanged in the compiled schema",
         before.all_messages().count(),
         before.all_enums().count()
     );
-    findings.add_result(
-        format!("structure against {name}"),
-        structure::breaking_changes(&before, &compiled),
-        looked_at,
-    );
+    findings.add_result(format!("structure against {name}"), structure::breaking_changes(&before, &compiled), summary);
     golden(proto.as_deref(), &compiled, &mut findings)?;
     let rows = keys::rows();
     findings.add_result("key table", table(&rows, &compiled), format!("{} rows match the schema", rows.len()));
@@ -68,7 +64,7 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Comma
     }
     match findings.broken() {
         0 => Ok(()),
-        n => Err(Failure::Work(format!("{n} of {} checks of the contract failed", findings.looked_at()))),
+        n => Err(Failure::Work(format!("{n} of {} checks of the contract failed", findings.checked()))),
     }
 }
 

@@ -21,8 +21,8 @@ pub(super) struct Findings(Vec<(String, Outcome)>);
 
 impl Findings {
     /// Adds a result: passed if there are no problems.
-    pub(super) fn add_result(&mut self, what: impl Into<String>, problems: Vec<String>, looked_at: impl Into<String>) {
-        let outcome = if problems.is_empty() { Outcome::Passed(looked_at.into()) } else { Outcome::Failed(problems) };
+    pub(super) fn add_result(&mut self, what: impl Into<String>, problems: Vec<String>, summary: impl Into<String>) {
+        let outcome = if problems.is_empty() { Outcome::Passed(summary.into()) } else { Outcome::Failed(problems) };
         self.0.push((what.into(), outcome));
     }
 
@@ -37,7 +37,7 @@ impl Findings {
     }
 
     /// Number of checks that ran.
-    pub(super) fn looked_at(&self) -> usize {
+    pub(super) fn checked(&self) -> usize {
         self.0.iter().filter(|(_, outcome)| !matches!(outcome, Outcome::Skipped(_))).count()
     }
 

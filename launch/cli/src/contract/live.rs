@@ -68,11 +68,11 @@ async fn identities(bus: &Bus, ready: &[Service], findings: &mut Findings) {
 
 /// Newest values have the types of the table. A process of another major version would have others.
 async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findings) {
-    let (mut problems, mut looked_at) = (Vec::new(), 0);
+    let (mut problems, mut checked) = (Vec::new(), 0);
     for service in ready {
         for row in rows.iter().filter(|r| r.role == service.role) {
             let Kind::Slot { message } = &row.kind else { continue };
-            looked_at += 1;
+            checked += 1;
             let wanted = format!("application/protobuf;{message}");
             match bus.ask_raw(&service.role, row.name, &Raw::default(), ANSWER).await {
                 Heard::Reply { encoding, .. } if encoding == wanted => (),
@@ -84,7 +84,7 @@ async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findin
         }
     }
     let what = format!("types of `{}`", bus.session());
-    findings.add_result(what, problems, format!("{looked_at} newest values have the types of the table"));
+    findings.add_result(what, problems, format!("{checked} newest values have the types of the table"));
 }
 
 /// Rows that do not belong to their role, have two processes, belong to another role's process, or have none. The
@@ -149,19 +149,19 @@ mod tests {
             at("scene/cmd/apply", &["b"]),
             at("supervisor/cmd/ps", &["s"]),
         ];
-        let told =
+        let found =
             |declared: &[Declared]| unexpected_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
-        assert_eq!(told(&fine), "");
-        assert_eq!(told(&fine[..2]), "sg/s/agent-intent/state has no process");
-        for (strange, complaint) in [
+        assert_eq!(found(&fine), "");
+        assert_eq!(found(&fine[..2]), "sg/s/agent-intent/state has no process");
+        for (strange, problem) in [
             (at("scene/cmd/changes", &["a"]), "served by the process of `agent-intent`"),
             (at("scene/cmd/apply", &["b", "c"]), "served by 2 processes"),
             (at("supervisor/cmd/down", &["s", "a"]), "served by the process of `agent-intent`"),
-            (at("agent-intent/cmd/apply", &["a"]), "no row of `agent-intent`"),
+            (at("agent-intent/cmd/apply", &["a"]), "not a row of `agent-intent`"),
             (at("agent-core/cmd/utter", &["c"]), "served by a process without a role"),
         ] {
-            let told = told(&[fine.clone(), vec![strange]].concat());
-            assert!(told.contains(complaint), "{complaint}: {told}");
+            let found = found(&[fine.clone(), vec![strange]].concat());
+            assert!(found.contains(problem), "{problem}: {found}");
         }
     }
 }

@@ -248,14 +248,16 @@ fn unready_process_is_stopped() {
 }
 
 #[test]
-fn a_bad_launch_file_is_refused_with_one_line() {
+fn a_bad_launch_file_is_refused_with_its_line() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("bad.toml", "schema = 1\n[service.a]\nexec = \"./fixture\"\nafter = { a = \"ready\" }\n");
     let file = file.to_str().unwrap();
     for command in ["up", "check", "graph"] {
         let (status, out, errors) = sandbox.run(&[command, file]);
         assert_eq!((status, out.as_str()), (2, ""));
-        assert_eq!(errors, format!("error: {file}:4:11: `a` comes after `a`: a cycle; take one `after` away\n"));
+        let line = format!("error: {file}:4:11: `a` comes after `a`: a cycle; take one `after` away");
+        let snippet = "\n    │\n  4 │ after = { a = \"ready\" }\n    │           ^\n";
+        assert_eq!(errors, format!("{line}{snippet}"));
     }
     let (status, _, errors) = sandbox.run(&["up", "none.toml"]);
     assert!(status == 2 && errors == "error: none.toml: No such file or directory (os error 2)\n", "{errors}");

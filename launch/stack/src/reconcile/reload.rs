@@ -12,15 +12,15 @@ impl Reconciler {
     /// last.
     #[must_use]
     pub fn differences(&self, services: &[Service]) -> Vec<Difference> {
-        let told = |name: &str, (change, swap): (Change, u64)| Difference {
+        let difference = |name: &str, (change, swap): (Change, u64)| Difference {
             service: name.to_owned(),
             change: change.into(),
             swap,
         };
         let of = |s: &Service| self.slot(&s.name).map_or((Change::Added, 0), |(_, slot)| slot.difference(s));
-        let gone = self.slots.iter().filter(|s| !s.removed && !services.iter().any(|n| n.name == s.service.name));
-        let kept = services.iter().map(|s| told(&s.name, of(s)));
-        kept.chain(gone.map(|s| told(&s.service.name, (Change::Removed, 0)))).collect()
+        let removed = self.slots.iter().filter(|s| !s.removed && !services.iter().any(|n| n.name == s.service.name));
+        let listed = services.iter().map(|s| difference(&s.name, of(s)));
+        listed.chain(removed.map(|s| difference(&s.service.name, (Change::Removed, 0)))).collect()
     }
 
     fn slot(&self, name: &str) -> Option<(usize, &Slot)> {
@@ -31,9 +31,10 @@ impl Reconciler {
         if self.goal != Goal::Run {
             return;
         }
-        let gone = |s: &Slot| !s.removed && !services.iter().any(|n| n.name == s.service.name);
-        let gone: Vec<_> = self.slots.iter().enumerate().filter(|(_, s)| gone(s)).map(|(index, _)| index).collect();
-        for index in &gone {
+        let removed = |s: &Slot| !s.removed && !services.iter().any(|n| n.name == s.service.name);
+        let removed: Vec<_> =
+            self.slots.iter().enumerate().filter(|(_, s)| removed(s)).map(|(index, _)| index).collect();
+        for index in &removed {
             self.remove(*index, now, actions);
         }
         let mut listing = Vec::new();

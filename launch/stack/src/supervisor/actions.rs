@@ -14,7 +14,7 @@ use crate::console::{self, ServiceLog};
 use crate::log_file::{self, LogFile};
 use crate::probe;
 use crate::reconcile::{Action, Event, Exit, ProcessId, Spawn};
-use crate::serve_arguments::Serving;
+use crate::serve_arguments::ServeArguments;
 use crate::spawn::{self, SpawnRequest};
 
 impl Supervisor {
@@ -52,7 +52,7 @@ impl Supervisor {
             return None;
         }
         let id = spawn.id;
-        let serving = Serving {
+        let arguments = ServeArguments {
             session: self.stack.session.name(),
             role: &spawn.role,
             instance: &spawn.instance,
@@ -66,7 +66,7 @@ impl Supervisor {
         let request = SpawnRequest {
             id,
             executable: spawn.start.executable.clone(),
-            arguments: serving.arguments(),
+            arguments: arguments.arguments(),
             env: spawn.start.env.clone(),
         };
         let log = self.log(spawn.service);

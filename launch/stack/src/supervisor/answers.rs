@@ -89,13 +89,14 @@ impl Supervisor {
     /// Checks a swap request. Returns the number of the swap, and its event.
     fn swap(&self, request: &SwapRequest) -> Result<(u64, Event), Fault> {
         let (service, _) = self.service_named(&request.service)?;
-        let (_, kept) = self.reconciler.find_service(&request.service).ok_or_else(|| Fault::not_found("it is gone"))?;
+        let (_, current) =
+            self.reconciler.find_service(&request.service).ok_or_else(|| Fault::not_found("it is gone"))?;
         let params = match request.params.as_str() {
-            "" => kept.start.params.clone(),
+            "" => current.start.params.clone(),
             text => serde_json::from_str(text).map_err(|e| Fault::invalid(format!("parameters: {e}")))?,
         };
         let executable = PathBuf::from(&request.executable);
-        match &kept.start.node {
+        match &current.start.node {
             None if !executable.is_absolute() => {
                 return Err(Fault::invalid(format!("executable `{}` must be an absolute path", request.executable)));
             }
@@ -107,7 +108,7 @@ impl Supervisor {
             }
             _ => {}
         }
-        let Start { env, node, .. } = kept.start.clone();
+        let Start { env, node, .. } = current.start.clone();
         let start = Start { exec: request.executable.clone(), executable, params, env, node };
         Ok((self.reconciler.next_swap(service), Event::Swap { service, start }))
     }

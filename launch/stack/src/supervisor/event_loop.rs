@@ -204,8 +204,8 @@ impl Supervisor {
                 Some(event) = self.outcomes.recv() => event,
                 Some(seen) = self.alive.recv() => Event::Presence { instance: seen.instance, alive: seen.alive },
                 Some(placed) = self.placed.recv() => self.nodes.start_finished(placed),
-                Some((heard, _)) = self.node_logs.next() => {
-                    self.log_remote_lines(&heard);
+                Some((message, _)) = self.node_logs.next() => {
+                    self.log_remote_lines(&message);
                     Event::Tick
                 }
                 Some(request) = self.requests.recv() => {
@@ -266,11 +266,11 @@ impl Supervisor {
     }
 
     /// Logs the lines of a process on another machine.
-    fn log_remote_lines(&mut self, heard: &LogLines) {
-        let service = self.nodes.running.values().find(|p| p.instance == heard.instance).map(|p| p.service);
+    fn log_remote_lines(&mut self, message: &LogLines) {
+        let service = self.nodes.running.values().find(|p| p.instance == message.instance).map(|p| p.service);
         let Some(service) = service else { return };
         let log = self.log(service);
-        for line in &heard.lines {
+        for line in &message.lines {
             log.line(line);
         }
     }

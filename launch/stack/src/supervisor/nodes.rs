@@ -36,7 +36,7 @@ pub(super) struct KnownNode {
 struct Joined {
     life: String,
     pid: u32,
-    heard: Instant,
+    last_report: Instant,
 }
 
 /// A process on a node.
@@ -92,7 +92,7 @@ impl Nodes {
 
     /// End of the next lease.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let ends = |k: &KnownNode| k.joined.as_ref().map(|j| j.heard + k.lease + MARGIN);
+        let ends = |k: &KnownNode| k.joined.as_ref().map(|j| j.last_report + k.lease + MARGIN);
         self.known.values().filter_map(ends).min()
     }
 
@@ -100,7 +100,7 @@ impl Nodes {
     pub(super) fn expired(&mut self, now: Instant) -> Vec<String> {
         let mut away = Vec::new();
         for (name, known) in &mut self.known {
-            if known.joined.as_ref().is_some_and(|j| j.heard + known.lease + MARGIN <= now) {
+            if known.joined.as_ref().is_some_and(|j| j.last_report + known.lease + MARGIN <= now) {
                 known.joined = None;
                 away.push(name.clone());
             }
@@ -125,7 +125,7 @@ impl Nodes {
         })?;
         let mut events = Vec::new();
         match &mut known.joined {
-            Some(joined) if joined.life == request.life => joined.heard = now,
+            Some(joined) if joined.life == request.life => joined.last_report = now,
             Some(joined) => {
                 return Err(Fault::precondition(format!(
                     "node `{}` has joined already (process {}); its lease ends {} s after its last report",
@@ -135,7 +135,7 @@ impl Nodes {
                 )));
             }
             None => {
-                known.joined = Some(Joined { life: request.life.clone(), pid: request.pid, heard: now });
+                known.joined = Some(Joined { life: request.life.clone(), pid: request.pid, last_report: now });
                 events.push(Event::Node { name: request.node.clone(), present: true });
             }
         }
