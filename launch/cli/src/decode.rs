@@ -3,7 +3,7 @@
 use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
 use serde_json::Value;
 use sg_proto::prost::{Message, Name};
-use sg_runtime::bus::Seen;
+use sg_runtime::bus::WatchedMessage;
 
 use crate::terminal::Failure;
 
@@ -80,7 +80,7 @@ pub(crate) fn stage(key: &str) -> &str {
 }
 
 /// Whether a message is a health message, sent every second by each service.
-pub(crate) fn is_health(seen: &Seen) -> bool {
+pub(crate) fn is_health(seen: &WatchedMessage) -> bool {
     seen.key.ends_with(sg_proto::keys::HEALTH.name)
 }
 

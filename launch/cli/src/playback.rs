@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
-use sg_proto::keys::{self, Ask};
+use sg_proto::keys::{self, Request};
 use sg_proto::language::{Reply, Source, Utterance};
 use sg_proto::prost::{Message, Name};
 use sg_proto::render::{CaptureRequest, Frame};
@@ -172,7 +172,7 @@ impl Player {
     }
 
     /// Repeats a request until its answer is final.
-    async fn ask<Q, R>(&self, row: &Ask<Q, R>, request: &Q, context: &Context) -> Result<R, Failure>
+    async fn ask<Q, R>(&self, row: &Request<Q, R>, request: &Q, context: &Context) -> Result<R, Failure>
     where
         Q: Message + Name,
         R: Message + Name + Default,

@@ -7,7 +7,7 @@ use sg_proto::keys;
 use sg_proto::language::{ActionResult, Intent, Observation, Perceive, Plan, Reply, Source, Utterance};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::prost::{Message, Name};
-use sg_runtime::bus::{Bus, Seen};
+use sg_runtime::bus::{Bus, WatchedMessage};
 use sg_runtime::context::Context;
 
 use sg_stack::terminal::may_color;
@@ -93,7 +93,7 @@ pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f
     if reply.ok { Ok(()) } else { Err(Failure::Work("not everything was done".to_owned())) }
 }
 
-fn as_json(decoder: &Decoder, seen: &Seen, at: Duration) -> Value {
+fn as_json(decoder: &Decoder, seen: &WatchedMessage, at: Duration) -> Value {
     let mut message = decoder.json(&seen.message, &seen.payload);
     hide_masks(&mut message);
     json!({
@@ -103,7 +103,7 @@ fn as_json(decoder: &Decoder, seen: &Seen, at: Duration) -> Value {
 }
 
 /// One line for a stage.
-fn shown(seen: &Seen, at: Duration) -> String {
+fn shown(seen: &WatchedMessage, at: Duration) -> String {
     let at = format_time(at.as_secs_f64() * 1000.0);
     let colored = may_color(&std::io::stderr());
     let name = paint(Color::Cyan, &format!("{:<12}", stage(&seen.key)), colored);

@@ -59,7 +59,7 @@ impl From<sg_runtime::session::SessionError> for Failure {
     fn from(error: sg_runtime::session::SessionError) -> Self {
         use sg_runtime::session::SessionError;
         match error {
-            SessionError::Name(_) | SessionError::Unknown { .. } | SessionError::Many(_) => {
+            SessionError::InvalidName(_) | SessionError::NotRunning { .. } | SessionError::Ambiguous(_) => {
                 Self::Input(error.to_string())
             }
             _ => Self::Work(error.to_string()),

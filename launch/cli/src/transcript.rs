@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use sg_proto::keys::{self, role};
 use sg_proto::prost::{Message, Name};
 use sg_proto::render::Frame;
-use sg_runtime::bus::{Bus, Seen};
+use sg_runtime::bus::{Bus, WatchedMessage};
 use sg_runtime::context::Context;
 use tokio::task::JoinHandle;
 
@@ -36,7 +36,7 @@ pub(crate) struct Transcript {
 #[derive(Debug, Clone)]
 struct Entry {
     at: Duration,
-    seen: Seen,
+    seen: WatchedMessage,
 }
 
 impl Transcript {
@@ -58,7 +58,7 @@ impl Transcript {
 
     /// Adds a request or a reply, which the bus does not show to others.
     pub(crate) fn note<M: Message + Name>(&self, role: &str, name: &str, message: &M, context: &Context) {
-        let seen = Seen {
+        let seen = WatchedMessage {
             key: keys::key(&self.session, role, name),
             message: M::full_name(),
             payload: message.encode_to_vec(),
@@ -117,7 +117,7 @@ fn push(entries: &Mutex<Vec<Entry>>, entry: Entry) {
 
 impl Entry {
     fn json(&self, decoder: &Decoder) -> Value {
-        let Seen { key, message, payload, context } = &self.seen;
+        let WatchedMessage { key, message, payload, context } = &self.seen;
         let mut decoded = decoder.json(message, payload);
         hide_masks(&mut decoded);
         json!({

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use sg_runtime::bus::Seen;
+use sg_runtime::bus::WatchedMessage;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::decode::{Decoder, hide_masks, is_health, shorten_lists};
@@ -53,7 +53,7 @@ pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> CommandR
 }
 
 /// Key, conversation and step, type, JSON.
-fn line(decoder: &Decoder, seen: &Seen, at: Duration, json: bool) -> String {
+fn line(decoder: &Decoder, seen: &WatchedMessage, at: Duration, json: bool) -> String {
     let mut message = decoder.json(&seen.message, &seen.payload);
     hide_masks(&mut message);
     if json {

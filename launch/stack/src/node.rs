@@ -11,7 +11,7 @@ use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::launch::{Ended, JoinReply, JoinRequest, LogLines, SignalReply, SignalRequest, StartReply, StartRequest};
-use sg_runtime::bus::{Bus, BusError, Link, Serving};
+use sg_runtime::bus::{Bus, BusError, Link, ServerHandle};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::session::SessionDir;
@@ -77,7 +77,7 @@ struct ReportAnswer {
 /// [`StackError`] if the node cannot start, or the supervisor refuses it for good.
 pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     let NodeSettings { session, name, link } = settings;
-    let folder = SessionDir::on_node(&session, &name)?;
+    let folder = SessionDir::for_node(&session, &name)?;
     folder.create()?;
     let lock = lock(&folder)?;
     let registry = PidRegistry::open(folder.path()).await?;
@@ -175,7 +175,7 @@ struct Node {
     waits_for_answer: bool,
     /// Last reason for a missing answer, to print each reason once.
     last_problem: String,
-    _serving: Vec<Serving>,
+    _serving: Vec<ServerHandle>,
 }
 
 impl Node {
@@ -421,7 +421,7 @@ fn leaving() -> Fault {
     Fault::unavailable("this machine is leaving")
 }
 
-async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Serving>, BusError> {
+async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<ServerHandle>, BusError> {
     Ok(vec![
         forward(bus, &keys::NODE_START, requests, |request, reply| Request::Start(Box::new(request), reply), leaving)
             .await?,

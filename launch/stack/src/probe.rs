@@ -41,7 +41,7 @@ fn check_announcement(ready: &Ready, role: &str) -> Result<(), String> {
     if ready.role != role {
         return Err(format!("it announced role `{}` instead of `{role}`", ready.role));
     }
-    let needed = rows().into_iter().filter(|r| r.is_of(role) && !matches!(r.kind, Kind::Stream { .. }));
+    let needed = rows().into_iter().filter(|r| r.belongs_to(role) && !matches!(r.kind, Kind::Stream { .. }));
     let missing: Vec<_> = needed.map(|r| r.name).filter(|n| !ready.declares.iter().any(|d| d == n)).collect();
     if missing.is_empty() { Ok(()) } else { Err(format!("it does not declare {}", missing.join(", "))) }
 }
@@ -72,7 +72,7 @@ mod tests {
     use sg_proto::language::Clause;
 
     fn ready(role: &str) -> Ready {
-        let declares = rows().into_iter().filter(|r| r.is_of(role)).map(|r| r.name.to_owned()).collect();
+        let declares = rows().into_iter().filter(|r| r.belongs_to(role)).map(|r| r.name.to_owned()).collect();
         Ready { role: role.to_owned(), instance: "x-2".to_owned(), declares, ..Ready::default() }
     }
 

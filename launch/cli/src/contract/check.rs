@@ -218,8 +218,8 @@ fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
 /// Full names of the messages of a row.
 pub(super) fn messages_of(row: &Row) -> Vec<&str> {
     match &row.kind {
-        Kind::Ask { request, reply } => vec![request, reply],
-        Kind::Stream { message } | Kind::Slot { message } => vec![message],
+        Kind::Request { request, reply } => vec![request, reply],
+        Kind::Stream { message } | Kind::Retained { message } => vec![message],
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use sg_proto::bus::StatusRequest;
 use sg_proto::keys::{self, Kind, Row, role};
 use sg_proto::launch::{Service, ServiceState};
-use sg_runtime::bus::{Bus, Declared, Heard, Raw};
+use sg_runtime::bus::{Bus, DeclaredKey, RawMessage, RawReply};
 use sg_runtime::context::Context;
 
 use super::findings::Findings;
@@ -23,7 +23,7 @@ pub(super) async fn check_stack(session: &str, rows: &[Row], findings: &mut Find
     let ready: Vec<_> = ready.into_iter().filter(|s| s.state() == ServiceState::Ready).collect();
     identities(&bus, &ready, findings).await;
     types(&bus, &ready, rows, findings).await;
-    let declared = bus.declared_rows().await;
+    let declared = bus.declared_keys().await;
     bus.close().await;
     let what = format!("rows of `{session}`");
     if declared.is_empty() {
@@ -71,15 +71,15 @@ async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findin
     let (mut problems, mut checked) = (Vec::new(), 0);
     for service in ready {
         for row in rows.iter().filter(|r| r.role == service.role) {
-            let Kind::Slot { message } = &row.kind else { continue };
+            let Kind::Retained { message } = &row.kind else { continue };
             checked += 1;
             let wanted = format!("application/protobuf;{message}");
-            match bus.ask_raw(&service.role, row.name, &Raw::default(), ANSWER).await {
-                Heard::Reply { encoding, .. } if encoding == wanted => (),
-                Heard::Reply { encoding, .. } | Heard::Refusal { encoding, .. } => {
+            match bus.ask_raw(&service.role, row.name, &RawMessage::default(), ANSWER).await {
+                RawReply::Reply { encoding, .. } if encoding == wanted => (),
+                RawReply::Reply { encoding, .. } | RawReply::Refusal { encoding, .. } => {
                     problems.push(format!("{}/{}: `{encoding}` instead of `{wanted}`", row.role, row.name));
                 }
-                Heard::Nothing => problems.push(format!("{}/{}: no answer", row.role, row.name)),
+                RawReply::Nothing => problems.push(format!("{}/{}: no answer", row.role, row.name)),
             }
         }
     }
@@ -89,7 +89,7 @@ async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findin
 
 /// Rows that do not belong to their role, have two processes, belong to another role's process, or have none. The
 /// process of a role serves its `cmd/status`.
-fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Declared]) -> Vec<String> {
+fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[DeclaredKey]) -> Vec<String> {
     let mut problems = Vec::new();
     let root = format!("{}/{session}/", keys::ROOT);
     let places: Vec<_> = declared
@@ -103,8 +103,8 @@ fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[D
         .filter_map(|(d, role, _)| Some((d.clients.first()?.as_str(), *role)))
         .collect();
     let answered = |row: &Row| !matches!(row.kind, Kind::Stream { .. });
-    for (Declared { key, clients }, role, name) in places {
-        if !rows.iter().any(|r| r.name == name && r.is_of(role) && answered(r)) {
+    for (DeclaredKey { key, clients }, role, name) in places {
+        if !rows.iter().any(|r| r.name == name && r.belongs_to(role) && answered(r)) {
             problems.push(format!("{key} is not a row of `{role}`"));
         }
         if clients.len() > 1 {
@@ -133,8 +133,8 @@ fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[D
 mod tests {
     use super::*;
 
-    fn at(key: &str, clients: &[&str]) -> Declared {
-        Declared { key: format!("sg/s/{key}"), clients: clients.iter().map(|c| (*c).to_owned()).collect() }
+    fn at(key: &str, clients: &[&str]) -> DeclaredKey {
+        DeclaredKey { key: format!("sg/s/{key}"), clients: clients.iter().map(|c| (*c).to_owned()).collect() }
     }
 
     #[test]
@@ -150,7 +150,7 @@ mod tests {
             at("supervisor/cmd/ps", &["s"]),
         ];
         let found =
-            |declared: &[Declared]| unexpected_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
+            |declared: &[DeclaredKey]| unexpected_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
         assert_eq!(found(&fine), "");
         assert_eq!(found(&fine[..2]), "sg/s/agent-intent/state has no process");
         for (strange, problem) in [

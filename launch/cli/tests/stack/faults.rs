@@ -84,7 +84,7 @@ fn message_flood() {
     let folder = sandbox.path().to_owned();
     let (lost, answers) = sg_runtime::process::block_on(async move {
         let bus = Sandbox::join_in(&folder, "f").await;
-        let mut slow = bus.follow(&keys::UTTERANCE, role::AGENT_CORE, 8).await.unwrap();
+        let mut slow = bus.subscribe(&keys::UTTERANCE, role::AGENT_CORE, 8).await.unwrap();
         let began = Instant::now();
         let mut answers = 0;
         while began.elapsed() < Duration::from_secs(2) {

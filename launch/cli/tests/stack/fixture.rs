@@ -82,7 +82,7 @@ async fn load(host: Host) -> Result<(), StartError> {
         std::future::pending::<()>().await;
     }
     if params.answers {
-        let state = host.bus().own(&keys::CORE_STATE, AgentState::default()).await?;
+        let state = host.bus().retain(&keys::CORE_STATE, AgentState::default()).await?;
         let (bus, late, ledger) = (host.bus().clone(), Duration::from_millis(params.late_ms), params.ledger);
         host.serve(&keys::UTTER, 64, move |utterance, context| {
             let (bus, ledger) = (bus.clone(), ledger.clone());

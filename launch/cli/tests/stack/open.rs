@@ -9,7 +9,7 @@ use nix::unistd::{Pid, mkfifo};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::launch::{OpenFailed, OpenReply, OpenRequest};
-use sg_runtime::bus::{Bus, Following};
+use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 
@@ -22,7 +22,7 @@ async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
     bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(TIMEOUT)).await
 }
 
-async fn failed(events: &mut Following<OpenFailed>) -> OpenFailed {
+async fn failed(events: &mut Subscription<OpenFailed>) -> OpenFailed {
     tokio::time::timeout(TIMEOUT, events.next()).await.expect("a failure is told").unwrap().0
 }
 
@@ -64,7 +64,7 @@ fn failed_open_is_reported_and_the_stack_continues() {
     let scene = sandbox.file("heart.ply", "ply");
     sg_runtime::process::block_on(async {
         let bus = Sandbox::join_in(sandbox.path(), "one").await;
-        let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        let mut events = bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
         let reply = open(&bus, &scene).await.unwrap();
         assert!(reply.session.starts_with("heart-") && !reply.volume, "{reply:?}");
         let told = failed(&mut events).await;
@@ -99,7 +99,7 @@ fn at_most_four_sessions_open_and_outlive_the_opener() {
     };
     sg_runtime::process::block_on(async {
         let bus = Sandbox::join_in(sandbox.path(), "one").await;
-        let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        let mut events = bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
         let first = open(&bus, &volumes[0]).await.unwrap();
         assert!(first.volume, "{first:?}");
         until(1);

@@ -172,7 +172,7 @@ fn service(
         },
     }
     let role = reader.string("role").unwrap_or(&entry.key).to_owned();
-    if !is_name(&role) || role::NO_SERVICES.contains(&role.as_str()) {
+    if !is_name(&role) || role::NON_SERVICES.contains(&role.as_str()) {
         let place = reader.node("role").map_or_else(|| entry.place.clone(), |n| n.place.clone());
         let text = format!("role `{role}`: use letters, digits, `-` or `_`, and none of `supervisor`, `cli`, `node`");
         reader.problem(&place, text);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use sg_proto::bus::{Health, Ready};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::LogLines;
-use sg_runtime::bus::{Bus, Following, Liveliness, Serving};
+use sg_runtime::bus::{Bus, LivelinessChange, ServerHandle, Subscription};
 use sg_runtime::metrics;
 use sg_runtime::session::SessionDir;
 use tokio::signal::unix::{SignalKind, signal};
@@ -52,22 +52,22 @@ pub struct Supervisor {
     pub(super) endpoint: String,
     requests: mpsc::Receiver<Request>,
     handle: Handle,
-    ready: Following<Ready>,
-    health: Following<Health>,
-    candidates_ready: Following<Ready>,
-    candidates_health: Following<Health>,
+    ready: Subscription<Ready>,
+    health: Subscription<Health>,
+    candidates_ready: Subscription<Ready>,
+    candidates_health: Subscription<Health>,
     /// Announcements of candidates, by instance.
     pub(super) candidates: HashMap<String, Ready>,
     /// Results of probes and promotions.
     outcomes: mpsc::Receiver<Event>,
     pub(super) outcome_sender: mpsc::Sender<Event>,
-    alive: mpsc::Receiver<Liveliness>,
+    alive: mpsc::Receiver<LivelinessChange>,
     exits: mpsc::Receiver<(ProcessId, Exit)>,
     pub(super) exit_sender: mpsc::Sender<(ProcessId, Exit)>,
     /// Nodes and their processes.
     pub(super) nodes: Nodes,
     placed: mpsc::Receiver<StartResult>,
-    node_logs: Following<LogLines>,
+    node_logs: Subscription<LogLines>,
     /// Limits the sessions that are opened from this one.
     pub(super) open_slots: Arc<Semaphore>,
     /// Process id and instance of all processes on this machine.
@@ -79,7 +79,7 @@ pub struct Supervisor {
     writer: Writer,
     pub(super) registry: PidRegistry,
     pub(super) all_ready_printed: bool,
-    _serving: Vec<Serving>,
+    _serving: Vec<ServerHandle>,
     _lock: File,
 }
 
@@ -96,21 +96,22 @@ impl Supervisor {
         // A supervisor that died leaves its socket and unused pictures.
         forget(&session)?;
         metrics::install(role::SUPERVISOR, session.name());
-        let bus = Bus::route(session.name(), role::SUPERVISOR, &session.socket(), nodes::listen(&stack.file).as_ref())
-            .await?;
+        let bus =
+            Bus::open_router(session.name(), role::SUPERVISOR, &session.socket(), nodes::listen(&stack.file).as_ref())
+                .await?;
         let folder = session.logs();
         std::fs::create_dir_all(&folder).map_err(|e| StackError::io(&folder, e))?;
 
         let (sender, requests) = mpsc::channel(CAPACITY);
         let serving = serve(&bus, &sender).await?;
-        let ready = bus.follow(&keys::READY, keys::ANY, CAPACITY).await?;
-        let health = bus.follow(&keys::HEALTH, keys::ANY, CAPACITY).await?;
-        let candidates_ready = bus.follow(&keys::READY, STANDING_BY, CAPACITY).await?;
-        let candidates_health = bus.follow(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
-        let node_logs = bus.follow(&keys::NODE_LOG, STANDING_BY, CAPACITY).await?;
+        let ready = bus.subscribe(&keys::READY, keys::ANY, CAPACITY).await?;
+        let health = bus.subscribe(&keys::HEALTH, keys::ANY, CAPACITY).await?;
+        let candidates_ready = bus.subscribe(&keys::READY, STANDING_BY, CAPACITY).await?;
+        let candidates_health = bus.subscribe(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
+        let node_logs = bus.subscribe(&keys::NODE_LOG, STANDING_BY, CAPACITY).await?;
         let (placed_sender, placed) = mpsc::channel(CAPACITY);
         let nodes = Nodes::new(&stack.file.nodes, placed_sender);
-        let alive = bus.watch_alive(CAPACITY).await?;
+        let alive = bus.watch_liveliness(CAPACITY).await?;
         let (exit_sender, exits) = mpsc::channel(CAPACITY);
         let (outcome_sender, outcomes) = mpsc::channel(CAPACITY);
         let (console, writer) = Console::open(stack.verbosity);

@@ -10,7 +10,7 @@ use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
 use sg_proto::keys;
 use sg_proto::launch::{Ended, JoinReply, JoinRequest, SignalRequest, StartReply, StartRequest, Variable};
-use sg_runtime::bus::{Bus, Certificates, Guest, Listen};
+use sg_runtime::bus::{Bus, Certificates, RemoteMachine, TlsListener};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use tokio::sync::mpsc;
@@ -66,21 +66,21 @@ pub(super) struct Nodes {
 }
 
 /// Access rules of the bus: each node may hold the roles of its services.
-pub(super) fn listen(file: &LaunchFile) -> Option<Listen> {
+pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
     let listening = file.listen.as_ref()?;
-    let guest = |node: &Node| Guest {
+    let guest = |node: &Node| RemoteMachine {
         name: node.name.clone(),
         roles: file.roles_on(&node.name).map(|s| s.role.clone()).collect(),
         instances: file.roles_on(&node.name).map(|s| format!("{}-", s.name)).collect(),
     };
-    Some(Listen {
+    Some(TlsListener {
         endpoint: listening.endpoint.clone(),
         certificates: Certificates {
             authority: listening.authority.clone(),
             certificate: listening.certificate.clone(),
             key: listening.key.clone(),
         },
-        guests: file.nodes.iter().map(guest).collect(),
+        machines: file.nodes.iter().map(guest).collect(),
     })
 }
 
