@@ -134,7 +134,7 @@ fn golden(proto: Option<&Path>, compiled: &DescriptorPool, findings: &mut Findin
         return Ok(());
     };
     let files = golden_files(&proto.join("golden"))?;
-    let parts = released::golden_parts().map_err(Failure::Work)?;
+    let parts = released::golden_parts().map_err(|e| Failure::Work(e.to_string()))?;
     findings.add_result(
         "golden bytes of the release",
         parts.iter().filter_map(|part| changed_since(part, &files)).collect(),

@@ -120,7 +120,7 @@ fn garbage_on_the_bus() {
         assert!(began.elapsed() < Duration::from_secs(20), "{log}");
         std::thread::sleep(Duration::from_millis(50));
     };
-    assert!(log.contains("may not ask cmd/ps; only cli may"), "{log}");
+    assert!(log.contains("may not send cmd/ps; only cli may"), "{log}");
     assert_eq!(log.matches("garbage was refused").count(), 40, "{log}");
     // The supervisor ignores these messages and answers requests.
     let bad = sandbox.ready("f", "bad");
