@@ -17,7 +17,10 @@ pub mod volume;
 pub use field::Field;
 pub use grid::{Bounds, Grid};
 pub use histogram::automatic;
-pub use read::{ENDINGS, Limits, ReadError, raw_file_name, read_volume, read_volume_within, write_raw};
+pub use read::{
+    ENDINGS, Limits, ReadError, WriteError, formats_help, raw_file_name, read_volume, read_volume_within, write_raw,
+    write_volume,
+};
 pub use scalars::{ScalarType, Scalars, ValueRange};
 pub use transfer::{Classifier, TransferFunction};
 pub use volume::Volume;

@@ -16,7 +16,7 @@ use sg_fit::{Options, Progress, Report, direct_start};
 use sg_formats::{npy, staged_file};
 use sg_scene::model::Scene;
 use sg_volume::phantom::{self, VesselTree};
-use sg_volume::{TransferFunction, Volume, automatic, raw_file_name, read_volume, write_raw};
+use sg_volume::{TransferFunction, Volume, automatic, formats_help, raw_file_name, read_volume, write_volume};
 
 const EXAMPLE: &str = "Example:
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai";
@@ -42,8 +42,7 @@ struct Cli {
 
 #[derive(Args)]
 struct FitArgs {
-    /// The volume: .raw[.gz|.zst] with _XxYxZ_type in its name, .nrrd, .nhdr or .vti.
-    #[arg(required = true)]
+    #[arg(required = true, help = volume_help())]
     volume: Option<PathBuf>,
     /// Transfer function; without one a sensible one is made from the histogram.
     #[arg(long, value_name = "TF.json")]
@@ -92,6 +91,10 @@ enum Command {
         #[arg(long, value_name = "K", default_value_t = 0)]
         seed: u64,
     },
+}
+
+fn volume_help() -> String {
+    format!("The volume. Formats: {}", formats_help())
 }
 
 fn gaussians(text: &str) -> Result<usize, String> {
@@ -305,8 +308,8 @@ fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Fa
         sac_center_voxels: (tree.sac_center() * size as f64 - 0.5).to_array(),
         sac_radius_voxels: tree.sac_radius() * size as f64,
     };
-    write_volume(&out.join(&truth.volume), &volume)?;
-    write_volume(&out.join(&truth.labels), &labels)?;
+    save_volume(&out.join(&truth.volume), &volume)?;
+    save_volume(&out.join(&truth.labels), &labels)?;
     let function = phantom::transfer_function().to_json().map_err(work)?;
     write(&out.join(&truth.transfer_function), function.as_bytes())?;
     let text = serde_json::to_string_pretty(&truth).map_err(work)? + "\n";
@@ -319,10 +322,10 @@ fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Fa
     Ok(())
 }
 
-fn write_volume(target: &Path, volume: &Volume) -> Result<(), Failure> {
+fn save_volume(target: &Path, volume: &Volume) -> Result<(), Failure> {
     let failed = |e: io::Error| work(format!("{}: {e}; nothing was written", target.display()));
     let mut file = staged_file::StagedFile::create(target).map_err(failed)?;
-    write_raw(volume.scalars(), &mut file).map_err(failed)?;
+    write_volume(target, volume, &mut file).map_err(|e| work(format!("{e}; nothing was written")))?;
     file.commit().map_err(failed).map(|_| ())
 }
 

@@ -4,7 +4,8 @@ use std::io::{self, Read};
 
 use crate::scalars::{Decode, Scalar, ScalarType, Scalars};
 
-use super::{Found, ReadError, Source};
+use super::error::{Found, ReadError};
+use super::source::Source;
 
 /// How voxels are packed in a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -13,13 +13,33 @@ use crate::scalars::ScalarType;
 use crate::volume::Volume;
 
 use super::decode::{Packing, Voxels, read_text};
-use super::{ReadError, Source};
+use super::error::{Found, ReadError};
+use super::format::VolumeFormat;
+use super::source::Source;
 
+/// Start of every NRRD file; the version follows.
+const MAGIC: &str = "NRRD000";
 /// Longest header.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 const REMEDY: &str = "correct `sizes` or `type` in the header, or fetch the file again";
 
-pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+/// NRRD.
+pub(super) struct Nrrd;
+
+impl VolumeFormat for Nrrd {
+    const NAME: &'static str = "NRRD";
+    const ENDINGS: &'static [&'static str] = &[".nrrd", ".nhdr"];
+
+    fn sniff(_name: &str, first: &[u8]) -> bool {
+        first.starts_with(MAGIC.as_bytes())
+    }
+
+    fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+        read(source)
+    }
+}
+
+fn read(source: Source<'_>) -> Result<Volume, ReadError> {
     let (file, length) = source.open()?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let header = Header::read(source, &mut reader)?;
@@ -60,7 +80,7 @@ pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
                 _ => Some(start),
             };
             let Some(at) = at.filter(|&at| at <= length) else {
-                let found = super::Found::Bytes(length.saturating_sub(start));
+                let found = Found::Bytes(length.saturating_sub(start));
                 return Err(voxels.wrong_size(data_source, bytes, found));
             };
             reader.seek(SeekFrom::Start(at)).map_err(|e| data_source.io(e))?;
@@ -273,7 +293,7 @@ fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, 
         let line = String::from_utf8_lossy(&bytes);
         let line = line.trim_end_matches(['\r', '\n']);
         if number == 1 {
-            if !line.starts_with("NRRD000") {
+            if !line.starts_with(MAGIC) {
                 return Err(source.format("line 1", "no NRRD000x magic", "give an NRRD file"));
             }
             continue;

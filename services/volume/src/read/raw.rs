@@ -1,19 +1,50 @@
 //! Raw volumes whose file name carries their size: `name_XxYxZ_type[_le|_be].raw[.gz|.zst]`.
 
 use std::io::{self, BufReader, Write};
+use std::path::Path;
 
 use crate::grid::Grid;
 use crate::scalars::{ScalarType, Scalars};
 use crate::volume::Volume;
 
 use super::decode::{Packing, Voxels};
-use super::{ReadError, Source};
+use super::error::{ReadError, WriteError};
+use super::format::VolumeFormat;
+use super::source::Source;
 
 const REMEDY: &str = "correct the dimensions or the type in the file name, or fetch the file again";
 
-pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
-    let name = source.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let lower = name.to_ascii_lowercase();
+/// Raw voxels.
+pub(super) struct Raw;
+
+impl VolumeFormat for Raw {
+    const NAME: &'static str = "raw voxels with _XxYxZ_type in the name";
+    const ENDINGS: &'static [&'static str] = &[".raw", ".raw.gz", ".raw.zst"];
+
+    /// Never: only the name describes the voxels.
+    fn sniff(_name: &str, _first: &[u8]) -> bool {
+        false
+    }
+
+    fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+        read(source)
+    }
+
+    fn write(path: &Path, volume: &Volume, mut writer: &mut dyn Write) -> Result<(), WriteError> {
+        let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        let Some(stem) = name.strip_suffix(".raw") else {
+            return Err(WriteError::Ending { path: path.to_owned() });
+        };
+        let wanted = Layout { dims: volume.grid().dims(), scalar: volume.scalars().scalar_type(), big_endian: false };
+        if Layout::from_stem(stem) != Some(wanted) {
+            return Err(WriteError::Name { path: path.to_owned(), ending: raw_file_name("", volume) });
+        }
+        write_raw(volume.scalars(), &mut writer).map_err(|source| WriteError::Io { path: path.to_owned(), source })
+    }
+}
+
+fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+    let lower = source.file_name().to_ascii_lowercase();
     let (stem, packing) = if let Some(s) = lower.strip_suffix(".raw.gz") {
         (s, Packing::Gzip)
     } else if let Some(s) = lower.strip_suffix(".raw.zst") {

@@ -19,11 +19,30 @@ use crate::scalars::{ScalarType, Scalars};
 use crate::volume::Volume;
 
 use super::decode::{Packing, Voxels, read_text};
-use super::{ReadError, Source};
+use super::error::{Found, ReadError};
+use super::format::VolumeFormat;
+use super::source::Source;
 
 const REMEDY: &str = "correct the extents or the type, or fetch the file again";
 
-pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+/// VTK image data.
+pub(super) struct VtkImageData;
+
+impl VolumeFormat for VtkImageData {
+    const NAME: &'static str = "VTK image data";
+    const ENDINGS: &'static [&'static str] = &[".vti"];
+
+    fn sniff(_name: &str, first: &[u8]) -> bool {
+        let holds = |text: &str| first.windows(text.len()).any(|w| w == text.as_bytes());
+        holds("<VTKFile") && holds("\"ImageData\"")
+    }
+
+    fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+        read(source)
+    }
+}
+
+fn read(source: Source<'_>) -> Result<Volume, ReadError> {
     let (file, length) = source.open()?;
     // The stored file is never larger than a few times the voxels it may hold.
     let limit = source.limits.voxel_bytes.saturating_mul(2).saturating_add(1 << 20);
@@ -256,7 +275,7 @@ impl Array {
         match document.compressor.as_deref() {
             None => {
                 let (size, data) = blocks.number(&data)?;
-                let stored = data.get(..size as usize).ok_or_else(|| short(super::Found::Bytes(data.len() as u64)))?;
+                let stored = data.get(..size as usize).ok_or_else(|| short(Found::Bytes(data.len() as u64)))?;
                 voxels.read(source, stored, size)
             }
             Some("vtkZLibDataCompressor") => {
