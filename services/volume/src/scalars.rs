@@ -130,6 +130,15 @@ macro_rules! scalar_types {
                 match self { $(Self::$variant(v) => range_of(v, |x| x as f64),)* }
             }
 
+            /// Every value times `slope` plus `intercept`, computed in f64. The result has type [`ScalarType::scaled`].
+            pub(crate) fn scaled(&self, slope: f64, intercept: f64) -> Self {
+                let scale = |x: f64| x * slope + intercept;
+                match self { $(Self::$variant(v) => match ScalarType::$variant.scaled() {
+                    ScalarType::F32 => Self::F32(v.par_iter().map(|&x| scale(x as f64) as f32).collect()),
+                    _ => Self::F64(v.par_iter().map(|&x| scale(x as f64)).collect()),
+                },)* }
+            }
+
             /// Every value less `offset`, subtracted in f64 and then narrowed to f32.
             pub(crate) fn to_f32(&self, offset: f64) -> Vec<f32> {
                 match self { $(Self::$variant(v) => v.par_iter().map(|&x| (x as f64 - offset) as f32).collect(),)* }
@@ -181,6 +190,13 @@ impl ScalarType {
     #[must_use]
     pub fn fits_f32(self) -> bool {
         matches!(self, Self::U8 | Self::I8 | Self::U16 | Self::I16 | Self::F32)
+    }
+}
+
+impl ScalarType {
+    /// The type of scaled values: float32 where it holds the stored values exactly, else float64.
+    pub(crate) fn scaled(self) -> Self {
+        if self.fits_f32() { Self::F32 } else { Self::F64 }
     }
 }
 

@@ -40,21 +40,32 @@ pub(super) struct Voxels {
 }
 
 impl Voxels {
-    /// Reads all voxels from `reader`, of which `available` stored bytes remain; the stream must end with them.
+    /// Reads all voxels from `reader`, which has `available` stored bytes left. The stream must end with the voxels.
     pub(super) fn read(&self, source: Source<'_>, reader: impl Read, available: u64) -> Result<Scalars, ReadError> {
+        self.read_after(0, source, reader, available)
+    }
+
+    /// [`Voxels::read`] of a stream with `skip` decoded bytes before the first voxel.
+    pub(super) fn read_after(
+        &self,
+        skip: u64,
+        source: Source<'_>,
+        reader: impl Read,
+        available: u64,
+    ) -> Result<Scalars, ReadError> {
         let expected = source.voxel_bytes(self.dims, self.scalar)?;
         let wrong = |found| self.wrong_size(source, expected, found);
-        let most = available.saturating_mul(self.packing.largest_ratio());
+        let most = available.saturating_mul(self.packing.largest_ratio()).saturating_sub(skip);
         match self.packing {
-            Packing::Plain if available != expected => return Err(wrong(Found::Bytes(available))),
+            Packing::Plain if available != expected.saturating_add(skip) => return Err(wrong(Found::Bytes(most))),
             Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(Found::AtMost(most))),
             _ => {}
         }
         let result = match self.packing {
-            Packing::Plain => self.decode(reader, expected),
-            Packing::Gzip => self.decode(flate2::read::MultiGzDecoder::new(reader), expected),
+            Packing::Plain => self.decode(reader, skip, expected),
+            Packing::Gzip => self.decode(flate2::read::MultiGzDecoder::new(reader), skip, expected),
             Packing::Zstd => match zstd::stream::read::Decoder::new(reader) {
-                Ok(decoder) => self.decode(decoder, expected),
+                Ok(decoder) => self.decode(decoder, skip, expected),
                 Err(e) => Err(Failure::Io(e)),
             },
         };
@@ -77,7 +88,16 @@ impl Voxels {
         }
     }
 
-    fn decode(&self, reader: impl Read, expected: u64) -> Result<Scalars, Failure> {
+    fn decode(&self, mut reader: impl Read, skip: u64, expected: u64) -> Result<Scalars, Failure> {
+        let mut unread = skip;
+        let mut scratch = [0; 4096];
+        while unread > 0 {
+            let piece = unread.min(scratch.len() as u64) as usize;
+            if read_full(&mut reader, &mut scratch[..piece])? < piece {
+                return Err(Failure::Short(0));
+            }
+            unread -= piece as u64;
+        }
         let count = (expected / self.scalar.bytes() as u64) as usize;
         Scalars::decode(self.scalar, Binary { reader, count, swap: self.big_endian != cfg!(target_endian = "big") })
     }
@@ -87,6 +107,12 @@ enum Failure {
     Short(u64),
     Long,
     Io(io::Error),
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
 }
 
 struct Binary<R> {
@@ -126,7 +152,7 @@ impl<R: Read> Decode for Binary<R> {
 }
 
 /// Fills `buffer` as far as the stream goes. A compressed stream that breaks off counts as one that ends.
-fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> Result<usize, Failure> {
+pub(super) fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
         match reader.read(&mut buffer[filled..]) {
@@ -134,7 +160,7 @@ fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> Result<usize, Failure
             Ok(n) => filled += n,
             Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
             Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => break,
-            Err(e) => return Err(Failure::Io(e)),
+            Err(e) => return Err(e),
         }
     }
     Ok(filled)

@@ -8,6 +8,7 @@
 mod decode;
 mod error;
 mod format;
+mod nifti;
 mod nrrd;
 mod raw;
 mod source;
@@ -31,6 +32,7 @@ pub const FORMATS: &[Format] = &[
     Format::of::<raw::Raw>(),
     Format::of::<nrrd::Nrrd>(),
     Format::of::<vti::VtkImageData>(),
+    Format::of::<nifti::Nifti>(),
 ];
 
 /// Endings of the file names that [`read_volume`] reads, in lower case.
@@ -125,7 +127,7 @@ mod tests {
 
     #[test]
     fn the_table_gives_every_ending_once() {
-        assert_eq!(ENDINGS, [".raw", ".raw.gz", ".raw.zst", ".nrrd", ".nhdr", ".vti"]);
+        assert_eq!(ENDINGS, [".raw", ".raw.gz", ".raw.zst", ".nrrd", ".nhdr", ".vti", ".nii", ".nii.gz"]);
         for ending in ENDINGS {
             assert_eq!(FORMATS.iter().filter(|f| f.has_ending(&format!("name{ending}"))).count(), 1, "{ending}");
             assert!(formats_help().contains(ending), "{ending}");
