@@ -1,11 +1,12 @@
-//! A volume becomes editable Gaussians.
+//! Conversion of scalar volumes to editable Gaussians.
 
+mod classification;
 pub mod direct;
 mod importance;
-mod optics;
+pub mod labels;
 mod placement;
 mod shape;
-pub mod truth;
 mod visibility;
 
 pub use direct::{DirectError, DirectStart, Options, Progress, Report, direct_start};
+pub use placement::PlacementError;

@@ -1,26 +1,25 @@
-//! Volumes and transfer functions: readers, gradients, the made vessel tree.
-//!
-//! A [`Volume`] is what a file holds: values in their own type on a [`Grid`] in physical space. Its [`Field`] is what
-//! sampling, gradients and ray marching work on. A [`TransferFunction`] says what values look like; bound to a volume's
-//! range it becomes a [`Classifier`].
+//! Scalar volumes, transfer functions and direct volume rendering.
 
+pub mod classifier;
 pub mod dvr;
 pub mod field;
 pub mod grid;
 pub mod histogram;
+pub mod opacity;
 pub mod phantom;
 pub mod read;
 pub mod scalars;
 pub mod transfer;
 pub mod volume;
 
+pub use classifier::{BaseUnitMatch, Classifier};
 pub use field::Field;
 pub use grid::{Bounds, Grid};
-pub use histogram::automatic;
+pub use histogram::automatic_transfer_function;
 pub use read::{
     ENDINGS, Limits, ReadError, WriteError, formats_help, raw_file_name, read_volume, read_volume_within, write_raw,
     write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
-pub use transfer::{Classifier, TransferFunction};
+pub use transfer::TransferFunction;
 pub use volume::Volume;

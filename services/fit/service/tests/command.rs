@@ -1,4 +1,4 @@
-//! The command on the made volume: files, reports, exit statuses, and one clear line for what is wrong.
+//! The command on the synthetic volume: files, reports, exit statuses and one-line errors.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
 use std::io::Write as _;
@@ -155,7 +155,7 @@ fn the_same_seed_gives_the_same_bytes() {
     };
     assert_eq!(same("phantom_24x24x24_uint8.raw"), (true, false));
     assert_eq!(same("phantom_labels_24x24x24_uint8.raw"), (true, true));
-    // Without a transfer function one is made and stored, and its unit is "material".
+    // Without a transfer function the command stores an automatic one with the unit "material".
     assert_eq!(same("scene/material.ply"), (true, false));
     let made = sg_volume::TransferFunction::load(&d.join("a/scene/automatic.tf.json")).unwrap();
     assert!(made.ignored_keys.is_empty());
@@ -203,7 +203,7 @@ fn wrong_input_ends_with_status_2_and_one_line() {
         assert!(output.stdout.is_empty());
         assert!(!d.join("out").exists(), "{arguments:?}: a failed run leaves nothing");
     }
-    // What the argument parser refuses has the same status.
+    // Errors of the argument parser have the same status.
     for arguments in [
         vec![],
         vec!["--initial-only"],
@@ -214,7 +214,7 @@ fn wrong_input_ends_with_status_2_and_one_line() {
     ] {
         assert_eq!(fit(d, &arguments).status.code(), Some(2), "{arguments:?}");
     }
-    // A place that can't be written is a failure of the work.
+    // An output folder that cannot be written is failed work.
     write("file", b"");
     let output = fit(d, &[volume, "--initial-only", "--out", "file/scene"]);
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));

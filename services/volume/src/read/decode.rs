@@ -1,16 +1,16 @@
-//! Bytes and text to typed voxels, with memory that grows only with what is really there.
+//! Decoding of bytes and text to typed voxels. Memory grows only with the decoded data.
 
 use std::io::{self, Read};
 
 use crate::scalars::{Decode, Scalar, ScalarType, Scalars};
 
-use super::error::{Found, ReadError};
+use super::error::{ActualSize, ReadError};
 use super::source::Source;
 
-/// How voxels are packed in a stream.
+/// Compression of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Packing {
-    /// As they are.
+    /// None.
     Plain,
     /// gzip.
     Gzip,
@@ -19,8 +19,8 @@ pub(super) enum Packing {
 }
 
 impl Packing {
-    /// The most bytes that can come out of one compressed byte: deflate's bound, and a zstd block of one repeated byte
-    /// (128 KiB from 4 bytes).
+    /// The largest number of bytes from one compressed byte: deflate's bound, and 128 KiB from 4 bytes for a zstd block of
+    /// one repeated byte.
     fn largest_ratio(self) -> u64 {
         match self {
             Self::Plain => 1,
@@ -30,7 +30,7 @@ impl Packing {
     }
 }
 
-/// A stretch of a file that should hold all voxels.
+/// Layout of the voxels in a part of a file.
 pub(super) struct Voxels {
     pub(super) dims: [usize; 3],
     pub(super) scalar: ScalarType,
@@ -57,8 +57,8 @@ impl Voxels {
         let wrong = |found| self.wrong_size(source, expected, found);
         let most = available.saturating_mul(self.packing.largest_ratio()).saturating_sub(skip);
         match self.packing {
-            Packing::Plain if available != expected.saturating_add(skip) => return Err(wrong(Found::Bytes(most))),
-            Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(Found::AtMost(most))),
+            Packing::Plain if available != expected.saturating_add(skip) => return Err(wrong(ActualSize::Bytes(most))),
+            Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(ActualSize::AtMost(most))),
             _ => {}
         }
         let result = match self.packing {
@@ -70,14 +70,14 @@ impl Voxels {
             },
         };
         result.map_err(|failure| match failure {
-            Failure::Short(n) => wrong(Found::Bytes(n)),
-            Failure::Long => wrong(Found::MoreThan(expected)),
+            Failure::Short(n) => wrong(ActualSize::Bytes(n)),
+            Failure::Long => wrong(ActualSize::MoreThan(expected)),
             Failure::Io(e) => source.io(e),
         })
     }
 
     /// The typed error for a wrong size.
-    pub(super) fn wrong_size(&self, source: Source<'_>, expected: u64, found: Found) -> ReadError {
+    pub(super) fn wrong_size(&self, source: Source<'_>, expected: u64, found: ActualSize) -> ReadError {
         ReadError::Size {
             path: source.path.to_owned(),
             dims: self.dims,
@@ -125,7 +125,7 @@ impl<R: Read> Decode for Binary<R> {
     type Error = Failure;
 
     fn decode<T: Scalar>(&mut self) -> Result<Vec<T>, Failure> {
-        /// Values that are read at once: memory never runs further ahead of the data than this.
+        /// Values of one read. Memory is never further ahead of the data.
         const PIECE: usize = 1 << 22;
         let mut values: Vec<T> = Vec::new();
         while values.len() < self.count {
@@ -151,7 +151,7 @@ impl<R: Read> Decode for Binary<R> {
     }
 }
 
-/// Fills `buffer` as far as the stream goes. A compressed stream that breaks off counts as one that ends.
+/// Fills `buffer` up to the end of the stream, and returns the filled length. A truncated compressed stream ends there.
 pub(super) fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
@@ -172,11 +172,11 @@ pub(super) struct Text<'a> {
     pub(super) count: usize,
 }
 
-/// What is wrong with a text of numbers.
+/// An error in a text of numbers.
 pub(super) enum TextFailure {
-    /// A word that is no number of the type: its place (from 1) and the word.
+    /// A word is not a number of the type: its position from 1, and the word.
     Word(usize, String),
-    /// So many numbers instead of the expected ones (at least, where more).
+    /// The text has this many numbers; at least, if there are too many.
     Count(usize),
 }
 
@@ -184,7 +184,7 @@ impl Decode for Text<'_> {
     type Error = TextFailure;
 
     fn decode<T: Scalar>(&mut self) -> Result<Vec<T>, TextFailure> {
-        // A number takes at least a digit and a separator, which bounds the allocation by the text's length.
+        // A number takes at least a digit and a separator, so the length of the text bounds the allocation.
         let mut values = Vec::with_capacity(self.count.min(self.text.len() / 2 + 1));
         let words = self.text.split(|c: char| c.is_ascii_whitespace() || c == ',').filter(|w| !w.is_empty());
         for (i, word) in words.enumerate() {
@@ -209,7 +209,7 @@ pub(super) fn read_text(
     Scalars::decode(scalar, Text { text, count }).map_err(|failure| match failure {
         TextFailure::Word(at, word) => source.format(
             format!("value {at} of the data"),
-            format!("`{word}` is no {}", scalar.name()),
+            format!("`{word}` is not a value of type {}", scalar.name()),
             "correct the number or the type",
         ),
         TextFailure::Count(found) => source.format(

@@ -9,7 +9,7 @@ use crate::scalars::ScalarType;
 
 /// The number of bytes that a file holds in place of the expected one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Found {
+pub enum ActualSize {
     /// Exactly this many bytes.
     Bytes(u64),
     /// More than the expected number; decoding stopped there.
@@ -18,7 +18,7 @@ pub enum Found {
     AtMost(u64),
 }
 
-impl fmt::Display for Found {
+impl fmt::Display for ActualSize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bytes(n) => write!(f, "found {n}"),
@@ -54,7 +54,7 @@ pub enum ReadError {
         /// Expected bytes.
         expected: u64,
         /// Bytes in the file.
-        found: Found,
+        found: ActualSize,
         /// How to correct it.
         remedy: &'static str,
     },

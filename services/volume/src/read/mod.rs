@@ -22,7 +22,7 @@ use crate::volume::Volume;
 use format::SNIFFED_BYTES;
 use source::Source;
 
-pub use error::{Found, ReadError, WriteError};
+pub use error::{ActualSize, ReadError, WriteError};
 pub use format::Format;
 pub use raw::{raw_file_name, write_raw};
 pub use source::Limits;

@@ -1,4 +1,4 @@
-//! Raw volumes whose file name carries their size: `name_XxYxZ_type[_le|_be].raw[.gz|.zst]`.
+//! Raw volumes with size and type in the file name: `name_XxYxZ_type[_le|_be].raw[.gz|.zst]`.
 
 use std::io::{self, BufReader, Write};
 use std::path::Path;
@@ -91,17 +91,17 @@ impl Layout {
     }
 }
 
-/// The file name that lets a raw volume be read again: `stem_XxYxZ_type.raw`.
+/// The file name of a raw volume with its size and type: `stem_XxYxZ_type.raw`.
 #[must_use]
 pub fn raw_file_name(stem: &str, volume: &Volume) -> String {
     let [x, y, z] = volume.grid().dims();
     format!("{stem}_{x}x{y}x{z}_{}.raw", volume.scalars().scalar_type().name())
 }
 
-/// Writes the values as a raw little-endian volume, x fastest. Spacing, origin and orientation are not stored.
+/// Writes the values as a raw little-endian volume, x fastest. The file does not store spacing, origin and orientation.
 ///
 /// # Errors
-/// What the writer reports.
+/// The error of the writer.
 pub fn write_raw(scalars: &Scalars, writer: &mut impl Write) -> io::Result<()> {
     scalars.for_each_piece(1 << 16, |bytes| writer.write_all(bytes))
 }
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_name_tells_the_layout() {
+    fn the_name_gives_the_layout() {
         let layout = |dims, scalar, big_endian| Some(Layout { dims, scalar, big_endian });
         assert_eq!(Layout::from_stem("bonsai_256x256x256_uint8"), layout([256; 3], ScalarType::U8, false));
         assert_eq!(Layout::from_stem("a_b_2x3x4_int16_be"), layout([2, 3, 4], ScalarType::I16, true));
