@@ -4,8 +4,8 @@ use std::iter::Peekable;
 
 use rayon::prelude::*;
 
+use crate::bvh::PointTree;
 use crate::neighbours::{Adjacency, Edge, Graph};
-use crate::tree::PointTree;
 use crate::vertices::Vertices;
 
 /// A graph and the bridges that join its components, as one connected graph without a copy.

@@ -49,7 +49,7 @@ pub enum Level {
 
 /// Seeds given by the caller in place of the voxel grid.
 #[derive(Debug, Clone, PartialEq)]
-pub struct GivenSeeds {
+pub struct FixedSeeds {
     /// Scene-wide indices of the Gaussians clusters start from.
     pub gaussians: Vec<u32>,
     /// S, in the scene's length unit.
@@ -68,7 +68,7 @@ pub struct ClusteringOptions {
     /// Thoroughness.
     pub level: Level,
     /// Given seeds; none means the voxel grid.
-    pub seeds: Option<GivenSeeds>,
+    pub seeds: Option<FixedSeeds>,
     /// Exactly this many rounds; none means up to ten (two at the fast level), ending when the objective improves by less than a thousandth.
     pub rounds: Option<usize>,
     /// Whether small pieces are merged; without it labels are the positions of the seeds.
@@ -270,7 +270,7 @@ fn check(options: &ClusteringOptions) -> Result<(), ClusterError> {
 }
 
 /// Given seeds as vertices of each unit.
-fn seeds_by_unit(geometry: &Geometry, given: &GivenSeeds) -> Result<Vec<Vec<u32>>, ClusterError> {
+fn seeds_by_unit(geometry: &Geometry, given: &FixedSeeds) -> Result<Vec<Vec<u32>>, ClusterError> {
     let mut place: Vec<Option<(u32, u32)>> = vec![None; geometry.gaussians];
     for (u, unit) in (0..).zip(&geometry.units) {
         for (v, &g) in (0..).zip(&unit.vertices.gaussian) {

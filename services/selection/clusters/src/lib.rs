@@ -8,6 +8,7 @@
 pub mod assignment;
 pub mod bounds;
 pub mod bridges;
+pub mod bvh;
 pub mod cache;
 pub mod cluster_graph;
 pub mod clustering;
@@ -20,5 +21,4 @@ pub mod polyline;
 pub mod progress;
 pub mod seeds;
 pub mod shortest;
-pub mod tree;
 pub mod vertices;

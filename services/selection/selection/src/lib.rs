@@ -1,22 +1,23 @@
-//! Selecting in scenes of Gaussians: strokes, steps, operations, sessions and previews.
+//! Interactive selection in scenes of Gaussians: strokes, operations, sessions and previews.
 //!
-//! [`space`] (what selections share) → [`session`] (steps in, mask out; [`preview`] while a stroke is drawn), which
-//! [`refinement`] sharpens. A step is a stroke, one of the [`operations`], which look at the scene through
-//! [`surroundings`], or a [`tuning`] of the walk. [`strokes`] and [`brush`] say what was brushed over, [`metrics`] how well
-//! a mask agrees with a truth.
+//! - [`selection_index`]: a scene prepared for selections, shared by all sessions.
+//! - [`session`]: steps in, mask out; [`preview`] while a stroke is drawn; [`refinement`] of the boundary.
+//! - [`steps`]: a [stroke](strokes), an [operation](operations), or [walk parameters](tuning).
+//! - [`brush`]: Gaussians under a stroke. [`operation_context`]: the scene data of operations.
+//! - [`mask_agreement`]: agreement of a mask with the ground truth.
 
 #![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
 
 pub mod brush;
-pub mod metrics;
+pub mod mask_agreement;
+pub mod operation_context;
 pub mod operations;
 pub mod preview;
 pub mod refinement;
+pub mod selection_index;
 pub mod session;
-pub mod space;
 pub mod steps;
 pub mod strokes;
-pub mod surroundings;
 pub mod tuning;
 
 #[cfg(test)]

@@ -23,8 +23,8 @@ use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
 use sg_scene::mask::Mask;
 use sg_selection::preview::{Preview, differing};
+use sg_selection::selection_index::WalkOptions;
 use sg_selection::session::{SelectionError, SelectionSession};
-use sg_selection::space::WalkOptions;
 use sg_selection::steps::Step;
 use sg_selection::strokes::Stroke;
 use tokio::sync::watch;
@@ -65,7 +65,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let path = host.scene_path(&geometry.path, &geometry.hash).await?;
     let prepared = tokio::task::block_in_place(|| prepare(&path, &geometry.hash, &params, walk, &cache))?;
     tracing::info!(
-        clusters = prepared.space.clusters(),
+        clusters = prepared.index.clusters(),
         from_cache = prepared.from_cache,
         clustering_ms = prepared.clustering_ms,
         "clustered"
@@ -79,12 +79,12 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let told = selection::State {
         revision: state.revision(),
         scene_hash: state.geometry().hash.clone(),
-        clusters: u32::try_from(prepared.space.clusters()).unwrap_or(u32::MAX),
+        clusters: u32::try_from(prepared.index.clusters()).unwrap_or(u32::MAX),
         clustering_ms: prepared.clustering_ms,
         from_cache: prepared.from_cache,
         labels_hash,
         labels_path: labels_path.display().to_string(),
-        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&prepared.space)).tuning())),
+        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&prepared.index)).tuning())),
         most_proposals: sg_proto::limits::MAX_PROPOSALS,
     };
     host.serve_content(&keys::SELECTION_CONTENT).await?;
@@ -94,7 +94,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
 
     let selector = Selector {
         bus: host.bus().clone(),
-        session: SelectionSession::new(prepared.space),
+        session: SelectionSession::new(prepared.index),
         state,
         open: None,
         answered: 0,
@@ -322,18 +322,18 @@ impl Selector {
         let mut steps: Vec<Step> = told.collect::<Result<_, _>>()?;
         if steps.is_empty() && !selection.mask().is_none() {
             // Selected by name, or by somebody who told no steps.
-            steps.push(Step::Given(Mask::clone(selection.mask())));
+            steps.push(Step::FixedMask(Mask::clone(selection.mask())));
         }
         if self.session.steps().eq(&steps) {
             return Ok(self.session.clone());
         }
-        SelectionSession::of_steps(self.session.space(), &steps).map_err(|e| Fault::internal(e.to_string()))
+        SelectionSession::of_steps(self.session.index(), &steps).map_err(|e| Fault::internal(e.to_string()))
     }
 
     /// Brings the session to the scene's selection, then takes the new steps; all or nothing.
     fn play(&mut self, state: &EditState, restart: bool, steps: &[Step]) -> Result<(), Fault> {
         let mut session =
-            if restart { SelectionSession::new(Arc::clone(self.session.space())) } else { self.present(state)? };
+            if restart { SelectionSession::new(Arc::clone(self.session.index())) } else { self.present(state)? };
         let start = Instant::now();
         for step in steps {
             session.add_step(step.clone()).map_err(refusal)?;
@@ -356,7 +356,7 @@ impl Selector {
         let goes_on = self.open.as_ref().is_some_and(|o| o.name == request.stroke && o.over == over);
         if !goes_on {
             let session = tokio::task::block_in_place(|| self.present(&state))?;
-            // Drawn before over another selection: the same stroke over this one.
+            // AppliedStep before over another selection: the same stroke over this one.
             let earlier = self.open.take().filter(|o| o.name == request.stroke);
             let mut preview = Preview::begin(&session, &stroke).map_err(|e| Fault::invalid(e.to_string()))?;
             if let Some(earlier) = earlier {
@@ -458,7 +458,7 @@ impl Selector {
             selected: selected as u64,
             selection_hash: result.selection_hash.clone(),
             revision: result.revision,
-            clusters: small(self.session.space().clusters()),
+            clusters: small(self.session.index().clusters()),
             seeds_foreground: small(summary.seeds_foreground),
             seeds_background: small(summary.seeds_background),
             conflicts: small(summary.conflicts),

@@ -19,7 +19,7 @@ use super::{Seed, Solution};
 
 /// What a walk leaves open, one entry a node.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Doubts {
+pub struct Uncertainty {
     /// 1 − |p − q|; 0 at seeds and at nodes that take no part.
     pub uncertainty: Vec<f64>,
     /// Expected Σ m·|Δp| after one seed more at this node, in units of the masses; 0 at seeds.
@@ -45,7 +45,7 @@ const LEAST_POOL: usize = 64;
 
 /// What is asked of [`proposals`].
 #[derive(Debug, Clone, Copy)]
-pub struct Question<'a> {
+pub struct ProposalQuery<'a> {
     /// Mass of each node, at least 0: how many Gaussians it stands for.
     pub mass: &'a [f64],
     /// Nodes that take part.
@@ -54,13 +54,18 @@ pub struct Question<'a> {
     pub threshold: f64,
 }
 
-/// The doubts of the last walk of `kept`, whose result was `solution`. None before the first walk.
+/// The uncertainty of the last walk of `elimination`, whose result was `solution`. None before the first walk.
 #[must_use]
-pub fn doubts(kept: &Elimination, seeds: &[Seed], solution: &Solution, question: &Question<'_>) -> Option<Doubts> {
+pub fn node_uncertainty(
+    elimination: &Elimination,
+    seeds: &[Seed],
+    solution: &Solution,
+    query: &ProposalQuery<'_>,
+) -> Option<Uncertainty> {
     let n = solution.p.len();
-    let open = |u: usize| question.active[u] && seeds[u] == Seed::None;
-    let attention = kept.attention(question.mass)?;
-    let lost = lost_mass(kept, solution, question);
+    let open = |u: usize| query.active[u] && seeds[u] == Seed::None;
+    let attention = elimination.attention(query.mass)?;
+    let lost = lost_mass(elimination, solution, query);
     let uncertainty = (0..n).map(|u| if open(u) { 1.0 - (solution.p[u] - solution.q[u]).abs() } else { 0.0 }).collect();
     let shift = (0..n)
         .map(|u| match (open(u), solution.reached[u]) {
@@ -69,16 +74,16 @@ pub fn doubts(kept: &Elimination, seeds: &[Seed], solution: &Solution, question:
             (true, false) => 0.5 * lost[u],
         })
         .collect();
-    Some(Doubts { uncertainty, shift })
+    Some(Uncertainty { uncertainty, shift })
 }
 
 /// For each node that no terminal reaches the active mass of its component.
-fn lost_mass(kept: &Elimination, solution: &Solution, question: &Question<'_>) -> Vec<f64> {
-    let component = kept.components();
+fn lost_mass(elimination: &Elimination, solution: &Solution, query: &ProposalQuery<'_>) -> Vec<f64> {
+    let component = elimination.components();
     let mut mass = vec![0.0; component.len()];
-    let lost = |u: usize| question.active[u] && !solution.reached[u];
+    let lost = |u: usize| query.active[u] && !solution.reached[u];
     for u in (0..component.len()).filter(|&u| lost(u)) {
-        mass[component[u] as usize] += question.mass[u];
+        mass[component[u] as usize] += query.mass[u];
     }
     (0..component.len()).map(|u| if lost(u) { mass[component[u] as usize] } else { 0.0 }).collect()
 }
@@ -86,26 +91,26 @@ fn lost_mass(kept: &Elimination, solution: &Solution, question: &Question<'_>) -
 /// At most `count` nodes where one seed more is worth most, best first. Empty before the first walk.
 #[must_use]
 pub fn proposals(
-    kept: &Elimination,
+    elimination: &Elimination,
     seeds: &[Seed],
     solution: &Solution,
-    question: &Question<'_>,
+    query: &ProposalQuery<'_>,
     count: usize,
 ) -> Vec<Candidate> {
-    let Some(doubts) = doubts(kept, seeds, solution, question) else { return Vec::new() };
-    let mut by_shift: Vec<usize> = (0..doubts.shift.len()).filter(|&u| doubts.shift[u] > 0.0).collect();
-    by_shift.sort_by(|&a, &b| doubts.shift[b].total_cmp(&doubts.shift[a]).then(a.cmp(&b)));
+    let Some(nodes) = node_uncertainty(elimination, seeds, solution, query) else { return Vec::new() };
+    let mut by_shift: Vec<usize> = (0..nodes.shift.len()).filter(|&u| nodes.shift[u] > 0.0).collect();
+    by_shift.sort_by(|&a, &b| nodes.shift[b].total_cmp(&nodes.shift[a]).then(a.cmp(&b)));
     by_shift.truncate((POOL * count).max(LEAST_POOL));
-    let component = kept.components();
+    let component = elimination.components();
     let pool: Vec<(Candidate, Vec<f64>)> = by_shift
         .into_iter()
         .map(|node| {
             // Where nothing is reached every walk from the component comes by.
-            let hitting = kept
+            let hitting = elimination
                 .hitting(node)
                 .unwrap_or_else(|| component.iter().map(|&c| f64::from(u8::from(c == component[node]))).collect());
-            let change = change(solution, question, node, &hitting);
-            let (uncertainty, shift) = (doubts.uncertainty[node], doubts.shift[node]);
+            let change = change(solution, query, node, &hitting);
+            let (uncertainty, shift) = (nodes.uncertainty[node], nodes.shift[node]);
             (Candidate { node, uncertainty, shift, change }, hitting)
         })
         .collect();
@@ -129,19 +134,19 @@ pub fn proposals(
 }
 
 /// Expected mass that changes sides when `node` is asked about.
-fn change(solution: &Solution, question: &Question<'_>, node: usize, hitting: &[f64]) -> f64 {
+fn change(solution: &Solution, query: &ProposalQuery<'_>, node: usize, hitting: &[f64]) -> f64 {
     let reached = solution.reached[node];
     let (p, q) = if reached { (solution.p[node], solution.q[node]) } else { (0.5, 0.5) };
     let mut sum = 0.0;
-    for (u, &h) in hitting.iter().enumerate().filter(|(u, _)| question.active[*u]) {
+    for (u, &h) in hitting.iter().enumerate().filter(|(u, _)| query.active[*u]) {
         let lead = solution.p[u] - solution.q[u];
-        let selected = lead > question.threshold;
+        let selected = lead > query.threshold;
         // Unreached, p = q = 0: an answer makes it 1 or 0 all over the component.
         let (up, down) = if reached { (2.0 * h * q, 2.0 * h * p) } else { (h, h) };
-        if !selected && lead + up > question.threshold {
-            sum += p * question.mass[u];
-        } else if selected && lead - down <= question.threshold {
-            sum += q * question.mass[u];
+        if !selected && lead + up > query.threshold {
+            sum += p * query.mass[u];
+        } else if selected && lead - down <= query.threshold {
+            sum += q * query.mass[u];
         }
     }
     sum

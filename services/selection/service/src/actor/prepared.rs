@@ -14,8 +14,8 @@ use sg_clusters::progress::Silent;
 use sg_formats::known::read_known;
 use sg_runtime::process::StartError;
 use sg_scene::model::Scene;
-use sg_selection::space::{SelectionSpace, WalkOptions};
-use sg_selection::surroundings::Surroundings;
+use sg_selection::operation_context::OperationContext;
+use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 
 /// Parameters in the launch file.
 #[derive(Debug, Clone, Deserialize)]
@@ -55,7 +55,7 @@ impl Default for Params {
 
 /// What selections are made of.
 pub(super) struct Prepared {
-    pub(super) space: Arc<SelectionSpace>,
+    pub(super) index: Arc<SelectionIndex>,
     /// The Super-Gaussian of each Gaussian, -1 for none.
     pub(super) labels: Vec<i32>,
     pub(super) from_cache: bool,
@@ -93,10 +93,10 @@ pub(super) fn prepare(
         }
     };
     let clustering_ms = start.elapsed().as_secs_f64() * 1e3;
-    let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, walk);
+    let index = SelectionIndex::of_clusters(&scene, &clustering, &graph, walk);
     // Neighbours and features are made anew when an operation first needs them: the cache holds clusters alone.
-    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry_options)));
-    Ok(Prepared { space, labels: clustering.labels, from_cache, clustering_ms })
+    let index = Arc::new(index.with_operation_context(OperationContext::new(Arc::clone(&scene), geometry_options)));
+    Ok(Prepared { index, labels: clustering.labels, from_cache, clustering_ms })
 }
 
 fn compute(

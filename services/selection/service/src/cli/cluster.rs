@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 use serde::Serialize;
-use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, GivenSeeds, Method, cluster};
+use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, FixedSeeds, Method, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_formats::npy::{read_indices, write_labels};
 
@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let seeds = match (&arguments.seeds, arguments.cell) {
         (Some(file), Some(cell)) => {
             let gaussians = read_indices(file, scene.len())?;
-            Some(GivenSeeds { gaussians: gaussians.into_iter().map(|g| g as u32).collect(), cell })
+            Some(FixedSeeds { gaussians: gaussians.into_iter().map(|g| g as u32).collect(), cell })
         }
         _ => None,
     };

@@ -1,7 +1,7 @@
 //! `select`: strokes become a mask.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -13,16 +13,19 @@ use sg_clusters::clustering::{Clustering, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_clusters::progress::{Progress, Stage};
 use sg_formats::npy::{read_labels, read_mask, write_array, write_mask};
+use sg_proto::stroke_file::{self, Limits};
 use sg_scene::model::Scene;
-use sg_selection::metrics::Agreement;
+use sg_selection::mask_agreement::Agreement;
+use sg_selection::operation_context::OperationContext;
 use sg_selection::refinement::Refiner;
+use sg_selection::selection_index::{Background, SelectionIndex, TOLERANCE, WalkOptions, WalkSummary};
 use sg_selection::session::{Proposal, SelectionError, SelectionSession};
-use sg_selection::space::{Background, SelectionSpace, TOLERANCE, WalkOptions, WalkSummary};
-use sg_selection::steps::{Step, Steps};
-use sg_selection::strokes::Mode;
-use sg_selection::surroundings::Surroundings;
+use sg_selection::steps::Step;
+use sg_selection::strokes::{MAX_POINTS, MAX_STEPS, Mode};
 use sg_walk::WalkError;
 use sg_walk::multilevel::Quality;
+
+use crate::wire;
 
 use super::{Bar, Failure, deliver, named, read_scene, write};
 
@@ -172,22 +175,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.method == Method::Gaussian && arguments.refine.is_some() {
         return Err(Failure::input("--refine sharpens a walk on clusters; use it with --method cluster"));
     }
-    let steps = Steps::read(&arguments.strokes).map_err(Failure::input)?.strokes;
+    let steps = read_steps(&arguments.strokes)?;
     let mut clock = Clock::default();
     let scene = Arc::new(clock.time("read", || read_scene(&arguments.scene))?.scene);
     let truth = arguments.truth.as_ref().map(|file| read_mask(file, scene.len())).transpose()?;
     let bar = Bar::new();
     let uses_clusters = steps.iter().filter_map(Step::stroke).any(|s| s.mode == Mode::Cluster);
-    let made = space(arguments, &scene, options, uses_clusters, &bar, &mut clock);
+    let made = index(arguments, &scene, options, uses_clusters, &bar, &mut clock);
     bar.finish();
-    let (space, refiner) = made?;
+    let (index, refiner) = made?;
     let geometry = arguments.clustering.geometry()?;
-    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry)));
+    let index = Arc::new(index.with_operation_context(OperationContext::new(Arc::clone(&scene), geometry)));
 
     let start = Instant::now();
-    let mut session = SelectionSession::new(Arc::clone(&space));
+    let mut session = SelectionSession::new(Arc::clone(&index));
     let count = steps.len();
-    for (number, step) in steps.into_iter().enumerate() {
+    for (number, step) in (1..).zip(steps) {
         session.add_step(step).map_err(|e| {
             let failure = Failure::from(e);
             let message = format!("{}: stroke {number}: {}", arguments.strokes.display(), failure.message);
@@ -202,7 +205,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mask = refined.as_ref().map_or_else(|| session.mask(), |r| &r.mask);
     write_mask(&arguments.out, mask)?;
     if let Some(file) = &arguments.probabilities {
-        let p = session.walk().map_or_else(|| vec![0.0; space.nodes()], |w| w.solution.p.clone());
+        let p = session.walk().map_or_else(|| vec![0.0; index.nodes()], |w| w.solution.p.clone());
         write_array(file, &[p.len()], &p)?;
     }
     if let Some(file) = &arguments.proposals {
@@ -221,7 +224,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         scene: &arguments.scene,
         strokes: count,
         gaussians: scene.len(),
-        clusters: space.clusters(),
+        clusters: index.clusters(),
         selected,
         walk: session.walk().map(|w| w.summary).unwrap_or_default(),
         iterated: session.walk().and_then(|w| w.quality),
@@ -233,14 +236,28 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     deliver(&report, arguments.report.as_ref(), arguments.json)
 }
 
-fn space(
+/// Reads the steps of a stroke file.
+fn read_steps(path: &Path) -> Result<Vec<Step>, Failure> {
+    let name = path.display();
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Failure::input(format!("{name}: {e}; give the path of a strokes JSON file")))?;
+    let limits = Limits { strokes: 0..=MAX_STEPS, points: MAX_POINTS };
+    let steps = stroke_file::parse(&text, &limits).map_err(|e| Failure::input(format!("{name}: {e}")))?;
+    // A file holds no masks, so their length is irrelevant.
+    let decode = |(number, step)| {
+        wire::decode_limited(step, 0, MAX_POINTS).map_err(|e| Failure::input(format!("{name}: stroke {number}: {e}")))
+    };
+    (1..).zip(&steps).map(decode).collect()
+}
+
+fn index(
     arguments: &Arguments,
     scene: &Scene,
     options: WalkOptions,
     uses_clusters: bool,
     bar: &Bar,
     clock: &mut Clock,
-) -> Result<(SelectionSpace, Option<Refiner>), Failure> {
+) -> Result<(SelectionIndex, Option<Refiner>), Failure> {
     let geometry_options = arguments.clustering.geometry()?;
     let clustering_options = arguments.clustering.options();
     let cached = arguments
@@ -254,7 +271,7 @@ fn space(
         match clock.time("cache", || cache.load(key, scene.len())) {
             Found::Entry(entry) => {
                 let (clustering, graph) = *entry;
-                return Ok((SelectionSpace::of_clusters(scene, &clustering, &graph, options), None));
+                return Ok((SelectionIndex::of_clusters(scene, &clustering, &graph, options), None));
             }
             Found::Damaged(why) => eprintln!("warning: {why}; the clusters are made anew"),
             Found::Nothing => {}
@@ -275,8 +292,8 @@ fn space(
     };
     bar.at(Stage::ClusterGraph, 0.0);
     if arguments.method == Method::Gaussian {
-        let space = clock.time("graph", || SelectionSpace::of_gaussians(scene, &geometry, &clustering, options));
-        return Ok((space, None));
+        let index = clock.time("graph", || SelectionIndex::of_gaussians(scene, &geometry, &clustering, options));
+        return Ok((index, None));
     }
     let graph =
         clock.time("graph", || ClusterGraph::new(&geometry, &clustering, options.form)).map_err(Failure::work)?;
@@ -288,5 +305,5 @@ fn space(
     let refiner = arguments
         .refine
         .map(|_| clock.time("refiner", || Refiner::new(&geometry, &graph, options.sigma_s, options.sigma_f)));
-    Ok((clock.time("order", || SelectionSpace::of_clusters(scene, &clustering, &graph, options)), refiner))
+    Ok((clock.time("order", || SelectionIndex::of_clusters(scene, &clustering, &graph, options)), refiner))
 }

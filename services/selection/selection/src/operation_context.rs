@@ -9,24 +9,24 @@ use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::operations::{Attribute, Combine, Operation};
+use sg_clusters::bvh::PointTree;
 use sg_clusters::features::{Row, WIDTH, distance_squared};
 use sg_clusters::geometry::{Geometry, GeometryError, GeometryOptions, UnitGeometry};
 use sg_clusters::progress::Silent;
-use sg_clusters::tree::PointTree;
 
 /// C₀ of the real spherical harmonics: colour = ½ + C₀·dc.
 const HARMONIC: f64 = 0.282_094_791_773_878_14;
 
 /// A scene with its neighbour graphs and features, which are made when an operation first asks for them.
 #[derive(Debug)]
-pub struct Surroundings {
+pub struct OperationContext {
     scene: Arc<Scene>,
     options: GeometryOptions,
     geometry: OnceLock<Result<Geometry, GeometryError>>,
 }
 
-impl Surroundings {
-    /// The surroundings of a scene.
+impl OperationContext {
+    /// The operation_context of a scene.
     #[must_use]
     pub fn new(scene: Arc<Scene>, options: GeometryOptions) -> Self {
         Self { scene, options, geometry: OnceLock::new() }

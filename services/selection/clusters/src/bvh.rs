@@ -372,7 +372,7 @@ mod tests {
                 .collect();
             let factors: Vec<f64> = (0..many).map(|i| 1.0 + 0.5 * (20.0 * i as f64 / many as f64).sin()).collect();
             VISITS.set(0);
-            let hits = tree.closer_than(&Polyline::pressed(&samples, if pressed { &factors } else { &[] }), 0.05);
+            let hits = tree.closer_than(&Polyline::with_pressure(&samples, if pressed { &factors } else { &[] }), 0.05);
             if pressed {
                 for g in (0..20_000).step_by(997) {
                     let want = by_definition(DVec3::from_array(points[g as usize]), &samples, 0.05, &factors);
