@@ -19,7 +19,7 @@ use sg_proto::launch::{PsRequest, ServiceState};
 use sg_proto::render::{CaptureRequest, Quality};
 use sg_proto::scene::{ChangesRequest, Stroke, StrokeKind, StrokeMode};
 use sg_proto::selection::StrokesRequest;
-use sg_runtime::bus::{Bus, Following, endpoint_of};
+use sg_runtime::bus::{Bus, Subscription, endpoint_of};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_tests::bench::{argument, quantile};
@@ -45,7 +45,7 @@ const WELL: Duration = Duration::from_millis(800);
 struct Stack {
     supervisor: Child,
     bus: Bus,
-    events: Following<sg_proto::launch::ServiceEvent>,
+    events: Subscription<sg_proto::launch::ServiceEvent>,
 }
 
 impl Drop for Stack {
@@ -121,7 +121,7 @@ impl Stack {
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
         };
-        let events = bus.follow(&keys::SERVICE, role::SUPERVISOR, 256).await.unwrap();
+        let events = bus.subscribe(&keys::SERVICE, role::SUPERVISOR, 256).await.unwrap();
         let stack = Self { supervisor, bus, events };
         stack.all_ready().await;
         stack

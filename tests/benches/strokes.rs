@@ -144,7 +144,7 @@ fn main() {
 /// Notes when the view drew.
 async fn watch(bus: &Bus) -> Arc<Mutex<Vec<(Instant, Instant)>>> {
     let pictures = Arc::new(Mutex::new(Vec::new()));
-    let mut frames = bus.follow(&keys::VIEW_FRAME, role::RENDER_VIEW, 64).await.unwrap();
+    let mut frames = bus.subscribe(&keys::VIEW_FRAME, role::RENDER_VIEW, 64).await.unwrap();
     let noted = Arc::clone(&pictures);
     tokio::spawn(async move {
         while let Some((frame, _)) = frames.next().await {
@@ -187,7 +187,7 @@ async fn draw(stage: &Stage, mode: StrokeMode, number: u32, measured: &mut Measu
         *sum += waiting_time(*pid).saturating_sub(before);
     }
     let request = StrokesRequest { strokes: vec![stroke(whole)], ..StrokesRequest::default() };
-    let mut previews = bus.follow(&keys::SELECTION_PREVIEW, role::SELECTION, 8).await.unwrap();
+    let mut previews = bus.subscribe(&keys::SELECTION_PREVIEW, role::SELECTION, 8).await.unwrap();
     // So that who listens is known to everybody on the way.
     tokio::time::sleep(Duration::from_millis(50)).await;
     let context = context();

@@ -62,7 +62,7 @@ fn this_checkout_keeps_what_was_promised() {
         assert!(said.contains(what), "{said}");
     }
     if has_buf() {
-        assert!(said.contains("buf breaking") && !said.contains("LEFT OUT"), "{said}");
+        assert!(said.contains("buf breaking") && !said.contains("SKIPPED"), "{said}");
     }
 }
 
@@ -71,7 +71,7 @@ fn away_from_a_checkout_the_compiled_schema_is_looked_at() {
     let folder = tempfile::tempdir().unwrap();
     let (status, said) = contract(folder.path(), &["check"]);
     assert_eq!(status, Some(0), "{said}");
-    assert!(said.contains("LEFT OUT  buf") && said.contains("structure against v0.1.0"), "{said}");
+    assert!(said.contains("SKIPPED   buf") && said.contains("structure against v0.1.0"), "{said}");
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn without_buf_it_says_so_and_fails_where_tools_are_required() {
         (output.status.code(), said(&output))
     };
     let (status, said) = run("0");
-    assert!(status == Some(0) && said.contains("LEFT OUT  buf") && said.contains("buf is missing"), "{said}");
+    assert!(status == Some(0) && said.contains("SKIPPED   buf") && said.contains("buf is missing"), "{said}");
     let (status, said) = run("1");
     assert!(status == Some(1) && said.contains("buf is missing"), "{said}");
 }
@@ -135,13 +135,13 @@ fn golden_bytes_may_only_be_added_to() {
     let without_first: String = text.lines().skip(1).map(|line| format!("{line}\n")).collect();
     std::fs::write(&bus, without_first).unwrap();
     let (status, said) = contract(folder.path(), &["check"]);
-    assert!(status == Some(1) && said.contains("lines that v0.1.0 holds were changed or deleted"), "{said}");
+    assert!(status == Some(1) && said.contains("released lines of v0.1.0 were changed or deleted"), "{said}");
 
     // A line at the end that means another thing than it says.
     let last = text.lines().last().unwrap().replacen("{\"", "{\"x", 1);
     std::fs::write(&bus, format!("{text}{last}\n")).unwrap();
     let (status, said) = contract(folder.path(), &["check"]);
-    assert!(status == Some(1) && said.contains("means another thing today"), "{said}");
+    assert!(status == Some(1) && said.contains("the meaning has changed"), "{said}");
     assert!(said.contains("begin as they did in v0.1.0"), "{said}");
 }
 
@@ -177,7 +177,7 @@ fn every_process_of_a_running_stack_keeps_to_its_rows() {
     // A process that answers what is another's is found.
     sg_runtime::process::block_on(async {
         let thief = stack.join(sg_proto::keys::role::AGENT_INTENT).await.unwrap();
-        let _token = thief.declare_alive("thief-1").await.unwrap();
+        let _token = thief.declare_liveliness("thief-1").await.unwrap();
         let _serving = thief
             .serve(&sg_proto::keys::PARSE, 4, |_, _| std::future::ready(Err(sg_runtime::fault::Fault::internal("no"))))
             .await
@@ -185,7 +185,7 @@ fn every_process_of_a_running_stack_keeps_to_its_rows() {
         let stack = &stack;
         let arguments = ["contract", "check", "--session", SESSION];
         let (status, _, said) = tokio::task::block_in_place(|| stack.run(&arguments)).unwrap();
-        assert!(status == Some(1) && said.contains("agent-intent/cmd/parse is answered by 2 processes"), "{said}");
+        assert!(status == Some(1) && said.contains("agent-intent/cmd/parse is served by 2 processes"), "{said}");
     })
     .unwrap();
 }

@@ -9,7 +9,7 @@ use prost::{Message as _, Name as _};
 use sg_proto::bus::{Code, Envelope, Error as WireError, StatusRequest};
 use sg_proto::keys::{self, Kind, role};
 use sg_proto::limits::{MAX_ENVELOPE_BYTES, MAX_MESSAGE_BYTES};
-use sg_runtime::bus::{Bus, Heard, Raw};
+use sg_runtime::bus::{Bus, RawMessage, RawReply};
 use sg_runtime::context::Context;
 use sg_tests::stack::Stack;
 
@@ -17,7 +17,7 @@ const ANSWER: Duration = Duration::from_secs(20);
 
 /// Roles that are served by a process of their own.
 fn served() -> impl Iterator<Item = &'static str> {
-    role::ALL.into_iter().filter(|r| !role::NO_SERVICES.contains(r))
+    role::ALL.into_iter().filter(|r| !role::NON_SERVICES.contains(r))
 }
 
 async fn refused(cli: &Bus, role: &str) -> u64 {
@@ -26,13 +26,14 @@ async fn refused(cli: &Bus, role: &str) -> u64 {
 }
 
 /// What no request takes, and the code it is refused with.
-fn bad(request: &str, sender: &str, open: bool) -> Vec<(&'static str, Raw, Code)> {
+fn bad(request: &str, sender: &str, open: bool) -> Vec<(&'static str, RawMessage, Code)> {
     let protobuf = |name: &str| format!("application/protobuf;{name}");
     let envelope = |sender: &str| {
         let envelope = Envelope { id: "bad".into(), sender: sender.into(), deadline_ms: 20_000, ..Envelope::default() };
         Some(envelope.encode_to_vec())
     };
-    let raw = |encoding: String, payload: Vec<u8>, attachment| Raw { encoding, payload: Some(payload), attachment };
+    let raw =
+        |encoding: String, payload: Vec<u8>, attachment| RawMessage { encoding, payload: Some(payload), attachment };
     let own = protobuf(request);
     let major = protobuf(&request.replace(".v1.", ".v2."));
     let mut all = vec![
@@ -48,7 +49,7 @@ fn bad(request: &str, sender: &str, open: bool) -> Vec<(&'static str, Raw, Code)
         ),
         (
             "no payload",
-            Raw { encoding: own.clone(), payload: None, attachment: envelope(sender) },
+            RawMessage { encoding: own.clone(), payload: None, attachment: envelope(sender) },
             Code::InvalidArgument,
         ),
     ];
@@ -70,14 +71,14 @@ fn every_row_of_every_role_refuses_what_it_must() {
             let counted = if is_service { refused(&cli, role).await } else { 0 };
             let mut sent = 0;
             for row in keys::rows().iter().filter(|r| r.role == role || is_service && r.role == keys::ANY) {
-                let Kind::Ask { request, .. } = &row.kind else { continue };
+                let Kind::Request { request, .. } = &row.kind else { continue };
                 let open = row.senders.contains(&keys::ANY);
                 let sender = row.senders.iter().find(|s| **s != keys::ANY).unwrap_or(&role::CLI);
                 for (what, raw, code) in bad(request, sender, open) {
                     sent += 1;
                     let heard = cli.ask_raw(role, row.name, &raw, ANSWER).await;
                     let place = format!("{what} to {role}/{}", row.name);
-                    let Heard::Refusal { encoding, payload } = heard else { panic!("{place}: {heard:?}") };
+                    let RawReply::Refusal { encoding, payload } = heard else { panic!("{place}: {heard:?}") };
                     assert_eq!(encoding, format!("application/protobuf;{}", WireError::full_name()), "{place}");
                     let error = WireError::decode(&payload[..]).unwrap();
                     assert_eq!(error.code(), code, "{place}: {}", error.message);

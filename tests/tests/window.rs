@@ -223,7 +223,7 @@ fn a_dropped_scene_opens_in_a_window_and_a_session_of_its_own() {
         let request = OpenRequest { path: scene.display().to_string() };
         let fault = bus.ask(&keys::OPEN, &request, &soon()).await.unwrap_err();
         assert!(fault.message.contains(&names[0]), "{fault}");
-        let mut failed = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        let mut failed = bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
         screen.drop_file(&first, &broken, PATIENCE).unwrap();
         let (told, _) = tokio::time::timeout(PATIENCE, failed.next()).await.unwrap().unwrap();
         assert!(told.path.ends_with("broken.ply") && told.reason.contains("broken.ply:"), "{told:?}");

@@ -1,4 +1,4 @@
-//! `capture`: one picture of the scene of a running stack, wherever it is drawn.
+//! `capture`: one picture of the scene of a running stack.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,12 +11,12 @@ use sg_runtime::context::Context;
 use crate::supervisor_client;
 use crate::terminal::{self, CommandResult, Failure, format_time};
 
-/// How long drawing may take, and each part of the picture on its way here.
+/// Longest time to draw, and to receive each part of the picture.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CaptureArgs {
-    /// Where the picture goes: `.png`, or `.npy` for float32 (height, width, 4) with RGB and coverage
+    /// Output file: `.png`, or `.npy` for float32 (height, width, 4) with RGB and coverage
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// Width in pixels
@@ -25,7 +25,7 @@ pub(crate) struct CaptureArgs {
     /// Height in pixels
     #[arg(long, default_value_t = 1024)]
     height: u32,
-    /// Show what is selected
+    /// Highlight the selection
     #[arg(long)]
     highlight: bool,
 }
@@ -36,7 +36,7 @@ pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> C
     let floats = match extension.as_deref() {
         Some("png") => false,
         Some("npy") => true,
-        _ => return Err(Failure::Input(format!("{}: end its name with .png or .npy", out.display()))),
+        _ => return Err(Failure::Input(format!("{}: the name must end with .png or .npy", out.display()))),
     };
     let (session, bus) = supervisor_client::join(session).await?;
     let context = Context::root().deadline_in(TIMEOUT);
@@ -60,11 +60,11 @@ pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> C
     Ok(())
 }
 
-/// Copies a file, whole or not at all.
+/// Copies a file. A failed copy leaves no file.
 fn keep(from: &Path, to: &Path) -> Result<(), BlobError> {
     let part = to.with_extension("part");
     std::fs::copy(from, &part).and_then(|_| std::fs::rename(&part, to)).map_err(|source| {
-        // It may not exist; what matters is the error that led here.
+        // The file may not exist. The first error is the one to report.
         let _ = std::fs::remove_file(&part);
         BlobError { path: to.to_owned(), source }
     })

@@ -1,4 +1,4 @@
-//! `certificates`: the files by which machines that share a stack know each other.
+//! `certificates`: TLS certificates for machines that share a stack.
 
 use std::fs::OpenOptions;
 use std::io::Write as _;
@@ -14,21 +14,21 @@ use crate::terminal::{self, CommandResult, Failure};
 
 /// Name of the authority in its certificate.
 const AUTHORITY: &str = "Super-Gaussian authority";
-/// A clock that is behind by less than this does no harm.
+/// Tolerated clock difference.
 const CLOCKS: Duration = Duration::from_secs(24 * 3600);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CertificatesArgs {
-    /// Folder for the files; made where there is none, an authority that is there is used again
+    /// Folder for the files; created if missing; an existing authority is used again
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Names and addresses under which other machines reach the one that runs `up`
+    /// Names and addresses of the machine that runs `up`, as other machines reach it
     #[arg(long, value_delimiter = ',', required = true, value_name = "HOST")]
     home: Vec<String>,
-    /// A machine that may join, by its name in the launch file; may be given several times
+    /// Name of a machine that may join, as in the launch file; repeatable
     #[arg(long = "node", value_delimiter = ',', value_name = "NAME")]
     nodes: Vec<String>,
-    /// Days for which the certificates are good
+    /// Validity of the certificates in days
     #[arg(long, default_value_t = 365, value_parser = clap::value_parser!(u64).range(1..=3650))]
     days: u64,
 }
@@ -41,7 +41,8 @@ pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", dir.display()));
     std::fs::DirBuilder::new().recursive(true).mode(0o700).create(dir).map_err(fail)?;
     let authority = authority(dir, *days)?;
-    let mut lines = vec![format!("{}: the authority; its key stays with you", dir.join("authority.pem").display())];
+    let mut lines =
+        vec![format!("{}: the authority; keep its key on this machine", dir.join("authority.pem").display())];
     let made = signed(dir, "home", home, ExtendedKeyUsagePurpose::ServerAuth, *days, &authority)?;
     lines.push(format!("{}: for `[bus]` of the launch file, reached as {}", made.display(), home.join(", ")));
     for node in nodes {
@@ -57,7 +58,7 @@ pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
     Ok(())
 }
 
-/// The authority of a folder: the one that is there, or a new one.
+/// The authority of a folder. Creates one if there is none.
 fn authority(dir: &Path, days: u64) -> Result<Issuer<'static, KeyPair>, Failure> {
     let (certificate, key) = (dir.join("authority.pem"), dir.join("authority-key.pem"));
     let mut params = params(AUTHORITY, &[], days)?;
@@ -81,7 +82,7 @@ fn authority(dir: &Path, days: u64) -> Result<Issuer<'static, KeyPair>, Failure>
     }
 }
 
-/// A certificate and its key, by this authority. Where the certificate is.
+/// Creates a certificate and its key, signed by this authority. Returns the path of the certificate.
 fn signed(
     dir: &Path,
     name: &str,
@@ -127,7 +128,7 @@ fn write(path: &Path, text: &str, mode: u32) -> Result<(), Failure> {
         .and_then(|mut file| file.write_all(text.as_bytes()))
         .and_then(|()| std::fs::rename(&part, path));
     written.map_err(|e| {
-        // It may not exist; what matters is the error that led here.
+        // The file may not exist. The first error is the one to report.
         let _ = std::fs::remove_file(&part);
         Failure::Work(format!("{}: {e}", path.display()))
     })

@@ -13,11 +13,11 @@ use crate::{
     watch,
 };
 
-/// Edit volumes by talking to them: starts the services, watches them, speaks to them.
+/// Edit scientific volumes as 3D Gaussians: start the services, watch them, talk to them
 #[derive(Debug, Parser)]
 #[command(name = "supergaussian", version, disable_help_subcommand = true, after_help = subcommands::HELP.as_str())]
 struct Cli {
-    /// Session to speak to, or to start; by default the only one that runs
+    /// Name of the session; by default the only running one
     #[arg(long, global = true, value_name = "NAME")]
     session: Option<String>,
     #[command(subcommand)]
@@ -26,20 +26,20 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Make or load a scene, start the full stack, play a script, leave pictures and a transcript
+    /// Play the demo: make or load a scene, start the full stack, save pictures and a transcript
     #[command(after_help = "Example: supergaussian demo bonsai_256x256x256_uint8.raw.zst --out bonsai-demo")]
     Demo(demo::DemoArgs),
-    /// Open a scene or volume in a window of its own, in a session of its own, until the window is closed
+    /// Open a scene or volume in its own window and session
     ///
-    /// Of a volume Gaussians are made first. What is edited is kept in the session's folder and found again when the same
-    /// file is opened the next time. A file that is dropped on a window is opened so.
+    /// A volume is turned into Gaussians first. Edits are kept in the session's folder and found again at the next
+    /// start. A file dropped on a window opens the same way.
     #[command(after_help = "Example: supergaussian open skull/scene.toml")]
     Open(open::OpenArgs),
-    /// Start every service of a launch file and watch over them until Ctrl-C; if it runs already, read the file again
+    /// Start a launch file and supervise its services; reload it if it runs already
     ///
-    /// Of a stack that runs the difference is applied: services that were added start, removed ones stop, one with another
-    /// executable, other parameters or another environment is swapped, and whatever else changed takes effect in place. The
-    /// file must be the one that the stack was started from, or name the session itself (`name = "…"`).
+    /// A reload applies the difference. Added services start, and removed services stop. A changed executable,
+    /// parameter or environment swaps the service. All other changes take effect in place. The file must be the one
+    /// that started the stack, or contain the session's name (`name = "…"`).
     #[command(
         after_help = "Example: supergaussian up launch/headless.toml --set service.scene.params.scene=skull/scene.toml"
     )]
@@ -47,17 +47,17 @@ enum Command {
     /// Stop a running stack
     #[command(after_help = "Example: supergaussian down --session headless")]
     Down,
-    /// Show how the services are
+    /// List the services and their states
     #[command(after_help = "Example: supergaussian ps --json")]
     Ps {
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Show what services have logged
+    /// Show the logs of services
     #[command(after_help = "Example: supergaussian logs -f scene")]
     Logs {
-        /// Go on until Ctrl-C or the end of the stack
+        /// Follow until Ctrl-C or the end of the stack
         #[arg(short, long)]
         follow: bool,
         /// Only this service
@@ -69,24 +69,24 @@ enum Command {
         /// Name in the launch file
         service: String,
     },
-    /// Replace one service by another executable while it serves
+    /// Replace the executable of one running service
     ///
-    /// The newcomer loads beside the service, has to prove that it speaks the contract of the role, and takes over when the
-    /// old process has finished what it had accepted. If it fails, the service goes on as before.
+    /// The candidate loads beside the service and proves that it speaks the contract of the role. It takes over when
+    /// the old process has finished its accepted work. If the candidate fails, the service continues unchanged.
     #[command(
         after_help = "Example: supergaussian swap agent-intent ./my-intent-agent --params '{\"language\": \"en\"}'"
     )]
     Swap(swap::SwapArgs),
-    /// Run services on this machine for a stack of another one
+    /// Run services on this machine for a stack of another machine
     ///
-    /// The stack's launch file names this machine (`[node.gpu1]`), says where it listens (`[bus]`) and what runs here
-    /// (`on = "gpu1"`). Executables are looked up beside this program, then on PATH. Goes on until Ctrl-C, over restarts of
-    /// the stack; what runs here ends when the stack is away for longer than its lease.
+    /// The stack's launch file has a table for this machine (`[node.gpu1]`), an endpoint (`[bus]`) and services with
+    /// `on = "gpu1"`. Executables are looked up beside this program, then on PATH. The command runs until Ctrl-C and
+    /// survives restarts of the stack. If the stack does not answer for the lease, its services here end.
     #[command(
         after_help = "Example: supergaussian join tls/lab.example.org:7447 --session headless --name gpu1 --authority authority.pem --certificate gpu1.pem --key gpu1-key.pem"
     )]
     Join(join::JoinArgs),
-    /// Make the certificates by which machines that share a stack know each other
+    /// Create TLS certificates for machines that share a stack
     #[command(
         after_help = "Example: supergaussian certificates tls --home lab.example.org,10.0.0.1 --node gpu1 --node gpu2"
     )]
@@ -94,19 +94,19 @@ enum Command {
     /// Check a launch file
     #[command(after_help = "Example: supergaussian check launch/headless.toml")]
     Check(up::FileArgs),
-    /// Show what a launch file starts after what
+    /// Show the start order of a launch file
     #[command(after_help = "Example: supergaussian graph launch/headless.toml --dot | dot -Tsvg > stack.svg")]
     Graph {
         #[command(flatten)]
         file: up::FileArgs,
-        /// Print Graphviz
+        /// Print Graphviz DOT
         #[arg(long)]
         dot: bool,
     },
-    /// Say something to the running stack
+    /// Send an utterance to the running stack
     #[command(after_help = "Example: supergaussian say \"make the sac red and fade everything else to 20 percent\"")]
     Say {
-        /// The words
+        /// The utterance
         text: String,
         /// Print JSON
         #[arg(long)]
@@ -115,30 +115,30 @@ enum Command {
         #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
         timeout: f64,
     },
-    /// Take one picture of the scene of the running stack
+    /// Save one picture of the running stack's scene
     #[command(after_help = "Example: supergaussian capture selection.png --highlight --session headless")]
     Capture(capture::CaptureArgs),
-    /// Show every message of the conversation and of the scene, decoded, until Ctrl-C
+    /// Print every conversation and scene message until Ctrl-C
     #[command(after_help = "Example: supergaussian watch --session headless")]
     Watch {
-        /// One JSON object a line
+        /// Print one JSON object per line
         #[arg(long)]
         json: bool,
-        /// Also the signs of life that every service gives each second
+        /// Include the health messages of every second
         #[arg(long)]
         all: bool,
     },
-    /// Play a session under random faults and compare its end with that of the same session in peace
+    /// Play a session with random faults and compare the result with a session without faults
     #[command(after_help = "Example: supergaussian chaos --faults 50 --seed 1 --out /tmp/chaos")]
     Chaos(chaos::ChaosArgs),
-    /// Show what all processes have counted, in Prometheus' text format
+    /// Print the metrics of all processes in Prometheus' text format
     #[command(after_help = "Example: supergaussian metrics --listen 127.0.0.1:9464")]
     Metrics {
-        /// Serve it over HTTP under /metrics until Ctrl-C; this machine's own addresses only
+        /// Serve the metrics over HTTP under /metrics until Ctrl-C; loopback addresses only
         #[arg(long, value_name = "ADDRESS")]
         listen: Option<std::net::SocketAddr>,
     },
-    /// Show, check and keep the contract between services
+    /// Describe, check and release the contract between services
     #[command(subcommand)]
     Contract(contract::ContractCommand),
     #[command(external_subcommand)]
@@ -148,7 +148,7 @@ enum Command {
 pub(crate) fn main() -> ExitCode {
     let mut arguments = std::env::args_os().skip(1).peekable();
     if arguments.next_if(|a| a == spawn::BECOME_CHILD).is_some() {
-        terminal::print_status(&spawn::become_child(arguments));
+        terminal::print_status(&spawn::become_child(arguments).to_string());
         return ExitCode::from(EXIT_FAILED);
     }
     if arguments.next_if(|a| a == spawn::DETACHED).is_some() {
@@ -184,7 +184,7 @@ fn run(cli: Cli) -> CommandResult {
     }
 }
 
-/// The bus needs a runtime with several threads; the future itself stays on this one (see [`spawn::start`]).
+/// The bus needs a multi-threaded runtime. The future itself stays on this thread (see [`spawn::tied_to_parent`]).
 fn wait(future: impl Future<Output = CommandResult>) -> CommandResult {
     match sg_runtime::process::block_on(future) {
         Ok(done) => done,
@@ -192,7 +192,7 @@ fn wait(future: impl Future<Output = CommandResult>) -> CommandResult {
     }
 }
 
-/// Names of the commands that this executable carries out itself.
+/// Names of the built-in commands.
 fn commands() -> Vec<String> {
     use clap::CommandFactory;
     Cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect()

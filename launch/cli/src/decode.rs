@@ -1,13 +1,13 @@
-//! Messages as JSON, decoded by the compiled schema: a tool for people need not know the types.
+//! Messages as JSON, decoded with the compiled schema instead of Rust types.
 
 use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
 use serde_json::Value;
 use sg_proto::prost::{Message, Name};
-use sg_runtime::bus::Seen;
+use sg_runtime::bus::WatchedMessage;
 
 use crate::terminal::Failure;
 
-/// Longest list that is shown whole.
+/// Longest list that is printed whole.
 const MAX_LIST: usize = 24;
 
 /// Decodes any message of the contract.
@@ -20,7 +20,7 @@ impl Decoder {
         Ok(Self(pool.map_err(|e| Failure::Work(format!("the compiled schema cannot be read: {e}")))?))
     }
 
-    /// A message as JSON with the field names of the schema; what cannot be decoded says so.
+    /// A message as JSON with the field names of the schema. Undecodable payloads become a description.
     pub(crate) fn json(&self, full_name: &str, payload: &[u8]) -> Value {
         let Some(descriptor) = self.0.get_message_by_name(full_name) else {
             return format!("{} bytes of unknown type `{full_name}`", payload.len()).into();
@@ -29,7 +29,7 @@ impl Decoder {
         let decoded = DynamicMessage::decode(descriptor, payload)
             .map_err(|e| e.to_string())
             .and_then(|m| m.serialize_with_options(serde_json::value::Serializer, &options).map_err(|e| e.to_string()));
-        decoded.unwrap_or_else(|e| format!("{} bytes that are no {full_name}: {e}", payload.len()).into())
+        decoded.unwrap_or_else(|e| format!("{} bytes that are not a {full_name}: {e}", payload.len()).into())
     }
 
     /// A typed message as JSON.
@@ -38,7 +38,7 @@ impl Decoder {
     }
 }
 
-/// Puts the number of bytes in place of masks.
+/// Replaces masks by their number of bytes.
 pub(crate) fn hide_masks(value: &mut Value) {
     match value {
         Value::Object(object) => {
@@ -58,7 +58,7 @@ pub(crate) fn hide_masks(value: &mut Value) {
     }
 }
 
-/// Puts the number of items in place of what a list has beyond a few.
+/// Truncates long lists and adds the number of omitted items.
 pub(crate) fn shorten_lists(value: &mut Value) {
     match value {
         Value::Object(object) => object.values_mut().for_each(shorten_lists),
@@ -74,13 +74,13 @@ pub(crate) fn shorten_lists(value: &mut Value) {
     }
 }
 
-/// The stage of the pipeline that a key belongs to: its last part.
+/// The pipeline stage of a key: its last part.
 pub(crate) fn stage(key: &str) -> &str {
     key.rsplit('/').next().unwrap_or(key)
 }
 
-/// Whether a message is one of the signs of life that every service gives each second.
-pub(crate) fn is_health(seen: &Seen) -> bool {
+/// Whether a message is a health message, sent every second by each service.
+pub(crate) fn is_health(seen: &WatchedMessage) -> bool {
     seen.key.ends_with(sg_proto::keys::HEALTH.name)
 }
 
@@ -110,10 +110,10 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_decoded_says_so() {
+    fn undecodable_payloads_are_described() {
         let decoder = Decoder::new().unwrap();
         assert_eq!(decoder.json("a.B", &[1, 2]), "2 bytes of unknown type `a.B`");
         let text = decoder.json("supergaussian.scene.v1.Event", &[0xff]);
-        assert!(text.as_str().unwrap().starts_with("1 bytes that are no supergaussian.scene.v1.Event"), "{text}");
+        assert!(text.as_str().unwrap().starts_with("1 bytes that are not a supergaussian.scene.v1.Event"), "{text}");
     }
 }

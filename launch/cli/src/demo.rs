@@ -1,4 +1,4 @@
-//! The demo: makes or loads a scene, starts the full stack, plays a script through the bus, leaves pictures and a transcript.
+//! The demo: makes or loads a scene, starts the full stack and plays a script. It leaves pictures and a transcript.
 
 mod summary;
 
@@ -31,31 +31,31 @@ use crate::transcript;
 use crate::up::outcome;
 use summary::Summary;
 
-/// What the names of demos' sessions begin with; the rest is the process id.
+/// Prefix of the names of demo sessions. The process id follows.
 const SESSION: &str = "demo-";
-/// How long one step may take, restarts of services included.
+/// Longest time of one step, restarts of services included.
 const STEP_TIME: Duration = Duration::from_secs(180);
 #[derive(Debug, clap::Args)]
 pub(crate) struct DemoArgs {
-    /// Volume or scene; without one a vessel tree with an aneurysm is made
+    /// Volume or scene; by default a synthetic vessel tree with an aneurysm
     #[arg(value_name = "VOLUME|SCENE")]
     input: Option<PathBuf>,
-    /// Script to play, or `generic`, which works on any scene; by default the one shipped for the input
+    /// Script to play, or `generic` for any scene; by default the one shipped for the input
     #[arg(long, value_name = "FILE|generic")]
     script: Option<String>,
     /// Folder for the scene, the pictures and the transcript
     #[arg(long, value_name = "DIR", default_value = "supergaussian-demo")]
     out: PathBuf,
-    /// Kill this service with kill -9 in the middle of the script
+    /// Kill this service with SIGKILL in the middle of the script
     #[arg(long, value_name = "SERVICE")]
     chaos: Option<String>,
-    /// Transfer function of a volume; by default the one shipped for it, else one made from its histogram
+    /// Transfer function of a volume; by default the shipped one, else one from its histogram
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
-    /// Gaussians that a volume becomes
+    /// Number of Gaussians for a volume
     #[arg(long, value_name = "N", default_value_t = GAUSSIANS)]
     gaussians: u32,
-    /// Seed of the made volume and of the Gaussians' placement
+    /// Seed of the synthetic volume and of the Gaussians' placement
     #[arg(long, value_name = "K", default_value_t = 0)]
     seed: u64,
     /// Width and height of the pictures, pixels
@@ -66,11 +66,11 @@ pub(crate) struct DemoArgs {
     json: bool,
 }
 
-pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResult {
-    // What can be wrong is looked at before anything that takes time.
+pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> CommandResult {
+    // Check all inputs before slow work.
     let input = Input::of(arguments.input.as_deref())?;
     let search = ExecutableSearch::here_then_path();
-    // Whoever names a script or a service to kill wants to see what comes of it in files.
+    // A script or a service to kill asks for files, not for a window.
     let shipped_file = match arguments.script.is_none() && arguments.chaos.is_none() && has_display() {
         true => DESKTOP,
         false => HEADLESS,
@@ -95,12 +95,12 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResu
     if let Some(service) = &arguments.chaos
         && !steps.contains(&Step::Chaos)
     {
-        terminal::print_status(&format!("the script does not say when to kill {service}: it happens in its middle"));
+        terminal::print_status(&format!("the script has no step to kill {service}: it is killed in the middle"));
         steps.insert(steps.len() / 2, Step::Chaos);
     }
     let how = match (windowed, &arguments.script) {
-        (true, _) => Some("a window shows the scene; close it to end, or play a script without one by --script"),
-        (false, None) => Some("no display (DISPLAY is not set): a script is played without a window"),
+        (true, _) => Some("a window shows the scene; close it to end; --script plays a script without a window"),
+        (false, None) => Some("DISPLAY is not set: the demo plays a script without a window"),
         (false, Some(_)) => None,
     };
     how.into_iter().for_each(terminal::print_status);
@@ -116,7 +116,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResu
         format!("service.scene.params.project={}", toml::Value::String(project.display().to_string())),
     ];
     forget_dead_demos();
-    let session = SessionDir::named(told.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
+    let session = SessionDir::named(session_name.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
     let stack = |shipped_file: (&str, &str)| -> Result<Stack, Failure> {
         Ok(Stack {
             file: shipped::launch_file(shipped_file, &overrides, &search)?,
@@ -127,21 +127,18 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResu
         })
     };
     let failed = |_: &Failure| {
-        terminal::print_status(&format!(
-            "what the services have logged: supergaussian logs --session {}",
-            session.name()
-        ));
+        terminal::print_status(&format!("logs of the services: supergaussian logs --session {}", session.name()));
     };
     if windowed {
         match Supervisor::open(stack(shipped_file)?).await?.run().await? {
-            // A screen without a Vulkan driver, say: everything else can be seen all the same.
+            // For example a screen without a Vulkan driver. The rest of the demo still works.
             Outcome::Failed { service, reason } if service == role::RENDER_VIEW => {
-                terminal::print_status(&format!("{reason}; a script is played without a window"));
+                terminal::print_status(&format!("{reason}; the demo plays a script without a window"));
             }
             ended => {
                 outcome(ended).inspect_err(failed)?;
                 let _ = std::fs::remove_dir_all(session.path());
-                terminal::print_status(&format!("what was edited is kept in {}", project.display()));
+                terminal::print_status(&format!("edits are saved in {}", project.display()));
                 return Ok(());
             }
         }
@@ -155,7 +152,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResu
         counts: Arc::default(),
     };
     let summary = run(stack(HEADLESS)?, scene, steps, settings).await.inspect_err(failed)?;
-    // The logs of a demo that went well are of no further use.
+    // After success the logs are of no further use.
     let _ = std::fs::remove_dir_all(session.path());
     summary.tell(arguments.json);
     if summary.failed_utterances.is_empty() {
@@ -164,7 +161,7 @@ pub(crate) async fn demo(arguments: DemoArgs, told: Option<&str>) -> CommandResu
     Err(Failure::Work(format!("not everything was done: {}", summary.failed_utterances.join("; "))))
 }
 
-/// Supervises the stack and plays the script at the same time; whichever ends first ends the other.
+/// Supervises the stack and plays the script at the same time. The first end stops the other.
 async fn run(stack: Stack, scene: Scene, steps: Vec<Step>, settings: Settings) -> Result<Summary, Failure> {
     let session = stack.session.clone();
     let supervisor = Supervisor::open(stack).await?;
@@ -175,7 +172,7 @@ async fn run(stack: Stack, scene: Scene, steps: Vec<Step>, settings: Settings) -
     tokio::select! {
         ended = &mut supervising => {
             outcome(ended?)?;
-            Err(Failure::Work("stopped before the script was done".to_owned()))
+            Err(Failure::Work("stopped before the end of the script".to_owned()))
         }
         played = &mut playing => {
             handle.down().await;
@@ -195,7 +192,7 @@ async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Se
     terminal::print_status(&format!("{} services ready after {start_seconds:.1} s", ready.services.len()));
     let mut player = Player::new(bus.clone(), settings).await?;
     let played = player.play(&steps).await;
-    // The transcript is of most use when something went wrong.
+    // The transcript matters most after a failure.
     let transcript = player.write_transcript();
     played?;
     let transcript = transcript?;
@@ -204,23 +201,23 @@ async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Se
     Ok(summary)
 }
 
-/// Removes what demos that were killed, or that failed, have left of their sessions: pictures are large.
+/// Removes the sessions of killed and failed demos, because their pictures are large.
 fn forget_dead_demos() {
     let sessions = std::fs::read_dir(session::run_root()).into_iter().flatten().flatten();
     for entry in sessions {
         let name = entry.file_name().to_string_lossy().into_owned();
         let Some(pid) = name.strip_prefix(SESSION) else { continue };
         let Ok(dead) = SessionDir::named(&name) else { continue };
-        // A supervisor writes its id after it has locked its session: what has no id yet is being started.
+        // A supervisor writes its id after it locks its session. A session without an id is starting.
         let written = std::fs::read_to_string(dead.lock_file()).is_ok_and(|text| text.trim() == pid);
         if written && !dead.is_running() {
-            // What cannot be removed takes room and does no other harm.
+            // A leftover folder only takes disk space.
             let _ = std::fs::remove_dir_all(dead.path());
         }
     }
 }
 
-/// Makes the folder, and removes from it what an earlier demo has left there and this one will write anew.
+/// Creates the folder, and removes the outputs of an earlier demo.
 fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
     std::fs::create_dir_all(out).map_err(fail)?;

@@ -1,36 +1,48 @@
-//! A stroke through the densest point of a cloud, for scenes that nobody has drawn strokes for.
+//! A stroke through the densest point of a point cloud, for scenes without drawn strokes.
 
-/// Cells along the longest edge of the box in which points are counted.
+/// Counting cells along the longest edge of the box.
 const CELLS: usize = 48;
 /// Half the length of the stroke, as a fraction of the box's longest edge.
 const REACH: f64 = 0.04;
 
-/// Reads the positions of the first `count` vertices of a binary little-endian PLY whose properties are all floats: the form
-/// in which `supergaussian scene convert --format 3dgs` writes.
+/// A PLY that [`positions`] cannot read.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum PlyError {
+    #[error("the header is missing")]
+    Header,
+    #[error("the format is not binary little endian")]
+    Format,
+    #[error("property {0} is not a float")]
+    Type(String),
+    #[error("float property {0} is missing")]
+    Property(&'static str),
+    #[error("the file holds {found} of {wanted} Gaussians")]
+    Count { found: usize, wanted: usize },
+}
+
+/// Reads the positions of the first `count` vertices of a binary little-endian PLY with float properties only.
+/// `supergaussian scene convert --format 3dgs` writes this form.
 ///
 /// # Errors
-/// A line that says what is not as it should be.
-pub(crate) fn positions(ply: &[u8], count: usize) -> Result<Vec<[f64; 3]>, String> {
+/// [`PlyError`] for the first mismatch.
+pub(crate) fn positions(ply: &[u8], count: usize) -> Result<Vec<[f64; 3]>, PlyError> {
     const END: &[u8] = b"end_header\n";
-    let end = ply.windows(END.len()).position(|w| w == END).ok_or("it has no header")? + END.len();
+    let end = ply.windows(END.len()).position(|w| w == END).ok_or(PlyError::Header)? + END.len();
     let header = String::from_utf8_lossy(ply.get(..end).unwrap_or_default()).into_owned();
     if !header.contains("\nformat binary_little_endian 1.0\n") {
-        return Err("it is not binary little endian".to_owned());
+        return Err(PlyError::Format);
     }
     let properties: Vec<_> = header.lines().filter_map(|l| l.strip_prefix("property ")).collect();
-    let column = |name: &str| {
-        properties
-            .iter()
-            .position(|p| p.strip_prefix("float ") == Some(name))
-            .ok_or_else(|| format!("it has no float property {name}"))
+    let column = |name: &'static str| {
+        properties.iter().position(|p| p.strip_prefix("float ") == Some(name)).ok_or(PlyError::Property(name))
     };
     if let Some(other) = properties.iter().find(|p| !p.starts_with("float ")) {
-        return Err(format!("property {other} is no float"));
+        return Err(PlyError::Type((*other).to_owned()));
     }
     let columns = [column("x")?, column("y")?, column("z")?];
     let rows: Vec<_> = ply.get(end..).unwrap_or_default().chunks_exact(4 * properties.len()).take(count).collect();
     if rows.len() < count {
-        return Err(format!("it holds {} of {count} Gaussians", rows.len()));
+        return Err(PlyError::Count { found: rows.len(), wanted: count });
     }
     let number = |row: &[u8], c: usize| {
         let bytes = row.get(4 * c..4 * c + 4).and_then(|b| b.try_into().ok()).unwrap_or([0; 4]);
@@ -39,9 +51,9 @@ pub(crate) fn positions(ply: &[u8], count: usize) -> Result<Vec<[f64; 3]>, Strin
     Ok(rows.into_iter().map(|row| columns.map(|c| number(row, c))).collect())
 }
 
-/// Corners of a stroke through the densest point, normalized to the box. The densest point is the one nearest to the middle
-/// of the points in the 3×3×3 cells that hold most points; the stroke follows the axis along which these spread furthest.
-/// `None` without finite points or without a box.
+/// Points of a stroke through the densest point, normalized to the box. The densest point is the one nearest to the
+/// mean of the fullest 3×3×3 block of cells. The stroke follows the axis along which the points of the block spread
+/// most. `None` without finite points or without a box.
 #[must_use]
 pub(crate) fn stroke(points: &[[f64; 3]], min: [f64; 3], max: [f64; 3]) -> Option<Vec<[f64; 3]>> {
     let edge = |c: usize| max[c] - min[c];
@@ -73,7 +85,7 @@ pub(crate) fn stroke(points: &[[f64; 3]], min: [f64; 3], max: [f64; 3]) -> Optio
         }
         sum
     };
-    // Of equals the one whose cell comes first: the answer must not depend on the order of the points.
+    // Ties go to the first cell, so that the order of the points does not matter.
     let mut cells: Vec<[usize; 3]> = finite.iter().map(|p| cell_of(*p)).collect();
     cells.sort_unstable_by_key(|c| index(*c));
     cells.dedup();
@@ -119,17 +131,17 @@ mod tests {
             ply(&["float opacity", "float z", "float x", "float y"], &[&[9.0, 3.0, 1.0, 2.0], &[9.0, 6.0, 4.0, 5.0]]);
         assert_eq!(positions(&bytes, 2).unwrap(), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
         assert_eq!(positions(&bytes, 1).unwrap(), [[1.0, 2.0, 3.0]]);
-        assert_eq!(positions(&bytes, 3).unwrap_err(), "it holds 2 of 3 Gaussians");
-        assert_eq!(positions(&bytes[..bytes.len() - 1], 2).unwrap_err(), "it holds 1 of 2 Gaussians");
-        assert_eq!(positions(&ply(&["float x"], &[]), 0).unwrap_err(), "it has no float property y");
-        assert_eq!(positions(&ply(&["uchar x"], &[]), 0).unwrap_err(), "property uchar x is no float");
-        assert_eq!(positions(b"solid", 0).unwrap_err(), "it has no header");
+        assert_eq!(positions(&bytes, 3).unwrap_err(), PlyError::Count { found: 2, wanted: 3 });
+        assert_eq!(positions(&bytes[..bytes.len() - 1], 2).unwrap_err(), PlyError::Count { found: 1, wanted: 2 });
+        assert_eq!(positions(&ply(&["float x"], &[]), 0).unwrap_err(), PlyError::Property("y"));
+        assert_eq!(positions(&ply(&["uchar x"], &[]), 0).unwrap_err(), PlyError::Type("uchar x".to_owned()));
+        assert_eq!(positions(b"solid", 0).unwrap_err(), PlyError::Header);
     }
 
     #[test]
     fn the_stroke_runs_through_the_densest_place_along_it() {
         let mut points = vec![[f64::NAN, 0.0, 0.0]];
-        // A thin haze everywhere, a rod along z at (3, 7) between 10 and 12.
+        // Sparse points everywhere, and a rod along z at (3, 7) between 10 and 12.
         for i in 0..1000 {
             let t = f64::from(i);
             points.push([(t * 0.37) % 10.0, (t * 0.61) % 10.0, (t * 0.83) % 20.0]);
@@ -146,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_densest_place() {
+    fn no_points_have_no_densest_place() {
         assert_eq!(stroke(&[], [0.0; 3], [1.0; 3]), None);
         assert_eq!(stroke(&[[0.0; 3]], [0.0; 3], [0.0; 3]), None);
         assert!(stroke(&[[5.0; 3]], [0.0; 3], [1.0; 3]).unwrap().iter().flatten().all(|x| (0.0..=1.0).contains(x)));

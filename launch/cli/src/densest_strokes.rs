@@ -1,4 +1,4 @@
-//! Strokes for the generic script: through the densest point of the first base unit.
+//! Strokes of the generic script, through the densest point of the first base unit.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::terminal::Failure;
 /// Radius of the stroke, as a fraction of the longest edge of the scene's box.
 const RADIUS: f64 = 0.015;
 
-/// Writes the strokes for a scene.
+/// Writes the strokes of a scene.
 pub(crate) fn write(scene: &Path, out: &Path, strokes: &Path) -> Result<(), Failure> {
     let info = json_of("scene", &["info".as_ref(), scene.as_os_str(), "--json".as_ref()])?;
     let corner = |name: &str| -> Option<[f64; 3]> {
@@ -19,13 +19,13 @@ pub(crate) fn write(scene: &Path, out: &Path, strokes: &Path) -> Result<(), Fail
         let numbers: Option<Vec<f64>> = numbers.iter().map(Value::as_f64).collect();
         numbers?.try_into().ok()
     };
-    // The first unit that holds anything begins the file's order of Gaussians.
+    // The first base unit with Gaussians comes first in the file's order.
     let units = info.get("units").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     let count = units.iter().filter_map(|u| u.get("gaussians")?.as_u64()).find(|n| *n > 0);
     let (Some(min), Some(max), Some(count)) = (corner("min"), corner("max"), count) else {
         return Err(Failure::Input(format!("{}: no base unit holds a Gaussian", scene.display())));
     };
-    // One file of plain Gaussians, whatever the scene is made of, in the same order.
+    // One file of plain Gaussians in the same order, for any kind of scene.
     let plain = out.join("script").join("positions.ply");
     json_of(
         "scene",
@@ -41,7 +41,7 @@ pub(crate) fn write(scene: &Path, out: &Path, strokes: &Path) -> Result<(), Fail
     let fail = |problem: String| Failure::Work(format!("{}: {problem}", plain.display()));
     let bytes = std::fs::read(&plain).map_err(|e| fail(e.to_string()))?;
     std::fs::remove_file(&plain).map_err(|e| fail(e.to_string()))?;
-    let points = positions(&bytes, usize::try_from(count).unwrap_or(usize::MAX)).map_err(fail)?;
+    let points = positions(&bytes, usize::try_from(count).unwrap_or(usize::MAX)).map_err(|e| fail(e.to_string()))?;
     let Some(points) = stroke(&points, min, max) else {
         return Err(Failure::Input(format!("{}: no Gaussian has a finite position", scene.display())));
     };

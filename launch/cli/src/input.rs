@@ -1,4 +1,4 @@
-//! What the demo shows: a made volume, a volume, or a scene.
+//! Inputs of the demo: a synthetic volume, a volume file, or a scene.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -8,36 +8,36 @@ use serde_json::Value;
 use crate::subcommands::json_of;
 use crate::terminal::{self, Failure};
 
-/// Gaussians that a volume becomes where nobody says how many.
+/// Default number of Gaussians for a volume.
 pub(crate) const GAUSSIANS: u32 = 100_000;
 
-/// Voxels along each edge of the made volume.
+/// Voxels along each edge of the synthetic volume.
 const SYNTHETIC_SIZE: &str = "128";
-/// Volumes that scripts are shipped for, by what their file names begin with.
+/// Volumes with shipped scripts, by the beginning of their file names.
 pub(crate) const SHIPPED_VOLUMES: [&str; 3] = ["bonsai", "aneurism", "tooth"];
 
-/// What the user named.
+/// The input, as the user named it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Input {
-    /// Nothing: a vessel tree is made.
+    /// No file: a synthetic vessel tree.
     Synthetic,
     /// A volume.
     Volume(PathBuf),
-    /// Gaussians.
+    /// A scene file or folder.
     Scene(PathBuf),
 }
 
-/// A scene that is ready to be opened.
+/// A scene that is ready to open.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Scene {
     /// Its file, absolute.
     pub(crate) path: PathBuf,
-    /// Seconds from volume to Gaussians, where there was a volume.
+    /// Seconds from volume to Gaussians, for a volume.
     pub(crate) fit_seconds: Option<f64>,
 }
 
 impl Input {
-    /// Tells a scene from a volume by its extension.
+    /// Tells scenes from volumes by the extension.
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = path else { return Ok(Self::Synthetic) };
         let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
@@ -47,7 +47,7 @@ impl Input {
         Ok(if scene { Self::Scene(path) } else { Self::Volume(path) })
     }
 
-    /// The volume of [`SHIPPED_VOLUMES`] it is.
+    /// The name in [`SHIPPED_VOLUMES`], if it is one of these.
     pub(crate) fn shipped_name(&self) -> Option<&'static str> {
         match self {
             Self::Synthetic => Some("vessel"),
@@ -59,7 +59,7 @@ impl Input {
         }
     }
 
-    /// Makes what has to be made.
+    /// Makes the scene from the volume, if necessary.
     pub(crate) fn scene(
         &self,
         out: &Path,
@@ -78,7 +78,7 @@ impl Input {
 
 fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
     let folder = out.join("volume");
-    terminal::print_status(&format!("making a vessel tree with an aneurysm, {SYNTHETIC_SIZE}³ voxels"));
+    terminal::print_status(&format!("making a synthetic vessel tree with an aneurysm, {SYNTHETIC_SIZE}³ voxels"));
     let truth = fit_command(&[
         "phantom".as_ref(),
         "--out".as_ref(),
@@ -91,7 +91,7 @@ fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64
     ])?;
     let file = |key: &str| {
         let name = truth.get(key).and_then(Value::as_str);
-        name.map(|n| folder.join(n)).ok_or_else(|| Failure::Work(format!("the made volume does not tell its `{key}`")))
+        name.map(|n| folder.join(n)).ok_or_else(|| Failure::Work(format!("the synthetic volume has no `{key}`")))
     };
     let own = file("transfer_function")?;
     fit(&file("volume")?, out, Some(function.unwrap_or(&own)), gaussians, seed)
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inputs_are_told_apart_by_their_names() {
+    fn inputs_are_recognized_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let kind = |name: &str| {
             let path = folder.path().join(name);

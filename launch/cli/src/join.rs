@@ -1,4 +1,4 @@
-//! `join`: this machine runs services for a stack of another one.
+//! `join`: runs services on this machine for a stack of another machine.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::terminal::{CommandResult, Failure};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct JoinArgs {
-    /// Where the stack listens, as its launch file says it: tls/HOST:PORT
+    /// Endpoint of the stack, as in its launch file: tls/HOST:PORT
     #[arg(value_name = "ENDPOINT")]
     endpoint: String,
     /// Name of this machine in the launch file
@@ -18,7 +18,7 @@ pub(crate) struct JoinArgs {
     /// Certificate of the authority
     #[arg(long, value_name = "FILE")]
     authority: PathBuf,
-    /// Certificate of this machine, in which its name stands
+    /// Certificate of this machine, with its name
     #[arg(long, value_name = "FILE")]
     certificate: PathBuf,
     /// Private key of this machine
@@ -28,10 +28,10 @@ pub(crate) struct JoinArgs {
 
 pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> CommandResult {
     let session = session.ok_or_else(|| {
-        Failure::Input("which stack? give the name of its session with --session NAME, as `up` tells it".to_owned())
+        Failure::Input("--session NAME is missing; give the session's name, as `up` prints it".to_owned())
     })?;
     if !arguments.endpoint.starts_with(TLS_PREFIX) {
-        let text = format!("`{}`: another machine is joined by `tls/HOST:PORT` only", arguments.endpoint);
+        let text = format!("`{}`: write the endpoint as tls/HOST:PORT", arguments.endpoint);
         return Err(Failure::Input(text));
     }
     let certificates = Certificates {

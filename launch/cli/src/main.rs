@@ -1,4 +1,4 @@
-//! The `supergaussian` command: starts and watches stacks, talks to them, and finds the executables of the other commands.
+//! The `supergaussian` command: starts and supervises stacks, talks to them, and dispatches to other executables.
 
 mod capture;
 mod certificates;

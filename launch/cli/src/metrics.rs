@@ -1,4 +1,4 @@
-//! `metrics`: what all processes of a stack have counted, as Prometheus reads it.
+//! `metrics`: the metrics of all processes of a stack, for Prometheus.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -20,13 +20,13 @@ use tokio::net::TcpListener;
 use crate::supervisor_client::{join, services};
 use crate::terminal::{self, CommandResult, Failure};
 
-/// How long one process may take to tell; one that is away is left out.
+/// Longest time for one process's answer. Processes that do not answer are left out.
 const TIMEOUT: Duration = Duration::from_millis(500);
-/// How long somebody may take to say what they want.
+/// Longest time for a request's headers.
 const HEADERS: Duration = Duration::from_secs(5);
-/// Connections at a time.
+/// Most connections at a time.
 const CONNECTIONS: usize = 16;
-/// What Prometheus' text format calls itself.
+/// Content type of Prometheus' text format.
 const FORMAT: &str = "text/plain; version=0.0.4";
 
 pub(crate) async fn metrics(session: Option<&str>, listen: Option<SocketAddr>) -> CommandResult {
@@ -41,11 +41,11 @@ pub(crate) async fn metrics(session: Option<&str>, listen: Option<SocketAddr>) -
     }
 }
 
-/// What every process that answers has counted.
+/// The metrics of all processes that answer.
 async fn gather(bus: &Bus) -> Result<String, Failure> {
     let running = services(bus).await?.services.into_iter().filter(|s| s.pid > 0);
     let places = running.map(|s| keys::instance(&s.instance)).chain([role::SUPERVISOR.to_owned()]);
-    let asked = places.map(|place| {
+    let requests = places.map(|place| {
         let bus = bus.clone();
         tokio::spawn(async move {
             let context = Context::root().deadline_in(TIMEOUT);
@@ -53,8 +53,8 @@ async fn gather(bus: &Bus) -> Result<String, Failure> {
         })
     });
     let mut texts = Vec::new();
-    for answer in asked.collect::<Vec<_>>() {
-        // Who does not answer shows by `supergaussian_service_ready`.
+    for answer in requests.collect::<Vec<_>>() {
+        // A missing answer shows in `supergaussian_service_ready`.
         if let Ok(Ok(reply)) = answer.await {
             texts.push(reply.text);
         }
@@ -62,7 +62,7 @@ async fn gather(bus: &Bus) -> Result<String, Failure> {
     Ok(merged(&texts))
 }
 
-/// One text of several: each name is described once, with the samples of all under it.
+/// Merges several texts: one description per name, with all samples below it.
 fn merged(texts: &[String]) -> String {
     let mut families: BTreeMap<&str, (Vec<&str>, Vec<&str>)> = BTreeMap::new();
     for text in texts {
@@ -93,7 +93,7 @@ fn merged(texts: &[String]) -> String {
 async fn serve(bus: Bus, address: SocketAddr) -> CommandResult {
     if !address.ip().is_loopback() {
         return Err(Failure::Input(format!(
-            "--listen {address}: metrics are served to this machine only; use 127.0.0.1:{}",
+            "--listen {address}: metrics are served on loopback addresses only; use 127.0.0.1:{}",
             address.port()
         )));
     }
@@ -116,7 +116,7 @@ async fn serve(bus: Bus, address: SocketAddr) -> CommandResult {
                 .header_read_timeout(HEADERS)
                 .keep_alive(false)
                 .serve_connection(TokioIo::new(stream), answering);
-            // Whoever hangs up early misses only their own answer.
+            // A client that disconnects loses only its own answer.
             let _ = connection.await;
             drop(place);
         });
@@ -131,7 +131,7 @@ async fn answer(bus: Bus, request: Request<hyper::body::Incoming>) -> Result<Res
             Ok(text) => (StatusCode::OK, text),
             Err(failure) => (StatusCode::SERVICE_UNAVAILABLE, format!("{}\n", failure.text())),
         },
-        _ => (StatusCode::NOT_FOUND, "only /metrics is here\n".to_owned()),
+        _ => (StatusCode::NOT_FOUND, "only /metrics is served\n".to_owned()),
     };
     let mut response = Response::new(Full::new(Bytes::from(text)));
     *response.status_mut() = status;

@@ -1,4 +1,4 @@
-//! `open`: a scene or volume in a window and a session of its own.
+//! `open`: a scene or volume in its own window and session.
 
 use std::fs::{File, TryLockError};
 use std::path::PathBuf;
@@ -23,21 +23,21 @@ pub(crate) struct OpenArgs {
     path: PathBuf,
 }
 
-pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> CommandResult {
+pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> CommandResult {
     let path = &arguments.path;
     let input = Input::of(Some(path))?;
     if !has_display() {
         return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));
     }
-    // What can be wrong is looked at before anything that takes time.
+    // Check all inputs before slow work.
     let search = ExecutableSearch::here_then_path();
     shipped::launch_file(DESKTOP, &[], &search)?;
-    let name = told.map_or_else(|| session_of(path), |told| Ok(told.to_owned()))?;
+    let name = session_name.map_or_else(|| session_of(path), |session_name| Ok(session_name.to_owned()))?;
     let session = SessionDir::named(&name)?;
     session.create()?;
-    let _held = hold(&session)?;
+    let _lock = lock(&session)?;
     let function = shipped::unpack(session.path(), input.shipped_name())?.transfer_function;
-    // The same Gaussians each time, so that what was edited of them before fits.
+    // The Gaussians must be the same each time, so that earlier edits fit.
     let scene = input.scene(session.path(), function.as_deref(), GAUSSIANS, 0)?;
     let scene = format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string()));
     let file = shipped::launch_file(DESKTOP, &[scene], &search)?;
@@ -52,8 +52,8 @@ pub(crate) async fn open(arguments: &OpenArgs, told: Option<&str>) -> CommandRes
     outcome(Supervisor::open(stack).await?.run().await?)
 }
 
-/// Keeps anybody else from opening the same session while Gaussians are made, before there is a supervisor to lock it.
-fn hold(session: &SessionDir) -> Result<File, Failure> {
+/// Locks the session while Gaussians are made, before a supervisor exists.
+fn lock(session: &SessionDir) -> Result<File, Failure> {
     let path = session.path().join("open.lock");
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
     let file = File::options().write(true).create(true).truncate(false).open(&path).map_err(fail)?;

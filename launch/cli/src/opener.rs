@@ -1,4 +1,4 @@
-//! The commands by which a supervisor opens scenes and volumes that people drop on its window.
+//! The commands with which a supervisor opens dropped scenes and volumes.
 
 use std::fs::File;
 use std::io;
@@ -12,7 +12,7 @@ use crate::display::has_display;
 use crate::input::Input;
 use crate::session_name::session_of;
 
-/// Opens files by `supergaussian open`.
+/// Opens files with `supergaussian open`.
 #[derive(Debug)]
 pub(crate) struct CommandOpener;
 

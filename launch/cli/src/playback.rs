@@ -1,4 +1,4 @@
-//! Plays a script step by step through the bus.
+//! Plays a script step by step over the bus.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
-use sg_proto::keys::{self, Ask};
+use sg_proto::keys::{self, Request};
 use sg_proto::language::{Reply, Source, Utterance};
 use sg_proto::prost::{Message, Name};
 use sg_proto::render::{CaptureRequest, Frame};
@@ -27,50 +27,50 @@ use crate::supervisor_client::services;
 use crate::terminal::{self, Failure, format_count, format_time};
 use crate::transcript::Transcript;
 
-/// How long a picture of the shared viewpoint is waited for after a change.
+/// Longest wait for the view's picture after a change.
 const VIEW_TIME: Duration = Duration::from_secs(20);
-/// How long a service that is to be killed may take to have a process.
+/// Longest wait for the process of the service to kill.
 const TARGET_TIME: Duration = Duration::from_secs(10);
 
-/// How a script is played.
+/// Settings of a playback.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     /// Folder for pictures and the transcript.
     pub(crate) out: PathBuf,
-    /// Name of the conversation: the ids of everything that is asked begin with it.
+    /// Name of the conversation. The ids of all requests begin with it.
     pub(crate) conversation: String,
     /// Longest time of one step, restarts of services included.
     pub(crate) step_time: Duration,
     /// Width and height of pictures, pixels.
     pub(crate) size: u32,
-    /// The service that is killed.
+    /// The service to kill.
     pub(crate) chaos: Option<String>,
     pub(crate) counts: Arc<Counts>,
 }
 
-/// What is counted while a script is played.
+/// Counters of a playback.
 #[derive(Debug, Default)]
 pub(crate) struct Counts {
-    /// Tries after the first, beyond those that the bus makes by itself.
+    /// Retries by the player, beyond those of the bus.
     pub(crate) retries: AtomicU64,
-    /// Refusals because there was no room to keep the command.
+    /// Refusals because the journal could not be written.
     pub(crate) refused_for_room: AtomicU64,
 }
 
-/// What was measured, milliseconds.
+/// Measured times, milliseconds.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Measurements {
     pub(crate) walk: Vec<f64>,
-    /// From sending strokes to the picture of the shared viewpoint that shows what they selected.
+    /// From the strokes to the view's picture of their selection.
     pub(crate) stroke_to_picture: Vec<f64>,
     pub(crate) frame: Vec<f64>,
     pub(crate) reply: Vec<f64>,
 }
 
-/// A change of the scene that was answered: nothing may take it back.
+/// An acknowledged change of the scene. It must never be lost.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct AcknowledgedChange {
-    /// Id of the scene's command; empty where the agents chose it.
+    /// Id of the scene command; empty if the agents chose it.
     pub(crate) id: String,
     /// Revision after it.
     pub(crate) revision: u64,
@@ -83,14 +83,14 @@ pub(crate) struct Player {
     transcript: Transcript,
     settings: Settings,
     step: u32,
-    /// The newest revision of the scene that an answer spoke of.
+    /// Newest revision of the scene in an answer.
     revision: u64,
     pub(crate) measured: Measurements,
     pub(crate) pictures: Vec<PathBuf>,
     /// Content hash of each picture.
     pub(crate) hashes: Vec<String>,
     pub(crate) replies: usize,
-    /// What was said but not done.
+    /// Utterances that the agents could not carry out.
     pub(crate) failed_utterances: Vec<String>,
     pub(crate) acknowledged: Vec<AcknowledgedChange>,
 }
@@ -130,7 +130,7 @@ impl Player {
         Ok(())
     }
 
-    /// Plays one step; what came of it, for a person.
+    /// Plays one step. Returns its result as text.
     pub(crate) async fn play_step(&mut self, step: &Step) -> Result<String, Failure> {
         self.step += 1;
         match step {
@@ -147,23 +147,23 @@ impl Player {
         }
     }
 
-    /// Sends one command to the scene, as a step of its own.
+    /// Sends one command to the scene as a step of its own.
     pub(crate) async fn play_command(&mut self, action: Action) -> Result<String, Failure> {
         self.step += 1;
         self.command(action).await
     }
 
-    /// Width and height of its pictures, pixels.
+    /// Width and height of the pictures, pixels.
     pub(crate) fn size(&self) -> u32 {
         self.settings.size
     }
 
-    /// Writes what was heard so far.
+    /// Writes the transcript so far.
     pub(crate) fn write_transcript(&self) -> Result<PathBuf, Failure> {
         self.transcript.write(&self.settings.out, &self.decoder)
     }
 
-    /// The context of a step: its ids do not depend on how often it is tried, so that it takes effect once.
+    /// The context of a step. Its id is the same for every try, so that a step takes effect once.
     fn context(&self) -> Context {
         Context::root()
             .deadline_in(self.settings.step_time)
@@ -171,8 +171,8 @@ impl Player {
             .at_step(self.settings.conversation.clone(), self.step)
     }
 
-    /// Asks until there is an answer that another try would not change.
-    async fn ask<Q, R>(&self, row: &Ask<Q, R>, request: &Q, context: &Context) -> Result<R, Failure>
+    /// Repeats a request until its answer is final.
+    async fn ask<Q, R>(&self, row: &Request<Q, R>, request: &Q, context: &Context) -> Result<R, Failure>
     where
         Q: Message + Name,
         R: Message + Name + Default,
@@ -208,7 +208,7 @@ impl Player {
         let request = StrokesRequest { restart, steps, ..StrokesRequest::default() };
         let context = self.context();
         let reply = self.ask(&keys::SELECTION_STROKES, &request, &context).await?;
-        // The selection process names its command after the request.
+        // The selection service names its command after the request.
         self.acknowledge(format!("strokes-{}", context.id), reply.revision);
         let seen = self.transcript.view_of(reply.revision, VIEW_TIME).await;
         let mut picture = String::new();
@@ -283,7 +283,7 @@ impl Player {
         Ok(format!("capture {shown}, drawn in {}", format_time(frame.render_ms)))
     }
 
-    /// Kills the service that the command names, as it is, and goes on at once.
+    /// Kills the chosen service and continues at once.
     async fn kill(&self) -> Result<String, Failure> {
         let Some(target) = &self.settings.chaos else { return Ok(String::new()) };
         let began = Instant::now();
@@ -296,14 +296,14 @@ impl Player {
                 return Ok(format!("kill -9 {pid} ({target})"));
             }
             if began.elapsed() > TARGET_TIME {
-                return Err(Failure::Work(format!("`{target}` has no process that could be killed")));
+                return Err(Failure::Work(format!("`{target}` has no process")));
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
 }
 
-/// Copies a picture out of the session's folder, whole or not at all. Returns the PNG.
+/// Copies a picture from the session's folder. A failed copy leaves no file. Returns the PNG.
 fn keep(frame: &Frame, npy: &Path, png: &Path) -> Result<PathBuf, Failure> {
     for (from, to) in [(&frame.npy_path, npy), (&frame.png_path, png)] {
         let part = to.with_extension("part");

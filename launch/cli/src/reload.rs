@@ -1,4 +1,4 @@
-//! `up` on a stack that runs: its launch file is read again and the difference applied.
+//! `up` for a running stack: reloads its launch file.
 
 use std::time::Instant;
 
@@ -12,12 +12,12 @@ use crate::supervisor_client::{ANSWER, POLL_PERIOD, refused, services};
 use crate::swap::{FOLLOW_TIME, Progress, progress, started};
 use crate::terminal::{self, CommandResult, Failure, columns, format_time};
 
-/// Has the supervisor of a session read a file again, tells the differences, and follows until all is as wished or
-/// something has failed. `name` is the session's where the file itself gives it.
+/// Reloads the launch file of a session, prints the differences, and follows them to their end. `name` is the session's
+/// name if the file contains it.
 pub(crate) async fn reload(session: &SessionDir, request: ReloadRequest, name: Option<&str>) -> CommandResult {
     let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
     let ps = services(&bus).await?;
-    // A file that only happens to be called like another one must not stop what the other one started.
+    // A file with the same name by chance must not stop another stack.
     if ps.launch_file != request.launch_file && name != Some(session.name()) {
         let name = session.name();
         return Err(Failure::Work(format!(
@@ -33,8 +33,8 @@ pub(crate) async fn reload(session: &SessionDir, request: ReloadRequest, name: O
     }
     loop {
         let ps = services(&bus).await?;
-        let open: Vec<_> = reply.differences.iter().map(|d| (d, come(&ps, d))).collect();
-        let going: Vec<_> = open
+        let open: Vec<_> = reply.differences.iter().map(|d| (d, progress_of(&ps, d))).collect();
+        let running: Vec<_> = open
             .iter()
             .filter_map(
                 |(d, p)| if let Progress::Running(what) = p { Some(format!("{}: {what}", d.service)) } else { None },
@@ -44,22 +44,19 @@ pub(crate) async fn reload(session: &SessionDir, request: ReloadRequest, name: O
             .into_iter()
             .filter_map(|(_, p)| if let Progress::Failed(why) = p { Some(why) } else { None })
             .collect();
-        // What waits for one that failed waits for ever.
+        // A service that waits for a failed one waits for ever.
         let waits = |line: &String| line.contains("which failed");
-        if going.is_empty() || (!failed.is_empty() && going.iter().all(waits)) {
+        if running.is_empty() || (!failed.is_empty() && running.iter().all(waits)) {
             bus.close().await;
             if failed.is_empty() {
-                terminal::print_line(&format!(
-                    "all as wished after {}",
-                    format_time(began.elapsed().as_secs_f64() * 1000.0)
-                ));
+                terminal::print_line(&format!("done after {}", format_time(began.elapsed().as_secs_f64() * 1000.0)));
                 return Ok(());
             }
-            return Err(Failure::Work([failed, going].concat().join("\n")));
+            return Err(Failure::Work([failed, running].concat().join("\n")));
         }
         if began.elapsed() > FOLLOW_TIME {
             let seconds = FOLLOW_TIME.as_secs();
-            return Err(Failure::Work(format!("not as wished after {seconds} s: {}", going.join("; "))));
+            return Err(Failure::Work(format!("not done after {seconds} s: {}", running.join("; "))));
         }
         tokio::time::sleep(POLL_PERIOD).await;
     }
@@ -76,13 +73,13 @@ fn word(change: Change) -> &'static str {
     }
 }
 
-/// How far a difference has come.
-fn come(ps: &PsReply, difference: &Difference) -> Progress {
+/// Progress of a difference.
+fn progress_of(ps: &PsReply, difference: &Difference) -> Progress {
     let service = ps.services.iter().find(|s| s.name == difference.service);
     match (difference.change(), service) {
         (Change::Removed, None) => Progress::Done,
         (Change::Removed, Some(_)) => Progress::Running("stops".to_owned()),
-        (_, None) => Progress::Failed(format!("service `{}` was removed meanwhile", difference.service)),
+        (_, None) => Progress::Failed(format!("service `{}` was removed in the meantime", difference.service)),
         (Change::Swapped, Some(service)) => match progress(service, difference.swap) {
             Progress::Done => started(service),
             other => other,

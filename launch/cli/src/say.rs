@@ -1,4 +1,4 @@
-//! `say`: one utterance to the running stack, with every stage it goes through.
+//! `say`: one utterance to the running stack, with the stages of its pipeline.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +7,7 @@ use sg_proto::keys;
 use sg_proto::language::{ActionResult, Intent, Observation, Perceive, Plan, Reply, Source, Utterance};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::prost::{Message, Name};
-use sg_runtime::bus::{Bus, Seen};
+use sg_runtime::bus::{Bus, WatchedMessage};
 use sg_runtime::context::Context;
 
 use sg_stack::terminal::may_color;
@@ -16,12 +16,12 @@ use crate::decode::{Decoder, hide_masks, stage};
 use crate::supervisor_client::join;
 use crate::terminal::{self, Color, CommandResult, Failure, format_time, paint};
 
-/// Messages that may wait.
+/// Most messages that wait at a time.
 const CAPACITY: usize = 256;
-/// How long the stages' messages may come after the answer.
+/// How long to wait for messages after the answer.
 const TRAIL: Duration = Duration::from_millis(100);
 
-/// Says something to the core agent.
+/// Sends an utterance to the core agent.
 pub(crate) async fn utter(bus: &Bus, text: &str, context: &Context) -> Result<Reply, Failure> {
     let utterance = Utterance { text: text.to_owned(), source: Source::Text.into() };
     Ok(bus.ask(&keys::UTTER, &utterance, context).await?)
@@ -29,7 +29,7 @@ pub(crate) async fn utter(bus: &Bus, text: &str, context: &Context) -> Result<Re
 
 pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f64) -> CommandResult {
     if text.trim().is_empty() || text.len() > MAX_UTTERANCE_BYTES {
-        return Err(Failure::Input(format!("say something, at most {MAX_UTTERANCE_BYTES} bytes")));
+        return Err(Failure::Input(format!("write an utterance of 1 to {MAX_UTTERANCE_BYTES} bytes")));
     }
     let timeout = Duration::try_from_secs_f64(timeout).ok().filter(|t| !t.is_zero());
     let timeout = timeout.ok_or_else(|| Failure::Input("--timeout must be a number of seconds above 0".to_owned()))?;
@@ -45,7 +45,7 @@ pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f
     let asking = utter(&bus, &text, &context);
     tokio::pin!(asking);
     let mut reply = None;
-    // Until the reply, and a moment longer for messages that are on their way.
+    // Until the reply, and a moment longer for late messages.
     let mut end = tokio::time::Instant::now() + timeout + TRAIL;
     loop {
         tokio::select! {
@@ -55,7 +55,7 @@ pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f
             }
             message = seen.next() => {
                 let Some(message) = message else { break };
-                // Newest values of services are no stage of the pipeline.
+                // Newest values are not pipeline stages.
                 if message.context.conversation == conversation && stage(&message.key) != keys::SCENE_STATE.name {
                     let at = began.elapsed();
                     if !json {
@@ -67,7 +67,7 @@ pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f
             () = tokio::time::sleep_until(end) => break,
         }
     }
-    let reply = reply.unwrap_or_else(|| Err(Failure::Work("no answer came in time".to_owned())));
+    let reply = reply.unwrap_or_else(|| Err(Failure::Work("no answer in time".to_owned())));
     let lost = seen.lost();
     bus.close().await;
     let reply = match reply {
@@ -79,7 +79,7 @@ pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f
         Err(failure) => return Err(failure),
     };
     if lost > 0 {
-        terminal::print_status(&format!("{lost} messages of the pipeline were lost: this reader is too slow"));
+        terminal::print_status(&format!("{lost} pipeline messages were lost, because this terminal is too slow"));
     }
     if json {
         let mut answer = decoder.json_of(&reply);
@@ -93,7 +93,7 @@ pub(crate) async fn say(name: Option<&str>, text: String, json: bool, timeout: f
     if reply.ok { Ok(()) } else { Err(Failure::Work("not everything was done".to_owned())) }
 }
 
-fn as_json(decoder: &Decoder, seen: &Seen, at: Duration) -> Value {
+fn as_json(decoder: &Decoder, seen: &WatchedMessage, at: Duration) -> Value {
     let mut message = decoder.json(&seen.message, &seen.payload);
     hide_masks(&mut message);
     json!({
@@ -102,17 +102,17 @@ fn as_json(decoder: &Decoder, seen: &Seen, at: Duration) -> Value {
     })
 }
 
-/// A stage in one line.
-fn shown(seen: &Seen, at: Duration) -> String {
+/// One line for a stage.
+fn shown(seen: &WatchedMessage, at: Duration) -> String {
     let at = format_time(at.as_secs_f64() * 1000.0);
     let colored = may_color(&std::io::stderr());
     let name = paint(Color::Cyan, &format!("{:<12}", stage(&seen.key)), colored);
     let gist = gist(&seen.message, &seen.payload);
-    // The reply is told in full at the end.
+    // The full reply follows at the end.
     format!("{at:>8}  {name} {}", gist.lines().next().unwrap_or_default())
 }
 
-/// What a message of the pipeline says, for a person.
+/// The content of a pipeline message as text.
 fn gist(full_name: &str, payload: &[u8]) -> String {
     fn read<M: Message + Name + Default>(full_name: &str, payload: &[u8]) -> Option<M> {
         if full_name == M::full_name() { M::decode(payload).ok() } else { None }

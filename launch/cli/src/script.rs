@@ -1,4 +1,4 @@
-//! Demo scripts: what is brushed, said, saved and pictured, in order.
+//! Demo scripts: strokes, utterances, saved units, viewpoints and captures, in order.
 //!
 //! ```toml
 //! [[step]]
@@ -12,10 +12,10 @@
 //! save = "sac"                # the selection becomes a unit
 //! [[step]]
 //! say = "make the sac red"
-//! [[step]]                    # where the scene is looked at from, in scene coordinates
+//! [[step]]                    # viewpoint in scene coordinates
 //! view = { eye = [-350, 330, -150], target = [128, 105, 140], up = [0, 1, 0], fov_y_degrees = 35 }
 //! [[step]]
-//! chaos = true                # here the service named by --chaos is killed
+//! chaos = true                # kills the service of --chaos here
 //! ```
 
 use std::path::{Path, PathBuf};
@@ -31,36 +31,36 @@ const MAX_STEPS: usize = 1000;
 /// One step.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Step {
-    /// Brush.
+    /// Play strokes.
     Strokes {
         /// File of strokes.
         file: PathBuf,
-        /// Whether earlier strokes are forgotten first.
+        /// Whether to forget earlier strokes first.
         restart: bool,
     },
-    /// Say something.
+    /// Send an utterance.
     Say(String),
-    /// Save the selection as a unit of this name.
+    /// Save the selection as a unit.
     Save(String),
-    /// Look from elsewhere.
+    /// Change the viewpoint.
     View(View),
-    /// Take a picture.
+    /// Save a picture.
     Capture {
         /// Part of the picture's file names.
         name: String,
-        /// Whether the selection is highlighted.
+        /// Whether to highlight the selection.
         highlight: bool,
-        /// Units that are drawn; empty: all.
+        /// Units to draw; all if empty.
         only: Vec<String>,
     },
-    /// Kill the service that the command names.
+    /// Kill the service of `--chaos`.
     Chaos,
 }
 
-/// Reads a script.
+/// Parses a script.
 ///
 /// # Errors
-/// Every mistake that was found, with its place.
+/// All mistakes, with their places.
 pub(crate) fn read(path: &Path, text: &str) -> Result<Vec<Step>, Problems> {
     let mut problems = Vec::new();
     let steps = match document::parse(text) {
@@ -78,7 +78,7 @@ fn steps(table: &Table, path: &Path, problems: &mut Vec<Problem>) -> Vec<Step> {
     let mut top = Reader::new("the script", table, problems);
     let list = match top.node("step") {
         None => {
-            top.problem(&start, "no step; begin one with `[[step]]`");
+            top.problem(&start, "no steps; start each with `[[step]]`");
             &[][..]
         }
         Some(Node { value: Value::Array(list), .. }) => list,
@@ -101,7 +101,7 @@ fn steps(table: &Table, path: &Path, problems: &mut Vec<Problem>) -> Vec<Step> {
         let step = step(index + 1, table, &node.place, path, problems);
         if let Some(Step::Capture { name, .. }) = &step {
             if names.contains(name) {
-                let text = format!("two pictures are called `{name}`");
+                let text = format!("two pictures have the name `{name}`");
                 problems.push(Problem { place: node.place.clone(), text });
             }
             names.push(name.clone());
@@ -119,11 +119,11 @@ fn step(number: usize, table: &Table, place: &Place, path: &Path, problems: &mut
     let kind = match kinds.as_slice() {
         [kind] => kind.key.as_str(),
         [] => {
-            reader.problem(place, format!("step {number} does nothing; give it one of {}", KINDS.join(", ")));
+            reader.problem(place, format!("step {number} has no action; give it one of {}", KINDS.join(", ")));
             ""
         }
         [_, second, ..] => {
-            let text = format!("step {number} does two things at once; make `{}` a step of its own", second.key);
+            let text = format!("step {number} has two actions; make `{}` a step of its own", second.key);
             reader.problem(&second.place, text);
             ""
         }
@@ -138,12 +138,12 @@ fn step(number: usize, table: &Table, place: &Place, path: &Path, problems: &mut
         "capture" => picture_name(&mut reader).map(|name| Step::Capture { name, highlight: false, only: Vec::new() }),
         "chaos" => match reader.boolean("chaos") {
             Some(false) => {
-                reader.problem(place, "leave the step away instead of `chaos = false`");
+                reader.problem(place, "remove the step instead of `chaos = false`");
                 None
             }
             other => other.map(|_| Step::Chaos),
         },
-        // What belongs to no one kind is not told a second time as an unknown key.
+        // Keys of a step without a valid kind are not reported again as unknown.
         _ => {
             for key in KINDS {
                 reader.node(key);
@@ -291,9 +291,9 @@ save = "the sac"
     }
 
     #[test]
-    fn mistakes_are_told_with_their_places() {
+    fn mistakes_have_places() {
         for (text, expected) in [
-            ("", "x.toml:1:1: no step; begin one with `[[step]]`"),
+            ("", "x.toml:1:1: no steps; start each with `[[step]]`"),
             ("[step]\nsay = \"undo\"\n", "x.toml:1:1: write `[[step]]`, with two brackets on each side"),
             (
                 "[[step]]\nsay = \"undo\"\n[[steps]]\n",
@@ -301,18 +301,18 @@ save = "the sac"
             ),
             (
                 "[[step]]\nsya = \"undo\"\n",
-                "x.toml:2:1: step 1 does nothing; give it one of strokes, say, save, view, capture, chaos\nx.toml:2:1: unknown key `sya` in step 1; did you mean `say`?",
+                "x.toml:2:1: step 1 has no action; give it one of strokes, say, save, view, capture, chaos\nx.toml:2:1: unknown key `sya` in step 1; did you mean `say`?",
             ),
             (
                 "[[step]]\nsay = \"undo\"\nsave = \"x\"\n",
-                "x.toml:3:1: step 1 does two things at once; make `save` a step of its own",
+                "x.toml:3:1: step 1 has two actions; make `save` a step of its own",
             ),
             ("[[step]]\nsay = 3\n", "x.toml:2:7: `say` must be a string, not an integer"),
             ("[[step]]\nsay = \" \"\n", "x.toml:2:7: `say` must have 1 to 4096 bytes"),
             ("[[step]]\ncapture = \"a/b\"\n", "x.toml:2:11: picture `a/b`: use 1 to 64 letters, digits, `-` or `_`"),
             (
                 "[[step]]\ncapture = \"a\"\nonly = [1]\n[[step]]\ncapture = \"a\"\n",
-                "x.toml:3:8: `only` must be a list of names\nx.toml:4:1: two pictures are called `a`",
+                "x.toml:3:8: `only` must be a list of names\nx.toml:4:1: two pictures have the name `a`",
             ),
             (
                 "[[step]]\nview = { eye = [1, 2], up = [0, 0, 1], fov_y_degrees = 0 }\n",

@@ -1,17 +1,17 @@
-//! Names of sessions that are opened from files.
+//! Session names for opened files.
 
 use std::ffi::OsStr;
 use std::path::Path;
 
 use crate::terminal::Failure;
 
-/// Letters of a file's name that its session's begins with, and of the hash of its path that it ends with.
+/// Number of letters from the file's name, and from the hash of its path.
 const LETTERS: (usize, usize) = (24, 8);
 
-/// Name of the session that a file is opened in: the same each time, so that what was edited is found again.
+/// Session name of a file. The same file always has the same session, so its edits are found again.
 ///
 /// # Errors
-/// There is no such file.
+/// The file does not exist.
 pub(crate) fn session_of(path: &Path) -> Result<String, Failure> {
     let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
     let stem = |name: Option<&OsStr>| {
@@ -19,7 +19,7 @@ pub(crate) fn session_of(path: &Path) -> Result<String, Failure> {
         name.split('.').find(|part| !part.is_empty()).unwrap_or_default().to_owned()
     };
     let own = stem(path.file_name());
-    // Every scene file is called so: its folder says which it is.
+    // Scene files share one name. Their folder tells them apart.
     let own = if own == "scene" { stem(path.parent().and_then(Path::file_name)) } else { own };
     let letters = own.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' });
     let hash = blake3::hash(path.as_os_str().as_encoded_bytes()).to_hex();
@@ -33,7 +33,7 @@ mod tests {
     use sg_runtime::session::SessionDir;
 
     #[test]
-    fn a_session_is_known_by_the_name_and_the_place_of_its_file() {
+    fn session_name_depends_on_name_and_path() {
         let folder = tempfile::tempdir().unwrap();
         let name = |path: &str| {
             let path = folder.path().join(path);

@@ -1,6 +1,6 @@
-//! Scripts, strokes and transfer functions that come with the program, so that the demo works from anywhere.
+//! Launch files, scripts, strokes and transfer functions inside the program.
 //!
-//! They are written into the demo's folder before they are used: there they can be looked at, changed, and played again.
+//! Scripts are written into the demo's folder before use. There they can be read, changed, and played again.
 
 use std::path::{Path, PathBuf};
 
@@ -8,13 +8,13 @@ use sg_stack::file::{ExecutableSearch, LaunchFile, Source, read};
 
 use crate::terminal::Failure;
 
-/// The launch file of the whole stack without a window: its name and text.
+/// Name and text of the launch file without a window.
 pub(crate) const HEADLESS: (&str, &str) = ("headless.toml", include_str!("../../headless.toml"));
 
-/// The launch file of the whole stack with a window: its name and text.
+/// Name and text of the launch file with a window.
 pub(crate) const DESKTOP: (&str, &str) = ("desktop.toml", include_str!("../../desktop.toml"));
 
-/// Reads one of the shipped launch files.
+/// Parses a shipped launch file.
 pub(crate) fn launch_file(
     (name, text): (&str, &str),
     overrides: &[String],
@@ -24,7 +24,7 @@ pub(crate) fn launch_file(
     read(source, search).map_err(|problems| Failure::Work(problems.to_string()))
 }
 
-/// Strokes that the generic script plays; made for each scene.
+/// Name of the generated strokes for the generic script.
 pub(crate) const DENSEST: &str = "densest.json";
 
 macro_rules! shipped {
@@ -54,16 +54,16 @@ const FILES: &[(&str, &str)] = shipped![
     "tooth.rest.json",
 ];
 
-/// Where they are.
+/// Paths of the unpacked files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Shipped {
-    /// The script for the input: its own, or the generic one.
+    /// The script for the input, or the generic one.
     pub(crate) script: PathBuf,
     /// The script that works on any scene.
     pub(crate) generic: PathBuf,
-    /// Where the strokes of the generic script belong.
+    /// The strokes of the generic script.
     pub(crate) densest: PathBuf,
-    /// The transfer function for the input, where one is shipped.
+    /// The transfer function for the input, if one is shipped.
     pub(crate) transfer_function: Option<PathBuf>,
 }
 

@@ -10,7 +10,7 @@ use crate::shipped::DENSEST;
 use crate::terminal::{CommandResult, Failure};
 use crate::text_file::read_text;
 
-/// Reads every file of strokes, so that a mistake in the last one is not found after minutes.
+/// Reads all stroke files of a script, so that mistakes show before slow work.
 pub(crate) fn check_strokes(steps: &[Step]) -> CommandResult {
     for step in steps {
         if let Step::Strokes { file, .. } = step

@@ -1,4 +1,4 @@
-//! Commands that other executables carry out, found as git finds its own: beside this one, else on `PATH`.
+//! Subcommands in other executables, found as git finds its own: beside this one, then on `PATH`.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
@@ -13,23 +13,23 @@ use sg_stack::suggestion::suggestion;
 
 use crate::terminal::{CommandResult, Failure};
 
-/// Command, executable, what it is for.
+/// The command table: name, executable, help line. A new command is one row.
 const TABLE: [(&str, &str, &str); 6] = [
-    ("scene", "supergaussian-scene", "Look at and convert Gaussian files"),
-    ("render", "supergaussian-render-node", "Draw one picture of a scene"),
-    ("selection", "supergaussian-selection", "Cluster a scene, select by strokes"),
+    ("scene", "supergaussian-scene", "Show and convert Gaussian files"),
+    ("render", "supergaussian-render-node", "Render one picture of a scene"),
+    ("selection", "supergaussian-selection", "Cluster a scene and select by strokes"),
     ("fit", "supergaussian-fit", "Turn a volume into an editable scene"),
-    ("conformance", "supergaussian-conformance", "Try whether an executable can fill a role"),
-    ("eval", "supergaussian-eval", "Evaluation tables on scenes whose truth is known"),
+    ("conformance", "supergaussian-conformance", "Test whether an executable can serve a role"),
+    ("eval", "supergaussian-eval", "Make evaluation tables on scenes with known truth"),
 ];
 
-/// What the help says about them.
+/// Help text for the table.
 pub(crate) static HELP: LazyLock<String> = LazyLock::new(|| {
     let rows: Vec<_> = TABLE.iter().map(|(name, _, doc)| format!("  {name:<11} {doc}")).collect();
     format!("Offline, on files (`supergaussian NAME --help`):\n{}\n\nExample: supergaussian demo", rows.join("\n"))
 });
 
-/// The executable of a command of the table. `built_in` are the other commands, for a suggestion.
+/// The executable of a command. `built_in` are the other commands, for a suggestion.
 fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
     match TABLE.iter().find(|(command, ..)| *command == name) {
         Some((_, executable, _)) => {
@@ -43,7 +43,7 @@ fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
     }
 }
 
-/// Becomes the executable of a command: its standard streams and exit status are those of this process.
+/// Replaces this process by the executable of a command, with the same streams and exit status.
 pub(crate) fn run(words: &[OsString], built_in: &[String]) -> CommandResult {
     let Some((name, arguments)) = words.split_first() else {
         return Err(Failure::Input("no command".to_owned()));
@@ -54,7 +54,7 @@ pub(crate) fn run(words: &[OsString], built_in: &[String]) -> CommandResult {
     Err(Failure::Work(format!("{} cannot be started: {error}", executable.display())))
 }
 
-/// Runs a command that prints JSON; what it says to people goes to people.
+/// Runs a command with JSON output. Its standard error goes to this process's.
 pub(crate) fn json_of(command: &str, arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
     let executable = executable(command, &[])?;
     let output = tied_to_parent(&executable)

@@ -1,4 +1,4 @@
-//! `ps`, `logs`, `restart` and `down`: speaking to the supervisor of a running stack.
+//! `ps`, `logs`, `restart` and `down`: requests to the supervisor of a running stack.
 
 use std::time::{Duration, Instant};
 
@@ -16,23 +16,23 @@ use crate::terminal::{self, CommandResult, Failure, columns, format_time};
 use sg_stack::console;
 use sg_stack::log_file::{self, LogReader};
 
-/// How long the supervisor may take to answer.
+/// Longest time for the supervisor's answer.
 pub(crate) const ANSWER: Duration = Duration::from_secs(5);
-/// How long a stack may take to stop, or a service to restart: longer than any grace is likely to be.
+/// Longest time for a stop or restart, beyond any grace period.
 const TIMEOUT: Duration = Duration::from_secs(120);
-/// How long the stack may take to get ready. A large scene is clustered meanwhile.
+/// Longest time until a stack is ready. A large scene is clustered meanwhile.
 const START_TIME: Duration = Duration::from_secs(900);
-/// How often something that takes its time is looked at.
+/// Pause between two checks.
 pub(crate) const POLL_PERIOD: Duration = Duration::from_millis(50);
 
-/// Joins the bus of a running session as a person at a terminal.
+/// Joins the bus of a running session with the role of the command line.
 pub(crate) async fn join(name: Option<&str>) -> Result<(SessionDir, Bus), Failure> {
     let session = session::find(name)?;
     let bus = Bus::connect(session.name(), role::CLI, &session.endpoint()).await?;
     Ok((session, bus))
 }
 
-/// The services of a stack as they stand.
+/// The services of a stack.
 pub(crate) async fn services(bus: &Bus) -> Result<PsReply, Failure> {
     Ok(bus.ask(&keys::PS, &PsRequest {}, &Context::root().deadline_in(ANSWER)).await?)
 }
@@ -92,7 +92,7 @@ fn as_json(ps: &PsReply) -> serde_json::Value {
 }
 
 fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
-    // The times in which requests are answered: median / 99th percentile of the last minute.
+    // Latencies of requests: median / 99th percentile of the last minute.
     let head = ["SERVICE", "ROLE", "ON", "STATE", "PID", "UP", "RESTARTS", "MEMORY", "START", "LATENCY", "WHY"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     let or_dash = |known: bool, text: String| if known { text } else { "-".to_owned() };
@@ -114,9 +114,9 @@ fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
     rows
 }
 
-/// Why a service is where it is, and where its swap is.
+/// The reason for a service's state, and the state of its swap.
 fn why(service: &Service) -> String {
-    let swap = service.swap.as_ref().filter(|s| s.state() != SwapState::CommandResult).map(|swap| {
+    let swap = service.swap.as_ref().filter(|s| s.state() != SwapState::Done).map(|swap| {
         let reason = if swap.reason.is_empty() { String::new() } else { format!(": {}", swap.reason) };
         let state = swap_state(swap).to_lowercase().replace('_', " ");
         format!("swap to {} {state}{reason}", swap.executable)
@@ -129,12 +129,12 @@ fn swap_state(swap: &Swap) -> &'static str {
     swap.state().as_str_name().trim_start_matches("SWAP_STATE_")
 }
 
-/// The state in one word.
+/// The name of a service's state.
 pub(crate) fn state(service: &Service) -> &'static str {
     service.state().as_str_name().trim_start_matches("SERVICE_STATE_")
 }
 
-/// A request that a supervisor refused: what was wrong with it, or with the stack.
+/// The failure for a request that the supervisor refused.
 pub(crate) fn refused(fault: Fault) -> Failure {
     match fault.code {
         Code::NotFound | Code::InvalidArgument => Failure::Input(fault.to_string()),
@@ -191,7 +191,7 @@ pub(crate) async fn down(name: Option<&str>) -> CommandResult {
     Ok(())
 }
 
-/// Logs outlive their stack: a session that was named is read whether it runs or not.
+/// Logs outlive their stack, so a named session is read even if it does not run.
 pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> CommandResult {
     let session = match name {
         Some(name) => SessionDir::named(name)?,
@@ -215,13 +215,13 @@ pub(crate) fn logs(name: Option<&str>, service: Option<&str>, follow: bool) -> C
         wanted.iter().map(|s| (LogReader::open(log_file::path_of(&folder, s)), String::new())).collect();
     let colored = terminal::stdout_colored();
     loop {
-        // Looked at before reading: what is written until the end is still read.
+        // Check before reading, so that the last lines are still read.
         let running = session.is_running();
         let mut lines = Vec::new();
         for (position, (service, (reader, last))) in wanted.iter().zip(&mut readers).enumerate() {
             for line in reader.lines().map_err(|e| Failure::Work(format!("log of `{service}`: {e}")))? {
                 let mut line = LogLine::parse(&line);
-                // A line that does not say when it was written stays with the one before.
+                // A line without a time stays behind the line before it.
                 if line.timestamp.is_empty() {
                     line.timestamp.clone_from(last);
                 }

@@ -1,4 +1,4 @@
-//! `swap`: another executable for one service of a running stack.
+//! `swap`: another executable for one running service.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -11,17 +11,17 @@ use sg_stack::file::ExecutableSearch;
 use crate::supervisor_client::{ANSWER, POLL_PERIOD, join, refused, services, state};
 use crate::terminal::{self, CommandResult, Failure, format_time};
 
-/// How long a swap is followed: longer than a large scene takes to be read and clustered. It goes on after that.
+/// How long to follow a swap. It is longer than a large scene takes to load and cluster. The swap itself continues.
 pub(crate) const FOLLOW_TIME: Duration = Duration::from_secs(1800);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct SwapArgs {
     /// Name in the launch file
     service: String,
-    /// Executable: a path with a slash, or a name that is beside this program or on PATH; of a service on another machine, a
-    /// name there
+    /// Executable: a path with a slash, or a name beside this program or on PATH; a name only for a service on another
+    /// machine
     executable: String,
-    /// Parameters of the newcomer, a JSON object; by default those that the service has now
+    /// Parameters of the candidate as a JSON object; by default the present ones
     #[arg(long, value_name = "JSON")]
     params: Option<String>,
 }
@@ -36,7 +36,7 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Command
     let (_, bus) = join(session).await?;
     let before = services(&bus).await?.services.into_iter().find(|s| s.name == *service);
     let found = match &before {
-        // On another machine it is looked for there.
+        // A node looks its executables up itself.
         Some(service) if !service.node.is_empty() => executable.clone(),
         _ => {
             let found = ExecutableSearch::here_then_path().find(executable, Path::new(""));
@@ -52,7 +52,7 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Command
     loop {
         let ps = services(&bus).await?;
         let Some(now) = ps.services.into_iter().find(|s| s.name == *service) else {
-            return Err(Failure::Work(format!("service `{service}` was removed meanwhile")));
+            return Err(Failure::Work(format!("service `{service}` was removed in the meantime")));
         };
         match progress(&now, reply.number) {
             Progress::Done => {
@@ -72,26 +72,26 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Command
     }
 }
 
-/// How far something has come.
+/// Progress of a change.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
-    CommandResult,
+    Done,
     Failed(String),
-    /// With a word on where it is.
+    /// Running, with the present stage.
     Running(String),
 }
 
-/// How far the swap of this number has come; number 0 is the first start of a service.
+/// Progress of the swap with this number. Number 0 is the first start of a service.
 pub(crate) fn progress(service: &Service, number: u64) -> Progress {
     let name = &service.name;
     let Some(swap) = service.swap.as_ref().filter(|_| number > 0) else { return started(service) };
     match swap.state() {
-        _ if swap.number > number => Progress::Failed(format!("swap of `{name}` failed: another took its place")),
-        SwapState::CommandResult => Progress::Done,
+        _ if swap.number > number => Progress::Failed(format!("swap of `{name}` failed: another swap replaced it")),
+        SwapState::Done => Progress::Done,
         SwapState::Failed => {
             let now = match service.state() {
                 ServiceState::Ready => format!("process {} serves on", service.pid),
-                _ => format!("the service is {}, with its old executable", state(service)),
+                _ => format!("the service is {} with its old executable", state(service)),
             };
             Progress::Failed(format!("swap of `{name}` failed: {}; {now}", swap.reason))
         }
@@ -99,7 +99,7 @@ pub(crate) fn progress(service: &Service, number: u64) -> Progress {
     }
 }
 
-/// How far a service is from being ready.
+/// Progress of a service towards readiness.
 pub(crate) fn started(service: &Service) -> Progress {
     match service.state() {
         ServiceState::Ready | ServiceState::Stopped => Progress::Done,
@@ -132,11 +132,11 @@ mod tests {
     #[test]
     fn a_swap_is_followed_by_its_number() {
         let at = |state| progress(&service(ServiceState::Ready, Some((2, state))), 2);
-        assert_eq!(at(SwapState::CommandResult), Progress::Done);
+        assert_eq!(at(SwapState::Done), Progress::Done);
         assert!(matches!(at(SwapState::Proving), Progress::Running(_)));
         assert_eq!(at(SwapState::Failed), Progress::Failed("swap of `a` failed: no; process 7 serves on".into()));
-        let later = progress(&service(ServiceState::Ready, Some((3, SwapState::CommandResult))), 2);
-        assert_eq!(later, Progress::Failed("swap of `a` failed: another took its place".into()));
+        let later = progress(&service(ServiceState::Ready, Some((3, SwapState::Done))), 2);
+        assert_eq!(later, Progress::Failed("swap of `a` failed: another swap replaced it".into()));
         let first = progress(&service(ServiceState::Failed, None), 0);
         assert_eq!(first, Progress::Failed("service `a` failed: why".into()));
     }

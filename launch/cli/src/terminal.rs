@@ -1,4 +1,4 @@
-//! Words for people and for programs: what was asked for goes to standard output, everything else to standard error.
+//! Output of commands: results on standard output, everything else on standard error.
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -8,7 +8,7 @@ use sg_stack::StackError;
 use sg_stack::terminal::may_color;
 pub(crate) use sg_stack::terminal::{Color, format_time, paint, print_status};
 
-/// Writes a line that was asked for. A reader that went away ends the command quietly, as it does for other programs.
+/// Writes a line of the result. A closed reader ends the command quietly, as in other programs.
 pub(crate) fn print_line(line: &str) {
     let mut stdout = io::stdout().lock();
     if writeln!(stdout, "{line}").and_then(|()| stdout.flush()).is_err() {
@@ -21,19 +21,19 @@ pub(crate) fn stdout_colored() -> bool {
     may_color(&io::stdout())
 }
 
-/// Why a command did not do what was asked.
+/// Failure of a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Failure {
     /// The arguments or the input are wrong.
     Input(String),
     /// The work failed.
     Work(String),
-    /// A program that was started has told its failure itself; its exit status is passed on.
+    /// A child program has reported its failure. Its exit status is passed on.
     Reported(u8),
 }
 
 impl Failure {
-    /// What is still to be told; empty where it has been told.
+    /// The text to print; empty if it was printed already.
     pub(crate) fn text(&self) -> &str {
         match self {
             Self::Input(text) | Self::Work(text) => text,
@@ -59,7 +59,7 @@ impl From<sg_runtime::session::SessionError> for Failure {
     fn from(error: sg_runtime::session::SessionError) -> Self {
         use sg_runtime::session::SessionError;
         match error {
-            SessionError::Name(_) | SessionError::Unknown { .. } | SessionError::Many(_) => {
+            SessionError::InvalidName(_) | SessionError::NotRunning { .. } | SessionError::Ambiguous(_) => {
                 Self::Input(error.to_string())
             }
             _ => Self::Work(error.to_string()),
@@ -78,17 +78,19 @@ impl From<StackError> for Failure {
     }
 }
 
-/// What a command comes to.
+/// Result of a command.
 pub(crate) type CommandResult = Result<(), Failure>;
 
-/// Tells a failure, once, and gives the exit status.
+/// Prints a failure once. Returns the exit status.
 pub(crate) fn exit_code(done: CommandResult) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             let colored = may_color(&io::stderr());
             for line in failure.text().lines() {
-                print_status(&format!("{} {line}", paint(Color::Red, "error:", colored)));
+                // Indented lines belong to the error above them.
+                let mark = if line.starts_with("  ") { String::new() } else { paint(Color::Red, "error: ", colored) };
+                print_status(&format!("{mark}{line}"));
             }
             ExitCode::from(match failure {
                 Failure::Input(_) => EXIT_INPUT,
@@ -99,7 +101,7 @@ pub(crate) fn exit_code(done: CommandResult) -> ExitCode {
     }
 }
 
-/// Rows as columns of equal width, two blanks apart; numbers (cells that begin with a digit) to the right.
+/// Aligns rows in columns, two blanks apart. Columns of numbers (cells that begin with a digit) are right-aligned.
 pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
     let count = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
@@ -119,7 +121,7 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
         .collect()
 }
 
-/// A whole number with thousands apart: `1,234,567`.
+/// An integer with a comma every three digits: `1,234,567`.
 pub(crate) fn format_count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
@@ -137,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn format_count_are_apart() {
+    fn thousands_are_separated() {
         assert_eq!([0, 999, 1000, 1_234_567].map(format_count), ["0", "999", "1,000", "1,234,567"]);
     }
 

@@ -1,4 +1,4 @@
-//! Everything that was said on the bus while a script was played.
+//! The transcript: all messages on the bus during a playback.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,23 +8,23 @@ use serde_json::{Value, json};
 use sg_proto::keys::{self, role};
 use sg_proto::prost::{Message, Name};
 use sg_proto::render::Frame;
-use sg_runtime::bus::{Bus, Seen};
+use sg_runtime::bus::{Bus, WatchedMessage};
 use sg_runtime::context::Context;
 use tokio::task::JoinHandle;
 
 use crate::decode::{Decoder, hide_masks, is_health, stage};
 use crate::terminal::Failure;
 
-/// Its file within the demo's folder.
+/// Its file name.
 pub(crate) const FILE: &str = "transcript.json";
-/// Messages that may wait to be taken in.
+/// Most messages that wait at a time.
 const CAPACITY: usize = 4096;
 /// Most messages of one transcript.
 const MAX_ENTRIES: usize = 100_000;
-/// How often it is looked for a message that is waited for.
+/// Pause between two checks for an expected message.
 const POLL_PERIOD: Duration = Duration::from_millis(2);
 
-/// A transcript that is being taken.
+/// A transcript in progress.
 #[derive(Debug)]
 pub(crate) struct Transcript {
     began: Instant,
@@ -36,11 +36,11 @@ pub(crate) struct Transcript {
 #[derive(Debug, Clone)]
 struct Entry {
     at: Duration,
-    seen: Seen,
+    seen: WatchedMessage,
 }
 
 impl Transcript {
-    /// Begins to listen.
+    /// Starts to listen.
     pub(crate) async fn begin(bus: &Bus) -> Result<Self, Failure> {
         let mut watching = bus.watch_all(CAPACITY).await?;
         let began = Instant::now();
@@ -56,9 +56,9 @@ impl Transcript {
         Ok(Self { began, session: bus.session().to_owned(), entries, listening })
     }
 
-    /// Notes a request or its reply: questions are between two and not heard by others.
+    /// Adds a request or a reply, which the bus does not show to others.
     pub(crate) fn note<M: Message + Name>(&self, role: &str, name: &str, message: &M, context: &Context) {
-        let seen = Seen {
+        let seen = WatchedMessage {
             key: keys::key(&self.session, role, name),
             message: M::full_name(),
             payload: message.encode_to_vec(),
@@ -67,7 +67,7 @@ impl Transcript {
         push(&self.entries, Entry { at: self.began.elapsed(), seen });
     }
 
-    /// Waits for a picture of the shared viewpoint that shows at least this revision. Returns when it came.
+    /// Waits for the view's picture of this revision or a later one. Returns its time of arrival.
     pub(crate) async fn view_of(&self, revision: u64, time: Duration) -> Option<Instant> {
         let key = keys::key(&self.session, role::RENDER_VIEW, keys::VIEW_FRAME.name);
         let end = Instant::now() + time;
@@ -88,7 +88,7 @@ impl Transcript {
         None
     }
 
-    /// Writes the list of `{t_seconds, conversation, step, stage, key, type, message}` in the order of time.
+    /// Writes the list of `{t_seconds, conversation, step, stage, key, type, message}`, sorted by time.
     pub(crate) fn write(&self, out: &Path, decoder: &Decoder) -> Result<PathBuf, Failure> {
         let path = out.join(FILE);
         let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -117,7 +117,7 @@ fn push(entries: &Mutex<Vec<Entry>>, entry: Entry) {
 
 impl Entry {
     fn json(&self, decoder: &Decoder) -> Value {
-        let Seen { key, message, payload, context } = &self.seen;
+        let WatchedMessage { key, message, payload, context } = &self.seen;
         let mut decoded = decoder.json(message, payload);
         hide_masks(&mut decoded);
         json!({

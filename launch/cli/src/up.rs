@@ -1,4 +1,4 @@
-//! `up`, `check` and `graph`: what is done with a launch file.
+//! `up`, `check` and `graph`: commands on a launch file.
 
 use std::path::{Path, PathBuf};
 
@@ -13,13 +13,13 @@ use crate::terminal::{self, CommandResult, Failure, columns};
 use sg_stack::console::Verbosity;
 use sg_stack::supervisor::{Stack, Supervisor};
 
-/// A launch file and what is put over it.
+/// A launch file with overrides.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct FileArgs {
     /// Launch file
     #[arg(value_name = "FILE")]
     path: PathBuf,
-    /// Put a value over the file's, such as service.scene.stop=2; may be given several times
+    /// Override a value of the file, such as service.scene.stop=2; repeatable
     #[arg(long = "set", value_name = "A.B=C")]
     overrides: Vec<String>,
 }
@@ -31,30 +31,30 @@ pub(crate) struct UpArgs {
     /// Start only these services
     #[arg(long, value_delimiter = ',', value_name = "A,B")]
     only: Vec<String>,
-    /// Tell only warnings and what goes wrong
+    /// Print warnings and failures only
     #[arg(long)]
     quiet: bool,
 }
 
 /// Reads a launch file.
 fn launch_file(path: &Path, overrides: &[String], only: &[String]) -> Result<LaunchFile, Failure> {
-    file::load(path, overrides, only).map_err(|e| Failure::Input(e.to_string()))
+    file::load(path, overrides, only).map_err(|e| Failure::Input(e.report()))
 }
 
-/// The session of a launch file: the name it was told, the one it gives itself, or its file's.
-fn session(told: Option<&str>, file: &LaunchFile, path: &Path) -> Result<SessionDir, Failure> {
+/// The session of a launch file: from the command line, from the file, or after the file's name.
+fn session(session_name: Option<&str>, file: &LaunchFile, path: &Path) -> Result<SessionDir, Failure> {
     let stem = || {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         stem.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' }).collect::<String>()
     };
-    let name = told.map(str::to_owned).or_else(|| file.name.clone()).unwrap_or_else(stem);
+    let name = session_name.map(str::to_owned).or_else(|| file.name.clone()).unwrap_or_else(stem);
     Ok(SessionDir::named(&name)?)
 }
 
-pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> CommandResult {
+pub(crate) async fn up(arguments: &UpArgs, session_name: Option<&str>) -> CommandResult {
     let FileArgs { path, overrides } = &arguments.file;
     let file = launch_file(path, overrides, &arguments.only)?;
-    let session = session(told, &file, path)?;
+    let session = session(session_name, &file, path)?;
     let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
     if session.is_running() {
         let request = ReloadRequest {
@@ -73,7 +73,7 @@ pub(crate) async fn up(arguments: &UpArgs, told: Option<&str>) -> CommandResult 
     )
 }
 
-/// What the end of a stack means for the command that supervised it.
+/// Result of the command at the end of its stack.
 pub(crate) fn outcome(outcome: Outcome) -> CommandResult {
     match outcome {
         Outcome::Down | Outcome::Finished => Ok(()),
@@ -86,7 +86,7 @@ pub(crate) fn check(arguments: &FileArgs) -> CommandResult {
     let session = session(None, &file, &arguments.path)?;
     let names: Vec<_> = file.services.iter().map(|s| s.name.as_str()).collect();
     terminal::print_line(&format!(
-        "{}: good; session {}, {} services, starting in this order: {}",
+        "{}: valid; session {}, {} services, start order: {}",
         arguments.path.display(),
         session.name(),
         names.len(),

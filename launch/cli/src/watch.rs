@@ -3,28 +3,28 @@
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use sg_runtime::bus::Seen;
+use sg_runtime::bus::WatchedMessage;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::decode::{Decoder, hide_masks, is_health, shorten_lists};
 use crate::supervisor_client::join;
 use crate::terminal::{self, CommandResult, Failure};
 
-/// Messages that may wait for a slow terminal; the oldest are lost first, and counted.
+/// Most messages that wait for a slow terminal. The oldest are dropped and counted.
 const CAPACITY: usize = 4096;
-/// How often it is looked whether the stack still runs.
+/// Pause between two checks of the stack.
 const POLL_PERIOD: Duration = Duration::from_millis(500);
 
 pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> CommandResult {
     let decoder = Decoder::new()?;
     let (session, bus) = join(name).await?;
     let mut seen = bus.watch_all(CAPACITY).await?;
-    let no_signal = |e| Failure::Work(format!("signals cannot be watched: {e}"));
+    let no_signal = |e| Failure::Work(format!("signals cannot be received: {e}"));
     let mut interrupt = signal(SignalKind::interrupt()).map_err(no_signal)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(no_signal)?;
-    terminal::print_status(&format!("watching session {}; Ctrl-C ends", session.name()));
+    terminal::print_status(&format!("watching session {}; press Ctrl-C to end", session.name()));
     let began = Instant::now();
-    let mut told = 0;
+    let mut printed = 0;
     let mut glance = tokio::time::interval(POLL_PERIOD);
     loop {
         tokio::select! {
@@ -33,9 +33,9 @@ pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> CommandR
                 if all || !is_health(&message) {
                     terminal::print_line(&line(&decoder, &message, began.elapsed(), json));
                 }
-                if seen.lost() > told {
-                    terminal::print_status(&format!("{} messages lost: this reader is too slow", seen.lost() - told));
-                    told = seen.lost();
+                if seen.lost() > printed {
+                    terminal::print_status(&format!("{} messages lost, because this terminal is too slow", seen.lost() - printed));
+                    printed = seen.lost();
                 }
             }
             _ = glance.tick() => {
@@ -53,7 +53,7 @@ pub(crate) async fn watch(name: Option<&str>, json: bool, all: bool) -> CommandR
 }
 
 /// Key, conversation and step, type, JSON.
-fn line(decoder: &Decoder, seen: &Seen, at: Duration, json: bool) -> String {
+fn line(decoder: &Decoder, seen: &WatchedMessage, at: Duration, json: bool) -> String {
     let mut message = decoder.json(&seen.message, &seen.payload);
     hide_masks(&mut message);
     if json {

@@ -1,7 +1,7 @@
-//! What a supervisor tells the person at its terminal.
+//! Lines that a supervisor writes to its terminal.
 //!
-//! Lines go through a bounded queue to a thread of their own: a terminal that is held up (Ctrl-S, a pipe nobody reads)
-//! must not hold up supervision. What does not fit is counted and told.
+//! A bounded queue and a thread of its own carry the lines. A blocked terminal (Ctrl-S, a pipe without a reader) must
+//! not block supervision. Lines beyond the queue's capacity are dropped and counted.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -13,18 +13,18 @@ use crate::log_line::{Level, LogLine};
 use crate::spawn::LineSink;
 use crate::terminal::{self, Color, paint};
 
-/// Lines that may wait.
+/// Most lines that wait at a time.
 const CAPACITY: usize = 1024;
 
-/// How long the end of a supervisor waits for its last lines to be shown.
+/// How long a supervisor waits at its end for its last lines to be written.
 const FLUSH_TIME: Duration = Duration::from_secs(1);
 
-/// How much is told.
+/// How much a supervisor writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verbosity {
     /// Every line that services write.
     Full,
-    /// Warnings and what goes wrong.
+    /// Warnings and failures.
     Quiet,
 }
 
@@ -37,12 +37,12 @@ pub(crate) struct Console {
     colored: bool,
 }
 
-/// The thread that writes.
+/// The writing thread.
 #[derive(Debug)]
 pub(crate) struct Writer(Receiver<()>);
 
 impl Console {
-    /// Starts the thread that writes.
+    /// Starts the writing thread.
     pub(crate) fn open(verbosity: Verbosity) -> (Self, Writer) {
         let (sender, lines) = sync_channel::<String>(CAPACITY);
         let (ended, end) = sync_channel(1);
@@ -56,20 +56,20 @@ impl Console {
                     terminal::print_status(&format!("… {missed} lines not shown; they are in the logs"));
                 }
             }
-            // Nobody waits any more: then it does not matter.
+            // Nothing waits for the end any more. Ignore the error.
             let _ = ended.send(());
         });
         (Self { sender, dropped, verbosity, colored: terminal::may_color(&std::io::stderr()) }, Writer(end))
     }
 
-    /// Tells a line.
+    /// Writes a line.
     pub(crate) fn print(&self, line: String) {
         if self.sender.try_send(line).is_err() {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Tells a line of the supervisor's own that a quiet one keeps to itself.
+    /// Writes a line that a quiet supervisor omits.
     pub(crate) fn print_detail(&self, line: String) {
         if self.verbosity == Verbosity::Full {
             self.print(line);
@@ -92,7 +92,7 @@ impl Console {
 }
 
 impl Writer {
-    /// Waits, but not for ever, until all lines are written. Every [`Console`] must have been dropped before.
+    /// Waits up to a second until all lines are written. Drop every [`Console`] first.
     pub(crate) fn flush(self) {
         let _ = self.0.recv_timeout(FLUSH_TIME);
     }
@@ -109,19 +109,19 @@ pub fn format_line(time: &str, service: &str, width: usize, color: Color, line: 
     format!("{} {service} {level} {}", paint(Color::Faint, &format!("{time:<8}"), colored), line.text())
 }
 
-/// The time of day, UTC as in services' logs.
+/// The time of day in UTC, as in the logs of services.
 fn clock() -> String {
     let seconds = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs() % 86_400;
     format!("{:02}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
 }
 
-/// A colour of its own for each service, in turn.
+/// A colour for each service, in turn.
 pub fn color_of(position: usize) -> Color {
     const COLORS: [Color; 4] = [Color::Cyan, Color::Magenta, Color::Blue, Color::Green];
     COLORS.get(position % COLORS.len()).copied().unwrap_or(Color::Cyan)
 }
 
-/// Where one service's lines go: its log file and the console.
+/// Destination of one service's lines: its log file and the console.
 #[derive(Debug, Clone)]
 pub(crate) struct ServiceLog {
     pub(crate) service: String,
@@ -135,7 +135,7 @@ pub(crate) struct ServiceLog {
 impl LineSink for ServiceLog {
     fn line(&self, line: &str) {
         let written = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner).line(line);
-        // Told once: a full disk loses every line that follows.
+        // Warn once: a full disk loses every following line.
         if written == Err(1) {
             self.console.print(format!("the log of {} cannot be written; is the disk full?", self.service));
         }
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_do_not_fit_are_dropped_not_waited_for() {
+    fn excess_lines_are_dropped() {
         let (sender, _unread) = sync_channel(1);
         let console = Console { sender, dropped: Arc::default(), verbosity: Verbosity::Full, colored: false };
         for _ in 0..3 {

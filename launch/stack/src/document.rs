@@ -1,6 +1,6 @@
-//! TOML documents whose every value knows where it was written, so that a mistake is told with file, line and column.
+//! TOML documents whose values carry their place, so that a mistake is reported with file, line and column.
 //!
-//! Values can be overridden from the command line (`a.b=c`); such a value's place is the override itself.
+//! Overrides from the command line (`a.b=c`) replace values. The place of such a value is the override.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -24,16 +24,16 @@ pub enum Place {
     Override(String),
 }
 
-/// One mistake: where, what, and what to do.
+/// One mistake: its place, and how to correct it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// Where.
+    /// Place of the mistake.
     pub place: Place,
-    /// What, and what to do.
+    /// Description, and what to do.
     pub text: String,
 }
 
-/// Mistakes of one file, at least one; displayed one a line as `FILE:LINE:COLUMN: text`.
+/// Mistakes of one file, at least one. Displayed as one line each, `FILE:LINE:COLUMN: text`.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct Problems {
     /// The file as it was named.
@@ -42,18 +42,19 @@ pub struct Problems {
     pub list: Vec<Problem>,
 }
 
+impl Problems {
+    /// One line for each mistake, `FILE:LINE:COLUMN: text`.
+    pub fn lines(&self) -> impl Iterator<Item = String> {
+        self.list.iter().map(|problem| match &problem.place {
+            Place::File { line, column } => format!("{}:{line}:{column}: {}", self.file.display(), problem.text),
+            Place::Override(set) => format!("--set {set}: {}", problem.text),
+        })
+    }
+}
+
 impl fmt::Display for Problems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, problem) in self.list.iter().enumerate() {
-            let newline = if i > 0 { "\n" } else { "" };
-            match &problem.place {
-                Place::File { line, column } => {
-                    write!(f, "{newline}{}:{line}:{column}: {}", self.file.display(), problem.text)?;
-                }
-                Place::Override(set) => write!(f, "{newline}--set {set}: {}", problem.text)?,
-            }
-        }
-        Ok(())
+        f.write_str(&self.lines().collect::<Vec<_>>().join("\n"))
     }
 }
 
@@ -89,7 +90,7 @@ impl Value {
         }
     }
 
-    /// The number it is.
+    /// The number, for integers and floats.
     #[must_use]
     pub fn as_number(&self) -> Option<f64> {
         match self {
@@ -99,7 +100,7 @@ impl Value {
         }
     }
 
-    /// The same as JSON; what JSON has no form for (dates, infinite numbers) becomes text.
+    /// The same as JSON. Dates and infinite numbers become text.
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
         match self {
@@ -136,7 +137,7 @@ pub struct Entry {
 /// A table in the order of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
-    /// Its entries; no key stands twice.
+    /// Its entries. Keys are unique.
     pub entries: Vec<Entry>,
 }
 
@@ -153,7 +154,7 @@ impl Table {
         self.entries.iter().map(|e| (e.key.clone(), e.node.value.to_json())).collect()
     }
 
-    /// Puts the entries of `other` over these, table into table, leaf over leaf.
+    /// Puts the entries of `other` over these. Tables are merged, other values replaced.
     fn merge(&mut self, other: Self) {
         for entry in other.entries {
             match self.entries.iter_mut().find(|e| e.key == entry.key) {
@@ -170,10 +171,10 @@ impl Table {
     }
 }
 
-/// Reads a document.
+/// Parses a document.
 ///
 /// # Errors
-/// The first mistake of form.
+/// The first syntax error.
 pub fn parse(text: &str) -> Result<Table, Problem> {
     let place = |at: usize| place_of(text, at);
     let table = DeTable::parse(text).map_err(|e| Problem {
@@ -183,10 +184,10 @@ pub fn parse(text: &str) -> Result<Table, Problem> {
     table_of(table.get_ref(), &place)
 }
 
-/// Puts an override `a.b=c` over a document. The value is TOML where it can be read as such, else text.
+/// Puts an override `a.b=c` over a document. The value is TOML if it parses as TOML, otherwise a string.
 ///
 /// # Errors
-/// A path that is no path.
+/// The path before `=` is not a path of keys.
 pub fn override_with(table: &mut Table, set: &str) -> Result<(), Problem> {
     let place = |_| Place::Override(set.to_owned());
     let problem = |text: &str| Problem { place: Place::Override(set.to_owned()), text: text.to_owned() };
@@ -204,12 +205,12 @@ pub fn override_with(table: &mut Table, set: &str) -> Result<(), Problem> {
             return Ok(());
         }
     }
-    Err(problem(&format!("`{path}` is no path of keys; write keys separated by dots")))
+    Err(problem(&format!("`{path}` is not a path of keys; write keys separated by dots")))
 }
 
 fn table_of(table: &DeTable<'_>, place: &dyn Fn(usize) -> Place) -> Result<Table, Problem> {
     let mut entries: Vec<_> = table.iter().collect();
-    // The parser keeps tables in alphabetical order; people expect the order of the file.
+    // The parser sorts tables alphabetically. Users expect the order of the file.
     entries.sort_by_key(|(key, _)| key.span().start);
     let entries = entries
         .into_iter()
@@ -257,11 +258,11 @@ fn place_of(text: &str, at: usize) -> Place {
     }
 }
 
-/// Takes the keys of one table one by one and tells which were wrong or unknown.
+/// Reads the keys of one table one by one, and collects wrong and unknown ones.
 #[derive(Debug)]
 pub struct Reader<'t, 'p> {
     title: String,
-    /// Where the table begins.
+    /// Place where the table begins.
     place: Place,
     table: &'t Table,
     known: Vec<&'static str>,
@@ -280,12 +281,12 @@ impl<'t, 'p> Reader<'t, 'p> {
         Reader::new(title, table, self.problems)
     }
 
-    /// Notes a mistake.
+    /// Adds a mistake.
     pub fn problem(&mut self, place: &Place, text: impl Into<String>) {
         self.problems.push(Problem { place: place.clone(), text: text.into() });
     }
 
-    /// The value of a key, of whatever kind.
+    /// The value of a key, of any type.
     pub fn node(&mut self, key: &'static str) -> Option<&'t Node> {
         if !self.known.contains(&key) {
             self.known.push(key);
@@ -302,19 +303,19 @@ impl<'t, 'p> Reader<'t, 'p> {
         value
     }
 
-    /// Notes that a key should be there.
+    /// Adds a mistake: the key is missing.
     pub fn missing(&mut self, key: &str) {
         let place = self.place.clone();
         let text = format!("`{key}` is missing in {}", self.title);
         self.problem(&place, text);
     }
 
-    /// Text.
+    /// A string.
     pub fn string(&mut self, key: &'static str) -> Option<&'t str> {
         self.typed(key, "a string", |v| if let Value::String(s) = v { Some(s.as_str()) } else { None })
     }
 
-    /// A truth value.
+    /// A boolean.
     pub fn boolean(&mut self, key: &'static str) -> Option<bool> {
         self.typed(key, "true or false", |v| if let Value::Boolean(b) = v { Some(*b) } else { None })
     }
@@ -324,7 +325,7 @@ impl<'t, 'p> Reader<'t, 'p> {
         self.typed(key, "a table", |v| if let Value::Table(t) = v { Some(t) } else { None })
     }
 
-    /// A whole number within bounds.
+    /// An integer within bounds.
     pub fn integer(&mut self, key: &'static str, least: i64, most: i64) -> Option<i64> {
         let value = self.typed(key, "an integer", |v| if let Value::Integer(i) = v { Some(*i) } else { None })?;
         if (least..=most).contains(&value) {
@@ -335,7 +336,7 @@ impl<'t, 'p> Reader<'t, 'p> {
         None
     }
 
-    /// A time above 0 and at most a day, in the unit that `seconds` is of.
+    /// A time above 0 and at most a day. `seconds` is the length of the unit.
     pub fn time(&mut self, key: &'static str, unit: &str, seconds: f64) -> Option<Duration> {
         let value = self.typed(key, &format!("a number of {unit}"), Value::as_number)?;
         let time = value * seconds;
@@ -347,7 +348,7 @@ impl<'t, 'p> Reader<'t, 'p> {
         None
     }
 
-    /// Notes every key that was not asked for.
+    /// Adds a mistake for every key that was not read.
     pub fn finish(self) {
         for entry in &self.table.entries {
             if !self.known.contains(&entry.key.as_str()) {
@@ -359,7 +360,7 @@ impl<'t, 'p> Reader<'t, 'p> {
     }
 }
 
-/// Puts mistakes into the order of their places, those of the command line last.
+/// Sorts mistakes by place. Mistakes of the command line come last.
 #[must_use]
 pub fn in_order(file: &Path, mut list: Vec<Problem>) -> Problems {
     list.sort_by_key(|p| match p.place {
@@ -390,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_of_form_is_told_with_its_place() {
+    fn syntax_error_has_a_place() {
         let problem = parse("a = 1\nb = [1,\n").unwrap_err();
         let Place::File { line, .. } = problem.place else { panic!() };
         assert!((2..=3).contains(&line), "{problem:?}");
@@ -422,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_near_is_suggested_and_what_is_far_is_listed() {
+    fn near_names_are_suggested_and_others_listed() {
         assert_eq!(suggestion("exce", ["exec", "role"]), "; did you mean `exec`?");
         assert_eq!(suggestion("Selectoin", ["scene", "selection"]), "; did you mean `selection`?");
         assert_eq!(suggestion("xyz", ["exec", "role"]), "; there are `exec`, `role`");

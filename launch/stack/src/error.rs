@@ -6,7 +6,7 @@ use sg_runtime::bus::BusError;
 use sg_runtime::fault::Fault;
 use sg_runtime::session::SessionError;
 
-/// A supervisor or node that cannot start or go on.
+/// A supervisor or node that cannot start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum StackError {
     /// The session's name or folder is unusable.
@@ -34,13 +34,13 @@ pub enum StackError {
         pid: String,
     },
     /// Another process has joined the session under this node's name.
-    #[error("{}: this machine has joined under that name already", .0.display())]
+    #[error("{}: a node of this name runs on this machine already", .0.display())]
     NodeRuns(PathBuf),
     /// A process of the session's last run cannot be ended.
-    #[error("process {0} of the session's last run does not go away; end it and try again")]
+    #[error("process {0} of the session's last run is still alive; end it and try again")]
     Leftover(u32),
-    /// Signals of the system cannot be received.
-    #[error("signals cannot be watched: {0}")]
+    /// The system's signals cannot be received.
+    #[error("signals cannot be received: {0}")]
     Signals(std::io::Error),
     /// The supervisor refuses this node for good.
     #[error(transparent)]

@@ -1,4 +1,43 @@
-//! Stacks of services: launch files, the reconciler, supervisors and nodes.
+//! Stacks of services: launch files, and the supervisor that runs them.
+//!
+//! A launch file names the services of a stack, their roles, parameters and start order. The supervisor starts the
+//! services, watches their health, restarts failed ones and swaps executables while the stack runs.
+//!
+//! | module | content |
+//! | --- | --- |
+//! | [`file`] | the launch-file language: parsing, checks, search for executables |
+//! | [`document`], [`snippet`] | TOML with places, and reports of mistakes with their lines |
+//! | [`reconcile`] | the reconciler, a pure state machine: events in, actions out |
+//! | [`supervisor`] | processes and bus around the reconciler, and requests to it |
+//! | [`node`] | a machine that runs services for a stack of another machine |
+//! | [`spawn`], [`pid_registry`] | processes that die with their supervisor, and leftovers of earlier runs |
+//! | [`log_file`], [`log_line`] | bounded logs of services, and their lines for people |
+//! | [`console`], [`terminal`] | output of a supervisor |
+//!
+//! The supervisor knows no command line. A [`supervisor::SessionOpener`] prepares commands that open further sessions.
+//! The program's `main` must call [`spawn::become_child`] if its first argument is [`spawn::BECOME_CHILD`], and
+//! [`spawn::close_inherited`] if it is [`spawn::DETACHED`].
+//!
+//! # Example
+//!
+//! Parse a launch file and ask the reconciler for the first actions:
+//!
+//! ```
+//! use std::path::Path;
+//! use std::time::Duration;
+//!
+//! use sg_stack::file::{ExecutableSearch, Source, read};
+//! use sg_stack::reconcile::{Action, Event, Reconciler};
+//!
+//! let text = "schema = 1\n[service.scene]\nexec = \"sh\"\n";
+//! let source = Source { path: Path::new("demo.toml"), text, overrides: &[] };
+//! let file = read(source, &ExecutableSearch::here_then_path())?;
+//!
+//! let mut reconciler = Reconciler::new(file.services, 1, 0);
+//! let actions = reconciler.step(Event::Tick, Duration::ZERO);
+//! assert!(matches!(&actions[0], Action::Spawn(spawn) if spawn.instance == "scene-1" && spawn.epoch == 1));
+//! # Ok::<(), sg_stack::document::Problems>(())
+//! ```
 
 pub mod console;
 pub mod document;
@@ -12,6 +51,7 @@ mod probe;
 pub mod reconcile;
 mod request_queue;
 mod serve_arguments;
+pub mod snippet;
 pub mod spawn;
 pub mod suggestion;
 pub mod supervisor;

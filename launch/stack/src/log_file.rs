@@ -1,24 +1,24 @@
-//! Log files of services: bounded, one generation old at most, readable while they are written.
+//! Log files of services: bounded, with one previous generation, readable while they are written.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// Size at which a log begins anew; the one before is kept beside it.
+/// Size at which a log is rotated. One previous generation is kept.
 const MAX_BYTES: u64 = 8 << 20;
 
-/// A log that is written.
+/// A log that a supervisor writes.
 #[derive(Debug)]
 pub(crate) struct LogFile {
     path: PathBuf,
     file: Option<File>,
     bytes: u64,
-    /// Lines that could not be written.
+    /// Lines lost so far.
     lost: u64,
 }
 
-/// The log of a service.
+/// Path of the log of a service.
 pub fn path_of(folder: &Path, service: &str) -> PathBuf {
     folder.join(format!("{service}.log"))
 }
@@ -28,7 +28,7 @@ fn previous_path(path: &Path) -> PathBuf {
 }
 
 impl LogFile {
-    /// Begins a log anew; what is there becomes the generation before.
+    /// Starts a new log. An existing one becomes the previous generation.
     pub(crate) fn create(path: PathBuf) -> Self {
         let mut log = Self { path, file: None, bytes: 0, lost: 0 };
         log.rotate();
@@ -36,13 +36,13 @@ impl LogFile {
     }
 
     fn rotate(&mut self) {
-        // A log that is not there yet cannot be moved; any other reason shows when the new one is made.
+        // A missing log cannot be renamed. Other errors show when the new file is created.
         let _ = std::fs::rename(&self.path, previous_path(&self.path));
         self.file = File::create(&self.path).ok();
         self.bytes = 0;
     }
 
-    /// Writes a line. Returns the number of lines lost so far if this one was lost too (a full disk, most likely).
+    /// Writes a line. The error is the number of lines lost so far, for example on a full disk.
     pub(crate) fn line(&mut self, line: &str) -> Result<(), u64> {
         if self.file.is_none() || self.bytes >= MAX_BYTES {
             self.rotate();
@@ -57,7 +57,7 @@ impl LogFile {
     }
 }
 
-/// A log that is read, from its beginning or from its end on, across rotations.
+/// Reads a log across rotations.
 #[derive(Debug)]
 pub struct LogReader {
     path: PathBuf,
@@ -67,7 +67,7 @@ pub struct LogReader {
 }
 
 impl LogReader {
-    /// A reader that begins with the generation before, where there is one.
+    /// A reader that begins with the previous generation, if there is one.
     pub fn open(path: PathBuf) -> Self {
         let before = previous_path(&path);
         let mut reader = Self { path, file: None, inode: 0, part: String::new() };
@@ -83,7 +83,7 @@ impl LogReader {
         }
     }
 
-    /// Whole lines that have come since the last call.
+    /// Complete lines since the last call.
     ///
     /// # Errors
     /// The log cannot be read.
@@ -91,7 +91,7 @@ impl LogReader {
         let mut lines = Vec::new();
         loop {
             self.read_into(&mut lines)?;
-            // Only when all of this generation is read is the next one begun.
+            // Finish this generation before the next one begins.
             let current = std::fs::metadata(&self.path).ok().map(|m| m.ino());
             match current {
                 Some(inode) if inode != self.inode || self.file.is_none() => {
@@ -115,14 +115,14 @@ impl LogReader {
             }
             bytes.clear();
         }
-        // A buffered reader that has met the end looks again only after it is told to.
+        // A buffered reader does not read past an earlier end of file. Seek to reset it.
         let at = file.stream_position()?;
         file.seek(SeekFrom::Start(at))?;
         Ok(())
     }
 }
 
-/// Services that have a log in this folder, by name.
+/// Names of the services that have a log in this folder, sorted.
 pub fn services(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<_> =
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_that_cannot_be_written_counts_what_is_lost() {
+    fn unwritable_log_counts_lost_lines() {
         let folder = tempfile::tempdir().unwrap();
         let mut log = LogFile::create(folder.path().join("no/such/folder.log"));
         assert_eq!(log.line("x"), Err(1));

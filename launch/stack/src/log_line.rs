@@ -1,35 +1,35 @@
-//! One line of a service's log, for people.
+//! One line of a service's log, formatted for people.
 
 use serde_json::{Map, Value};
 
-/// A line as a service wrote it, taken apart where it is a JSON object as `sg_runtime::telemetry` writes it.
+/// A log line. JSON objects of `sg_runtime::telemetry` are split into parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogLine {
-    /// ISO 8601, UTC; empty if the line does not say.
+    /// ISO 8601 in UTC; empty if missing.
     pub timestamp: String,
-    /// How grave it is.
+    /// Severity.
     pub level: Level,
-    /// What happened.
+    /// The message.
     pub message: String,
-    /// Further facts in the order in which they were written.
+    /// Further fields, in order.
     pub fields: Vec<(String, String)>,
 }
 
-/// Digits of a trace's id that people are shown.
+/// Digits of a trace id on the terminal.
 const TRACE_DIGITS: usize = 8;
 
-/// How grave a line is.
+/// Severity of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
     /// Finest.
     Trace,
     /// Fine.
     Debug,
-    /// Of interest.
+    /// Informational.
     Info,
-    /// Something is not as it should be.
+    /// A problem that does not stop the work.
     Warn,
-    /// Something failed.
+    /// A failure.
     Error,
 }
 
@@ -48,7 +48,7 @@ impl Level {
 }
 
 impl LogLine {
-    /// Takes a line apart. What is no JSON object is a message of level `Info`.
+    /// Parses a line. Any other text than a JSON object becomes a message of level `Info`.
     #[must_use]
     pub fn parse(line: &str) -> Self {
         let plain =
@@ -68,7 +68,7 @@ impl LogLine {
                     Value::String(s) => (key, printable(&s)),
                     other => (key, other.to_string()),
                 })
-                // The last digits tell traces apart; the file has them all.
+                // The last digits suffice on a terminal. The file has the full id.
                 .chain(trace.filter(|t| !t.is_empty()).map(|t| {
                     let tail = t.len().saturating_sub(TRACE_DIGITS);
                     ("trace".to_owned(), printable(t.get(tail..).unwrap_or(&t)))
@@ -77,14 +77,14 @@ impl LogLine {
         }
     }
 
-    /// `HH:MM:SS`; empty if the line does not say.
+    /// `HH:MM:SS`; empty if the timestamp is missing.
     #[must_use]
     pub fn time(&self) -> &str {
         // 2026-11-21T09:30:00.123456Z
         self.timestamp.get(11..19).unwrap_or_default()
     }
 
-    /// Message and facts, `message k=v …`.
+    /// Message and fields: `message k=v …`.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = self.message.clone();
@@ -110,7 +110,7 @@ fn level(name: &str) -> Option<Level> {
     [Level::Trace, Level::Debug, Level::Info, Level::Warn, Level::Error].into_iter().find(|l| l.name() == name)
 }
 
-/// The text without control characters: a service's log must not steer the terminal.
+/// Replaces control characters, so that a service's log cannot control the terminal.
 fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() && c != '\t' { '·' } else { c }).collect()
 }
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_structured_line_is_taken_apart() {
+    fn structured_line_is_split() {
         let line = LogLine::parse(
             r#"{"timestamp":"2026-11-21T09:30:05.123456Z","level":"WARN","message":"slow","ms":12.5,"file":"a b","target":"x"}"#,
         );
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn anything_else_is_a_message_that_cannot_steer_the_terminal() {
+    fn plain_text_cannot_control_the_terminal() {
         for (line, text) in [
             ("thread 'main' panicked", "thread 'main' panicked"),
             ("{\"level\":", "{\"level\":"),

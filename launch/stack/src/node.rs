@@ -1,7 +1,7 @@
-//! `join`: this machine runs services for a stack of another one.
+//! A node: this machine runs services for a stack of another machine.
 //!
-//! The supervisor asks for processes to be started and signalled; this machine says every second that it is there and what
-//! it runs, and ends all of that when it is not answered for its lease: what the supervisor then takes for gone is gone.
+//! The supervisor sends requests to start and signal processes. The node reports its processes once a second. If the
+//! reports stay unanswered for the lease, the node ends all its processes, and the supervisor assumes the same.
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
@@ -11,7 +11,7 @@ use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::launch::{Ended, JoinReply, JoinRequest, LogLines, SignalReply, SignalRequest, StartReply, StartRequest};
-use sg_runtime::bus::{Bus, BusError, Link, Serving};
+use sg_runtime::bus::{Bus, BusError, Link, ServerHandle};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::session::SessionDir;
@@ -28,22 +28,22 @@ use crate::serve_arguments;
 use crate::spawn::{self, LineSink, SpawnRequest};
 use crate::terminal;
 
-/// How often this machine speaks.
+/// Time between two reports.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
-/// How long an answer may take.
+/// Longest time for an answer to a report.
 const ANSWER: Duration = Duration::from_millis(1500);
-/// Lease until the supervisor has named one.
+/// Lease before the supervisor's first answer.
 const LEASE: Duration = Duration::from_secs(5);
-/// Pause between two tries to reach a stack that is not there.
+/// Pause between two attempts to connect.
 const RETRY_PAUSE: Duration = Duration::from_secs(1);
-/// Orders, exits and answers that may wait.
+/// Most requests, exits and answers that wait at a time.
 const CAPACITY: usize = 64;
-/// Log lines that may wait to be sent; more are dropped, and counted.
+/// Most log lines that wait at a time. Further lines are dropped.
 const LINES: usize = 4096;
 /// Most lines of one message, and bytes of one line.
 const LINES_AT_ONCE: usize = 200;
 const LINE_BYTES: usize = 8 << 10;
-/// Most processes that run at once.
+/// Most processes at a time.
 const PROCESSES: usize = 64;
 
 /// How this machine joins a stack.
@@ -57,16 +57,16 @@ pub struct NodeSettings {
     pub link: Link,
 }
 
-/// What the supervisor asks for.
+/// A request of the supervisor.
 enum Request {
     Start(Box<StartRequest>, Reply<StartReply>),
     Signal(SignalRequest, Reply<SignalReply>),
 }
 
-/// An answer to what this machine sent, and when it sent it.
+/// The answer to a report.
 struct ReportAnswer {
     sent: Instant,
-    /// Ended processes that it had spoken of.
+    /// Number of ended processes in the report.
     ended: usize,
     outcome: Result<JoinReply, Fault>,
 }
@@ -77,7 +77,7 @@ struct ReportAnswer {
 /// [`StackError`] if the node cannot start, or the supervisor refuses it for good.
 pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     let NodeSettings { session, name, link } = settings;
-    let folder = SessionDir::on_node(&session, &name)?;
+    let folder = SessionDir::for_node(&session, &name)?;
     folder.create()?;
     let lock = lock(&folder)?;
     let registry = PidRegistry::open(folder.path()).await?;
@@ -110,7 +110,7 @@ pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     outcome
 }
 
-/// One process for one machine's name: the system gives the lock back when it dies.
+/// Takes the lock of this node's name. The system releases it when this process ends.
 fn lock(folder: &SessionDir) -> Result<File, StackError> {
     let path = folder.path().join("node.lock");
     let fail = |e: std::io::Error| StackError::io(&path, e);
@@ -122,22 +122,22 @@ fn lock(folder: &SessionDir) -> Result<File, StackError> {
     }
 }
 
-/// Tries until the stack is there.
+/// Connects to the bus. Retries until the stack answers.
 async fn connect(session: &str, name: &str, link: &Link) -> Bus {
     let instance = keys::node_instance(name);
-    let mut told = String::new();
+    let mut last_problem = String::new();
     loop {
-        // It is no service of a role that others look for: it is known by its instance alone, for good.
+        // A node serves no role. It is addressed by its instance only.
         match Bus::connect_instance(session, role::NODE, &instance, 0, true, link.clone()).await {
             Ok(bus) => return bus,
             Err(error) => {
                 let text = error.to_string();
-                if text != told {
+                if text != last_problem {
                     terminal::print_status(&format!(
-                        "{text}; does the stack run, listen there, and know this machine's authority? trying again every {} s",
+                        "{text}; check that the stack runs, that it listens there, and that the authority is the same; next try every {} s",
                         RETRY_PAUSE.as_secs()
                     ));
-                    told = text;
+                    last_problem = text;
                 }
                 tokio::time::sleep(RETRY_PAUSE).await;
             }
@@ -166,16 +166,16 @@ struct Node {
     answer_sender: mpsc::Sender<ReportAnswer>,
     lines: mpsc::Sender<(String, String)>,
     running: BTreeMap<ProcessId, RunningProcess>,
-    /// Not acknowledged yet.
+    /// Ends that the supervisor has not acknowledged.
     ended: Vec<Ended>,
     starts: u64,
     lease: Duration,
-    /// When this machine last sent something that was answered.
+    /// Time of the last report that was answered.
     answered: Option<Instant>,
     waits_for_answer: bool,
-    /// What was told last of why it is not answered.
+    /// Last reason for a missing answer, to print each reason once.
     last_problem: String,
-    _serving: Vec<Serving>,
+    _serving: Vec<ServerHandle>,
 }
 
 impl Node {
@@ -216,14 +216,14 @@ impl Node {
         })
     }
 
-    /// Runs what is requests for until the supervisor refuses this machine for good.
+    /// Serves requests until the supervisor refuses this node for good.
     async fn run(&mut self) -> StackError {
         let mut report_timer = tokio::time::interval(REPORT_PERIOD);
         report_timer.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
                 _ = report_timer.tick() => self.send_report(),
-                Some(requests) = self.requests.recv() => self.handle_request(requests),
+                Some(request) = self.requests.recv() => self.handle_request(request),
                 Some((id, exit)) = self.exits.recv() => {
                     self.process_ended(id, exit);
                     self.send_report();
@@ -238,7 +238,7 @@ impl Node {
         }
     }
 
-    /// Says that this machine is there and what it runs, unless that was just sent and is not answered yet.
+    /// Sends a report, unless an earlier one is still unanswered.
     fn send_report(&mut self) {
         if std::mem::replace(&mut self.waits_for_answer, true) {
             return;
@@ -248,7 +248,7 @@ impl Node {
         tokio::spawn(async move {
             let sent = Instant::now();
             let outcome = bus.ask(&keys::JOIN, &request, &Context::root().deadline_in(ANSWER)).await;
-            // Who has left does not care.
+            // After the end of the node the answer is of no use.
             let _ = sender.send(ReportAnswer { sent, ended, outcome }).await;
         });
     }
@@ -265,20 +265,20 @@ impl Node {
         }
     }
 
-    /// Takes an answer. What is returned is no reason to go on.
+    /// Handles the answer to a report. Returns an error if the node must stop.
     fn handle_answer(&mut self, answer: ReportAnswer) -> Option<StackError> {
         self.waits_for_answer = false;
         match answer.outcome {
             Ok(reply) => {
                 if self.answered.is_none() {
                     self.last_problem.clear();
-                    terminal::print_status("joined; Ctrl-C leaves");
+                    terminal::print_status("joined; press Ctrl-C to leave");
                 }
                 self.answered = Some(answer.sent);
                 self.lease = Duration::from_millis(reply.lease_ms);
                 self.ended.drain(..answer.ended.min(self.ended.len()));
                 for (_, process) in self.running.iter().filter(|(_, r)| reply.strays.contains(&r.instance)) {
-                    terminal::print_status(&format!("{}: not known to the supervisor; ended", process.instance));
+                    terminal::print_status(&format!("{}: unknown to the supervisor; ended", process.instance));
                     kill(process);
                 }
                 if !self.ended.is_empty() {
@@ -292,7 +292,7 @@ impl Node {
             Err(fault) => {
                 let text = fault.to_string();
                 if self.answered.is_none() && text != self.last_problem {
-                    terminal::print_status(&format!("{text}; trying again"));
+                    terminal::print_status(&format!("{text}; retrying"));
                     self.last_problem = text;
                 }
                 None
@@ -300,19 +300,19 @@ impl Node {
         }
     }
 
-    /// Ends what runs once this machine has not been answered for its lease.
+    /// Ends all processes once the lease has run out.
     fn check_lease(&mut self) {
         if self.answered.is_some_and(|at| at.elapsed() >= self.lease) {
             self.answered = None;
             let count = self.running.len();
-            terminal::print_status(&format!("the stack is away; {count} processes that ran for it end"));
+            terminal::print_status(&format!("the stack does not answer; its {count} processes here end"));
             self.running.values().for_each(kill);
         }
     }
 
-    fn handle_request(&mut self, requests: Request) {
-        // Whoever requests may have given up; then this machine's next word tells what runs.
-        match requests {
+    fn handle_request(&mut self, request: Request) {
+        // The requester may have given up. The next report says what runs.
+        match request {
             Request::Start(request, reply) => {
                 let _ = reply.send(self.start(&request));
             }
@@ -331,15 +331,15 @@ impl Node {
             return Err(Fault::unavailable("this machine has no lease"));
         }
         if self.running.len() >= PROCESSES {
-            return Err(Fault::exhausted(format!("{PROCESSES} processes run here already")));
+            return Err(Fault::exhausted(format!("{PROCESSES} processes run here; that is the limit")));
         }
         if request.exec.contains('/') {
-            return Err(Fault::invalid(format!("executable `{}`: a name without a path is looked up", request.exec)));
+            return Err(Fault::invalid(format!("executable `{}`: give a name without a path", request.exec)));
         }
         let executable = ExecutableSearch::here_then_path().find(&request.exec, std::path::Path::new(""));
         let executable = executable.map_err(|e| Fault::not_found(e.to_string()))?;
         let stop = Duration::from_millis(request.stop_ms);
-        let serving = serve_arguments::Serving {
+        let serving = serve_arguments::ServeArguments {
             session: self.folder.name(),
             role: &request.role,
             instance: &request.instance,
@@ -379,7 +379,7 @@ impl Node {
         });
     }
 
-    /// Asks what runs to stop, ends what does not, and says so.
+    /// Asks all processes to stop, kills the rest, and reports their ends.
     async fn shut_down(mut self) {
         let stop = self.running.values().map(|r| r.stop).max().unwrap_or_default();
         self.running.values().for_each(|r| send(r, Signal::SIGTERM));
@@ -401,7 +401,7 @@ impl Node {
                 }
             }
         }
-        // A stack that is away learns it from the lease.
+        // A stack that does not answer learns it from the lease.
         let _ = self.bus.ask(&keys::JOIN, &self.report(), &Context::root().deadline_in(ANSWER)).await;
         self.bus.close().await;
     }
@@ -421,7 +421,7 @@ fn leaving() -> Fault {
     Fault::unavailable("this machine is leaving")
 }
 
-async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Serving>, BusError> {
+async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<ServerHandle>, BusError> {
     Ok(vec![
         forward(bus, &keys::NODE_START, requests, |request, reply| Request::Start(Box::new(request), reply), leaving)
             .await?,
@@ -429,7 +429,7 @@ async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Servin
     ])
 }
 
-/// Where the lines of one process go.
+/// Destination of one process's lines.
 #[derive(Clone)]
 struct Log {
     instance: String,
@@ -439,12 +439,12 @@ struct Log {
 impl LineSink for Log {
     fn line(&self, line: &str) {
         let end = line.floor_char_boundary(LINE_BYTES);
-        // A process that says more than can be sent loses what is too much, not its time.
+        // A process that writes too much loses lines, not time.
         let _ = self.lines.try_send((self.instance.clone(), line.get(..end).unwrap_or_default().to_owned()));
     }
 }
 
-/// Sends lines to the supervisor, many at once where they come fast.
+/// Sends lines to the supervisor, in batches.
 async fn send_lines(bus: Bus, mut waiting: mpsc::Receiver<(String, String)>) {
     let mut batch = Vec::new();
     while waiting.recv_many(&mut batch, LINES_AT_ONCE).await > 0 {
@@ -453,7 +453,7 @@ async fn send_lines(bus: Bus, mut waiting: mpsc::Receiver<(String, String)>) {
             by_instance.entry(instance).or_default().push(line);
         }
         for (instance, lines) in by_instance {
-            // Lost lines show in the stream's numbers.
+            // Lost lines show in the stream's sequence numbers.
             let _ = bus.publish(&keys::NODE_LOG, &LogLines { instance, lines }, &Context::root()).await;
         }
     }

@@ -1,6 +1,6 @@
-//! Processes that a supervisor has start, written down so that the next one can make sure that they are gone.
+//! A session's file of process ids, with which a new supervisor ends the processes of the last one.
 //!
-//! Services die with their supervisor, but they need a moment, and two of one role must never serve at once.
+//! Services die with their supervisor, but not at once. Two processes must never serve one role.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,12 +11,12 @@ use nix::sys::signal::Signal;
 use crate::error::StackError;
 use crate::spawn::signal;
 
-/// How long processes of a supervisor that died may take to follow it before they are killed.
+/// How long old processes may take to end before they are killed.
 const FOLLOW_TIME: Duration = Duration::from_millis(1500);
-/// How long the system may take to remove them then.
+/// How long killed processes may take to disappear.
 const REMOVAL_TIME: Duration = Duration::from_secs(3);
 
-/// The list of a session's processes.
+/// The process ids of a session.
 #[derive(Debug)]
 pub(crate) struct PidRegistry {
     path: PathBuf,
@@ -24,10 +24,10 @@ pub(crate) struct PidRegistry {
 }
 
 impl PidRegistry {
-    /// Waits until every process of the list that is there is gone, killing those that do not go, and begins a new list.
+    /// Waits until every recorded process is gone, kills those that stay, and starts an empty list.
     ///
     /// # Errors
-    /// [`StackError::Leftover`] names a process that does not go.
+    /// [`StackError::Leftover`] names a process that stays.
     pub(crate) async fn open(session: &Path) -> Result<Self, StackError> {
         let registry = Self { path: session.join("processes"), running: BTreeMap::new() };
         let text = std::fs::read_to_string(&registry.path).unwrap_or_default();
@@ -43,7 +43,7 @@ impl PidRegistry {
             if began.elapsed() > FOLLOW_TIME && !killed {
                 killed = true;
                 for pid in &left {
-                    // It may have gone since; if the system refuses, the wait below ends with an error.
+                    // The process may be gone by now. If the signal is refused, the wait below ends with an error.
                     let _ = signal(*pid, Signal::SIGKILL);
                 }
             }
@@ -55,7 +55,7 @@ impl PidRegistry {
         Ok(registry)
     }
 
-    /// Notes a process that was start.
+    /// Adds a started process.
     pub(crate) fn add(&mut self, pid: u32) {
         if let Some(start) = start_time(pid) {
             self.running.insert(pid, start);
@@ -63,7 +63,7 @@ impl PidRegistry {
         }
     }
 
-    /// Notes that a process is gone.
+    /// Removes an ended process.
     pub(crate) fn remove(&mut self, pid: u32) {
         self.running.remove(&pid);
         self.write();
@@ -72,7 +72,7 @@ impl PidRegistry {
     fn write(&self) {
         let text: String = self.running.iter().map(|(pid, start)| format!("{pid} {start}\n")).collect();
         let part = self.path.with_extension("tmp");
-        // Only a later run after a sudden death reads this, and it can do without.
+        // Only the next run after a crash reads this file. It works without it.
         let _ = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &self.path));
     }
 }
@@ -82,11 +82,11 @@ fn entry(line: &str) -> Option<(u32, u64)> {
     Some((pid.parse().ok()?, start.parse().ok()?))
 }
 
-/// When a living process was start, in ticks since the system's; with its id this names it for good, since ids are used
-/// again. `None` for one that is gone or a zombie.
+/// Start time of a living process, in clock ticks since boot. Process ids are reused, so id and start time together
+/// identify a process. `None` for a missing process or a zombie.
 pub fn start_time(pid: u32) -> Option<u64> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The second field is the name in brackets and may hold anything: fields are counted from its end.
+    // The second field is the name in brackets, with any characters. Count fields from its end.
     let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
     let state = *fields.first()?;
     if state == "Z" || state == "X" { None } else { fields.get(19)?.parse().ok() }
@@ -98,15 +98,15 @@ mod tests {
     use std::os::unix::process::CommandExt;
 
     #[tokio::test]
-    async fn what_is_left_is_ended_before_a_new_run_begins() {
+    async fn leftover_processes_are_ended() {
         let folder = tempfile::tempdir().unwrap();
         let mut registry = PidRegistry::open(folder.path()).await.unwrap();
         let mut child = std::process::Command::new("sleep").arg("60").process_group(0).spawn().unwrap();
         registry.add(child.id());
-        // The same id with another start_time is another process, which is left alone.
+        // The same id with another start time is another process. It stays.
         registry.running.insert(std::process::id(), 1);
         registry.write();
-        // A zombie is gone: nothing of it runs.
+        // A zombie counts as gone.
         let began = Instant::now();
         PidRegistry::open(folder.path()).await.unwrap();
         assert!(began.elapsed() >= FOLLOW_TIME && began.elapsed() < FOLLOW_TIME + REMOVAL_TIME);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn this_process_was_born() {
+    fn this_process_has_a_start_time() {
         assert!(start_time(std::process::id()).is_some_and(|b| b > 0));
         assert_eq!(start_time(u32::MAX), None);
     }

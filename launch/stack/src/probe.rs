@@ -1,7 +1,7 @@
-//! The proof of a candidate, between standing by and the hand-over: does it speak the contract of its role?
+//! The readiness probe of a candidate, before the hand-over: does it speak the contract of its role?
 //!
-//! It is asked under its instance, where nobody else hears it and nothing it answers has an effect. This is quick and not
-//! deep: the conformance suite of a role is another thing.
+//! The probe addresses the candidate by its instance, so its answers have no effect. The probe is quick. The
+//! conformance suite of a role tests more.
 
 use std::time::Duration;
 
@@ -13,18 +13,18 @@ use sg_runtime::context::Context;
 
 use crate::reconcile::PROBE_TIME;
 
-/// What every intent agent understands.
+/// An utterance that every intent agent understands.
 const HELP: &str = "help";
 
-/// Looks at a candidate that says `ready` of itself and is to serve `role`. Takes less than [`PROBE_TIME`].
+/// Probes a candidate for `role`. `ready` is its announcement. Takes less than [`PROBE_TIME`].
 ///
 /// # Errors
-/// What is wrong with it, one line.
+/// The first mismatch, in one line.
 pub(crate) async fn probe(bus: &Bus, ready: &Ready, role: &str) -> Result<(), String> {
     check_announcement(ready, role)?;
     let context = Context::root().deadline_in(PROBE_TIME.mul_f64(0.8));
     let under = keys::instance(&ready.instance);
-    // An answer of another major version is of another type, which is refused on receipt.
+    // An answer of another major version has another type and is refused on receipt.
     let health = bus.ask_role(&keys::STATUS, &under, &StatusRequest {}, &context).await;
     check_health(&health.map_err(|fault| format!("{}: {fault}", keys::STATUS.name))?, ready, role)?;
     if role == role::AGENT_INTENT {
@@ -36,12 +36,12 @@ pub(crate) async fn probe(bus: &Bus, ready: &Ready, role: &str) -> Result<(), St
     Ok(())
 }
 
-/// What it announced.
+/// Checks the announcement.
 fn check_announcement(ready: &Ready, role: &str) -> Result<(), String> {
     if ready.role != role {
-        return Err(format!("it says that it serves `{}`, not `{role}`", ready.role));
+        return Err(format!("it announced role `{}` instead of `{role}`", ready.role));
     }
-    let needed = rows().into_iter().filter(|r| r.is_of(role) && !matches!(r.kind, Kind::Stream { .. }));
+    let needed = rows().into_iter().filter(|r| r.belongs_to(role) && !matches!(r.kind, Kind::Stream { .. }));
     let missing: Vec<_> = needed.map(|r| r.name).filter(|n| !ready.declares.iter().any(|d| d == n)).collect();
     if missing.is_empty() { Ok(()) } else { Err(format!("it does not declare {}", missing.join(", "))) }
 }
@@ -55,13 +55,13 @@ fn check_health(health: &Health, ready: &Ready, role: &str) -> Result<(), String
     }
     match health.phase() {
         Phase::Standby => Ok(()),
-        phase => Err(format!("it stands by and says that it is in {}", phase.as_str_name())),
+        phase => Err(format!("in standby it reports the phase {}", phase.as_str_name())),
     }
 }
 
 fn check_intent(intent: &Intent) -> Result<(), String> {
     if intent.clauses.is_empty() && intent.suggestions.is_empty() {
-        return Err(format!("it made nothing of \"{HELP}\""));
+        return Err(format!("it did not understand \"{HELP}\""));
     }
     Ok(())
 }
@@ -72,22 +72,22 @@ mod tests {
     use sg_proto::language::Clause;
 
     fn ready(role: &str) -> Ready {
-        let declares = rows().into_iter().filter(|r| r.is_of(role)).map(|r| r.name.to_owned()).collect();
+        let declares = rows().into_iter().filter(|r| r.belongs_to(role)).map(|r| r.name.to_owned()).collect();
         Ready { role: role.to_owned(), instance: "x-2".to_owned(), declares, ..Ready::default() }
     }
 
     #[test]
-    fn all_rows_of_the_role_must_be_declared() {
+    fn announcement_must_declare_all_rows_of_the_role() {
         assert_eq!(check_announcement(&ready(role::SCENE), role::SCENE), Ok(()));
         let mut lacking = ready(role::SCENE);
         lacking.declares.retain(|d| !["cmd/apply", "cmd/cancel", "event/change"].contains(&d.as_str()));
         assert_eq!(check_announcement(&lacking, role::SCENE).unwrap_err(), "it does not declare cmd/cancel, cmd/apply");
         let wrong = check_announcement(&ready(role::SCENE), role::SELECTION).unwrap_err();
-        assert_eq!(wrong, "it says that it serves `scene`, not `selection`");
+        assert_eq!(wrong, "it announced role `scene` instead of `selection`");
     }
 
     #[test]
-    fn it_must_be_the_one_that_was_asked_and_in_a_state_to_serve() {
+    fn health_must_match_instance_role_and_phase() {
         let ready = ready(role::SCENE);
         let health = |role: &str, instance: &str, phase: Phase| Health {
             role: role.to_owned(),
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_intent_is_none() {
+    fn empty_intent_fails_the_probe() {
         assert!(check_intent(&Intent::default()).is_err());
         assert_eq!(check_intent(&Intent { clauses: vec![Clause::default()], ..Intent::default() }), Ok(()));
     }

@@ -1,8 +1,8 @@
 //! Served keys whose requests one event loop answers.
 
-use sg_proto::keys::Ask;
+use sg_proto::keys::Request;
 use sg_proto::prost::{Message, Name};
-use sg_runtime::bus::{Bus, BusError, Serving};
+use sg_runtime::bus::{Bus, BusError, ServerHandle};
 use sg_runtime::fault::Fault;
 use tokio::sync::{mpsc, oneshot};
 
@@ -17,11 +17,11 @@ pub(crate) type Reply<R> = oneshot::Sender<Result<R, Fault>>;
 /// The key cannot be declared.
 pub(crate) async fn forward<Q, R, T>(
     bus: &Bus,
-    row: &Ask<Q, R>,
+    row: &Request<Q, R>,
     queue: &mpsc::Sender<T>,
     wrap: fn(Q, Reply<R>) -> T,
     closed: fn() -> Fault,
-) -> Result<Serving, BusError>
+) -> Result<ServerHandle, BusError>
 where
     Q: Message + Name + Default + 'static,
     R: Message + Name + 'static,

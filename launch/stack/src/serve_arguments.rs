@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use sg_runtime::bus::Link;
 
-/// What a service's process is told.
+/// Arguments of a service's process.
 #[derive(Debug)]
-pub(crate) struct Serving<'a> {
+pub(crate) struct ServeArguments<'a> {
     pub(crate) session: &'a str,
     pub(crate) role: &'a str,
     pub(crate) instance: &'a str,
@@ -17,17 +17,17 @@ pub(crate) struct Serving<'a> {
     pub(crate) params: &'a str,
     pub(crate) epoch: u64,
     pub(crate) standby: bool,
-    /// Time between the request to stop and the kill.
+    /// Time between SIGTERM and SIGKILL.
     pub(crate) stop: Duration,
 }
 
-impl Serving<'_> {
-    /// The arguments; this process is the one that it dies with.
+impl ServeArguments<'_> {
+    /// The arguments. The process dies with this one.
     pub(crate) fn arguments(&self) -> Vec<String> {
         let run_dir = self.run_dir.display().to_string();
         let supervisor = std::process::id().to_string();
         let epoch = self.epoch.to_string();
-        // A little less than the time until the kill: what is left is for leaving.
+        // Leave a fifth of the time for the exit itself.
         let grace = self.stop.mul_f64(0.8).as_millis().to_string();
         let mut arguments = vec!["serve".to_owned()];
         for (name, value) in [

@@ -1,4 +1,4 @@
-//! Processes of services: started, listened to, signalled, waited for.
+//! Starting, observing and signalling processes.
 
 use std::io;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt};
@@ -17,19 +17,19 @@ use tokio::sync::mpsc;
 use crate::log_line::{Level, LogLine};
 use crate::reconcile::{Exit, ProcessId};
 
-/// First argument by which this program knows that it stands between a supervisor and a service for a moment.
+/// First argument with which this program runs as the short-lived parent of a service.
 pub const BECOME_CHILD: &str = "become-child-of";
 
-/// First argument by which this program knows that it was started to outlive who started it.
+/// First argument with which this program outlives the process that started it.
 pub const DETACHED: &str = "on-its-own";
 
-/// Longest line of a log that is kept whole, bytes.
+/// Longest log line, bytes. The rest of a longer line is dropped.
 const MAX_LINE_BYTES: usize = 64 << 10;
 
-/// How long the output of a process that ended is read for what it still holds: a process it left behind may keep it open.
+/// How long to read the output of an ended process. Its children may keep it open.
 const LAST_OUTPUT_TIME: Duration = Duration::from_millis(500);
 
-/// What is started.
+/// A process to start.
 #[derive(Debug, Clone)]
 pub(crate) struct SpawnRequest {
     pub(crate) id: ProcessId,
@@ -38,66 +38,88 @@ pub(crate) struct SpawnRequest {
     pub(crate) env: Vec<(String, String)>,
 }
 
-/// Where the lines of a service go.
+/// A destination for the lines of a service.
 pub(crate) trait LineSink: Send + 'static {
-    /// Takes one line, without its end.
+    /// Takes one line, without its line break.
     fn line(&self, line: &str);
 }
 
-/// A program and its arguments, to be run so that the kernel kills it when this process dies.
+/// A command for a program, such that the kernel kills the program when this process dies.
 ///
-/// The kernel forgets the pending at a fork and keeps it over an exec, so the new process has to make it itself: this program
-/// is run first, makes it, looks whether its parent is still there, and becomes the other one ([`become_child`]).
+/// The parent-death signal is lost at a fork and kept over an exec. The new process must set it itself. So this program
+/// runs first, sets the signal, checks that its parent is alive, and becomes the other program ([`become_child`]).
 pub fn tied_to_parent(program: &std::path::Path) -> std::process::Command {
-    // Not the path of this program: that may have been replaced by a newer build meanwhile.
+    // Not the path of this program: a newer build may have replaced it.
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg0("supergaussian").arg(BECOME_CHILD).arg(std::process::id().to_string()).arg(program);
     command
 }
 
-/// This program, to be run so that it outlives this process; its arguments follow. The new process calls [`close_inherited`] first.
+/// This program, as a command that outlives this process. The new process calls [`close_inherited`] first.
 pub fn detached() -> std::process::Command {
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg0("supergaussian").arg(DETACHED);
     command
 }
 
-/// The other end of [`tied_to_parent`]: becomes the program named in the arguments. Returns only if it cannot.
-pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> String {
-    let parent = arguments.next().and_then(|a| a.to_str()?.parse::<i32>().ok());
-    let (Some(parent), Some(program)) = (parent, arguments.next()) else {
-        return format!("`{BECOME_CHILD}` is for the supervisor's own use");
-    };
-    if let Err(error) = nix::sys::prctl::set_pdeathsig(Signal::SIGKILL) {
-        return format!("the kernel does not watch the parent: {error}");
-    }
-    if getppid() != Pid::from_raw(parent) {
-        return "the parent is gone already".to_owned();
-    }
-    close_inherited();
-    let error = std::process::Command::new(&program).args(arguments).exec();
-    format!("{} cannot be started: {error}", program.display())
+/// A process that could not become the program of [`tied_to_parent`].
+#[derive(Debug, thiserror::Error)]
+pub enum BecomeChildError {
+    /// The arguments are not those of [`tied_to_parent`].
+    #[error("`{BECOME_CHILD}` is for internal use")]
+    Arguments,
+    /// The kernel refused the parent-death signal.
+    #[error("the parent-death signal cannot be set: {0}")]
+    DeathSignal(Errno),
+    /// The parent ended before the signal was set.
+    #[error("the parent has ended already")]
+    ParentGone,
+    /// The program cannot be started.
+    #[error("{} cannot be started: {source}", .program.display())]
+    Exec {
+        /// The program.
+        program: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
 }
 
-/// Closes everything but the standard streams. The bus's lock on its socket would pass on to services (it is not opened
-/// close-on-exec), outlive the supervisor in what they start, and keep the next supervisor from opening the session.
+/// The new process of [`tied_to_parent`]: becomes the program in the arguments. Returns only on failure.
+pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> BecomeChildError {
+    let parent = arguments.next().and_then(|a| a.to_str()?.parse::<i32>().ok());
+    let (Some(parent), Some(program)) = (parent, arguments.next()) else {
+        return BecomeChildError::Arguments;
+    };
+    if let Err(error) = nix::sys::prctl::set_pdeathsig(Signal::SIGKILL) {
+        return BecomeChildError::DeathSignal(error);
+    }
+    if getppid() != Pid::from_raw(parent) {
+        return BecomeChildError::ParentGone;
+    }
+    close_inherited();
+    let source = std::process::Command::new(&program).args(arguments).exec();
+    BecomeChildError::Exec { program: program.into(), source }
+}
+
+/// Closes all descriptors but the standard streams. The bus opens its socket lock without close-on-exec. A service that
+/// inherited the lock would outlive the supervisor with it, and block the next supervisor.
 pub fn close_inherited() {
     let entries = std::fs::read_dir("/proc/self/fd").into_iter().flatten().flatten();
     let open: Vec<i32> = entries.filter_map(|e| e.file_name().to_str()?.parse().ok()).collect();
     for descriptor in open.into_iter().filter(|d| *d > 2) {
-        // The descriptor of the listing itself is closed already.
+        // The descriptor of this listing is closed already.
         let _ = nix::unistd::close(descriptor);
     }
 }
 
-/// Starts a process in a process group of its own, so that Ctrl-C at the terminal does not reach it before its turn.
-/// When it is gone, how it ended goes to `exits`.
+/// Starts a process in its own process group, so that Ctrl-C at the terminal does not reach it. Its end goes to
+/// `exits`.
 ///
-/// Must be called on a thread that lives as long as the supervisor: the kernel takes the end of the thread that started a
-/// process for the death of its parent.
+/// Call it on a thread that lives as long as the supervisor. The kernel takes the end of that thread for the death of
+/// the parent.
 ///
 /// # Errors
-/// What the system said.
+/// The system's error.
 pub(crate) fn start(
     request: SpawnRequest,
     lines: impl LineSink + Clone,
@@ -107,16 +129,16 @@ pub(crate) fn start(
     command.args(&request.arguments).envs(request.env);
     let (pid, ended) = run(command, lines)?;
     tokio::spawn(async move {
-        // The receiver lives as long as the supervisor; without it nobody wants to know.
+        // Without a supervisor the exit is of no use.
         let _ = exits.send((request.id, ended.await)).await;
     });
     Ok(pid)
 }
 
-/// Starts a command in a process group of its own: its process id, and how it ended, to be waited for.
+/// Starts a command in its own process group. Returns its process id, and a future for its end.
 ///
 /// # Errors
-/// What the system said.
+/// The system's error.
 pub(crate) fn run(
     command: std::process::Command,
     lines: impl LineSink + Clone,
@@ -125,7 +147,7 @@ pub(crate) fn run(
     command.process_group(0);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn()?;
-    let pid = child.id().ok_or_else(|| io::Error::other("the process was gone at once"))?;
+    let pid = child.id().ok_or_else(|| io::Error::other("the process ended at once"))?;
     let last = LastLines::default();
     let streams = [
         child.stdout.take().map(|s| tokio::spawn(read_lines(BufReader::new(s), lines.clone(), last.clone()))),
@@ -133,7 +155,7 @@ pub(crate) fn run(
     ];
     let ended = async move {
         let status = child.wait().await;
-        // Whatever it started itself goes with it.
+        // Kill the whole group, with all children of the process.
         let _ = signal(pid, Signal::SIGKILL);
         for stream in streams.into_iter().flatten() {
             let _ = tokio::time::timeout(LAST_OUTPUT_TIME, stream).await;
@@ -143,10 +165,10 @@ pub(crate) fn run(
     Ok((pid, ended))
 }
 
-/// Sends a signal to a process and whatever it started. A process that is gone is no error.
+/// Sends a signal to a process group. A missing process is not an error.
 ///
 /// # Errors
-/// What the system said.
+/// The system's error.
 pub fn signal(pid: u32, signal: Signal) -> io::Result<()> {
     let pid = i32::try_from(pid).map_err(io::Error::other)?;
     match killpg(Pid::from_raw(pid), signal) {
@@ -155,7 +177,7 @@ pub fn signal(pid: u32, signal: Signal) -> io::Result<()> {
     }
 }
 
-/// The line that says best why a process ended: its last error, else its last line.
+/// The line that best explains the end of a process: its last error, else its last line.
 #[derive(Debug, Clone, Default)]
 struct LastLines(Arc<Mutex<(Option<String>, Option<String>)>>);
 
@@ -180,7 +202,7 @@ async fn read_lines(mut stream: impl AsyncBufRead + Unpin, lines: impl LineSink,
     let mut line = Vec::new();
     loop {
         let (taken, whole) = match stream.fill_buf().await {
-            // Nothing more comes, or nothing more can be read.
+            // End of the stream, or a read error.
             Ok([]) | Err(_) => break,
             Ok(buffer) => {
                 let end = buffer.iter().position(|b| *b == b'\n');
@@ -218,7 +240,7 @@ fn describe_exit(status: io::Result<ExitStatus>, last: &LastLines) -> Exit {
         (Some(code), _) => format!("exit status {code}"),
         (None, Some(number)) => {
             let name = Signal::try_from(number).map_or_else(|_| number.to_string(), |s| s.to_string());
-            // What it said before has nothing to do with a signal that others sent.
+            // The output is unrelated to a signal from outside.
             return Exit { status: None, reason: format!("killed by {name}") };
         }
         (None, None) => status.to_string(),
@@ -258,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn an_end_is_described_with_the_last_words() {
+    fn exit_reason_has_the_last_line() {
         let last = LastLines::default();
         last.note("about to give up");
         let exit = |raw| describe_exit(Ok(ExitStatus::from_raw(raw)), &last);

@@ -1,6 +1,6 @@
 //! Suggestions for names that do not exist.
 
-/// `; did you mean …?` for the nearest of the candidates, or a list of them where none is near and the list is short.
+/// `; did you mean …?` with the nearest candidate, or a short list of all candidates.
 #[must_use]
 pub fn suggestion<'a>(wrong: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
     let candidates: Vec<_> = candidates.into_iter().collect();

@@ -1,4 +1,4 @@
-//! Status lines on standard error, and text for them: colours and times.
+//! Status lines on standard error, and formats for them: colours and times.
 
 use std::io::{self, IsTerminal, Write};
 

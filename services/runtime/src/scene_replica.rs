@@ -1,6 +1,6 @@
 //! A copy of the scene that stays current while the process runs.
 //!
-//! The copy itself is any [`Replica`]. This module asks for the snapshot, applies the events, fills gaps and tells readers
+//! The copy itself is any [`Replica`]. This module asks for the snapshot, applies the events, fills gaps and notifies readers
 //! of each new revision.
 
 use std::fmt;

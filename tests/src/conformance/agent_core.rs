@@ -43,10 +43,10 @@ async fn say(stage: &Stage<'_>, text: &str, id: &str) -> Result<Reply, String> {
 
 async fn closes_the_loop(stage: &mut Stage<'_>) -> Result<(), String> {
     let fail = |e: sg_runtime::bus::BusError| e.to_string();
-    let mut utterances = stage.cli.follow(&keys::UTTERANCE, ROLE, 64).await.map_err(fail)?;
-    let mut observations = stage.cli.follow(&keys::OBSERVATION, ROLE, 64).await.map_err(fail)?;
-    let mut plans = stage.cli.follow(&keys::PLAN, ROLE, 64).await.map_err(fail)?;
-    let mut replies = stage.cli.follow(&keys::REPLY, ROLE, 64).await.map_err(fail)?;
+    let mut utterances = stage.cli.subscribe(&keys::UTTERANCE, ROLE, 64).await.map_err(fail)?;
+    let mut observations = stage.cli.subscribe(&keys::OBSERVATION, ROLE, 64).await.map_err(fail)?;
+    let mut plans = stage.cli.subscribe(&keys::PLAN, ROLE, 64).await.map_err(fail)?;
+    let mut replies = stage.cli.subscribe(&keys::REPLY, ROLE, 64).await.map_err(fail)?;
     let id = stage.new_id();
     let reply = say(stage, "make the sac red", &id).await?;
     hold(reply.ok && !reply.text.is_empty(), || format!("{reply:?}"))?;

@@ -65,7 +65,7 @@ async fn execute(stage: &Stage<'_>, core: &Bus, id: &str, clauses: Vec<Clause>) 
 }
 
 async fn carries_out(stage: &mut Stage<'_>, core: &Bus) -> Result<(), String> {
-    let mut actions = stage.cli.follow(&keys::ACTION, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let mut actions = stage.cli.subscribe(&keys::ACTION, ROLE, 64).await.map_err(|e| e.to_string())?;
     let id = stage.new_id();
     let result = execute(stage, core, &id, vec![clause(Act::Hide, "body"), halve("sac")]).await?;
     let done: Vec<_> = result.actions.iter().map(|a| (a.clause, a.ok, a.command.is_some())).collect();

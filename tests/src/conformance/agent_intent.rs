@@ -99,7 +99,7 @@ async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {
 }
 
 async fn publishes(stage: &Stage<'_>) -> Result<(), String> {
-    let mut intents = stage.cli.follow(&keys::INTENT, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let mut intents = stage.cli.subscribe(&keys::INTENT, ROLE, 64).await.map_err(|e| e.to_string())?;
     let before = stage.cli.newest(&keys::INTENT_STATE, &soon()).await.map_err(|f| f.to_string())?;
     let context = soon().at_step("talk", 4);
     let asked = stage.cli.ask(&keys::PARSE, &request("hide the sac"), &context).await.map_err(|f| f.to_string())?;

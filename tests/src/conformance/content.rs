@@ -1,7 +1,7 @@
 //! Large things, as other machines ask for them: part by part, by their hash.
 
 use sg_proto::bus::{Code, ContentReply, ContentRequest};
-use sg_proto::keys::Ask;
+use sg_proto::keys::Request;
 
 use super::question::{hold, soon};
 use super::stage::Stage;
@@ -12,7 +12,7 @@ const PARTS: usize = 10_000;
 /// All of something, checked against its hash.
 pub(super) async fn whole(
     stage: &Stage<'_>,
-    row: &Ask<ContentRequest, ContentReply>,
+    row: &Request<ContentRequest, ContentReply>,
     hash: &str,
 ) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
@@ -30,7 +30,7 @@ pub(super) async fn whole(
 }
 
 /// What is not offered is not sent.
-pub(super) async fn unknown(stage: &Stage<'_>, row: &Ask<ContentRequest, ContentReply>) -> Result<(), String> {
+pub(super) async fn unknown(stage: &Stage<'_>, row: &Request<ContentRequest, ContentReply>) -> Result<(), String> {
     for hash in ["", "../scene.toml", "/etc/passwd", &"0".repeat(64)] {
         let request = ContentRequest { hash: hash.to_owned(), offset: 0 };
         let code = stage.cli.ask(row, &request, &soon()).await.err().map(|f| f.code);

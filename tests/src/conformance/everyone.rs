@@ -9,7 +9,7 @@ use sg_proto::bus::{CancelRequest, Code, Envelope, MetricsRequest, Phase, Promot
 use sg_proto::golden::Line;
 use sg_proto::keys::{self, Kind, Row, role};
 use sg_proto::released;
-use sg_runtime::bus::{Heard, Raw};
+use sg_runtime::bus::{RawMessage, RawReply};
 
 use super::question::{ANSWER, encoding, hold, refusal, refused_as, soon};
 use super::stage::{Stage, next_of, next_ready};
@@ -58,12 +58,12 @@ async fn ends_with_input_error(process: Result<super::process::Process, String>)
 
 /// Rows that a role answers or owns.
 fn answered_rows(role: &str) -> Vec<Row> {
-    keys::rows().into_iter().filter(|r| r.is_of(role) && !matches!(r.kind, Kind::Stream { .. })).collect()
+    keys::rows().into_iter().filter(|r| r.belongs_to(role) && !matches!(r.kind, Kind::Stream { .. })).collect()
 }
 
 /// The candidate gets ready; whether it serves.
 pub(super) async fn begin(stage: &mut Stage<'_>, checks: &mut Checks<'_>) -> bool {
-    let alive = stage.router.watch_alive(64).await;
+    let alive = stage.router.watch_liveliness(64).await;
     let ready = match stage.serve().await {
         Ok(ready) => ready,
         Err(why) => {
@@ -103,7 +103,8 @@ fn ready_is_right(stage: &Stage<'_>, ready: &Ready, standby: bool, epoch: u64) -
 fn declares_its_rows(role: &str, ready: &Ready) -> Result<(), String> {
     let declared: BTreeSet<&str> = ready.declares.iter().map(String::as_str).collect();
     let rows = keys::rows();
-    let strange: Vec<_> = declared.iter().filter(|n| !rows.iter().any(|r| r.is_of(role) && r.name == **n)).collect();
+    let strange: Vec<_> =
+        declared.iter().filter(|n| !rows.iter().any(|r| r.belongs_to(role) && r.name == **n)).collect();
     hold(strange.is_empty(), || format!("no rows of `{role}`: {strange:?}"))?;
     let absent: Vec<_> = answered_rows(role).into_iter().map(|r| r.name).filter(|n| !declared.contains(n)).collect();
     hold(absent.is_empty(), || format!("rows of `{role}` that event/ready does not name: {absent:?}"))
@@ -137,7 +138,7 @@ async fn status(stage: &Stage<'_>) -> Result<(), String> {
 
 async fn health(stage: &Stage<'_>) -> Result<(), String> {
     let role = stage.subject.role;
-    let mut heard = stage.cli.follow(&keys::HEALTH, role, 8).await.map_err(|e| e.to_string())?;
+    let mut heard = stage.cli.subscribe(&keys::HEALTH, role, 8).await.map_err(|e| e.to_string())?;
     let begun = Instant::now();
     let (_, first) = next_of(&mut heard, "event/health", |_, _| true).await?;
     next_of(&mut heard, "second event/health", |_, _| true).await?;
@@ -159,9 +160,9 @@ async fn metrics(stage: &Stage<'_>) -> Result<(), String> {
 async fn newest_values(stage: &Stage<'_>) -> Result<(), String> {
     let role = stage.subject.role;
     for row in answered_rows(role) {
-        let Kind::Slot { message } = &row.kind else { continue };
-        match stage.cli.ask_raw(role, row.name, &Raw::default(), ANSWER).await {
-            Heard::Reply { encoding, payload } if encoding == self::encoding(message) => {
+        let Kind::Retained { message } = &row.kind else { continue };
+        match stage.cli.ask_raw(role, row.name, &RawMessage::default(), ANSWER).await {
+            RawReply::Reply { encoding, payload } if encoding == self::encoding(message) => {
                 sg_proto::recode(message, &payload).ok_or("not in the contract")?.map_err(|e| e.to_string())?;
             }
             other => return Err(format!("`{}` is answered with {other:?}", row.name)),
@@ -183,7 +184,7 @@ async fn deadlines(stage: &mut Stage<'_>) -> Result<(), String> {
         let envelope = Envelope { deadline_ms: 1, ..question.envelope(&id) };
         let raw = question.within(&envelope);
         match stage.cli.ask_raw(stage.subject.role, question.name, &raw, ANSWER).await {
-            Heard::Reply { .. } => (),
+            RawReply::Reply { .. } => (),
             other => refused_as(other, &[Code::DeadlineExceeded])?,
         }
     }
@@ -216,7 +217,7 @@ async fn withdrawal(stage: &mut Stage<'_>) -> Result<(), String> {
             // A full queue refuses at once; a question that came after its withdrawal is answered.
             Ok(error) => hold(error.code() == Code::ResourceExhausted, || format!("refused: {error:?}"))?,
             Err(why) => {
-                hold(matches!(heard, Heard::Reply { .. }), || why)?;
+                hold(matches!(heard, RawReply::Reply { .. }), || why)?;
                 hold(!(is_last && reply.found), || "a withdrawn question got its answer all the same".to_owned())?;
             }
         }
@@ -242,10 +243,10 @@ async fn newer_version(stage: &mut Stage<'_>) -> Result<(), String> {
 async fn released_messages(stage: &mut Stage<'_>) -> Result<(), String> {
     let role = stage.subject.role;
     let before = stage.health(role).await?.refused;
-    let parts = released::golden_parts()?;
+    let parts = released::golden_parts().map_err(|e| e.to_string())?;
     let mut sent = 0;
     for row in answered_rows(role) {
-        let Kind::Ask { request, .. } = &row.kind else { continue };
+        let Kind::Request { request, .. } = &row.kind else { continue };
         // A promotion is not tried with made-up numbers.
         if row.name == keys::PROMOTE.name {
             continue;
@@ -257,13 +258,13 @@ async fn released_messages(stage: &mut Stage<'_>) -> Result<(), String> {
             for line in lines.filter(|l| l.split(' ').next() == Some(request)) {
                 let envelope =
                     Envelope { id: stage.new_id(), sender: sender.to_owned(), deadline_ms: 500, ..Envelope::default() };
-                let raw = Raw {
+                let raw = RawMessage {
                     encoding: encoding(request),
-                    payload: Some(Line::parse(line)?.bytes),
+                    payload: Some(Line::parse(line).map_err(|e| e.to_string())?.bytes),
                     attachment: Some(envelope.encode_to_vec()),
                 };
                 let heard = stage.cli.ask_raw(role, row.name, &raw, ANSWER).await;
-                hold(heard != Heard::Nothing, || format!("{}: no answer to a released {request}", row.name))?;
+                hold(heard != RawReply::Nothing, || format!("{}: no answer to a released {request}", row.name))?;
                 sent += 1;
             }
         }

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use prost::{Message, Name};
 use sg_proto::bus::{Code, Envelope, Error as WireError};
-use sg_proto::keys::{self, Ask, role};
-use sg_runtime::bus::{Heard, Raw};
+use sg_proto::keys::{self, Request, role};
+use sg_runtime::bus::{RawMessage, RawReply};
 use sg_runtime::context::Context;
 
 /// How long an answer may take; generous, for busy machines.
@@ -27,7 +27,7 @@ pub(super) struct Question {
 }
 
 impl Question {
-    pub(super) fn of<Q: Message + Name, R: Name>(row: &Ask<Q, R>, request: &Q) -> Self {
+    pub(super) fn of<Q: Message + Name, R: Name>(row: &Request<Q, R>, request: &Q) -> Self {
         let open = row.senders.contains(&keys::ANY);
         Self {
             name: row.name,
@@ -40,13 +40,13 @@ impl Question {
     }
 
     /// As it travels under an id.
-    pub(super) fn raw(&self, id: &str) -> Raw {
+    pub(super) fn raw(&self, id: &str) -> RawMessage {
         self.within(&self.envelope(id))
     }
 
     /// As it travels in an envelope.
-    pub(super) fn within(&self, envelope: &Envelope) -> Raw {
-        Raw {
+    pub(super) fn within(&self, envelope: &Envelope) -> RawMessage {
+        RawMessage {
             encoding: encoding(&self.request),
             payload: Some(self.payload.clone()),
             attachment: Some(envelope.encode_to_vec()),
@@ -63,10 +63,10 @@ impl Question {
     }
 
     /// The payload of the reply.
-    pub(super) fn replied(&self, heard: Heard) -> Result<Vec<u8>, String> {
+    pub(super) fn replied(&self, heard: RawReply) -> Result<Vec<u8>, String> {
         match heard {
-            Heard::Reply { encoding, payload } if encoding == self::encoding(&self.reply) => Ok(payload),
-            Heard::Reply { encoding, .. } => {
+            RawReply::Reply { encoding, payload } if encoding == self::encoding(&self.reply) => Ok(payload),
+            RawReply::Reply { encoding, .. } => {
                 Err(format!("{}: a reply of encoding `{encoding}`, not of {}", self.name, self.reply))
             }
             other => Err(match refusal(other) {
@@ -82,11 +82,11 @@ pub(super) fn encoding(name: &str) -> String {
 }
 
 /// The typed error in place of a reply.
-pub(super) fn refusal(heard: Heard) -> Result<WireError, String> {
+pub(super) fn refusal(heard: RawReply) -> Result<WireError, String> {
     match heard {
-        Heard::Nothing => Err("no answer at all".to_owned()),
-        Heard::Reply { encoding, .. } => Err(format!("a reply ({encoding}) where a refusal is due")),
-        Heard::Refusal { encoding, payload } => {
+        RawReply::Nothing => Err("no answer at all".to_owned()),
+        RawReply::Reply { encoding, .. } => Err(format!("a reply ({encoding}) where a refusal is due")),
+        RawReply::Refusal { encoding, payload } => {
             if encoding != self::encoding(&WireError::full_name()) {
                 return Err(format!("a refusal of encoding `{encoding}` is no {}", WireError::full_name()));
             }
@@ -100,7 +100,7 @@ pub(super) fn refusal(heard: Heard) -> Result<WireError, String> {
 }
 
 /// A refusal with one of these codes.
-pub(super) fn refused_as(heard: Heard, codes: &[Code]) -> Result<(), String> {
+pub(super) fn refused_as(heard: RawReply, codes: &[Code]) -> Result<(), String> {
     let error = refusal(heard)?;
     if codes.contains(&error.code()) {
         return Ok(());

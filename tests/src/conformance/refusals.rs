@@ -3,7 +3,7 @@
 use sg_proto::bus::{Code, Envelope, StatusRequest};
 use sg_proto::keys::{self, Kind};
 use sg_proto::limits::{MAX_ENVELOPE_BYTES, MAX_MESSAGE_BYTES};
-use sg_runtime::bus::Raw;
+use sg_runtime::bus::RawMessage;
 
 use super::Checks;
 use super::question::{ANSWER, Question, encoding, hold, refused_as};
@@ -30,7 +30,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("goes on after garbage on the streams it follows", garbage_on_streams(stage).await);
 }
 
-type Bad = (&'static str, Raw, &'static [Code]);
+type Bad = (&'static str, RawMessage, &'static [Code]);
 
 fn bad_questions(stage: &mut Stage<'_>) -> Vec<Bad> {
     let id = stage.new_id();
@@ -40,38 +40,38 @@ fn bad_questions(stage: &mut Stage<'_>) -> Vec<Bad> {
     let mut bad: Vec<Bad> = vec![
         (
             "refuses a message of another type",
-            Raw { encoding: encoding("supergaussian.bus.v1.Envelope"), ..good.clone() },
+            RawMessage { encoding: encoding("supergaussian.bus.v1.Envelope"), ..good.clone() },
             &[Code::InvalidArgument],
         ),
         (
             "refuses a message of another major version",
-            Raw { encoding: encoding(&major), ..good.clone() },
+            RawMessage { encoding: encoding(&major), ..good.clone() },
             &[Code::InvalidArgument],
         ),
         (
             "refuses what is no protobuf message",
-            Raw { encoding: "text/plain".to_owned(), ..good.clone() },
+            RawMessage { encoding: "text/plain".to_owned(), ..good.clone() },
             &[Code::InvalidArgument],
         ),
         (
             "refuses a malformed payload",
-            Raw { payload: Some(vec![0xff; 16]), ..good.clone() },
+            RawMessage { payload: Some(vec![0xff; 16]), ..good.clone() },
             &[Code::InvalidArgument],
         ),
-        ("refuses a question without payload", Raw { payload: None, ..good.clone() }, &[Code::InvalidArgument]),
+        ("refuses a question without payload", RawMessage { payload: None, ..good.clone() }, &[Code::InvalidArgument]),
         (
             "refuses an oversized payload",
-            Raw { payload: Some(vec![0; MAX_MESSAGE_BYTES + 1]), ..good.clone() },
+            RawMessage { payload: Some(vec![0; MAX_MESSAGE_BYTES + 1]), ..good.clone() },
             &[Code::ResourceExhausted],
         ),
         (
             "refuses a malformed envelope",
-            Raw { attachment: Some(vec![0xff; 16]), ..good.clone() },
+            RawMessage { attachment: Some(vec![0xff; 16]), ..good.clone() },
             &[Code::InvalidArgument],
         ),
         (
             "refuses an oversized envelope",
-            Raw { attachment: Some(vec![0; MAX_ENVELOPE_BYTES + 1]), ..good.clone() },
+            RawMessage { attachment: Some(vec![0; MAX_ENVELOPE_BYTES + 1]), ..good.clone() },
             &[Code::ResourceExhausted],
         ),
     ];
@@ -97,12 +97,12 @@ async fn old_epoch(stage: &mut Stage<'_>) -> Result<(), String> {
 }
 
 async fn garbage_on_streams(stage: &mut Stage<'_>) -> Result<(), String> {
-    for row in keys::rows().into_iter().filter(|r| r.role != keys::ANY && !matches!(r.kind, Kind::Ask { .. })) {
-        let (Kind::Stream { message } | Kind::Slot { message }) = &row.kind else { continue };
+    for row in keys::rows().into_iter().filter(|r| r.role != keys::ANY && !matches!(r.kind, Kind::Request { .. })) {
+        let (Kind::Stream { message } | Kind::Retained { message }) = &row.kind else { continue };
         for raw in [
-            Raw { encoding: encoding(message), payload: Some(vec![0xff; 64]), attachment: None },
-            Raw { encoding: encoding(message), payload: Some(Vec::new()), attachment: Some(vec![0xff; 64]) },
-            Raw { encoding: "text/plain".to_owned(), payload: Some(b"garbage".to_vec()), attachment: None },
+            RawMessage { encoding: encoding(message), payload: Some(vec![0xff; 64]), attachment: None },
+            RawMessage { encoding: encoding(message), payload: Some(Vec::new()), attachment: Some(vec![0xff; 64]) },
+            RawMessage { encoding: "text/plain".to_owned(), payload: Some(b"garbage".to_vec()), attachment: None },
         ] {
             stage.cli.put_raw(row.role, row.name, &raw).await.map_err(|e| e.to_string())?;
         }
@@ -115,7 +115,7 @@ async fn garbage_on_streams(stage: &mut Stage<'_>) -> Result<(), String> {
 async fn everybody_who_may(stage: &mut Stage<'_>) -> Result<(), String> {
     let role = stage.subject.role;
     let name = (stage.subject.question)("").name;
-    let row = keys::rows().into_iter().find(|r| r.is_of(role) && r.name == name).ok_or("no such row")?;
+    let row = keys::rows().into_iter().find(|r| r.belongs_to(role) && r.name == name).ok_or("no such row")?;
     for sender in row.senders.iter().map(|s| if *s == keys::ANY { "anybody" } else { s }) {
         let id = stage.new_id();
         let question = (stage.subject.question)(&id);

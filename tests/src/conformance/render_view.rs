@@ -40,7 +40,7 @@ fn background(red: f32) -> Action {
 
 /// A change is made; a frame shows it, and its files are pictures.
 async fn draws(stage: &mut Stage<'_>) -> Result<(), String> {
-    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let mut frames = stage.cli.subscribe(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
     let revision = stage.change(background(0.125)).await?.revision;
     let (frame, _) = next_of(&mut frames, "event/frame of the change", |f, _| f.revision >= revision).await?;
     let picture = Picture::read(std::path::Path::new(&frame.npy_path)).map_err(|e| e.to_string())?;
@@ -55,7 +55,7 @@ async fn draws(stage: &mut Stage<'_>) -> Result<(), String> {
 }
 
 async fn newest(stage: &mut Stage<'_>) -> Result<(), String> {
-    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 256).await.map_err(|e| e.to_string())?;
+    let mut frames = stage.cli.subscribe(&keys::VIEW_FRAME, ROLE, 256).await.map_err(|e| e.to_string())?;
     let mut revision = 0;
     for n in 0_u8..12 {
         revision = stage.change(background(f32::from(n) / 12.0)).await?.revision;
@@ -67,7 +67,7 @@ async fn newest(stage: &mut Stage<'_>) -> Result<(), String> {
 
 /// A preview of the selection is drawn; taken back, the picture is the one before. One of another selection is not drawn.
 async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
-    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let mut frames = stage.cli.subscribe(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
     let revision = stage.change(background(0.4)).await?.revision;
     let (before, _) = next_of(&mut frames, "event/frame of the change", |f, _| f.revision >= revision).await?;
     let state = stage.scene_state().await?;
@@ -97,7 +97,7 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
 
 async fn again(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.kill_and_serve().await?;
-    let mut frames = stage.cli.follow(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let mut frames = stage.cli.subscribe(&keys::VIEW_FRAME, ROLE, 64).await.map_err(|e| e.to_string())?;
     let revision = stage.change(background(0.9)).await?.revision;
     next_of(&mut frames, "event/frame after the restart", |f, _| f.revision >= revision).await.map(drop)
 }

@@ -60,7 +60,7 @@ async fn files(stage: &mut Stage<'_>) -> Result<(), String> {
 }
 
 async fn change(stage: &mut Stage<'_>) -> Result<(), String> {
-    let mut events = stage.cli.follow(&keys::SCENE_EVENT, ROLE, 64).await.map_err(|e| e.to_string())?;
+    let mut events = stage.cli.subscribe(&keys::SCENE_EVENT, ROLE, 64).await.map_err(|e| e.to_string())?;
     let id = stage.new_id();
     let command = Command { id: id.clone(), expected_revision: 0, action: Some(red("sac")) };
     let context = soon().at_step("talk", 3);

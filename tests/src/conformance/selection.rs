@@ -178,7 +178,7 @@ fn flip(shown: &mut [bool], runs: &[u32]) -> Result<(), String> {
 
 async fn told(stage: &Stage<'_>) -> Result<(), String> {
     let empty = draw(stage, &StrokesRequest { restart: true, ..StrokesRequest::default() }).await?;
-    let heard = stage.cli.follow(&keys::SELECTION_PREVIEW, ROLE, 64).await;
+    let heard = stage.cli.subscribe(&keys::SELECTION_PREVIEW, ROLE, 64).await;
     let mut heard = heard.map_err(|e| e.to_string())?;
     let done = draw(stage, &strokes(StrokeMode::Point, false)).await?;
     let next = tokio::time::timeout(soon().remaining(), heard.next()).await;

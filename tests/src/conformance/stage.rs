@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use sg_proto::bus::{Health, Ready, StatusRequest};
 use sg_proto::keys::{self, role};
-use sg_runtime::bus::{Bus, Following, Heard, endpoint_of};
+use sg_runtime::bus::{Bus, RawReply, Subscription, endpoint_of};
 use sg_runtime::context::Context;
 
 use super::process::Process;
@@ -57,7 +57,7 @@ impl<'a> Stage<'a> {
         let folder = tempfile::tempdir().map_err(|e| text(&e))?;
         let scene = small_scene::write(folder.path()).map_err(|e| text(&e))?;
         let socket = folder.path().join("bus.sock");
-        let router = Bus::route(SESSION, role::SUPERVISOR, &socket, None).await.map_err(|e| text(&e))?;
+        let router = Bus::open_router(SESSION, role::SUPERVISOR, &socket, None).await.map_err(|e| text(&e))?;
         let cli = Bus::connect(SESSION, role::CLI, &endpoint_of(&socket)).await.map_err(|e| text(&e))?;
         let mut stage = Self {
             candidate,
@@ -203,8 +203,8 @@ impl<'a> Stage<'a> {
     }
 
     /// Whatever a role announces from now on; `@instance/*` for those that stand by.
-    pub(super) async fn hear_ready(&self, segment: &str) -> Result<Following<Ready>, String> {
-        self.router.follow(&keys::READY, segment, 64).await.map_err(|e| e.to_string())
+    pub(super) async fn hear_ready(&self, segment: &str) -> Result<Subscription<Ready>, String> {
+        self.router.subscribe(&keys::READY, segment, 64).await.map_err(|e| e.to_string())
     }
 
     /// A bus in the name of a role, to ask what only this role may ask.
@@ -221,7 +221,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Puts any question to the role.
-    pub(super) async fn put(&self, question: &Question, id: &str) -> Heard {
+    pub(super) async fn put(&self, question: &Question, id: &str) -> RawReply {
         self.cli.ask_raw(self.subject.role, question.name, &question.raw(id), ANSWER).await
     }
 
@@ -254,7 +254,7 @@ impl<'a> Stage<'a> {
 }
 
 /// The announcement of an instance.
-pub(super) async fn next_ready(heard: &mut Following<Ready>, instance: &str, within: Duration) -> Option<Ready> {
+pub(super) async fn next_ready(heard: &mut Subscription<Ready>, instance: &str, within: Duration) -> Option<Ready> {
     let one = async {
         while let Some((ready, _)) = heard.next().await {
             if ready.instance == instance {
@@ -268,7 +268,7 @@ pub(super) async fn next_ready(heard: &mut Following<Ready>, instance: &str, wit
 
 /// The next message of a stream that is the one meant.
 pub(super) async fn next_of<M: Clone>(
-    heard: &mut Following<M>,
+    heard: &mut Subscription<M>,
     what: &str,
     mut is_meant: impl FnMut(&M, &Context) -> bool,
 ) -> Result<(M, Context), String> {

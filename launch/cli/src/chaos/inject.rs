@@ -1,4 +1,4 @@
-//! Makes faults happen, one after another, and waits until the stack has recovered from each.
+//! Injects faults one after another. Waits until the stack has recovered from each.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -20,40 +20,40 @@ use super::stack::{self, POLL_PERIOD, Process, Stack, signal};
 use crate::playback::Counts;
 use crate::terminal::{self, Failure, format_time};
 
-/// How long the stack may take to recover from one fault.
+/// Longest time for the recovery from one fault.
 const RECOVERY_TIME: Duration = Duration::from_secs(60);
-/// How long a service that is to be struck may take to have a process.
+/// Longest wait for the process of a targeted service.
 const TARGET_TIME: Duration = Duration::from_secs(30);
-/// How long a command that cannot be kept may take to be refused.
+/// Longest wait for the refusal of a command on a full disk.
 const REFUSAL_TIME: Duration = Duration::from_secs(10);
 
 /// A fault that the stack has recovered from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Recovery {
     pub(super) kind: Kind,
-    /// From the fault until every service was ready again.
+    /// Time from the fault until every service is ready again.
     pub(super) recovered: Duration,
 }
 
-/// Everything that was log of the faults.
+/// Observations during all faults.
 #[derive(Debug, Default)]
 pub(super) struct FaultLog {
     pub(super) recoveries: Vec<Recovery>,
     /// Longest time that processes outlived their supervisor.
     pub(super) followed: Duration,
-    /// Processes that belong to no service, each as a line.
+    /// Processes without a service, one line each.
     pub(super) orphans: Vec<String>,
 }
 
-/// What strikes, and what tells when.
+/// Injects the faults of a plan.
 pub(super) struct Injector<'a> {
     pub(super) stack: &'a mut Stack,
     pub(super) bus: &'a Bus,
-    /// Of each service.
+    /// By service.
     pub(super) executables: &'a HashMap<String, PathBuf>,
     pub(super) plan: &'a [Fault],
     pub(super) steps: &'a [SessionStep],
-    /// How long each step took without faults.
+    /// Duration of each step without faults.
     pub(super) calm: &'a [Duration],
     pub(super) begun: watch::Receiver<usize>,
     pub(super) answered: watch::Receiver<usize>,
@@ -63,7 +63,7 @@ pub(super) struct Injector<'a> {
 }
 
 impl Injector<'_> {
-    /// Makes every fault of the plan happen at its moment.
+    /// Injects every fault of the plan.
     pub(super) async fn run(mut self) -> Result<(), Failure> {
         let plan = self.plan;
         for (index, fault) in plan.iter().enumerate() {
@@ -83,7 +83,7 @@ impl Injector<'_> {
         Ok(())
     }
 
-    /// Waits for the moment of a fault, makes it happen and waits for the recovery; how long that took.
+    /// Injects one fault at its moment and waits for the recovery. Returns the time of the recovery.
     async fn inject(&mut self, index: usize, fault: &Fault) -> Result<Duration, Failure> {
         let over = |_| Failure::Work("the session ended before the fault".to_owned());
         self.begun.wait_for(|n| *n > fault.step).await.map_err(over)?;
@@ -94,26 +94,26 @@ impl Injector<'_> {
         let calm = self.calm.get(fault.step).copied().unwrap_or_default();
         tokio::time::sleep(calm.mul_f64(fault.moment)).await;
         let began = Instant::now();
-        let mut gone = Vec::new();
+        let mut ended = Vec::new();
         match fault.kind {
-            Kind::Kill | Kind::Two => gone = self.signal_all(fault, Signal::SIGKILL).await?,
-            Kind::Terminate => gone = self.signal_all(fault, Signal::SIGTERM).await?,
-            Kind::Hang => gone = self.signal_all(fault, Signal::SIGSTOP).await?,
+            Kind::Kill | Kind::Two => ended = self.signal_all(fault, Signal::SIGKILL).await?,
+            Kind::Terminate => ended = self.signal_all(fault, Signal::SIGTERM).await?,
+            Kind::Hang => ended = self.signal_all(fault, Signal::SIGSTOP).await?,
             Kind::Restart => {
-                for service in &fault.whom {
+                for service in &fault.targets {
                     let request = RestartRequest { service: service.clone() };
                     let context = Context::root().deadline_in(TARGET_TIME);
-                    gone.push(self.bus.ask(&keys::RESTART, &request, &context).await?.old_pid);
+                    ended.push(self.bus.ask(&keys::RESTART, &request, &context).await?.old_pid);
                 }
             }
-            Kind::Swap => gone = self.swap(fault).await?,
+            Kind::Swap => ended = self.swap(fault).await?,
             Kind::Pause => self.pause(fault).await?,
-            Kind::AtStart => gone = self.kill_twice(fault).await?,
-            Kind::Supervisor => gone = self.kill_supervisor(false).await?,
-            Kind::Everything => gone = self.kill_supervisor(true).await?,
+            Kind::AtStart => ended = self.kill_twice(fault).await?,
+            Kind::Supervisor => ended = self.kill_supervisor(false).await?,
+            Kind::Everything => ended = self.kill_supervisor(true).await?,
             Kind::NoRoom => {}
         }
-        self.recovery(&gone).await?;
+        self.recovery(&ended).await?;
         let recovered = began.elapsed();
         if matches!(fault.kind, Kind::Supervisor | Kind::Everything) {
             self.look_for_orphans().await;
@@ -121,19 +121,19 @@ impl Injector<'_> {
         Ok(recovered)
     }
 
-    /// Process ids of those that a fault strikes; they have to have one.
+    /// Process ids of a fault's targets. Waits until each target has a process.
     async fn targets(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
         let began = Instant::now();
         loop {
             self.stack.check()?;
             if let Some(ps) = stack::ps(self.bus).await {
-                let pids: Vec<_> = fault.whom.iter().filter_map(|name| pid_of(&ps, name)).collect();
-                if pids.len() == fault.whom.len() {
+                let pids: Vec<_> = fault.targets.iter().filter_map(|name| pid_of(&ps, name)).collect();
+                if pids.len() == fault.targets.len() {
                     return Ok(pids);
                 }
             }
             if began.elapsed() > TARGET_TIME {
-                return Err(Failure::Work(format!("no process of {}", fault.whom.join(", "))));
+                return Err(Failure::Work(format!("no process of {}", fault.targets.join(", "))));
             }
             tokio::time::sleep(POLL_PERIOD).await;
         }
@@ -147,10 +147,10 @@ impl Injector<'_> {
         Ok(pids)
     }
 
-    /// Has a service replaced by another process of its own executable.
+    /// Swaps a service for another process of its own executable.
     async fn swap(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
         let pids = self.targets(fault).await?;
-        for name in &fault.whom {
+        for name in &fault.targets {
             let executable = self.executables.get(name).map_or_else(String::new, |path| path.display().to_string());
             let request = SwapRequest { service: name.clone(), executable, params: String::new() };
             self.bus.ask(&keys::SWAP, &request, &Context::root().deadline_in(TARGET_TIME)).await?;
@@ -164,32 +164,32 @@ impl Injector<'_> {
         pids.into_iter().try_for_each(|pid| signal(pid, Signal::SIGCONT))
     }
 
-    /// Kills a process, waits for the next one, and kills that some time after it was log.
+    /// Kills a process, waits for its successor, and kills that too after a pause.
     async fn kill_twice(&mut self, fault: &Fault) -> Result<Vec<u32>, Failure> {
-        if fault.whom.iter().any(|name| name == role::SUPERVISOR) {
-            let gone = self.kill_supervisor(false).await?;
+        if fault.targets.iter().any(|name| name == role::SUPERVISOR) {
+            let ended = self.kill_supervisor(false).await?;
             tokio::time::sleep(Duration::from_millis(fault.pause_ms)).await;
-            return Ok([gone, self.kill_supervisor(false).await?].concat());
+            return Ok([ended, self.kill_supervisor(false).await?].concat());
         }
-        let mut gone = self.signal_all(fault, Signal::SIGKILL).await?;
+        let mut ended = self.signal_all(fault, Signal::SIGKILL).await?;
         let began = Instant::now();
         while began.elapsed() < TARGET_TIME {
             let next = self.targets(fault).await?;
-            if next.iter().all(|pid| !gone.contains(pid)) {
-                // As a share of the start, most of which is over after a tenth of a second.
+            if next.iter().all(|pid| !ended.contains(pid)) {
+                // A share of the start, which is mostly over after a tenth of a second.
                 tokio::time::sleep(Duration::from_millis(fault.pause_ms / 4)).await;
                 for pid in &next {
                     signal(*pid, Signal::SIGKILL)?;
                 }
-                gone.extend(next);
-                return Ok(gone);
+                ended.extend(next);
+                return Ok(ended);
             }
             tokio::time::sleep(POLL_PERIOD).await;
         }
         Err(Failure::Work("the killed process was not started again".to_owned()))
     }
 
-    /// Kills the supervisor, and with it all services or not, and starts it again at once, as a person would.
+    /// Kills the supervisor, with or without its services, and starts it again at once.
     async fn kill_supervisor(&mut self, all: bool) -> Result<Vec<u32>, Failure> {
         let before = self.stack.processes();
         if all {
@@ -206,7 +206,7 @@ impl Injector<'_> {
         Ok(before.iter().map(|p| p.pid).chain(supervisor).collect())
     }
 
-    /// Takes the room away before the step's command comes, waits for the refusal, and gives the room back.
+    /// Simulates a full disk before the step's command, waits for the refusal, and ends the simulation.
     async fn no_room(&mut self, index: usize, fault: &Fault) -> Result<Duration, Failure> {
         let refused = |counts: &Counts| counts.refused_for_room.load(Ordering::Relaxed);
         let before = refused(&self.counts);
@@ -217,40 +217,44 @@ impl Injector<'_> {
         while refused(&self.counts) == before && began.elapsed() < REFUSAL_TIME {
             tokio::time::sleep(POLL_PERIOD).await;
         }
-        // A process that the full disk has ended is found below.
+        // If the full disk ended the process, the check below finds it.
         let given_back: Result<Vec<_>, _> = pids.iter().zip(limits).map(|(pid, old)| limit(*pid, old)).collect();
         if self.targets(fault).await? != pids {
             return Err(Failure::Work("the full disk ended the process".to_owned()));
         }
         given_back?;
         if refused(&self.counts) == before {
-            return Err(Failure::Work("the command was not refused as RESOURCE_EXHAUSTED".to_owned()));
+            return Err(Failure::Work("the command was not refused with RESOURCE_EXHAUSTED".to_owned()));
         }
-        let over = |_| Failure::Work("the session ended before its command was kept".to_owned());
-        let kept = self.answered.wait_for(|n| *n > fault.step);
-        let kept = tokio::time::timeout(RECOVERY_TIME, kept).await;
-        kept.map_err(|_| Failure::Work("there is room again, and the command is still refused".to_owned()))?
+        let over = |_| Failure::Work("the session ended before its command was saved".to_owned());
+        let saved = self.answered.wait_for(|n| *n > fault.step);
+        let saved = tokio::time::timeout(RECOVERY_TIME, saved).await;
+        saved
+            .map_err(|_| Failure::Work("the disk has room again, but the command is still refused".to_owned()))?
             .map_err(over)?;
         Ok(began.elapsed())
     }
 
-    /// Waits until every service is ready and none of these processes is among them.
-    async fn recovery(&mut self, gone: &[u32]) -> Result<(), Failure> {
+    /// Waits until every service is ready, with none of these processes.
+    async fn recovery(&mut self, ended: &[u32]) -> Result<(), Failure> {
         let began = Instant::now();
         let mut last = "the supervisor does not answer".to_owned();
         while began.elapsed() < RECOVERY_TIME {
             self.stack.check()?;
             if let Some(ps) = stack::ps(self.bus).await {
-                let well = |s: &Service| s.state() == ServiceState::Ready && !gone.contains(&s.pid);
-                match ps.services.iter().find(|s| !well(s)) {
+                let recovered = |s: &Service| s.state() == ServiceState::Ready && !ended.contains(&s.pid);
+                match ps.services.iter().find(|s| !recovered(s)) {
                     None if self.stack.supervisor() == Some(ps.pid) => return Ok(()),
                     None => last = format!("the supervisor is process {}", ps.pid),
-                    Some(ill) => {
-                        let state = crate::supervisor_client::state(ill);
-                        let swap = ill.swap.as_ref().map_or("", |s| s.reason.as_str());
-                        last = format!("`{}` is {state} (process {}): {} {swap}", ill.name, ill.pid, ill.reason);
-                        let swap_failed = ill.swap.as_ref().is_some_and(|s| s.state() == SwapState::Failed);
-                        if swap_failed || matches!(ill.state(), ServiceState::Failed | ServiceState::Stopped) {
+                    Some(unready) => {
+                        let state = crate::supervisor_client::state(unready);
+                        let swap = unready.swap.as_ref().map_or("", |s| s.reason.as_str());
+                        last = format!(
+                            "`{}` is {state} (process {}): {} {swap}",
+                            unready.name, unready.pid, unready.reason
+                        );
+                        let swap_failed = unready.swap.as_ref().is_some_and(|s| s.state() == SwapState::Failed);
+                        if swap_failed || matches!(unready.state(), ServiceState::Failed | ServiceState::Stopped) {
                             break;
                         }
                     }
@@ -258,15 +262,15 @@ impl Injector<'_> {
             }
             tokio::time::sleep(POLL_PERIOD).await;
         }
-        Err(Failure::Work(format!("not well after {}: {last}", format_time(began.elapsed().as_secs_f64() * 1e3))))
+        Err(Failure::Work(format!("not recovered after {}: {last}", format_time(began.elapsed().as_secs_f64() * 1e3))))
     }
 
     async fn look_for_orphans(&mut self) {
         let Some(ps) = stack::ps(self.bus).await else { return };
-        let strays = self.stack.processes();
+        let processes = self.stack.processes();
         let of_no_service = |p: &&Process| !ps.services.iter().any(|s| s.pid == p.pid);
         self.log.orphans.extend(
-            strays
+            processes
                 .iter()
                 .filter(of_no_service)
                 .map(|p| format!("process {} belongs to no service of the stack", p.pid)),
@@ -281,7 +285,7 @@ fn pid_of(ps: &PsReply, name: &str) -> Option<u32> {
     ps.services.iter().find(|s| s.name == name).map(|s| s.pid).filter(|pid| *pid > 0)
 }
 
-/// Sets how long the files that a process writes may get, as a full disk would; the limit before.
+/// Limits the size of files that a process writes, as a full disk does. Returns the earlier limit.
 fn limit(pid: u32, bytes: Option<u64>) -> Result<Option<u64>, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure::Work(format!("process {pid} cannot be limited: {e}"));
     let raw = i32::try_from(pid).map_err(|e| failed(&e))?;

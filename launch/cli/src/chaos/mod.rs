@@ -1,4 +1,4 @@
-//! `chaos`: plays a scripted session twice over a real stack, once in peace and once under faults, and compares the ends.
+//! `chaos`: plays a scripted session twice, with and without faults, and compares the results.
 
 mod inject;
 mod plan;
@@ -33,51 +33,51 @@ use report::{Report, Verdict};
 use session::{FaultGate, SessionResult, SessionSettings, SessionStep};
 use stack::Stack;
 
-/// How long a supervisor may take to open its session.
+/// Longest time for a supervisor to open its session.
 const OPEN_TIME: Duration = Duration::from_secs(30);
-/// The launch file of the demo's stack, within the folder.
+/// Launch file of the demo's stack, in the output folder.
 const LAUNCH_FILE: &str = "stack.toml";
-/// What the supervisors have said, within the folder.
+/// Output of the supervisors, in the output folder.
 const LOG: &str = "supervisor.log";
-/// What is put over every launch file: faults come faster than any intensity that makes sense in earnest.
+/// Overrides for every launch file: faults are more frequent than any realistic restart intensity.
 const OVERRIDES: [&str; 4] = [
     "defaults.intensity={ restarts = 1000, within_s = 1 }",
     "defaults.backoff={ initial_ms = 20, max_ms = 200 }",
     "defaults.liveness=2.5",
     "defaults.stop=3",
 ];
-/// The script for the made volume; its strokes are those of the demo's.
+/// Script for the synthetic volume. It uses the demo's strokes.
 const SCRIPT: &str = include_str!("session.toml");
-/// What is put over the demo's: the view is looked at by nobody.
+/// Override for the demo's stack: the window is small, because it is not shown.
 const SMALL_VIEW: &str = "service.render-view.params={ width = 96, height = 96 }";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ChaosArgs {
-    /// Launch file with a scene; without one the demo's stack on the made volume
+    /// Launch file with a scene; by default the demo's stack on the synthetic volume
     #[arg(value_name = "FILE")]
     file: Option<PathBuf>,
-    /// Faults
+    /// Number of faults
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     faults: u32,
-    /// Seed of what happens to whom and when
+    /// Seed of the faults, their targets and their moments
     #[arg(long, value_name = "K", default_value_t = 0)]
     seed: u64,
     /// Folder for the scene, the pictures and the transcripts
     #[arg(long, value_name = "DIR", default_value = "supergaussian-chaos")]
     out: PathBuf,
-    /// Script to play in rounds, or `generic`; by default one for the made volume, `generic` with a launch file
+    /// Script to play in rounds, or `generic`; by default one for the synthetic volume, `generic` with a launch file
     #[arg(long, value_name = "FILE|generic")]
     script: Option<String>,
-    /// Gaussians of the made volume
+    /// Gaussians of the synthetic volume
     #[arg(long, value_name = "N", default_value_t = 20_000)]
     gaussians: u32,
     /// Width and height of the pictures, pixels
     #[arg(long, value_name = "PIXELS", default_value_t = 96, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
-    /// Seconds after which the whole run counts as hung; by default two minutes and twelve seconds a fault
+    /// Time limit for the whole run in seconds; by default two minutes and twelve seconds per fault
     #[arg(long, value_name = "SECONDS")]
     within: Option<u64>,
-    /// Only print the plan
+    /// Print the plan and stop
     #[arg(long)]
     plan: bool,
     /// Print the report as JSON
@@ -85,13 +85,13 @@ pub(crate) struct ChaosArgs {
     json: bool,
 }
 
-/// Everything that is known before anything is started.
+/// All inputs of a run, checked before the start.
 struct Prepared {
     out: PathBuf,
-    /// The launch file as it is given to the supervisor.
+    /// The launch file for the supervisor.
     file: PathBuf,
     overrides: Vec<String>,
-    /// Parameter of the launch file that names the project.
+    /// Launch-file parameter with the path of the project.
     project: String,
     executables: HashMap<String, PathBuf>,
     steps: Vec<SessionStep>,
@@ -100,7 +100,7 @@ struct Prepared {
     plan: Vec<Fault>,
 }
 
-pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> CommandResult {
+pub(crate) async fn chaos(arguments: ChaosArgs, session_name: Option<&str>) -> CommandResult {
     let prepared = prepare(&arguments)?;
     if arguments.plan {
         for (fault, number) in prepared.plan.iter().zip(1..) {
@@ -109,24 +109,24 @@ pub(crate) async fn chaos(arguments: ChaosArgs, told: Option<&str>) -> CommandRe
         }
         return Ok(());
     }
-    let name = told.map_or_else(|| format!("chaos-{}", std::process::id()), str::to_owned);
+    let name = session_name.map_or_else(|| format!("chaos-{}", std::process::id()), str::to_owned);
     let session = SessionDir::named(&name)?;
     let within = arguments.within.unwrap_or(120 + 12 * u64::from(arguments.faults));
     let running = run(&prepared, &arguments, &session);
     let outcome = match tokio::time::timeout(Duration::from_secs(within), running).await {
         Ok(outcome) => outcome,
-        Err(_) => Err(Failure::Work(format!("not done after {within} s: something hangs"))),
+        Err(_) => Err(Failure::Work(format!("not done after {within} s"))),
     };
     match outcome {
         Ok(()) => {
-            // The logs of a run that went well are of no further use.
+            // After success the logs are of no further use.
             let _ = std::fs::remove_dir_all(session.path());
             Ok(())
         }
         Err(Failure::Work(text)) => {
             let (seed, faults) = (arguments.seed, arguments.faults);
             Err(Failure::Work(format!(
-                "{text}\nseed {seed}, {faults} faults; left as it was: {} and {} (supergaussian logs --session {name})",
+                "{text}\nseed {seed}, {faults} faults; kept for inspection: {} and {} (supergaussian logs --session {name})",
                 session.path().display(),
                 prepared.out.display()
             )))
@@ -141,7 +141,7 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
         read(Source { path, text, overrides }, &search).map_err(|p| Failure::Input(p.to_string()))
     };
     let mut overrides: Vec<String> = OVERRIDES.map(str::to_owned).to_vec();
-    // What can be wrong is looked at before anything that takes time.
+    // Check all inputs before slow work.
     let given = match &arguments.file {
         Some(path) => Some((path, launch(path, &read_text(path)?, &overrides)?)),
         None => None,
@@ -178,7 +178,7 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
     let scene = match &arguments.file {
         None if arguments.plan => None,
         None => Some(Input::Synthetic.scene(&out, None, arguments.gaussians, 0)?.path),
-        // A path of a launch file's parameters is from where the launcher was started.
+        // Paths in parameters are relative to the launcher's working folder.
         Some(_) => keeper.start.params.get("scene").and_then(serde_json::Value::as_str).map(PathBuf::from),
     };
     if let Some(scene) = &scene {
@@ -242,7 +242,7 @@ async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -
     if verdict.wrong.is_empty() { Ok(()) } else { Err(Failure::Work(verdict.wrong.join("\n"))) }
 }
 
-/// What a session under faults needs beside the session.
+/// Extra inputs of a session with faults.
 struct Faults<'a> {
     calm: &'a [Duration],
     counts: Arc<Counts>,
@@ -309,8 +309,7 @@ async fn over(
                 counts,
                 log,
             };
-            // A fault that is not recoveries ends the session at once; what a session that fails left behind is of interest
-            // as it is.
+            // A failed recovery ends the session at once. Its remains are kept for inspection.
             tokio::try_join!(session::play(playing, Some(gate)), injector.run())?.0
         }
     };
@@ -324,7 +323,7 @@ async fn over(
     }
 }
 
-/// Joins the bus as soon as the supervisor has opened it.
+/// Joins the bus once the supervisor has opened it.
 async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
     let began = Instant::now();
     let session = stack.session().clone();
@@ -333,7 +332,7 @@ async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
         if session.is_running() && session.socket().exists() {
             match Bus::connect(session.name(), role::CLI, &session.endpoint()).await {
                 Ok(bus) => return Ok(bus),
-                // The socket of a supervisor that was killed, until the next one has removed it.
+                // The socket may belong to a killed supervisor. The next one replaces it.
                 Err(error) if began.elapsed() > OPEN_TIME => return Err(error.into()),
                 Err(_) => {}
             }
@@ -345,7 +344,7 @@ async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
     }
 }
 
-/// Makes the folder, and removes from it what an earlier run has left there.
+/// Creates the folder, and removes the output of an earlier run.
 fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
     std::fs::create_dir_all(out).map_err(fail)?;

@@ -1,4 +1,4 @@
-//! Which faults strike whom and when: drawn from a seed, known before anything is started.
+//! The plan of faults: kinds, targets and moments, drawn from a seed before the start.
 
 use std::fmt;
 
@@ -7,12 +7,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sg_proto::keys::role;
 
-/// Of the steps of a session, the share that a fault strikes: what is between them shows that the stack is recovered.
+/// Share of the session's steps that have a fault. The other steps show that the stack has recovered.
 const DENSITY: f64 = 0.75;
-/// Shortest and longest pause of a process that is stopped for a while, milliseconds: below any sensible `liveness`.
+/// Shortest and longest pause of a stopped process, milliseconds. Both are below any sensible `liveness`.
 const PAUSE_MS: std::ops::Range<u64> = 30..700;
 
-/// What happens to the stack.
+/// Kind of a fault.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Kind {
     /// `kill -9` of one service.
@@ -22,26 +22,26 @@ pub(super) enum Kind {
     Terminate,
     /// `supergaussian restart` of one service.
     Restart,
-    /// `supergaussian swap` of one service for the executable that it has.
+    /// `supergaussian swap` of one service for its own executable.
     Swap,
-    /// SIGSTOP of one service, for good: its supervisor has to notice.
+    /// SIGSTOP of one service, without an end. The supervisor must notice.
     Hang,
-    /// SIGSTOP, and SIGCONT before anybody need notice.
+    /// SIGSTOP and an early SIGCONT, so that no deadline passes.
     Pause,
     /// `kill -9` of two services at once.
     Two,
-    /// `kill -9`, and once more while it starts.
+    /// `kill -9`, and a second one during the restart.
     AtStart,
     /// `kill -9` of the supervisor.
     Supervisor,
-    /// `kill -9` of everything.
+    /// `kill -9` of the supervisor and all services.
     Everything,
-    /// The scene's process may write no further byte.
+    /// The scene's process cannot write to disk.
     NoRoom,
 }
 
 impl Kind {
-    /// All kinds with how many of them are in the deck that they are drawn from.
+    /// All kinds, with their numbers in one deck.
     const DECK: [(Self, usize); 11] = [
         (Self::Kill, 7),
         (Self::Terminate, 2),
@@ -77,40 +77,40 @@ impl Kind {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Fault {
     pub(super) kind: Kind,
-    /// Services it strikes, or [`role::SUPERVISOR`].
-    pub(super) whom: Vec<String>,
+    /// Targets: services, or [`role::SUPERVISOR`].
+    pub(super) targets: Vec<String>,
     /// Step of the session, from 0.
     pub(super) step: usize,
-    /// How far into the step, as a share of the time that the step took without faults.
+    /// Moment within the step, as a share of its duration without faults.
     pub(super) moment: f64,
-    /// Length of a pause; for a second kill, the time after the new process was log.
+    /// Length of a pause in milliseconds. For a second kill, the time after the new process appeared.
     pub(super) pause_ms: u64,
 }
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { kind, whom, step, moment, pause_ms } = self;
+        let Self { kind, targets, step, moment, pause_ms } = self;
         write!(f, "step {}, {:.0} % in: {}", step + 1, 100.0 * moment, kind.name())?;
         match kind {
             Kind::Supervisor | Kind::Everything => Ok(()),
-            Kind::Pause | Kind::AtStart => write!(f, " {} ({pause_ms} ms between)", whom.join(", ")),
-            _ => write!(f, " {}", whom.join(", ")),
+            Kind::Pause | Kind::AtStart => write!(f, " {} ({pause_ms} ms between)", targets.join(", ")),
+            _ => write!(f, " {}", targets.join(", ")),
         }
     }
 }
 
-/// A session's shape.
+/// Shape of a session.
 pub(super) struct Session<'a> {
-    /// For each step of one round, whether it is a command to the scene that its sender sees refused.
+    /// For each step of one round, whether it is a scene command whose refusal the sender sees.
     pub(super) round: &'a [bool],
-    /// The same of what comes between two rounds.
+    /// The same for the steps between two rounds.
     pub(super) between: &'a [bool],
     pub(super) services: &'a [String],
-    /// The service that keeps the journal.
+    /// The service with the journal.
     pub(super) scene: &'a str,
 }
 
-/// Rounds to be played, and the faults in the order in which they strike, at most one a step.
+/// The number of rounds, and the faults in order. Each step has at most one fault.
 pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, Vec<Fault>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let deck: Vec<_> = Kind::DECK.iter().flat_map(|(kind, n)| std::iter::repeat_n(*kind, *n)).collect();
@@ -122,7 +122,7 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
     let steps = loop {
         let steps = session.steps(rounds);
         let commands = steps.iter().filter(|c| **c).count();
-        // A session without any command to the scene has nothing between its rounds either.
+        // A session without scene commands has no steps between its rounds.
         let enough = commands >= no_room || (rounds > no_room && commands == 0);
         if enough && steps.len() as f64 * DENSITY >= faults as f64 {
             break steps;
@@ -137,12 +137,12 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
     let mut everyone = Deck::of(everyone);
 
     let mut plan = Vec::with_capacity(faults);
-    // Those that can strike only some steps choose first.
+    // Place the kinds with few possible steps first.
     let (picky, others): (Vec<_>, Vec<_>) = kinds.into_iter().partition(|k| *k == Kind::NoRoom);
     for kind in picky.into_iter().chain(others) {
         let fits = |step: &usize| kind != Kind::NoRoom || steps.get(*step).is_some_and(|command| *command);
         let Some(place) = places.iter().position(fits) else { continue };
-        let mut whom = match kind {
+        let mut targets = match kind {
             Kind::Kill | Kind::Terminate | Kind::Restart | Kind::Swap | Kind::Hang => vec![services.draw(&mut random)],
             Kind::Pause | Kind::AtStart => vec![everyone.draw(&mut random)],
             Kind::Two => {
@@ -154,11 +154,11 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
             Kind::Supervisor | Kind::Everything => vec![role::SUPERVISOR.to_owned()],
             Kind::NoRoom => vec![session.scene.to_owned()],
         };
-        // A stack of one service has no other one.
-        whom.retain(|name| !name.is_empty());
+        // A stack of one service has no second target.
+        targets.retain(|name| !name.is_empty());
         plan.push(Fault {
             kind,
-            whom,
+            targets,
             step: places.swap_remove(place),
             moment: if kind == Kind::NoRoom { 0.0 } else { random.random_range(0.0..1.0) },
             pause_ms: random.random_range(PAUSE_MS),
@@ -176,7 +176,7 @@ impl Session<'_> {
     }
 }
 
-/// Cards that come up equally often: shuffled, dealt to the last, shuffled again.
+/// A deck of cards: shuffled, dealt to the last card, and shuffled again.
 struct Deck<T> {
     cards: Vec<T>,
     left: Vec<T>,
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_and_every_service_comes_up_and_no_step_is_struck_twice() {
+    fn all_kinds_and_services_are_drawn_once_per_step() {
         let (rounds, faults) = drawn(50, 3);
         assert_eq!(faults.len(), 50);
         let steps: BTreeSet<_> = faults.iter().map(|f| f.step).collect();
@@ -227,10 +227,12 @@ mod tests {
         }
         assert_eq!(kinds, Kind::DECK.iter().map(|(kind, n)| (*kind, 2 * n)).collect());
         for name in ["scene", "view", "talk", role::SUPERVISOR] {
-            assert!(faults.iter().any(|f| f.whom.iter().any(|w| w == name)), "{name} was spared");
+            assert!(faults.iter().any(|f| f.targets.iter().any(|w| w == name)), "{name} was spared");
         }
-        assert!(faults.iter().filter(|f| f.kind == Kind::Two).all(|f| f.whom.len() == 2 && f.whom[0] != f.whom[1]));
-        // Steps 3 and 5 of five are commands to the scene, and only those can be refused for want of room.
+        assert!(
+            faults.iter().filter(|f| f.kind == Kind::Two).all(|f| f.targets.len() == 2 && f.targets[0] != f.targets[1])
+        );
+        // Of five steps, 3 and 5 are scene commands. Only those can be refused on a full disk.
         assert!(faults.iter().filter(|f| f.kind == Kind::NoRoom).all(|f| matches!(f.step % 5, 2 | 4)));
     }
 }

@@ -1,4 +1,4 @@
-//! What a run with faults came to, against the same session without.
+//! The result of a run with faults, compared with the same session without faults.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -11,22 +11,22 @@ use super::plan::Kind;
 use super::session::SessionResult;
 use crate::terminal::{self, columns, format_count, format_time};
 
-/// Differences that are told one by one.
+/// Most differences that are listed.
 const MAX_DIFFERENCES: usize = 5;
 
-/// What is wrong.
+/// The comparison of two sessions.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Verdict {
-    /// AcknowledgedChange commands that the scene does not have.
+    /// Number of acknowledged commands that the scene has lost.
     pub(super) lost: usize,
-    /// Commands that took effect more than once.
+    /// Number of commands that took effect more than once.
     pub(super) doubled: usize,
-    /// What is wrong, one line each; empty when nothing is.
+    /// Differences, one line each; empty after success.
     pub(super) wrong: Vec<String>,
 }
 
 impl Verdict {
-    /// Compares the session with faults to the one without.
+    /// Compares the session with faults to the session without faults.
     pub(super) fn of(calm: &SessionResult, shaken: &SessionResult) -> Self {
         let mut verdict = Self::default();
         let mut revisions: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
@@ -35,7 +35,7 @@ impl Verdict {
         }
         for (id, at) in revisions.iter().filter(|(_, at)| at.len() > 1) {
             verdict.doubled += 1;
-            verdict.tell(format!("command {id} took effect at the revisions {at:?}"));
+            verdict.tell(format!("command {id} took effect at revisions {at:?}"));
         }
         let known: BTreeSet<_> = shaken.changes.iter().map(|(revision, _)| *revision).collect();
         for one in &shaken.acknowledged {
@@ -45,7 +45,7 @@ impl Verdict {
             };
             if !there {
                 verdict.lost += 1;
-                verdict.tell(format!("command {} was acknowledged as revision {} and is lost", one.id, one.revision));
+                verdict.tell(format!("command {} was acknowledged as revision {}, but is lost", one.id, one.revision));
             }
         }
         for (index, (revision, _)) in shaken.changes.iter().enumerate() {
@@ -61,11 +61,11 @@ impl Verdict {
             verdict.tell(format!("the history differs from revision {at} on ({s} changes, without faults {c})"));
         }
         if calm.state != shaken.state {
-            verdict.tell("the scene at the end is another one".to_owned());
+            verdict.tell("the final scene differs".to_owned());
         }
         if calm.failed_utterances != shaken.failed_utterances {
             verdict.tell(format!(
-                "said and not done: {:?}; without faults {:?}",
+                "failed utterances: {:?}; without faults {:?}",
                 shaken.failed_utterances, calm.failed_utterances
             ));
         }
@@ -82,7 +82,7 @@ impl Verdict {
         verdict
     }
 
-    /// Adds what was log of the faults.
+    /// Adds the orphaned processes.
     pub(super) fn with(mut self, log: &FaultLog) -> Self {
         for orphan in &log.orphans {
             self.tell(orphan.clone());
@@ -107,7 +107,7 @@ fn same_bytes(a: &Path, b: &Path) -> bool {
     })
 }
 
-/// A run in numbers.
+/// The numbers of a run.
 pub(super) struct Report<'a> {
     pub(super) seed: u64,
     pub(super) rounds: usize,
@@ -124,7 +124,7 @@ pub(super) struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Tells it: JSON to programs, a table and a few lines to people.
+    /// Prints the report: JSON, or a table and a few lines.
     pub(super) fn tell(&self, as_json: bool) {
         if as_json {
             return terminal::print_line(&self.json().to_string());
@@ -157,7 +157,7 @@ impl Report<'_> {
     }
 
     fn lines(&self) -> Vec<String> {
-        let time = |d: Duration| format_time(d.as_secs_f64() * 1e3);
+        let duration = |d: Duration| format_time(d.as_secs_f64() * 1e3);
         vec![
             format!(
                 "faults        {} (seed {}) over {} steps in {} rounds; {}, without faults {}",
@@ -165,26 +165,30 @@ impl Report<'_> {
                 self.seed,
                 format_count(self.steps as u64),
                 self.rounds,
-                format_time(self.shaken),
-                format_time(self.calm)
+                duration(self.shaken),
+                duration(self.calm)
             ),
             format!(
-                "commands      {} acknowledged, revision {}, {} tried again, {} refused for want of room",
+                "commands      {} acknowledged, revision {}, {} retried, {} refused on a full disk",
                 format_count(self.acknowledged as u64),
                 format_count(self.revision),
                 format_count(self.retries),
                 self.refused_for_room
             ),
             format!(
-                "lost          {}; doubled {}; orphans {} (children gone {} after their supervisor at the latest)",
+                "lost          {}; doubled {}; orphans {} (services ended at most {} after their supervisor)",
                 self.verdict.lost,
                 self.verdict.doubled,
                 self.log.orphans.len(),
-                format_time(self.log.followed)
+                duration(self.log.followed)
             ),
             format!(
                 "scene         {}; {} pictures",
-                if self.verdict.wrong.is_empty() { "the same as without faults" } else { "NOT AS WITHOUT FAULTS" },
+                if self.verdict.wrong.is_empty() {
+                    "equal to the session without faults"
+                } else {
+                    "DIFFERS FROM THE SESSION WITHOUT FAULTS"
+                },
                 self.pictures
             ),
         ]
@@ -211,7 +215,7 @@ impl Report<'_> {
     }
 }
 
-/// The least value of a sorted list that this share of it does not exceed.
+/// The smallest value of a sorted list with at least this share at or below it.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.max(1) - 1).copied()
@@ -244,18 +248,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_lost_doubled_or_other_is_found() {
+    fn differences_are_found() {
         let mut shaken = played();
         shaken.changes.truncate(2);
         let verdict = Verdict::of(&played(), &shaken);
         assert_eq!((verdict.lost, verdict.doubled), (1, 0));
-        assert!(verdict.wrong[0].contains("command c was acknowledged as revision 3 and is lost"), "{verdict:?}");
+        assert!(verdict.wrong[0].contains("command c was acknowledged as revision 3, but is lost"), "{verdict:?}");
 
         let mut shaken = played();
         shaken.changes.push((4, "b".to_owned()));
         let verdict = Verdict::of(&played(), &shaken);
         assert_eq!((verdict.lost, verdict.doubled), (0, 1));
-        assert!(verdict.wrong[0].contains("command b took effect at the revisions [2, 4]"), "{verdict:?}");
+        assert!(verdict.wrong[0].contains("command b took effect at revisions [2, 4]"), "{verdict:?}");
 
         let mut shaken = played();
         shaken.changes.remove(0);
@@ -264,7 +268,7 @@ mod tests {
 
         let mut shaken = played();
         shaken.state.revision = 4;
-        assert_eq!(Verdict::of(&played(), &shaken).wrong, ["the scene at the end is another one"]);
+        assert_eq!(Verdict::of(&played(), &shaken).wrong, ["the final scene differs"]);
 
         let mut shaken = played();
         shaken.failed_utterances.push("undo".to_owned());

@@ -1,4 +1,4 @@
-//! The scripted session: the script round by round, and what was heard of the scene while it was played.
+//! The scripted session, in rounds, and its results.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,24 +15,24 @@ use tokio::sync::watch;
 use crate::playback::{AcknowledgedChange, Counts, Player, Settings};
 use crate::terminal::Failure;
 
-/// Name of the conversation, the same with and without faults: the ids of all commands follow from it.
+/// Name of the conversation, equal with and without faults. It determines the ids of all commands.
 const CONVERSATION: &str = "chaos";
 /// Longest time of one step, faults included.
 const STEP_TIME: Duration = Duration::from_secs(60);
-/// How long the scene may take to tell what changed.
+/// Longest time for the scene's list of changes.
 const ANSWER: Duration = Duration::from_secs(60);
 
 /// One step of the session.
 #[derive(Debug, Clone)]
 pub(super) enum SessionStep {
-    /// Of the script.
+    /// A step of the script.
     Step(Step),
-    /// Between two rounds of the script.
+    /// A command between two rounds.
     Command(Action),
 }
 
 impl SessionStep {
-    /// Whether it is one command to the scene, whose sender sees it refused.
+    /// Whether it is one scene command whose refusal the sender sees.
     pub(super) fn is_command(&self) -> bool {
         matches!(self, Self::Command(_) | Self::Step(Step::Save(_) | Step::View(_)))
     }
@@ -54,7 +54,7 @@ impl SessionStep {
     }
 }
 
-/// The script as one round, and what makes room for the next: no unit, no selection, the first look.
+/// One round of the script, and the commands between rounds: delete units, clear the selection, reset.
 pub(super) fn round(steps: Vec<Step>) -> (Vec<SessionStep>, Vec<SessionStep>) {
     let mut between: Vec<_> = steps
         .iter()
@@ -65,26 +65,26 @@ pub(super) fn round(steps: Vec<Step>) -> (Vec<SessionStep>, Vec<SessionStep>) {
         .collect();
     between.push(Action::Select(Select { target: Some(Target::default()), ..Select::default() }));
     between.push(Action::Reset(Reset {}));
-    // The faults are ours.
+    // The plan injects all faults.
     let round = steps.into_iter().filter(|s| *s != Step::Chaos).map(SessionStep::Step).collect();
     (round, between.into_iter().map(SessionStep::Command).collect())
 }
 
-/// Where the player waits for the faults, and they for it.
+/// Synchronizes the player with the faults.
 #[derive(Debug)]
 pub(super) struct FaultGate {
-    /// The step that each fault strikes.
+    /// Step of each fault.
     pub(super) steps: Vec<usize>,
-    /// Steps that were begun.
+    /// Number of begun steps.
     pub(super) begun: watch::Sender<usize>,
-    /// Steps that were answered.
+    /// Number of answered steps.
     pub(super) answered: watch::Sender<usize>,
-    /// Faults that are set up, so that the step they strike may go on.
+    /// Number of injected faults. The step of a fault waits for its injection.
     pub(super) set_up: watch::Receiver<usize>,
 }
 
 impl FaultGate {
-    /// Waits until the fault that strikes this step is set up, which it is when the stack has recovered from the one before.
+    /// Waits for the fault of this step, which is injected after the recovery from the one before.
     async fn enter(&mut self, step: usize) -> Result<(), Failure> {
         self.begun.send_replace(step + 1);
         let Some(fault) = self.steps.iter().position(|s| *s == step) else { return Ok(()) };
@@ -93,7 +93,7 @@ impl FaultGate {
     }
 }
 
-/// A session that was played.
+/// The result of a session.
 #[derive(Debug)]
 pub(super) struct SessionResult {
     /// The scene at the end, with masks.
@@ -103,19 +103,19 @@ pub(super) struct SessionResult {
     pub(super) acknowledged: Vec<AcknowledgedChange>,
     /// Content hashes of the pictures, in order.
     pub(super) hashes: Vec<String>,
-    /// Their files, as PNG; the arrays stand beside them.
+    /// PNG files of the pictures. The arrays are beside them.
     pub(super) pictures: Vec<PathBuf>,
-    /// What was said but not done.
+    /// Utterances that the agents could not carry out.
     pub(super) failed_utterances: Vec<String>,
-    /// How long each step took.
+    /// Duration of each step.
     pub(super) times: Vec<Duration>,
 }
 
-/// How a session is played.
+/// Settings of a session.
 pub(super) struct SessionSettings<'a> {
     pub(super) bus: &'a Bus,
     pub(super) steps: &'a [SessionStep],
-    /// Steps after which the changes are asked for.
+    /// Number of steps after which the changes are requested.
     pub(super) round: usize,
     pub(super) out: PathBuf,
     pub(super) size: u32,
@@ -149,7 +149,7 @@ pub(super) async fn play(playing: SessionSettings<'_>, mut gate: Option<FaultGat
         };
         times.push(began.elapsed());
         if let Err(failure) = played {
-            // It says what was going on when a step failed.
+            // The transcript shows the context of the failure.
             player.write_transcript()?;
             let text = format!("step {}, {}: {}", index + 1, act.name(), failure.text());
             return Err(Failure::Work(text));
@@ -170,7 +170,7 @@ pub(super) async fn play(playing: SessionSettings<'_>, mut gate: Option<FaultGat
     Ok(SessionResult { state, changes, acknowledged, hashes, pictures, failed_utterances, times })
 }
 
-/// Asks the scene for what was accepted since it was asked last.
+/// Requests the changes since the last request.
 async fn catch_up(bus: &Bus, changes: &mut Vec<(u64, String)>) -> Result<(), Failure> {
     let from = changes.last().map_or(0, |(revision, _)| *revision);
     let request = ChangesRequest { from, snapshot: false };

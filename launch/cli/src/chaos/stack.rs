@@ -1,4 +1,4 @@
-//! A real stack under a supervisor of its own process, so that this can be killed too.
+//! A stack with its supervisor in a process of its own, which can be killed.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -18,16 +18,16 @@ use tokio::process::{Child, Command};
 use crate::terminal::Failure;
 use sg_stack::spawn::tied_to_parent;
 
-/// How often what takes its time is looked at.
+/// Pause between two checks.
 pub(super) const POLL_PERIOD: Duration = Duration::from_millis(10);
-/// How long the supervisor may take to say how the services are, before it is asked again.
+/// Longest time for the supervisor's answer before the next attempt.
 const ANSWER: Duration = Duration::from_secs(1);
-/// How long a stack may take to stop.
+/// Longest time for the stop of a stack.
 const STOP_TIME: Duration = Duration::from_secs(60);
-/// How long after its supervisor a process may live on. It should be gone after two seconds; a busy machine takes longer.
+/// Longest time that a process may outlive its supervisor. Two seconds are normal; a busy machine takes longer.
 const FOLLOW_TIME: Duration = Duration::from_secs(8);
 
-/// A launch file, what is put over it, and the supervisor that runs it at present.
+/// A launch file with overrides, and its present supervisor.
 pub(super) struct Stack {
     file: PathBuf,
     overrides: Vec<String>,
@@ -45,11 +45,11 @@ impl Stack {
         &self.session
     }
 
-    /// Starts the supervisor. To be called on the thread that lives as long as this process.
+    /// Starts the supervisor. Call it on a thread that lives as long as this process.
     pub(super) fn up(&mut self) -> Result<(), Failure> {
         let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", self.log.display()));
         let log = File::options().create(true).append(true).open(&self.log).map_err(fail)?;
-        // Not the path of this program: that may have been replaced by a newer build meanwhile.
+        // Not the path of this program: a newer build may have replaced it.
         let mut command = Command::from(tied_to_parent(Path::new("/proc/self/exe")));
         command.arg("up").arg(&self.file).args(["--session", self.session.name()]);
         for value in &self.overrides {
@@ -65,7 +65,7 @@ impl Stack {
         self.supervisor.as_ref().and_then(Child::id)
     }
 
-    /// An error if the supervisor has ended by itself.
+    /// Returns an error if the supervisor has ended by itself.
     pub(super) fn check(&mut self) -> Result<(), Failure> {
         let ended = match &mut self.supervisor {
             Some(child) => child.try_wait().ok().flatten(),
@@ -82,7 +82,7 @@ impl Stack {
         text.lines().last().unwrap_or("it said nothing").trim().to_owned()
     }
 
-    /// `kill -9` of the supervisor; returns when it is gone.
+    /// Kills the supervisor and waits for its end.
     pub(super) async fn kill_supervisor(&mut self) -> Result<(), Failure> {
         let Some(mut child) = self.supervisor.take() else { return Ok(()) };
         let fail = |e: std::io::Error| Failure::Work(format!("the supervisor cannot be killed: {e}"));
@@ -91,7 +91,7 @@ impl Stack {
         Ok(())
     }
 
-    /// Stops the stack in order; returns when its supervisor is gone.
+    /// Stops the stack and waits for the end of its supervisor.
     pub(super) async fn down(&mut self, bus: &Bus) -> Result<(), Failure> {
         let Some(mut child) = self.supervisor.take() else { return Ok(()) };
         bus.ask(&keys::DOWN, &DownRequest {}, &Context::root().deadline_in(STOP_TIME)).await?;
@@ -105,23 +105,23 @@ impl Stack {
         Err(Failure::Work(format!("the supervisor ended with {status}: {}", self.last_log_line())))
     }
 
-    /// Ends whatever runs, after a failure.
+    /// Kills all remaining processes after a failure.
     pub(super) async fn kill_all(&mut self) {
-        // What cannot be killed is told by the failure that led here.
+        // The first failure is the one to report.
         let _ = self.kill_supervisor().await;
         for process in self.processes() {
             let _ = signal(process.pid, Signal::SIGKILL);
         }
     }
 
-    /// Every process that serves this session, whoever started it.
+    /// All processes of this session, by their arguments.
     pub(super) fn processes(&self) -> Vec<Process> {
         let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
         let pids = entries.filter_map(|e| e.file_name().to_str()?.parse::<u32>().ok());
         pids.filter_map(Process::of).filter(|p| p.serves(self.session.name())).collect()
     }
 
-    /// Waits until these processes are gone; those that stay.
+    /// Waits until these processes are gone. Returns the time, and the processes that stay.
     pub(super) async fn wait_gone(&self, processes: &[Process]) -> (Duration, Vec<Process>) {
         let began = Instant::now();
         loop {
@@ -134,12 +134,12 @@ impl Stack {
     }
 }
 
-/// How the services are; nothing while the supervisor does not say.
+/// The services; `None` without an answer of the supervisor.
 pub(super) async fn ps(bus: &Bus) -> Option<PsReply> {
     bus.ask(&keys::PS, &PsRequest {}, &Context::root().deadline_in(ANSWER)).await.ok()
 }
 
-/// Sends a signal to one process. One that is gone is no error.
+/// Sends a signal to one process. A missing process is not an error.
 pub(super) fn signal(pid: u32, signal: Signal) -> Result<(), Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure::Work(format!("{signal} cannot be sent to process {pid}: {e}"));
     let pid = i32::try_from(pid).map_err(|e| failed(&e))?;
@@ -149,7 +149,7 @@ pub(super) fn signal(pid: u32, signal: Signal) -> Result<(), Failure> {
     }
 }
 
-/// A process as it was log: its id is used again, its birth is not.
+/// A process, identified by its id and start time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Process {
     pub(super) pid: u32,
@@ -158,7 +158,7 @@ pub(super) struct Process {
 }
 
 impl Process {
-    /// Nothing for one that is gone or a zombie.
+    /// `None` for a missing process or a zombie.
     fn of(pid: u32) -> Option<Self> {
         let start_time = sg_stack::pid_registry::start_time(pid)?;
         let line = std::fs::read(format!("/proc/{pid}/cmdline")).ok()?;

@@ -1,4 +1,4 @@
-//! buf, a helper program that lints the schema and compares it with a released one. Started here and nowhere else.
+//! The helper program buf: lints the schema and compares it with a released one.
 
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -7,13 +7,13 @@ use std::time::Duration;
 use sg_stack::file::ExecutableSearch;
 use tokio::process::Command;
 
-/// It reads a few files of this machine and takes a fraction of a second.
+/// Longest run. buf reads a few local files.
 const DEADLINE: Duration = Duration::from_secs(60);
 
-/// Where its absence is a failure.
+/// Environment variable that makes a missing buf a failure.
 const REQUIRE_TOOLS: &str = "SUPERGAUSSIAN_REQUIRE_TOOLS";
 
-/// buf, in the folder of a schema.
+/// buf, run in the folder of a schema.
 #[derive(Debug)]
 pub(super) struct Buf<'a> {
     program: PathBuf,
@@ -21,29 +21,29 @@ pub(super) struct Buf<'a> {
 }
 
 impl<'a> Buf<'a> {
-    /// buf, if it is on `PATH`.
+    /// Finds buf on `PATH`.
     pub(super) fn find(proto: &'a Path) -> Option<Self> {
         let program = ExecutableSearch::here_then_path().find("buf", Path::new("")).ok()?;
         Some(Self { program, proto })
     }
 
-    /// What speaks against the schema by buf's rules for style and comments.
+    /// Violations of buf's rules for style and comments.
     pub(super) async fn lint(&self) -> Vec<String> {
         self.problems(&["lint"]).await
     }
 
-    /// Where the schema's layout is not buf's.
+    /// Violations of buf's layout.
     pub(super) async fn format(&self) -> Vec<String> {
         self.problems(&["format", "--diff", "--exit-code"]).await
     }
 
-    /// What breaks those that rely on a released image, by the rules of `buf.yaml`.
+    /// Changes that break users of a released image, by the rules of `buf.yaml`.
     pub(super) async fn breaking(&self, against: &Path) -> Vec<String> {
         let against = against.display().to_string();
         self.problems(&["breaking", "--against", &against]).await
     }
 
-    /// The lines of a run that failed; none of one that succeeded.
+    /// The output lines of a failed run; empty after success.
     async fn problems(&self, arguments: &[&str]) -> Vec<String> {
         let mut command = Command::new(&self.program);
         command.args(arguments).current_dir(self.proto).stdin(Stdio::null()).kill_on_drop(true);
@@ -61,7 +61,7 @@ impl<'a> Buf<'a> {
     }
 }
 
-/// Whether buf has to be there.
+/// Whether a missing buf is a failure.
 pub(super) fn is_required() -> bool {
     std::env::var(REQUIRE_TOOLS).is_ok_and(|v| v == "1")
 }

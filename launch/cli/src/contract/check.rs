@@ -15,10 +15,10 @@ use crate::terminal::{self, CommandResult, Failure};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CheckArgs {
-    /// Compiled schema to be compatible with; by default that of the last release
+    /// Compiled schema to compare with; by default the last release
     #[arg(long, value_name = "IMAGE")]
     against: Option<PathBuf>,
-    /// Folder of the schema; by default `proto` here or above
+    /// Folder of the schema; by default `proto` here or in a parent folder
     #[arg(long, value_name = "DIR")]
     proto: Option<PathBuf>,
     /// Print JSON
@@ -26,7 +26,7 @@ pub(crate) struct CheckArgs {
     json: bool,
 }
 
-/// Most problems of one kind that are told.
+/// Most problems of one kind that are listed.
 const MAX_LISTED: usize = 20;
 
 pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> CommandResult {
@@ -44,19 +44,15 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Comma
     let before = pool(&name, &image)?;
 
     sources(proto.as_deref(), arguments.against.as_deref(), &mut findings).await;
-    let looked_at = format!(
-        "{} messages and {} enums are in the compiled schema as they were",
+    let summary = format!(
+        "{} messages and {} enums are unchanged in the compiled schema",
         before.all_messages().count(),
         before.all_enums().count()
     );
-    findings.add_result(
-        format!("structure against {name}"),
-        structure::breaking_changes(&before, &compiled),
-        looked_at,
-    );
+    findings.add_result(format!("structure against {name}"), structure::breaking_changes(&before, &compiled), summary);
     golden(proto.as_deref(), &compiled, &mut findings)?;
     let rows = keys::rows();
-    findings.add_result("key table", table(&rows, &compiled), format!("{} rows and the schema fit", rows.len()));
+    findings.add_result("key table", table(&rows, &compiled), format!("{} rows match the schema", rows.len()));
     if let Some(session) = session {
         live::check_stack(session, &rows, &mut findings).await?;
     }
@@ -68,15 +64,15 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Comma
     }
     match findings.broken() {
         0 => Ok(()),
-        n => Err(Failure::Work(format!("{n} of {} checks of the contract failed", findings.looked_at()))),
+        n => Err(Failure::Work(format!("{n} of {} checks of the contract failed", findings.checked()))),
     }
 }
 
 fn pool(name: &str, image: &[u8]) -> Result<DescriptorPool, Failure> {
-    DescriptorPool::decode(image).map_err(|e| Failure::Input(format!("{name} is no compiled schema: {e}")))
+    DescriptorPool::decode(image).map_err(|e| Failure::Input(format!("{name} is not a compiled schema: {e}")))
 }
 
-/// The folder of the schema: the one named, else `proto` of the checkout that the working folder lies in.
+/// The folder of the schema: the named one, or `proto` of the surrounding checkout.
 pub(super) fn proto_folder(named: Option<PathBuf>) -> Result<Option<PathBuf>, Failure> {
     let is_schema = |folder: &Path| folder.join("buf.yaml").is_file() && folder.join("supergaussian").is_dir();
     if let Some(folder) = named {
@@ -90,10 +86,10 @@ pub(super) fn proto_folder(named: Option<PathBuf>) -> Result<Option<PathBuf>, Fa
     Ok(here.ancestors().map(|folder| folder.join("proto")).find(|folder| is_schema(folder)))
 }
 
-/// What buf says of the sources.
+/// Checks the sources with buf.
 async fn sources(proto: Option<&Path>, against: Option<&Path>, findings: &mut Findings) {
     let Some(proto) = proto else {
-        findings.skip("buf", "no proto/ here or above: the compiled schema is looked at, its sources are not");
+        findings.skip("buf", "no proto/ here or in a parent folder: only the compiled schema is checked");
         return;
     };
     let Some(buf) = Buf::find(proto) else {
@@ -131,18 +127,18 @@ pub(super) fn golden_files(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, Fail
     Ok(files)
 }
 
-/// Golden bytes: what the last release held is there as it was, and every line means what it meant.
+/// Golden bytes: released lines are unchanged, and every line still decodes to its meaning.
 fn golden(proto: Option<&Path>, compiled: &DescriptorPool, findings: &mut Findings) -> CommandResult {
     let Some(proto) = proto else {
-        findings.skip("golden bytes", "no proto/ here or above");
+        findings.skip("golden bytes", "no proto/ here or in a parent folder");
         return Ok(());
     };
     let files = golden_files(&proto.join("golden"))?;
-    let parts = released::golden_parts().map_err(Failure::Work)?;
+    let parts = released::golden_parts().map_err(|e| Failure::Work(e.to_string()))?;
     findings.add_result(
         "golden bytes of the release",
         parts.iter().filter_map(|part| changed_since(part, &files)).collect(),
-        format!("{} files begin as they did in v{}", parts.len(), released::VERSION),
+        format!("{} files begin as in v{}", parts.len(), released::VERSION),
     );
     let mut problems = Vec::new();
     let mut lines = 0;
@@ -159,7 +155,7 @@ fn golden(proto: Option<&Path>, compiled: &DescriptorPool, findings: &mut Findin
     if more > 0 {
         problems.push(format!("and {more} more lines"));
     }
-    findings.add_result("golden bytes", problems, format!("{lines} lines mean what they meant"));
+    findings.add_result("golden bytes", problems, format!("{lines} lines still decode to their meaning"));
     Ok(())
 }
 
@@ -169,17 +165,17 @@ fn changed_since(part: &released::GoldenPart, files: &[(String, Vec<u8>)]) -> Op
     match file.get(..part.bytes) {
         Some(then) if blake3::hash(then).to_hex().as_str() == part.hash => None,
         _ => Some(format!(
-            "{}.txt: lines that v{} holds were changed or deleted; new ones go to the end",
+            "{}.txt: released lines of v{} were changed or deleted; append new lines at the end",
             part.package,
             released::VERSION
         )),
     }
 }
 
-/// Messages that travel without a row: in the attachment of every payload, and in place of a reply.
+/// Messages without a row: the attachment of every payload, and the error reply.
 const BESIDE_THE_TABLE: [&str; 2] = ["supergaussian.bus.v1.Envelope", "supergaussian.bus.v1.Error"];
 
-/// What in the key table does not fit the schema, and what in the schema no row has a use for.
+/// Mismatches between the key table and the schema, in both directions.
 fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
     let mut problems = Vec::new();
     let mut seen = BTreeSet::new();
@@ -191,7 +187,7 @@ fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
         }
         for role in row.senders.iter().chain([&row.role]) {
             if *role != keys::ANY && !role::ALL.contains(role) {
-                problems.push(format!("{place}: `{role}` is no role"));
+                problems.push(format!("{place}: `{role}` is not a role"));
             }
         }
         for name in messages_of(row) {
@@ -201,7 +197,7 @@ fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
             used.insert(name.to_owned());
         }
     }
-    // What another message or a gRPC service holds has a use as well.
+    // A field of another message or a gRPC service is a use too.
     for message in pool.all_messages() {
         for field in message.fields() {
             if let FieldKind::Message(inner) = field.kind() {
@@ -215,15 +211,15 @@ fn table(rows: &[Row], pool: &DescriptorPool) -> Vec<String> {
     }
     let ours = pool.all_messages().filter(|m| m.package_name().starts_with("supergaussian."));
     let idle = ours.filter(|m| !used.contains(m.full_name()));
-    problems.extend(idle.map(|m| format!("{} travels under no key and within no message", m.full_name())));
+    problems.extend(idle.map(|m| format!("{} belongs to no key and no message", m.full_name())));
     problems
 }
 
 /// Full names of the messages of a row.
 pub(super) fn messages_of(row: &Row) -> Vec<&str> {
     match &row.kind {
-        Kind::Ask { request, reply } => vec![request, reply],
-        Kind::Stream { message } | Kind::Slot { message } => vec![message],
+        Kind::Request { request, reply } => vec![request, reply],
+        Kind::Stream { message } | Kind::Retained { message } => vec![message],
     }
 }
 
@@ -232,14 +228,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_and_the_schema_fit_and_a_misfit_is_told() {
+    fn key_table_matches_the_schema() {
         let pool = DescriptorPool::decode(sg_proto::DESCRIPTORS).unwrap();
         let mut rows = keys::rows();
         assert_eq!(table(&rows, &pool), Vec::<String>::new());
 
         rows.retain(|row| row.name != "cmd/parse");
         let idle = table(&rows, &pool);
-        assert_eq!(idle, ["supergaussian.language.v1.IntentRequest travels under no key and within no message"]);
+        assert_eq!(idle, ["supergaussian.language.v1.IntentRequest belongs to no key and no message"]);
 
         let ready = rows.iter_mut().find(|row| row.name == "event/ready").unwrap();
         ready.kind = Kind::Stream { message: "supergaussian.bus.v2.Ready".to_owned() };

@@ -13,7 +13,7 @@ pub(super) fn describe(service: Option<&str>, json: bool) -> CommandResult {
             Some(known) => vec![known],
             None => {
                 let hint = suggestion(service, role::ALL);
-                return Err(Failure::Input(format!("no role `{service}` in the contract{hint}")));
+                return Err(Failure::Input(format!("unknown role `{service}`{hint}")));
             }
         },
     };
@@ -34,9 +34,9 @@ pub(super) fn describe(service: Option<&str>, json: bool) -> CommandResult {
     Ok(())
 }
 
-/// People, the supervisor and nodes are not services: they have the rows that name them, not those of every service.
+/// The command line, the supervisor and nodes are not services. They have only the rows that name them.
 fn is_of(row: &Row, role: &str) -> bool {
-    row.role == role || row.role == keys::ANY && !role::NO_SERVICES.contains(&role)
+    row.role == role || row.role == keys::ANY && !role::NON_SERVICES.contains(&role)
 }
 
 fn short(name: &str) -> &str {
@@ -47,20 +47,20 @@ fn as_text(role: &str, rows: &[Row]) -> Vec<String> {
     let mut lines = vec![role.to_owned()];
     for row in rows.iter().filter(|r| is_of(r, role)) {
         let what = match &row.kind {
-            Kind::Ask { request, reply } => {
+            Kind::Request { request, reply } => {
                 let senders: Vec<_> =
                     row.senders.iter().map(|s| if *s == keys::ANY { "everybody" } else { s }).collect();
-                let place = if row.at_home { "; of the supervisor's own machine" } else { "" };
+                let place = if row.local_only { "; of the supervisor's own machine" } else { "" };
                 format!("answers    {} → {}  (from {}{place})", short(request), short(reply), senders.join(", "))
             }
             Kind::Stream { message } => format!("publishes  {}", short(message)),
-            Kind::Slot { message } => format!("owns       {}", short(message)),
+            Kind::Retained { message } => format!("owns       {}", short(message)),
         };
         lines.push(format!("  {:<17} {what}", row.name));
         lines.push(format!("  {:<17}            {}", "", row.doc.trim()));
     }
     for row in rows.iter().filter(|r| r.may_ask(role) && r.role != role) {
-        if let Kind::Ask { request, reply } = &row.kind {
+        if let Kind::Request { request, reply } = &row.kind {
             let of = if row.role == keys::ANY { "every service" } else { row.role };
             lines.push(format!("  {:<17} may ask    {of}: {} → {}", row.name, short(request), short(reply)));
         }
@@ -70,17 +70,19 @@ fn as_text(role: &str, rows: &[Row]) -> Vec<String> {
 
 fn as_json(role: &str, rows: &[Row]) -> serde_json::Value {
     let own = |row: &Row| match &row.kind {
-        Kind::Ask { request, reply } => json!({
-            "name": row.name, "kind": "ask", "request": request, "reply": reply, "senders": row.senders, "at_home": row.at_home,
+        Kind::Request { request, reply } => json!({
+            "name": row.name, "kind": "ask", "request": request, "reply": reply, "senders": row.senders, "local_only": row.local_only,
             "doc": row.doc.trim(),
         }),
         Kind::Stream { message } => {
             json!({"name": row.name, "kind": "stream", "message": message, "doc": row.doc.trim()})
         }
-        Kind::Slot { message } => json!({"name": row.name, "kind": "slot", "message": message, "doc": row.doc.trim()}),
+        Kind::Retained { message } => {
+            json!({"name": row.name, "kind": "slot", "message": message, "doc": row.doc.trim()})
+        }
     };
     let asks = |row: &Row| match &row.kind {
-        Kind::Ask { request, reply } => {
+        Kind::Request { request, reply } => {
             Some(json!({"role": row.role, "name": row.name, "request": request, "reply": reply}))
         }
         _ => None,
@@ -96,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_side_of_a_row_is_told() {
+    fn both_sides_of_a_row_are_listed() {
         let rows = rows();
         let scene = as_text(role::SCENE, &rows).join("\n");
         assert!(scene.contains("cmd/apply") && scene.contains("answers    scene.v1.Command → scene.v1.CommandResult"));

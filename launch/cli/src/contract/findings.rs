@@ -1,43 +1,43 @@
-//! What a check has found, for people and for programs.
+//! Results of a contract check, for people and programs.
 
 use serde_json::{Value, json};
 
 use crate::terminal::{self, Color, paint};
 
-/// What came of looking at one thing.
+/// Result of one check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Outcome {
-    /// It holds; a line on what was looked at.
+    /// Passed, with a summary.
     Passed(String),
-    /// It does not: what exactly.
+    /// Failed, with the problems.
     Failed(Vec<String>),
-    /// It was not looked at, and why.
+    /// Skipped, with the reason.
     Skipped(String),
 }
 
-/// What a check has found, in order.
+/// Results in order.
 #[derive(Debug, Default)]
 pub(super) struct Findings(Vec<(String, Outcome)>);
 
 impl Findings {
-    /// Notes that something holds if nothing speaks against it.
-    pub(super) fn add_result(&mut self, what: impl Into<String>, problems: Vec<String>, looked_at: impl Into<String>) {
-        let outcome = if problems.is_empty() { Outcome::Passed(looked_at.into()) } else { Outcome::Failed(problems) };
+    /// Adds a result: passed if there are no problems.
+    pub(super) fn add_result(&mut self, what: impl Into<String>, problems: Vec<String>, summary: impl Into<String>) {
+        let outcome = if problems.is_empty() { Outcome::Passed(summary.into()) } else { Outcome::Failed(problems) };
         self.0.push((what.into(), outcome));
     }
 
-    /// Notes that something was not looked at.
+    /// Adds a skipped check.
     pub(super) fn skip(&mut self, what: impl Into<String>, why: impl Into<String>) {
         self.0.push((what.into(), Outcome::Skipped(why.into())));
     }
 
-    /// How many things do not hold.
+    /// Number of failed checks.
     pub(super) fn broken(&self) -> usize {
         self.0.iter().filter(|(_, outcome)| matches!(outcome, Outcome::Failed(_))).count()
     }
 
-    /// How many things were looked at.
-    pub(super) fn looked_at(&self) -> usize {
+    /// Number of checks that ran.
+    pub(super) fn checked(&self) -> usize {
         self.0.iter().filter(|(_, outcome)| !matches!(outcome, Outcome::Skipped(_))).count()
     }
 
@@ -54,8 +54,8 @@ impl Findings {
                 }
                 Outcome::Skipped(why) => {
                     terminal::print_line(&format!(
-                        "{}  {what:<width$}  {why}",
-                        paint(Color::Yellow, "LEFT OUT", colored)
+                        "{}   {what:<width$}  {why}",
+                        paint(Color::Yellow, "SKIPPED", colored)
                     ));
                 }
                 Outcome::Failed(problems) => {
@@ -71,7 +71,7 @@ impl Findings {
     pub(super) fn as_json(&self) -> Value {
         let one = |(what, outcome): &(String, Outcome)| match outcome {
             Outcome::Passed(text) => json!({"check": what, "outcome": "ok", "details": [text]}),
-            Outcome::Skipped(why) => json!({"check": what, "outcome": "left out", "details": [why]}),
+            Outcome::Skipped(why) => json!({"check": what, "outcome": "skipped", "details": [why]}),
             Outcome::Failed(problems) => json!({"check": what, "outcome": "failed", "details": problems}),
         };
         self.0.iter().map(one).collect()

@@ -1,5 +1,4 @@
-//! A running stack: every process is who the supervisor takes it for, answers the rows of its role and no others, and
-//! speaks the types of this contract.
+//! Checks of a running stack: the identity of every process, the rows that it serves, and their message types.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -7,34 +6,34 @@ use std::time::Duration;
 use sg_proto::bus::StatusRequest;
 use sg_proto::keys::{self, Kind, Row, role};
 use sg_proto::launch::{Service, ServiceState};
-use sg_runtime::bus::{Bus, Declared, Heard, Raw};
+use sg_runtime::bus::{Bus, DeclaredKey, RawMessage, RawReply};
 use sg_runtime::context::Context;
 
 use super::findings::Findings;
 use crate::supervisor_client;
 use crate::terminal::CommandResult;
 
-/// How long a process may take to answer.
+/// Longest time for an answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
-/// Looks at every process of a session that serves its role.
+/// Checks every process of a session that serves a role.
 pub(super) async fn check_stack(session: &str, rows: &[Row], findings: &mut Findings) -> CommandResult {
     let (_, bus) = supervisor_client::join(Some(session)).await?;
     let ready = supervisor_client::services(&bus).await?.services;
     let ready: Vec<_> = ready.into_iter().filter(|s| s.state() == ServiceState::Ready).collect();
     identities(&bus, &ready, findings).await;
     types(&bus, &ready, rows, findings).await;
-    let declared = bus.declared_rows().await;
+    let declared = bus.declared_keys().await;
     bus.close().await;
     let what = format!("rows of `{session}`");
     if declared.is_empty() {
-        findings.skip(what, "the router of this session does not tell what is declared");
+        findings.skip(what, "the router of this session does not list the declared keys");
     } else {
         let problems = unexpected_rows(session, &ready, rows, &declared);
         findings.add_result(
             what,
             problems,
-            format!("{} keys are answered, each by whom the table says", declared.len()),
+            format!("{} keys are served by the processes of the table", declared.len()),
         );
     }
     Ok(())
@@ -50,11 +49,14 @@ async fn identities(bus: &Bus, ready: &[Service], findings: &mut Findings) {
             Ok(health) => {
                 if (health.role.as_str(), health.instance.as_str()) != (&service.role, &service.instance) {
                     let (is, meant) = (&health.instance, &service.instance);
-                    problems.push(format!("{}: `{is}` of role `{}` answers for `{meant}`", service.name, health.role));
+                    problems.push(format!(
+                        "{}: `{is}` of role `{}` answers instead of `{meant}`",
+                        service.name, health.role
+                    ));
                 }
                 let schema = match health.schema_hash.get(..8) {
                     Some(hash) => format!("schema {hash}"),
-                    None => "a schema they do not tell".to_owned(),
+                    None => "an unknown schema".to_owned(),
                 };
                 schemas.entry(schema).or_default().push(&service.name);
             }
@@ -64,30 +66,30 @@ async fn identities(bus: &Bus, ready: &[Service], findings: &mut Findings) {
     findings.add_result(format!("processes of `{}`", bus.session()), problems, by_schema.join("; "));
 }
 
-/// The newest values travel as the types of the table; a process of another major would name others.
+/// Newest values have the types of the table. A process of another major version would have others.
 async fn types(bus: &Bus, ready: &[Service], rows: &[Row], findings: &mut Findings) {
-    let (mut problems, mut looked_at) = (Vec::new(), 0);
+    let (mut problems, mut checked) = (Vec::new(), 0);
     for service in ready {
         for row in rows.iter().filter(|r| r.role == service.role) {
-            let Kind::Slot { message } = &row.kind else { continue };
-            looked_at += 1;
+            let Kind::Retained { message } = &row.kind else { continue };
+            checked += 1;
             let wanted = format!("application/protobuf;{message}");
-            match bus.ask_raw(&service.role, row.name, &Raw::default(), ANSWER).await {
-                Heard::Reply { encoding, .. } if encoding == wanted => (),
-                Heard::Reply { encoding, .. } | Heard::Refusal { encoding, .. } => {
+            match bus.ask_raw(&service.role, row.name, &RawMessage::default(), ANSWER).await {
+                RawReply::Reply { encoding, .. } if encoding == wanted => (),
+                RawReply::Reply { encoding, .. } | RawReply::Refusal { encoding, .. } => {
                     problems.push(format!("{}/{}: `{encoding}` instead of `{wanted}`", row.role, row.name));
                 }
-                Heard::Nothing => problems.push(format!("{}/{}: nobody answers", row.role, row.name)),
+                RawReply::Nothing => problems.push(format!("{}/{}: no answer", row.role, row.name)),
             }
         }
     }
     let what = format!("types of `{}`", bus.session());
-    findings.add_result(what, problems, format!("{looked_at} newest values are of the types of the table"));
+    findings.add_result(what, problems, format!("{checked} newest values have the types of the table"));
 }
 
-/// Rows that are none of their role, that two processes answer, that the process of another role answers, or that nobody
-/// answers. A role's process is the one that answers its `cmd/status`.
-fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[Declared]) -> Vec<String> {
+/// Rows that do not belong to their role, have two processes, belong to another role's process, or have none. The
+/// process of a role serves its `cmd/status`.
+fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[DeclaredKey]) -> Vec<String> {
     let mut problems = Vec::new();
     let root = format!("{}/{session}/", keys::ROOT);
     let places: Vec<_> = declared
@@ -96,23 +98,23 @@ fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[D
         .collect();
     let processes: BTreeMap<&str, &str> = places
         .iter()
-        // The supervisor tells no status: whoever answers its rows is taken for it.
+        // The supervisor serves no status. The process behind its rows is the supervisor.
         .filter(|(_, role, name)| *name == keys::STATUS.name || *role == role::SUPERVISOR)
         .filter_map(|(d, role, _)| Some((d.clients.first()?.as_str(), *role)))
         .collect();
     let answered = |row: &Row| !matches!(row.kind, Kind::Stream { .. });
-    for (Declared { key, clients }, role, name) in places {
-        if !rows.iter().any(|r| r.name == name && r.is_of(role) && answered(r)) {
-            problems.push(format!("{key} is no row of `{role}`"));
+    for (DeclaredKey { key, clients }, role, name) in places {
+        if !rows.iter().any(|r| r.name == name && r.belongs_to(role) && answered(r)) {
+            problems.push(format!("{key} is not a row of `{role}`"));
         }
         if clients.len() > 1 {
-            problems.push(format!("{key} is answered by {} processes", clients.len()));
+            problems.push(format!("{key} is served by {} processes", clients.len()));
         }
         for client in clients {
             match processes.get(client.as_str()) {
-                Some(of) if *of != role => problems.push(format!("{key} is answered by the process of `{of}`")),
+                Some(of) if *of != role => problems.push(format!("{key} is served by the process of `{of}`")),
                 Some(_) => (),
-                None => problems.push(format!("{key} is answered by a process that answers for no role")),
+                None => problems.push(format!("{key} is served by a process without a role")),
             }
         }
     }
@@ -120,7 +122,7 @@ fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[D
         for row in rows.iter().filter(|r| r.role == service.role && answered(r)) {
             let key = keys::key(session, &service.role, row.name);
             if !declared.iter().any(|d| d.key == key) {
-                problems.push(format!("{key} is answered by nobody"));
+                problems.push(format!("{key} has no process"));
             }
         }
     }
@@ -131,12 +133,12 @@ fn unexpected_rows(session: &str, ready: &[Service], rows: &[Row], declared: &[D
 mod tests {
     use super::*;
 
-    fn at(key: &str, clients: &[&str]) -> Declared {
-        Declared { key: format!("sg/s/{key}"), clients: clients.iter().map(|c| (*c).to_owned()).collect() }
+    fn at(key: &str, clients: &[&str]) -> DeclaredKey {
+        DeclaredKey { key: format!("sg/s/{key}"), clients: clients.iter().map(|c| (*c).to_owned()).collect() }
     }
 
     #[test]
-    fn who_answers_what_he_may_not_is_told() {
+    fn unexpected_rows_are_found() {
         let rows = keys::rows();
         let intent = Service { name: "i".into(), role: role::AGENT_INTENT.into(), ..Service::default() };
         let fine = vec![
@@ -147,19 +149,19 @@ mod tests {
             at("scene/cmd/apply", &["b"]),
             at("supervisor/cmd/ps", &["s"]),
         ];
-        let told =
-            |declared: &[Declared]| unexpected_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
-        assert_eq!(told(&fine), "");
-        assert_eq!(told(&fine[..2]), "sg/s/agent-intent/state is answered by nobody");
-        for (strange, complaint) in [
-            (at("scene/cmd/changes", &["a"]), "answered by the process of `agent-intent`"),
-            (at("scene/cmd/apply", &["b", "c"]), "answered by 2 processes"),
-            (at("supervisor/cmd/down", &["s", "a"]), "answered by the process of `agent-intent`"),
-            (at("agent-intent/cmd/apply", &["a"]), "no row of `agent-intent`"),
-            (at("agent-core/cmd/utter", &["c"]), "answered by a process that answers for no role"),
+        let found =
+            |declared: &[DeclaredKey]| unexpected_rows("s", std::slice::from_ref(&intent), &rows, declared).join("\n");
+        assert_eq!(found(&fine), "");
+        assert_eq!(found(&fine[..2]), "sg/s/agent-intent/state has no process");
+        for (strange, problem) in [
+            (at("scene/cmd/changes", &["a"]), "served by the process of `agent-intent`"),
+            (at("scene/cmd/apply", &["b", "c"]), "served by 2 processes"),
+            (at("supervisor/cmd/down", &["s", "a"]), "served by the process of `agent-intent`"),
+            (at("agent-intent/cmd/apply", &["a"]), "not a row of `agent-intent`"),
+            (at("agent-core/cmd/utter", &["c"]), "served by a process without a role"),
         ] {
-            let told = told(&[fine.clone(), vec![strange]].concat());
-            assert!(told.contains(complaint), "{complaint}: {told}");
+            let found = found(&[fine.clone(), vec![strange]].concat());
+            assert!(found.contains(problem), "{problem}: {found}");
         }
     }
 }

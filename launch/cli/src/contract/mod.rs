@@ -1,4 +1,4 @@
-//! `contract`: what services may send and receive, and whether that is still what others rely on.
+//! `contract`: the messages that services send and receive, and their compatibility.
 
 mod buf;
 mod check;
@@ -17,7 +17,7 @@ use check::CheckArgs;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum ContractCommand {
-    /// Show what each service may send and receive
+    /// Show the messages that each service may send and receive
     #[command(after_help = "Example: supergaussian contract describe scene")]
     Describe {
         /// Only this role
@@ -26,16 +26,16 @@ pub(crate) enum ContractCommand {
         #[arg(long)]
         json: bool,
     },
-    /// Check that whoever relies on the last release of the contract can go on doing so
+    /// Check that the contract is compatible with its last release
     #[command(after_help = "Example: supergaussian contract check --against proto/released/v0.1.0.binpb\n\n\
         With --session the processes of a running stack are looked at as well.")]
     Check(CheckArgs),
-    /// Keep the contract as it stands as that of a release, for later ones to be checked against
+    /// Save the present contract as a release, for later checks
     #[command(after_help = "Example: supergaussian contract release 0.2.0")]
     Release {
-        /// Version of the release
+        /// Version of the release, such as 0.2.0
         version: String,
-        /// Folder of the schema; by default `proto` here or above
+        /// Folder of the schema; by default `proto` here or in a parent folder
         #[arg(long, value_name = "DIR")]
         proto: Option<PathBuf>,
     },

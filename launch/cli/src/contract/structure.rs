@@ -1,11 +1,11 @@
-//! Two compiled schemas by structure: what whoever relies on the old one would miss in the new one.
+//! Structural comparison of two compiled schemas.
 //!
-//! A small part of what buf's FILE rules say, for where buf or the schema's sources are not at hand: no message, field,
-//! enum value or method is gone, and none became another.
+//! It covers a small part of buf's FILE rules, for machines without buf or the sources. No message, field, enum value
+//! or method may be missing or changed.
 
 use prost_reflect::{DescriptorPool, EnumDescriptor, FieldDescriptor, Kind, MessageDescriptor, ServiceDescriptor};
 
-/// What the new schema takes from or changes for those who rely on the old one.
+/// Removals and changes in the new schema that break users of the old one.
 pub(super) fn breaking_changes(old: &DescriptorPool, new: &DescriptorPool) -> Vec<String> {
     let mut problems = Vec::new();
     for message in old.all_messages() {
@@ -43,7 +43,7 @@ fn fields(old: &MessageDescriptor, new: &MessageDescriptor, problems: &mut Vec<S
     }
 }
 
-/// All of a field that travels or that generated code shows.
+/// The parts of a field that are visible on the wire or in generated code.
 fn described(field: &FieldDescriptor) -> String {
     let kind = match field.kind() {
         Kind::Message(message) => message.full_name().to_owned(),
@@ -76,7 +76,7 @@ fn methods(old: &ServiceDescriptor, new: &ServiceDescriptor, problems: &mut Vec<
                 && now.is_server_streaming() == method.is_server_streaming()
         });
         if !same {
-            problems.push(format!("method {} is gone or takes or gives another message", method.full_name()));
+            problems.push(format!("method {} is missing or has other messages", method.full_name()));
         }
     }
 }
@@ -105,15 +105,15 @@ mod tests {
         file.message_type.iter_mut().find(|m| m.name() == name).unwrap()
     }
 
-    /// What an edit of the schema would take away.
+    /// An edit that removes parts of a schema.
     fn broken_by(edit: impl FnOnce(&mut FileDescriptorSet)) -> Vec<String> {
         let mut files = compiled();
         edit(&mut files);
-        breaks(&pool(compiled()), &pool(files))
+        breaking_changes(&pool(compiled()), &pool(files))
     }
 
     #[test]
-    fn what_is_only_added_breaks_nothing() {
+    fn additions_break_nothing() {
         assert_eq!(broken_by(|_| ()), Vec::<String>::new());
         let added = broken_by(|files| {
             let error = message(file(files, "bus"), "Error");
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_gone_renumbered_retyped_or_renamed_is_told() {
+    fn breaking_changes_are_found() {
         let gone = broken_by(|files| file(files, "launch").message_type.retain(|m| m.name() != "DownReply"));
         assert_eq!(gone, ["message supergaussian.launch.v1.DownReply is gone"]);
 

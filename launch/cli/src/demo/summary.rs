@@ -1,4 +1,4 @@
-//! What a demo came to, in five lines.
+//! The summary of a demo, in five lines.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -13,10 +13,10 @@ use crate::playback::{Measurements, Player};
 use crate::supervisor_client::services;
 use crate::terminal::{self, Failure, format_count, format_time};
 
-/// How long a service may take to tell its state.
+/// Longest time for a service's state.
 const ANSWER: Duration = Duration::from_secs(30);
 
-/// A demo in numbers.
+/// The numbers of a demo.
 #[derive(Debug, Clone)]
 pub(super) struct Summary {
     scene: PathBuf,
@@ -35,12 +35,12 @@ pub(super) struct Summary {
     restarts: u32,
     size: Option<u32>,
     measured: Measurements,
-    /// What was said but not done.
+    /// Utterances that the agents could not carry out.
     pub(super) failed_utterances: Vec<String>,
 }
 
 impl Summary {
-    /// Asks the services for what they hold.
+    /// Requests the states of the services.
     pub(super) async fn gather(
         bus: &Bus,
         player: Player,
@@ -73,7 +73,7 @@ impl Summary {
         })
     }
 
-    /// Tells it: JSON to programs, five lines and the pictures' paths to people.
+    /// Prints the summary: JSON, or the pictures' paths and five lines.
     pub(super) fn tell(&self, json: bool) {
         if json {
             terminal::print_line(&self.json().to_string());
@@ -135,7 +135,7 @@ fn seconds(ms: &[f64]) -> Vec<f64> {
     ms.iter().map(|ms| ms / 1000.0).collect()
 }
 
-/// The middle value, or the lower one of two.
+/// The median; the lower one of two middle values.
 fn median(list: &[f64]) -> Option<f64> {
     let mut sorted = list.to_vec();
     sorted.sort_by(f64::total_cmp);

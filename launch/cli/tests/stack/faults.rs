@@ -8,7 +8,7 @@ use sg_proto::keys::{self, role};
 
 use crate::sandbox::{Sandbox, Up, pid, runs};
 
-/// A stack of one that misbehaves and one that does not.
+/// A stack of one misbehaving and one good service.
 fn beside(sandbox: &Sandbox, params: &str, more: &str) -> Up {
     let text = format!(
         "schema = 1\n[defaults]\nready = 20\nbackoff = {{ initial_ms = 10, max_ms = 100 }}\n[service.good]\nexec = \"./fixture\"\n[service.bad]\nexec = \"./fixture\"\nrole = \"agent-core\"\nparams = {{ {params} }}\n{more}"
@@ -19,7 +19,7 @@ fn beside(sandbox: &Sandbox, params: &str, more: &str) -> Up {
     up
 }
 
-/// The good one was never touched, and the stack stops in order; what it told.
+/// Checks that the good service is untouched and that the stack stops in order. Returns the output.
 fn survived(sandbox: &Sandbox, mut up: Up) -> String {
     let good = sandbox.ready("f", "good");
     assert_eq!(good["restarts"], 0, "{good}");
@@ -34,7 +34,7 @@ fn restarted(service: &Value) -> bool {
 }
 
 #[test]
-fn one_that_crashes_at_its_start() {
+fn crash_at_start() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "crash = true", "intensity = { restarts = 2, within_s = 60 }\n");
     let bad = sandbox.wait("f", "bad", |s| s["state"] == "FAILED");
@@ -48,7 +48,7 @@ fn one_that_crashes_at_its_start() {
 }
 
 #[test]
-fn one_that_crashes_later() {
+fn late_crash() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "crash_ms = 300", "intensity = { restarts = 1000, within_s = 1 }\n");
     sandbox.wait("f", "bad", |s| s["restarts"].as_u64() >= Some(2));
@@ -56,7 +56,7 @@ fn one_that_crashes_later() {
 }
 
 #[test]
-fn one_that_never_gets_ready() {
+fn never_ready() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "never_ready = true", "ready = 1\nrestart = \"never\"\n");
     let bad = sandbox.wait("f", "bad", |s| s["state"] == "FAILED");
@@ -65,7 +65,7 @@ fn one_that_never_gets_ready() {
 }
 
 #[test]
-fn one_that_hears_no_request_to_stop() {
+fn ignored_sigterm() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "deaf = true", "stop = 0.5\n");
     let bad = sandbox.ready("f", "bad");
@@ -76,15 +76,15 @@ fn one_that_hears_no_request_to_stop() {
 }
 
 #[test]
-fn one_that_floods() {
+fn message_flood() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "flood = 300000", "");
     sandbox.ready("f", "bad");
-    // One who follows without reading holds nobody up, and knows afterwards what it missed.
+    // A follower that does not read blocks no other process, and learns how much it missed.
     let folder = sandbox.path().to_owned();
     let (lost, answers) = sg_runtime::process::block_on(async move {
         let bus = Sandbox::join_in(&folder, "f").await;
-        let mut slow = bus.follow(&keys::UTTERANCE, role::AGENT_CORE, 8).await.unwrap();
+        let mut slow = bus.subscribe(&keys::UTTERANCE, role::AGENT_CORE, 8).await.unwrap();
         let began = Instant::now();
         let mut answers = 0;
         while began.elapsed() < Duration::from_secs(2) {
@@ -107,7 +107,7 @@ fn one_that_floods() {
 }
 
 #[test]
-fn one_that_sends_garbage() {
+fn garbage_on_the_bus() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "garbage = true", "");
     sandbox.ready("f", "bad");
@@ -120,25 +120,25 @@ fn one_that_sends_garbage() {
         assert!(began.elapsed() < Duration::from_secs(20), "{log}");
         std::thread::sleep(Duration::from_millis(50));
     };
-    assert!(log.contains("may not ask cmd/ps; only cli may"), "{log}");
+    assert!(log.contains("may not send cmd/ps; only cli may"), "{log}");
     assert_eq!(log.matches("garbage was refused").count(), 40, "{log}");
-    // The supervisor took none of it for a sign of anything, and answers.
+    // The supervisor ignores these messages and answers requests.
     let bad = sandbox.ready("f", "bad");
     assert_eq!((&bad["restarts"], &bad["instance"]), (&0.into(), &"bad-1".into()));
     survived(&sandbox, up);
 }
 
 #[test]
-fn one_that_leaks_memory() {
+fn memory_leak() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "leak_mib = 200", "memory_mib = 150\n");
     sandbox.wait("f", "bad", restarted);
     let told = survived(&sandbox, up);
-    assert!(told.contains("MiB of memory, more than its 150 MiB"), "{told}");
+    assert!(told.contains("MiB of memory; its limit is 150 MiB"), "{told}");
 }
 
 #[test]
-fn one_that_answers_late() {
+fn late_answers() {
     let sandbox = Sandbox::new();
     let up = beside(&sandbox, "answers = true, late_ms = 3000", "");
     sandbox.ready("f", "bad");

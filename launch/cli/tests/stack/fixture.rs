@@ -1,5 +1,5 @@
-//! A service that misbehaves on purpose. It is this test executable itself, started again by a script of the sandbox, so
-//! that no executable beside those of the project has to be built.
+//! A service that misbehaves on purpose. A script of the sandbox runs this test executable itself, so no extra
+//! executable is built.
 
 use std::io::Write as _;
 use std::os::unix::net::UnixStream;
@@ -32,23 +32,23 @@ struct Params {
     crash: bool,
     /// Milliseconds after which it dies.
     crash_ms: Option<u64>,
-    /// Milliseconds after which it hangs, deaf to everything.
+    /// Milliseconds after which it hangs and ignores all requests.
     hang_ms: Option<u64>,
     /// Never gets ready.
     never_ready: bool,
-    /// Hears no request to stop.
+    /// Ignores SIGTERM.
     deaf: bool,
     /// Messages that it publishes, as fast as it can.
     flood: u64,
-    /// Sends what nobody can take, under its own keys, to others and to the bus itself.
+    /// Sends malformed messages: under its own keys, to others and to the bus itself.
     garbage: bool,
-    /// Mebibytes that it takes each second and never gives back.
+    /// Mebibytes that it allocates each second.
     leak_mib: usize,
     /// Answers utterances (role agent-core): all but "fail" with success.
     answers: bool,
-    /// Milliseconds that an answer takes.
+    /// Milliseconds for an answer.
     late_ms: u64,
-    /// File to which it adds the id of each request that takes effect.
+    /// File that collects the id of each request that takes effect.
     ledger: Option<PathBuf>,
 }
 
@@ -59,7 +59,7 @@ fn fixture() {
     let fixture = Fixture::parse_from(arguments.lines());
     let params: serde_json::Value = serde_json::from_str(&fixture.serve.params).unwrap();
     if params["deaf"] == true {
-        // Before any thread begins, so that none of them hears it.
+        // Before the first thread, so that all threads inherit the mask.
         let mut signals = SigSet::empty();
         signals.add(Signal::SIGTERM);
         sigprocmask(SigmaskHow::SIG_BLOCK, Some(&signals), None).unwrap();
@@ -82,7 +82,7 @@ async fn load(host: Host) -> Result<(), StartError> {
         std::future::pending::<()>().await;
     }
     if params.answers {
-        let state = host.bus().own(&keys::CORE_STATE, AgentState::default()).await?;
+        let state = host.bus().retain(&keys::CORE_STATE, AgentState::default()).await?;
         let (bus, late, ledger) = (host.bus().clone(), Duration::from_millis(params.late_ms), params.ledger);
         host.serve(&keys::UTTER, 64, move |utterance, context| {
             let (bus, ledger) = (bus.clone(), ledger.clone());
@@ -101,7 +101,7 @@ async fn load(host: Host) -> Result<(), StartError> {
         });
     }
     if let Some(ms) = params.hang_ms {
-        // More than there are threads that carry messages.
+        // More than the number of bus threads.
         for _ in 0..8 {
             tokio::spawn(async move {
                 tokio::time::sleep(Duration::from_millis(ms)).await;
@@ -123,7 +123,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Keeps something for as long as the process lives.
+/// Keeps a value alive for the whole process.
 fn forever<T: Send + 'static>(kept: T) {
     tokio::spawn(async move {
         std::future::pending::<()>().await;
@@ -147,7 +147,7 @@ async fn answer(bus: Bus, utterance: Utterance, context: Context, ledger: Option
 async fn flood(bus: Bus, count: u64) {
     let utterance = Utterance { text: "x".repeat(1000), ..Utterance::default() };
     for i in 0..count {
-        // What finds no room is dropped and counted.
+        // Excess messages are dropped and counted.
         let _ = bus.publish(&keys::UTTERANCE, &utterance, &Context::root()).await;
         if i % 64 == 0 {
             tokio::task::yield_now().await;
@@ -156,12 +156,12 @@ async fn flood(bus: Bus, count: u64) {
 }
 
 async fn garbage(bus: Bus, socket: PathBuf) {
-    // Messages of a wrong type under its own keys: everybody who follows those hears them.
+    // Wrong types under its own keys reach every subscriber.
     let mut ready = keys::UTTERANCE;
     (ready.role, ready.name) = (keys::ANY, keys::READY.name);
     let mut health = ready;
     health.name = keys::HEALTH.name;
-    // Requests of a wrong type, or from one who may not ask.
+    // Requests of a wrong type, or from a forbidden role.
     let mut ps = keys::UTTER;
     (ps.role, ps.name) = (keys::PS.role, keys::PS.name);
     let mut down = ps;
@@ -176,7 +176,7 @@ async fn garbage(bus: Bus, socket: PathBuf) {
             let refused = bus.ask(row, &utterance, &context).await.unwrap_err();
             tracing::info!(%refused, "garbage was refused");
         }
-        // What is not even the bus's protocol, to the bus's socket.
+        // Bytes outside the bus's protocol, to the bus's socket.
         if let Ok(mut stream) = UnixStream::connect(&socket) {
             let bytes: Vec<u8> =
                 (0..100_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8 ^ round).collect();
@@ -190,7 +190,7 @@ async fn garbage(bus: Bus, socket: PathBuf) {
 async fn leak(mib_each_second: usize) {
     let mut kept: Vec<Vec<u8>> = Vec::new();
     loop {
-        // Written to, so that it counts.
+        // Write to the memory, so that it counts as resident.
         kept.push(vec![kept.len() as u8 | 1; mib_each_second << 18]);
         tokio::time::sleep(Duration::from_millis(250)).await;
     }

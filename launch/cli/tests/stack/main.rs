@@ -32,7 +32,7 @@ params = { start_ms = 200 }
 "#;
 
 #[test]
-fn a_stack_starts_in_order_is_seen_restarted_and_stopped() {
+fn stack_starts_lists_restarts_and_stops() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("two.toml", TWO);
     let file = file.to_str().unwrap();
@@ -46,7 +46,7 @@ fn a_stack_starts_in_order_is_seen_restarted_and_stopped() {
     assert!(scene["uptime_ms"].as_u64() >= Some(view["uptime_ms"].as_u64().unwrap() + 200), "{scene} {view}");
     assert!(scene["start_ms"].as_u64() >= Some(200));
 
-    // Memory comes with the health, every second.
+    // Health messages report the memory every second.
     sandbox.wait("two", "view", |s| s["memory_bytes"].as_u64() > Some(1 << 20));
     let (status, table, _) = sandbox.run(&["ps"]);
     assert_eq!(status, 0);
@@ -82,7 +82,7 @@ fn a_stack_starts_in_order_is_seen_restarted_and_stopped() {
 }
 
 #[test]
-fn two_stacks_do_not_meet() {
+fn stacks_are_isolated() {
     let sandbox = Sandbox::new();
     let one = "schema = 1\n[service.scene]\nexec = \"./fixture\"\n";
     let file = sandbox.file("one.toml", one);
@@ -135,7 +135,7 @@ after = { first = "ready" }
 }
 
 #[test]
-fn one_that_ignores_requests_is_killed_after_its_grace_and_a_second_ctrl_c_does_not_wait() {
+fn ignored_sigterm_leads_to_kill_and_second_ctrl_c_is_immediate() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("s.toml", "schema = 1\n[service.a]\nexec = \"./stubborn\"\nstop = 0.5\nready = 100\n");
     let file = file.to_str().unwrap();
@@ -186,7 +186,7 @@ fn services_die_with_their_supervisor_and_the_next_run_finds_a_clean_session() {
 }
 
 #[test]
-fn one_that_hangs_is_restarted() {
+fn hung_service_is_restarted() {
     let sandbox = Sandbox::new();
     let text = "schema = 1\n[service.scene]\nexec = \"./fixture\"\nparams = { hang_ms = 300 }\nliveness = 1.5\nbackoff = { initial_ms = 10, max_ms = 100 }\n";
     let file = sandbox.file("h.toml", text);
@@ -200,7 +200,7 @@ fn one_that_hangs_is_restarted() {
 }
 
 #[test]
-fn wrong_input_is_told_and_not_tried_again() {
+fn wrong_input_is_reported_and_final() {
     let sandbox = Sandbox::new();
     let text = "schema = 1\n[service.scene]\nexec = \"./refuse\"\n[service.view]\nexec = \"./fixture\"\n[service.odd]\nexec = \"./fixture\"\nparams = { stat_ms = 3 }\n";
     let file = sandbox.file("w.toml", text);
@@ -224,7 +224,7 @@ fn wrong_input_is_told_and_not_tried_again() {
 }
 
 #[test]
-fn one_that_crashes_again_and_again_is_given_up_and_takes_the_stack_down_if_it_is_critical() {
+fn repeated_crashes_are_final_and_stop_a_critical_stack() {
     let sandbox = Sandbox::new();
     let text = "schema = 1\n[service.scene]\nexec = \"./crash\"\ncritical = true\nbackoff = { initial_ms = 10, max_ms = 40 }\nintensity = { restarts = 3, within_s = 10 }\n[service.view]\nexec = \"./fixture\"\n";
     let file = sandbox.file("c.toml", text);
@@ -237,7 +237,7 @@ fn one_that_crashes_again_and_again_is_given_up_and_takes_the_stack_down_if_it_i
 }
 
 #[test]
-fn one_that_never_gets_ready_is_stopped() {
+fn unready_process_is_stopped() {
     let sandbox = Sandbox::new();
     let text = "schema = 1\n[service.a]\nexec = \"./stubborn\"\nready = 0.3\nstop = 0.2\nrestart = \"never\"\n";
     let file = sandbox.file("n.toml", text);
@@ -248,14 +248,16 @@ fn one_that_never_gets_ready_is_stopped() {
 }
 
 #[test]
-fn a_bad_launch_file_is_refused_with_one_line() {
+fn a_bad_launch_file_is_refused_with_its_line() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("bad.toml", "schema = 1\n[service.a]\nexec = \"./fixture\"\nafter = { a = \"ready\" }\n");
     let file = file.to_str().unwrap();
     for command in ["up", "check", "graph"] {
         let (status, out, errors) = sandbox.run(&[command, file]);
         assert_eq!((status, out.as_str()), (2, ""));
-        assert_eq!(errors, format!("error: {file}:4:11: `a` comes after `a`: a cycle; take one `after` away\n"));
+        let line = format!("error: {file}:4:11: `a` comes after `a`: a cycle; take one `after` away");
+        let snippet = "\n    │\n  4 │ after = { a = \"ready\" }\n    │           ^\n";
+        assert_eq!(errors, format!("{line}{snippet}"));
     }
     let (status, _, errors) = sandbox.run(&["up", "none.toml"]);
     assert!(status == 2 && errors == "error: none.toml: No such file or directory (os error 2)\n", "{errors}");
@@ -264,7 +266,7 @@ fn a_bad_launch_file_is_refused_with_one_line() {
     assert!(status == 2 && errors.contains("did you mean `scene`?"), "{errors}");
     let (status, out, _) = sandbox.run(&["check", good.to_str().unwrap()]);
     assert!(
-        status == 0 && out.ends_with("two.toml: good; session two, 2 services, starting in this order: scene, view\n"),
+        status == 0 && out.ends_with("two.toml: valid; session two, 2 services, start order: scene, view\n"),
         "{out}"
     );
     let (_, dot, _) = sandbox.run(&["graph", good.to_str().unwrap(), "--dot"]);
@@ -284,7 +286,7 @@ fn unknown_commands_are_refused_with_a_suggestion() {
 }
 
 #[test]
-fn what_is_said_is_answered_and_watched() {
+fn utterance_is_answered_and_watched() {
     let sandbox = Sandbox::new();
     let text = "schema = 1\n[service.agent-core]\nexec = \"./fixture\"\nparams = { answers = true }\n[service.scene]\nexec = \"./fixture\"\n";
     let file = sandbox.file("talk.toml", text);
@@ -294,7 +296,7 @@ fn what_is_said_is_answered_and_watched() {
 
     let mut watch =
         sandbox.command(&["watch", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // It says so when it watches.
+    // The output shows that it watches.
     BufReader::new(watch.stderr.take().unwrap()).read_line(&mut String::new()).unwrap();
 
     let (status, out, errors) = sandbox.run(&["say", "make it red"]);
@@ -325,7 +327,7 @@ fn what_is_said_is_answered_and_watched() {
 }
 
 #[test]
-fn speaking_to_agents_that_are_away_ends_with_a_line() {
+fn utterance_without_agents_fails_with_one_line() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("mute.toml", "schema = 1\n[service.scene]\nexec = \"./fixture\"\n");
     let _up = sandbox.up(&[file.to_str().unwrap()]);

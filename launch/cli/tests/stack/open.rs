@@ -1,4 +1,4 @@
-//! Scenes and volumes that are opened from a stack that runs.
+//! Scenes and volumes opened from a running stack.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use nix::unistd::{Pid, mkfifo};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::launch::{OpenFailed, OpenReply, OpenRequest};
-use sg_runtime::bus::{Bus, Following};
+use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 
@@ -22,12 +22,12 @@ async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
     bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(TIMEOUT)).await
 }
 
-async fn failed(events: &mut Following<OpenFailed>) -> OpenFailed {
+async fn failed(events: &mut Subscription<OpenFailed>) -> OpenFailed {
     tokio::time::timeout(TIMEOUT, events.next()).await.expect("a failure is told").unwrap().0
 }
 
 #[test]
-fn what_cannot_be_opened_is_refused_with_a_line() {
+fn unopenable_files_are_refused_with_one_line() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("one.toml", ONE);
     let command = Path::new(env!("CARGO_BIN_EXE_supergaussian"));
@@ -55,7 +55,7 @@ fn what_cannot_be_opened_is_refused_with_a_line() {
 }
 
 #[test]
-fn why_what_was_opened_failed_is_told_and_the_stack_goes_on() {
+fn failed_open_is_reported_and_the_stack_continues() {
     let sandbox = Sandbox::new();
     let refuse = "echo '{\"level\":\"ERROR\",\"message\":\"no such scene\"}' >&2; exit 2";
     let command = sandbox.install_beside(&[("supergaussian-scene", refuse)]);
@@ -64,13 +64,13 @@ fn why_what_was_opened_failed_is_told_and_the_stack_goes_on() {
     let scene = sandbox.file("heart.ply", "ply");
     sg_runtime::process::block_on(async {
         let bus = Sandbox::join_in(sandbox.path(), "one").await;
-        let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        let mut events = bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
         let reply = open(&bus, &scene).await.unwrap();
         assert!(reply.session.starts_with("heart-") && !reply.volume, "{reply:?}");
         let told = failed(&mut events).await;
         assert_eq!((told.path, &told.session), (scene.display().to_string(), &reply.session));
         assert_eq!(told.reason, "service `scene` failed: exit status 2: no such scene");
-        // What it said is among the logs of who opened it, as its services' own are among its own.
+        // The opener logs the output of the new session. The new session logs its own services.
         let (_, log, _) = sandbox.run(&["logs", "--session", "one", &reply.session]);
         assert!(log.contains("no such scene"), "{log}");
     })
@@ -79,9 +79,9 @@ fn why_what_was_opened_failed_is_told_and_the_stack_goes_on() {
 }
 
 #[test]
-fn no_more_than_four_are_opened_and_they_outlive_who_opened_them() {
+fn at_most_four_sessions_open_and_outlive_the_opener() {
     let sandbox = Sandbox::new();
-    // Gaussians that take for ever; who has them made is written down.
+    // Fitting that never ends, with a file that records its process.
     let command = sandbox.install_beside(&[("supergaussian-fit", "echo $PPID >> \"$0.pids\"; exec sleep 60")]);
     let up = sandbox.up_by(&command, &sandbox.file("one.toml", ONE), ":4711");
     sandbox.ready("one", "scene");
@@ -99,11 +99,11 @@ fn no_more_than_four_are_opened_and_they_outlive_who_opened_them() {
     };
     sg_runtime::process::block_on(async {
         let bus = Sandbox::join_in(sandbox.path(), "one").await;
-        let mut events = bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
+        let mut events = bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, 8).await.unwrap();
         let first = open(&bus, &volumes[0]).await.unwrap();
         assert!(first.volume, "{first:?}");
         until(1);
-        // Once more while Gaussians of it are made.
+        // A second request during the fitting.
         open(&bus, &volumes[0]).await.unwrap();
         let told = failed(&mut events).await;
         assert_eq!(told.reason, format!("it is open already, in session `{}`", first.session));

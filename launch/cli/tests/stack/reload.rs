@@ -1,4 +1,4 @@
-//! `up` on a stack that runs.
+//! `up` for a running stack.
 
 use nix::sys::signal::Signal;
 
@@ -54,7 +54,7 @@ fn an_edited_file_is_applied_to_the_stack_that_runs() {
     let expected =
         ["SERVICE CHANGE", "kept unchanged", "added added", "edited swapped", "watched changed", "dropped removed"];
     assert_eq!(told[..6], expected, "{out}");
-    assert!(told[6].starts_with("all as wished after"), "{out}");
+    assert!(told[6].starts_with("done after"), "{out}");
     let after = sandbox.ps("edit");
     let seen: Vec<_> = after.iter().map(|s| s["name"].as_str().unwrap()).collect();
     assert_eq!(seen, ["kept", "added", "edited", "watched"]);
@@ -67,7 +67,7 @@ fn an_edited_file_is_applied_to_the_stack_that_runs() {
     sandbox.file("edit.toml", &AFTER.replace("liveness", "livenes"));
     let (status, _, errors) = sandbox.run(&["up", file]);
     assert!(status == 2 && errors.contains("did you mean `liveness`?"), "{errors}");
-    // One that cannot be carried out in full is, in part, and says what failed.
+    // A reload that fails for one service still applies to the others.
     sandbox.file("edit.toml", &AFTER.replace("start_ms = 10", "odd = 10"));
     let (status, out, errors) = sandbox.run(&["up", file]);
     assert!(status == 1 && errors.contains("swap of `edited` failed") && errors.contains("serves on"), "{out}{errors}");
@@ -77,7 +77,7 @@ fn an_edited_file_is_applied_to_the_stack_that_runs() {
 }
 
 #[test]
-fn another_file_does_not_change_what_runs_unless_it_names_the_session() {
+fn another_file_needs_the_session_name() {
     let sandbox = Sandbox::new();
     let text = "schema = 1\n[service.a]\nexec = \"./fixture\"\n";
     let file = sandbox.file("one.toml", text);

@@ -1,4 +1,4 @@
-//! A folder with launch files, fixture services and stacks that run in it, for tests.
+//! A test folder with launch files, fixture services and running stacks.
 
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
@@ -12,7 +12,7 @@ use serde_json::Value;
 use sg_proto::keys::role;
 use sg_runtime::bus::{Bus, endpoint_of};
 
-/// Longest time that anything here may take.
+/// Longest wait of a test.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(20);
 
 pub(crate) struct Sandbox {
@@ -53,7 +53,7 @@ impl Sandbox {
         path
     }
 
-    /// The command under test, with sessions of this folder only.
+    /// The command under test, limited to sessions of this folder.
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_supergaussian"));
         command.args(arguments).env("SUPERGAUSSIAN_RUN_ROOT", self.path().join("run")).env_remove("SUPERGAUSSIAN_LOG");
@@ -75,7 +75,7 @@ impl Sandbox {
         Up { child, errors }
     }
 
-    /// The command itself copied to a folder of its own, beside services and helpers that do this instead of their work.
+    /// Copies the command to a folder with dummy services, where these helper scripts stand in for others.
     pub(crate) fn install_beside(&self, others: &[(&str, &str)]) -> PathBuf {
         let folder = self.path().join("installed");
         std::fs::create_dir_all(&folder).unwrap();
@@ -91,7 +91,7 @@ impl Sandbox {
         command
     }
 
-    /// Starts a stack by another copy of the command, on a display that nobody has to be able to open; none if it is empty.
+    /// Starts a stack with another copy of the command, on a fake display, or none if empty.
     pub(crate) fn up_by(&self, command: &Path, file: &Path, display: &str) -> Up {
         let errors = self.path().join("up-by.err");
         let stderr = std::fs::File::create(&errors).unwrap();
@@ -110,7 +110,7 @@ impl Sandbox {
         ps["services"].as_array().unwrap().clone()
     }
 
-    /// Waits until a service of a stack is as wished, and returns it.
+    /// Waits until a service fulfils a condition, and returns it.
     pub(crate) fn wait(&self, session: &str, service: &str, wish: impl Fn(&Value) -> bool) -> Value {
         let began = Instant::now();
         let mut last = Vec::new();
@@ -124,7 +124,7 @@ impl Sandbox {
         panic!("`{service}` of {session} is not as wished: {last:#?}");
     }
 
-    /// Joins the bus of a stack that runs in such a folder, as a person at a terminal would.
+    /// Joins the bus of a stack in such a folder with the role of the command line.
     pub(crate) async fn join_in(folder: &Path, session: &str) -> Bus {
         let socket = folder.join("run").join(session).join("bus.sock");
         Bus::connect(session, role::CLI, &endpoint_of(&socket)).await.unwrap()

@@ -53,7 +53,7 @@ fn a_service_is_swapped_to_another_executable_and_answers() {
     );
     assert!(after["epoch"].as_u64() > before["epoch"].as_u64(), "{before} {after}");
     assert_eq!(sandbox.run(&["say", "make it red"]).1, "you said: make it red\n");
-    // What is started from now on is the new one.
+    // Processes from now on are the new executable.
     kill(Pid::from_raw(pid(&after)), Signal::SIGKILL).unwrap();
     let again = sandbox.wait("talk", "core", |s| s["state"] == "READY" && s["restarts"] == 1);
     assert_eq!(again["executable"], path(&sandbox, "other"));
@@ -70,7 +70,7 @@ fn a_service_is_swapped_to_another_executable_and_answers() {
 }
 
 #[test]
-fn a_newcomer_that_fails_leaves_the_old_one_serving() {
+fn failed_candidate_leaves_the_old_process() {
     let sandbox = Sandbox::new();
     let mut up = answering(&sandbox, "");
     let before = core(&sandbox);
@@ -92,24 +92,24 @@ fn a_newcomer_that_fails_leaves_the_old_one_serving() {
     check(status, &errors, "swap of `core` failed: exit status 1: cannot go on");
     let (status, _, errors) = sandbox.run(&["swap", "core", &other, "--params", "{\"crash\": true}"]);
     check(status, &errors, "crashed on purpose");
-    // It does not take its parameters.
+    // It refuses its parameters.
     let (status, _, errors) = sandbox.run(&["swap", "core", &other, "--params", "{\"odd\": 1}"]);
     check(status, &errors, "unknown field `odd`");
-    // It does not answer what its role answers.
+    // It does not serve the rows of its role.
     let (status, _, errors) = sandbox.run(&["swap", "core", &other, "--params", "{}"]);
-    check(status, &errors, "it failed its proof: it does not declare cmd/utter, state");
+    check(status, &errors, "it failed its probe: it does not declare cmd/utter, state");
     let (_, table, _) = sandbox.run(&["ps"]);
-    assert!(table.contains("failed: it failed its proof"), "{table}");
+    assert!(table.contains("failed: it failed its probe"), "{table}");
     up.signal(Signal::SIGINT);
     let (_, errors) = up.end();
-    assert!(errors.contains("swap failed: it failed its proof") && errors.contains("stays in force"), "{errors}");
+    assert!(errors.contains("swap failed: it failed its probe") && errors.contains("stays in force"), "{errors}");
 }
 
 #[test]
-fn a_newcomer_that_never_gets_ready_is_given_up_and_seen_meanwhile() {
+fn unready_candidate_is_listed_and_given_up() {
     let sandbox = Sandbox::new();
     let up = answering(&sandbox, "");
-    // The time for it is changed in place, by the same file with another value over it.
+    // A time limit changes in place, by the same file with another override.
     let file = path(&sandbox, "talk.toml");
     let (status, out, _) = sandbox.run(&["up", &file, "--set", "service.core.ready=2"]);
     assert!(status == 0 && out.contains("core     changed"), "{out}");
@@ -121,20 +121,20 @@ fn a_newcomer_that_never_gets_ready_is_given_up_and_seen_meanwhile() {
         (&seen["state"], &seen["pid"], &seen["swap"]["instance"]),
         (&"READY".into(), &before["pid"], &"core-2".into())
     );
-    let newcomer = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
-    assert!(runs(newcomer));
+    let candidate = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
+    assert!(runs(candidate));
     let (_, table, _) = sandbox.run(&["ps"]);
     assert!(table.contains("swap to") && table.contains("starting"), "{table}");
     let output = swapping.wait_with_output().unwrap();
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(!output.status.success() && errors.contains("not ready within 2 s"), "{errors}");
     assert_eq!(core(&sandbox)["pid"], before["pid"]);
-    sandbox.gone(newcomer);
+    sandbox.gone(candidate);
     drop(up);
 }
 
 #[test]
-fn one_that_is_stopped_by_a_signal_is_swapped_all_the_same() {
+fn stopped_process_is_swapped() {
     let sandbox = Sandbox::new();
     let _up = answering(&sandbox, "stop = 1\nliveness = 60\n");
     let before = core(&sandbox);
@@ -153,15 +153,15 @@ fn a_stop_during_a_swap_stops_both() {
     let swap = ["swap", "core", &path(&sandbox, "other"), "--params", "{\"answers\": true, \"start_ms\": 60000}"];
     let mut swapping = sandbox.command(&swap).stderr(std::process::Stdio::null()).spawn().unwrap();
     let seen = sandbox.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
-    let newcomer = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
+    let candidate = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
     assert_eq!(sandbox.run(&["down"]).0, 0);
     assert_eq!(up.end().0, 0);
-    assert!(!runs(newcomer) && !runs(pid(&before)));
+    assert!(!runs(candidate) && !runs(pid(&before)));
     assert!(!swapping.wait().unwrap().success());
 }
 
-/// Requests from several askers at once while the service is swapped again and again: none fails after its retries, none
-/// takes effect twice.
+/// Clients send requests while the service is swapped repeatedly. No request fails after its retries or takes effect
+/// twice.
 #[allow(clippy::print_stdout, reason = "figures for whoever runs it by hand")]
 fn swaps_under_load(swaps: u32) {
     let sandbox = Sandbox::new();
@@ -182,7 +182,7 @@ fn swaps_under_load(swaps: u32) {
         let executable = if i % 2 == 0 { "other" } else { "fixture" };
         let (status, _, errors) = sandbox.run(&["swap", "core", &path(&sandbox, executable)]);
         assert_eq!(status, 0, "swap {i}: {errors}");
-        // The load goes on after each: otherwise nothing would be shown.
+        // The load continues after each swap, otherwise the test proves nothing.
         while answered.load(Ordering::Relaxed) <= before {
             assert!(began.elapsed() < Duration::from_secs(60 + 10 * u64::from(swaps)), "no answers any more");
             std::thread::sleep(Duration::from_millis(5));
@@ -204,7 +204,7 @@ fn swaps_under_load(swaps: u32) {
     );
 }
 
-/// Asks until it is enough: requests asked and what failed.
+/// Sends requests until the end. Returns their number and the failures.
 async fn ask(
     folder: std::path::PathBuf,
     enough: Arc<AtomicBool>,
@@ -244,7 +244,7 @@ async fn ask(
     (asked, failures)
 }
 
-/// How often each request took effect, by its words, which are those of one request alone.
+/// Effects of each request, by its unique text.
 fn effects(ledger: &Path) -> HashMap<String, u32> {
     let mut effects = HashMap::new();
     for line in std::fs::read_to_string(ledger).unwrap().lines() {

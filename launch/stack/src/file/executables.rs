@@ -1,11 +1,11 @@
-//! Where executables are.
+//! Search for executables.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use crate::suggestion::suggestion;
 
-/// Folders in which executables are looked up, in order.
+/// Folders that are searched for executables, in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExecutableSearch {
     folders: Vec<PathBuf>,
@@ -14,10 +14,10 @@ pub struct ExecutableSearch {
 /// An executable that was not found.
 #[derive(Debug, thiserror::Error)]
 pub enum ExecutableError {
-    /// The path cannot be looked at.
+    /// The path cannot be read.
     #[error("executable `{exec}`: {}: {source}", .path.display())]
     Unreadable {
-        /// The executable as it was named.
+        /// The executable, as named.
         exec: String,
         /// The path.
         path: PathBuf,
@@ -27,7 +27,7 @@ pub enum ExecutableError {
     /// The path is not an executable file.
     #[error("executable `{exec}`: {} is not an executable file", .path.display())]
     NotExecutable {
-        /// The executable as it was named.
+        /// The executable, as named.
         exec: String,
         /// The path.
         path: PathBuf,
@@ -37,7 +37,7 @@ pub enum ExecutableError {
         "executable `{exec}` is neither beside the launcher nor on PATH; build it with `cargo build --release`{hint}"
     )]
     NotFound {
-        /// The executable as it was named.
+        /// The executable, as named.
         exec: String,
         /// A suggestion, as [`suggestion`] writes it; may be empty.
         hint: String,
@@ -53,13 +53,13 @@ impl ExecutableSearch {
         Self { folders: here.into_iter().chain(std::env::split_paths(&path)).collect() }
     }
 
-    /// These folders.
+    /// Only these folders.
     #[must_use]
     pub fn in_folders(folders: Vec<PathBuf>) -> Self {
         Self { folders }
     }
 
-    /// The absolute path of an executable. A name with a slash is a path, relative to the folder of `file`.
+    /// The absolute path of an executable. A name with a slash is a path relative to the folder of `file`.
     ///
     /// # Errors
     /// [`ExecutableError`] if there is no such executable.
@@ -84,7 +84,7 @@ impl ExecutableSearch {
         }
     }
 
-    /// A suggestion among the executables of ours that are there.
+    /// A suggestion among the project's executables.
     fn near(&self, exec: &str) -> String {
         let Some(Ok(entries)) = self.folders.first().map(std::fs::read_dir) else { return String::new() };
         let mut ours: Vec<_> = entries

@@ -6,6 +6,7 @@ use super::executables::ExecutableSearch;
 use super::model::{LaunchFile, UnknownService};
 use super::read::{Source, read};
 use crate::document::Problems;
+use crate::snippet;
 
 /// A launch file that cannot be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -19,11 +20,27 @@ pub enum LoadError {
         source: std::io::Error,
     },
     /// The file has mistakes.
-    #[error(transparent)]
-    Problems(#[from] Problems),
-    /// A service was selected that the file does not have.
+    #[error("{problems}")]
+    Problems {
+        /// The mistakes.
+        problems: Problems,
+        /// Text of the file.
+        text: String,
+    },
+    /// `only` names a service that the file does not have.
     #[error(transparent)]
     UnknownService(#[from] UnknownService),
+}
+
+impl LoadError {
+    /// The error for a terminal: each mistake with its line of the file.
+    #[must_use]
+    pub fn report(&self) -> String {
+        match self {
+            Self::Problems { problems, text } => snippet::report(problems, text),
+            other => other.to_string(),
+        }
+    }
 }
 
 /// Reads a launch file, applies the overrides, and keeps only the services in `only` unless that list is empty.
@@ -32,6 +49,7 @@ pub enum LoadError {
 /// [`LoadError`] if the file cannot be read, has mistakes, or lacks a service of `only`.
 pub fn load(path: &Path, overrides: &[String], only: &[String]) -> Result<LaunchFile, LoadError> {
     let text = std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
-    let file = read(Source { path, text: &text, overrides }, &ExecutableSearch::here_then_path())?;
+    let read = read(Source { path, text: &text, overrides }, &ExecutableSearch::here_then_path());
+    let file = read.map_err(|problems| LoadError::Problems { problems, text })?;
     Ok(if only.is_empty() { file } else { file.only(only)? })
 }

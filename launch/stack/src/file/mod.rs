@@ -4,33 +4,33 @@
 //! schema = 1
 //! name = "demo"                       # session; by default the file's name
 //!
-//! [defaults]                          # any key of a service that says how it is watched
+//! [defaults]                          # policy keys for every service
 //! stop = 3
 //!
 //! [service.scene]
-//! exec = "supergaussian-scene"        # beside the launcher, else on PATH; with a slash: from the file's folder
+//! exec = "supergaussian-scene"        # beside the launcher, else on PATH; with a slash: relative to the file
 //! role = "scene"                      # by default the service's name
 //! params = { scene = "skull.ply" }    # the service's own parameters
 //! after = { other = "ready" }         # start order
 //! restart = "always"                  # always | on-failure | never
 //! backoff = { initial_ms = 100, max_ms = 5000 }
 //! intensity = { restarts = 5, within_s = 30 }
-//! ready = 60                          # seconds from start to readiness
-//! liveness = 5                        # seconds of silence after which a ready service counts as hung
-//! stop = 5                            # seconds between the request to stop and the kill
-//! critical = true                     # when it ends for good, failed or done, the stack stops
-//! memory_mib = 4096                   # resident memory above which it is restarted, as after a failure; by default none
+//! ready = 60                          # longest time from start to readiness, seconds
+//! liveness = 5                        # silence after which a ready service counts as hung, seconds
+//! stop = 5                            # time between SIGTERM and SIGKILL, seconds
+//! critical = true                     # the stack stops when this service ends for good
+//! memory_mib = 4096                   # resident memory that triggers a restart; by default no limit
 //! env = { SUPERGAUSSIAN_LOG = "debug" }
-//! on = "gpu1"                         # the machine it runs on; by default the launcher's own
+//! on = "gpu1"                         # the node it runs on; by default the launcher's machine
 //!
-//! [bus]                               # other machines: only where this table is, and only with certificates of both sides
+//! [bus]                               # for other machines only; both sides need certificates
 //! listen = "tls/0.0.0.0:7447"
-//! authority = "tls/authority.pem"     # from the file's folder; `supergaussian certificates` makes them
+//! authority = "tls/authority.pem"     # relative to the file; made by `supergaussian certificates`
 //! certificate = "tls/home.pem"
 //! key = "tls/home-key.pem"
 //!
-//! [node.gpu1]                         # a machine that may join, known by its certificate: `supergaussian join`
-//! lease = 5                           # seconds without word from it, or to it, after which what it runs is over
+//! [node.gpu1]                         # a machine that may join (`supergaussian join`), known by its certificate
+//! lease = 5                           # silence after which its processes count as ended, seconds
 //! ```
 
 mod executables;

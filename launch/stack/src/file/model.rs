@@ -6,25 +6,25 @@ use std::time::Duration;
 use crate::document::Place;
 use crate::suggestion::suggestion;
 
-/// A launch file that was read, checked and can be started.
+/// A launch file without mistakes, ready to start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LaunchFile {
-    /// Name of the session, where the file gives one.
+    /// Name of the session, if the file gives one.
     pub name: Option<String>,
-    /// Services; each stands after those it comes after, otherwise in the order of the file.
+    /// Services in start order: each follows its dependencies, otherwise in the order of the file.
     pub services: Vec<Service>,
-    /// Where other machines are listened to, where the file says so.
+    /// Where other machines connect, if the file says so.
     pub listen: Option<ListenSettings>,
     /// Machines that may join.
     pub nodes: Vec<Node>,
 }
 
-/// Where other machines are listened to, and the files by which both sides know each other (PEM, absolute paths).
+/// Where other machines connect, and the certificates of this side (PEM, absolute paths).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ListenSettings {
     /// `tls/ADDRESS:PORT`.
     pub endpoint: String,
-    /// Certificate of the authority that has signed those of both sides.
+    /// Certificate of the authority that signed the certificates of both sides.
     pub authority: PathBuf,
     /// Certificate of this machine.
     pub certificate: PathBuf,
@@ -35,66 +35,66 @@ pub struct ListenSettings {
 /// A machine that may join.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Node {
-    /// Name: the common name of its certificate.
+    /// Name, equal to the common name of its certificate.
     pub name: String,
-    /// Silence in either direction after which whatever it runs is over.
+    /// Silence in either direction after which its processes count as ended.
     pub lease: Duration,
 }
 
 /// One service of a launch file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Service {
-    /// Name within the file.
+    /// Name in the file.
     pub name: String,
     /// Role it serves.
     pub role: String,
-    /// What its process is started with.
+    /// Executable, parameters and environment of its process.
     pub start: Start,
     /// Names of the services that must be ready before this one starts.
     pub after: Vec<String>,
-    /// How it is watched.
+    /// How it is supervised.
     pub policy: Policy,
-    /// Where it was written.
+    /// Place of its table.
     pub place: Place,
 }
 
-/// What a service's process is started with. A running service whose start changes is swapped; everything else about it
-/// changes in place.
+/// Executable, parameters and environment of a service's process. A change here swaps a running service. All other
+/// changes take effect in place.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Start {
-    /// Executable as it was written.
+    /// Executable, as written.
     pub exec: String,
-    /// Executable as it was found, absolute.
+    /// Executable, as an absolute path.
     pub executable: PathBuf,
     /// The service's own parameters.
     pub params: serde_json::Map<String, serde_json::Value>,
     /// Environment variables beside those of the launcher.
     pub env: Vec<(String, String)>,
-    /// Machine that it runs on, where it is not the launcher's own; then the executable is a name that is looked up there.
+    /// Node that runs it; `None` for the launcher's machine. A node looks the executable up by name.
     pub node: Option<String>,
 }
 
-/// When a process that ended is started again.
+/// When an ended process is started again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Restart {
-    /// However it ended.
+    /// After every end.
     Always,
-    /// When it ended with another status than 0, never got ready or hung.
+    /// After an exit status other than 0, a missed readiness deadline, or a hang.
     OnFailure,
-    /// Not at all.
+    /// Never.
     Never,
 }
 
-/// How one service is watched.
+/// How one service is supervised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Policy {
     /// When it is started again.
     pub restart: Restart,
-    /// Pause before the first restart; doubled with each further one.
+    /// Pause before the first restart. Each further restart doubles it.
     pub backoff_initial: Duration,
-    /// Longest pause, and how long a service must have been ready for the pause to start over.
+    /// Longest pause. After this time of readiness the pause starts over.
     pub backoff_max: Duration,
-    /// Restarts that are tolerated …
+    /// Tolerated restarts …
     pub restarts: u32,
     /// … within this time.
     pub within: Duration,
@@ -102,12 +102,12 @@ pub struct Policy {
     pub ready: Duration,
     /// Longest silence of a ready service.
     pub liveness: Duration,
-    /// Time between the request to stop and the kill.
+    /// Time between SIGTERM and SIGKILL.
     pub stop: Duration,
-    /// Whether the stack stops when it has ended for good, failed or done.
+    /// Whether the stack stops when this service ends for good.
     pub critical: bool,
-    /// Resident memory in bytes above which it is stopped and started again, as after a failure; judged by what its
-    /// health says, every second.
+    /// Resident memory in bytes that triggers a restart, counted as a failure. The health messages report it every
+    /// second.
     pub memory_bytes: Option<u64>,
 }
 
@@ -139,12 +139,12 @@ pub struct UnknownService {
 }
 
 impl LaunchFile {
-    /// Roles that a node runs, in the order of the services.
+    /// Services that run on a node, in start order.
     pub fn roles_on<'a>(&'a self, node: &'a str) -> impl Iterator<Item = &'a Service> {
         self.services.iter().filter(move |s| s.start.node.as_deref() == Some(node))
     }
 
-    /// Keeps only the named services; conditions on the others are taken as met.
+    /// Keeps only the named services. Conditions on other services are dropped.
     ///
     /// # Errors
     /// [`UnknownService`] for the first name that no service has.

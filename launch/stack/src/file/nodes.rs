@@ -1,4 +1,4 @@
-//! Other machines in a launch file: where they are listened to, which may join, what runs on them.
+//! Other machines in a launch file: the tables `[bus]` and `[node.NAME]`, and the key `on`.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -10,9 +10,9 @@ use crate::suggestion::suggestion;
 
 /// Most machines of one file.
 const MAX_NODES: usize = 64;
-/// Lease of a node that names none.
+/// Lease of a node without `lease`.
 const LEASE: Duration = Duration::from_secs(5);
-/// The shortest that a lease may be: both sides speak once a second.
+/// Shortest lease. Both sides send once a second.
 const SHORTEST_LEASE: Duration = Duration::from_secs(2);
 
 /// `[bus]`.
@@ -52,10 +52,10 @@ pub(super) fn listening(table: Option<&Table>, file: &Path, problems: &mut Vec<P
     Some(ListenSettings { endpoint, authority, certificate, key })
 }
 
-/// Whether other machines can be listened to there; otherwise the text of the problem.
+/// Checks an endpoint for other machines. The error is the text of the problem.
 fn check_endpoint(endpoint: &str) -> Result<(), String> {
     let Some(address) = endpoint.strip_prefix(sg_runtime::bus::TLS_PREFIX) else {
-        return Err(format!("`{endpoint}`: other machines are listened to by TLS only; write `tls/ADDRESS:PORT`"));
+        return Err(format!("`{endpoint}`: other machines connect over TLS only; write `tls/ADDRESS:PORT`"));
     };
     let port = address.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
     if port.is_some() {
@@ -65,14 +65,14 @@ fn check_endpoint(endpoint: &str) -> Result<(), String> {
     }
 }
 
-/// `[node.NAME]`, each.
+/// Every `[node.NAME]`.
 pub(super) fn read_nodes(table: Option<&Table>, listens: bool, problems: &mut Vec<Problem>) -> Vec<Node> {
     let entries = table.map_or(&[][..], |t| &t.entries);
     if let Some(extra) = entries.get(MAX_NODES) {
         problems.push(Problem { place: extra.place.clone(), text: format!("more than {MAX_NODES} nodes") });
     }
     if let Some(first) = entries.first().filter(|_| !listens && problems.is_empty()) {
-        let text = format!("node `{}` has nowhere to join; add `[bus]` with `listen`", first.key);
+        let text = format!("node `{}` cannot join without an endpoint; add `[bus]` with `listen`", first.key);
         problems.push(Problem { place: first.place.clone(), text });
     }
     entries.iter().take(MAX_NODES).filter_map(|entry| node(entry, problems)).collect()
@@ -100,14 +100,14 @@ fn node(entry: &document::Entry, problems: &mut Vec<Problem>) -> Option<Node> {
     Some(Node { name: entry.key.clone(), lease })
 }
 
-/// `on` of a service.
+/// The key `on` of a service.
 pub(super) fn node_of(reader: &mut Reader<'_, '_>, nodes: &[Node]) -> Option<String> {
     let name = reader.string("on")?;
     if !nodes.iter().any(|n| n.name == name)
         && let Some(place) = reader.node("on").map(|n| n.place.clone())
     {
         let hint = suggestion(name, nodes.iter().map(|n| n.name.as_str()));
-        reader.problem(&place, format!("`on` names `{name}`, which is no `[node.{name}]` of the file{hint}"));
+        reader.problem(&place, format!("`on` names `{name}`; the file has no `[node.{name}]`{hint}"));
     }
     Some(name.to_owned())
 }

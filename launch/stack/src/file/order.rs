@@ -1,4 +1,4 @@
-//! What comes after what.
+//! Start order of services.
 
 use super::model::Service;
 use crate::document::{Place, Problem};
@@ -11,7 +11,7 @@ pub(super) struct Edge {
     pub(super) place: Place,
 }
 
-/// One problem for each cycle, at the condition that closes it.
+/// One problem for each cycle, at its last condition.
 pub(super) fn cycles(names: &[&str], edges: &[Edge]) -> Vec<Problem> {
     let mut edges: Vec<&Edge> = edges.iter().collect();
     let mut problems = Vec::new();
@@ -25,7 +25,7 @@ pub(super) fn cycles(names: &[&str], edges: &[Edge]) -> Vec<Problem> {
     problems
 }
 
-/// Edges of one cycle in order: each begins where the one before ends.
+/// The edges of one cycle in order.
 fn cycle<'a>(names: &[&str], edges: &[&'a Edge]) -> Option<Vec<&'a Edge>> {
     let mut done: Vec<&str> = Vec::new();
     for name in names {
@@ -59,7 +59,7 @@ fn visit<'a>(
     None
 }
 
-/// Puts each service after those it comes after, otherwise in the order of the file. What is part of a cycle stays last.
+/// Sorts services behind their dependencies, otherwise in the order of the file. Services of a cycle stay last.
 pub(super) fn sort(services: &mut Vec<Service>) {
     let mut waiting = std::mem::take(services);
     while !waiting.is_empty() {

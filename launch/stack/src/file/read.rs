@@ -1,4 +1,4 @@
-//! From a document to a launch file, with every mistake told at its place.
+//! From a document to a launch file. Every mistake carries its place.
 
 use std::path::Path;
 
@@ -19,18 +19,18 @@ const MAX_MEMORY_MIB: i64 = 16 << 20;
 /// Most services of one file.
 const MAX_SERVICES: usize = 256;
 
-/// A launch file's text and what is put over it.
+/// Text of a launch file, with overrides.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
-    /// The file as the user named it: for messages, and where relative executables are looked up.
+    /// The file as the user named it, for messages and relative executables.
     pub path: &'a Path,
     /// Its text.
     pub text: &'a str,
-    /// Overrides `a.b=c`, applied in order.
+    /// Overrides `a.b=c`, in order.
     pub overrides: &'a [String],
 }
 
-/// What `[defaults]` may hold and a service may say otherwise.
+/// Policy and environment from `[defaults]`.
 #[derive(Debug, Clone, Default)]
 struct Defaults {
     policy: Policy,
@@ -40,8 +40,7 @@ struct Defaults {
 /// Reads and checks a launch file.
 ///
 /// # Errors
-/// Every mistake that was found: form, unknown keys, wrong values, unknown names, duplicate roles, cycles, executables that
-/// are not there.
+/// All mistakes: syntax, unknown keys, wrong values, unknown names, duplicate roles, cycles, missing executables.
 pub fn read(source: Source<'_>, search: &ExecutableSearch) -> Result<LaunchFile, Problems> {
     let mut problems = Vec::new();
     let file = match parse(source) {
@@ -71,7 +70,7 @@ fn launch_file(table: &Table, path: &Path, search: &ExecutableSearch, problems: 
     match top.node("schema") {
         None => top.problem(&start, format!("`schema` is missing; begin the file with `schema = {SCHEMA}`")),
         Some(Node { value: Value::Integer(SCHEMA), .. }) => {}
-        Some(node) => top.problem(&node.place, format!("this launcher reads schema {SCHEMA} only")),
+        Some(node) => top.problem(&node.place, format!("this version reads schema {SCHEMA} only")),
     }
     let name = top.string("name").map(str::to_owned);
     if let Some(name) = &name
@@ -152,8 +151,9 @@ fn service(
             if name.contains('/')
                 && let Some(place) = reader.node("exec").map(|n| n.place.clone())
             {
-                let text =
-                    format!("`{name}`: a service on another machine is named without a path; it is looked for there");
+                let text = format!(
+                    "`{name}`: a service on another machine needs a name without a path, because the node looks it up"
+                );
                 reader.problem(&place, text);
             }
             executable = Some(name.into());
@@ -172,7 +172,7 @@ fn service(
         },
     }
     let role = reader.string("role").unwrap_or(&entry.key).to_owned();
-    if !is_name(&role) || role::NO_SERVICES.contains(&role.as_str()) {
+    if !is_name(&role) || role::NON_SERVICES.contains(&role.as_str()) {
         let place = reader.node("role").map_or_else(|| entry.place.clone(), |n| n.place.clone());
         let text = format!("role `{role}`: use letters, digits, `-` or `_`, and none of `supervisor`, `cli`, `node`");
         reader.problem(&place, text);
@@ -205,7 +205,7 @@ fn service(
     }
 }
 
-/// The keys that say how a service is watched; those that are there replace what the base holds.
+/// Reads the policy keys of a table over the defaults.
 fn read_policy(reader: &mut Reader<'_, '_>, base: &mut Defaults) {
     let Defaults { policy, env: variables } = base;
     const RESTART: [(&str, Restart); 3] =
@@ -221,7 +221,7 @@ fn read_policy(reader: &mut Reader<'_, '_>, base: &mut Defaults) {
             }
         }
     }
-    // The inner tables are read with readers of their own, which need the list of problems in turn.
+    // The inner tables need readers of their own, with the same list of problems.
     let (backoff, intensity, env) = (reader.table("backoff"), reader.table("intensity"), reader.table("env"));
     if let Some(time) = reader.time("ready", "seconds", 1.0) {
         policy.ready = time;
@@ -278,7 +278,7 @@ fn duplicate_roles(services: &[Service], problems: &mut Vec<Problem>) {
     for (i, service) in services.iter().enumerate() {
         if let Some(first) = services.iter().take(i).find(|s| s.role == service.role) {
             let text = format!(
-                "services `{}` and `{}` both serve role `{}`; a role is served by one",
+                "services `{}` and `{}` both serve role `{}`; only one service may hold a role",
                 first.name, service.name, service.role
             );
             problems.push(Problem { place: service.place.clone(), text });

@@ -1,4 +1,4 @@
-//! Good and bad launch files, each with exactly what is said about it.
+//! Good and bad launch files, with the exact messages.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A folder with two executables and one file that is none.
+    /// A folder with two executables and one file without execute permission.
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         for (name, mode) in [("supergaussian-scene", 0o755), ("worker", 0o755), ("plain", 0o644)] {
@@ -29,7 +29,7 @@ impl Bench {
         read(Source { path: &path, text, overrides: &overrides }, &search)
     }
 
-    /// What is said about a bad file, without the folder's name.
+    /// The messages about a bad file, without the folder's name.
     fn complaints(&self, text: &str, overrides: &[&str]) -> Vec<String> {
         let said = self.read(text, overrides).unwrap_err().to_string();
         let folder = format!("{}/", self.folder.path().display());
@@ -40,7 +40,7 @@ impl Bench {
 const HEAD: &str = "schema = 1\n";
 
 #[test]
-fn a_full_file_is_read_with_all_that_it_says() {
+fn full_file_is_read() {
     let bench = Bench::new();
     let text = r#"
 schema = 1
@@ -99,11 +99,11 @@ env = { B = "3" }
 }
 
 #[test]
-fn every_mistake_is_told_in_one_line_with_its_place_and_a_remedy() {
+fn every_mistake_is_one_line_with_place_and_remedy() {
     let bench = Bench::new();
     let cases: &[(&str, &[&str])] = &[
         ("[service.a]\nexec = \"worker\"\n", &["x.toml:1:1: `schema` is missing; begin the file with `schema = 1`"]),
-        ("schema = 2\n[service.a]\nexec = \"worker\"\n", &["x.toml:1:10: this launcher reads schema 1 only"]),
+        ("schema = 2\n[service.a]\nexec = \"worker\"\n", &["x.toml:1:10: this version reads schema 1 only"]),
         (HEAD, &["x.toml:1:1: no service; add a table such as `[service.scene]`"]),
         ("schema = 1\nschema = 1\n", &["x.toml:2:1: duplicate key"]),
         (
@@ -154,7 +154,7 @@ fn every_mistake_is_told_in_one_line_with_its_place_and_a_remedy() {
         ),
         (
             "schema = 1\n[service.a]\nexec = \"worker\"\nrole = \"r\"\n[service.b]\nexec = \"worker\"\nrole = \"r\"\n",
-            &["x.toml:5:10: services `a` and `b` both serve role `r`; a role is served by one"],
+            &["x.toml:5:10: services `a` and `b` both serve role `r`; only one service may hold a role"],
         ),
         (
             "schema = 1\n[service.a]\nexec = \"worker\"\nrole = \"cli\"\n",
@@ -189,14 +189,14 @@ fn every_mistake_is_told_in_one_line_with_its_place_and_a_remedy() {
 }
 
 #[test]
-fn a_file_cut_short_is_told_with_its_place() {
+fn truncated_file_is_reported_with_its_place() {
     let bench = Bench::new();
     let said = bench.complaints("schema = 1\n[service.a\nexec = \"worker\"\n", &[]);
     assert!(said[0].starts_with("x.toml:2:"), "{said:?}");
 }
 
 #[test]
-fn overrides_are_read_like_the_file_and_told_like_themselves() {
+fn overrides_are_checked_like_the_file() {
     let bench = Bench::new();
     let text = "schema = 1\n[service.a]\nexec = \"worker\"\n";
     let file = bench.read(text, &["service.a.params.scene=/x/scene.toml", "service.a.stop=0.5"]).unwrap();
@@ -253,11 +253,11 @@ fn services_may_run_on_other_machines() {
 }
 
 #[test]
-fn other_machines_are_listened_to_by_tls_and_known_by_name() {
+fn nodes_connect_by_tls_and_are_known_by_name() {
     let bench = Bench::new();
     let said = |set: &str| bench.complaints(MACHINES, &[set]);
     let tcp = said("bus.listen=tcp/0.0.0.0:7447");
-    assert!(tcp[0].contains("by TLS only"), "{tcp:?}");
+    assert!(tcp[0].contains("over TLS only"), "{tcp:?}");
     let portless = said("bus.listen=tls/lab");
     assert!(portless[0].contains("write `tls/ADDRESS:PORT`"), "{portless:?}");
     let missing = said("bus.key=none.pem");
@@ -265,17 +265,17 @@ fn other_machines_are_listened_to_by_tls_and_known_by_name() {
     let unknown = said("service.view.on=gpu2");
     assert!(unknown[0].contains("`on` names `gpu2`") && unknown[0].contains("did you mean `gpu1`?"), "{unknown:?}");
     let path = said("service.view.exec=./view");
-    assert!(path[0].contains("named without a path"), "{path:?}");
+    assert!(path[0].contains("needs a name without a path"), "{path:?}");
     let hasty = said("node.gpu1.lease=0.5");
     assert!(hasty[0].contains("at least 2 seconds"), "{hasty:?}");
     let nowhere = bench.complaints("schema = 1\n[node.a]\n[service.scene]\nexec = \"worker\"\n", &[]);
-    assert_eq!(nowhere, ["x.toml:2:7: node `a` has nowhere to join; add `[bus]` with `listen`"]);
+    assert_eq!(nowhere, ["x.toml:2:7: node `a` cannot join without an endpoint; add `[bus]` with `listen`"]);
     let partly = bench.complaints("schema = 1\n[bus]\nlisten = \"tls/a:1\"\n[service.scene]\nexec = \"worker\"\n", &[]);
     assert_eq!(partly.len(), 3, "{partly:?}");
 }
 
 #[test]
-fn the_shipped_file_is_a_good_one() {
+fn shipped_file_is_valid() {
     let path = Path::new("headless.toml");
     let names = ["scene", "selection", "render-node", "agent-core", "agent-intent", "agent-function"];
     let folder = tempfile::tempdir().unwrap();
@@ -289,7 +289,7 @@ fn the_shipped_file_is_a_good_one() {
     let mut roles: Vec<_> = file.services.iter().map(|s| s.role.as_str()).collect();
     roles.sort_unstable();
     let mut all: Vec<_> = role::ALL.to_vec();
-    all.retain(|r| !role::NO_SERVICES.contains(r));
+    all.retain(|r| !role::NON_SERVICES.contains(r));
     all.sort_unstable();
     assert_eq!(roles, all);
     assert!(file.services.iter().all(|s| s.name == s.role), "services are called like their roles");

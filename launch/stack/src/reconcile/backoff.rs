@@ -8,8 +8,8 @@ pub(super) fn pause(initial: Duration, max: Duration, failures: u32) -> Duration
     initial.saturating_mul(1 << doublings).min(max)
 }
 
-/// Spreads pauses by up to a fifth either way, so that services that failed together do not start together. The numbers
-/// are those of SplitMix64 (Steele, Lea and Flood 2014): enough for a jitter, and the same for the same seed.
+/// Spreads pauses by up to a fifth either way, so that services that failed together start apart. The generator is
+/// SplitMix64 (Steele, Lea and Flood 2014). The same seed gives the same numbers.
 #[derive(Debug, Clone)]
 pub(super) struct Jitter {
     state: u64,

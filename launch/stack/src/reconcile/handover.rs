@@ -1,9 +1,8 @@
-//! Swaps: a candidate loads beside the process that serves, is proven, and takes over when that one is gone.
+//! Swaps: a candidate loads beside the serving process, is probed, and takes over when the old process is gone.
 //!
-//! Until the process that serves is asked to stop, whatever befalls the candidate leaves it serving. After that, a candidate
-//! that fails means an ordinary restart with the old start, which stays in force until the candidate has the role. A service
-//! whose process dies during its swap is restarted as ever, and the swap goes on; a candidate that is proven meanwhile takes
-//! over at once.
+//! A candidate that fails before the hand-over leaves the old process serving. A candidate that fails after it causes
+//! an ordinary restart with the old start, which stays in force until the swap is done. If the old process dies during
+//! a swap, it is restarted and the swap continues. A candidate in standby then takes over at once.
 
 use sg_proto::launch::SwapState;
 
@@ -13,7 +12,7 @@ use super::slot::{AfterStop, Occupant, PendingSwap, Process, ProcessIndex, Stage
 use crate::file::Start;
 
 impl Reconciler {
-    /// A swap is wished. A service that has never been started has nothing to hand over: it will start like this.
+    /// Requests a swap. A service that was never started takes the new start without a swap.
     pub(super) fn swap(&mut self, index: usize, start: Start, now: Time, actions: &mut Vec<Action>) {
         if self.goal != Goal::Run {
             return;
@@ -23,7 +22,7 @@ impl Reconciler {
             slot.service.start = start;
             return;
         }
-        self.cancel_before_handover(index, "another swap took its place", now, actions);
+        self.cancel_before_handover(index, "replaced by another swap", now, actions);
         let Some(slot) = self.slots.get_mut(index) else { return };
         let number = slot.next_swap();
         let executable = start.executable.display().to_string();
@@ -32,7 +31,7 @@ impl Reconciler {
         slot.announce_swap(index, actions);
     }
 
-    /// Takes a swap back as long as the process that serves has not been asked to stop for it.
+    /// Cancels a swap if the serving process has not been asked to stop for it.
     pub(super) fn cancel_before_handover(&mut self, index: usize, why: &str, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let reason = format!("withdrawn: {why}");
@@ -46,7 +45,7 @@ impl Reconciler {
         }
     }
 
-    /// Takes a swap back whatever it has come to: a candidate leaves, and so does one that is taking the role.
+    /// Cancels a swap at any stage. The candidate stops, even while it takes the role.
     pub(super) fn cancel_swap(&mut self, index: usize, why: &str, now: Time, actions: &mut Vec<Action>) {
         self.cancel_before_handover(index, why, now, actions);
         let Some(slot) = self.slots.get_mut(index) else { return };
@@ -69,7 +68,7 @@ impl Reconciler {
         }
     }
 
-    /// Asks a candidate whose swap has been told as failed to leave.
+    /// Stops a candidate whose swap has been announced as failed.
     fn stop_candidate(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         if let Some(candidate) = self.slots.get_mut(index).and_then(|s| s.candidate.as_mut()) {
             candidate.swap = None;
@@ -77,14 +76,14 @@ impl Reconciler {
         }
     }
 
-    /// A process says that it serves, or that it stands by.
+    /// Handles the announcement of a process that serves or stands by.
     pub(super) fn on_ready(&mut self, at: ProcessIndex, standby: bool, now: Time, actions: &mut Vec<Action>) {
         let (index, part) = at;
         let Some(slot) = self.slots.get_mut(index) else { return };
         let Some(process) = slot.process_mut(part) else { return };
         match (part, standby, &process.stage) {
             (Occupant::Serving, false, Stage::Starting { .. } | Stage::Promoting { .. }) => {
-                self.serves(index, now, actions)
+                self.serves(index, now, actions);
             }
             (Occupant::Candidate, true, Stage::Starting { .. }) => {
                 process.stage = Stage::Proving { deadline: now + PROBE_TIME };
@@ -98,16 +97,16 @@ impl Reconciler {
                 }
             }
             (Occupant::Candidate, false, Stage::Starting { .. } | Stage::Proving { .. } | Stage::StandingBy { .. }) => {
-                let reason = "it does not stand by: it took the role without being promoted";
+                let reason = "it took the role without waiting for its promotion";
                 self.stop(at, AfterStop::Fail(reason.to_owned()), now, actions);
-                // Two at one role are worse than one that could not finish.
+                // Two processes in one role are worse than one that could not finish.
                 self.kill(at, now, actions);
             }
             _ => {}
         }
     }
 
-    /// A process that was starting, or taking its role, serves.
+    /// A starting or promoted process serves.
     fn serves(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let deadline = now + slot.service.policy.liveness;
@@ -137,7 +136,7 @@ impl Reconciler {
         let waited = |p: &Process| p.id == id && matches!(p.stage, Stage::Proving { .. });
         let Some((at, process)) = self.find_process(waited) else { return };
         if let Err(reason) = outcome {
-            return self.stop(at, AfterStop::Fail(format!("it failed its proof: {reason}")), now, actions);
+            return self.stop(at, AfterStop::Fail(format!("it failed its probe: {reason}")), now, actions);
         }
         let number = process.swap;
         let Some(slot) = self.slots.get_mut(at.0) else { return };
@@ -150,7 +149,7 @@ impl Reconciler {
         }
     }
 
-    /// A candidate that is proven: who serves is asked to stop; when nobody serves any more the candidate gets the role.
+    /// Hands over to a probed candidate: stops the serving process, then promotes the candidate once the role is free.
     pub(super) fn hand_over_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let free = self.occupants(index).is_empty();
         let Some(slot) = self.slots.get_mut(index) else { return };
@@ -164,7 +163,7 @@ impl Reconciler {
                 _ => self.stop((index, Occupant::Serving), AfterStop::HandOver, now, actions),
             },
             _ if !slot.lost.is_empty() => {
-                let reason = "the system does not remove the process that it was to replace";
+                let reason = "the system does not remove the old process";
                 self.stop((index, Occupant::Candidate), AfterStop::Fail(reason.to_owned()), now, actions);
             }
             _ if free => self.promote(index, now, actions),

@@ -1,4 +1,4 @@
-//! Restart intensity, as in OTP: so many failures within so much time are tolerated, one more is final.
+//! Restart intensity, as in OTP: a limited number of failures within a time is tolerated.
 
 use super::backoff;
 use super::model::{Action, Time};
@@ -6,7 +6,7 @@ use super::reconciler::Reconciler;
 use super::slot::{State, seconds};
 
 impl Reconciler {
-    /// A service failed: it is started again after a pause, or has failed too often and stays down.
+    /// Handles a failure: a restart after a pause, or the final state after too many.
     pub(super) fn fail(&mut self, index: usize, reason: String, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let policy = &slot.service.policy;

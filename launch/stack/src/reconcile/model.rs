@@ -6,107 +6,107 @@ use sg_proto::launch;
 
 use crate::file::{Service, Start};
 
-/// Time since the supervisor began.
+/// Time since the supervisor started.
 pub type Time = Duration;
 
-/// Exit status by which a process says that its parameters or input are wrong: starting it again would not help.
+/// Exit status for wrong parameters or input: another start would not help.
 pub(super) const EXIT_INPUT: i32 = sg_runtime::process::EXIT_INPUT as i32;
 
-/// How long the system may take to remove a process after a kill.
+/// How long the system may take to remove a killed process.
 pub(super) const KILL_TIME: Duration = Duration::from_secs(5);
-/// Kills after which a process counts as one that the system does not remove.
+/// Kills after which a process counts as not removable.
 pub(super) const KILLS: u32 = 2;
-/// How long a ready service may be away from the bus.
+/// How long a ready service may be missing from the bus.
 pub(super) const AWAY_TIME: Duration = Duration::from_secs(1);
-/// How long the proof of a candidate may take.
+/// Longest time of a candidate's probe.
 pub const PROBE_TIME: Duration = Duration::from_secs(10);
 
-/// One process that was started, never reused.
+/// Id of one start of a process. Never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ProcessId(pub u64);
 
-/// Something that happened.
+/// An observation or request.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// Time passed.
     Tick,
-    /// The process of an id runs.
+    /// A process runs.
     Started {
-        /// Which.
+        /// Id of the process.
         id: ProcessId,
-        /// Its process id.
+        /// Process id of the system.
         pid: u32,
     },
-    /// An id is over: its process is gone, or could not be started.
+    /// A process ended, or could not be started.
     Exited {
-        /// Which.
+        /// Id of the process.
         id: ProcessId,
-        /// How.
+        /// How it ended.
         exit: Exit,
     },
-    /// An instance said that it serves, or that it stands by.
+    /// An instance announced that it serves or stands by.
     Ready {
-        /// Its name.
+        /// Name of the instance.
         instance: String,
-        /// From the start of its process to readiness, as it measured.
+        /// Milliseconds from the start of its process to readiness, by its own clock.
         start_ms: u64,
-        /// Whether it serves under its instance only, until it is promoted.
+        /// Whether it serves under its instance only, until its promotion.
         standby: bool,
     },
-    /// A candidate was proven or not.
+    /// A candidate's probe finished.
     Proven {
-        /// Which.
+        /// Id of the process.
         id: ProcessId,
-        /// What is wrong with it, if anything is.
+        /// The mismatch, if there is one.
         outcome: Result<(), String>,
     },
-    /// A candidate took its role or could not.
+    /// A candidate's promotion finished.
     Promoted {
-        /// Which.
+        /// Id of the process.
         id: ProcessId,
-        /// Why it could not.
+        /// Reason of the failure, if it failed.
         outcome: Result<(), String>,
     },
-    /// An instance gave a sign of life.
+    /// An instance published its health.
     Health {
-        /// Its name.
+        /// Name of the instance.
         instance: String,
-        /// Resident memory.
+        /// Resident memory, bytes.
         memory_bytes: u64,
-        /// Milliseconds from the receipt of a request to its answer: median and 99th percentile.
+        /// Milliseconds from a request's receipt to its answer: median and 99th percentile.
         answer_ms: (f64, f64),
     },
     /// An instance appeared on the bus (true) or left it.
     Presence {
-        /// Its name.
+        /// Name of the instance.
         instance: String,
-        /// Whether it is there.
+        /// Whether it is present.
         alive: bool,
     },
-    /// A machine joined (true), or is away and what ran there is over.
+    /// A node joined (true) or its lease ran out.
     Node {
-        /// Its name.
+        /// Name of the node.
         name: String,
-        /// Whether it is there.
+        /// Whether it is present.
         present: bool,
     },
-    /// These are the services from now on, each after those it comes after.
+    /// The desired services from now on, each behind its dependencies.
     SetServices(Vec<Service>),
-    /// A person wants a service replaced by a process that is started like this.
+    /// Request to swap a service.
     Swap {
         /// Position of the service.
         service: usize,
-        /// What the candidate is started with.
+        /// Start of the candidate.
         start: Start,
     },
-    /// A person wants a service restarted.
+    /// Request to restart a service.
     Restart {
         /// Position of the service.
         service: usize,
     },
-    /// The stack is to stop.
+    /// Request to stop the stack.
     Down,
-    /// The stack is to stop at once, whatever is lost.
+    /// Request to stop the stack at once, by kill.
     Kill,
 }
 
@@ -115,67 +115,67 @@ pub enum Event {
 pub struct Exit {
     /// Exit status; `None` if a signal ended it or it never ran.
     pub status: Option<i32>,
-    /// One line for a person: status or signal, and its last words.
+    /// One line for people: status or signal, and the last line of output.
     pub reason: String,
 }
 
-/// A process that is to be started.
+/// A process to start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spawn {
     /// Position of the service.
     pub service: usize,
-    /// Its new id.
+    /// Id of the process.
     pub id: ProcessId,
-    /// Name under which the process goes.
+    /// Name of the instance.
     pub instance: String,
-    /// Role that it serves or is to serve.
+    /// Role of the service.
     pub role: String,
-    /// What it is started with.
+    /// Executable, parameters and environment.
     pub start: Start,
-    /// Epoch of the role; 0 for one that stands by, which gets its epoch with its promotion.
+    /// Epoch of the role; 0 in standby, because the promotion grants one.
     pub epoch: u64,
-    /// Whether it is to serve under its instance only.
+    /// Whether it serves under its instance only.
     pub standby: bool,
-    /// Time between the request to stop and the kill.
+    /// Time between SIGTERM and SIGKILL.
     pub stop: Duration,
 }
 
-/// What is to be done.
+/// An action for the supervisor.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
     /// Start a process. [`Event::Started`] or [`Event::Exited`] must follow.
     Spawn(Box<Spawn>),
-    /// Look whether a candidate speaks the contract of its role. [`Event::Proven`] must follow within [`PROBE_TIME`].
+    /// Probe a candidate. [`Event::Proven`] must follow within [`PROBE_TIME`].
     Prove {
-        /// Which.
+        /// Id of the process.
         id: ProcessId,
-        /// Its name.
+        /// Name of the instance.
         instance: String,
         /// Its role.
         role: String,
     },
-    /// Let a candidate take its role. [`Event::Promoted`] must follow within the time.
+    /// Promote a candidate. [`Event::Promoted`] must follow within the time.
     Promote {
-        /// Which.
+        /// Id of the process.
         id: ProcessId,
-        /// Its name.
+        /// Name of the instance.
         instance: String,
-        /// Epoch of the role from now on.
+        /// New epoch of the role.
         epoch: u64,
-        /// How long it may take.
+        /// Time limit.
         within: Duration,
     },
-    /// Ask a process to stop.
+    /// Send SIGTERM.
     Terminate(ProcessId),
-    /// End a process.
+    /// Send SIGKILL.
     Kill(ProcessId),
-    /// An id is over.
+    /// A process ended.
     Ended {
         /// Position of the service.
         service: usize,
-        /// Which.
+        /// Id of the process.
         id: ProcessId,
-        /// How.
+        /// How it ended.
         end: End,
     },
     /// A service changed its state.
@@ -187,38 +187,38 @@ pub enum Action {
     AnnounceSwap {
         /// Position of the service.
         service: usize,
-        /// As it stands; the service may be swapped anew by now.
+        /// The swap at this moment. The service may be swapped again by now.
         swap: Box<launch::Swap>,
     },
-    /// Nothing is left to do.
+    /// The stack has ended.
     Finish(Outcome),
 }
 
-/// The terminal state of an id.
+/// How a process ended, as the reconciler judges it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum End {
-    /// It was asked to stop and did.
+    /// It stopped on request.
     Stopped,
     /// It ended by itself with status 0.
     Finished,
-    /// It failed: crashed, was never ready, hung, refused its input or could not be started.
+    /// It failed: crash, missed deadline, hang, refused input, or failed start.
     Failed(String),
-    /// The system does not remove its process.
+    /// The system does not remove it.
     Lost,
 }
 
 /// How the stack ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
-    /// It was asked to.
+    /// On request.
     Down,
     /// A critical service failed for good, or no service was left and one had failed.
     Failed {
         /// Name of the service.
         service: String,
-        /// Why.
+        /// Reason.
         reason: String,
     },
-    /// All services, or a critical one, ended by themselves and had done what they were there for.
+    /// All services, or a critical one, ended by themselves with status 0.
     Finished,
 }

@@ -1,4 +1,4 @@
-//! The state of a stack and its one entry: [`Reconciler::step`].
+//! The state of a stack, and its entry point [`Reconciler::step`].
 
 use std::collections::BTreeSet;
 
@@ -18,20 +18,19 @@ pub(super) enum Goal {
 #[derive(Debug, Clone)]
 pub struct Reconciler {
     pub(super) slots: Vec<Slot>,
-    /// Positions in the order of the launch file; what was removed comes after those until it is gone.
+    /// Positions in the order of the launch file. Removed services follow until their processes are gone.
     pub(super) listing: Vec<usize>,
     pub(super) goal: Goal,
     pub(super) processes_started: u64,
-    /// Last one granted.
+    /// Last granted epoch.
     pub(super) epoch: u64,
     pub(super) jitter: Jitter,
-    /// Machines that have joined.
+    /// Nodes that have joined.
     pub(super) nodes: BTreeSet<String>,
 }
 
 impl Reconciler {
-    /// A stack of which nothing runs yet. `seed` spreads the pauses between restarts; epochs are granted from above
-    /// `epoch` on.
+    /// A stack without processes. `seed` spreads the pauses between restarts. Granted epochs are above `epoch`.
     #[must_use]
     pub fn new(services: Vec<Service>, seed: u64, epoch: u64) -> Self {
         Self {
@@ -45,7 +44,7 @@ impl Reconciler {
         }
     }
 
-    /// Takes one event into account and says what is to be done, in order.
+    /// Applies one event and returns the actions, in order.
     pub fn step(&mut self, event: Event, now: Time) -> Vec<Action> {
         let mut actions = Vec::new();
         if self.goal == Goal::Finished {
@@ -65,7 +64,7 @@ impl Reconciler {
                     self.on_ready(at, standby, now, &mut actions);
                 }
             }
-            // The token says the same as the announcement, which may come a moment later.
+            // The liveliness token means the same as the announcement. It may come first.
             Event::Presence { instance, alive: true } => {
                 if let Some((at, _)) = self.find_process(|p| p.instance == instance) {
                     self.on_ready(at, false, now, &mut actions);
@@ -74,7 +73,7 @@ impl Reconciler {
             }
             Event::Presence { instance, alive: false } => {
                 if let Some((_, process)) = self.find_process(|p| p.instance == instance)
-                    // The way to another machine may be cut for a while; its lease says when that is too long.
+                    // The connection to a node may be cut for a while. The lease decides.
                     && process.start.node.is_none()
                     && let Stage::Ready { deadline, .. } = &mut process.stage
                 {
@@ -111,13 +110,13 @@ impl Reconciler {
         actions
     }
 
-    /// When [`Event::Tick`] is due at the latest; `None` if only an event can change anything.
+    /// When [`Event::Tick`] is due at the latest; `None` if only an event can change the state.
     #[must_use]
     pub fn next_deadline(&self) -> Option<Time> {
         self.slots.iter().flat_map(Slot::deadlines).min()
     }
 
-    /// Brings the stack one step nearer to its goal, until nothing is due at this time.
+    /// Moves the stack towards its goal, until nothing is due at this time.
     fn settle(&mut self, now: Time, actions: &mut Vec<Action>) {
         for at in self.all_processes() {
             self.handle_deadline(at, now, actions);
@@ -133,7 +132,7 @@ impl Reconciler {
                     self.down(Outcome::Finished);
                     return self.settle(now, actions);
                 }
-                // Whoever is to stop stops before anybody is started who depends on it.
+                // Stop before start: a dependent starts after its dependency has stopped.
                 for index in 0..self.slots.len() {
                     self.hand_over_if_due(index, now, actions);
                 }
@@ -141,7 +140,7 @@ impl Reconciler {
                     self.start_if_due(index, now, actions);
                     self.start_candidate_if_due(index, now, actions);
                 }
-                // What waits now waits for something that will never be ready.
+                // All remaining services wait for one that will never be ready.
                 if !self.slots.iter().any(|s| s.is_active() || self.waits_for_node(s)) {
                     for index in 0..self.slots.len() {
                         self.cancel_before_handover(index, "the stack ended", now, actions);
@@ -164,7 +163,7 @@ impl Reconciler {
                         slot.enter(State::Stopped, "stopped", index, actions);
                     }
                 }
-                // One after another, the last one started first: nobody loses what it depends on while it drains.
+                // Stop in reverse start order, so that a draining service keeps its dependencies.
                 let last = self.slots.iter().enumerate().filter(|(_, s)| matches!(s.state, State::Alive(_)));
                 match last.map(|(index, s)| (s.order.unwrap_or(0), index)).max() {
                     Some((_, index)) => self.stop((index, Occupant::Serving), AfterStop::Stay, now, actions),
@@ -197,7 +196,7 @@ impl Reconciler {
         self.epoch
     }
 
-    /// Every process there is; candidates first, since they depend on more.
+    /// All processes. Candidates come first, because they depend on more.
     pub(super) fn all_processes(&self) -> Vec<ProcessIndex> {
         let of = |part| move |(index, slot): (usize, &Slot)| slot.process(part).map(|_| (index, part));
         let candidates = self.slots.iter().enumerate().filter_map(of(Occupant::Candidate));
@@ -212,7 +211,7 @@ impl Reconciler {
         })
     }
 
-    /// A sign of life: the next one is due within the service's time.
+    /// Moves the liveness deadline of a process.
     pub(super) fn extend_deadline(&mut self, (index, part): ProcessIndex, now: Time) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let until = now + slot.service.policy.liveness;
@@ -223,13 +222,13 @@ impl Reconciler {
         }
     }
 
-    /// Stops a process that takes more memory than it may.
+    /// Stops a process above its memory limit.
     pub(super) fn check_memory(&mut self, at: ProcessIndex, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(at.0) else { return };
         let (Some(process), Some(most)) = (slot.process(at.1), slot.service.policy.memory_bytes) else { return };
         if process.memory_bytes > most && !matches!(process.stage, Stage::Stopping { .. }) {
             let mib = |bytes: u64| bytes >> 20;
-            let reason = format!("takes {} MiB of memory, more than its {} MiB", mib(process.memory_bytes), mib(most));
+            let reason = format!("uses {} MiB of memory; its limit is {} MiB", mib(process.memory_bytes), mib(most));
             self.stop(at, AfterStop::Fail(reason), now, actions);
         }
     }

@@ -1,4 +1,4 @@
-//! Another list of services: the difference is applied.
+//! Reload: applies the difference between two lists of services.
 
 use sg_proto::launch::{Change, Difference};
 
@@ -8,18 +8,19 @@ use super::slot::{AfterStop, Occupant, Slot, Stage, State};
 use crate::file::{Service, Start};
 
 impl Reconciler {
-    /// What [`super::model::Event::SetServices`] would do to each service: those of the list in its order, removed ones last.
+    /// Effect of [`super::model::Event::SetServices`] on each service, in the order of the list. Removed services come
+    /// last.
     #[must_use]
     pub fn differences(&self, services: &[Service]) -> Vec<Difference> {
-        let told = |name: &str, (change, swap): (Change, u64)| Difference {
+        let difference = |name: &str, (change, swap): (Change, u64)| Difference {
             service: name.to_owned(),
             change: change.into(),
             swap,
         };
         let of = |s: &Service| self.slot(&s.name).map_or((Change::Added, 0), |(_, slot)| slot.difference(s));
-        let gone = self.slots.iter().filter(|s| !s.removed && !services.iter().any(|n| n.name == s.service.name));
-        let kept = services.iter().map(|s| told(&s.name, of(s)));
-        kept.chain(gone.map(|s| told(&s.service.name, (Change::Removed, 0)))).collect()
+        let removed = self.slots.iter().filter(|s| !s.removed && !services.iter().any(|n| n.name == s.service.name));
+        let listed = services.iter().map(|s| difference(&s.name, of(s)));
+        listed.chain(removed.map(|s| difference(&s.service.name, (Change::Removed, 0)))).collect()
     }
 
     fn slot(&self, name: &str) -> Option<(usize, &Slot)> {
@@ -30,9 +31,10 @@ impl Reconciler {
         if self.goal != Goal::Run {
             return;
         }
-        let gone = |s: &Slot| !s.removed && !services.iter().any(|n| n.name == s.service.name);
-        let gone: Vec<_> = self.slots.iter().enumerate().filter(|(_, s)| gone(s)).map(|(index, _)| index).collect();
-        for index in &gone {
+        let removed = |s: &Slot| !s.removed && !services.iter().any(|n| n.name == s.service.name);
+        let removed: Vec<_> =
+            self.slots.iter().enumerate().filter(|(_, s)| removed(s)).map(|(index, _)| index).collect();
+        for index in &removed {
             self.remove(*index, now, actions);
         }
         let mut listing = Vec::new();
@@ -67,7 +69,7 @@ impl Reconciler {
     fn change(&mut self, index: usize, service: Service, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let (change, _) = slot.difference(&service);
-        // What is in force stays so until the swap is done.
+        // The old start stays in force until the swap is done.
         let present = std::mem::replace(&mut slot.service, service).start;
         let start = std::mem::replace(&mut slot.service.start, present);
         match change {
@@ -78,9 +80,9 @@ impl Reconciler {
                 self.restart(index, now, actions);
             }
             _ if slot.starts == 0 => slot.service.start = start,
-            // It is to be as it is: what would make it otherwise is taken back.
+            // The file has the start in force again: cancel the swap that would change it.
             _ if slot.service.start == start && slot.target_start() != Some(&start) => {
-                self.cancel_before_handover(index, "the launch file has it as it was", now, actions);
+                self.cancel_before_handover(index, "the launch file has the present executable again", now, actions);
             }
             _ => {}
         }
@@ -88,7 +90,7 @@ impl Reconciler {
 }
 
 impl Slot {
-    /// What has to be done so that it becomes like this, and the number that its swap would have.
+    /// The change to this service, and the number of its swap.
     fn difference(&self, service: &Service) -> (Change, u64) {
         let rest = |s: &Service| (s.after.clone(), s.policy.clone());
         let in_place = if rest(&self.service) == rest(service) { Change::Unchanged } else { Change::InPlace };
@@ -99,14 +101,14 @@ impl Slot {
         } else if self.target_start() == Some(&service.start) {
             (in_place, 0)
         } else if self.starts == 0 || (self.service.start == service.start && !self.hands_over()) {
-            // Nothing runs that would have to be replaced, or it is enough to take a swap back.
+            // Nothing has to be replaced, or cancelling a swap suffices.
             (Change::InPlace, 0)
         } else {
             (Change::Swapped, self.next_swap())
         }
     }
 
-    /// The start that will be in force when all that is under way went well.
+    /// The start that will be in force after all running swaps.
     fn target_start(&self) -> Option<&Start> {
         if let Some(pending) = &self.next {
             return Some(&pending.start);
@@ -116,7 +118,7 @@ impl Slot {
         candidate.or(promoting).map(|p| &p.start).or(Some(&self.service.start))
     }
 
-    /// The number that the next swap will have.
+    /// Number of the next swap.
     pub(super) fn next_swap(&self) -> u64 {
         self.swap.as_ref().map_or(1, |s| s.number + 1)
     }

@@ -1,4 +1,4 @@
-//! One service: its place in the stack, the process that serves, the candidate beside it.
+//! One service: its state, its serving process and its candidate.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,42 +11,41 @@ use crate::file::{Service, Start};
 /// A service and its processes.
 #[derive(Debug, Clone)]
 pub(super) struct Slot {
-    /// As it is to be kept. Its start is the one in force: the next process that serves is started with it.
+    /// Desired service. Its start is the one in force, used for the next process.
     pub(super) service: Service,
-    /// It is in the launch file no more.
+    /// Whether the launch file has dropped it.
     pub(super) removed: bool,
     pub(super) state: State,
-    /// A swap that is to begin.
+    /// A swap that has not begun.
     pub(super) next: Option<PendingSwap>,
-    /// The process that stands by to take over.
+    /// The process in standby.
     pub(super) candidate: Option<Process>,
     /// The newest swap.
     pub(super) swap: Option<Swap>,
-    /// Processes that served a role and that the system does not remove, with the machine they are on: until they are gone
-    /// nobody else may serve it.
+    /// Processes with a role that the system does not remove: id, role and node. They block the role.
     pub(super) lost: Vec<(ProcessId, String, Option<String>)>,
-    /// Processes started so far.
+    /// Number of started processes, candidates included.
     pub(super) processes: u32,
-    /// Those among them that were started to serve at once.
+    /// Number of processes that were started to serve at once.
     pub(super) starts: u32,
     /// Position in the order of first starts.
     pub(super) order: Option<u64>,
-    /// Failures since it was last well.
+    /// Failures since its last recovery.
     pub(super) failures: u32,
-    /// Automatic restarts within the intensity's window.
+    /// Automatic restarts within the intensity's time.
     pub(super) recent: VecDeque<Time>,
     pub(super) reason: String,
     pub(super) start_ms: u64,
     pub(super) epoch: u64,
 }
 
-/// What a service does.
+/// State of a service.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "one for each service, and most have a process")]
 pub(super) enum State {
-    /// For those it comes after, or for its role to be free.
+    /// Waits for its dependencies, or for its role to be free.
     Waiting,
-    /// Has a process that serves or is about to.
+    /// Has a process that serves or starts.
     Alive(Process),
     /// Until the next start.
     Backoff {
@@ -62,34 +61,34 @@ pub(super) struct Process {
     pub(super) instance: String,
     pub(super) role: String,
     pub(super) start: Start,
-    /// Known once it runs.
+    /// `None` until it runs.
     pub(super) pid: Option<u32>,
     pub(super) started: Time,
     pub(super) memory_bytes: u64,
-    /// Milliseconds from the receipt of a request to its answer: median and 99th percentile.
+    /// Milliseconds from a request's receipt to its answer: median and 99th percentile.
     pub(super) answer_ms: (f64, f64),
-    /// Known once it is ready or stands by.
+    /// `None` until it is ready or in standby.
     pub(super) start_ms: Option<u64>,
-    /// The swap that it is the candidate of, until it is done.
+    /// Number of the swap that it is the candidate of.
     pub(super) swap: Option<u64>,
     pub(super) stage: Stage,
 }
 
-/// Where a process stands in its life. Each has a deadline.
+/// Stage of a process. Each has a deadline.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Stage {
     Starting {
         deadline: Time,
     },
-    /// A candidate that stands by is looked at.
+    /// A candidate in standby is probed.
     Proving {
         deadline: Time,
     },
-    /// A candidate that is proven waits until nobody serves.
+    /// A probed candidate waits until the role is free.
     StandingBy {
         deadline: Time,
     },
-    /// A candidate takes the role that nobody serves.
+    /// A candidate takes the free role.
     Promoting {
         deadline: Time,
     },
@@ -109,21 +108,21 @@ pub(super) enum Stage {
 pub(super) enum AfterStop {
     Stay,
     Restart,
-    /// Its successor takes over.
+    /// Its candidate takes over.
     HandOver,
     Fail(String),
-    /// It served well, but its successor failed after it was asked to stop.
+    /// It served well, but its candidate failed after the stop request.
     Recover(String),
 }
 
-/// A swap that is to begin.
+/// A swap that has not begun.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct PendingSwap {
     pub(super) number: u64,
     pub(super) start: Start,
 }
 
-/// A swap as it is told.
+/// The newest swap, as announced.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Swap {
     /// From 1.
@@ -133,14 +132,14 @@ pub(super) struct Swap {
     pub(super) reason: String,
 }
 
-/// Which of a slot's processes.
+/// Which process of a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Occupant {
     Serving,
     Candidate,
 }
 
-/// Which process of which slot.
+/// A process by slot and occupant.
 pub(super) type ProcessIndex = (usize, Occupant);
 
 impl Slot {
@@ -170,7 +169,7 @@ impl Slot {
         actions.push(Action::Announce { service: index });
     }
 
-    /// Whether something is still to happen to it.
+    /// Whether it has a process or a pending restart.
     pub(super) fn is_active(&self) -> bool {
         matches!(self.state, State::Alive(_) | State::Backoff { .. }) || self.candidate.is_some()
     }
@@ -179,7 +178,7 @@ impl Slot {
         matches!(&self.state, State::Alive(Process { stage: Stage::Ready { .. }, .. }))
     }
 
-    /// The process that serves or is about to.
+    /// The process that serves or starts.
     pub(super) fn main(&self) -> Option<&Process> {
         if let State::Alive(process) = &self.state { Some(process) } else { None }
     }
@@ -199,7 +198,7 @@ impl Slot {
         }
     }
 
-    /// Whether a candidate that is past its proof is on its way to take over.
+    /// Whether a probed candidate is about to take over.
     pub(super) fn hands_over(&self) -> bool {
         let is = |p: &Process| matches!(p.stage, Stage::StandingBy { .. });
         self.candidate.as_ref().is_some_and(is)
@@ -215,7 +214,7 @@ impl Slot {
         own.into_iter().chain(self.candidate.as_ref().map(|n| n.stage.deadline()))
     }
 
-    /// The newest swap enters a state; an older one is told no more.
+    /// Changes the state of the newest swap. Older numbers are ignored.
     pub(super) fn swap_enters(
         &mut self,
         number: u64,
@@ -237,7 +236,7 @@ impl Slot {
         }
     }
 
-    /// The newest swap as it stands.
+    /// The newest swap, as a message.
     pub(super) fn swap_view(&self) -> Option<launch::Swap> {
         self.swap.as_ref().map(|swap| launch::Swap {
             number: swap.number,

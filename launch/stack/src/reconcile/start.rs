@@ -1,4 +1,4 @@
-//! Starting processes: after those they come after, and never beside one that serves the same role.
+//! Starting processes: after their dependencies, and never two in one role.
 
 use sg_proto::launch::SwapState;
 
@@ -8,7 +8,7 @@ use super::slot::{AfterStop, Occupant, Process, Slot, Stage, State};
 use crate::file::Start;
 
 impl Reconciler {
-    /// Starts a service that waits or has paused long enough, if nothing is missing.
+    /// Starts a waiting or paused service if nothing is missing.
     pub(super) fn start_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(index) else { return };
         match slot.state {
@@ -36,14 +36,14 @@ impl Reconciler {
         let start = slot.service.start.clone();
         let reason = std::mem::take(&mut slot.reason);
         let reason = if slot.starts == 1 || reason.starts_with("waits for") { String::new() } else { reason };
-        // The action comes first: what is announced is what was asked for.
+        // Spawn first, so that the announcement reports the new process.
         let Some(process) = self.spawn(index, start, Some(epoch), now, actions) else { return };
         if let Some(slot) = self.slots.get_mut(index) {
             slot.enter(State::Alive(process), reason, index, actions);
         }
     }
 
-    /// Starts the candidate of a swap that is wished.
+    /// Starts the candidate of a pending swap.
     pub(super) fn start_candidate_if_due(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(index) else { return };
         let Some(pending) = slot.next.clone() else { return };
@@ -72,7 +72,7 @@ impl Reconciler {
         }
     }
 
-    /// Asks for a process; without an epoch it stands by.
+    /// Adds the action that spawns a process. Without an epoch it starts in standby.
     fn spawn(
         &mut self,
         index: usize,
@@ -113,7 +113,7 @@ impl Reconciler {
         })
     }
 
-    /// What a service comes after and is not ready, in words.
+    /// Dependencies that are not ready, in words.
     fn unready(&self, index: usize) -> Vec<String> {
         let Some(slot) = self.slots.get(index) else { return Vec::new() };
         let missing = self.slots.iter().filter(|s| after(slot, s) && !s.is_ready());
@@ -125,19 +125,19 @@ impl Reconciler {
             .collect()
     }
 
-    /// The machine that a process is to run on, in words, where it has not joined.
+    /// The node of a process if it has not joined, in words.
     fn absent_node(&self, start: &Start) -> Vec<String> {
         let absent = start.node.iter().filter(|node| !self.nodes.contains(*node));
         absent.map(|node| format!("node `{node}`, which has not joined")).collect()
     }
 
-    /// Whether a service waits for a machine that may yet join.
+    /// Whether a service waits for a node that may still join.
     pub(super) fn waits_for_node(&self, slot: &Slot) -> bool {
         slot.state == State::Waiting && !slot.removed && !self.absent_node(&slot.service.start).is_empty()
     }
 
-    /// A machine is away: its lease is over, and with it every process that it ran. Nobody is to blame, so no failure is
-    /// counted; the services wait for it to come back.
+    /// Handles the end of a node's lease: all its processes count as ended. This is no failure of the services, which
+    /// wait for the node.
     pub(super) fn node_away(&mut self, name: &str, now: Time, actions: &mut Vec<Action>) {
         self.nodes.remove(name);
         for (index, part) in self.all_processes() {
@@ -148,7 +148,7 @@ impl Reconciler {
                 && process.swap.is_none()
                 && let Some(process) = self.slots.get_mut(index).and_then(|s| s.process_mut(part))
             {
-                // As if it had been asked to start again when it can. What looked like a failure was its machine's.
+                // Treat it as a requested restart: the apparent failure was the node's.
                 match &mut process.stage {
                     Stage::Stopping { then: then @ AfterStop::Fail(_), .. } => *then = AfterStop::Restart,
                     Stage::Stopping { .. } => {}
@@ -163,7 +163,7 @@ impl Reconciler {
         }
     }
 
-    /// Who still serves the role of a service or may, in words: no second one may, and none before it is gone.
+    /// Other processes that hold or may hold the role, in words. They block a start.
     pub(super) fn occupants(&self, index: usize) -> Vec<String> {
         let Some(slot) = self.slots.get(index) else { return Vec::new() };
         let role = &slot.service.role;
@@ -174,7 +174,7 @@ impl Reconciler {
     }
 }
 
-/// Whether a service comes after another.
+/// Whether a service depends on another.
 fn after(slot: &Slot, other: &Slot) -> bool {
     slot.service.after.contains(&other.service.name)
 }

@@ -1,4 +1,4 @@
-//! Stopping processes, and what follows when one is gone or does not go.
+//! Stopping processes, and handling their ends.
 
 use sg_proto::launch::SwapState;
 
@@ -8,7 +8,7 @@ use super::slot::{AfterStop, Occupant, ProcessIndex, Stage, State, seconds};
 use crate::file::Restart;
 
 impl Reconciler {
-    /// What a stage's deadline brings when it has passed.
+    /// Handles a passed deadline.
     pub(super) fn handle_deadline(&mut self, at: ProcessIndex, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(at.0) else { return };
         let policy = &slot.service.policy;
@@ -22,7 +22,7 @@ impl Reconciler {
                 self.stop(at, AfterStop::Fail(reason), now, actions);
             }
             Stage::Proving { .. } => {
-                let reason = format!("not proven within {} s", seconds(PROBE_TIME));
+                let reason = format!("no result of the probe within {} s", seconds(PROBE_TIME));
                 self.stop(at, AfterStop::Fail(reason), now, actions);
             }
             Stage::Promoting { .. } => {
@@ -32,10 +32,10 @@ impl Reconciler {
             Stage::Ready { .. } | Stage::StandingBy { .. } => {
                 let reason = format!("hung: no sign of life for {} s", seconds(policy.liveness));
                 self.stop(at, AfterStop::Fail(reason), now, actions);
-                // A process that hangs would not hear the request either.
+                // A hung process would ignore SIGTERM too.
                 self.kill(at, now, actions);
             }
-            // What another machine runs is over with its lease at the latest: it is told again until then.
+            // The lease ends the processes of a node at the latest. Repeat the kill until then.
             Stage::Stopping { kills, .. } if *kills < KILLS || process.start.node.is_some() => {
                 self.kill(at, now, actions);
             }
@@ -43,7 +43,7 @@ impl Reconciler {
         }
     }
 
-    /// Asks a process to stop, unless that has been done; the last pending for what follows counts.
+    /// Asks a process to stop. A later call replaces the follow-up of an earlier one.
     pub(super) fn stop(&mut self, at: ProcessIndex, then: AfterStop, now: Time, actions: &mut Vec<Action>) {
         let (index, part) = at;
         let Some(slot) = self.slots.get_mut(index) else { return };
@@ -71,7 +71,7 @@ impl Reconciler {
         }
     }
 
-    /// Ends a process that was asked to stop.
+    /// Kills a process that was asked to stop.
     pub(super) fn kill(&mut self, (index, part): ProcessIndex, now: Time, actions: &mut Vec<Action>) {
         let Some(process) = self.slots.get_mut(index).and_then(|s| s.process_mut(part)) else { return };
         if let Stage::Stopping { deadline, kills, .. } = &mut process.stage {
@@ -81,7 +81,7 @@ impl Reconciler {
         }
     }
 
-    /// Gives a process up that the system does not remove.
+    /// Gives up a process that the system does not remove.
     fn mark_lost(&mut self, (index, part): ProcessIndex, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         let Some(process) = slot.process(part) else { return };
@@ -92,16 +92,16 @@ impl Reconciler {
             Occupant::Candidate => slot.candidate = None,
             Occupant::Serving => {
                 slot.lost.push((id, role, node));
-                let reason = format!("process {pid} was killed but the system does not remove it");
+                let reason = format!("process {pid} was killed, but the system does not remove it");
                 slot.enter(State::Failed, reason, index, actions);
             }
         }
     }
 
-    /// An id is over.
+    /// Handles the end of a process.
     pub(super) fn on_exited(&mut self, id: ProcessId, exit: Exit, now: Time, actions: &mut Vec<Action>) {
         let Some(((index, part), _)) = self.find_process(|p| p.id == id) else {
-            // One that was given up may be removed after all; it was counted when it was given up.
+            // A lost process may still end. It was counted when it was given up.
             self.slots.iter_mut().for_each(|s| s.lost.retain(|(i, _, _)| *i != id));
             return;
         };
@@ -155,7 +155,7 @@ impl Reconciler {
         }
         let Some(slot) = self.slots.get_mut(index) else { return };
         let wrong_input = exit.status == Some(EXIT_INPUT);
-        // Where a candidate failed that had been let in, the start in force is another one, which served well.
+        // If a promoted candidate failed, the start in force is the old one, which worked.
         let (reason, failed, recover) = match asked {
             Some(AfterStop::Stay) => return slot.enter(State::Stopped, "stopped", index, actions),
             Some(AfterStop::Restart) => return slot.enter(State::Waiting, "asked to restart", index, actions),
@@ -168,7 +168,7 @@ impl Reconciler {
             None => (exit.reason, exit.status != Some(0) || swap.is_some(), swap.is_some()),
         };
         if !running || slot.removed {
-            // It ended by itself before its turn to be stopped came.
+            // It ended by itself before its turn to stop.
             return slot.enter(if failed { State::Failed } else { State::Stopped }, reason, index, actions);
         }
         if recover {
@@ -184,12 +184,12 @@ impl Reconciler {
         }
     }
 
-    /// A person wants a service restarted; a swap under way is withdrawn.
+    /// Restarts a service on request. Cancels a running swap.
     pub(super) fn restart(&mut self, index: usize, now: Time, actions: &mut Vec<Action>) {
         if self.goal != Goal::Run || self.slots.get(index).is_none_or(|s| s.removed) {
             return;
         }
-        self.cancel_swap(index, "a restart was asked for", now, actions);
+        self.cancel_swap(index, "a restart was requested", now, actions);
         let Some(slot) = self.slots.get_mut(index) else { return };
         slot.failures = 0;
         slot.recent.clear();
@@ -203,8 +203,7 @@ impl Reconciler {
         }
     }
 
-    /// A swap failed while this process of it ran or stopped. What served before goes on; if it was asked to stop
-    /// already, it is started again.
+    /// Handles a failed swap. The old process goes on serving, or is started again if it was asked to stop.
     fn swap_failed(&mut self, (index, part): ProcessIndex, number: u64, reason: &str, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get_mut(index) else { return };
         slot.swap_enters(number, SwapState::Failed, reason, index, actions);
@@ -212,7 +211,7 @@ impl Reconciler {
             && let Some(Stage::Stopping { then: then @ AfterStop::HandOver, .. }) =
                 slot.process_mut(Occupant::Serving).map(|p| &mut p.stage)
         {
-            *then = AfterStop::Recover(format!("its successor failed: {reason}"));
+            *then = AfterStop::Recover(format!("its candidate failed: {reason}"));
         }
     }
 }

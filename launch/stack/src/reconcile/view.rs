@@ -1,4 +1,4 @@
-//! What may be seen of a stack from outside.
+//! Read access to the state of a stack.
 
 use sg_proto::launch;
 
@@ -8,34 +8,33 @@ use super::slot::{Slot, Stage, State};
 use crate::file::Service;
 
 impl Reconciler {
-    /// The services as they stand, in start order; what was removed is seen until its process is gone.
+    /// All services in start order. Removed services are listed until their processes are gone.
     #[must_use]
     pub fn services(&self, now: Time) -> Vec<launch::Service> {
         let slots = self.listing.iter().filter_map(|index| self.slots.get(*index));
         slots.filter(|s| !s.removed || s.main().is_some()).map(|s| s.view(now)).collect()
     }
 
-    /// One service as it stands.
+    /// One service.
     #[must_use]
     pub fn service(&self, index: usize, now: Time) -> Option<launch::Service> {
         self.slots.get(index).map(|s| s.view(now))
     }
 
-    /// One service as it is to be kept, by name.
+    /// Position and desired state of a service, by name.
     #[must_use]
     pub fn find_service(&self, name: &str) -> Option<(usize, &Service)> {
         let slot = |(_, s): &(usize, &Slot)| s.service.name == name && !s.removed;
         self.slots.iter().enumerate().find(slot).map(|(index, s)| (index, &s.service))
     }
 
-    /// The number that a swap of a service would have; 0 where it has never been started, so that nothing would have to
-    /// be replaced.
+    /// Number of the next swap of a service; 0 if the service was never started and there is nothing to replace.
     #[must_use]
     pub fn next_swap(&self, index: usize) -> u64 {
         self.slots.get(index).filter(|s| s.starts > 0).map_or(0, Slot::next_swap)
     }
 
-    /// Whether the stack is on its way down.
+    /// Whether the stack is stopping.
     #[must_use]
     pub fn is_stopping(&self) -> bool {
         self.goal != Goal::Run

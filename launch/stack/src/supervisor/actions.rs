@@ -1,4 +1,4 @@
-//! Doing what the reconciler wants: processes, signals, proofs, promotions.
+//! Performs the actions of the reconciler: processes, signals, probes, promotions.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -14,11 +14,11 @@ use crate::console::{self, ServiceLog};
 use crate::log_file::{self, LogFile};
 use crate::probe;
 use crate::reconcile::{Action, Event, Exit, ProcessId, Spawn};
-use crate::serve_arguments::Serving;
+use crate::serve_arguments::ServeArguments;
 use crate::spawn::{self, SpawnRequest};
 
 impl Supervisor {
-    /// Does what is wanted; what comes of it at once is returned.
+    /// Performs an action. Returns its immediate result.
     pub(super) async fn perform(&mut self, action: Action) -> Option<Event> {
         match action {
             Action::Spawn(spawn) => self.spawn(*spawn),
@@ -40,19 +40,19 @@ impl Supervisor {
                 self.announce_swap(service, *swap).await;
                 None
             }
-            // What ended has been told by the state that its service entered.
+            // The announced state of the service covers the end.
             Action::Ended { .. } | Action::Finish(_) => None,
         }
     }
 
-    /// Starts a process; what becomes of one on another machine comes later.
+    /// Starts a process. For a node, the result arrives later.
     fn spawn(&mut self, spawn: Spawn) -> Option<Event> {
         if let Some(node) = spawn.start.node.clone() {
             self.nodes.start(&self.bus, node, &spawn);
             return None;
         }
         let id = spawn.id;
-        let serving = Serving {
+        let arguments = ServeArguments {
             session: self.stack.session.name(),
             role: &spawn.role,
             instance: &spawn.instance,
@@ -66,7 +66,7 @@ impl Supervisor {
         let request = SpawnRequest {
             id,
             executable: spawn.start.executable.clone(),
-            arguments: serving.arguments(),
+            arguments: arguments.arguments(),
             env: spawn.start.env.clone(),
         };
         let log = self.log(spawn.service);
@@ -84,7 +84,7 @@ impl Supervisor {
         Some(event)
     }
 
-    /// Where the lines of a service go; begun with its first process.
+    /// The log of a service. Its first use creates the file.
     pub(super) fn log(&mut self, index: usize) -> ServiceLog {
         let name = self.reconciler.service(index, self.now()).unwrap_or_default().name;
         let (width, folder, console) = (self.width, self.stack.session.logs(), &self.console);
@@ -98,13 +98,13 @@ impl Supervisor {
         self.logs.entry(name.clone()).or_insert_with(begin).clone()
     }
 
-    /// Looks at a candidate in a task of its own: supervision goes on meanwhile.
+    /// Probes a candidate in its own task, so that supervision continues.
     fn prove(&self, id: ProcessId, instance: &str, role: String) {
         let (bus, sender) = (self.bus.clone(), self.outcome_sender.clone());
         let ready = self.candidates.get(instance).cloned().unwrap_or_default();
         tokio::spawn(async move {
             let outcome = probe::probe(&bus, &ready, &role).await;
-            // Without a supervisor nobody wants to know.
+            // Without a supervisor the result is of no use.
             let _ = sender.send(Event::Proven { id, outcome }).await;
         });
     }

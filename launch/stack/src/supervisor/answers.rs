@@ -16,7 +16,7 @@ use crate::reconcile::Event;
 use crate::suggestion::suggestion;
 
 impl Supervisor {
-    /// Answers a request; what follows from it, in order.
+    /// Answers a request. Returns the events that follow, in order.
     pub(super) fn answer(&mut self, request: Request) -> Vec<Event> {
         let event = match request {
             Request::Ps(_, reply) => {
@@ -26,7 +26,7 @@ impl Supervisor {
                     pid: std::process::id(),
                     services: self.reconciler.services(self.now()),
                 };
-                // Whoever asked may have given up.
+                // The requester may have given up.
                 let _ = reply.send(Ok(ps));
                 Event::Tick
             }
@@ -70,7 +70,7 @@ impl Supervisor {
         vec![event]
     }
 
-    /// A service by name, if there is anything to be done about it.
+    /// A service by name, unless the stack is stopping.
     fn service_named(&self, name: &str) -> Result<(usize, ServiceMessage), Fault> {
         if self.reconciler.is_stopping() {
             return Err(Fault::precondition("the stack is stopping"));
@@ -86,43 +86,44 @@ impl Supervisor {
         })
     }
 
-    /// What a swap that is asked for comes to: its number and its event.
+    /// Checks a swap request. Returns the number of the swap, and its event.
     fn swap(&self, request: &SwapRequest) -> Result<(u64, Event), Fault> {
         let (service, _) = self.service_named(&request.service)?;
-        let (_, kept) = self.reconciler.find_service(&request.service).ok_or_else(|| Fault::not_found("it is gone"))?;
+        let (_, current) =
+            self.reconciler.find_service(&request.service).ok_or_else(|| Fault::not_found("it is gone"))?;
         let params = match request.params.as_str() {
-            "" => kept.start.params.clone(),
+            "" => current.start.params.clone(),
             text => serde_json::from_str(text).map_err(|e| Fault::invalid(format!("parameters: {e}")))?,
         };
         let executable = PathBuf::from(&request.executable);
-        match &kept.start.node {
+        match &current.start.node {
             None if !executable.is_absolute() => {
                 return Err(Fault::invalid(format!("executable `{}` must be an absolute path", request.executable)));
             }
             Some(node) if request.executable.contains('/') => {
                 return Err(Fault::invalid(format!(
-                    "`{}` runs on node `{node}`: name its executable without a path, it is looked for there",
+                    "`{}` runs on node `{node}`: give its executable as a name without a path",
                     request.service
                 )));
             }
             _ => {}
         }
-        let Start { env, node, .. } = kept.start.clone();
+        let Start { env, node, .. } = current.start.clone();
         let start = Start { exec: request.executable.clone(), executable, params, env, node };
         Ok((self.reconciler.next_swap(service), Event::Swap { service, start }))
     }
 
-    /// What a launch file that is to be read again comes to: what is told of it and its event.
+    /// Reads a launch file again. Returns the differences, and the event that applies them.
     fn reload(&mut self, request: &ReloadRequest) -> Result<(ReloadReply, Event), Fault> {
         if self.reconciler.is_stopping() {
             return Err(Fault::precondition("the stack is stopping"));
         }
         let path = PathBuf::from(&request.launch_file);
         let file = file::load(&path, &request.overrides, &request.only).map_err(|e| Fault::invalid(e.to_string()))?;
-        // Who may do what on the bus was settled when it was opened.
+        // The bus took its access rules when it was opened.
         if nodes::listen(&file) != nodes::listen(&self.stack.file) || file.nodes != self.stack.file.nodes {
             return Err(Fault::precondition(
-                "what other machines run or may do has changed (`[bus]`, `[node.…]`, `on`); stop the stack and start it again",
+                "`[bus]`, `[node.…]` or `on` has changed; stop the stack and start it again",
             ));
         }
         let differences = self.reconciler.differences(&file.services);

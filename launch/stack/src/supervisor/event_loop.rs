@@ -1,4 +1,4 @@
-//! The supervisor's event loop: turns actions of the reconciler into processes, and observations into its events.
+//! The supervisor's event loop: turns the reconciler's actions into processes, and observations into its events.
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use sg_proto::bus::{Health, Ready};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::LogLines;
-use sg_runtime::bus::{Bus, Following, Liveliness, Serving};
+use sg_runtime::bus::{Bus, LivelinessChange, ServerHandle, Subscription};
 use sg_runtime::metrics;
 use sg_runtime::session::SessionDir;
 use tokio::signal::unix::{SignalKind, signal};
@@ -26,10 +26,10 @@ use crate::pid_registry::PidRegistry;
 use crate::reconcile::{Action, Event, Exit, Outcome, ProcessId, Reconciler, Time};
 use crate::spawn::LineSink as _;
 
-/// What stands in place of a role in the keys of all that stand by.
+/// Key part that matches every candidate in standby, in place of a role.
 const STANDING_BY: &str = "@instance/*";
 
-/// What is to be supervised.
+/// The stack to supervise.
 pub struct Stack {
     /// The launch file.
     pub file: LaunchFile,
@@ -43,7 +43,7 @@ pub struct Stack {
     pub opener: Box<dyn SessionOpener>,
 }
 
-/// A session that is open: locked, with its router, nothing started yet.
+/// An open session: locked, with its router, without processes.
 pub struct Supervisor {
     pub(super) stack: Stack,
     pub(super) reconciler: Reconciler,
@@ -52,25 +52,25 @@ pub struct Supervisor {
     pub(super) endpoint: String,
     requests: mpsc::Receiver<Request>,
     handle: Handle,
-    ready: Following<Ready>,
-    health: Following<Health>,
-    candidates_ready: Following<Ready>,
-    candidates_health: Following<Health>,
-    /// What candidates said of themselves when they stood by.
+    ready: Subscription<Ready>,
+    health: Subscription<Health>,
+    candidates_ready: Subscription<Ready>,
+    candidates_health: Subscription<Health>,
+    /// Announcements of candidates, by instance.
     pub(super) candidates: HashMap<String, Ready>,
-    /// What became of proofs and promotions.
+    /// Results of probes and promotions.
     outcomes: mpsc::Receiver<Event>,
     pub(super) outcome_sender: mpsc::Sender<Event>,
-    alive: mpsc::Receiver<Liveliness>,
+    alive: mpsc::Receiver<LivelinessChange>,
     exits: mpsc::Receiver<(ProcessId, Exit)>,
     pub(super) exit_sender: mpsc::Sender<(ProcessId, Exit)>,
-    /// Other machines and what runs on them.
+    /// Nodes and their processes.
     pub(super) nodes: Nodes,
     placed: mpsc::Receiver<StartResult>,
-    node_logs: Following<LogLines>,
-    /// For sessions that are opened from this one.
+    node_logs: Subscription<LogLines>,
+    /// Limits the sessions that are opened from this one.
     pub(super) open_slots: Arc<Semaphore>,
-    /// Process id and instance of all that run on this machine.
+    /// Process id and instance of all processes on this machine.
     pub(super) pids: HashMap<ProcessId, (u32, String)>,
     /// By service.
     pub(super) logs: HashMap<String, ServiceLog>,
@@ -79,7 +79,7 @@ pub struct Supervisor {
     writer: Writer,
     pub(super) registry: PidRegistry,
     pub(super) all_ready_printed: bool,
-    _serving: Vec<Serving>,
+    _serving: Vec<ServerHandle>,
     _lock: File,
 }
 
@@ -87,35 +87,36 @@ impl Supervisor {
     /// Opens the session: its folder, its lock, its router, its logs.
     ///
     /// # Errors
-    /// The session runs already; a folder or the socket cannot be made.
+    /// The session runs already, or a folder or the socket cannot be created.
     pub async fn open(stack: Stack) -> Result<Self, StackError> {
         let session = stack.session.clone();
         session.create()?;
         let lock = lock(&session).await?;
         let registry = PidRegistry::open(session.path()).await?;
-        // A supervisor that died leaves its socket, and pictures that nobody will ask for.
+        // A supervisor that died leaves its socket and unused pictures.
         forget(&session)?;
         metrics::install(role::SUPERVISOR, session.name());
-        let bus = Bus::route(session.name(), role::SUPERVISOR, &session.socket(), nodes::listen(&stack.file).as_ref())
-            .await?;
+        let bus =
+            Bus::open_router(session.name(), role::SUPERVISOR, &session.socket(), nodes::listen(&stack.file).as_ref())
+                .await?;
         let folder = session.logs();
         std::fs::create_dir_all(&folder).map_err(|e| StackError::io(&folder, e))?;
 
         let (sender, requests) = mpsc::channel(CAPACITY);
         let serving = serve(&bus, &sender).await?;
-        let ready = bus.follow(&keys::READY, keys::ANY, CAPACITY).await?;
-        let health = bus.follow(&keys::HEALTH, keys::ANY, CAPACITY).await?;
-        let candidates_ready = bus.follow(&keys::READY, STANDING_BY, CAPACITY).await?;
-        let candidates_health = bus.follow(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
-        let node_logs = bus.follow(&keys::NODE_LOG, STANDING_BY, CAPACITY).await?;
+        let ready = bus.subscribe(&keys::READY, keys::ANY, CAPACITY).await?;
+        let health = bus.subscribe(&keys::HEALTH, keys::ANY, CAPACITY).await?;
+        let candidates_ready = bus.subscribe(&keys::READY, STANDING_BY, CAPACITY).await?;
+        let candidates_health = bus.subscribe(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
+        let node_logs = bus.subscribe(&keys::NODE_LOG, STANDING_BY, CAPACITY).await?;
         let (placed_sender, placed) = mpsc::channel(CAPACITY);
         let nodes = Nodes::new(&stack.file.nodes, placed_sender);
-        let alive = bus.watch_alive(CAPACITY).await?;
+        let alive = bus.watch_liveliness(CAPACITY).await?;
         let (exit_sender, exits) = mpsc::channel(CAPACITY);
         let (outcome_sender, outcomes) = mpsc::channel(CAPACITY);
         let (console, writer) = Console::open(stack.verbosity);
         let width = stack.file.services.iter().map(|s| s.name.len()).max().unwrap_or(0);
-        // Of the clock, so that epochs grow over the lives of supervisors too.
+        // From the clock, so that epochs also grow across supervisors.
         let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
         let epoch = u64::try_from(epoch).unwrap_or(u64::MAX);
         let reconciler = Reconciler::new(stack.file.services.clone(), u64::from(std::process::id()), epoch);
@@ -151,23 +152,23 @@ impl Supervisor {
             _serving: serving,
             _lock: lock,
         };
-        // What an earlier run has logged is kept apart, whether or not the service is started this time.
+        // Rotate the logs of all services, started or not.
         for index in 0..supervisor.stack.file.services.len() {
             supervisor.log(index);
         }
         Ok(supervisor)
     }
 
-    /// A way to speak to it.
+    /// A handle for requests from the same process.
     pub fn handle(&self) -> Handle {
         self.handle.clone()
     }
 
-    /// Starts the services and watches them until the stack is down. To be polled on a thread that lives as long as the
-    /// process: see [`crate::spawn::start`].
+    /// Starts the services and supervises them until the stack is down. Poll it on a thread that lives as long as the
+    /// process: see [`crate::spawn::tied_to_parent`].
     ///
     /// # Errors
-    /// Signals cannot be watched.
+    /// The system's signals cannot be received.
     pub async fn run(mut self) -> Result<Outcome, StackError> {
         let watch = |kind| signal(kind).map_err(StackError::Signals);
         let mut interrupt = watch(SignalKind::interrupt())?;
@@ -191,7 +192,7 @@ impl Supervisor {
                     }
                 }
             }
-            // Without a deadline only an event can change anything; an hour is as good as never.
+            // Without a deadline only an event changes the state. An hour stands for never.
             let deadline = self.reconciler.next_deadline().unwrap_or(self.now() + Duration::from_secs(3600));
             let deadline = self.nodes.deadline().into_iter().chain([self.began + deadline]).min();
             let deadline = tokio::time::Instant::from_std(deadline.unwrap_or_else(Instant::now));
@@ -204,8 +205,8 @@ impl Supervisor {
                 Some(event) = self.outcomes.recv() => event,
                 Some(seen) = self.alive.recv() => Event::Presence { instance: seen.instance, alive: seen.alive },
                 Some(placed) = self.placed.recv() => self.nodes.start_finished(placed),
-                Some((heard, _)) = self.node_logs.next() => {
-                    self.log_remote_lines(&heard);
+                Some((message, _)) = self.node_logs.next() => {
+                    self.log_remote_lines(&message);
                     Event::Tick
                 }
                 Some(request) = self.requests.recv() => {
@@ -230,7 +231,7 @@ impl Supervisor {
         forget(&stack.session)?;
         drop((console, logs));
         writer.flush();
-        // Last: who waits for the end of the session waits for the lock.
+        // Last, because other commands wait for the lock.
         drop(lock);
         Ok(outcome)
     }
@@ -244,12 +245,12 @@ impl Supervisor {
             self.console.print("stopping at once".to_owned());
             return Event::Kill;
         }
-        self.console.print_detail("stopping; once more to stop at once".to_owned());
+        self.console.print_detail("stopping; press Ctrl-C again to stop at once".to_owned());
         Event::Down
     }
 
     fn candidate_ready(&mut self, ready: Ready) -> Event {
-        // Only of those that were started here: what others say of themselves would stay for ever.
+        // Keep only announcements of our own processes. Others would stay for ever.
         let here = self.pids.values().any(|(_, instance)| *instance == ready.instance);
         if here || self.nodes.runs(&ready.instance) {
             self.candidates.insert(ready.instance.clone(), ready.clone());
@@ -265,21 +266,21 @@ impl Supervisor {
         Event::Exited { id, exit }
     }
 
-    /// What a process on another machine has logged goes where that of one here would.
-    fn log_remote_lines(&mut self, heard: &LogLines) {
-        let service = self.nodes.running.values().find(|p| p.instance == heard.instance).map(|p| p.service);
+    /// Logs the lines of a process on another machine.
+    fn log_remote_lines(&mut self, message: &LogLines) {
+        let service = self.nodes.running.values().find(|p| p.instance == message.instance).map(|p| p.service);
         let Some(service) = service else { return };
         let log = self.log(service);
-        for line in &heard.lines {
+        for line in &message.lines {
             log.line(line);
         }
     }
 
-    /// Machines whose lease has run out.
+    /// Events for nodes whose lease has run out.
     fn expired_leases(&mut self) -> VecDeque<Event> {
         let away = self.nodes.expired(Instant::now());
         for name in &away {
-            self.console.print(format!("  node {name} is away; what it ran is over and starts again when it is back"));
+            self.console.print(format!("  node {name} does not answer; its services start again when it returns"));
         }
         away.into_iter().map(|name| Event::Node { name, present: false }).collect()
     }

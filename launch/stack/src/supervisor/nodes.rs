@@ -1,8 +1,7 @@
-//! Machines that joined: which are there, what runs on them, what is asked of them.
+//! Nodes: their leases, their processes, and requests to them.
 //!
-//! A node says every second that it is there and what it runs, and is answered. A node that is not answered for its lease
-//! ends what it runs; a supervisor that hears nothing for the lease and a little more may therefore take all of that for
-//! gone, whether or not it can be reached.
+//! A node reports once a second and is answered. Without an answer for its lease, it ends its processes. Without a
+//! report for the lease and a margin, the supervisor takes these processes for ended, reachable or not.
 
 use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
@@ -11,7 +10,7 @@ use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
 use sg_proto::keys;
 use sg_proto::launch::{Ended, JoinReply, JoinRequest, SignalRequest, StartReply, StartRequest, Variable};
-use sg_runtime::bus::{Bus, Certificates, Guest, Listen};
+use sg_runtime::bus::{Bus, Certificates, RemoteMachine, TlsListener};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use tokio::sync::mpsc;
@@ -20,16 +19,16 @@ use crate::file::{LaunchFile, Node};
 use crate::reconcile::{Event, Exit, ProcessId, Spawn};
 use crate::suggestion::suggestion;
 
-/// Beyond its lease: a node's clock begins when it speaks, ours when it is heard, and a kill takes a moment.
+/// Time beyond the lease. A node counts from its report, the supervisor from the receipt, and a kill takes a moment.
 const MARGIN: Duration = Duration::from_secs(1);
-/// How long a node may take to start a process, or to send a signal.
+/// How long a node may take to start or signal a process.
 const ANSWER: Duration = Duration::from_secs(3);
 
-/// A machine of the launch file.
+/// A node of the launch file.
 #[derive(Debug)]
 pub(super) struct KnownNode {
     lease: Duration,
-    /// Of the life that has joined.
+    /// The joined process, if there is one.
     joined: Option<Joined>,
 }
 
@@ -37,28 +36,28 @@ pub(super) struct KnownNode {
 struct Joined {
     life: String,
     pid: u32,
-    heard: Instant,
+    last_report: Instant,
 }
 
-/// A process on another machine.
+/// A process on a node.
 #[derive(Debug)]
 pub(super) struct RemoteProcess {
     pub(super) node: String,
     pub(super) instance: String,
     /// Position of its service.
     pub(super) service: usize,
-    /// Number of its start in the life of the node, once that has said so.
+    /// Number of its start, once the node has reported it.
     number: Option<u64>,
 }
 
-/// What became of a start on another machine.
+/// Result of a start on a node.
 #[derive(Debug)]
 pub(super) struct StartResult {
     id: ProcessId,
     outcome: Result<StartReply, Fault>,
 }
 
-/// The machines and what runs on them.
+/// All nodes and their processes.
 #[derive(Debug)]
 pub(super) struct Nodes {
     known: HashMap<String, KnownNode>,
@@ -66,22 +65,22 @@ pub(super) struct Nodes {
     placed: mpsc::Sender<StartResult>,
 }
 
-/// Who may come in, from the launch file: each machine for the roles that it runs.
-pub(super) fn listen(file: &LaunchFile) -> Option<Listen> {
+/// Access rules of the bus: each node may hold the roles of its services.
+pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
     let listening = file.listen.as_ref()?;
-    let guest = |node: &Node| Guest {
+    let guest = |node: &Node| RemoteMachine {
         name: node.name.clone(),
         roles: file.roles_on(&node.name).map(|s| s.role.clone()).collect(),
         instances: file.roles_on(&node.name).map(|s| format!("{}-", s.name)).collect(),
     };
-    Some(Listen {
+    Some(TlsListener {
         endpoint: listening.endpoint.clone(),
         certificates: Certificates {
             authority: listening.authority.clone(),
             certificate: listening.certificate.clone(),
             key: listening.key.clone(),
         },
-        guests: file.nodes.iter().map(guest).collect(),
+        machines: file.nodes.iter().map(guest).collect(),
     })
 }
 
@@ -91,17 +90,17 @@ impl Nodes {
         Self { known, running: HashMap::new(), placed }
     }
 
-    /// When the next lease runs out.
+    /// End of the next lease.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let ends = |k: &KnownNode| k.joined.as_ref().map(|j| j.heard + k.lease + MARGIN);
+        let ends = |k: &KnownNode| k.joined.as_ref().map(|j| j.last_report + k.lease + MARGIN);
         self.known.values().filter_map(ends).min()
     }
 
-    /// Machines whose lease has run out; what they ran is over.
+    /// Removes nodes whose lease has run out, with their processes. Returns their names.
     pub(super) fn expired(&mut self, now: Instant) -> Vec<String> {
         let mut away = Vec::new();
         for (name, known) in &mut self.known {
-            if known.joined.as_ref().is_some_and(|j| j.heard + known.lease + MARGIN <= now) {
+            if known.joined.as_ref().is_some_and(|j| j.last_report + known.lease + MARGIN <= now) {
                 known.joined = None;
                 away.push(name.clone());
             }
@@ -113,7 +112,7 @@ impl Nodes {
         away
     }
 
-    /// A machine speaks: what is answered and what follows from what it said.
+    /// Handles a report: the answer, and the events that follow.
     pub(super) fn handle_join(
         &mut self,
         request: &JoinRequest,
@@ -126,24 +125,24 @@ impl Nodes {
         })?;
         let mut events = Vec::new();
         match &mut known.joined {
-            Some(joined) if joined.life == request.life => joined.heard = now,
+            Some(joined) if joined.life == request.life => joined.last_report = now,
             Some(joined) => {
                 return Err(Fault::precondition(format!(
-                    "node `{}` has joined already (process {}); it is taken for gone {} s after its last word",
+                    "node `{}` has joined already (process {}); its lease ends {} s after its last report",
                     request.node,
                     joined.pid,
                     (known.lease + MARGIN).as_secs()
                 )));
             }
             None => {
-                known.joined = Some(Joined { life: request.life.clone(), pid: request.pid, heard: now });
+                known.joined = Some(Joined { life: request.life.clone(), pid: request.pid, last_report: now });
                 events.push(Event::Node { name: request.node.clone(), present: true });
             }
         }
         let lease_ms = u64::try_from(known.lease.as_millis()).unwrap_or(u64::MAX);
         events.extend(request.ended.iter().filter_map(|ended| self.ended(&request.node, ended)));
         let running: HashSet<&str> = request.running.iter().map(String::as_str).collect();
-        // What it has accepted to start and does not run any more, without having said how it ended.
+        // Processes that the node has started and no longer runs, without a reported end.
         let is_gone = |p: &RemoteProcess| {
             p.node == request.node
                 && p.number.is_some_and(|n| n <= request.starts)
@@ -152,7 +151,7 @@ impl Nodes {
         let gone: Vec<_> = self.running.iter().filter(|(_, p)| is_gone(p)).map(|(id, _)| *id).collect();
         for id in gone {
             self.running.remove(&id);
-            let exit = Exit { status: None, reason: format!("node `{}` runs it no more", request.node) };
+            let exit = Exit { status: None, reason: format!("node `{}` no longer runs it", request.node) };
             events.push(Event::Exited { id, exit });
         }
         let ours: HashSet<&str> =
@@ -169,7 +168,7 @@ impl Nodes {
         Some(Event::Exited { id, exit })
     }
 
-    /// Asks a machine to start a process; [`Self::start_finished`] takes what becomes of it.
+    /// Asks a node to start a process. [`Self::start_finished`] takes the result.
     pub(super) fn start(&mut self, bus: &Bus, node: String, spawn: &Spawn) {
         let away = RemoteProcess {
             node: node.clone(),
@@ -193,12 +192,12 @@ impl Nodes {
             let context = Context::root().deadline_in(ANSWER);
             let under = keys::instance(&keys::node_instance(&node));
             let outcome = bus.ask_role(&keys::NODE_START, &under, &request, &context).await;
-            // Without a supervisor nobody wants to know.
+            // Without a supervisor the result is of no use.
             let _ = placed.send(StartResult { id, outcome }).await;
         });
     }
 
-    /// What became of a start.
+    /// Handles the result of a start.
     pub(super) fn start_finished(&mut self, placed: StartResult) -> Event {
         let StartResult { id, outcome } = placed;
         match outcome {
@@ -209,7 +208,7 @@ impl Nodes {
                 Event::Started { id, pid: reply.pid }
             }
             Err(fault) => {
-                // Should it run all the same, the machine is told to end it when it next says so.
+                // If it runs all the same, the answer to the node's next report ends it.
                 let node = self.running.remove(&id).map(|p| p.node).unwrap_or_default();
                 let status = (fault.code == Code::NotFound).then_some(i32::from(sg_runtime::process::EXIT_INPUT));
                 let reason = format!("node `{node}` did not start it: {}", fault.message);
@@ -218,7 +217,7 @@ impl Nodes {
         }
     }
 
-    /// Sends a signal to a process of another machine, if it is one.
+    /// Sends a signal to a process of a node. Returns whether there is one.
     pub(super) fn signal(&self, bus: &Bus, id: ProcessId, signal: Signal) -> bool {
         let Some(process) = self.running.get(&id) else { return false };
         let request = SignalRequest { instance: process.instance.clone(), kill: signal == Signal::SIGKILL };
@@ -226,7 +225,7 @@ impl Nodes {
         let bus = bus.clone();
         tokio::spawn(async move {
             let context = Context::root().deadline_in(ANSWER);
-            // Whether it arrived shows in what the machine runs next.
+            // The next report shows whether the signal arrived.
             let _ = bus.ask_role(&keys::NODE_SIGNAL, &under, &request, &context).await;
         });
         true
@@ -263,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_joins_lives_by_its_lease_and_is_taken_for_gone() {
+    fn node_joins_and_expires_after_its_lease() {
         let (mut nodes, _placed) = nodes();
         let began = Instant::now();
         assert!(nodes.handle_join(&JoinRequest { node: "gpu2".into(), ..JoinRequest::default() }, began).is_err());
@@ -281,13 +280,13 @@ mod tests {
     }
 
     #[test]
-    fn what_a_machine_runs_is_what_it_says_it_runs() {
+    fn node_reports_decide_what_runs() {
         let (mut nodes, _placed) = nodes();
         let now = Instant::now();
         run(&mut nodes, 1, "view-1", Some(1));
         run(&mut nodes, 2, "view-2", Some(2));
         run(&mut nodes, 3, "view-3", None);
-        // It speaks of its first start only: of the second it could not know.
+        // The report covers the first start only. The second is still unknown to the node.
         let (reply, events) = nodes.handle_join(&request("a", 1, &["other-1"]), now).unwrap();
         assert_eq!(reply.strays, ["other-1"]);
         let gone: Vec<_> =
@@ -302,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_that_was_refused_is_over() {
+    fn refused_start_is_an_exit() {
         let (mut nodes, _placed) = nodes();
         run(&mut nodes, 7, "view-1", None);
         let fault = Fault::not_found("no such executable");

@@ -31,9 +31,7 @@ impl Supervisor {
             return Err(refuse(&format!("it is open already, in session `{session}`")));
         }
         let place = Arc::clone(&self.open_slots).try_acquire_owned().map_err(|_| {
-            Fault::exhausted(format!(
-                "{MAX_OPEN} sessions that were opened from this one run; close the window of one first"
-            ))
+            Fault::exhausted(format!("{MAX_OPEN} sessions opened from this one run; close the window of one first"))
         })?;
         let log = ServiceLog {
             service: session.clone(),
@@ -51,9 +49,9 @@ impl Supervisor {
             let exit = ended.await;
             drop(place);
             if exit.status != Some(0) {
-                // What the command itself has said last, where it has said something.
+                // Prefer the command's own last error line.
                 let reason = exit.reason.split_once("error: ").map_or(exit.reason.as_str(), |(_, said)| said);
-                // Nobody need listen; it stands in the log too.
+                // The log has the line too.
                 let _ = bus
                     .publish(&keys::OPEN_FAILED, &OpenFailed { reason: reason.to_owned(), ..failed }, &Context::root())
                     .await;

@@ -6,7 +6,7 @@ use sg_proto::launch::{
     DownReply, JoinReply, JoinRequest, OpenReply, OpenRequest, PsReply, PsRequest, ReloadReply, ReloadRequest,
     RestartReply, RestartRequest, SwapReply, SwapRequest,
 };
-use sg_runtime::bus::{Bus, BusError, Serving};
+use sg_runtime::bus::{Bus, BusError, ServerHandle};
 use sg_runtime::fault::Fault;
 use sg_runtime::metrics;
 use tokio::sync::mpsc;
@@ -27,14 +27,14 @@ pub(super) enum Request {
     Down,
 }
 
-/// A way to speak to a supervisor in the same process.
+/// A handle for requests in the same process.
 #[derive(Debug, Clone)]
 pub struct Handle(pub(super) mpsc::Sender<Request>);
 
 impl Handle {
     /// Begins an orderly stop.
     pub async fn down(&self) {
-        // A supervisor that no longer listens is stopping.
+        // A supervisor that does not receive is stopping.
         let _ = self.0.send(Request::Down).await;
     }
 }
@@ -44,7 +44,7 @@ fn stopping() -> Fault {
 }
 
 /// Serves the keys of the supervisor: each request goes into the queue, its answer comes back from the event loop.
-pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<Serving>, BusError> {
+pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<ServerHandle>, BusError> {
     let sender = requests.clone();
     let down = bus.serve(&keys::DOWN, CAPACITY, move |_, _| {
         let sender = sender.clone();

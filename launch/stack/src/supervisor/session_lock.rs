@@ -1,4 +1,4 @@
-//! One supervisor for one session, and what only makes sense while it lives.
+//! The lock of a session, and files that are valid only while it is held.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Write};
@@ -8,10 +8,10 @@ use sg_runtime::session::SessionDir;
 
 use crate::error::StackError;
 
-/// How long the lock of a session is tried for: who only looks whether it is held holds it for a moment too.
+/// How long to try the lock. A process that tests the lock holds it for a moment.
 const LOCK_TIME: Duration = Duration::from_millis(300);
 
-/// Takes the session's lock and writes this process's id into it. The system gives it back when this process dies.
+/// Takes the session's lock and writes this process id into it. The system releases it when this process dies.
 pub(super) async fn lock(session: &SessionDir) -> Result<File, StackError> {
     let path = session.lock_file();
     let fail = |e: io::Error| StackError::io(&path, e);
@@ -35,7 +35,7 @@ pub(super) async fn lock(session: &SessionDir) -> Result<File, StackError> {
     Ok(file)
 }
 
-/// Removes what only makes sense while a session runs: its socket and its pictures.
+/// Removes the socket and the pictures of a session.
 pub(super) fn forget(session: &SessionDir) -> Result<(), StackError> {
     let absent = |e: &io::Error| e.kind() == io::ErrorKind::NotFound;
     let socket = session.socket();

@@ -1,4 +1,4 @@
-//! What a supervisor tells of its services: on the bus and at its terminal.
+//! Status of services, on the bus and at the terminal.
 
 use sg_proto::keys;
 use sg_proto::launch::{Service as ServiceMessage, ServiceEvent, ServiceState, Swap, SwapState};
@@ -14,7 +14,7 @@ impl Supervisor {
         self.print_state(&service);
         metrics::service(&service.name, service.restarts, service.state() == ServiceState::Ready);
         let event = ServiceEvent { service: Some(service) };
-        // Nobody need listen, and the state can be asked for.
+        // Ignore a missing subscriber: the state can be requested.
         let _ = self.bus.publish(&keys::SERVICE, &event, &Context::root()).await;
         if !self.all_ready_printed {
             let services = self.reconciler.services(self.now());
@@ -23,7 +23,7 @@ impl Supervisor {
                 let after = format_time(self.now().as_secs_f64() * 1000.0);
                 let name = self.stack.session.name();
                 self.console.print_detail(format!(
-                    "all {} services ready after {after}; `supergaussian say \"help\" --session {name}` talks to them, Ctrl-C stops them",
+                    "all {} services ready after {after}; `supergaussian say \"help\" --session {name}` sends an utterance, Ctrl-C stops the stack",
                     services.len()
                 ));
             }
@@ -36,8 +36,8 @@ impl Supervisor {
         let name = format!("{:<width$}", service.name, width = self.width);
         let executable = &swap.executable;
         match swap.state() {
-            SwapState::Starting => self.console.print_detail(format!("  {name}  swap: {executable} starts beside it")),
-            SwapState::HandingOver => self.console.print_detail(format!("  {name}  swap: proven, takes over")),
+            SwapState::Starting => self.console.print_detail(format!("  {name}  swap: {executable} starts in standby")),
+            SwapState::HandingOver => self.console.print_detail(format!("  {name}  swap: probe passed, handing over")),
             SwapState::Done => {
                 let mark = paint(Color::Green, "swapped", colored);
                 self.console.print(format!("  {name}  {mark} to {executable}, pid {}", service.pid));
@@ -49,7 +49,7 @@ impl Supervisor {
             SwapState::Waiting | SwapState::Proving | SwapState::Promoting | SwapState::Unspecified => {}
         }
         let event = ServiceEvent { service: Some(ServiceMessage { swap: Some(swap), ..service }) };
-        // Nobody need listen, and the state can be asked for.
+        // Ignore a missing subscriber: the state can be requested.
         let _ = self.bus.publish(&keys::SERVICE, &event, &Context::root()).await;
     }
 

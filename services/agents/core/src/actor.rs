@@ -18,8 +18,8 @@ use sg_proto::language::{
 };
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::render::{CaptureRequest, Quality};
-use sg_runtime::actor::{self, Actor};
-use sg_runtime::bus::{Bus, Liveliness, Owned};
+use sg_runtime::actor::{self, Actor, ActorError};
+use sg_runtime::bus::{Bus, LivelinessChange, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
@@ -57,8 +57,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let llm = LlmClient::new(&host.params()?)
         .map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
     let agent_state = llm.initial_state();
-    let published_state = host.bus().own(&keys::CORE_STATE, agent_state.clone()).await?;
-    let capture_processes = count_capture_processes(host.bus().watch_alive(LIVELINESS_QUEUE).await?);
+    let published_state = host.bus().retain(&keys::CORE_STATE, agent_state.clone()).await?;
+    let capture_processes = count_capture_processes(host.bus().watch_liveliness(LIVELINESS_QUEUE).await?);
     let agent = CoreAgent {
         bus: host.bus().clone(),
         llm,
@@ -80,7 +80,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
 }
 
 /// Counts the live capture processes. Without one the agent does not wait for an image.
-fn count_capture_processes(mut events: mpsc::Receiver<Liveliness>) -> watch::Receiver<usize> {
+fn count_capture_processes(mut events: mpsc::Receiver<LivelinessChange>) -> watch::Receiver<usize> {
     let (count, receiver) = watch::channel(0);
     tokio::spawn(async move {
         let mut alive = BTreeSet::new();
@@ -106,7 +106,7 @@ struct CoreAgent {
     bus: Bus,
     llm: LlmClient,
     agent_state: AgentState,
-    published_state: Owned<AgentState>,
+    published_state: RetainedValue<AgentState>,
     /// Number of live capture processes.
     capture_processes: watch::Receiver<usize>,
     /// Intents by utterance id. A model may interpret a repeated utterance differently, and half of the plan may be done.
@@ -374,7 +374,7 @@ impl Actor for CoreAgent {
         format!("{} utterances answered, {} refused", self.agent_state.answered, self.agent_state.refused)
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), String> {
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
         let Message::Utter { utterance, context, reply } = message;
         let outcome = if context.remaining().is_zero() {
             Err(Fault::deadline("the utterance passed its deadline in the queue and was not executed"))

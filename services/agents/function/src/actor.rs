@@ -12,8 +12,8 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Act, ActionResult, AgentState, Chosen, Clause, Plan, PlanResult};
 use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, State};
-use sg_runtime::actor::{Actor, Reply};
-use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::actor::{Actor, ActorError, Reply};
+use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
@@ -44,7 +44,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let llm = LlmClient::new(&host.params()?)
         .map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
     let agent_state = llm.initial_state();
-    let published_state = host.bus().own(&keys::FUNCTION_STATE, agent_state.clone()).await?;
+    let published_state = host.bus().retain(&keys::FUNCTION_STATE, agent_state.clone()).await?;
     let agent = FunctionAgent {
         bus: host.bus().clone(),
         llm,
@@ -71,7 +71,7 @@ struct FunctionAgent {
     bus: Bus,
     llm: LlmClient,
     agent_state: AgentState,
-    published_state: Owned<AgentState>,
+    published_state: RetainedValue<AgentState>,
     /// Units chosen by the model, by plan and spoken name. `None`: the model found no unit.
     choices: LruCache<String, Option<Chosen>>,
     /// Results by plan id, for repeated requests.
@@ -353,7 +353,7 @@ impl Actor for FunctionAgent {
         format!("{} plans, {} failed", self.agent_state.answered, self.agent_state.refused)
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), String> {
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
         let Message::Execute { plan, context, reply } = message;
         // No client waits for the result, so the plan is not executed.
         let outcome = if context.remaining().is_zero() {

@@ -7,8 +7,8 @@ use lru::LruCache;
 use sg_llm::{InterpretError, Interpreter};
 use sg_proto::keys::{self, role};
 use sg_proto::language::{AgentState, Intent, IntentRequest};
-use sg_runtime::actor::{Actor, Reply};
-use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::actor::{Actor, ActorError, Reply};
+use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
@@ -31,7 +31,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let interpreter = Interpreter::new(&host.params()?)
         .map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
     let agent_state = interpreter.initial_state();
-    let published_state = host.bus().own(&keys::INTENT_STATE, agent_state.clone()).await?;
+    let published_state = host.bus().retain(&keys::INTENT_STATE, agent_state.clone()).await?;
     let intents = LruCache::new(CACHED_INTENTS);
     let agent = IntentAgent { bus: host.bus().clone(), interpreter, agent_state, published_state, intents };
     let (mailbox, _) = host.spawn(agent, QUEUE);
@@ -51,7 +51,7 @@ struct IntentAgent {
     bus: Bus,
     interpreter: Interpreter,
     agent_state: AgentState,
-    published_state: Owned<AgentState>,
+    published_state: RetainedValue<AgentState>,
     /// Intents by request id: a model may answer a repeated request differently.
     intents: LruCache<String, Intent>,
 }
@@ -105,7 +105,7 @@ impl Actor for IntentAgent {
         )
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), String> {
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
         let Message::Parse { request, context, mut reply } = message;
         // A client that is gone needs no answer, so the request to the model is cancelled.
         let outcome = tokio::select! {

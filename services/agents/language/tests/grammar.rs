@@ -276,6 +276,7 @@ fn the_longest_utterances_are_parsed_quickly() {
 fn help_names_the_units_of_the_scene() {
     let help = commands::help(&["leaves", "pot"]);
     assert!(help.contains("make the leaves red") && !help.contains("{unit}"), "{help}");
+    assert!(commands::examples(&["leaves"]).contains(&"how big are the leaves?".to_owned()));
 }
 
 proptest! {

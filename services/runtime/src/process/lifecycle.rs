@@ -13,7 +13,7 @@ use tokio::sync::{mpsc, watch};
 
 use super::arguments::ServeArgs;
 use super::host::{Host, Inner, lock, millis};
-use super::start_error::StartError;
+use super::start_error::{EXIT_FAILED, StartError};
 use super::supervision::exit_with_supervisor;
 use crate::actor::Exit;
 use crate::blobs::Blobs;
@@ -71,7 +71,7 @@ impl Host {
 /// 4. Drain: finish accepted requests, stop the actors, leave the bus.
 ///
 /// The exit status is 0 after a request to stop, [`EXIT_INPUT`](super::EXIT_INPUT) for wrong parameters or input, and
-/// [`EXIT_FAILED`](super::EXIT_FAILED) for other failures.
+/// [`EXIT_FAILED`] for other failures.
 pub fn run<F, Fut>(args: ServeArgs, version: &'static str, load: F) -> ExitCode
 where
     F: FnOnce(Host) -> Fut,
@@ -90,7 +90,7 @@ where
         }
         Err(error) => {
             tracing::error!("the async runtime could not be started: {error}");
-            ExitCode::from(super::EXIT_FAILED)
+            ExitCode::from(EXIT_FAILED)
         }
     }
 }

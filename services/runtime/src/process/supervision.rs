@@ -5,6 +5,8 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 use nix::unistd::{Pid, getppid};
 
+use super::start_error::EXIT_FAILED;
+
 /// Ends this process when its supervisor dies.
 ///
 /// The kernel sends a signal at the parent's death. A thread also polls the parent: it covers the time before the signal is
@@ -21,7 +23,7 @@ pub(super) fn exit_with_supervisor(supervisor: i32) {
         tracing::error!("the supervisor has died; stopping");
         let _ = nix::sys::signal::raise(Signal::SIGTERM);
         std::thread::sleep(Duration::from_millis(1000));
-        std::process::exit(i32::from(super::EXIT_FAILED));
+        std::process::exit(i32::from(EXIT_FAILED));
     });
     if let Err(error) = thread {
         tracing::warn!(%error, "the supervisor cannot be polled");

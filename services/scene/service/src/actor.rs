@@ -13,9 +13,9 @@ use sg_formats::files::files_of;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, State};
-use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::blobs::{BlobError, Blobs};
-use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{self, Host, ServeArgs, StartError};
@@ -61,7 +61,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
     let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), told: OnceCell::new() });
     // Who stands by works on a project of its own: the role's belongs to whoever has the role.
-    let (project, scratch) = if host.stands_by() {
+    let (project, scratch) = if host.is_standby() {
         let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
         let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
         let file = scratch.path().join(DEFAULT_PROJECT);
@@ -71,9 +71,9 @@ async fn load(host: Host) -> Result<(), StartError> {
     };
 
     let outline = project.editor().message(false);
-    let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
+    let state = host.bus().retain(&keys::SCENE_STATE, outline).await?;
     let mut owner = Owner { bus: host.bus().clone(), project, state, _scratch: scratch };
-    if !host.stands_by() {
+    if !host.is_standby() {
         owner.tell_last().await?;
     }
     let (mailbox, _) = host.spawn(owner, QUEUE);
@@ -191,7 +191,7 @@ enum Message {
 struct Owner {
     bus: Bus,
     project: Project,
-    state: Owned<State>,
+    state: RetainedValue<State>,
     /// Where the project is that it works on while it stands by.
     _scratch: Option<TempDir>,
 }
@@ -279,7 +279,7 @@ impl Actor for Owner {
         Seen { revision: state.revision(), units: state.units().count(), selected: state.selection().mask().count() }
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), String> {
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
         // A reply that nobody waits for any more is no failure: the same id asked again finds the stored result.
         match message {
             // What has waited past its deadline is not begun: its sender has given up or will ask again.

@@ -43,7 +43,7 @@ impl Stack {
     async fn open(gaussians: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         support::write_ply(&folder.path().join("spiral.ply"), gaussians);
-        let router = Bus::route("test", role::SUPERVISOR, &folder.path().join("bus.sock"), None).await.unwrap();
+        let router = Bus::open_router("test", role::SUPERVISOR, &folder.path().join("bus.sock"), None).await.unwrap();
         Self { folder, router, instance: 0 }
     }
 
@@ -114,7 +114,7 @@ async fn snapshot(bus: &Bus) -> sg_proto::scene::State {
 async fn a_command_is_answered_told_and_shown_with_its_chain() {
     let mut stack = Stack::open(500).await;
     let cli = stack.join(role::CLI).await;
-    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 64).await.unwrap();
+    let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 64).await.unwrap();
     let _scene = stack.start();
 
     let select = command("select", Action::Select(Select { target: everything(), operation: 0 }));
@@ -211,7 +211,7 @@ async fn a_burst_survives_kill_9_and_readers_catch_up() {
     let mut scene = stack.start();
     let start = snapshot(&cli).await;
     let mut replica = Replica::new(EditState::from_snapshot(&start).unwrap());
-    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 256).await.unwrap();
+    let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 256).await.unwrap();
 
     let results = Arc::new(Mutex::new(BTreeMap::new()));
     let done = Arc::new(AtomicBool::new(false));
@@ -268,7 +268,7 @@ async fn a_restarted_process_tells_its_last_event_again() {
     let scene = stack.start();
     cli.ask(&keys::SCENE_APPLY, &background("one", 0.5), &soon()).await.unwrap();
     drop(scene);
-    let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 16).await.unwrap();
+    let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 16).await.unwrap();
     let _scene = stack.start();
     let (event, _) = tokio::time::timeout(Duration::from_secs(20), events.next()).await.unwrap().unwrap();
     assert_eq!((event.revision, event.command_id.as_str()), (1, "one"));
@@ -332,7 +332,7 @@ async fn start_up_times() {
     let scene = support::shaded_scene(N);
     sg_formats::save(&stack.path("spiral.ply"), &scene, &sg_formats::SaveOptions::default()).unwrap();
     let cli = stack.join(role::CLI).await;
-    let mut ready = cli.follow(&keys::READY, role::SCENE, 4).await.unwrap();
+    let mut ready = cli.subscribe(&keys::READY, role::SCENE, 4).await.unwrap();
     let mut told = Vec::new();
     for life in ["new project", "same project, no commands", "same project, 1000 commands"] {
         let begun = Instant::now();

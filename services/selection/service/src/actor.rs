@@ -15,8 +15,8 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Command, CommandResult, CommitSelection, command};
 use sg_proto::selection;
-use sg_runtime::actor::{Actor, Reply};
-use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::actor::{Actor, ActorError, Reply};
+use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
@@ -88,7 +88,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         most_proposals: sg_proto::limits::MAX_PROPOSALS,
     };
     host.serve_content(&keys::SELECTION_CONTENT).await?;
-    let owned = host.bus().own(&keys::SELECTION_STATE, told.clone()).await?;
+    let owned = host.bus().retain(&keys::SELECTION_STATE, told.clone()).await?;
     let (newest, state) = watch::channel(Arc::new(state));
     tokio::spawn(follow(feed, newest, owned, told));
 
@@ -131,7 +131,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
 async fn follow(
     mut feed: SceneFeed,
     newest: watch::Sender<Arc<EditState>>,
-    owned: Owned<selection::State>,
+    owned: RetainedValue<selection::State>,
     mut told: selection::State,
 ) {
     let mut replica = Replica::new(EditState::clone(&newest.borrow()));
@@ -221,7 +221,7 @@ impl Actor for Selector {
         }
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), String> {
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
         // An asker that has gone away misses only the answer: what was committed stays.
         match message {
             Message::Draw { request, context, reply } => {

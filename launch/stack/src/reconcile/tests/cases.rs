@@ -21,7 +21,7 @@ fn too_many_restarts_fail_a_service_and_a_critical_one_stops_the_stack() {
 }
 
 #[test]
-fn a_critical_service_that_has_done_its_work_ends_the_stack_and_another_does_not() {
+fn only_a_finished_critical_service_ends_the_stack() {
     for critical in [true, false] {
         let policy = Policy { critical, ..patient() };
         let mut world = World::new(
@@ -45,7 +45,7 @@ fn pauses_grow_and_start_over_after_health() {
     for (gap, expected) in gaps.iter().zip([100, 200, 400, 400, 400]) {
         assert!((gap - expected).abs() <= expected / 5 + 1, "{gaps:?}");
     }
-    // Ready for longer than the longest pause: the next pause is the first again.
+    // Ready for longer than the longest pause: the next pause starts over.
     let mut world = World::new(vec![service(0, &[], policy)], vec![(Behaviour::CrashLater(1), millis(500))]);
     world.give(Event::Tick);
     world.run_until(millis(9000));
@@ -54,7 +54,7 @@ fn pauses_grow_and_start_over_after_health() {
 }
 
 #[test]
-fn wrong_input_is_not_tried_again() {
+fn wrong_input_is_final() {
     let mut world = one(patient(), Behaviour::Crash(EXIT_INPUT));
     world.behaviours = vec![(Behaviour::Good, millis(10))];
     world.give(Event::SetServices(vec![service(0, &[], patient()), service(1, &[], patient())]));
@@ -62,14 +62,14 @@ fn wrong_input_is_not_tried_again() {
     assert_eq!(world.state(0), (ServiceState::Failed, "Some(2)".to_owned()));
     assert_eq!(world.state(1).0, ServiceState::Ready);
     assert_eq!(world.spawned.len(), 2);
-    // By hand it can be tried again.
+    // A manual restart is still possible.
     world.give(Event::Restart { service: 0 });
     world.run_until(millis(6000));
     assert_eq!(world.state(0).0, ServiceState::Ready);
 }
 
 #[test]
-fn one_that_hangs_is_killed_and_started_again() {
+fn hung_process_is_killed_and_restarted() {
     let mut world = one(patient(), Behaviour::Hang);
     world.run_until(millis(1549));
     assert_eq!(world.state(0).0, ServiceState::Ready);
@@ -80,7 +80,7 @@ fn one_that_hangs_is_killed_and_started_again() {
 }
 
 #[test]
-fn one_that_leaves_the_bus_is_not_waited_for_as_long() {
+fn process_off_the_bus_has_a_shorter_deadline() {
     let policy = Policy { liveness: millis(60_000), ..patient() };
     let mut world = one(policy, Behaviour::Leave);
     world.run_until(millis(100) + AWAY_TIME + millis(1));
@@ -88,7 +88,7 @@ fn one_that_leaves_the_bus_is_not_waited_for_as_long() {
 }
 
 #[test]
-fn what_waits_says_for_what() {
+fn waiting_service_names_its_dependencies() {
     let plan = vec![
         service(0, &[], Policy { restart: Restart::Never, ..patient() }),
         service(1, &[], patient()),
@@ -105,18 +105,18 @@ fn what_waits_says_for_what() {
 }
 
 #[test]
-fn one_that_the_system_does_not_remove_is_given_up() {
+fn unremovable_process_is_lost() {
     let mut world = one(patient(), Behaviour::Undead);
     world.run_until(millis(1000));
     world.give(Event::Down);
     world.run_until(millis(20_000));
     assert_eq!(world.finished, Some(Outcome::Down));
     assert_eq!(world.ended.len(), 1);
-    assert_eq!(world.state(0).1, "process 7 was killed but the system does not remove it");
+    assert_eq!(world.state(0).1, "process 7 was killed, but the system does not remove it");
 }
 
 #[test]
-fn a_restart_by_hand_waits_for_the_old_process_and_counts_as_no_failure() {
+fn manual_restart_waits_for_the_old_process_and_is_no_failure() {
     let policy = Policy { restarts: 0, ..patient() };
     let mut world = one(policy, Behaviour::Stubborn);
     world.run_until(millis(100));
@@ -130,7 +130,7 @@ fn a_restart_by_hand_waits_for_the_old_process_and_counts_as_no_failure() {
 }
 
 #[test]
-fn a_stack_whose_services_all_ended_is_over() {
+fn stack_ends_with_its_last_service() {
     let mut world = one(patient(), Behaviour::CrashLater(0));
     world.run_until(millis(5000));
     assert_eq!(world.finished, Some(Outcome::Finished));

@@ -1,5 +1,5 @@
-//! What must hold for every stack: in simulated worlds of processes that behave in every way we could think of
-//! ([`world`]), in every order of events ([`orderings`]), and case by case ([`cases`], [`swaps`], [`reloads`], [`nodes`]).
+//! Properties of every stack: in simulated worlds ([`world`]), in every order of events ([`orderings`]), and case by
+//! case ([`cases`], [`swaps`], [`reloads`], [`nodes`]).
 
 mod cases;
 mod nodes;
@@ -23,7 +23,7 @@ fn exit(status: Option<i32>) -> Exit {
     Exit { status, reason: format!("{status:?}") }
 }
 
-/// Starts from this one on are on another machine.
+/// Starts from this version on are on another machine.
 const ELSEWHERE: u32 = 3;
 const NODE: &str = "n";
 
@@ -36,7 +36,7 @@ fn node(present: bool) -> Event {
     Event::Node { name: NODE.to_owned(), present }
 }
 
-/// The service `s<index>` in role `r<index>`, after these.
+/// The service `s<index>` in role `r<index>`, with these dependencies.
 fn service(index: usize, after: &[usize], policy: Policy) -> Service {
     Service {
         name: format!("s{index}"),

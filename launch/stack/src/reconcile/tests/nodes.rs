@@ -15,7 +15,7 @@ fn world(behaviours: &[Behaviour]) -> World {
 }
 
 #[test]
-fn a_service_waits_for_its_machine_and_the_stack_waits_with_it() {
+fn service_and_stack_wait_for_a_node() {
     let mut world = world(&[Behaviour::Good]);
     world.give(Event::Tick);
     world.run_until(millis(60_000));
@@ -30,7 +30,7 @@ fn a_service_waits_for_its_machine_and_the_stack_waits_with_it() {
 }
 
 #[test]
-fn a_machine_that_comes_and_goes_is_no_failure_of_its_services() {
+fn lost_node_is_no_failure_of_its_services() {
     let policy = Policy { restarts: 1, ..patient() };
     let mut world = World::new(vec![elsewhere(policy)], vec![(Behaviour::Good, millis(50))]);
     for round in 0..10 {
@@ -46,12 +46,12 @@ fn a_machine_that_comes_and_goes_is_no_failure_of_its_services() {
 }
 
 #[test]
-fn a_process_that_seemed_to_hang_because_its_machine_was_away_is_forgiven() {
+fn hang_on_a_lost_node_is_no_failure() {
     let policy = Policy { restarts: 0, ..patient() };
     let mut world = World::new(vec![elsewhere(policy)], vec![(Behaviour::Undead, millis(50))]);
     world.give(node(true));
     world.run_until(millis(1000));
-    // Silence from now on: the request to stop and the kill reach nobody.
+    // The node is silent from now on: SIGTERM and SIGKILL do not arrive.
     world.alive.values_mut().for_each(|s| s.instance = "cut off".into());
     world.run_until(millis(30_000));
     assert_eq!(world.state(0).0, ServiceState::Stopping, "never given up while its machine may have it");
@@ -64,7 +64,7 @@ fn a_process_that_seemed_to_hang_because_its_machine_was_away_is_forgiven() {
 }
 
 #[test]
-fn leaving_the_bus_for_a_moment_is_what_a_cut_looks_like() {
+fn short_absence_of_a_node_process_is_tolerated() {
     let mut world = world(&[Behaviour::Leave]);
     world.give(node(true));
     world.run_until(millis(1500));

@@ -1,7 +1,7 @@
-//! Every order in which things can happen to one service during its swap, to a depth.
+//! All orders of events for one service during its swap, to a depth.
 //!
-//! Where the simulated worlds draw at random, this tries all: at each point each process may end, get ready, be proven or
-//! promoted or not, the next deadline may pass, and a person may want something else.
+//! The simulated worlds draw at random. This test enumerates: each process may end, get ready, be probed or promoted,
+//! the next deadline may pass, and a request may arrive.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,7 @@ struct Point {
     swaps: u32,
     wished: bool,
     finished: bool,
-    /// Whether a process was given up that serves: it is there for ever.
+    /// Whether a serving process was lost. It stays for ever.
     haunted: bool,
     trace: Vec<&'static str>,
 }
@@ -150,7 +150,7 @@ impl Point {
         choices
     }
 
-    /// From any point an obedient world comes to its end, with one end for each id.
+    /// From every state an obedient world reaches its end, with one end for each process.
     fn ends(mut self) {
         if !self.finished {
             self.take("down", Event::Down);
@@ -176,9 +176,9 @@ fn explore(point: &Point, depth: u32, seen: &mut u64) {
     }
 }
 
-/// From its first start on, and from each stage of a swap on.
+/// From the first start, and from each stage of a swap.
 #[test]
-fn every_order_of_events_is_survived() {
+fn all_orders_of_events_keep_the_invariants() {
     let mut point = Point::new();
     point.take("begin", Event::Tick);
     let story = ["main is ready", "swap", "candidate stands by", "proven", "main ends", "promoted"];

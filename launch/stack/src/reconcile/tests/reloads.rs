@@ -50,7 +50,7 @@ fn only_the_difference_is_applied() {
     assert_eq!(world.stack.find_service("s2").unwrap().1.policy.liveness, millis(9000));
     assert!(world.stack.find_service("s4").is_none());
 
-    // One that comes back keeps its slot, so that no instance's name is used twice.
+    // A returning service keeps its slot, so that instance names stay unique.
     list.push(plain(4));
     assert_eq!(changes(&world, &list).last().unwrap(), &(name(4), Change::Added));
     world.give(Event::SetServices(list));
@@ -59,7 +59,7 @@ fn only_the_difference_is_applied() {
 }
 
 #[test]
-fn a_role_passes_on_only_when_whoever_had_it_is_gone() {
+fn role_is_granted_after_its_last_holder_is_gone() {
     let mut world = World::new(vec![service(0, &[], patient())], vec![(Behaviour::Stubborn, millis(20))]);
     world.give(Event::Tick);
     world.run_until(millis(200));
@@ -74,7 +74,7 @@ fn a_role_passes_on_only_when_whoever_had_it_is_gone() {
 }
 
 #[test]
-fn a_file_that_is_as_it_was_takes_a_swap_back() {
+fn unchanged_file_cancels_a_swap() {
     let list = vec![service(0, &[], patient())];
     let mut world = running(list.clone());
     world.behaviours = vec![(Behaviour::Slow, millis(20))];
@@ -82,7 +82,10 @@ fn a_file_that_is_as_it_was_takes_a_swap_back() {
     world.run_until(millis(300));
     assert_eq!(world.swap(0).0, SwapState::Starting);
     world.give(Event::SetServices(list));
-    assert_eq!(world.swap(0), (SwapState::Failed, "withdrawn: the launch file has it as it was".to_owned()));
+    assert_eq!(
+        world.swap(0),
+        (SwapState::Failed, "withdrawn: the launch file has the present executable again".to_owned())
+    );
     world.run_until(millis(2000));
     assert_eq!((world.serving(0).unwrap().instance.as_str(), world.alive.len()), ("s0-1", 1));
 }
@@ -104,7 +107,7 @@ fn the_same_file_again_does_not_begin_a_swap_again_but_tries_one_that_failed() {
 }
 
 #[test]
-fn one_that_was_never_started_starts_as_the_new_file_says() {
+fn unstarted_service_takes_the_new_start() {
     let mut world =
         World::new(vec![service(0, &[], patient()), service(1, &[0], patient())], vec![(Behaviour::Good, millis(300))]);
     world.give(Event::Tick);

@@ -9,7 +9,7 @@ fn swap_to(version: u32) -> Event {
     Event::Swap { service: 0, start: start(version) }
 }
 
-/// One that serves, and a swap whose candidate behaves like this; given time.
+/// A serving process, and a swap with a candidate of this behaviour, after some time.
 fn swapped(behaviours: &[Behaviour]) -> World {
     let mut world = World::of_one(patient(), behaviours);
     world.run_until(millis(100));
@@ -36,7 +36,7 @@ fn a_swap_goes_through_its_states_and_the_service_is_never_counted_as_restarted(
 }
 
 #[test]
-fn a_newcomer_that_fails_before_the_old_one_was_asked_to_stop_leaves_it_serving() {
+fn candidate_failure_before_handover_leaves_the_old_process() {
     use Behaviour::{Crash, Impostor, Missing, Mute, Slow, Unfit};
     for (behaviour, why) in [
         (Crash(1), "Some(1)"),
@@ -44,8 +44,8 @@ fn a_newcomer_that_fails_before_the_old_one_was_asked_to_stop_leaves_it_serving(
         (Crash(EXIT_INPUT), "Some(2)"),
         (Missing, "None"),
         (Slow, "not ready within 0.7 s"),
-        (Unfit, "it failed its proof: unfit"),
-        (Impostor, "it does not stand by: it took the role without being promoted"),
+        (Unfit, "it failed its probe: unfit"),
+        (Impostor, "it took the role without waiting for its promotion"),
     ] {
         let world = swapped(&[Behaviour::Good, behaviour]);
         assert_eq!(world.swap(0), (SwapState::Failed, why.to_owned()), "{behaviour:?}");
@@ -58,12 +58,12 @@ fn a_newcomer_that_fails_before_the_old_one_was_asked_to_stop_leaves_it_serving(
     let mut world = swapped(&[Behaviour::Good, Mute]);
     assert_eq!(world.swap(0).0, SwapState::Proving);
     world.run_until(PROBE_TIME + millis(2000));
-    assert_eq!(world.swap(0), (SwapState::Failed, "not proven within 10 s".to_owned()));
+    assert_eq!(world.swap(0), (SwapState::Failed, "no result of the probe within 10 s".to_owned()));
     assert_eq!(world.serving(0).unwrap().instance, "s0-1");
 }
 
 #[test]
-fn a_newcomer_that_fails_when_the_old_one_is_gone_means_a_restart_with_the_old_start() {
+fn candidate_failure_after_handover_restarts_the_old_start() {
     for (behaviour, why) in [(Behaviour::Refuse, "could not take its role: cannot"), (Behaviour::Faint, "Some(1)")] {
         let world = swapped(&[Behaviour::Good, behaviour, Behaviour::Good]);
         assert_eq!(world.swap(0), (SwapState::Failed, why.to_owned()));
@@ -74,7 +74,7 @@ fn a_newcomer_that_fails_when_the_old_one_is_gone_means_a_restart_with_the_old_s
         assert!(*at >= ended + millis(80), "the pause is counted: {at:?}");
         assert_eq!(world.stack.service(0, world.now).unwrap().restarts, 1);
     }
-    // Whatever the service's own rule: it had not failed.
+    // The restart policy does not matter: the service had not failed.
     let never = Policy { restart: crate::file::Restart::Never, ..patient() };
     let mut world = World::of_one(never, &[Behaviour::Good, Behaviour::Faint, Behaviour::Good]);
     world.run_until(millis(100));
@@ -84,8 +84,8 @@ fn a_newcomer_that_fails_when_the_old_one_is_gone_means_a_restart_with_the_old_s
 }
 
 #[test]
-fn a_newcomer_that_dies_while_the_old_one_stops_means_a_restart_with_the_old_start() {
-    // The old one ignores the request and is killed 300 ms later; the candidate dies before that.
+fn candidate_death_during_handover_restarts_the_old_start() {
+    // The old process ignores SIGTERM and is killed after 300 ms. The candidate dies before that.
     let mut world = World::new(
         vec![service(0, &[], patient())],
         vec![(Behaviour::Stubborn, millis(30)), (Behaviour::CrashLater(1), millis(90)), (Behaviour::Good, millis(30))],
@@ -97,13 +97,13 @@ fn a_newcomer_that_dies_while_the_old_one_stops_means_a_restart_with_the_old_sta
     assert_eq!(world.swap(0), (SwapState::Failed, "Some(1)".to_owned()));
     let serving = world.serving(0).unwrap();
     assert_eq!((serving.instance.as_str(), &serving.start), ("s0-3", &start(0)));
-    // The old one did nothing wrong.
+    // The old process did not fail.
     assert_eq!(world.ended[&ProcessId(1)], End::Stopped);
 }
 
 #[test]
-fn an_old_one_that_dies_meanwhile_is_restarted_unless_the_newcomer_is_proven() {
-    // Newcomers take 1 s; the old one dies before that and comes back before that.
+fn old_process_is_restarted_unless_the_candidate_is_probed() {
+    // Candidates take 1 s. The old process dies and returns before that.
     let slow = (Behaviour::Good, millis(600));
     let quick = (Behaviour::Good, millis(20));
     let mut world = World::new(vec![service(0, &[], patient())], vec![quick, slow, quick]);
@@ -119,7 +119,7 @@ fn an_old_one_that_dies_meanwhile_is_restarted_unless_the_newcomer_is_proven() {
     assert_eq!(world.swap(0).0, SwapState::Done);
     assert_eq!(world.serving(0).unwrap().start, start(1));
 
-    // Proven while the old one is in its pause: nobody waits for the pause.
+    // Probed during the old process's pause: the promotion does not wait for the pause.
     let policy = Policy { backoff_initial: millis(5000), ..patient() };
     let mut world = World::new(vec![service(0, &[], policy)], vec![quick, slow]);
     world.give(Event::Tick);
@@ -134,14 +134,14 @@ fn an_old_one_that_dies_meanwhile_is_restarted_unless_the_newcomer_is_proven() {
 }
 
 #[test]
-fn an_old_one_that_is_stopped_by_a_signal_is_killed_after_its_grace_and_replaced() {
+fn stopped_old_process_is_killed_and_replaced() {
     let world = swapped(&[Behaviour::Stubborn, Behaviour::Good]);
     assert_eq!(world.swap(0).0, SwapState::Done);
     assert_eq!(world.serving(0).unwrap().start, start(1));
 }
 
 #[test]
-fn one_that_the_system_does_not_remove_is_not_replaced() {
+fn unremovable_process_blocks_a_swap() {
     let mut world = swapped(&[Behaviour::Undead, Behaviour::Good]);
     world.run_until(millis(20_000));
     assert_eq!(world.state(0).0, ServiceState::Failed);
@@ -150,7 +150,7 @@ fn one_that_the_system_does_not_remove_is_not_replaced() {
 }
 
 #[test]
-fn a_swap_takes_the_place_of_one_that_has_not_asked_the_old_one_to_stop() {
+fn swap_replaces_an_early_swap() {
     let mut world = World::of_one(patient(), &[Behaviour::Good, Behaviour::Slow, Behaviour::Good]);
     world.run_until(millis(100));
     world.give(swap_to(1));
@@ -158,19 +158,19 @@ fn a_swap_takes_the_place_of_one_that_has_not_asked_the_old_one_to_stop() {
     world.give(swap_to(2));
     world.run_until(millis(3000));
     let first: Vec<_> = world.swaps.iter().filter(|(_, number, ..)| *number == 1).collect();
-    assert_eq!(first.last().unwrap().3, "withdrawn: another swap took its place");
+    assert_eq!(first.last().unwrap().3, "withdrawn: replaced by another swap");
     assert_eq!((world.swap(0).0, &world.serving(0).unwrap().start), (SwapState::Done, &start(2)));
 }
 
 #[test]
-fn a_restart_withdraws_a_swap_and_a_stop_stops_both() {
+fn restart_cancels_a_swap_and_stop_stops_both() {
     let mut world = World::of_one(patient(), &[Behaviour::Good, Behaviour::Slow, Behaviour::Good]);
     world.run_until(millis(100));
     world.give(swap_to(1));
     world.run_until(millis(300));
     world.give(Event::Restart { service: 0 });
     world.run_until(millis(1500));
-    assert_eq!(world.swap(0), (SwapState::Failed, "withdrawn: a restart was asked for".to_owned()));
+    assert_eq!(world.swap(0), (SwapState::Failed, "withdrawn: a restart was requested".to_owned()));
     assert_eq!((world.alive.len(), &world.serving(0).unwrap().start), (1, &start(0)));
 
     world.behaviours = vec![(Behaviour::Good, millis(400))];
@@ -184,7 +184,7 @@ fn a_restart_withdraws_a_swap_and_a_stop_stops_both() {
 }
 
 #[test]
-fn a_service_that_failed_for_good_is_mended_by_a_swap() {
+fn swap_revives_a_failed_service() {
     let mut world = World::new(
         vec![service(0, &[], patient()), service(1, &[], patient())],
         vec![(Behaviour::Crash(EXIT_INPUT), millis(10)), (Behaviour::Good, millis(10))],
@@ -199,7 +199,7 @@ fn a_service_that_failed_for_good_is_mended_by_a_swap() {
 }
 
 #[test]
-fn a_newcomer_waits_for_what_its_service_comes_after() {
+fn candidate_waits_for_dependencies() {
     let mut world =
         World::new(vec![service(0, &[], patient()), service(1, &[0], patient())], vec![(Behaviour::Good, millis(20))]);
     world.give(Event::Tick);
@@ -217,7 +217,7 @@ fn too_much_memory_is_a_failure() {
     let policy = Policy { memory_bytes: Some(50 << 20), ..patient() };
     let mut world = World::of_one(policy.clone(), &[Behaviour::Greedy, Behaviour::Good]);
     world.run_until(millis(151));
-    let reason = "takes 100 MiB of memory, more than its 50 MiB".to_owned();
+    let reason = "uses 100 MiB of memory; its limit is 50 MiB".to_owned();
     assert_eq!(world.state(0), (ServiceState::Stopping, reason));
     world.run_until(millis(1000));
     assert_eq!((world.state(0).0, world.spawned.len()), (ServiceState::Ready, 2));

@@ -19,23 +19,23 @@ pub(super) enum Behaviour {
     CrashLater(i32),
     /// Never gets ready, obeys.
     Slow,
-    /// Gets ready, then falls silent and obeys nothing but a kill.
+    /// Gets ready, then falls silent and obeys only SIGKILL.
     Hang,
     /// Gets ready and leaves the bus without ending.
     Leave,
     /// Gets ready, ignores requests to stop.
     Stubborn,
-    /// Not even a kill removes it.
+    /// SIGKILL does not remove it.
     Undead,
     /// Cannot be started.
     Missing,
     /// Takes more and more memory.
     Greedy,
-    /// Stands by and fails its proof.
+    /// Stands by and fails its probe.
     Unfit,
     /// Stands by and says nothing more.
     Mute,
-    /// Serves at once although it is to stand by.
+    /// Serves at once instead of standing by.
     Impostor,
     /// Cannot take its role.
     Refuse,
@@ -66,7 +66,7 @@ const BEHAVIOURS: [Behaviour; 20] = [
     Behaviour::Faint,
 ];
 
-/// Resident memory of one that takes too much.
+/// Resident memory of a greedy process.
 const TOO_MUCH: u64 = 100 << 20;
 
 #[derive(Debug, Clone)]
@@ -77,7 +77,7 @@ pub(super) struct Simulated {
     pub(super) start: Start,
     behaviour: Behaviour,
     delay: Duration,
-    /// Serves its role or was told to.
+    /// Serves its role, or was promoted.
     pub(super) serves: bool,
 }
 
@@ -86,7 +86,7 @@ pub(super) struct World {
     pub(super) now: Time,
     pub(super) behaviours: Vec<(Behaviour, Duration)>,
     next_behaviour: usize,
-    /// What will happen, by time and a serial number.
+    /// Future events, by time and serial number.
     future: BTreeMap<(Time, u64), Event>,
     serial: u64,
     pub(super) alive: BTreeMap<ProcessId, Simulated>,
@@ -95,12 +95,12 @@ pub(super) struct World {
     pub(super) first_started: Vec<usize>,
     pub(super) asked_to_stop: Vec<usize>,
     wished: bool,
-    /// Whether the other machine is there.
+    /// Whether the other machine is present.
     present: bool,
     pub(super) finished: Option<Outcome>,
-    /// Times at which the machine decided by itself to start a service again.
+    /// Times of automatic restarts.
     automatic: BTreeMap<usize, Vec<Time>>,
-    /// Last one granted for each role.
+    /// Last granted epoch of each role.
     epochs: BTreeMap<String, u64>,
     /// States that swaps went through.
     pub(super) swaps: Vec<(usize, u64, SwapState, String)>,
@@ -161,7 +161,7 @@ impl World {
 
     pub(super) fn give(&mut self, event: Event) {
         match &event {
-            // What a process does ends with it.
+            // The end of a process cancels its future events.
             Event::Exited { id, .. } if self.alive.remove(id).is_none() => return,
             Event::Ready { instance, .. } | Event::Presence { instance, .. } | Event::Health { instance, .. }
                 if !self.alive.values().any(|s| s.instance == *instance) =>
@@ -169,7 +169,7 @@ impl World {
                 return;
             }
             Event::Down | Event::Kill => self.wished = true,
-            // Its lease is over, and so is what it ran.
+            // The node's lease ran out, and its processes ended.
             Event::Node { present, .. } => {
                 self.present = *present;
                 self.alive.retain(|_, s| *present || s.start.node.is_none());
@@ -231,7 +231,7 @@ impl World {
         }
     }
 
-    /// Nobody serves the role, and it never had so high an epoch.
+    /// The role is free, and the epoch is new.
     fn grant(&mut self, role: &str, epoch: u64) {
         let other = self.alive.values().find(|s| s.serves && s.role == role);
         assert!(other.is_none(), "role {role} is given away while {other:?} has it");
@@ -330,7 +330,7 @@ impl World {
         }
     }
 
-    /// Lets time pass until nothing is left to happen before `end`, or the stack is finished.
+    /// Advances time until `end`, the end of all events, or the end of the stack.
     pub(super) fn run_until(&mut self, end: Time) {
         for _ in 0..200_000 {
             if self.finished.is_some() {
@@ -385,14 +385,14 @@ fn policies() -> impl Strategy<Value = Policy> {
     )
 }
 
-/// Lists of services: some of six, with starts and roles of few kinds, each after some of those before it.
+/// Lists of services: a subset of six, with few starts and roles, each with earlier dependencies.
 fn plans() -> impl Strategy<Value = Vec<Service>> {
     prop::collection::vec((policies(), any::<u8>(), 0..5_u32, 0..8_usize), 1..6).prop_map(|services| {
         let mut plan: Vec<Service> = Vec::new();
         for (i, (policy, bits, version, other)) in services.into_iter().enumerate() {
             let after: Vec<_> = (0..i).filter(|j| bits & (1 << j) != 0).collect();
             let mut service = Service { start: start(version), ..service(i, &after, policy) };
-            // Now and then a role that another service has in another list.
+            // Sometimes the role of another service in another list.
             let role = format!("r{other}");
             if other < 6 && plan.iter().all(|s| s.role != role) && other > i {
                 service.role = role;
@@ -427,11 +427,11 @@ fn wishes() -> impl Strategy<Value = Vec<(u64, Event)>> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the processes do and whatever people ask for: no role is given away before whoever had it is gone, and
-    /// every time with a higher epoch; nothing starts before what it comes after; no state is without a deadline; there are
-    /// no more restarts than allowed, one end for every id and every swap, and the stack ends when it is told to.
+    /// Invariants for all behaviours and requests. A role is granted only when its last holder is gone, with a higher
+    /// epoch. Dependencies come first. Every state has a deadline. Restarts stay within their limit. Each process and
+    /// each swap ends once. The stack stops on request.
     #[test]
-    fn every_world_is_survived(
+    fn all_worlds_keep_the_invariants(
         plan in plans(),
         behaviours in behaviours(),
         wishes in wishes(),
@@ -446,10 +446,10 @@ proptest! {
         world.run_until(millis(end));
         if world.finished.is_none() {
             world.give(if hurry { Event::Kill } else { Event::Down });
-            // What a machine runs is over with its lease at the latest.
+            // The lease ends the processes of a node at the latest.
             world.later(millis(12_000), node(false));
         }
-        // Each of six services may need its grace, and two kills that are waited for.
+        // Each of six services may need its grace period and two kills.
         let limit = world.now + millis(6 * 10_400);
         world.run_until(limit);
         prop_assert!(world.finished.is_some(), "not down: {:?}", world.stack);
@@ -460,7 +460,7 @@ proptest! {
         }
     }
 
-    /// Well-behaved services are asked to stop in the reverse of the order in which they were started.
+    /// Well-behaved services stop in the reverse order of their start.
     #[test]
     fn a_stack_stops_in_reverse(plan in plans(), delays in prop::collection::vec(1..600_u64, 1..9)) {
         let count = plan.len();
@@ -477,10 +477,10 @@ proptest! {
         prop_assert_eq!(&world.asked_to_stop, &reversed);
     }
 
-    /// In a world where all goes well every list of services is reached: each runs with the start that was last wished
-    /// for it, and nothing else runs.
+    /// In a world without failures every list of services is reached: each service runs with the last requested start,
+    /// and nothing else runs.
     #[test]
-    fn what_is_wished_is_reached(
+    fn desired_services_are_reached(
         plans in prop::collection::vec((plans(), 1..3000_u64), 1..6),
         delays in prop::collection::vec(1..300_u64, 1..9),
     ) {

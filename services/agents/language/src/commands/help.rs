@@ -4,6 +4,8 @@ use sg_proto::language::{Act, Clause};
 
 use super::command::{Command, Construct, Context, Effect, complete};
 use crate::resolution::{Refusal, Step};
+use crate::syntax::token::normalized_name;
+use crate::text::is_plural;
 use crate::unit_names;
 
 /// The command "help".
@@ -34,10 +36,19 @@ fn resolve(_: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {
 /// Names in examples where the scene has no units.
 const SAMPLE_NAMES: [&str; 2] = ["sac", "vessel"];
 
-/// An example with the names of units.
+/// An example with the names of units. The verb agrees with a plural name.
 pub(crate) fn with_names(example: &str, names: &[&str]) -> String {
-    let unit = names.first().copied().unwrap_or(SAMPLE_NAMES[0]);
-    let other = names.get(1).copied().unwrap_or(SAMPLE_NAMES[1]);
+    let [first_sample, second_sample] = SAMPLE_NAMES;
+    let unit = names.first().copied().unwrap_or(first_sample);
+    let sample = if normalized_name(unit) == normalized_name(second_sample) { first_sample } else { second_sample };
+    let other = names.get(1).copied().unwrap_or(sample);
+    let mut words: Vec<&str> = example.split(' ').collect();
+    if is_plural(unit)
+        && let Some(place) = words.windows(3).position(|w| w[0] == "is" && w[1] == "the" && w[2].starts_with("{unit}"))
+    {
+        words[place] = "are";
+    }
+    let example = words.join(" ");
     example.replace("{unit}", unit).replace("{other}", other)
 }
 

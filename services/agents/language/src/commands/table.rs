@@ -77,3 +77,16 @@ pub fn examples(names: &[&str]) -> Vec<String> {
 pub fn help(names: &[&str]) -> String {
     help_text(TABLE, names)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_with_one_act_have_equal_fields_and_effects() {
+        for row in TABLE {
+            let first = command(row.act).unwrap();
+            assert_eq!((row.fields, row.effect), (first.fields, first.effect), "{}", row.title);
+        }
+    }
+}

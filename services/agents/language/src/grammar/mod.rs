@@ -116,6 +116,7 @@ mod tests {
     use super::*;
     use crate::commands::help::with_names;
     use crate::commands::table::TABLE;
+    use sg_proto::language::Act;
 
     fn observation(names: &[&str]) -> Observation {
         let unit = |name: &&str| BaseUnit { name: (*name).to_owned(), ..BaseUnit::default() };
@@ -127,7 +128,7 @@ mod tests {
     fn every_example_is_parsed_as_its_act() {
         for names in [&["sac", "vessel"][..], &["leaves", "flower pot"], &[]] {
             // Without known names the old name cannot be told from the new one.
-            for entry in TABLE.iter().filter(|e| !names.is_empty() || e.act != sg_proto::language::Act::Rename) {
+            for entry in TABLE.iter().filter(|e| !names.is_empty() || e.act != Act::Rename) {
                 assert!(!entry.examples.is_empty(), "{} has no example", entry.title);
                 for example in entry.examples {
                     let utterance = with_names(example, names);
@@ -144,11 +145,9 @@ mod tests {
 
     #[test]
     fn every_act_of_the_contract_has_a_command() {
-        for act in 1..=21 {
-            let act = sg_proto::language::Act::try_from(act).unwrap();
+        for act in (1..).map_while(|act| Act::try_from(act).ok()) {
             assert!(TABLE.iter().any(|e| e.act == act), "{act:?}");
         }
-        assert!(sg_proto::language::Act::try_from(22).is_err(), "an act was added to the contract");
     }
 
     #[test]

@@ -89,7 +89,7 @@ mod tests {
     fn every_act_of_the_contract_has_its_fields() {
         let schema = intent_schema();
         let acts: Vec<Act> = schema.contract.act_fields().map(|(act, _)| act).collect();
-        let contract: Vec<Act> = (1..=21).map(|act| Act::try_from(act).unwrap()).collect();
+        let contract: Vec<Act> = (1..).map_while(|act| Act::try_from(act).ok()).collect();
         assert_eq!(acts, contract);
     }
 

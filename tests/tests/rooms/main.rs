@@ -4,6 +4,9 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::panic, reason = "a test fails by panicking")]
 
+mod circles;
+mod dependencies;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -125,9 +128,9 @@ fn no_drawers_for_everything(files: &[File]) -> Vec<String> {
 #[test]
 fn modules_are_named_after_a_subject() {
     hold(no_drawers_for_everything);
-    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/src/utils.rs", "")]), 1);
-    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/src/common/mod.rs", "")]), 1);
-    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/src/common_words.rs", "")]), 0);
+    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/cli/src/utils.rs", "")]), 1);
+    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/cli/src/common/mod.rs", "")]), 1);
+    assert_eq!(complaints_about(no_drawers_for_everything, &[("launch/cli/src/common_words.rs", "")]), 0);
 }
 
 fn only_the_runtime_names_the_bus(files: &[File]) -> Vec<String> {
@@ -150,38 +153,39 @@ fn only_the_runtime_names_the_bus(files: &[File]) -> Vec<String> {
 fn the_bus_is_named_in_the_runtime_only() {
     hold(only_the_runtime_names_the_bus);
     let session = concat!("let s = zenoh", "::open(config).await?;");
-    assert_eq!(complaints_about(only_the_runtime_names_the_bus, &[("services/scene/src/actor.rs", session)]), 1);
+    assert_eq!(
+        complaints_about(only_the_runtime_names_the_bus, &[("services/scene/service/src/actor.rs", session)]),
+        1
+    );
     assert_eq!(complaints_about(only_the_runtime_names_the_bus, &[("services/runtime/src/bus.rs", session)]), 0);
     let manifest = [("launch/Cargo.toml", "zenoh.workspace = true")];
     assert_eq!(complaints_about(only_the_runtime_names_the_bus, &manifest), 1);
 }
 
-/// Rooms whose library is the subject itself; `runtime` and `launch` are about processes and are not among them.
-const SUBJECTS: [&str; 7] = [
-    "proto",
-    "services/scene",
-    "services/selection",
-    "services/volume",
-    "services/fit",
-    "services/agents",
-    "render-node",
-];
+/// Whether a package's folder holds a process rather than a library.
+fn is_process(folder: &str) -> bool {
+    let last = folder.rsplit('/').next().unwrap_or_default();
+    ["service", "core", "intent", "function", "node", "cli"].contains(&last)
+}
 
-/// Names of the modules that `main.rs` has for itself.
-fn process_modules(files: &[File], room: &str) -> Vec<String> {
-    let main = files.iter().find(|f| f.path == format!("{room}/src/main.rs"));
+/// Modules of a package that belong to its process: those that `main.rs` declares, if it has one.
+fn process_modules(files: &[File], package: &str) -> Vec<String> {
+    let main = files.iter().find(|f| f.path == format!("{package}/src/main.rs"));
     let lines = main.into_iter().flat_map(|f| f.text.lines());
     lines.filter_map(|line| line.trim().strip_prefix("mod ")?.strip_suffix(';')).map(str::to_owned).collect()
 }
 
+/// Packages whose subject is processes or asynchronous calls.
+const ASYNCHRONOUS: [&str; 3] = ["services/runtime", "services/agents/llm", "launch/stack"];
+
 fn libraries_know_no_bus(files: &[File]) -> Vec<String> {
     let mut complaints = Vec::new();
-    for room in SUBJECTS {
-        let process = process_modules(files, room);
+    for (package, ..) in MAP.iter().filter(|(package, ..)| !ASYNCHRONOUS.contains(package) && *package != "tests") {
+        let process = process_modules(files, package);
         for file in files.iter().filter(|f| f.is_rust()) {
-            let Some(inside) = file.path.strip_prefix(&format!("{room}/src/")) else { continue };
+            let Some(inside) = file.path.strip_prefix(&format!("{package}/src/")) else { continue };
             let first = inside.split('/').next().unwrap_or_default().trim_end_matches(".rs");
-            if first == "main" || first == "bin" || process.iter().any(|module| module == first) {
+            if first == "main" || process.iter().any(|module| module == first) {
                 continue;
             }
             for (number, line) in file.code() {
@@ -199,19 +203,33 @@ fn libraries_know_no_bus(files: &[File]) -> Vec<String> {
 #[test]
 fn a_library_names_neither_bus_nor_async() {
     hold(libraries_know_no_bus);
-    let main = ("services/scene/src/main.rs", "mod actor;\nmod cli;\n#[tokio::main]\nasync fn main() {}");
-    let actor = ("services/scene/src/actor.rs", "use sg_runtime::Process;");
-    let library = ("services/scene/src/journal.rs", "pub async fn append() {}");
-    let test = ("services/scene/src/journal.rs", "#[cfg(test)]\nmod tests {\n    async fn f() {}\n}");
+    let main = ("services/scene/service/src/main.rs", "mod actor;\nmod cli;\n#[tokio::main]\nasync fn main() {}");
+    let actor = ("services/scene/service/src/actor.rs", "use sg_runtime::Process;");
+    let library = ("services/scene/service/src/journal.rs", "pub async fn append() {}");
+    let test = ("services/scene/edit/src/history.rs", "#[cfg(test)]\nmod tests {\n    async fn f() {}\n}");
     assert_eq!(complaints_about(libraries_know_no_bus, &[main, actor]), 0);
     assert_eq!(complaints_about(libraries_know_no_bus, &[actor]), 1, "actor.rs as a module of the library");
     assert_eq!(complaints_about(libraries_know_no_bus, &[main, library]), 1);
     assert_eq!(complaints_about(libraries_know_no_bus, &[test]), 0);
 }
 
+#[test]
+fn modules_import_each_other_in_one_direction() {
+    hold(circles::complaints);
+    let complaints = |files: &[(&str, &str)]| complaints_about(circles::complaints, files);
+    let (a, b) = (("x/src/a.rs", "use crate::{b::{self, B}, d};"), ("x/src/b.rs", "fn f() { super::c::g(); }"));
+    assert_eq!(complaints(&[a, b]), 0);
+    assert_eq!(complaints(&[a, b, ("x/src/c.rs", "use crate::a::A;")]), 1);
+    assert_eq!(complaints(&[a, b, ("x/src/c/mod.rs", "mod e;"), ("x/src/c/e.rs", "use super::super::a;")]), 0);
+    assert_eq!(complaints(&[a, b, ("y/src/c.rs", "use crate::a::A;")]), 0, "another package");
+    assert_eq!(complaints(&[a, b, ("x/src/c.rs", "#[cfg(test)]\nmod tests {\n    use crate::a::A;\n}")]), 0);
+    let parent = [("x/src/a/mod.rs", "use self::b::B;"), ("x/src/a/b.rs", "use super::A;")];
+    assert_eq!(complaints(&parent), 0, "a module and what is inside it are one subject");
+}
+
 fn only_launch_starts_processes(files: &[File]) -> Vec<String> {
     // The window's one helper: a video of pictures that are there already.
-    let helper = "render-node/src/window/ffmpeg.rs";
+    let helper = "render-node/viewer/src/window/ffmpeg.rs";
     let may = |f: &&File| f.path.starts_with("launch/") || f.path == helper || f.is_test();
     let rooms = files.iter().filter(|f| f.is_rust() && !may(f));
     rooms
@@ -229,24 +247,88 @@ fn processes_are_started_by_launch_only() {
     hold(only_launch_starts_processes);
     let spawn = "let child = Command::new(\"ls\").spawn()?;";
     assert_eq!(complaints_about(only_launch_starts_processes, &[("services/fit/src/train.rs", spawn)]), 1);
-    assert_eq!(complaints_about(only_launch_starts_processes, &[("launch/src/children.rs", spawn)]), 0);
-    assert_eq!(complaints_about(only_launch_starts_processes, &[("render-node/src/window/ffmpeg.rs", spawn)]), 0);
-    assert_eq!(complaints_about(only_launch_starts_processes, &[("render-node/src/window/keep.rs", spawn)]), 1);
+    assert_eq!(complaints_about(only_launch_starts_processes, &[("launch/stack/src/spawn.rs", spawn)]), 0);
+    assert_eq!(
+        complaints_about(only_launch_starts_processes, &[("render-node/viewer/src/window/ffmpeg.rs", spawn)]),
+        0
+    );
+    assert_eq!(
+        complaints_about(only_launch_starts_processes, &[("render-node/viewer/src/window/exporter.rs", spawn)]),
+        1
+    );
     assert_eq!(complaints_about(only_launch_starts_processes, &[("services/fit/tests/cli.rs", spawn)]), 0);
 }
 
-/// Room, and the other rooms whose packages it may depend on.
-const MAP: [(&str, &[&str]); 10] = [
-    ("proto", &[]),
-    ("services/runtime", &["proto"]),
-    ("services/scene", &["proto", "runtime"]),
-    ("services/selection", &["proto", "runtime", "scene"]),
-    ("services/volume", &["proto"]),
-    ("services/fit", &["proto", "runtime", "scene", "volume", "render-node"]),
-    ("services/agents", &["proto", "runtime"]),
-    ("render-node", &["proto", "runtime", "scene", "selection", "volume"]),
-    ("launch", &["proto", "runtime"]),
-    ("tests", &["proto", "runtime", "scene", "selection", "volume", "fit", "agents", "render-node", "launch"]),
+/// Folder of a package, its name, and the packages of ours that it may depend on.
+const MAP: [(&str, &str, &[&str]); 25] = [
+    ("proto", "sg-proto", &[]),
+    ("services/runtime", "sg-runtime", &["sg-proto"]),
+    ("services/scene/model", "sg-scene", &[]),
+    ("services/scene/formats", "sg-formats", &["sg-scene"]),
+    ("services/scene/edit", "sg-edit", &["sg-proto", "sg-scene"]),
+    ("services/scene/service", "supergaussian-scene", &["sg-edit", "sg-formats", "sg-proto", "sg-runtime", "sg-scene"]),
+    ("services/volume", "sg-volume", &[]),
+    ("services/fit", "sg-fit", &["sg-formats", "sg-gpu", "sg-raster", "sg-scene", "sg-volume"]),
+    ("services/fit/service", "supergaussian-fit", &["sg-fit", "sg-formats", "sg-runtime", "sg-scene", "sg-volume"]),
+    // The tests of walks take their graphs from clusters.
+    ("services/selection/walk", "sg-walk", &["sg-clusters", "sg-scene"]),
+    ("services/selection/clusters", "sg-clusters", &["sg-formats", "sg-scene", "sg-walk"]),
+    ("services/selection/selection", "sg-selection", &["sg-clusters", "sg-formats", "sg-scene", "sg-walk"]),
+    (
+        "services/selection/service",
+        "supergaussian-selection",
+        &["sg-clusters", "sg-edit", "sg-formats", "sg-proto", "sg-runtime", "sg-scene", "sg-selection", "sg-walk"],
+    ),
+    ("services/agents/language", "sg-language", &["sg-proto"]),
+    ("services/agents/llm", "sg-llm", &["sg-language", "sg-proto"]),
+    ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
+    ("services/agents/intent", "supergaussian-agent-intent", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
+    ("services/agents/function", "supergaussian-agent-function", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
+    ("render-node/raster", "sg-raster", &["sg-formats", "sg-scene"]),
+    ("render-node/gpu", "sg-gpu", &["sg-formats", "sg-raster", "sg-scene"]),
+    (
+        "render-node/viewer",
+        "sg-viewer",
+        &[
+            "sg-clusters",
+            "sg-edit",
+            "sg-formats",
+            "sg-gpu",
+            "sg-proto",
+            "sg-raster",
+            "sg-scene",
+            "sg-selection",
+            "sg-volume",
+        ],
+    ),
+    (
+        "render-node/node",
+        "supergaussian-render-node",
+        &["sg-edit", "sg-formats", "sg-gpu", "sg-proto", "sg-raster", "sg-runtime", "sg-scene", "sg-viewer"],
+    ),
+    ("launch/stack", "sg-stack", &["sg-proto", "sg-runtime"]),
+    ("launch/cli", "supergaussian", &["sg-proto", "sg-runtime", "sg-stack"]),
+    (
+        "tests",
+        "sg-tests",
+        &[
+            "sg-clusters",
+            "sg-edit",
+            "sg-fit",
+            "sg-formats",
+            "sg-gpu",
+            "sg-language",
+            "sg-proto",
+            "sg-raster",
+            "sg-runtime",
+            "sg-scene",
+            "sg-selection",
+            "sg-stack",
+            "sg-viewer",
+            "sg-volume",
+            "sg-walk",
+        ],
+    ),
 ];
 
 fn manifests_follow_the_map(files: &[File]) -> Vec<String> {
@@ -258,7 +340,7 @@ fn manifests_follow_the_map(files: &[File]) -> Vec<String> {
             continue;
         }
         let mut say = |what: String| complaints.push(format!("{}: {what}", file.path));
-        let Some((_, allowed)) = MAP.iter().find(|(name, _)| *name == room) else {
+        let Some((_, name, allowed)) = MAP.iter().find(|(folder, ..)| *folder == room) else {
             say("a room that is not on the map (MAP in tests/tests/rooms.rs, ARCHITECTURE.md)".into());
             continue;
         };
@@ -277,18 +359,19 @@ fn manifests_follow_the_map(files: &[File]) -> Vec<String> {
                     say(format!("{key}: versions stand in the workspace only"));
                 }
                 let package = key.trim_end_matches(".workspace");
-                if let Some(other) = package.strip_prefix("sg-").filter(|other| !allowed.contains(other)) {
-                    say(format!("may not depend on the room {other}"));
+                if MAP.iter().any(|(_, ours, _)| *ours == package) && !allowed.contains(&package) {
+                    say(format!("may not depend on {package}"));
                 }
             } else if key == "name" {
-                let name = value.trim_matches('"');
+                let value = value.trim_matches('"');
+                let is_executable = value == "supergaussian" || value.starts_with("supergaussian-");
                 let fits = match section {
-                    "[package]" => Some(name) == room.rsplit('/').next().map(|last| format!("sg-{last}")).as_deref(),
-                    "[[bin]]" => name == "supergaussian" || name.starts_with("supergaussian-"),
+                    "[package]" => value == *name && is_executable == is_process(room),
+                    "[[bin]]" => is_executable,
                     _ => true,
                 };
                 if !fits {
-                    say(format!("{section} is named {name}"));
+                    say(format!("{section} is named {value}"));
                 }
             }
         }
@@ -300,20 +383,20 @@ fn manifests_follow_the_map(files: &[File]) -> Vec<String> {
 fn rooms_depend_as_the_map_says() {
     hold(manifests_follow_the_map);
     let manifest = |dependency: &str| {
-        format!("[package]\nname = \"sg-agents\"\n[lints]\nworkspace = true\n[dependencies]\n{dependency}\n")
+        format!("[package]\nname = \"sg-language\"\n[lints]\nworkspace = true\n[dependencies]\n{dependency}\n")
     };
     let complaints = |room: &str, text: &str| complaints_about(manifests_follow_the_map, &[(room, text)]);
-    assert_eq!(complaints("services/agents/Cargo.toml", &manifest("sg-runtime.workspace = true")), 0);
+    assert_eq!(complaints("services/agents/language/Cargo.toml", &manifest("sg-proto.workspace = true")), 0);
     assert_eq!(
-        complaints("services/agents/Cargo.toml", &manifest("sg-scene.workspace = true")),
+        complaints("services/agents/language/Cargo.toml", &manifest("sg-scene.workspace = true")),
         1,
         "agents act by bus"
     );
-    assert_eq!(complaints("services/agents/Cargo.toml", &manifest("glam = \"0.34\"")), 1);
+    assert_eq!(complaints("services/agents/language/Cargo.toml", &manifest("glam = \"0.34\"")), 1);
     assert_eq!(complaints("services/cellar/Cargo.toml", &manifest("")), 1);
     assert_eq!(complaints("tests/peers/other/Cargo.toml", &manifest("")), 1);
     assert_eq!(complaints("tests/peers/other/Cargo.toml", &format!("\n[workspace]\n{}", manifest("wgpu = \"30\""))), 0);
-    assert_eq!(complaints("launch/Cargo.toml", &manifest("")), 1, "the package's name");
+    assert_eq!(complaints("launch/stack/Cargo.toml", &manifest("")), 1, "the package's name");
 }
 
 /// How long `main.rs` may be: it chooses between subcommands and `serve`, nothing more.
