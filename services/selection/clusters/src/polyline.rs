@@ -107,7 +107,7 @@ impl Polyline {
         self.samples.is_empty()
     }
 
-    /// All of it.
+    /// The whole polyline as one part.
     #[must_use]
     pub fn whole(&self) -> Part {
         Part { level: self.levels.len() - 1, index: 0 }
@@ -125,13 +125,13 @@ impl Polyline {
         (2 * part.index..(2 * part.index + 2).min(end)).map(move |index| Part { level, index })
     }
 
-    /// The square of how far the tube of a radius reaches from a part at most.
+    /// Squared largest radius of the tube around a part.
     fn limit(&self, part: Part, radius: f64) -> f64 {
         let radius = self.largest.get(part.level).map_or(radius, |largest| radius * largest[part.index]);
         radius * radius
     }
 
-    /// Those of the parts whose tubes of a radius reach a box, split until they are about as small as it.
+    /// Parts whose tube reaches a box, split until they are about as small as the box.
     #[must_use]
     pub fn parts_near(&self, parts: &[Part], to: &Bounds, radius: f64) -> Vec<Part> {
         let size = |b: &Bounds| (0..3).map(|a| b.max[a] - b.min[a]).fold(0.0, f64::max);
@@ -153,11 +153,11 @@ impl Polyline {
         near
     }
 
-    /// Whether the point is in the tube of a radius around one of the parts: closer than the radius to a sample, or to the
-    /// nearest point of a segment, each time the radius times the factor there, which between samples is linear.
+    /// Whether a point is in the tube around one of the parts.
     ///
-    /// Where samples have no factors that is: closer than the radius to one of the parts. What is too far behind that place for
-    /// whoever sees it (see [`Polyline::with_depth_limit`]) is not.
+    /// The point must be closer than the local radius to a sample, or to the nearest point of a segment. The local radius is
+    /// the radius times the factor there; factors are linear between samples. Points beyond the depth limit (see
+    /// [`Polyline::with_depth_limit`]) are excluded.
     #[must_use]
     pub fn is_closer_than(&self, parts: &[Part], p: &[f64; 3], radius: f64) -> bool {
         let at = DVec3::from_array(*p);
@@ -176,14 +176,14 @@ impl Polyline {
         false
     }
 
-    /// Squared distance of a point.
+    /// Squared distance from a point to the polyline.
     #[must_use]
     pub fn distance_squared(&self, p: &[f64; 3]) -> f64 {
         let at = DVec3::from_array(*p);
         self.best(|b| b.point_distance_squared(p), |leaf| self.leaf_distance_squared(leaf, at))
     }
 
-    /// A lower bound of the squared distance of a box: that of the boxes of the polyline's leaves.
+    /// A lower bound of the squared distance from a box, from the boxes of the polyline's leaves.
     #[must_use]
     pub fn box_distance_squared(&self, to: &Bounds) -> f64 {
         self.best(|b| b.distance_squared(to), |leaf| self.levels[0][leaf].distance_squared(to))
@@ -219,7 +219,7 @@ impl Polyline {
         let between = |(s, f): (&[DVec3], &[f64])| {
             let ab = s[1] - s[0];
             let along = (p - s[0]).dot(ab) / ab.length_squared();
-            // At the ends, and where the samples are too close together to divide by their distance, the balls decide.
+            // The balls decide at the ends, and for samples too close together to divide by their distance.
             along > 0.0 && along < 1.0 && {
                 let factor = (f[0] + along * (f[1] - f[0])).clamp(f[0].min(f[1]), f[0].max(f[1]));
                 within(s[0] + ab * along, factor)

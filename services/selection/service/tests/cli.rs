@@ -187,7 +187,7 @@ fn a_cache_is_found_again_and_its_damage_is_repaired() {
         let output =
             run(at, &["select", "balls.ply", "--strokes", "s.json", "--out", "m.npy", "--cache", "kept", "--json"]);
         assert!(output.status.success());
-        let warned = String::from_utf8_lossy(&output.stderr).contains("made anew");
+        let warned = String::from_utf8_lossy(&output.stderr).contains("computed again");
         (std::fs::read(at.join("m.npy")).unwrap(), report(&String::from_utf8(output.stdout).unwrap()), warned)
     };
     let (first, made, _) = select();

@@ -18,7 +18,7 @@ fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionIndex
     let (clustering, _) = cluster(&geometry, &clustering_options, &Silent).unwrap();
     let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
     let space = SelectionIndex::of_clusters(scene, &clustering, &graph, options);
-    let operation_context = OperationContext::with(Arc::new(scene.clone()), geometry);
+    let operation_context = OperationContext::with_geometry(Arc::new(scene.clone()), geometry);
     (Arc::new(space.with_operation_context(operation_context)), clustering)
 }
 

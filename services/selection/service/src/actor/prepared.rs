@@ -1,4 +1,4 @@
-//! What the selection process makes of a scene before it serves: its parameters, clusters and their graph.
+//! Preparation of a scene for the selection process: parameters, clusters and cluster graph.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub(super) struct Params {
     pub(super) sigma_s: f64,
     /// Factor on σ_f.
     pub(super) sigma_f: f64,
-    /// Folder of cached clusters; by default one in the session's folder.
+    /// Folder of the cluster cache. The default is a folder of the session.
     pub(super) cache: Option<PathBuf>,
 }
 
@@ -53,16 +53,16 @@ impl Default for Params {
     }
 }
 
-/// What selections are made of.
+/// A scene prepared for selections.
 pub(super) struct Prepared {
     pub(super) index: Arc<SelectionIndex>,
-    /// The Super-Gaussian of each Gaussian, -1 for none.
+    /// Cluster of each Gaussian; -1 without a cluster.
     pub(super) labels: Vec<i32>,
     pub(super) from_cache: bool,
     pub(super) clustering_ms: f64,
 }
 
-/// Reads the geometry the scene speaks of and clusters it, or finds the clusters in the cache.
+/// Reads the scene and clusters it, or loads the clusters from the cache.
 pub(super) fn prepare(
     path: &Path,
     hash: &str,
@@ -83,18 +83,18 @@ pub(super) fn prepare(
         Found::Entry(entry) => (entry.0, entry.1, true),
         found => {
             if let Found::Damaged(why) = found {
-                tracing::warn!("cached clusters are made anew: {why}");
+                tracing::warn!("cached clusters are computed again: {why}");
             }
             let (clustering, graph) = compute(&scene, geometry_options, &options)?;
             if let Err(error) = cache.store(&key, &clustering, &graph) {
-                tracing::warn!(%error, "the clusters could not be cached; a restart will make them again");
+                tracing::warn!(%error, "the clusters could not be cached; a restart will compute them again");
             }
             (clustering, graph, false)
         }
     };
     let clustering_ms = start.elapsed().as_secs_f64() * 1e3;
     let index = SelectionIndex::of_clusters(&scene, &clustering, &graph, walk);
-    // Neighbours and features are made anew when an operation first needs them: the cache holds clusters alone.
+    // The cache holds clusters only. The first operation that needs neighbours and features computes them.
     let index = Arc::new(index.with_operation_context(OperationContext::new(Arc::clone(&scene), geometry_options)));
     Ok(Prepared { index, labels: clustering.labels, from_cache, clustering_ms })
 }
