@@ -7,5 +7,6 @@ pub mod camera;
 mod content_hash;
 pub mod mask;
 pub mod model;
+pub mod symmetric3;
 pub mod synthetic;
 pub mod view;

@@ -1,18 +1,17 @@
-//! Which centre each Gaussian belongs to: the exact minimum of D over all centres in near-linear work.
+//! Assignment of Gaussians to cluster centres: the exact minimum of D over all centres in near-linear time.
 //!
-//! D(i, j) = (d(i, s_j) / S)² + m²·‖f_i − f_j‖², with d the length of the shortest path over the neighbour graph to the
-//! centre's source s_j, S the voxel edge and m the weight of the features.
+//! D(i, j) = (d(i, s_j) / S)² + m²·‖f_i − f_j‖². Here d is the length of the shortest path over the neighbour graph to the
+//! source s_j of centre j, S is the voxel edge, and m is the weight of the features.
 //!
-//! An upper bound U(i) on the least D (at first D of the graph-nearest source) gives the radius r(i) = S·√U(i) beyond
-//! which no source can win at i, and the envelope P(i) = max over k of (r(k) − d(i,k)). A search from source j may stop
-//! at i as soon as d_j(i) > P(i): if the shortest path from j to k passes i, then
-//! d_j(k) = d_j(i) + d(i,k) > P(i) + d(i,k) ≥ r(k), so D_j(k) > U(k) and nothing is lost.
+//! Let U(i) be an upper bound of the smallest D at i, at first D of the graph-nearest source. It gives the radius
+//! r(i) = S·√U(i), beyond which no source can win at i. The envelope is P(i) = max over k of (r(k) − d(i,k)). A search from
+//! source j may stop at i if d_j(i) > P(i). Proof: let the shortest path from j to k pass i. Then
+//! d_j(k) = d_j(i) + d(i,k) > P(i) + d(i,k) ≥ r(k), so D_j(k) > U(k).
 //!
-//! Any envelope that is pointwise at least P serves, and P ≤ G holds as soon as r ≤ G does everywhere, because G, an
-//! envelope itself, falls no faster than distance grows. So the first round starts from a constant G: all sources search
-//! that far, side by side, the least D found is the U, and where it asks for more G is raised and the searches that it
-//! lets reach further go on. From round to round most sources stay where they are. Their searches are kept: only sources
-//! that moved search again.
+//! Any envelope that is pointwise at least P is valid. An envelope G with r ≤ G everywhere satisfies P ≤ G, because an
+//! envelope falls no faster than the distance grows. So the first round starts with a constant G. All sources search up to
+//! G, and the smallest D found is U. Where r exceeds G, the envelope rises and the affected searches continue. Most sources
+//! do not move between rounds. Their searches are cached; only moved sources search again.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -23,28 +22,28 @@ use crate::features::{Row, distance_squared as feature_distance_squared};
 use crate::neighbours::Graph;
 use crate::shortest::{NONE, SearchPool, fill_unlabelled, nearest_source, raise_from, raise_to_envelope};
 
-/// Slack on the envelope, for the rounding of path lengths: without it points that tie (lattices) stay unlabelled.
+/// Slack on the envelope for the rounding of path lengths. Without it, tied points (lattices) would stay unlabelled.
 const SLACK: f64 = 1.0 + 1e-12;
 
-/// Searches done before their results are offered.
+/// Number of searches per batch of results.
 const BATCH: usize = 128;
 
-/// The constant envelope of the first round, in cells: most costs lie below its square while m is about one half.
+/// Constant envelope of the first round, in cells. For m of about ½, most costs lie below its square.
 const FIRST_REACH: f64 = 0.8;
 
-/// Of this many vertices one may ask for a higher envelope before all searches start anew in batches.
+/// If more than one in this many vertices needs a higher envelope, all searches restart in batches.
 const FEW: usize = 8;
 
-/// An envelope that must rise is raised by this factor more, so that it need not rise again in the next round.
+/// Extra factor on a rising envelope, to avoid another rise in the next round.
 const MARGIN: f64 = 1.05;
 
-/// Vertices that kept searches may hold, for each vertex of the graph.
-const MOST_KEPT: usize = 12;
+/// Capacity of the search cache: entries per vertex of the graph.
+const MAX_CACHED: usize = 12;
 
-/// A cluster's centre.
+/// The centre of a cluster.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Centre {
-    /// The vertex distances are measured from.
+    /// Source vertex of the distances.
     pub source: u32,
     /// Mean position of the members, in the scene frame.
     pub position: [f64; 3],
@@ -62,7 +61,7 @@ pub struct Metric {
 }
 
 impl Metric {
-    /// D of a path length (or straight distance) and two features.
+    /// D from a path length (or straight distance) and two features.
     #[inline]
     #[must_use]
     pub fn cost(&self, length: f64, a: &Row, b: &Row) -> f64 {
@@ -71,7 +70,7 @@ impl Metric {
         geometric * geometric + self.feature_weight * features
     }
 
-    /// The distance beyond which D exceeds `cost` whatever the features are.
+    /// The distance beyond which D exceeds `cost` for all features.
     #[must_use]
     pub fn radius(&self, cost: f64) -> f64 {
         self.cell * cost.sqrt()
@@ -81,9 +80,9 @@ impl Metric {
 /// The centre of each vertex.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assignment {
-    /// Index of the centre; [`NONE`] where no source is reachable.
+    /// Index of the centre of each vertex; [`NONE`] where no source is reachable.
     pub label: Vec<u32>,
-    /// D to it; infinite where there is none.
+    /// D to the centre; infinite without one.
     pub cost: Vec<f64>,
 }
 
@@ -92,7 +91,7 @@ impl Assignment {
         Self { label: vec![NONE; vertices], cost: vec![f64::INFINITY; vertices] }
     }
 
-    /// Σ D over the labelled vertices, by fixed blocks, so that the sum does not depend on the number of threads.
+    /// Σ D over the labelled vertices, summed in fixed blocks. The sum does not depend on the number of threads.
     #[must_use]
     pub fn objective(&self) -> f64 {
         let blocks: Vec<f64> =
@@ -101,17 +100,17 @@ impl Assignment {
     }
 }
 
-/// Vertices that share a lock stand next to each other.
+/// Number of consecutive vertices that share a lock.
 const STRIPE: usize = 64;
 
-/// An assignment to which several threads offer at once. The least (D, index) is the same in whatever order they come.
-struct Offers {
+/// A concurrent minimum of (D, index) for each vertex. The result does not depend on the order of updates.
+struct ConcurrentMinimum {
     label: Vec<AtomicU32>,
     cost: Vec<AtomicU64>,
     stripes: Vec<Mutex<()>>,
 }
 
-impl Offers {
+impl ConcurrentMinimum {
     fn to(assignment: Assignment) -> Self {
         let stripes = (0..assignment.label.len().div_ceil(STRIPE)).map(|_| Mutex::new(())).collect();
         Self {
@@ -124,7 +123,7 @@ impl Offers {
     #[inline]
     fn offer(&self, v: u32, cost: f64, label: u32) {
         let at = v as usize;
-        // Costs only fall, so what is worse now stays worse.
+        // Costs only fall, so a worse cost stays worse.
         if cost > f64::from_bits(self.cost[at].load(Ordering::Relaxed)) {
             return;
         }
@@ -144,63 +143,65 @@ impl Offers {
     }
 }
 
-/// A vertex that a search reached and how far it is: twelve bytes, since there are several of them for each vertex.
+/// A vertex that a search reached, with its distance. Packed to twelve bytes, because each vertex has several.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, packed(4))]
-struct Reached {
+struct ReachedVertex {
     vertex: u32,
     distance: f64,
 }
 
-/// In memory of just the size.
-fn packed(reached: &[(u32, f64)]) -> Vec<Reached> {
-    reached.iter().map(|&(vertex, distance)| Reached { vertex, distance }).collect()
+/// Copies the entries into an allocation of exact size.
+fn packed(reached: &[(u32, f64)]) -> Vec<ReachedVertex> {
+    reached.iter().map(|&(vertex, distance)| ReachedVertex { vertex, distance }).collect()
 }
 
-/// The searches of the last round, and what they are complete for.
+/// Searches of the last round, and the envelope for which they are complete.
 #[derive(Debug)]
-struct Kept {
+struct SearchCache {
     sources: Vec<u32>,
-    reach: Vec<Vec<Reached>>,
+    reach: Vec<Vec<ReachedVertex>>,
     envelope: Vec<f64>,
 }
 
-/// Assigns vertices to centres by D over the graph, round after round.
+/// Assigns vertices to centres by D over the graph, in rounds.
 #[derive(Debug)]
 pub struct GeodesicAssigner<'a> {
     graph: &'a Graph,
     rows: &'a [Row],
     metric: Metric,
-    /// The farthest a source is considered, unless it is the nearest one; infinite for the exact assignment.
+    /// Largest distance of a considered source, except for the nearest one. Infinite for the exact assignment.
     window: f64,
     pool: SearchPool,
-    kept: Option<Kept>,
-    /// Vertices settled by all searches so far: the work done.
+    kept: Option<SearchCache>,
+    /// Number of vertices settled by all searches so far.
     settled: u64,
 }
 
 impl<'a> GeodesicAssigner<'a> {
-    /// An assigner over a graph with one feature row a vertex; `window` in the scene's length unit.
+    /// An assigner over a graph with one feature row per vertex. `window` is in the scene's length unit.
     #[must_use]
     pub fn new(graph: &'a Graph, rows: &'a [Row], metric: Metric, window: f64) -> Self {
         Self { graph, rows, metric, window, pool: SearchPool::default(), kept: None, settled: 0 }
     }
 
-    /// Vertices settled by all searches so far.
+    /// Number of vertices settled by all searches so far.
     #[must_use]
     pub fn settled(&self) -> u64 {
         self.settled
     }
 
-    /// The centre of least D for each vertex, ties to the smaller index. Without a window the result is the exact
-    /// minimum over all centres; with one it is exact over the sources within it, else the graph-nearest source.
+    /// The centre of smallest D for each vertex. Ties go to the smaller index.
+    ///
+    /// Without a window, the result is the exact minimum over all centres. With a window, it is exact over the sources in
+    /// the window, or else the graph-nearest source.
     pub fn assign(&mut self, centres: &[Centre]) -> Assignment {
         if self.window.is_finite() {
             return self.assign_windowed(centres);
         }
         let kept = match self.kept.take() {
             Some(kept) if kept.sources.len() == centres.len() => kept,
-            _ => Kept {
+            _ => SearchCache {
                 sources: vec![NONE; centres.len()],
                 reach: vec![Vec::new(); centres.len()],
                 envelope: vec![FIRST_REACH * self.metric.cell; self.graph.len()],
@@ -223,16 +224,16 @@ impl<'a> GeodesicAssigner<'a> {
         let mut envelope: Vec<f64> =
             cost.iter().map(|&c| if c.is_finite() { self.metric.radius(c) } else { 0.0 }).collect();
         raise_to_envelope(self.graph, &mut envelope);
-        let mut kept = Kept { sources, reach: vec![Vec::new(); centres.len()], envelope };
+        let mut kept = SearchCache { sources, reach: vec![Vec::new(); centres.len()], envelope };
         self.search_in_batches(centres, &mut kept, Assignment { label, cost }).0
     }
 
-    /// Searches from all sources anew, in batches, so that searches that reach far (large m) are forgotten before memory
-    /// runs out; returns whether none was.
+    /// Searches from all sources again, in batches. Far searches (large m) are dropped to limit the memory. Returns whether
+    /// all searches were kept.
     fn search_in_batches(
         &mut self,
         centres: &[Centre],
-        kept: &mut Kept,
+        kept: &mut SearchCache,
         mut assignment: Assignment,
     ) -> (Assignment, bool) {
         let all: Vec<usize> = (0..centres.len()).collect();
@@ -242,7 +243,7 @@ impl<'a> GeodesicAssigner<'a> {
             self.search(batch, &kept.sources, &kept.envelope, &mut kept.reach);
             assignment = self.collect(centres, &kept.reach, batch, assignment);
             let more: usize = batch.iter().map(|&j| kept.reach[j].len()).sum();
-            held = held.map(|h| h + more).filter(|&h| h <= MOST_KEPT * self.graph.len());
+            held = held.map(|h| h + more).filter(|&h| h <= MAX_CACHED * self.graph.len());
             if held.is_none() {
                 kept.reach.iter_mut().for_each(|r| *r = Vec::new());
             }
@@ -250,7 +251,7 @@ impl<'a> GeodesicAssigner<'a> {
         (assignment, held.is_some())
     }
 
-    fn assign_from(&mut self, centres: &[Centre], mut kept: Kept) -> Assignment {
+    fn assign_from(&mut self, centres: &[Centre], mut kept: SearchCache) -> Assignment {
         let moved: Vec<usize> = (0..centres.len()).filter(|&j| kept.sources[j] != centres[j].source).collect();
         for &j in &moved {
             kept.sources[j] = centres[j].source;
@@ -259,7 +260,7 @@ impl<'a> GeodesicAssigner<'a> {
         let all: Vec<usize> = (0..centres.len()).collect();
         let mut assignment = self.collect(centres, &kept.reach, &all, Assignment::none(self.graph.len()));
 
-        // Where no search arrived, an upper bound is the label of a neighbour that has one, over the path through it.
+        // Unreached vertices get an upper bound from the label of a neighbour, over the path through it.
         let mut lost: Vec<(u32, f64)> = Vec::new();
         if assignment.label.contains(&NONE) {
             let mut label = assignment.label.clone();
@@ -301,13 +302,13 @@ impl<'a> GeodesicAssigner<'a> {
             assignment = self.collect(centres, &kept.reach, &further, assignment);
         }
         let held: usize = kept.reach.iter().map(Vec::len).sum();
-        self.kept = (held <= MOST_KEPT * self.graph.len()).then_some(kept);
+        self.kept = (held <= MAX_CACHED * self.graph.len()).then_some(kept);
         assignment
     }
 
-    /// Continues the searches that stopped in front of a vertex which the risen envelope lets them enter; returns which.
-    fn continue_searches(&mut self, kept: &mut Kept, before: &[f64]) -> Vec<usize> {
-        let Kept { reach, envelope, .. } = kept;
+    /// Continues the searches that the risen envelope lets advance. Returns their indices.
+    fn continue_searches(&mut self, kept: &mut SearchCache, before: &[f64]) -> Vec<usize> {
+        let SearchCache { reach, envelope, .. } = kept;
         let higher = |v: u32| envelope[v as usize] > before[v as usize];
         let mut doorstep = vec![false; before.len()];
         for v in (0..).take(before.len()).filter(|&v| higher(v)) {
@@ -336,9 +337,9 @@ impl<'a> GeodesicAssigner<'a> {
         (0..settled.len()).filter(|&j| settled[j].is_some()).collect()
     }
 
-    fn search(&mut self, which: &[usize], sources: &[u32], envelope: &[f64], reach: &mut [Vec<Reached>]) {
+    fn search(&mut self, which: &[usize], sources: &[u32], envelope: &[f64], reach: &mut [Vec<ReachedVertex>]) {
         which.iter().for_each(|&j| reach[j] = Vec::new());
-        let found: Vec<Vec<Reached>> = which
+        let found: Vec<Vec<ReachedVertex>> = which
             .par_iter()
             .map(|&j| {
                 let within = |v: u32| (envelope[v as usize] * SLACK).min(self.window);
@@ -351,15 +352,15 @@ impl<'a> GeodesicAssigner<'a> {
         }
     }
 
-    /// Offers every pair that the given searches reached.
+    /// Updates the minimum with every pair that the given searches reached.
     fn collect(
         &self,
         centres: &[Centre],
-        reach: &[Vec<Reached>],
+        reach: &[Vec<ReachedVertex>],
         which: &[usize],
         assignment: Assignment,
     ) -> Assignment {
-        let offers = Offers::to(assignment);
+        let offers = ConcurrentMinimum::to(assignment);
         which.par_iter().for_each(|&j| {
             let feature = &centres[j].feature;
             for r in &reach[j] {
@@ -370,8 +371,8 @@ impl<'a> GeodesicAssigner<'a> {
         offers.into_assignment()
     }
 
-    /// Path lengths that belong to the labels; infinite where there is none.
-    fn distances(&self, reach: &[Vec<Reached>], label: &[u32]) -> Vec<f64> {
+    /// Path lengths to the assigned centres; infinite without one.
+    fn distances(&self, reach: &[Vec<ReachedVertex>], label: &[u32]) -> Vec<f64> {
         let mut distance = vec![f64::INFINITY; label.len()];
         for (j, reach) in (0..).zip(reach) {
             for r in reach {

@@ -3,22 +3,22 @@
 /// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Least corner.
+    /// Smallest corner.
     pub min: [f64; 3],
-    /// Greatest corner.
+    /// Largest corner.
     pub max: [f64; 3],
 }
 
 impl Bounds {
-    /// The box of no point.
+    /// The empty box.
     pub const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
 
-    /// Grows the box to hold a point.
+    /// Extends the box by a point.
     pub fn add(&mut self, p: &[f64; 3]) {
         *self = self.union(&Self { min: *p, max: *p });
     }
 
-    /// The box of two boxes.
+    /// The smallest box around two boxes.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self {

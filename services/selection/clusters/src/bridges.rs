@@ -1,14 +1,14 @@
-//! The shortest edges that join the components of a neighbour graph (a Euclidean minimum spanning forest over them).
+//! Bridges: the shortest edges that join the components of a neighbour graph (a Euclidean minimum spanning forest).
 
 use std::iter::Peekable;
 
 use rayon::prelude::*;
 
+use crate::bvh::PointTree;
 use crate::neighbours::{Adjacency, Edge, Graph};
-use crate::tree::PointTree;
 use crate::vertices::Vertices;
 
-/// A graph and the bridges that join its components, as one connected graph without a copy.
+/// A graph together with its bridges, as one connected graph without a copy.
 #[derive(Debug, Clone, Copy)]
 pub struct Joined<'a> {
     graph: &'a Graph,
@@ -17,7 +17,7 @@ pub struct Joined<'a> {
 }
 
 impl<'a> Joined<'a> {
-    /// A graph with further edges, given in both directions as [`both_ways`] does; none of them is in the graph.
+    /// A graph with additional edges in both directions (see [`both_ways`]). None of them may be in the graph.
     #[must_use]
     pub fn new(graph: &'a Graph, ways: &'a [Edge]) -> Self {
         Self { graph, ways }
@@ -66,7 +66,7 @@ impl Adjacency for Joined<'_> {
     }
 }
 
-/// A row of the graph and the bridges from its vertex, ascending by neighbour.
+/// Merges a row of the graph with the bridges of its vertex, ascending by neighbour.
 struct Neighbours<'a, W: Iterator<Item = &'a Edge>> {
     targets: &'a [u32],
     lengths: &'a [f64],
@@ -97,15 +97,17 @@ pub fn both_ways(edges: &[Edge]) -> Vec<Edge> {
     ways
 }
 
-/// The edges that join all components of the graph, `components − 1` of them, by Borůvka's rounds: each component but
-/// the largest names its shortest edge outwards. Ties go to the smaller scene-wide indices.
+/// The `components − 1` shortest edges that join all components, by Borůvka's algorithm.
+///
+/// In each round, every component except the largest selects its shortest outgoing edge. Ties go to the smaller scene-wide
+/// indices.
 #[must_use]
 pub fn bridges(vertices: &Vertices, graph: &Graph) -> Vec<Edge> {
     let (component, count) = graph.components();
     bridges_between(vertices, component, count)
 }
 
-/// The same for components that are known: one number below `count` a vertex, as [`Graph::components`] gives them.
+/// [`bridges`] for given components: one number below `count` per vertex, as from [`Graph::components`].
 #[must_use]
 pub fn bridges_between(vertices: &Vertices, mut component: Vec<u32>, mut count: usize) -> Vec<Edge> {
     let mut found = Vec::new();
@@ -141,7 +143,7 @@ pub fn bridges_between(vertices: &Vertices, mut component: Vec<u32>, mut count: 
             })
             .collect();
         shortest.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-        // Components by the one they were merged into.
+        // Root of each component after the merges.
         let mut into: Vec<u32> = (0..count as u32).collect();
         let root = |into: &mut Vec<u32>, mut c: u32| {
             while into[c as usize] != c {
@@ -160,7 +162,7 @@ pub fn bridges_between(vertices: &Vertices, mut component: Vec<u32>, mut count: 
             }
         }
         if found.len() == before {
-            // Distances that are no numbers: nothing can be joined.
+            // NaN distances: no component can be joined.
             break;
         }
         let mut number = vec![u32::MAX; count];

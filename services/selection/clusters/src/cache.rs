@@ -1,7 +1,7 @@
-//! Clusters kept on disk by content: what they were made from is their name, so a stale entry cannot be found.
+//! An on-disk cache of clusters. The name of an entry is a hash of its inputs, so stale entries are never found.
 //!
-//! An entry holds the clustering and its contact graph, all that a session of walks on clusters needs. It is written
-//! under a temporary name and renamed, and carries a checksum: a damaged entry is reported and made anew, never trusted.
+//! An entry holds the clustering and its contact graph. It is written under a temporary name and renamed, and has a
+//! checksum. A damaged entry is reported and computed again.
 
 use std::fs;
 use std::io::{self, Read};
@@ -14,14 +14,14 @@ use crate::clustering::{Cluster, Clustering, ClusteringOptions};
 use crate::features::{FeatureKind, WIDTH};
 use crate::geometry::GeometryOptions;
 
-/// First bytes of an entry: its format and version.
+/// First bytes of an entry: format and version.
 const MAGIC: &[u8; 8] = b"SGCLUS01";
 
-/// Changes whenever clusters of the same scene and options come out differently.
+/// Version of the algorithm. It changes with the result for the same scene and options.
 const METHOD_VERSION: &str = "1";
 
-/// Entries kept in a folder; the least recently written go first.
-const MOST_ENTRIES: usize = 64;
+/// Most entries of a folder. The oldest entries are removed first.
+const MAX_ENTRIES: usize = 64;
 
 /// A folder of entries.
 #[derive(Debug, Clone)]
@@ -29,31 +29,31 @@ pub struct ClusterCache {
     folder: PathBuf,
 }
 
-/// What a look-up found.
+/// Result of a look-up.
 #[derive(Debug)]
 pub enum Found {
     /// Clusters and their contact graph.
     Entry(Box<(Clustering, ClusterGraph)>),
-    /// Nothing under this name.
+    /// No entry.
     Nothing,
-    /// A file that is no whole entry, and why.
+    /// A damaged entry, with the reason.
     Damaged(String),
 }
 
-/// The name of a scene's clusters made with some options: BLAKE3 over the scene's content and the options.
+/// The key of a scene's clusters: BLAKE3 over the content of the scene and the options.
 #[must_use]
 pub fn key(scene: &Scene, geometry: GeometryOptions, options: &ClusteringOptions) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     hasher.update(MAGIC);
     hasher.update(METHOD_VERSION.as_bytes());
     hasher.update(scene.content_hash().as_bytes());
-    // Debug forms hold every field with shortest round-trip numbers: two different options never share one.
+    // Debug text holds every field with round-trip numbers, so different options have different text.
     hasher.update(format!("{geometry:?} {options:?}").as_bytes());
     hasher.finalize()
 }
 
 impl ClusterCache {
-    /// The cache in a folder, which is made on the first [`ClusterCache::store`].
+    /// The cache in a folder. The first [`ClusterCache::store`] creates the folder.
     #[must_use]
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_path_buf() }
@@ -65,7 +65,7 @@ impl ClusterCache {
         self.folder.join(format!("{}.clusters", key.to_hex()))
     }
 
-    /// Looks an entry up for a scene of `gaussians`.
+    /// Looks up an entry of a scene with `gaussians` Gaussians.
     #[must_use]
     pub fn load(&self, key: &blake3::Hash, gaussians: usize) -> Found {
         let path = self.path(key);
@@ -80,10 +80,10 @@ impl ClusterCache {
         }
     }
 
-    /// Keeps an entry, and removes the oldest ones beyond the limit.
+    /// Stores an entry, and removes the oldest ones beyond the limit.
     ///
     /// # Errors
-    /// What the system said, for instance that the disk is full; then the entry is absent, not half there.
+    /// The I/O error, for example a full disk. No partial entry remains.
     pub fn store(&self, key: &blake3::Hash, clustering: &Clustering, graph: &ClusterGraph) -> io::Result<()> {
         fs::create_dir_all(&self.folder)?;
         sg_formats::staged_file::replace(&self.path(key), &encode(clustering, graph))?;
@@ -99,7 +99,7 @@ impl ClusterCache {
             }
         }
         entries.sort();
-        let surplus = entries.len().saturating_sub(MOST_ENTRIES);
+        let surplus = entries.len().saturating_sub(MAX_ENTRIES);
         for (_, path) in entries.into_iter().take(surplus) {
             match fs::remove_file(path) {
                 Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
@@ -110,7 +110,7 @@ impl ClusterCache {
     }
 }
 
-/// Reads a file no longer than the largest entry a scene of this size can have.
+/// Reads a file up to the largest possible entry of a scene of this size.
 fn read_bounded(path: &Path, gaussians: usize) -> io::Result<Vec<u8>> {
     let most = 1_000_000 + 1000 * gaussians as u64;
     let mut bytes = Vec::new();
@@ -151,7 +151,7 @@ fn encode(clustering: &Clustering, graph: &ClusterGraph) -> Vec<u8> {
     out
 }
 
-/// Takes numbers off the front of a slice.
+/// Reads numbers from the front of a slice.
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {
@@ -173,7 +173,7 @@ impl Reader<'_> {
         self.take().map(f64::from_le_bytes)
     }
 
-    /// A count of items that take at least `size` bytes each, so that no length asks for more than there is.
+    /// Reads the number of items of at least `size` bytes each. The number is limited by the remaining bytes.
     fn count(&mut self, size: usize) -> Option<usize> {
         let n = usize::try_from(self.take().map(u64::from_le_bytes)?).ok()?;
         (n.checked_mul(size)? <= self.0.len()).then_some(n)
@@ -296,9 +296,9 @@ mod tests {
         let (_, clustering, graph) = made();
         let folder = tempfile::tempdir().unwrap();
         let cache = ClusterCache::new(folder.path());
-        for i in 0..MOST_ENTRIES + 5 {
+        for i in 0..MAX_ENTRIES + 5 {
             cache.store(&blake3::hash(&i.to_le_bytes()), &clustering, &graph).unwrap();
         }
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), MOST_ENTRIES);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), MAX_ENTRIES);
     }
 }

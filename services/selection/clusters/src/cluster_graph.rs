@@ -1,7 +1,7 @@
-//! The graph of Super-Gaussians that walks run on.
+//! The weighted graph of clusters.
 //!
-//! Two clusters are compared by a distance g along the scene and by δ, the distance of their mean features, each in
-//! units of its median over the edges: w = exp(−(g/σ_s)² − (δ/σ_f)²).
+//! An edge compares two clusters by g, a distance in the scene, and by δ, the distance of their mean features. The
+//! conductance is w = exp(−(g/σ_s)² − (δ/σ_f)²). The scales σ_s and σ_f are medians over the edges.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,20 +15,21 @@ use crate::shortest::{Search, SearchPool, nearest_source};
 use crate::vertices::{Vertices, distance_squared};
 use sg_walk::{Conductance, Network};
 
-/// Which pairs of clusters are joined, and how far apart they are.
+/// Edges of the cluster graph, and their distances g.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GraphForm {
-    /// Clusters that touch: g = min over the neighbour pairs (a, b) across their border of d(c_u, a) + ‖ab‖ + d(b, c_v), with
-    /// d the path length inside the cluster.
+    /// Edges between touching clusters, with geodesic distance: g = min of d(c_u, a) + ‖ab‖ + d(b, c_v).
+    ///
+    /// The minimum runs over the neighbour pairs (a, b) across the border. d is the path length inside the cluster.
     #[default]
     Contact,
-    /// The paper's literal form: each cluster's k nearest by mean position, g along that graph (which on an edge of it
-    /// is the straight-line distance).
+    /// The literal form of the paper: the k nearest clusters by mean position. g is the distance along this graph, so on an
+    /// edge it is the straight-line distance.
     Printed,
-    /// Every pair of clusters of a base unit, g the shortest path over the contact graph.
+    /// Edges between all pairs of clusters of a base unit. g is the shortest path over the contact graph.
     AllPairs,
-    /// Clusters that touch, at their straight-line distance.
+    /// Edges between touching clusters, with straight-line distance.
     Euclidean,
 }
 
@@ -41,27 +42,27 @@ pub struct Link {
     pub v: u32,
     /// g, in the scene's length unit.
     pub length: f64,
-    /// δ, with each block of the features (scale, normal, shape) in units of its spread over the clusters.
+    /// δ, the feature distance. Each feature block (scale, normal, shape) is in units of its spread over the clusters.
     pub feature: f64,
 }
 
-/// Edges between the clusters of a scene, one list a base unit.
+/// Edges between the clusters of a scene, one list per base unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClusterGraph {
     /// Number of clusters.
     pub clusters: usize,
     /// Edges of each base unit, ascending by (u, v).
     pub units: Vec<Vec<Link>>,
-    /// For each cluster the connected component of its centre in the neighbour graph, before bridges; components of
-    /// different base units have different numbers.
+    /// Connected component of each cluster's centre in the neighbour graph without bridges. Numbers are unique over all base
+    /// units.
     pub component: Vec<u32>,
 }
 
 impl ClusterGraph {
-    /// The graph of a form.
+    /// Builds the graph in one of the forms.
     ///
     /// # Errors
-    /// [`GraphError`] if the clusters of the printed form cannot be searched.
+    /// [`GraphError`] if the neighbour search of the printed form fails.
     pub fn new(geometry: &Geometry, clustering: &Clustering, form: GraphForm) -> Result<Self, GraphError> {
         let mut units = Vec::with_capacity(geometry.units.len());
         let mut component = vec![u32::MAX; clustering.clusters.len()];
@@ -96,7 +97,7 @@ impl ClusterGraph {
         Ok(Self { clusters: clustering.clusters.len(), units, component })
     }
 
-    /// The weighted graph, with σ_s and σ_f the medians over the edges of each base unit times the given factors.
+    /// The weighted graph. σ_s and σ_f are the medians over the edges of each base unit times the given factors.
     #[must_use]
     pub fn network(&self, sigma_s: f64, sigma_f: f64) -> Network {
         let mut edges = Vec::new();
@@ -109,13 +110,13 @@ impl ClusterGraph {
     }
 }
 
-/// exp(−(length/s)² − (feature/f)²), where a spread of zero stands for a column in which nothing differs.
+/// exp(−(length/s)² − (feature/f)²). A spread of zero means equal values, so its term is dropped.
 pub fn weight(length: f64, s: f64, feature: f64, f: f64) -> Conductance {
     let term = |x: f64, sigma: f64| if sigma > 0.0 { (x / sigma).powi(2) } else { 0.0 };
     Conductance::exp(-term(length, s) - term(feature, f))
 }
 
-/// The median; where most values are zero, the mean.
+/// The median, or the mean if the median is zero.
 pub fn typical(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     match median(&mut values) {
@@ -135,8 +136,10 @@ fn distance(a: Option<&[f64; WIDTH]>, b: Option<&[f64; WIDTH]>) -> f64 {
     }
 }
 
-/// Features with each block in units of its root mean square deviation over the rows. Blocks, not columns: a
-/// rotation mixes the columns of a block, and its length is all that stays. A block that does not vary is left out.
+/// Features with each block in units of its root mean square deviation over the rows.
+///
+/// A rotation mixes the columns of a block and keeps its length, so columns are not scaled alone. Constant blocks are
+/// dropped.
 fn block_scaled(mut rows: Vec<[f64; WIDTH]>, kind: FeatureKind) -> Vec<[f64; WIDTH]> {
     let n = rows.len().max(1) as f64;
     for block in kind.blocks() {
@@ -148,7 +151,7 @@ fn block_scaled(mut rows: Vec<[f64; WIDTH]>, kind: FeatureKind) -> Vec<[f64; WID
             size = rows.iter().fold(size, |m, r| m.max(r[c].abs()));
         }
         let spread = variance.sqrt();
-        // Rows are means of f32 numbers: a spread below their rounding is none.
+        // Rows are means of f32 numbers: a spread below their rounding counts as zero.
         let factor = if spread > 1e-6 * size { 1.0 / spread } else { 0.0 };
         for row in &mut rows {
             for x in &mut row[block.clone()] {
@@ -177,7 +180,7 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Length
     let graph = unit.joined();
     let label: Vec<i32> = unit.vertices.gaussian.iter().map(|&g| clustering.labels[g as usize]).collect();
     let centres = centre_vertices(unit, &clustering.clusters, ids);
-    // Where a cluster that was given from outside is not connected, the far part is as far as the straight line.
+    // Clusters from outside may be disconnected. Their far parts count with the straight-line distance.
     let mut inside: Vec<f64> = unit
         .vertices
         .position
@@ -219,8 +222,9 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Length
     crossing
 }
 
-/// The k nearest clusters by mean position, symmetric, with bridges between components. Along this graph the shortest
-/// path between the ends of an edge is the edge: no path is shorter than the straight line.
+/// The k nearest clusters by mean position, symmetric, with bridges between components.
+///
+/// No path is shorter than the straight line, so the shortest path between the ends of an edge is the edge itself.
 fn nearest_centres(clusters: &[Cluster], ids: &[u32], k: usize) -> Result<Lengths, GraphError> {
     let points = Vertices::ordered(ids.iter().map(|&i| (i, clusters[i as usize].position)).collect());
     let graph = neighbour_graph(&points, k)?;
@@ -250,15 +254,16 @@ fn all_pairs(contacts: &Lengths, clusters: usize, ids: &[u32]) -> Lengths {
         .collect()
 }
 
-/// For each node the length of the shortest path from any of the sources; infinite where there is none.
+/// Length of the shortest path from any source to each node; infinite for unreachable nodes.
 #[must_use]
 pub fn path_lengths(graph: &ClusterGraph, sources: &[u32]) -> Vec<f64> {
     let edges = graph.units.iter().flatten().map(|l| Edge { a: l.u, b: l.v, length: l.length });
     nearest_source(&Graph::from_edges(graph.clusters, edges), sources).0
 }
 
-/// The graph of single Gaussians: nodes are scene-wide indices, edges those of the neighbour graphs and their bridges,
-/// weighted as clusters are, with medians over the edges of each base unit.
+/// The weighted graph of single Gaussians. Nodes are scene-wide indices; edges come from the neighbour graphs and bridges.
+///
+/// Weights are as for clusters, with medians over the edges of each base unit.
 #[must_use]
 pub fn gaussian_network(geometry: &Geometry, sigma_s: f64, sigma_f: f64) -> Network {
     let mut edges = Vec::new();

@@ -1,8 +1,9 @@
-//! Super-Gaussians: clusters of Gaussians that lie together on a surface and look alike.
+//! Super-Gaussians: connected clusters of nearby Gaussians with similar features.
 //!
-//! Geodesic SLIC: seeds on a voxel grid, then rounds of assignment by D (see [`crate::assignment`]) and update (centre
-//! feature = mean of the members, source = member nearest to their mean position), then merging of small pieces so that
-//! every cluster is connected and there are at most `max_clusters` in each base unit. A cluster never crosses base units.
+//! The algorithm is geodesic SLIC. Seeds come from a voxel grid. Each round assigns Gaussians by D (see
+//! [`crate::assignment`]) and updates the centres: the feature is the mean of the members, and the source is the member
+//! nearest to their mean position. Finally small pieces are merged. Then every cluster is connected, and each base unit has
+//! at most `max_clusters`. A cluster never crosses base units.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -17,11 +18,11 @@ use crate::geometry::{Geometry, GeometryError, UnitGeometry};
 use crate::merge::merge_pieces;
 use crate::neighbours::GraphError;
 use crate::progress::{Progress, Stage};
-use crate::seeds::{LEAST_SHARE, adaptive_seeds, contrast, voxel_seeds};
+use crate::seeds::{MIN_SHARE, adaptive_seeds, contrast, voxel_seeds};
 use crate::shortest::{NONE, fill_unlabelled};
 use crate::vertices::{Vertices, distance_squared};
 
-/// The distance that clusters are made by.
+/// Distance of the clustering.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -34,47 +35,48 @@ pub enum Method {
     Euclidean,
 }
 
-/// How thorough the assignment is.
+/// Accuracy of the assignment.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Level {
-    /// The least D over all centres.
+    /// The smallest D over all centres.
     #[default]
     Exact,
-    /// The least D over centres within 2S, else the nearest one.
+    /// The smallest D over centres within 2S, or else the nearest centre.
     Windowed,
-    /// The least D over all centres in two rounds.
+    /// The smallest D over all centres, in two rounds.
     Fast,
 }
 
-/// Seeds given by the caller in place of the voxel grid.
+/// Seeds of the caller in place of the voxel grid.
 #[derive(Debug, Clone, PartialEq)]
-pub struct GivenSeeds {
-    /// Scene-wide indices of the Gaussians clusters start from.
+pub struct FixedSeeds {
+    /// Scene-wide indices of the seed Gaussians.
     pub gaussians: Vec<u32>,
     /// S, in the scene's length unit.
     pub cell: f64,
 }
 
-/// How clusters are made.
+/// Parameters of the clustering.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClusteringOptions {
-    /// The most clusters in each base unit.
+    /// Most clusters of each base unit.
     pub max_clusters: usize,
     /// m: the weight of features against distance in D = (d/S)² + m²·‖Δf‖². Smaller is more compact.
     pub compactness: f64,
     /// Distance.
     pub method: Method,
-    /// Thoroughness.
+    /// Accuracy of the assignment.
     pub level: Level,
-    /// Given seeds; none means the voxel grid.
-    pub seeds: Option<GivenSeeds>,
-    /// Exactly this many rounds; none means up to ten (two at the fast level), ending when the objective improves by less than a thousandth.
+    /// Fixed seeds; `None` means the voxel grid.
+    pub seeds: Option<FixedSeeds>,
+    /// Exact number of rounds. `None` means up to ten (two at the fast level), until the objective improves by less than a
+    /// thousandth.
     pub rounds: Option<usize>,
-    /// Whether small pieces are merged; without it labels are the positions of the seeds.
+    /// Whether small pieces are merged. Without merging, labels are positions in the list of seeds.
     pub merge: bool,
-    /// Adaptive granularity: seeds stand closer where features differ between neighbours (on curved surfaces, at edges),
-    /// farther apart where they do not. Given seeds stay where they are.
+    /// Adaptive granularity: dense seeds where features differ between neighbours, sparse seeds elsewhere. Fixed seeds are
+    /// not changed.
     pub adaptive: bool,
 }
 
@@ -93,12 +95,12 @@ impl Default for ClusteringOptions {
     }
 }
 
-const MOST_ROUNDS: usize = 10;
-/// The second round knows the features of whole clusters, the first one those of single Gaussians: most is won there.
+const MAX_ROUNDS: usize = 10;
+/// The first round uses features of single Gaussians, the second one features of clusters. Later rounds gain little.
 const FAST_ROUNDS: usize = 2;
-const LEAST_IMPROVEMENT: f64 = 1e-3;
+const MIN_IMPROVEMENT: f64 = 1e-3;
 
-/// Clusters could not be made.
+/// A failed clustering.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ClusterError {
     /// From the geometry.
@@ -107,27 +109,27 @@ pub enum ClusterError {
     /// From the search tree.
     #[error(transparent)]
     Graph(#[from] GraphError),
-    /// A number that makes no clusters.
+    /// An option outside its range.
     #[error("{name} is {found}; it must be {want}")]
     Option {
-        /// Which.
+        /// Name of the option.
         name: &'static str,
-        /// What was given.
+        /// The value.
         found: String,
-        /// What would work.
+        /// Allowed values.
         want: &'static str,
     },
-    /// A seed that is no Gaussian with a finite position.
+    /// A seed that is not a Gaussian with a finite position.
     #[error("seed {position} names Gaussian {gaussian}, which {reason}")]
     Seed {
         /// Position in the list of seeds.
         position: usize,
-        /// The index given.
+        /// Index of the Gaussian.
         gaussian: u32,
-        /// What is wrong with it.
+        /// The problem.
         reason: &'static str,
     },
-    /// A base unit without a seed among given ones.
+    /// A base unit without a fixed seed.
     #[error("base unit {0} (counted from 0) has no seed; give at least one Gaussian of every base unit")]
     NoSeed(usize),
     /// Labels that do not fit the scene.
@@ -138,9 +140,9 @@ pub enum ClusterError {
 /// One Super-Gaussian.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cluster {
-    /// Base unit its members belong to, counted from 0.
+    /// Base unit of the members, counted from 0.
     pub unit: u32,
-    /// Number of members; zero only where given labels skip an id.
+    /// Number of members; zero only if labels from outside skip an id.
     pub size: u32,
     /// Scene-wide index of the member nearest to the mean position; `u32::MAX` without members.
     pub centre: u32,
@@ -155,13 +157,13 @@ pub struct Cluster {
 pub struct Clustering {
     /// Cluster of each Gaussian; −1 where its position is not finite.
     pub labels: Vec<i32>,
-    /// The clusters; the ids of a base unit follow those of the unit before it.
+    /// The clusters, grouped by base unit.
     pub clusters: Vec<Cluster>,
     /// Feature form of each base unit.
     pub kinds: Vec<FeatureKind>,
 }
 
-/// Numbers about a clustering, and how long it took.
+/// Statistics and times of a clustering.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClusteringReport {
     /// Number of Gaussians in the scene.
@@ -189,7 +191,7 @@ pub struct ClusteringReport {
 /// Clusters a scene.
 ///
 /// # Errors
-/// [`ClusterError`] if an option or a seed makes no sense, or the caller stopped it.
+/// [`ClusterError`] for an invalid option or seed, or if the caller cancels.
 pub fn cluster(
     geometry: &Geometry,
     options: &ClusteringOptions,
@@ -269,8 +271,8 @@ fn check(options: &ClusteringOptions) -> Result<(), ClusterError> {
     Ok(())
 }
 
-/// Given seeds as vertices of each unit.
-fn seeds_by_unit(geometry: &Geometry, given: &GivenSeeds) -> Result<Vec<Vec<u32>>, ClusterError> {
+/// Fixed seeds as vertices of each unit.
+fn seeds_by_unit(geometry: &Geometry, given: &FixedSeeds) -> Result<Vec<Vec<u32>>, ClusterError> {
     let mut place: Vec<Option<(u32, u32)>> = vec![None; geometry.gaussians];
     for (u, unit) in (0..).zip(&geometry.units) {
         for (v, &g) in (0..).zip(&unit.vertices.gaussian) {
@@ -337,7 +339,7 @@ fn cluster_unit(
         .map(|&s| Centre { source: s, position: unit.vertices.position[s as usize], feature: rows[s as usize] })
         .collect();
     let mut assigner = GeodesicAssigner::new(&unit.graph, rows, metric, window);
-    let most = if options.level == Level::Fast { FAST_ROUNDS } else { MOST_ROUNDS };
+    let most = if options.level == Level::Fast { FAST_ROUNDS } else { MAX_ROUNDS };
     let rounds = options.rounds.unwrap_or(most);
     let mut sums: Vec<f64> = Vec::new();
     let mut assignment = Assignment { label: Vec::new(), cost: Vec::new() };
@@ -349,7 +351,7 @@ fn cluster_unit(
         sums.push(assignment.objective());
         tell(Stage::Assignment, (round + 1) as f64 / rounds as f64)?;
         let improved = match sums[..] {
-            [.., before, now] => before - now >= LEAST_IMPROVEMENT * before,
+            [.., before, now] => before - now >= MIN_IMPROVEMENT * before,
             _ => true,
         };
         if round + 1 == rounds || (options.rounds.is_none() && !improved) {
@@ -360,7 +362,7 @@ fn cluster_unit(
             break;
         }
         centres = next;
-        // The next round needs the room.
+        // Frees memory for the next round.
         assignment = Assignment { label: Vec::new(), cost: Vec::new() };
     }
     add_rounds(objective, &sums);
@@ -368,13 +370,13 @@ fn cluster_unit(
     let mut label = assignment.label;
     let out = clock.time(Stage::Merge, || {
         if label.contains(&NONE) {
-            // Components without a seed go to the nearest cluster over the bridges.
+            // Components without a seed join the nearest cluster over the bridges.
             let mut distance: Vec<f64> = label.iter().map(|&l| if l == NONE { f64::INFINITY } else { 0.0 }).collect();
             fill_unlabelled(&unit.joined(), &mut distance, &mut label);
         }
         if options.merge {
-            // Where clusters are meant to differ in size, a small one is no splinter.
-            let share = if options.adaptive { LEAST_SHARE / 4.0 } else { LEAST_SHARE };
+            // Adaptive clusters differ in size by design, so small ones are kept.
+            let share = if options.adaptive { MIN_SHARE / 4.0 } else { MIN_SHARE };
             let least = (share * n as f64 / count as f64) as usize;
             merge_pieces(&unit.joined(), rows, &unit.vertices.gaussian, &label, least.max(1), options.max_clusters)
         } else {
@@ -385,7 +387,7 @@ fn cluster_unit(
     Ok(out)
 }
 
-/// Adds a unit's objective round by round; a unit that ended earlier stays at its last value.
+/// Adds the objective of a unit for each round. A unit with fewer rounds keeps its last value.
 fn add_rounds(total: &mut Vec<f64>, unit: &[f64]) {
     let Some(&unit_last) = unit.last() else { return };
     let total_last = total.last().copied().unwrap_or(0.0);
@@ -446,7 +448,7 @@ fn summary(vertices: &Vertices, rows: &[Row], members: &[u32]) -> Option<(u32, [
     Some((nearest, position, feature))
 }
 
-/// Centres of the members; a centre without members stays as it is.
+/// Updates the centres. A centre without members is unchanged.
 fn update(vertices: &Vertices, rows: &[Row], label: &[u32], centres: &[Centre]) -> Vec<Centre> {
     let members = Members::of(label.iter().map(|&l| (l != NONE).then_some(l as usize)), centres.len());
     centres
@@ -460,12 +462,10 @@ fn update(vertices: &Vertices, rows: &[Row], label: &[u32], centres: &[Centre]) 
 }
 
 impl Clustering {
-    /// The clusters that labels describe. `count` is the number of ids where it is known; none means the largest label
-    /// and those below it.
+    /// The clusters of given labels. `count` is the number of ids; `None` means the largest label plus one.
     ///
     /// # Errors
-    /// [`ClusterError::Labels`] if there are not as many labels as Gaussians, a label is below −1 or as large as the
-    /// number of Gaussians, or a label has members in more than one base unit.
+    /// [`ClusterError::Labels`] for a wrong number of labels, a label out of range, or a label in several base units.
     pub fn of_labels(geometry: &Geometry, mut labels: Vec<i32>, count: Option<usize>) -> Result<Self, ClusterError> {
         if labels.len() != geometry.gaussians {
             return Err(ClusterError::Labels(format!(

@@ -1,4 +1,4 @@
-//! Assignment by straight-line distance to the centres' mean positions: the ablations of the geodesic distance.
+//! Assignment by straight-line distance to mean positions, for ablations of the geodesic distance.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -8,11 +8,12 @@ use crate::features::Row;
 use crate::neighbours::GraphError;
 use crate::vertices::distance_squared;
 
-/// The centre of least D for each vertex, with straight-line distance in place of the geodesic one; ties go to the
-/// smaller index. Centres farther than `window` are considered only if they are the nearest.
+/// The centre of smallest D for each vertex, with straight-line distance. Ties go to the smaller index.
+///
+/// Centres farther than `window` count only if they are the nearest.
 ///
 /// # Errors
-/// [`GraphError::Tree`] if the search tree refuses the centres.
+/// [`GraphError::Tree`] if the search tree rejects the centres.
 pub fn assign_straight(
     positions: &[[f64; 3]],
     rows: &[Row],
@@ -37,7 +38,7 @@ pub fn assign_straight(
             };
             let nearest = tree.query(p).nearest_one::<SquaredEuclidean<f64>>().execute();
             let mut best = (cost_of(nearest.item), nearest.item);
-            // Beyond this radius no centre can win. A little more than it, because the tree rounds differently.
+            // No centre beyond this radius can win. The margin covers the rounding of the tree.
             let radius = metric.radius(best.0).min(window) * (1.0 + 1e-9);
             for found in tree.query(p).within::<SquaredEuclidean<f64>>(radius * radius).unsorted().execute() {
                 let candidate = (cost_of(found.item), found.item);

@@ -1,7 +1,7 @@
-//! What a Gaussian looks like, as a short vector whose Euclidean distance compares two of them.
+//! Feature vectors of Gaussians. Their Euclidean distance measures similarity.
 //!
 //! A Gaussian has 24 parametrisations (order and signs of its axes, ±q, ±n). The `oriented` and `invariant` forms do not
-//! depend on which of them a file happens to hold; the `printed` form is the paper's literal vector and does.
+//! depend on the parametrisation in the file. The `printed` form is the literal vector of the paper and depends on it.
 
 use std::ops::Range;
 
@@ -9,29 +9,30 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sg_scene::model::BaseUnit;
+use sg_scene::symmetric3::eigen_symmetric_3x3;
 
 use crate::vertices::Vertices;
 
-/// Columns of a feature row; forms with fewer components are padded with zeros.
+/// Columns of a feature row. Shorter forms are padded with zeros.
 pub const WIDTH: usize = 16;
 
 /// One feature vector.
 pub type Row = [f32; WIDTH];
 
-/// Which feature vector is used.
+/// Form of the feature vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeatureKind {
-    /// `[½z, n, vech(Σ/tr Σ)]`, 1 + 3 + 6: the sign of the normal tells the two sides of a thin wall apart.
+    /// `[½z, n, vech(Σ/tr Σ)]`, 1 + 3 + 6. The sign of the normal separates the two sides of a thin wall.
     Oriented,
-    /// `[½z, vech(n nᵀ), vech(Σ/tr Σ)]`, 1 + 6 + 6: for normals whose sign means nothing.
+    /// `[½z, vech(n nᵀ), vech(Σ/tr Σ)]`, 1 + 6 + 6. For normals without a meaningful sign.
     Invariant,
-    /// `[s̄, n, aˣ, aʸ, aᶻ]`, 1 + 3 + 9: the paper's literal form, with the raw mean scale in scene units.
+    /// `[s̄, n, aˣ, aʸ, aᶻ]`, 1 + 3 + 9. The literal form of the paper, with the raw mean scale in scene units.
     Printed,
 }
 
 impl FeatureKind {
-    /// The default for a unit: `oriented` where the file or the fit says that normals are.
+    /// The default of a unit: `oriented` if its normals are oriented, else `invariant`.
     #[must_use]
     pub fn for_unit(unit: &BaseUnit) -> Self {
         if unit.oriented_normals && unit.gaussians.shading.is_some() { Self::Oriented } else { Self::Invariant }
@@ -53,12 +54,13 @@ impl FeatureKind {
 pub struct Features {
     /// The form.
     pub kind: FeatureKind,
-    /// One row a vertex.
+    /// One row per vertex.
     pub rows: Vec<Row>,
 }
 
-/// Squared Euclidean distance of two feature rows. Four partial sums in f32, joined in f64: the order of the additions
-/// is fixed, so every caller gets the same bits.
+/// Squared Euclidean distance of two feature rows.
+///
+/// Four partial sums in f32 are joined in f64. The order of the additions is fixed, so results are reproducible to the bit.
 #[inline]
 #[must_use]
 pub fn distance_squared(a: &Row, b: &Row) -> f64 {
@@ -72,15 +74,15 @@ pub fn distance_squared(a: &Row, b: &Row) -> f64 {
     sums.iter().map(|&s| f64::from(s)).sum()
 }
 
-/// The least spread of log s̄ that counts as one: below it differences are rounding of the stored f32 scales.
-const LEAST_SPREAD: f64 = 1e-5;
+/// Smallest spread of log s̄. Smaller differences are rounding errors of the stored f32 scales.
+const MIN_SPREAD: f64 = 1e-5;
 
-/// The part of a unit's transform that acts on shapes.
+/// The linear part of a unit's transform.
 struct Frame {
     linear: DMat3,
-    /// Common factor, where the transform is a rotation (or mirror) times a factor.
+    /// Scale factor of a similarity transform; `None` for other transforms.
     similarity: Option<f64>,
-    /// Inverse transpose, which carries normals; absent for a singular transform.
+    /// Inverse transpose, for normals; `None` for a singular transform.
     normal: Option<DMat3>,
 }
 
@@ -98,19 +100,19 @@ impl Frame {
     }
 }
 
-/// What the features of one Gaussian are made of.
+/// Intermediate values of the features of one Gaussian.
 struct Shape {
-    /// Natural logarithm of the mean standard deviation, or NaN where the stored scales make no ellipsoid.
+    /// Natural logarithm of the mean standard deviation; NaN for invalid scales.
     log_mean_scale: f64,
     /// Σ / tr Σ in the scene frame.
     covariance: DMat3,
     /// n nᵀ, of trace one.
     normal_projector: DMat3,
-    /// The stored unit normal in the scene frame, zero where there is none.
+    /// The stored unit normal in the scene frame; zero without a normal.
     normal: DVec3,
     /// The axes in the stored order and with the stored signs, as columns in the scene frame.
     axes: DMat3,
-    /// The one of least scale.
+    /// The axis of smallest scale.
     shortest: DVec3,
 }
 
@@ -118,7 +120,7 @@ struct Shape {
 #[must_use]
 pub fn features(unit: &BaseUnit, vertices: &Vertices, kind: FeatureKind) -> Features {
     let frame = Frame::of(DMat3::from_mat4(unit.transform));
-    // A shape is several times as large as a row: none is kept.
+    // Shapes are much larger than rows, so they are not stored.
     let (mut rows, log_mean_scales): (Vec<Row>, Vec<f64>) = vertices
         .gaussian
         .par_iter()
@@ -158,7 +160,7 @@ fn fill(row: &mut Row, parts: &[&[f64]]) {
     }
 }
 
-/// Diagonal, then off-diagonals times √2: the Euclidean distance is the Frobenius distance.
+/// Diagonal, then off-diagonals times √2. Its Euclidean distance is the Frobenius distance of the matrices.
 fn vech(m: &DMat3) -> [f64; 6] {
     let r = std::f64::consts::SQRT_2;
     [m.x_axis.x, m.y_axis.y, m.z_axis.z, r * m.x_axis.y, r * m.x_axis.z, r * m.y_axis.z]
@@ -168,7 +170,7 @@ fn shape_of(unit: &BaseUnit, frame: &Frame, i: usize) -> Shape {
     let gaussians = &unit.gaussians;
     let axes = DMat3::from_quat(gaussians.unit_rotation(i));
     let log_scale = gaussians.log_scale[i].as_dvec3().to_array();
-    // A scale of zero (logarithm −∞) is a flat Gaussian; NaN, +∞ or all three zero describe no ellipsoid.
+    // A scale of zero (logarithm −∞) is a flat Gaussian. NaN, +∞ and three zeros are invalid.
     let largest = log_scale.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let valid = log_scale.iter().all(|s| !s.is_nan()) && largest.is_finite();
     let relative = if valid { DVec3::from_array(log_scale.map(|s| (s - largest).exp())) } else { DVec3::ONE };
@@ -194,7 +196,7 @@ fn shape_of(unit: &BaseUnit, frame: &Frame, i: usize) -> Shape {
     } else if let Some(factor) = frame.similarity {
         factor.ln() + largest + ((relative.x + relative.y + relative.z) / 3.0).ln()
     } else {
-        let (values, _) = symmetric_eigen(covariance);
+        let (values, _) = eigen_symmetric_3x3(covariance);
         let mean = values.iter().map(|v| v.max(0.0).sqrt()).sum::<f64>() / 3.0;
         largest + 0.5 * trace.ln() + mean.ln()
     };
@@ -218,15 +220,14 @@ fn outer(n: DVec3) -> DMat3 {
     DMat3::from_cols(n * n.x, n * n.y, n * n.z)
 }
 
-/// Projector on the axis of least extent, of trace one; where several axes tie, the mean over them, so that the order
-/// in which a file lists its axes does not matter.
+/// Projector on the shortest axis, of trace one. Tied axes are averaged, so the order of the axes has no effect.
 fn shortest_projector(frame: &Frame, axes: &DMat3, relative: DVec3, covariance: DMat3) -> DMat3 {
     let (values, vectors) = match frame.similarity {
         Some(factor) => {
             let squares = (relative * relative).to_array();
             (squares, frame.linear * *axes * (1.0 / factor))
         }
-        None => symmetric_eigen(covariance),
+        None => eigen_symmetric_3x3(covariance),
     };
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let limit = least + 1e-6 * values.iter().copied().fold(0.0, f64::max);
@@ -241,46 +242,18 @@ fn shortest_projector(frame: &Frame, axes: &DMat3, relative: DVec3, covariance: 
     sum * (1.0 / count)
 }
 
-/// Eigenvalues and orthonormal eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
-fn symmetric_eigen(m: DMat3) -> ([f64; 3], DMat3) {
-    let mut a = m.to_cols_array_2d();
-    let mut v = DMat3::IDENTITY.to_cols_array_2d();
-    for _ in 0..32 {
-        let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
-        if off <= 1e-300 || off <= 1e-16 * (a[0][0].abs() + a[1][1].abs() + a[2][2].abs()) {
-            break;
-        }
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            if a[p][q] == 0.0 {
-                continue;
-            }
-            let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-            let c = 1.0 / (t * t + 1.0).sqrt();
-            let s = t * c;
-            for row in &mut a {
-                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-            }
-            for k in 0..3 {
-                (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
-                (v[p][k], v[q][k]) = (c * v[p][k] - s * v[q][k], s * v[p][k] + c * v[q][k]);
-            }
-        }
-    }
-    ([a[0][0], a[1][1], a[2][2]], DMat3::from_cols_array_2d(&v))
-}
-
-/// Median, and the median absolute deviation scaled to the standard deviation of a normal distribution, at least
-/// [`LEAST_SPREAD`]: a column of equal values stays zero instead of becoming its own rounding noise.
+/// Median and robust spread: the median absolute deviation, scaled to the standard deviation of a normal distribution.
+///
+/// The spread is at least [`MIN_SPREAD`], so a column of equal values stays zero.
 fn robust_spread(mut values: Vec<f64>) -> (f64, f64) {
-    let Some(middle) = median(&mut values) else { return (0.0, LEAST_SPREAD) };
+    let Some(middle) = median(&mut values) else { return (0.0, MIN_SPREAD) };
     for v in &mut values {
         *v = (*v - middle).abs();
     }
-    (middle, (1.4826 * median(&mut values).unwrap_or(0.0)).max(LEAST_SPREAD))
+    (middle, (1.4826 * median(&mut values).unwrap_or(0.0)).max(MIN_SPREAD))
 }
 
-/// The median (mean of the middle two for an even count) of finite values; none of an empty slice.
+/// The median of finite values, with the mean of the middle two for an even count. `None` for an empty slice.
 pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -376,7 +349,7 @@ mod tests {
             let error =
                 (got.covariance - want * (1.0 / trace)).to_cols_array().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             assert!(error < 1e-12, "{error}");
-            let (values, vectors) = symmetric_eigen(want);
+            let (values, vectors) = eigen_symmetric_3x3(want);
             let again = vectors * DMat3::from_diagonal(DVec3::from_array(values)) * vectors.transpose();
             let error = (again - want).to_cols_array().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             assert!(error < 1e-12 * trace, "{error}");

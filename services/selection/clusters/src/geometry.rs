@@ -1,4 +1,4 @@
-//! What clustering and cluster graphs are computed from: points, features and neighbour graphs, one set a base unit.
+//! Geometry of a scene: vertices, features and neighbour graph of each base unit.
 
 use std::time::Instant;
 
@@ -10,12 +10,12 @@ use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph};
 use crate::progress::{Progress, Stage};
 use crate::vertices::Vertices;
 
-/// How geometry is derived from a scene.
+/// Parameters of the geometry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GeometryOptions {
     /// Nearest neighbours of each Gaussian, k.
     pub neighbours: usize,
-    /// Feature form; none means each unit's own default.
+    /// Feature form; `None` means the default of each unit.
     pub features: Option<FeatureKind>,
 }
 
@@ -25,7 +25,7 @@ impl Default for GeometryOptions {
     }
 }
 
-/// The computation could not be done.
+/// A failed computation of the geometry.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GeometryError {
     /// Indices are 32 bits wide.
@@ -47,21 +47,21 @@ pub enum GeometryError {
         /// Why.
         source: GraphError,
     },
-    /// The caller stopped it.
-    #[error("stopped before the end, as asked")]
+    /// The caller cancelled the computation.
+    #[error("the computation was cancelled")]
     Cancelled,
 }
 
 /// Geometry of one base unit.
 #[derive(Debug, Clone)]
 pub struct UnitGeometry {
-    /// Its finite Gaussians in the scene frame.
+    /// Gaussians with a finite position, in the scene frame.
     pub vertices: Vertices,
-    /// Their features.
+    /// Features of the vertices.
     pub features: Features,
-    /// Their neighbour graph.
+    /// Neighbour graph of the vertices.
     pub graph: Graph,
-    /// The connected component of each vertex in `graph`.
+    /// Connected component of each vertex in `graph`.
     pub component: Vec<u32>,
     /// Number of components.
     pub components: usize,
@@ -82,7 +82,7 @@ impl UnitGeometry {
 pub struct Geometry {
     /// Number of Gaussians in the scene.
     pub gaussians: usize,
-    /// How many have no finite position and take part in nothing.
+    /// Number of ignored Gaussians: those without a finite position.
     pub dropped: usize,
     /// k.
     pub neighbours: usize,
@@ -98,7 +98,7 @@ impl Geometry {
     /// Derives the geometry of a scene.
     ///
     /// # Errors
-    /// [`GeometryError`] if the scene is too large, its columns differ in length, or the caller stopped it.
+    /// [`GeometryError`] if the scene is too large, its columns differ in length, or the caller cancels.
     pub fn of_scene(scene: &Scene, options: GeometryOptions, progress: &dyn Progress) -> Result<Self, GeometryError> {
         let gaussians = scene.len();
         if gaussians > i32::MAX as usize {

@@ -1,4 +1,4 @@
-//! Makes clusters connected, large enough, and few enough.
+//! Merging of clusters: connected, large enough, and few enough.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -6,12 +6,12 @@ use std::collections::{BTreeSet, BinaryHeap};
 use crate::features::{Row, WIDTH};
 use crate::neighbours::Adjacency;
 
-/// A connected set of vertices of one label, or what became of it.
+/// A connected set of vertices of one label, possibly merged into another piece.
 struct Piece {
     size: usize,
     sum: [f64; WIDTH],
     neighbours: BTreeSet<u32>,
-    /// The piece it was merged into.
+    /// The target of the merge.
     into: Option<u32>,
 }
 
@@ -22,11 +22,13 @@ impl Piece {
     }
 }
 
-/// Splits every label into its connected pieces and merges pieces, the smallest first, each into the neighbouring one
-/// of the most similar mean feature, while a piece is smaller than `least` or there are more than `most`.
+/// Splits every label into connected pieces, then merges pieces in ascending order of size.
 ///
-/// Returns a label for each vertex and the number of labels, numbered by their first vertex in the order of `rank`
-/// (smaller is earlier). On a connected graph no more than `most` are left.
+/// A piece joins the neighbour with the most similar mean feature. Merging ends when every piece has at least `least`
+/// vertices and there are at most `most` pieces. On a connected graph this always succeeds.
+///
+/// Returns the label of each vertex and the number of labels. Labels are numbered by their first vertex in the order of
+/// `rank`.
 #[must_use]
 pub fn merge_pieces(
     graph: &impl Adjacency,
@@ -121,7 +123,7 @@ fn absorb(pieces: &mut [Piece], from: u32, to: u32) {
 }
 
 fn number(of: &[u32], pieces: &mut [Piece], rank: &[u32]) -> (Vec<u32>, usize) {
-    // Follow merges to the end once for each piece.
+    // Resolve the chain of merges once for each piece.
     let roots: Vec<u32> = (0..)
         .take(pieces.len())
         .map(|i| {

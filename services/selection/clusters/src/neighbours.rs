@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::vertices::{Vertices, distance_squared};
 
-/// An undirected graph with edge lengths, both directions of every edge stored, rows ascending by neighbour.
+/// An undirected graph with edge lengths. Each edge is stored in both directions; rows ascend by neighbour.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Graph {
     /// Row `v` is `offsets[v]..offsets[v + 1]`.
@@ -31,7 +31,7 @@ pub struct Edge {
     pub length: f64,
 }
 
-/// What searches walk over: vertices, numbered from 0, and lengths of the edges between them.
+/// An adjacency structure for searches: vertices from 0, and edges with lengths.
 pub trait Adjacency: Sync {
     /// Number of vertices.
     fn vertices(&self) -> usize;
@@ -51,7 +51,7 @@ impl Adjacency for Graph {
     }
 }
 
-/// The graph could not be made.
+/// A failed construction of a graph.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GraphError {
     /// More edges than 32-bit offsets address.
@@ -59,10 +59,10 @@ pub enum GraphError {
     TooManyEdges {
         /// Number of vertices.
         vertices: usize,
-        /// Neighbours asked for.
+        /// Requested number of neighbours.
         neighbours: usize,
     },
-    /// The search tree refused the points.
+    /// The search tree rejected the points.
     #[error("the search tree could not be built: {0}")]
     Tree(String),
 }
@@ -87,7 +87,7 @@ impl Graph {
         self.targets[row.clone()].iter().copied().zip(self.lengths[row].iter().copied())
     }
 
-    /// The graph of `n` vertices with the given edges. Of edges named twice the shorter is kept; self-loops are dropped.
+    /// The graph of `n` vertices with the given edges. Of duplicate edges the shorter is kept. Self-loops are dropped.
     #[must_use]
     pub fn from_edges(n: usize, edges: impl Iterator<Item = Edge>) -> Self {
         let mut directed: Vec<(u32, u32, f64)> =
@@ -115,7 +115,7 @@ impl Graph {
         })
     }
 
-    /// The graph with further edges.
+    /// The graph with additional edges.
     #[must_use]
     pub fn with_edges(&self, more: &[Edge]) -> Self {
         Self::from_edges(self.len(), self.edges().chain(more.iter().copied()))
@@ -147,11 +147,13 @@ impl Graph {
     }
 }
 
-/// The symmetric union of each point's `k` nearest others, by (distance, index): ties go to the smaller scene-wide
-/// index, so the graph does not depend on how a tree happens to visit its leaves. With fewer than `k` others, all of them.
+/// The symmetric union of the `k` nearest neighbours of each point, in order of (distance, index).
+///
+/// Ties go to the smaller scene-wide index, so the graph does not depend on the search tree. A point with fewer than `k`
+/// others is joined to all of them.
 ///
 /// # Errors
-/// [`GraphError`] if the graph would not fit 32-bit offsets.
+/// [`GraphError`] if the graph exceeds 32-bit offsets.
 pub fn neighbour_graph(vertices: &Vertices, k: usize) -> Result<Graph, GraphError> {
     let n = vertices.len();
     let k = k.min(n.saturating_sub(1));
@@ -165,11 +167,11 @@ pub fn neighbour_graph(vertices: &Vertices, k: usize) -> Result<Graph, GraphErro
     Ok(symmetric_union(vertices, &forward, k))
 }
 
-/// `k` nearest vertices of each vertex, row after row.
+/// The `k` nearest vertices of each vertex, in consecutive rows.
 fn nearest_lists(vertices: &Vertices, k: usize) -> Result<Vec<u32>, GraphError> {
-    // One tree entry for each distinct position: a bucket tree degenerates on coincident points. The points are turned
-    // by a generic rotation first: a tree that cycles its split axis degenerates on planes and lines along an axis. The
-    // centre is taken out before turning; true distances come from the untouched positions.
+    // One tree entry per distinct position, because a bucket tree degenerates on coincident points. A generic rotation
+    // comes first, because cyclic split axes degenerate on axis-aligned planes and lines. The centre is subtracted before
+    // the rotation. Exact distances come from the original positions.
     let runs = vertices.coincident_runs();
     let centre = middle(&vertices.position);
     let turn = DMat3::from_quat(DQuat::from_xyzw(0.3607, -0.1933, 0.5147, 0.7532).normalize());
@@ -210,7 +212,7 @@ fn nearest_lists(vertices: &Vertices, k: usize) -> Result<Vec<u32>, GraphError> 
     Ok(lists)
 }
 
-/// At least the `need` nearest vertices outside the run, as (squared distance, scene-wide index, vertex), ascending.
+/// At least the `need` nearest vertices outside the run: (squared distance, scene-wide index, vertex), ascending.
 fn nearest_others(
     tree: &ImmutableKdTree<f64, 3>,
     vertices: &Vertices,
@@ -221,7 +223,7 @@ fn nearest_others(
     others: &mut Vec<(f64, u32, u32)>,
 ) {
     let own = &vertices.position[runs[run] as usize];
-    // The query's own entry, the needed ones, and one more that shows whether a tie was cut.
+    // The query itself, the needed entries, and one more to detect a cut tie.
     let asked = need + 2;
     let mut expand = |found: &mut dyn Iterator<Item = u32>| {
         others.clear();
@@ -244,7 +246,7 @@ fn nearest_others(
     let quantity = NonZeroUsize::new(asked).unwrap_or(NonZeroUsize::MIN);
     let found = tree.query(query).nearest_n::<SquaredEuclidean<f64>>(quantity).execute();
     let (count, farthest, needed) = expand(&mut found.iter().map(|f| f.item));
-    // Turning moved points by rounding only: within this margin the tree's order is no evidence.
+    // The rotation rounds positions, so within this margin the order of the tree is unreliable.
     let margin = 1e-14 * (DVec3::from_array(*query).abs().max_element() + needed.sqrt());
     if count == asked && farthest.sqrt() <= needed.sqrt() + margin {
         let radius = needed.sqrt() + 2.0 * margin;
@@ -253,7 +255,7 @@ fn nearest_others(
     }
 }
 
-/// The coordinate-wise median: a centre that outliers do not move.
+/// The coordinate-wise median, a centre that is robust to outliers.
 fn middle(positions: &[[f64; 3]]) -> DVec3 {
     let axis = |a: usize| {
         let mut values: Vec<f64> = positions.iter().map(|p| p[a]).collect();
@@ -265,7 +267,7 @@ fn middle(positions: &[[f64; 3]]) -> DVec3 {
 fn symmetric_union(vertices: &Vertices, forward: &[u32], k: usize) -> Graph {
     let n = vertices.len();
     let row = |v: usize| &forward[v * k..(v + 1) * k];
-    // How many rows name v that v does not name itself.
+    // Number of one-sided neighbours of v: rows that contain v but are not in the row of v.
     let extra: Vec<AtomicU32> = (0..n).map(|_| AtomicU32::new(0)).collect();
     (0..n).into_par_iter().for_each(|u| {
         for &v in row(u) {
@@ -290,7 +292,7 @@ fn symmetric_union(vertices: &Vertices, forward: &[u32], k: usize) -> Graph {
             }
         }
     });
-    // The slots were filled in the order of the threads; sorted rows are the same for any number of them.
+    // The order of the slots depends on the threads. Sorted rows do not.
     let mut targets: Vec<u32> = slots.into_iter().map(AtomicU32::into_inner).collect();
     let mut lengths = vec![0.0_f64; edges];
     const BLOCK: usize = 1024;

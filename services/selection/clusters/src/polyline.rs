@@ -1,38 +1,38 @@
-//! Exact distances to a polyline of any number of samples, through a tree of boxes over consecutive segments.
+//! Exact distances to a polyline, with a hierarchy of boxes over consecutive segments.
 
 use glam::DVec3;
 
 use crate::bounds::Bounds;
 
-/// Segments a leaf holds.
+/// Segments of a leaf.
 const LEAF: usize = 4;
 
-/// A polyline in the scene frame, as thick as it is pressed. One sample is a point; repeated samples add nothing.
+/// A polyline in the scene frame with a thickness at each sample. One sample is a point; repeated samples are dropped.
 #[derive(Debug, Clone)]
 pub struct Polyline {
     samples: Vec<DVec3>,
-    /// Factor on the tube's radius at each sample; none if it was made without.
+    /// Factor on the tube's radius at each sample; empty without pressure.
     factors: Vec<f64>,
-    /// Boxes of runs of `LEAF · 2^level` segments, level after level, the last holds the root alone.
+    /// Boxes of runs of `LEAF · 2^level` segments for each level. The last level is the root.
     levels: Vec<Vec<Bounds>>,
-    /// The largest factor of each run; none without factors.
+    /// The largest factor of each run; empty without pressure.
     largest: Vec<Vec<f64>>,
-    behind: Option<Behind>,
+    depth_limit: Option<DepthLimit>,
 }
 
-/// What a tube does not reach: whatever is farther from an eye than the tube's middle is, by more than so much.
+/// Limit of a tube in depth: excludes points too far behind the nearest point of the polyline, seen from a viewpoint.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Behind {
-    /// The eye, in the frame of the samples.
+pub struct DepthLimit {
+    /// Viewpoint in the frame of the samples.
     pub eye: DVec3,
-    /// In the unit of the samples, at least 0.
-    pub most: f64,
+    /// Largest allowed distance behind the polyline, in the unit of the samples, at least 0.
+    pub max_distance: f64,
 }
 
-impl Behind {
-    /// Whether a point is near enough to the eye for a tube whose middle is there.
-    fn reaches(&self, p: DVec3, middle: DVec3) -> bool {
-        p.distance(self.eye) <= middle.distance(self.eye) + self.most
+impl DepthLimit {
+    /// Whether the limit admits a point `p` whose nearest point of the polyline is `middle`.
+    fn admits(&self, p: DVec3, middle: DVec3) -> bool {
+        p.distance(self.eye) <= middle.distance(self.eye) + self.max_distance
     }
 }
 
@@ -47,12 +47,13 @@ impl Polyline {
     /// The polyline through finite samples, in order.
     #[must_use]
     pub fn new(samples: &[DVec3]) -> Self {
-        Self::pressed(samples, &[])
+        Self::with_pressure(samples, &[])
     }
 
-    /// The same with a factor (finite, at least 0) on the radius of its tube at each sample; a sample that has none has 1.
+    /// The polyline with a pressure factor on the tube's radius at each sample, finite and at least 0. Samples beyond the end
+    /// of `factors` have the factor 1.
     #[must_use]
-    pub fn pressed(samples: &[DVec3], factors: &[f64]) -> Self {
+    pub fn with_pressure(samples: &[DVec3], factors: &[f64]) -> Self {
         let pressed = !factors.is_empty();
         let one = |i: usize| factors.get(i).copied().unwrap_or(1.0);
         let mut pairs: Vec<(DVec3, f64)> = samples.iter().enumerate().map(|(i, s)| (*s, one(i))).collect();
@@ -87,17 +88,17 @@ impl Polyline {
         } else {
             factors.clear();
         }
-        Self { samples, factors, levels, largest, behind: None }
+        Self { samples, factors, levels, largest, depth_limit: None }
     }
 
-    /// The same whose tube ends so far behind what an eye sees; see [`Polyline::pressed`] for the factors.
+    /// [`Polyline::with_pressure`] with a limit in depth.
     #[must_use]
-    pub fn seen(samples: &[DVec3], factors: &[f64], behind: Option<Behind>) -> Self {
-        if behind.is_none() || !factors.is_empty() {
-            return Self { behind, ..Self::pressed(samples, factors) };
+    pub fn with_depth_limit(samples: &[DVec3], factors: &[f64], depth_limit: Option<DepthLimit>) -> Self {
+        if depth_limit.is_none() || !factors.is_empty() {
+            return Self { depth_limit, ..Self::with_pressure(samples, factors) };
         }
-        // Where in the tube a point is, is asked on the way that factors take.
-        Self { behind, ..Self::pressed(samples, &vec![1.0; samples.len()]) }
+        // The limit is evaluated in the code path of the factors.
+        Self { depth_limit, ..Self::with_pressure(samples, &vec![1.0; samples.len()]) }
     }
 
     /// Whether there is no sample.
@@ -106,7 +107,7 @@ impl Polyline {
         self.samples.is_empty()
     }
 
-    /// All of it.
+    /// The whole polyline as one part.
     #[must_use]
     pub fn whole(&self) -> Part {
         Part { level: self.levels.len() - 1, index: 0 }
@@ -124,13 +125,13 @@ impl Polyline {
         (2 * part.index..(2 * part.index + 2).min(end)).map(move |index| Part { level, index })
     }
 
-    /// The square of how far the tube of a radius reaches from a part at most.
+    /// Squared largest radius of the tube around a part.
     fn limit(&self, part: Part, radius: f64) -> f64 {
         let radius = self.largest.get(part.level).map_or(radius, |largest| radius * largest[part.index]);
         radius * radius
     }
 
-    /// Those of the parts whose tubes of a radius reach a box, split until they are about as small as it.
+    /// Parts whose tube reaches a box, split until they are about as small as the box.
     #[must_use]
     pub fn parts_near(&self, parts: &[Part], to: &Bounds, radius: f64) -> Vec<Part> {
         let size = |b: &Bounds| (0..3).map(|a| b.max[a] - b.min[a]).fold(0.0, f64::max);
@@ -152,11 +153,11 @@ impl Polyline {
         near
     }
 
-    /// Whether the point is in the tube of a radius around one of the parts: closer than the radius to a sample, or to the
-    /// nearest point of a segment, each time the radius times the factor there, which between samples is linear.
+    /// Whether a point is in the tube around one of the parts.
     ///
-    /// Where samples have no factors that is: closer than the radius to one of the parts. What is too far behind that place for
-    /// whoever sees it (see [`Polyline::seen`]) is not.
+    /// The point must be closer than the local radius to a sample, or to the nearest point of a segment. The local radius is
+    /// the radius times the factor there; factors are linear between samples. Points beyond the depth limit (see
+    /// [`Polyline::with_depth_limit`]) are excluded.
     #[must_use]
     pub fn is_closer_than(&self, parts: &[Part], p: &[f64; 3], radius: f64) -> bool {
         let at = DVec3::from_array(*p);
@@ -175,14 +176,14 @@ impl Polyline {
         false
     }
 
-    /// Squared distance of a point.
+    /// Squared distance from a point to the polyline.
     #[must_use]
     pub fn distance_squared(&self, p: &[f64; 3]) -> f64 {
         let at = DVec3::from_array(*p);
         self.best(|b| b.point_distance_squared(p), |leaf| self.leaf_distance_squared(leaf, at))
     }
 
-    /// A lower bound of the squared distance of a box: that of the boxes of the polyline's leaves.
+    /// A lower bound of the squared distance from a box, from the boxes of the polyline's leaves.
     #[must_use]
     pub fn box_distance_squared(&self, to: &Bounds) -> f64 {
         self.best(|b| b.distance_squared(to), |leaf| self.levels[0][leaf].distance_squared(to))
@@ -212,13 +213,13 @@ impl Polyline {
         let (samples, factors) = (&self.samples[run.clone()], &self.factors[run]);
         let within = |middle: DVec3, factor: f64| {
             (p - middle).length_squared() < (radius * factor) * (radius * factor)
-                && self.behind.is_none_or(|behind| behind.reaches(p, middle))
+                && self.depth_limit.is_none_or(|limit| limit.admits(p, middle))
         };
         let balls = || samples.iter().zip(factors).any(|(s, f)| within(*s, *f));
         let between = |(s, f): (&[DVec3], &[f64])| {
             let ab = s[1] - s[0];
             let along = (p - s[0]).dot(ab) / ab.length_squared();
-            // At the ends, and where the samples are too close together to divide by their distance, the balls decide.
+            // The balls decide at the ends, and for samples too close together to divide by their distance.
             along > 0.0 && along < 1.0 && {
                 let factor = (f[0] + along * (f[1] - f[0])).clamp(f[0].min(f[1]), f[0].max(f[1]));
                 within(s[0] + ab * along, factor)

@@ -1,4 +1,4 @@
-//! What a long computation tells its caller, and how the caller stops it.
+//! Progress reports and cancellation of long computations.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 pub enum Stage {
     /// Feature vectors.
     Features,
-    /// The neighbour graph, its components and the bridges between them.
+    /// Neighbour graph, components and bridges.
     Graph,
-    /// The search for the voxel edge and the seeds.
+    /// Search for the voxel edge and the seeds.
     Seeds,
     /// Rounds of assignment and update.
     Assignment,
@@ -35,18 +35,18 @@ impl Stage {
     }
 }
 
-/// Follows a computation. Called from the thread that computes, between steps.
+/// An observer of a computation, called between steps from the computing thread.
 pub trait Progress {
-    /// A stage is done to this fraction, 0 to 1.
+    /// Reports the completed fraction of a stage, 0 to 1.
     fn at(&self, stage: Stage, fraction: f64);
 
-    /// Whether the computation is to stop; asked between steps.
+    /// Whether to cancel the computation.
     fn cancelled(&self) -> bool {
         false
     }
 }
 
-/// Tells nobody and never stops.
+/// Ignores reports and never cancels.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

@@ -1,4 +1,4 @@
-//! Where clusters start: one Gaussian in each occupied voxel of a grid whose cell is found by search.
+//! Seeds of clusters: one Gaussian in each occupied voxel of a grid. A search finds the voxel edge.
 
 use std::collections::HashMap;
 
@@ -8,24 +8,23 @@ use crate::features::{Row, distance_squared as feature_distance_squared};
 use crate::neighbours::Graph;
 use crate::vertices::{Vertices, distance_squared};
 
-/// Seeds and the spacing S they were drawn with.
+/// Seeds and their spacing S.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seeds {
-    /// Vertices.
+    /// Seed vertices.
     pub sources: Vec<u32>,
-    /// Edge of the voxels, in the scene's length unit: the S of the clustering distance.
+    /// Voxel edge in the scene's length unit: S of the clustering distance.
     pub cell: f64,
 }
 
-/// A component of at least this share of the mean cluster size gets seeds of its own; smaller ones are merged into the
-/// nearest cluster.
-pub const LEAST_SHARE: f64 = 0.25;
+/// Components of at least this share of the mean cluster size get their own seeds. Smaller ones join the nearest cluster.
+pub const MIN_SHARE: f64 = 0.25;
 
-/// At most `most` seeds: the smallest voxel edge is searched at which the occupied voxels, counted separately for each
-/// connected component, are no more. In each voxel the vertex nearest to the mean of its vertices is the seed.
+/// At most `most` seeds, one per occupied voxel and connected component.
 ///
-/// Components that are too small for a cluster get no seed, as long as there is a larger one; of more than `most`
-/// components only the largest get one.
+/// The voxel edge is the smallest one with at most `most` occupied voxels. The seed of a voxel is the vertex nearest to the
+/// mean of its vertices. Components that are too small for a cluster get no seed, unless all are too small. If there are
+/// more than `most` components, only the largest get one.
 #[must_use]
 pub fn voxel_seeds(vertices: &Vertices, component: &[u32], components: usize, most: usize) -> Seeds {
     let n = vertices.len();
@@ -33,13 +32,13 @@ pub fn voxel_seeds(vertices: &Vertices, component: &[u32], components: usize, mo
     if n == 0 {
         return Seeds { sources: Vec::new(), cell: 1.0 };
     }
-    let seeded = seeded_components(component, components, LEAST_SHARE * n as f64 / most as f64, most);
+    let seeded = seeded_components(component, components, MIN_SHARE * n as f64 / most as f64, most);
     let grid = Grid::new(vertices, component, &seeded);
     let cell = grid.search(most);
     Seeds { sources: grid.seeds(cell), cell }
 }
 
-/// Whether each component gets seeds.
+/// The components that get seeds.
 fn seeded_components(component: &[u32], components: usize, least: f64, most: usize) -> Vec<bool> {
     let mut sizes = vec![0_usize; components];
     for &c in component {
@@ -56,16 +55,18 @@ fn seeded_components(component: &[u32], components: usize, least: f64, most: usi
     seeded
 }
 
-/// Quantiles of the contrast up to which a voxel keeps twice the middle edge, and up to which the middle edge.
-/// Chosen on made shapes that no table reports.
-const CALM: f64 = 0.3;
-const LIVELY: f64 = 0.8;
+/// Contrast quantile up to which a voxel has twice the middle edge. Tuned on synthetic shapes outside all reports.
+const LOW_CONTRAST_QUANTILE: f64 = 0.3;
+/// Contrast quantile up to which a voxel has the middle edge.
+const HIGH_CONTRAST_QUANTILE: f64 = 0.8;
 
-/// Seeds that stand closer where neighbours differ: a voxel of edge 2S is divided into eight of edge S where its mean
-/// contrast is above the calm third of all vertices', and those again where theirs is among the liveliest fifth. S is
-/// searched as in [`voxel_seeds`] and is the length unit of the clustering distance.
+/// Adaptive seeds: dense where neighbours differ, sparse elsewhere.
 ///
-/// `contrast` has one finite entry a vertex, such as the mean squared feature distance to its neighbours.
+/// Voxels start with the edge 2S. A voxel is divided into eight if its mean contrast exceeds the low quantile of all
+/// vertices. The children are divided again above the high quantile. S is searched as in [`voxel_seeds`] and is the length
+/// unit of the clustering distance.
+///
+/// `contrast` has one finite entry per vertex (see [`contrast`]).
 #[must_use]
 pub fn adaptive_seeds(
     vertices: &Vertices,
@@ -80,13 +81,18 @@ pub fn adaptive_seeds(
     if n == 0 || uniform.sources.len() < 8 {
         return uniform;
     }
-    let seeded = seeded_components(component, components, LEAST_SHARE * n as f64 / most as f64, most);
+    let seeded = seeded_components(component, components, MIN_SHARE * n as f64 / most as f64, most);
     let grid = Grid::new(vertices, component, &seeded);
     let mut sorted = contrast.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     let quantile = |q: f64| sorted[(q * (n - 1) as f64) as usize];
-    let octree = Octree { grid: &grid, contrast, calm: quantile(CALM), lively: quantile(LIVELY) };
-    // The middle edge lies near the uniform one: leaves have half, once or twice it.
+    let octree = Octree {
+        grid: &grid,
+        contrast,
+        calm: quantile(LOW_CONTRAST_QUANTILE),
+        lively: quantile(HIGH_CONTRAST_QUANTILE),
+    };
+    // The middle edge is near the uniform one: leaves have half of it, the same, or twice as much.
     let (mut too_small, mut enough) = (0.25 * uniform.cell, 4.0 * uniform.cell);
     let mut leaves = octree.leaves(enough);
     if leaves.count > most {
@@ -108,8 +114,9 @@ pub fn adaptive_seeds(
     Seeds { sources: grid.nearest_to_means(&leaves.of, leaves.count), cell: enough }
 }
 
-/// How much each vertex differs from those around it: the mean squared feature distance to its neighbours, averaged over
-/// them and itself. High where a surface bends, at edges and where parts of other shapes meet.
+/// Local contrast of each vertex: the mean squared feature distance to its neighbours, smoothed over the neighbourhood.
+///
+/// It is high on curved surfaces, at edges and between parts of different shape.
 #[must_use]
 pub fn contrast(graph: &Graph, rows: &[Row]) -> Vec<f64> {
     let mean = |(sum, count): (f64, u32)| if count > 0 { sum / f64::from(count) } else { 0.0 };
@@ -130,7 +137,7 @@ pub fn contrast(graph: &Graph, rows: &[Row]) -> Vec<f64> {
         .collect()
 }
 
-/// Voxels of three sizes, each as large as its contrast lets it be.
+/// Voxels of three sizes, chosen by contrast.
 struct Octree<'a> {
     grid: &'a Grid<'a>,
     contrast: &'a [f64],
@@ -209,15 +216,15 @@ impl<'a> Grid<'a> {
             .map(|((v, &c), p)| (v, c, p))
     }
 
-    /// Voxel of a point; the conversion saturates, so that a far outlier ends in a far voxel.
+    /// Voxel of a point. The conversion saturates, so a far outlier gets a far voxel.
     fn voxel(&self, p: &[f64; 3], cell: f64) -> [i64; 3] {
         std::array::from_fn(|a| ((p[a] - self.origin[a]) / cell).floor() as i64)
     }
 
-    /// The smallest edge found at which no more than `most` voxels are occupied.
+    /// The smallest edge found with at most `most` occupied voxels.
     fn search(&self, most: usize) -> f64 {
         if self.extent.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-            // One point, or all of them in one: any length serves.
+            // A single point, or only coincident points: any edge is valid.
             return 1.0;
         }
         let distinct = self.vertices.coincident_runs().len() - 1;
@@ -250,10 +257,9 @@ impl<'a> Grid<'a> {
         enough
     }
 
-    /// How many voxels are occupied, unless they are more than `most`.
+    /// Number of occupied voxels; `None` above `most`.
     fn occupied(&self, cell: f64, most: usize) -> Option<usize> {
-        // Voxels are counted by their 64-bit hashes: among so few a collision is out of the question, and if there were
-        // one the only effect is one seed too many before the clusters are merged down.
+        // Voxels are counted by 64-bit hashes. A collision is very unlikely and would only add one seed before the merge.
         let mask = (2 * most + 2).next_power_of_two() - 1;
         let mut table = vec![0_u64; mask + 1];
         let mut count = 0;
@@ -292,8 +298,7 @@ impl<'a> Grid<'a> {
         self.nearest_to_means(&of, number.len())
     }
 
-    /// For each of `count` groups the vertex nearest to the mean position of its members, ties to the smaller scene-wide
-    /// index.
+    /// The vertex nearest to the mean position of each of `count` groups. Ties go to the smaller scene-wide index.
     fn nearest_to_means(&self, of: &[(u32, usize)], count: usize) -> Vec<u32> {
         let mut sums: Vec<([f64; 3], f64)> = vec![([0.0; 3], 0.0); count];
         for &(v, id) in of {
@@ -315,7 +320,7 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// SplitMix64 over the voxel and its component.
+/// SplitMix64 hash of the voxel and its component.
 fn mix(voxel: [i64; 3], component: u32) -> u64 {
     let mut h = u64::from(component);
     for x in voxel {

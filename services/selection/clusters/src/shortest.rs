@@ -1,7 +1,7 @@
-//! Shortest paths over a neighbour graph: to the nearest source, within a bound, and the envelope that bounds them.
+//! Shortest paths over a neighbour graph: to the nearest source, within a bound, and the envelope of the bound.
 //!
-//! Lengths of paths are sums from the source outwards in f64. Rounded addition is monotone, so each search finds the
-//! same bits for the same pair of vertices, whichever variant asks.
+//! Path lengths are f64 sums from the source outwards. Rounded addition is monotone, so all variants of the search find the
+//! same bits for the same pair of vertices.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -11,11 +11,10 @@ use rayon::prelude::*;
 
 use crate::neighbours::{Adjacency, Graph};
 
-/// No vertex, no label.
+/// Marks a missing vertex or label.
 pub const NONE: u32 = u32::MAX;
 
-/// Entries of queues are single numbers, which compare faster than tuples: the bits of a distance (ascending as distances
-/// at least zero do), then whose it is.
+/// A queue entry as one integer, which compares faster than a tuple: the bits of the distance, then the ids.
 fn entry(distance: f64, j: u32, v: u32) -> u128 {
     u128::from(distance.to_bits()) << 64 | u128::from(j) << 32 | u128::from(v)
 }
@@ -25,8 +24,9 @@ fn parts(entry: u128) -> (f64, u32, u32) {
     (f64::from_bits((entry >> 64) as u64), (entry >> 32) as u32, entry as u32)
 }
 
-/// Distance to the nearest source and which it is, for every vertex; infinity and [`NONE`] where no source is reachable.
-/// Ties go to the source that stands first in the slice.
+/// Distance and index of the nearest source of every vertex; infinity and [`NONE`] for unreachable vertices.
+///
+/// Ties go to the first source in the slice.
 #[must_use]
 pub fn nearest_source(graph: &impl Adjacency, sources: &[u32]) -> (Vec<f64>, Vec<u32>) {
     let mut distance = vec![f64::INFINITY; graph.vertices()];
@@ -43,8 +43,7 @@ pub fn nearest_source(graph: &impl Adjacency, sources: &[u32]) -> (Vec<f64>, Vec
     (distance, label)
 }
 
-/// Lets the vertices without a label take (distance, label) from their labelled neighbours and on from there; labelled
-/// vertices keep theirs.
+/// Propagates (distance, label) from labelled to unlabelled vertices. Labelled vertices are unchanged.
 pub fn fill_unlabelled(graph: &impl Adjacency, distance: &mut [f64], label: &mut [u32]) {
     let mut heap = BinaryHeap::new();
     let empty: Vec<u32> = (0..).zip(&*label).filter(|(_, l)| **l == NONE).map(|(v, _)| v).collect();
@@ -81,8 +80,9 @@ fn spread(graph: &impl Adjacency, distance: &mut [f64], label: &mut [u32], mut h
     }
 }
 
-/// Raises `radius` to its envelope P(i) = max over k of (r(k) − d(i,k)): the largest distance from a seed at which it
-/// can still matter to `i` or to a vertex behind it.
+/// Raises `radius` to its envelope P(i) = max over k of (r(k) − d(i,k)).
+///
+/// A seed farther than P(i) from `i` has no effect on `i`, nor on vertices reached through `i`.
 pub fn raise_to_envelope(graph: &Graph, radius: &mut [f64]) {
     let lifting: Vec<u32> = (0..graph.len() as u32)
         .into_par_iter()
@@ -92,7 +92,7 @@ pub fn raise_to_envelope(graph: &Graph, radius: &mut [f64]) {
     raise_from(graph, radius, &lifting);
 }
 
-/// The same where only the given vertices can lift others: what else is in `radius` is an envelope already.
+/// [`raise_to_envelope`] from the given vertices only. All other entries of `radius` must form an envelope.
 pub fn raise_from(graph: &Graph, radius: &mut [f64], lifting: &[u32]) {
     let mut heap: BinaryHeap<u128> = lifting.iter().map(|&v| entry(radius[v as usize], 0, v)).collect();
     while let Some(first) = heap.pop() {
@@ -109,10 +109,10 @@ pub fn raise_from(graph: &Graph, radius: &mut [f64], lifting: &[u32]) {
     }
 }
 
-/// Memory of one search, reused from search to search.
+/// Reusable memory of a search.
 #[derive(Debug, Default)]
 pub struct Search {
-    /// What is known of a vertex holds if its turn is this search's.
+    /// Entries of a vertex are valid if its turn is that of this search.
     distance: Vec<f64>,
     turns: Vec<u32>,
     turn: u32,
@@ -121,7 +121,7 @@ pub struct Search {
 }
 
 impl Search {
-    /// Turns of this search are `turn` (found by it) and `turn + 1` (given to it); all others are older.
+    /// Turns of this search: `turn` for found vertices and `turn + 1` for given ones. All other turns are older.
     fn start(&mut self, vertices: usize) {
         if self.turns.len() != vertices || self.turn >= u32::MAX - 3 {
             self.distance = vec![0.0; vertices];
@@ -133,8 +133,9 @@ impl Search {
         self.reached.clear();
     }
 
-    /// Vertices reached from `source` over vertices whose distance is at most `bound(vertex)`, with their distances, in
-    /// the order they were settled. The source itself is always reached.
+    /// Vertices reachable from `source`, with distances, in settling order. The source itself is always reached.
+    ///
+    /// The search continues only through vertices with a distance of at most `bound(vertex)`.
     pub fn reach(&mut self, graph: &impl Adjacency, source: u32, bound: impl Fn(u32) -> f64) -> &[(u32, f64)] {
         self.start(graph.vertices());
         self.offer(source, 0.0, |_| f64::INFINITY);
@@ -142,14 +143,15 @@ impl Search {
         &self.reached
     }
 
-    /// Continues a search whose bound has risen: what [`Search::reach`] would return under the new bound, in another
-    /// order, where `before` is what it returned under the old one. `doorstep` tells the vertices that may have a
-    /// neighbour with a higher bound.
+    /// Continues a search after a rise of the bound. `before` is the result for the old bound.
+    ///
+    /// Returns the result of [`Search::reach`] for the new bound, in another order. `frontier` selects the vertices that may
+    /// have a neighbour with a higher bound.
     pub fn reach_further(
         &mut self,
         graph: &impl Adjacency,
         before: impl Iterator<Item = (u32, f64)>,
-        doorstep: impl Fn(u32) -> bool,
+        frontier: impl Fn(u32) -> bool,
         bound: impl Fn(u32) -> f64,
     ) -> &[(u32, f64)] {
         self.start(graph.vertices());
@@ -161,14 +163,14 @@ impl Search {
         }
         for i in 0..had {
             let (v, d) = self.reached[i];
-            if doorstep(v) {
+            if frontier(v) {
                 for (w, length) in graph.around(v) {
                     self.offer(w, d + length, &bound);
                 }
             }
         }
         self.run(graph, bound);
-        // A way through newly entered vertices may be shorter for one that was reached before.
+        // A path through new vertices may be shorter for a vertex of the old result.
         for (v, d) in &mut self.reached[..had] {
             *d = self.distance[*v as usize];
         }
@@ -192,7 +194,7 @@ impl Search {
 
     #[inline]
     fn offer(&mut self, v: u32, distance: f64, bound: impl Fn(u32) -> f64) {
-        // Most offers are no shorter than what is known: the bound is looked up for the others alone.
+        // Most candidates are no shorter than the known distance. Only the others need the bound.
         let at = v as usize;
         let known = self.turns[at] >= self.turn;
         if (known && distance >= self.distance[at]) || distance > bound(v) {
@@ -206,7 +208,7 @@ impl Search {
     }
 }
 
-/// Lends [`Search`]es to threads: as many exist as ever ran at the same time.
+/// A pool of [`Search`]es for threads. Its size is the largest number of concurrent searches.
 #[derive(Debug, Default)]
 pub struct SearchPool(Mutex<Vec<Search>>);
 
@@ -303,8 +305,8 @@ mod tests {
             let second = |v: u32| first(v) + f64::from((v * 13 + low) % 4);
             let mut search = Search::default();
             let before = search.reach(&graph, source, first).to_vec();
-            let doorstep = |v| graph.neighbours(v).any(|(w, _)| second(w) > first(w));
-            let mut continued = search.reach_further(&graph, before.into_iter(), doorstep, second).to_vec();
+            let frontier = |v| graph.neighbours(v).any(|(w, _)| second(w) > first(w));
+            let mut continued = search.reach_further(&graph, before.into_iter(), frontier, second).to_vec();
             let mut anew = search.reach(&graph, source, second).to_vec();
             continued.sort_unstable_by_key(|r| r.0);
             anew.sort_unstable_by_key(|r| r.0);

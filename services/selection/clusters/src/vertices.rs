@@ -6,9 +6,8 @@ use sg_scene::model::BaseUnit;
 
 /// Points in the scene frame, in an order that keeps spatial neighbours close in memory (Morton order).
 ///
-/// A *vertex* is a position in these columns; `gaussian` maps it back to the scene-wide index. Coincident points stand
-/// next to each other, ascending by that index. Coordinates stay in f64: a unit's transform may place it far from the
-/// origin, where f32 no longer tells neighbours apart.
+/// A *vertex* is a position in these columns; `gaussian` maps it to the scene-wide index. Coincident points are contiguous,
+/// ascending by that index. Coordinates are f64, because f32 cannot resolve neighbours far from the origin.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Vertices {
     /// Scene-wide index of each vertex.
@@ -18,8 +17,7 @@ pub struct Vertices {
 }
 
 impl Vertices {
-    /// The vertices of a unit, and how many of its Gaussians were dropped because their position in the scene frame is
-    /// not finite.
+    /// The vertices of a unit, and the number of dropped Gaussians. Gaussians without a finite position are dropped.
     #[must_use]
     pub fn of_unit(unit: &BaseUnit) -> (Self, usize) {
         let first = u32::try_from(unit.first).unwrap_or(u32::MAX);
@@ -47,12 +45,12 @@ impl Vertices {
             max = max.max(DVec3::from_array(*p));
         }
         let extent = (max - min).max_element();
-        // 21 bits an axis; a box without extent gives every point the same code.
+        // 21 bits per axis. In a box without extent all points get the same code.
         let factor = if extent > 0.0 { 2_097_151.0 / extent } else { 0.0 };
         let mut keyed: Vec<(u64, u32, [f64; 3])> = points
             .into_par_iter()
             .map(|(i, p)| {
-                // Adding zero turns -0 into 0, so that equal coordinates have equal bits.
+                // Adding zero turns -0 into 0, so equal coordinates have equal bits.
                 let p = p.map(|x| x + 0.0);
                 let cell = (DVec3::from_array(p) - min) * factor;
                 (morton(cell), i, p)
@@ -96,7 +94,7 @@ impl Vertices {
     }
 }
 
-/// Squared Euclidean distance, from the differences (never from the expanded form, which cancels far from the origin).
+/// Squared Euclidean distance from coordinate differences. The expanded form would cancel far from the origin.
 #[inline]
 #[must_use]
 pub fn distance_squared(a: &[f64; 3], b: &[f64; 3]) -> f64 {
@@ -108,7 +106,7 @@ fn morton(cell: DVec3) -> u64 {
     spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2
 }
 
-/// The low 21 bits of the truncated value, three places apart.
+/// Spreads the low 21 bits of the truncated value to every third bit.
 fn spread(x: f64) -> u64 {
     let mut x = (x as u64) & 0x1f_ffff;
     x = (x | x << 32) & 0x001f_0000_0000_ffff;

@@ -18,8 +18,8 @@ use sg_clusters::progress::Silent;
 use sg_clusters::seeds::voxel_seeds;
 use sg_formats::{LoadOptions, load};
 use sg_selection::brush::{Brush, OpenStroke};
+use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::session::SelectionSession;
-use sg_selection::space::{SelectionSpace, WalkOptions};
 use sg_selection::strokes::{Kind, Mode, Stroke};
 use sg_selection::tuning::Tuning;
 
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (seconds, graph) = timed(|| ClusterGraph::new(&geometry, &clustering, GraphForm::Contact));
     let graph = graph?;
     println!("contact graph {seconds:.4} s, {} edges", graph.units.iter().map(Vec::len).sum::<usize>());
-    let (seconds, space) = timed(|| SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default()));
+    let (seconds, space) = timed(|| SelectionIndex::of_clusters(&scene, &clustering, &graph, WalkOptions::default()));
     println!("space (brush, order) {seconds:.4} s");
     let space = Arc::new(space);
     let Some(first) = clustering.clusters.first() else { return Ok(()) };

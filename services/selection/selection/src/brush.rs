@@ -1,14 +1,15 @@
-//! Which Gaussians a brush stroke hits.
+//! Gaussians under a brush stroke.
 
 use glam::DVec3;
+use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
+use sg_clusters::bvh::PointTree;
 use sg_clusters::geometry::Geometry;
-use sg_clusters::polyline::{Behind, Polyline};
-use sg_clusters::tree::PointTree;
+use sg_clusters::polyline::{DepthLimit, Polyline};
 use sg_clusters::vertices::Vertices;
 
-/// The centres of a scene's Gaussians, ready to be brushed over.
+/// A search tree over the centres of a scene's Gaussians.
 #[derive(Debug, Clone)]
 pub struct Brush {
     units: Vec<(Vec<u32>, PointTree)>,
@@ -31,25 +32,32 @@ impl Brush {
         Self { units: units.map(|v| (v.gaussian, PointTree::new(&v.position))).collect() }
     }
 
-    /// Scene-wide indices of the Gaussians whose centre is closer than `radius` to the polyline through the samples
-    /// (scene frame, scene length unit), ascending. Time grows with the hits, not with the scene.
+    /// Gaussians whose centre is closer than `radius` to the polyline through the samples. Scene-wide indices, ascending.
+    ///
+    /// Samples and radius are in the scene frame and the scene's length unit. The time depends on the number of hits.
     #[must_use]
     pub fn hits(&self, samples: &[DVec3], radius: f64) -> Vec<u32> {
         self.hits_of(&Polyline::new(samples), radius)
     }
 
-    /// The same with a factor on the radius at each sample (finite, at least 0), such as from the pressure on a trigger:
-    /// those closer than the radius times its factor to a sample, or to the nearest point of a segment with the factor
-    /// that is linear between its ends. A sample that has no factor has 1.
+    /// [`Brush::hits`] with a pressure factor on the radius at each sample, finite and at least 0.
+    ///
+    /// Along a segment the factor is interpolated linearly. Samples beyond the end of `factors` have the factor 1.
     #[must_use]
-    pub fn hits_pressed(&self, samples: &[DVec3], radius: f64, factors: &[f64]) -> Vec<u32> {
-        self.hits_of(&Polyline::pressed(samples, factors), radius)
+    pub fn hits_with_pressure(&self, samples: &[DVec3], radius: f64, factors: &[f64]) -> Vec<u32> {
+        self.hits_of(&Polyline::with_pressure(samples, factors), radius)
     }
 
-    /// The same of a tube that ends so far behind what an eye sees of it.
+    /// [`Brush::hits_with_pressure`] with a limit on the depth behind the stroke, as seen from a viewpoint.
     #[must_use]
-    pub fn hits_seen(&self, samples: &[DVec3], radius: f64, factors: &[f64], behind: Option<Behind>) -> Vec<u32> {
-        self.hits_of(&Polyline::seen(samples, factors, behind), radius)
+    pub fn hits_with_depth_limit(
+        &self,
+        samples: &[DVec3],
+        radius: f64,
+        factors: &[f64],
+        limit: Option<DepthLimit>,
+    ) -> Vec<u32> {
+        self.hits_of(&Polyline::with_depth_limit(samples, factors, limit), radius)
     }
 
     fn hits_of(&self, polyline: &Polyline, radius: f64) -> Vec<u32> {
@@ -62,7 +70,7 @@ impl Brush {
         hits
     }
 
-    /// Scene-wide index of the Gaussian whose centre is nearest to the polyline, ties to the smaller index; none in a
+    /// Scene-wide index of the Gaussian whose centre is nearest to the polyline. Ties go to the smaller index. `None` in a
     /// scene without a finite centre.
     #[must_use]
     pub fn nearest(&self, samples: &[DVec3]) -> Option<u32> {
@@ -75,38 +83,37 @@ impl Brush {
     }
 }
 
-/// A stroke while it is being drawn: each new sample adds the hits of its own segment, so the preview costs what the
-/// sample hits and not what the stroke has become.
+/// An unfinished stroke. A new sample searches its own segment only, so its cost is independent of the stroke's length.
 #[derive(Debug, Clone)]
 pub struct OpenStroke {
     radius: f64,
-    /// The last sample and its factor on the radius, if it was given one.
+    /// The last sample and its factor on the radius, if any.
     last: Option<(DVec3, Option<f64>)>,
     hits: Vec<u32>,
-    seen: sg_scene::mask::Mask,
-    behind: Option<Behind>,
+    hit: Mask,
+    depth_limit: Option<DepthLimit>,
 }
 
 impl OpenStroke {
-    /// A stroke of the given radius (scene length unit) over a scene of `gaussians`, without a sample yet.
+    /// A stroke without samples over a scene of `gaussians` Gaussians. The radius is in the scene's length unit.
     #[must_use]
     pub fn new(gaussians: usize, radius: f64) -> Self {
-        Self { radius, last: None, hits: Vec::new(), seen: sg_scene::mask::Mask::empty(gaussians), behind: None }
+        Self { radius, last: None, hits: Vec::new(), hit: Mask::empty(gaussians), depth_limit: None }
     }
 
-    /// The same that ends so far behind what an eye sees.
+    /// The same stroke with a limit on the depth behind it.
     #[must_use]
-    pub fn seen(self, behind: Option<Behind>) -> Self {
-        Self { behind, ..self }
+    pub fn with_depth_limit(self, depth_limit: Option<DepthLimit>) -> Self {
+        Self { depth_limit, ..self }
     }
 
-    /// Adds a sample (scene frame); returns the Gaussians it hits that no earlier one did, ascending.
+    /// Adds a sample in the scene frame. Returns the new hits, ascending.
     pub fn extend(&mut self, brush: &Brush, sample: DVec3) -> &[u32] {
         self.add(brush, sample, None)
     }
 
-    /// The same with a factor on the radius at the sample, as in [`Brush::hits_pressed`].
-    pub fn extend_pressed(&mut self, brush: &Brush, sample: DVec3, factor: f64) -> &[u32] {
+    /// [`OpenStroke::extend`] with a pressure factor at the sample, as in [`Brush::hits_with_pressure`].
+    pub fn extend_with_pressure(&mut self, brush: &Brush, sample: DVec3, factor: f64) -> &[u32] {
         self.add(brush, sample, Some(factor))
     }
 
@@ -117,9 +124,9 @@ impl OpenStroke {
             _ => vec![old.unwrap_or(1.0), factor.unwrap_or(1.0)],
         };
         let before = self.hits.len();
-        for g in brush.hits_seen(&[from, sample], self.radius, &factors, self.behind) {
-            if !self.seen.get(g as usize) {
-                self.seen.set(g as usize, true);
+        for g in brush.hits_with_depth_limit(&[from, sample], self.radius, &factors, self.depth_limit) {
+            if !self.hit.get(g as usize) {
+                self.hit.set(g as usize, true);
                 self.hits.push(g);
             }
         }
@@ -127,7 +134,7 @@ impl OpenStroke {
         &self.hits[before..]
     }
 
-    /// All hits so far, in the order they were made.
+    /// All hits so far, in the order of their samples.
     #[must_use]
     pub fn hits(&self) -> &[u32] {
         &self.hits
@@ -171,8 +178,8 @@ mod tests {
         let whole = brush.hits(&samples, 0.08);
         let mut before = 0;
         for most in [0.0, 0.02, 0.05, 0.081] {
-            let behind = Some(Behind { eye, most });
-            let hits = brush.hits_seen(&samples, 0.08, &[], behind);
+            let limit = Some(DepthLimit { eye, max_distance: most });
+            let hits = brush.hits_with_depth_limit(&samples, 0.08, &[], limit);
             let position = |g: u32| scene.units[0].gaussians.position[g as usize].as_dvec3();
             let reached = |g: &u32| {
                 let p = position(*g);
@@ -184,7 +191,7 @@ mod tests {
                 samples.iter().any(|s| near(*s)) || samples.windows(2).any(on)
             };
             assert_eq!(hits, whole.iter().copied().filter(reached).collect::<Vec<_>>(), "{most}");
-            let mut open = OpenStroke::new(scene.len(), 0.08).seen(behind);
+            let mut open = OpenStroke::new(scene.len(), 0.08).with_depth_limit(limit);
             for sample in &samples {
                 open.extend(&brush, *sample);
             }
@@ -228,20 +235,20 @@ mod tests {
             let want: Vec<u32> = (0..n as u32)
                 .filter(|&g| by_definition(scene.position(g as usize).unwrap(), &samples, radius, &factors))
                 .collect();
-            prop_assert_eq!(&brush.hits_pressed(&samples, radius, &factors), &want);
+            prop_assert_eq!(&brush.hits_with_pressure(&samples, radius, &factors), &want);
             let mut open = OpenStroke::new(n, radius);
             for (s, f) in samples.iter().zip(&factors) {
-                open.extend_pressed(&brush, *s, *f);
+                open.extend_with_pressure(&brush, *s, *f);
             }
             let mut grown = open.hits().to_vec();
             grown.sort_unstable();
             prop_assert_eq!(&grown, &want);
             let backwards: Vec<DVec3> = samples.iter().rev().copied().collect();
             let pressure: Vec<f64> = factors.iter().rev().copied().collect();
-            prop_assert_eq!(&brush.hits_pressed(&backwards, radius, &pressure), &want);
+            prop_assert_eq!(&brush.hits_with_pressure(&backwards, radius, &pressure), &want);
             // A factor of one is none.
             prop_assert_eq!(
-                brush.hits_pressed(&samples, radius, &vec![1.0; samples.len()]),
+                brush.hits_with_pressure(&samples, radius, &vec![1.0; samples.len()]),
                 brush.hits(&samples, radius)
             );
         }
@@ -259,23 +266,23 @@ mod tests {
         let ball = closer(at, 0.2);
         assert!(ball.len() > 50);
         assert_eq!(brush.hits(&[at], 0.2), ball);
-        assert_eq!(brush.hits_pressed(&[at], 0.1, &[2.0]), ball);
+        assert_eq!(brush.hits_with_pressure(&[at], 0.1, &[2.0]), ball);
         assert_eq!(brush.hits(&[at; 9], 0.2), ball);
         // The same place with growing and falling pressure: the largest counts.
-        assert_eq!(brush.hits_pressed(&[at; 5], 0.1, &[0.0, 1.0, 2.0, 1.5, 0.0]), ball);
+        assert_eq!(brush.hits_with_pressure(&[at; 5], 0.1, &[0.0, 1.0, 2.0, 1.5, 0.0]), ball);
         for samples in [vec![at], vec![DVec3::ZERO, DVec3::ONE]] {
             assert!(brush.hits(&samples, 0.0).is_empty());
-            assert!(brush.hits_pressed(&samples, 0.2, &vec![0.0; samples.len()]).is_empty());
-            assert!(brush.hits_pressed(&samples, 0.0, &vec![9.0; samples.len()]).is_empty());
+            assert!(brush.hits_with_pressure(&samples, 0.2, &vec![0.0; samples.len()]).is_empty());
+            assert!(brush.hits_with_pressure(&samples, 0.0, &vec![9.0; samples.len()]).is_empty());
         }
         // Far outside: nothing, until a segment passes through or the pressure is enough to reach the box.
         let (left, right) = (DVec3::new(-1e6, 0.5, 0.5), DVec3::new(1e6, 0.5, 0.5));
-        assert!(brush.hits(&[left], 0.1).is_empty() && brush.hits_pressed(&[left], 0.1, &[9e6]).is_empty());
-        let through = brush.hits_pressed(&[left, right], 0.1, &[0.0, 2.0]);
+        assert!(brush.hits(&[left], 0.1).is_empty() && brush.hits_with_pressure(&[left], 0.1, &[9e6]).is_empty());
+        let through = brush.hits_with_pressure(&[left, right], 0.1, &[0.0, 2.0]);
         assert!(!through.is_empty());
         // Half way the factor is 1, to 1e-6.
         assert_eq!(through, brush.hits(&[left, right], 0.1));
-        assert_eq!(brush.hits_pressed(&[left], 0.1, &[1.1e7]).len(), 3000);
+        assert_eq!(brush.hits_with_pressure(&[left], 0.1, &[1.1e7]).len(), 3000);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use glam::{DMat4, DVec3, Vec3};
 use rand::RngExt;
 use sg_scene::model::{BaseUnit, Scene};
 
-use crate::space::{SelectionSpace, WalkOptions};
+use crate::selection_index::{SelectionIndex, WalkOptions};
 use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
 use sg_clusters::clustering::{Clustering, ClusteringOptions, Level, Method, cluster};
 use sg_clusters::features::{FeatureKind, WIDTH, features};
@@ -29,7 +29,7 @@ fn clusters(geometry: &Geometry, most: usize) -> Clustering {
 /// p of every Gaussian's cluster in the walk between two Gaussians; 0 for those without one. Checks p + q.
 fn walked(scene: &Scene, geometry: &Geometry, clustering: &Clustering, from: u32, to: u32) -> Vec<f64> {
     let graph = ClusterGraph::new(geometry, clustering, GraphForm::Contact).unwrap();
-    let space = SelectionSpace::of_clusters(scene, clustering, &graph, WalkOptions::default());
+    let space = SelectionIndex::of_clusters(scene, clustering, &graph, WalkOptions::default());
     let solution = space.walk([from].into_iter(), [to].into_iter()).unwrap().solution;
     for ((p, q), reached) in solution.p.iter().zip(&solution.q).zip(&solution.reached) {
         assert!((p + q - f64::from(u8::from(*reached))).abs() <= 1e-14, "p + q is {}", p + q);
@@ -278,7 +278,7 @@ fn none_one_few_and_flat_sets_of_gaussians() {
                 for form in [GraphForm::Contact, GraphForm::Printed, GraphForm::AllPairs, GraphForm::Euclidean] {
                     let graph = ClusterGraph::new(&g, &c, form).unwrap();
                     let options = WalkOptions { form, ..WalkOptions::default() };
-                    let space = SelectionSpace::of_clusters(&scene, &c, &graph, options);
+                    let space = SelectionIndex::of_clusters(&scene, &c, &graph, options);
                     let last = points.len().saturating_sub(1) as u32;
                     let ends = (!points.is_empty()).then_some(last);
                     let walk = space.walk((!points.is_empty()).then_some(0).into_iter(), ends.into_iter()).unwrap();
@@ -314,7 +314,7 @@ fn columns_without_variance_weigh_nothing() {
     assert!(column < 1e-4 && delta < 1e-5);
     let p = |sigma_f: f64| {
         let options = WalkOptions { sigma_f, ..WalkOptions::default() };
-        let space = SelectionSpace::of_clusters(&scene, &c, &graph, options);
+        let space = SelectionIndex::of_clusters(&scene, &c, &graph, options);
         space.walk([0].into_iter(), [1].into_iter()).unwrap().solution.p
     };
     let off = largest(&p(1.0), &p(1e-3));

@@ -1,57 +1,52 @@
-//! What can be done to a selection beside brushing: set operations, regions, ranges, pieces, likeness.
+//! Operations on a selection: set operations, regions, attribute ranges, connected pieces and similarity.
 //!
-//! An operation turns a mask into a mask and depends on nothing else but the scene, so operations and strokes can be drawn
-//! in any order (see [`crate::session`] for the order in which they count). Lengths are fractions of the scene box's
-//! longest edge and places are normalized by the box, as for strokes. Gaussians without a finite position belong to no
-//! region and no piece, are grown into by nothing, and are never selected by [`Operation::Invert`].
+//! An operation maps a mask to a mask and depends only on the scene. Operations and strokes mix freely; [`crate::session`]
+//! defines their order. Lengths are fractions of the scene box's longest edge. Points are normalized by the box, as for
+//! strokes. Gaussians without a finite position belong to no region and no piece. [`Operation::Grow`] and
+//! [`Operation::Invert`] never select them.
 
-use serde::{Deserialize, Serialize};
 use sg_scene::camera::Camera;
 
-/// How what an operation finds is combined with what is selected.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// Combination of the found Gaussians with the selection.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Combine {
-    /// Selected is what was selected or is found.
+    /// Union.
     #[default]
     Add,
-    /// Selected is what was selected and is not found.
+    /// Difference: the selection without the found Gaussians.
     Remove,
-    /// Selected is what was selected and is found.
+    /// Intersection.
     Intersect,
-    /// Selected is what is found.
+    /// The found Gaussians alone.
     Replace,
 }
 
-/// A number that every Gaussian has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// A scalar attribute of a Gaussian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Attribute {
     /// Peak opacity as in the file, 0 to 1.
     Opacity,
     /// Geometric mean of the three standard deviations, as a fraction of the scene box's longest edge.
     Scale,
-    /// Red of its own colour as stored: palette and offset, or the constant term of its harmonics; likewise the others.
+    /// Red of the stored colour: palette plus offset, or the constant term of the harmonics.
     Red,
-    /// Green.
+    /// Green of the stored colour.
     Green,
-    /// Blue.
+    /// Blue of the stored colour.
     Blue,
 }
 
 /// One operation.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "operation", rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Operation {
-    /// Selects what is not selected and takes away what is, in every base unit in which something is selected; in all of
-    /// them where nothing is.
+    /// Inverts the selection in every base unit with a selected Gaussian. An empty selection is inverted in all units.
     Invert,
-    /// Selects whatever is closer than this to the centre of something selected of the same base unit.
+    /// Selects every Gaussian whose centre is closer than `distance` to a selected centre of the same base unit.
     Grow {
         /// Fraction of the box's longest edge.
         distance: f64,
     },
-    /// Takes away whatever is closer than this to the centre of something unselected of the same base unit.
+    /// Deselects every Gaussian whose centre is closer than `distance` to an unselected centre of the same base unit.
     Shrink {
         /// Fraction of the box's longest edge.
         distance: f64,
@@ -59,36 +54,34 @@ pub enum Operation {
     /// Selects the unselected pieces of at most `most` Gaussians that touch the selection. A piece is connected over the
     /// neighbour graph.
     FillHoles {
-        /// Largest hole.
+        /// Number of Gaussians of the largest filled hole.
         most: usize,
     },
-    /// Keeps the largest pieces of the selection; of equal ones that with the smallest index.
+    /// Keeps the largest pieces of the selection. Ties go to the piece with the smallest index.
     LargestPieces {
-        /// How many.
+        /// Number of pieces.
         keep: usize,
     },
-    /// Keeps the piece of the selection whose Gaussian is nearest to a point.
+    /// Keeps the piece of the selection with the Gaussian nearest to a point.
     PieceAt {
         /// Normalized by the scene's box.
         at: [f64; 3],
     },
-    /// Finds, in every base unit in which something is selected, what is like the selection: features no farther from
-    /// their mean over the selection than `threshold` times their root-mean-square distance from it there.
+    /// Finds similar Gaussians in every base unit with a selected Gaussian. The feature distance to the selection's mean is
+    /// at most `threshold` times the root-mean-square distance of the selected Gaussians.
     Similar {
-        /// At least 0; 2 is about as unlike as what is selected.
+        /// At least 0. At 2 the result is about as varied as the selection itself.
         threshold: f64,
-        /// With what was selected.
-        #[serde(default)]
+        /// Combination with the selection.
         combine: Combine,
     },
-    /// Finds the centres in a box along the axes, its faces included.
+    /// Finds the centres in a closed axis-aligned box.
     Box {
-        /// Least corner, normalized.
+        /// Smallest corner, normalized.
         min: [f64; 3],
-        /// Greatest corner, normalized.
+        /// Largest corner, normalized.
         max: [f64; 3],
-        /// With what was selected.
-        #[serde(default)]
+        /// Combination with the selection.
         combine: Combine,
     },
     /// Finds the centres closer than a radius to a point.
@@ -97,108 +90,137 @@ pub enum Operation {
         centre: [f64; 3],
         /// Fraction of the box's longest edge.
         radius: f64,
-        /// With what was selected.
-        #[serde(default)]
+        /// Combination with the selection.
         combine: Combine,
     },
-    /// Finds the centres on the side of a plane to which its normal points, the plane excluded.
+    /// Finds the centres in the open half-space in front of a plane.
     Plane {
-        /// A point of it, normalized.
+        /// A point of the plane, normalized.
         point: [f64; 3],
-        /// In the scene frame, of any length but 0.
+        /// Normal in the scene frame, of any length but 0. It points into the half-space.
         normal: [f64; 3],
-        /// With what was selected.
-        #[serde(default)]
+        /// Combination with the selection.
         combine: Combine,
     },
-    /// Finds the centres that a camera sees within a polygon (even-odd rule) and between two depths, hidden or not.
+    /// Finds the centres that project into a polygon (even-odd rule) between two depths. Occlusion is ignored.
     Lasso {
-        /// The camera through which the polygon was drawn.
+        /// The camera of the polygon.
         camera: Box<Camera>,
         /// Corners in pixels.
         polygon: Vec<[f64; 2]>,
-        /// Least depth along the view axis, in the scene's length unit.
-        #[serde(default)]
+        /// Smallest depth along the view axis, in the scene's length unit.
         near: f64,
-        /// Greatest depth.
-        #[serde(default = "farthest")]
+        /// Largest depth.
         far: f64,
-        /// With what was selected.
-        #[serde(default)]
+        /// Combination with the selection.
         combine: Combine,
     },
-    /// Finds the Gaussians with an attribute between two numbers, both included.
+    /// Finds the Gaussians with an attribute in a closed interval.
     Range {
-        /// Which.
+        /// The attribute.
         attribute: Attribute,
-        /// Least.
+        /// Smallest value.
         min: f64,
-        /// Greatest.
+        /// Largest value.
         max: f64,
-        /// With what was selected.
-        #[serde(default)]
+        /// Combination with the selection.
         combine: Combine,
     },
-}
-
-fn farthest() -> f64 {
-    f64::MAX
 }
 
 /// Most corners of a lasso.
-pub const MOST_CORNERS: usize = 10_000;
+pub const MAX_CORNERS: usize = 10_000;
+
+/// An impossible value of an operation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum OperationError {
+    /// A length is negative or not finite.
+    #[error("the {name} is {value}; it must be finite and at least 0")]
+    Length {
+        /// Name of the value.
+        name: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// A point or a direction is not finite.
+    #[error("the {name} {value:?} is not finite")]
+    NotFinite {
+        /// Name of the value.
+        name: &'static str,
+        /// The coordinates.
+        value: Vec<f64>,
+    },
+    /// An interval ends before it begins.
+    #[error("the interval from {min} to {max} is empty; write the smaller number first")]
+    EmptyInterval {
+        /// First number.
+        min: f64,
+        /// Second number.
+        max: f64,
+    },
+    /// No piece is kept.
+    #[error("0 pieces leave no selection; keep at least 1")]
+    NoPieces,
+    /// The normal of a plane is zero.
+    #[error("the normal has no length")]
+    ZeroNormal,
+    /// The camera of a lasso is unusable. The text names the field.
+    #[error("{0}")]
+    Camera(String),
+    /// A lasso has too few corners, or too many.
+    #[error("a lasso of {0} corners; it must have 3 to {MAX_CORNERS}")]
+    Corners(usize),
+}
 
 impl Operation {
-    /// Checks that the operation can be done.
+    /// Checks the values of the operation.
     ///
     /// # Errors
-    /// What is wrong and what would be right, in words.
-    pub fn check(&self) -> Result<(), String> {
-        let length = |name: &str, x: f64| match x {
+    /// [`OperationError`] with the first wrong value.
+    pub fn check(&self) -> Result<(), OperationError> {
+        let length = |name, value: f64| match value {
             x if x >= 0.0 && x.is_finite() => Ok(()),
-            x => Err(format!("the {name} is {x}; it must be finite and at least 0")),
+            value => Err(OperationError::Length { name, value }),
         };
-        let place = |name: &str, p: &[f64; 3]| match p {
+        let finite = |name, p: &[f64]| match p {
             p if p.iter().all(|x| x.is_finite()) => Ok(()),
-            p => Err(format!("the {name} {p:?} is not finite")),
+            p => Err(OperationError::NotFinite { name, value: p.to_vec() }),
         };
-        let span = |min: f64, max: f64| match () {
-            () if min <= max => Ok(()),
-            () => Err(format!("from {min} to {max} there is nothing; write the smaller number first")),
-        };
+        let interval =
+            |min: f64, max: f64| if min <= max { Ok(()) } else { Err(OperationError::EmptyInterval { min, max }) };
         match self {
             Self::Invert | Self::FillHoles { .. } => Ok(()),
             Self::Grow { distance } | Self::Shrink { distance } => length("distance", *distance),
-            Self::LargestPieces { keep: 0 } => Err("0 pieces are none; keep at least 1".to_owned()),
+            Self::LargestPieces { keep: 0 } => Err(OperationError::NoPieces),
             Self::LargestPieces { .. } => Ok(()),
-            Self::PieceAt { at } => place("point", at),
+            Self::PieceAt { at } => finite("point", at),
             Self::Similar { threshold, .. } => length("threshold", *threshold),
             Self::Box { min, max, .. } => {
-                place("corner", min)?;
-                place("corner", max)?;
-                min.iter().zip(max).try_for_each(|(a, b)| span(*a, *b))
+                finite("corner", min)?;
+                finite("corner", max)?;
+                min.iter().zip(max).try_for_each(|(a, b)| interval(*a, *b))
             }
             Self::Sphere { centre, radius, .. } => {
-                place("centre", centre)?;
+                finite("centre", centre)?;
                 length("radius", *radius)
             }
             Self::Plane { point, normal, .. } => {
-                place("point", point)?;
-                place("normal", normal)?;
-                let is_none = normal.iter().all(|x| *x == 0.0);
-                if is_none { Err("the normal has no length".to_owned()) } else { Ok(()) }
+                finite("point", point)?;
+                finite("normal", normal)?;
+                let is_zero = normal.iter().all(|x| *x == 0.0);
+                if is_zero { Err(OperationError::ZeroNormal) } else { Ok(()) }
             }
             Self::Lasso { camera, polygon, near, far, .. } => {
-                camera.check("lasso").map_err(|e| e.to_string())?;
-                if polygon.len() < 3 || polygon.len() > MOST_CORNERS {
-                    return Err(format!("a lasso of {} corners; 3 to {MOST_CORNERS} are needed", polygon.len()));
+                camera.check("lasso").map_err(|e| OperationError::Camera(e.to_string()))?;
+                if polygon.len() < 3 || polygon.len() > MAX_CORNERS {
+                    return Err(OperationError::Corners(polygon.len()));
                 }
                 if let Some(bad) = polygon.iter().find(|c| !c.iter().all(|x| x.is_finite())) {
-                    return Err(format!("the corner {bad:?} is not finite"));
+                    return Err(OperationError::NotFinite { name: "corner", value: bad.to_vec() });
                 }
-                span(*near, *far)
+                interval(*near, *far)
             }
-            Self::Range { min, max, .. } => span(*min, *max),
+            Self::Range { min, max, .. } => interval(*min, *max),
         }
     }
 }
@@ -208,48 +230,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn operations_are_read_as_they_are_written() {
-        let camera = r#"{"width":64,"height":64,"fx":64,"fy":64,"cx":32,"cy":32,"world_to_camera":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}"#;
-        for text in [
-            r#"{"operation":"invert"}"#.to_owned(),
-            r#"{"operation":"grow","distance":0.02}"#.to_owned(),
-            r#"{"operation":"fill-holes","most":50}"#.to_owned(),
-            r#"{"operation":"largest-pieces","keep":1}"#.to_owned(),
-            r#"{"operation":"piece-at","at":[0.5,0.5,0.5]}"#.to_owned(),
-            r#"{"operation":"similar","threshold":2,"combine":"intersect"}"#.to_owned(),
-            r#"{"operation":"box","min":[0,0,0],"max":[1,1,0.5],"combine":"remove"}"#.to_owned(),
-            r#"{"operation":"sphere","centre":[0.5,0.5,0.5],"radius":0.1}"#.to_owned(),
-            r#"{"operation":"plane","point":[0.5,0.5,0.5],"normal":[0,0,1]}"#.to_owned(),
-            format!(r#"{{"operation":"lasso","camera":{camera},"polygon":[[0,0],[9,0],[9,9]]}}"#),
-            r#"{"operation":"range","attribute":"opacity","min":0.5,"max":1,"combine":"replace"}"#.to_owned(),
+    fn wrong_values_are_named() {
+        let combine = Combine::Add;
+        for (operation, part) in [
+            (Operation::Grow { distance: -1.0 }, "the distance is -1"),
+            (Operation::LargestPieces { keep: 0 }, "keep at least 1"),
+            (Operation::Box { min: [0.0, 0.0, 1.0], max: [1.0, 1.0, 0.0], combine }, "from 1 to 0 is empty"),
+            (Operation::Plane { point: [0.0; 3], normal: [0.0; 3], combine }, "the normal has no length"),
+            (
+                Operation::Range { attribute: Attribute::Red, min: 1.0, max: 0.0, combine },
+                "write the smaller number first",
+            ),
+            (Operation::PieceAt { at: [0.0, f64::NAN, 0.0] }, "the point [0.0, NaN, 0.0] is not finite"),
         ] {
-            let operation: Operation = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
-            assert_eq!(operation.check(), Ok(()), "{text}");
-            let again = serde_json::to_string(&operation).unwrap();
-            assert_eq!(serde_json::from_str::<Operation>(&again).unwrap(), operation);
-        }
-    }
-
-    #[test]
-    fn what_makes_no_sense_is_named() {
-        for (text, part) in [
-            (r#"{"operation":"grow","distance":-1}"#, "the distance is -1"),
-            (r#"{"operation":"largest-pieces","keep":0}"#, "keep at least 1"),
-            (r#"{"operation":"box","min":[0,0,1],"max":[1,1,0]}"#, "from 1 to 0 there is nothing"),
-            (r#"{"operation":"plane","point":[0,0,0],"normal":[0,0,0]}"#, "the normal has no length"),
-            (r#"{"operation":"range","attribute":"red","min":1,"max":0}"#, "write the smaller number first"),
-        ] {
-            let operation: Operation = serde_json::from_str(text).unwrap();
-            let said = operation.check().unwrap_err();
-            assert!(said.contains(part), "{text}: {said}");
-        }
-        for text in [
-            r#"{"operation":"grwo","distance":1}"#,
-            r#"{"operation":"grow"}"#,
-            r#"{"operation":"grow","distance":1,"x":2}"#,
-            r#"{"operation":"range","attribute":"hue","min":0,"max":1}"#,
-        ] {
-            assert!(serde_json::from_str::<Operation>(text).is_err(), "{text}");
+            let message = operation.check().unwrap_err().to_string();
+            assert!(message.contains(part), "{message}");
         }
     }
 }

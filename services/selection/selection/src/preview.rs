@@ -1,77 +1,79 @@
-//! What a selection would be if the stroke that is being drawn ended now.
+//! Preview of the selection while a stroke is drawn.
 //!
-//! Each new sample costs what it hits: point strokes look at their new hits, cluster strokes at the clusters hit for the
-//! first time, walk strokes solve again only what their new seeds change.
+//! The cost of a sample depends on its new hits only. Point strokes visit their new hits. Cluster strokes visit the newly
+//! hit clusters. Walk strokes eliminate again only the columns that depend on the new seeds.
 
 use glam::DVec3;
 use sg_scene::mask::Mask;
 
 use crate::brush::OpenStroke;
 use crate::session::{SelectionError, SelectionSession};
+use crate::steps::StepError;
 use crate::strokes::{Kind, Mode, Stroke};
 
-/// A stroke that is being drawn over a selection.
+/// A selection with one unfinished stroke.
 #[derive(Debug, Clone)]
 pub struct Preview {
-    /// The selection under it, and for walks the seeds it has added.
+    /// The selection below, including the seeds of an unfinished walk stroke.
     session: SelectionSession,
     stroke: Stroke,
     open: OpenStroke,
-    /// Clusters hit, for cluster strokes.
-    seen: Vec<bool>,
+    /// Hit clusters, for cluster strokes; empty otherwise.
+    hit_clusters: Vec<bool>,
     mask: Mask,
 }
 
 impl Preview {
-    /// Begins a stroke without a sample; points that `stroke` has are not played.
+    /// Begins a stroke without samples. The points of `stroke` are ignored.
     ///
     /// # Errors
-    /// [`SelectionError::Stroke`] for a stroke that makes no sense whatever its points.
+    /// [`SelectionError::Step`] for an impossible stroke.
     pub fn begin(session: &SelectionSession, stroke: &Stroke) -> Result<Self, SelectionError> {
         let bare = Stroke { points: vec![[0.0; 3]], pressure: Vec::new(), ..stroke.clone() };
-        bare.check().map_err(SelectionError::Stroke)?;
-        let space = session.space();
-        let radius = stroke.radius * space.bounds().longest_edge();
+        bare.check().map_err(StepError::from)?;
+        let index = session.index();
+        let radius = stroke.radius * index.bounds().longest_edge();
         Ok(Self {
-            open: OpenStroke::new(space.gaussians(), radius).seen(stroke.behind(space.bounds())),
-            seen: vec![false; if stroke.mode == Mode::Cluster { space.clusters() } else { 0 }],
+            open: OpenStroke::new(index.gaussians(), radius).with_depth_limit(stroke.depth_limit(index.bounds())),
+            hit_clusters: vec![false; if stroke.mode == Mode::Cluster { index.clusters() } else { 0 }],
             mask: session.mask().clone(),
             stroke: Stroke { points: Vec::new(), pressure: Vec::new(), ..stroke.clone() },
             session: session.clone(),
         })
     }
 
-    /// Adds samples (normalized by the scene's box), with a factor on the radius at each of them or none. Returns the
-    /// Gaussians that are selected now and were not before it, or the other way round, ascending.
+    /// Adds samples, normalized by the scene's box. `pressure` has one factor on the radius per sample, or is empty.
+    ///
+    /// Returns the Gaussians that changed sides, ascending.
     ///
     /// # Errors
-    /// [`SelectionError`]; samples that make sense are then part of the stroke all the same.
+    /// [`SelectionError`]; samples with possible values still become part of the stroke.
     pub fn extend(&mut self, samples: &[[f64; 3]], pressure: &[f64]) -> Result<Vec<u32>, SelectionError> {
-        // Not the stroke so far, which grows with every sample.
+        // Check only the new samples: the whole stroke grows with every call.
         let Stroke { mode, kind, radius, .. } = self.stroke;
         let new = Stroke { mode, kind, radius, points: samples.to_vec(), pressure: pressure.to_vec(), depth: None };
-        new.check().map_err(SelectionError::Stroke)?;
-        // A stroke has a factor at every point or at none: what came without had the factor 1.
+        new.check().map_err(StepError::from)?;
+        // A stroke has a factor at every point or at none. Earlier points without a factor get 1.
         let pressed = !pressure.is_empty() || !self.stroke.pressure.is_empty();
         if pressed {
             self.stroke.pressure.resize(self.stroke.points.len(), 1.0);
         }
         let mut new = Vec::new();
         for (k, sample) in samples.iter().enumerate() {
-            let space = self.session.space();
-            let at = space.bounds().denormalize(DVec3::from_array(*sample));
+            let index = self.session.index();
+            let at = index.bounds().denormalize(DVec3::from_array(*sample));
             let factor = pressure.get(k).copied().unwrap_or(1.0);
             let hits = match pressed {
-                true => self.open.extend_pressed(space.brush(), at, factor),
-                false => self.open.extend(space.brush(), at),
+                true => self.open.extend_with_pressure(index.brush(), at, factor),
+                false => self.open.extend(index.brush(), at),
             };
             new.extend_from_slice(hits);
             self.stroke.pressure.extend(pressed.then_some(factor));
         }
         self.stroke.points.extend_from_slice(samples);
         let mut changed = match self.stroke.mode {
-            Mode::Point => self.flip(&new, self.stroke.kind == Kind::Foreground),
-            Mode::Cluster => self.clusters(&new),
+            Mode::Point => self.set_all(&new, self.stroke.kind == Kind::Foreground),
+            Mode::Cluster => self.set_clusters(&new),
             Mode::Walk if new.is_empty() => Vec::new(),
             Mode::Walk => {
                 let mask = self.session.seed(self.stroke.kind, &new)?;
@@ -84,13 +86,13 @@ impl Preview {
         Ok(changed)
     }
 
-    /// What would be selected.
+    /// The selected Gaussians.
     #[must_use]
     pub fn mask(&self) -> &Mask {
         &self.mask
     }
 
-    /// Gaussians hit so far.
+    /// Number of Gaussians under the stroke so far.
     #[must_use]
     pub fn hits(&self) -> usize {
         self.open.hits().len()
@@ -102,30 +104,30 @@ impl Preview {
         &self.stroke
     }
 
-    /// Sets some Gaussians; those that were otherwise.
-    fn flip(&mut self, gaussians: &[u32], selected: bool) -> Vec<u32> {
-        let otherwise = gaussians.iter().copied().filter(|&g| self.mask.get(g as usize) != selected);
-        let changed: Vec<u32> = otherwise.collect();
+    /// Selects or deselects Gaussians. Returns those that changed.
+    fn set_all(&mut self, gaussians: &[u32], selected: bool) -> Vec<u32> {
+        let changed: Vec<u32> = gaussians.iter().copied().filter(|&g| self.mask.get(g as usize) != selected).collect();
         changed.iter().for_each(|&g| self.mask.set(g as usize, selected));
         changed
     }
 
-    fn clusters(&mut self, hits: &[u32]) -> Vec<u32> {
-        let space = std::sync::Arc::clone(self.session.space());
+    /// Applies a cluster stroke to the newly hit clusters. Returns the Gaussians that changed.
+    fn set_clusters(&mut self, hits: &[u32]) -> Vec<u32> {
+        let index = std::sync::Arc::clone(self.session.index());
         let mut changed = Vec::new();
-        for cluster in hits.iter().filter_map(|&g| space.cluster_of(g)) {
-            if std::mem::replace(&mut self.seen[cluster], true) {
+        for cluster in hits.iter().filter_map(|&g| index.cluster_of(g)) {
+            if std::mem::replace(&mut self.hit_clusters[cluster], true) {
                 continue;
             }
-            let members = space.members(cluster);
+            let members = index.members(cluster);
             let selected = self.stroke.kind.selects(members, &self.mask);
-            changed.extend(self.flip(members, selected));
+            changed.extend(self.set_all(members, selected));
         }
         changed
     }
 }
 
-/// Gaussians that one of two masks of the same length has and the other has not, ascending.
+/// Symmetric difference of two masks of the same length: indices in exactly one of them, ascending.
 #[must_use]
 pub fn differing(one: &Mask, other: &Mask) -> Vec<u32> {
     let (mut either, mut both) = (one.clone(), one.clone());
@@ -142,27 +144,26 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::space::{SelectionSpace, WalkOptions};
+    use crate::selection_index::{SelectionIndex, WalkOptions};
     use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
     use sg_clusters::clustering::{ClusteringOptions, cluster};
     use sg_clusters::geometry::{Geometry, GeometryOptions};
     use sg_clusters::progress::Silent;
     use sg_scene::synthetic::{point_scene, random_points};
 
-    fn space() -> Arc<SelectionSpace> {
+    fn space() -> Arc<SelectionIndex> {
         let scene = point_scene(&random_points(1500, 3));
         let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
         let options = ClusteringOptions { max_clusters: 60, ..ClusteringOptions::default() };
         let (clustering, _) = cluster(&geometry, &options, &Silent).unwrap();
         let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
-        Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default()))
+        Arc::new(SelectionIndex::of_clusters(&scene, &clustering, &graph, WalkOptions::default()))
     }
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// Sample by sample, what is previewed is what the stroke so far would select, and what is told of is what
-        /// changed.
+        /// After each sample, the preview equals the selection with the stroke so far, and the reported changes are complete.
         #[test]
         fn a_preview_is_what_the_stroke_would_select(
             before in prop::collection::vec((0..3_u8, 0..2_u8, prop::array::uniform3(0.0..1.0_f64)), 0..4),

@@ -1,23 +1,24 @@
-//! A selection of clusters made sharper: the walk on single Gaussians, in a band around the selection's boundary.
+//! Refinement of a selection of clusters: the walk on single Gaussians in a band around the boundary.
 //!
-//! A cluster is selected as a whole, so the boundary of a selection runs along clusters. In the band, the Gaussians
-//! within some hops of it, the walk is solved on the Gaussians' own graph; at the band's rim p is what the walk on
-//! clusters says, and Gaussians under the brush are 1 or 0. A leak of ε to a cluster is what a walker loses on a step of a
-//! cluster's length H; steps between Gaussians have length h, of which it takes (H/h)² to come as far, so each Gaussian
-//! leaks ε·(h/H)².
+//! A cluster is selected as a whole, so the boundary of a selection follows cluster boundaries. The band holds the
+//! Gaussians within some hops of that boundary. In the band the walk is solved on the graph of Gaussians. At the rim of the
+//! band, p comes from the walk on clusters. Gaussians under the brush have p = 1 or p = 0.
+//!
+//! A cluster leaks ε per step of length H, the typical length of a cluster link. A random walk needs (H/h)² steps of length h
+//! to go as far. So each Gaussian leaks ε·(h/H)².
 
 use std::sync::Arc;
 
 use sg_scene::mask::Mask;
 
+use crate::selection_index::Background;
 use crate::session::{SelectionError, SelectionSession};
-use crate::space::Background;
 use sg_clusters::cluster_graph::{ClusterGraph, gaussian_network, typical};
 use sg_clusters::geometry::Geometry;
 use sg_walk::multilevel::{Boundary, Multilevel, Quality};
 use sg_walk::{Network, Precision};
 
-/// The graph of a scene's Gaussians, ready for refining selections.
+/// The graph of a scene's Gaussians, prepared for refinement.
 #[derive(Debug, Clone)]
 pub struct Refiner {
     network: Arc<Network>,
@@ -29,18 +30,18 @@ pub struct Refiner {
 /// A refined selection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// What is selected, cluster and point strokes applied.
+    /// The selected Gaussians after all steps.
     pub mask: Mask,
-    /// Probability of foreground of every Gaussian: its own in the band, its cluster's elsewhere.
+    /// Probability of foreground of each Gaussian. Outside the band it is the probability of the cluster.
     pub p: Vec<f64>,
     /// Gaussians in the band.
     pub band: Vec<bool>,
-    /// How good the solution in the band is.
+    /// Quality of the solution in the band.
     pub quality: Quality,
 }
 
 impl Refiner {
-    /// Prepares a scene. σ_s and σ_f are factors as in [`crate::space::WalkOptions`].
+    /// Prepares a scene. `sigma_s` and `sigma_f` are factors as in [`crate::selection_index::WalkOptions`].
     #[must_use]
     pub fn new(geometry: &Geometry, graph: &ClusterGraph, sigma_s: f64, sigma_f: f64) -> Self {
         let network = Arc::new(gaussian_network(geometry, sigma_s, sigma_f));
@@ -51,18 +52,19 @@ impl Refiner {
         Self { network, multilevel, leak_factor: ratio * ratio }
     }
 
-    /// ε of a Gaussian where clusters leak `leak`: ε·(h/H)². Walks of [`crate::space::SelectionSpace::of_gaussians`] take
-    /// theirs unscaled; with this one they reach as far as walks on clusters.
+    /// Leak ε·(h/H)² of a Gaussian for the leak ε of a cluster. With it, walks of
+    /// [`crate::selection_index::SelectionIndex::of_gaussians`] reach as far as walks on clusters.
     #[must_use]
     pub fn leak(&self, leak: f64) -> f64 {
         leak * self.leak_factor
     }
 
-    /// Refines the selection of a session whose walks run on clusters, in a band of `hops` on either side of the walk's
-    /// boundary, to an estimated error of `tolerance` in p. None if there was no walk.
+    /// Refines a selection of clusters in a band of `hops` on each side of the walk's boundary.
+    ///
+    /// `tolerance` is the estimated error in p. `None` without a walk.
     ///
     /// # Errors
-    /// [`SelectionError`] if the walk in the band cannot be solved or a later step not be done over it.
+    /// [`SelectionError`] if the walk in the band or a later step fails.
     pub fn refine(
         &self,
         session: &SelectionSession,
@@ -70,9 +72,9 @@ impl Refiner {
         tolerance: f64,
     ) -> Result<Option<Refined>, SelectionError> {
         let Some(walk) = session.walk() else { return Ok(None) };
-        let space = session.space();
-        let n = space.gaussians();
-        let node = |g: usize| space.node_of(g as u32).filter(|&c| walk.units[space.unit_of_node(c)]);
+        let index = session.index();
+        let n = index.gaussians();
+        let node = |g: usize| index.node_of(g as u32).filter(|&c| walk.units[index.unit_of_node(c)]);
         let selected: Vec<bool> =
             (0..n).map(|g| node(g).is_some_and(|c| walk.solution.leads(c, session.tuning().threshold))).collect();
         let band = self.band(&selected, hops);
@@ -81,19 +83,19 @@ impl Refiner {
         for (mask, value) in [(session.foreground(), 1.0), (session.background(), 0.0)] {
             mask.ones().for_each(|g| known[g] = Some(value));
         }
-        // A Gaussian under both brushes goes with neither.
+        // A Gaussian under both brushes is no seed.
         session.foreground().ones().filter(|&g| session.background().get(g) && band[g]).for_each(|g| known[g] = None);
-        let leak = match space.options().background {
+        let leak = match index.options().background {
             Background::Leak => self.leak(session.tuning().leak),
             Background::Farthest => 0.0,
         };
         let answer = self.multilevel.solve(&Boundary { known: &known, leak, leaking: None }, tolerance)?;
         let least = 0.5 * (1.0 + session.tuning().threshold);
         let layer = Mask::from_fn(n, |g| if band[g] { answer.reached[g] && answer.p[g] > least } else { selected[g] });
-        Ok(Some(Refined { mask: session.laid_over(layer)?, p: answer.p, band, quality: answer.quality }))
+        Ok(Some(Refined { mask: session.with_later_steps(layer)?, p: answer.p, band, quality: answer.quality }))
     }
 
-    /// Gaussians within so many hops of one on the other side.
+    /// Gaussians within a number of hops of a Gaussian on the other side.
     fn band(&self, selected: &[bool], hops: usize) -> Vec<bool> {
         let n = selected.len();
         let mut band = vec![false; n];
@@ -122,8 +124,8 @@ impl Refiner {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Agreement;
-    use crate::space::{SelectionSpace, WalkOptions};
+    use crate::mask_agreement::Agreement;
+    use crate::selection_index::{SelectionIndex, WalkOptions};
     use crate::strokes::{Kind, Mode, Stroke};
     use glam::Vec3;
     use sg_clusters::cluster_graph::GraphForm;
@@ -142,7 +144,7 @@ mod tests {
         let refiner = Refiner::new(&geometry, &graph, 1.0, 1.0);
         for leak in [0.0, 0.03] {
             let options = WalkOptions { leak, ..WalkOptions::default() };
-            let space = Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, options));
+            let space = Arc::new(SelectionIndex::of_clusters(&scene, &clustering, &graph, options));
             let mut session = SelectionSession::new(space);
             let sac: Vec<Vec3> = (0..20)
                 .map(|i| {
@@ -166,7 +168,7 @@ mod tests {
             let iou = |mask: &Mask| Agreement::of((0..scene.len()).map(|g| (mask.get(g), truth[g]))).iou;
             assert_eq!(&refiner.refine(&session, 0, 1e-4).unwrap().unwrap().mask, session.mask());
             let mut last = f64::INFINITY;
-            // The walk on all Gaussians: a band that holds everything.
+            // The walk on all Gaussians: a band of the whole scene.
             let full = refiner.refine(&session, 10_000, 1e-4).unwrap().unwrap();
             assert!(full.band.iter().all(|b| *b));
             let clusters = session.walk().unwrap().solution.p.clone();

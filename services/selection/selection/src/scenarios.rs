@@ -6,9 +6,9 @@ use glam::{DQuat, DVec3, Quat, Vec3};
 use rand::RngExt;
 use sg_scene::model::Scene;
 
-use crate::metrics::Agreement;
+use crate::mask_agreement::Agreement;
+use crate::selection_index::{Background, SelectionIndex, WalkOptions};
 use crate::session::SelectionSession;
-use crate::space::{Background, SelectionSpace, WalkOptions};
 use crate::strokes::{Kind, Mode, Stroke};
 use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
 use sg_clusters::clustering::{Clustering, ClusteringOptions, cluster};
@@ -27,9 +27,9 @@ fn made(scene: &Scene, options: &ClusteringOptions) -> Made {
     Made { geometry, clustering }
 }
 
-fn space(scene: &Scene, made: &Made, options: WalkOptions) -> Arc<SelectionSpace> {
+fn space(scene: &Scene, made: &Made, options: WalkOptions) -> Arc<SelectionIndex> {
     let graph = ClusterGraph::new(&made.geometry, &made.clustering, options.form).unwrap();
-    Arc::new(SelectionSpace::of_clusters(scene, &made.clustering, &graph, options))
+    Arc::new(SelectionIndex::of_clusters(scene, &made.clustering, &graph, options))
 }
 
 fn walk(scene: &Scene, kind: Kind, points: &[Vec3]) -> Stroke {
@@ -64,7 +64,7 @@ fn strokes(scene: &Scene, sweeps: u32, seed: u64) -> [Stroke; 2] {
 }
 
 /// Overlaps with green alone and with both brushes, one of each a jittered pair of strokes.
-fn play(scene: &Scene, space: &Arc<SelectionSpace>, truth: &[bool], sweeps: u32, runs: u64) -> (Vec<f64>, Vec<f64>) {
+fn play(scene: &Scene, space: &Arc<SelectionIndex>, truth: &[bool], sweeps: u32, runs: u64) -> (Vec<f64>, Vec<f64>) {
     (0..runs)
         .map(|seed| {
             let [foreground, vessel] = strokes(scene, sweeps, 100 + seed);
@@ -231,7 +231,7 @@ fn a_turned_and_reparametrised_copy_has_the_same_probabilities() {
         let picks = |r: &mut rand_chacha::ChaCha8Rng| (0..25).map(|_| r.random_range(0..5000_u32)).collect::<Vec<_>>();
         let (foreground, background) = (picks(&mut r), picks(&mut r));
         let run =
-            |s: &SelectionSpace| s.walk(foreground.iter().copied(), background.iter().copied()).unwrap().solution.p;
+            |s: &SelectionIndex| s.walk(foreground.iter().copied(), background.iter().copied()).unwrap().solution.p;
         let off = run(&a).iter().zip(run(&b)).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
         println!("turned and re-parametrised, oriented {oriented}: p differs by {off:.1e}");
         assert!(off <= 1e-6, "{off}");

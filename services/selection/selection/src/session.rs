@@ -1,9 +1,9 @@
-//! A selection in the making: steps one after another, and the mask they amount to.
+//! A selection session: a list of steps and the resulting mask.
 //!
-//! Each walk stroke solves anew from all walk strokes so far and replaces the *walk layer*; then all other steps, strokes of
-//! clusters and points and operations, are done over it again in the order they were taken. Foreground adds, background
-//! removes. So a mask depends on the list of its steps alone, and a walk stroke counts as if it had come before all that is
-//! no walk stroke. The last tuning among the steps says what the walk is done with, wherever it stands.
+//! Each walk stroke solves one walk from all walk strokes so far and replaces the *walk layer*. All other steps (cluster
+//! strokes, point strokes, operations, fixed masks) then apply to the layer in their order. Foreground adds, background
+//! removes. So the mask depends only on the list of steps, and walk strokes count as if they came first. The last tuning
+//! of the list sets the parameters of the walk, at any position.
 
 use std::sync::Arc;
 
@@ -11,49 +11,46 @@ use serde::Serialize;
 use sg_scene::mask::Mask;
 
 use crate::brush::OpenStroke;
-use crate::space::{SelectionSpace, Walk};
-use crate::steps::Step;
-use crate::strokes::{Kind, MOST_STROKES, Mode, Stroke};
+use crate::selection_index::{SelectionIndex, Walk};
+use crate::steps::{Step, StepError};
+use crate::strokes::{Kind, MAX_STEPS, Mode, Stroke};
 use crate::tuning::Tuning;
 use sg_clusters::geometry::GeometryError;
 use sg_walk::elimination::Elimination;
-use sg_walk::uncertainty::{Doubts, doubts, proposals};
+use sg_walk::uncertainty::{Uncertainty, node_uncertainty, proposals};
 use sg_walk::{THRESHOLD, WalkError};
 
-/// A stroke could not be added; the selection is as it was before.
+/// A failed step. The selection is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SelectionError {
-    /// The stroke makes no sense.
-    #[error("{0}")]
-    Stroke(String),
-    /// There are as many strokes as a selection holds.
-    #[error("a selection holds at most {MOST_STROKES} strokes; save it as a unit and start anew")]
+    /// The step has an impossible value.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The selection has [`MAX_STEPS`] steps.
+    #[error("a selection holds at most {MAX_STEPS} strokes; save it as a unit and start anew")]
     TooMany,
-    /// A walk cannot be done with these numbers.
-    #[error("{0}")]
-    Tuning(String),
-    /// Leak and threshold are those of a walk, and there is none.
-    #[error("there is no walk whose leak or threshold could be changed; brush in walk mode first")]
+    /// Leak and threshold need a walk, and the selection has none.
+    #[error("the selection has no walk to change the leak or the threshold of; brush in walk mode first")]
     NoWalk,
     /// The walk could not be solved.
     #[error(transparent)]
     Walk(#[from] WalkError),
-    /// The scene has no neighbours or features to operate by.
+    /// The neighbour graph or the features of the scene could not be computed.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// An operation in a space that was made without its scene.
-    #[error("operations need the scene itself, which this selection was made without")]
-    NoSurroundings,
+    /// An operation on an index without an operation context.
+    #[error("the selection was prepared without the scene; operations need it")]
+    NoOperationContext,
 }
 
-/// Where a next stroke would tell most (see [`sg_walk::uncertainty`]).
+/// A proposed place for the next walk stroke (see [`sg_walk::uncertainty`]).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Proposal {
     /// The cluster.
     pub cluster: usize,
-    /// Its middle in normalized coordinates of the scene's box: a walk stroke of radius 0 there seeds it.
+    /// Centre of the cluster in normalized coordinates of the scene's box. A walk stroke of radius 0 there seeds the cluster.
     pub point: [f64; 3],
-    /// Its Gaussians.
+    /// Number of Gaussians of the cluster.
     pub gaussians: usize,
     /// Probability of foreground.
     pub p: f64,
@@ -61,32 +58,31 @@ pub struct Proposal {
     pub q: f64,
     /// 1 − |p − q|.
     pub uncertainty: f64,
-    /// Expected Σ |Δp| over all Gaussians once this cluster is seeded.
+    /// Expected Σ |Δp| over all Gaussians after a seed in this cluster.
     pub expected_shift: f64,
-    /// Expected number of Gaussians that change sides once it is.
+    /// Expected number of Gaussians that change sides after a seed in this cluster.
     pub expected_change: f64,
 }
 
-/// A step and, for a stroke, what it hit.
+/// A step with the Gaussians under it; only strokes have hits.
 #[derive(Debug, Clone)]
-struct Drawn {
+struct AppliedStep {
     step: Step,
     hits: Arc<[u32]>,
 }
 
-impl Drawn {
-    /// The walk stroke that it is, if it is one.
-    fn walk(&self) -> Option<&Stroke> {
+impl AppliedStep {
+    /// The stroke of a walk step; `None` for other steps.
+    fn walk_stroke(&self) -> Option<&Stroke> {
         self.step.stroke().filter(|s| s.mode == Mode::Walk)
     }
 }
 
-/// The state of a selection. It changes only through [`SelectionSession::add_step`] and its kin, and each of them
-/// either succeeds or leaves it as it was.
+/// The state of a selection. Each method that changes it either succeeds or leaves it unchanged.
 #[derive(Debug, Clone)]
 pub struct SelectionSession {
-    space: Arc<SelectionSpace>,
-    drawn: Vec<Drawn>,
+    index: Arc<SelectionIndex>,
+    applied: Vec<AppliedStep>,
     foreground: Mask,
     background: Mask,
     tuning: Tuning,
@@ -99,13 +95,13 @@ pub struct SelectionSession {
 impl SelectionSession {
     /// An empty selection.
     #[must_use]
-    pub fn new(space: Arc<SelectionSpace>) -> Self {
-        let empty = Mask::empty(space.gaussians());
+    pub fn new(index: Arc<SelectionIndex>) -> Self {
+        let empty = Mask::empty(index.gaussians());
         Self {
-            tuning: untuned(&space),
-            elimination: space.elimination().cloned(),
-            space,
-            drawn: Vec::new(),
+            tuning: default_tuning(&index),
+            elimination: index.elimination().cloned(),
+            index,
+            applied: Vec::new(),
             foreground: empty.clone(),
             background: empty.clone(),
             walk: None,
@@ -114,89 +110,88 @@ impl SelectionSession {
         }
     }
 
-    /// The space it selects in.
+    /// The index of the scene.
     #[must_use]
-    pub fn space(&self) -> &Arc<SelectionSpace> {
-        &self.space
+    pub fn index(&self) -> &Arc<SelectionIndex> {
+        &self.index
     }
 
-    /// What is selected, over scene-wide indices.
+    /// The selected Gaussians, by scene-wide index.
     #[must_use]
     pub fn mask(&self) -> &Mask {
         &self.mask
     }
 
-    /// The last walk, if there was one.
+    /// The last walk; `None` without a walk stroke.
     #[must_use]
     pub fn walk(&self) -> Option<&Walk> {
         self.walk.as_ref()
     }
 
-    /// Steps so far, in the order they were taken.
+    /// All steps, in order.
     pub fn steps(&self) -> impl ExactSizeIterator<Item = &Step> {
-        self.drawn.iter().map(|d| &d.step)
+        self.applied.iter().map(|d| &d.step)
     }
 
-    /// Takes a step. Returns how many Gaussians it hit, if it is a stroke.
+    /// Adds a step. Returns the number of Gaussians under a stroke, and 0 for other steps.
     ///
     /// # Errors
-    /// [`SelectionError`]; the selection is then as it was before.
+    /// [`SelectionError`]; the selection is then unchanged.
     pub fn add_step(&mut self, step: Step) -> Result<usize, SelectionError> {
-        step.check().map_err(SelectionError::Stroke)?;
-        let hits = step.stroke().map(|stroke| self.space.hits(stroke)).unwrap_or_default();
-        self.add_drawn(Drawn { step, hits: hits.into() })
+        step.check()?;
+        let hits = step.stroke().map(|stroke| self.index.hits(stroke)).unwrap_or_default();
+        self.apply_step(AppliedStep { step, hits: hits.into() })
     }
 
-    /// Plays a stroke. Returns how many Gaussians it hit.
+    /// Adds a stroke. Returns the number of Gaussians under it.
     ///
     /// # Errors
-    /// [`SelectionError`]; the selection is then as it was before.
+    /// [`SelectionError`]; the selection is then unchanged.
     pub fn add_stroke(&mut self, stroke: Stroke) -> Result<usize, SelectionError> {
         self.add_step(stroke.into())
     }
 
-    /// Plays a stroke whose hits were gathered while it was drawn (see [`OpenStroke`]): the brush is not asked again.
+    /// Adds a stroke with the hits that an [`OpenStroke`] collected, without another search.
     ///
     /// # Errors
-    /// [`SelectionError`]; the selection is then as it was before.
+    /// [`SelectionError`]; the selection is then unchanged.
     pub fn add_open_stroke(&mut self, stroke: Stroke, open: &OpenStroke) -> Result<usize, SelectionError> {
-        stroke.check().map_err(SelectionError::Stroke)?;
+        stroke.check().map_err(StepError::from)?;
         let mut hits = open.hits().to_vec();
         hits.sort_unstable();
         if hits.is_empty() {
-            let (samples, _) = stroke.in_scene(self.space.bounds());
-            hits = self.space.instead_of_nothing(&stroke, &samples);
+            let (samples, _) = stroke.in_scene(self.index.bounds());
+            hits = self.index.hits_of_miss(&stroke, &samples);
         }
-        self.add_drawn(Drawn { step: stroke.into(), hits: hits.into() })
+        self.apply_step(AppliedStep { step: stroke.into(), hits: hits.into() })
     }
 
-    fn add_drawn(&mut self, drawn: Drawn) -> Result<usize, SelectionError> {
-        if self.drawn.len() >= MOST_STROKES {
+    fn apply_step(&mut self, applied: AppliedStep) -> Result<usize, SelectionError> {
+        if self.applied.len() >= MAX_STEPS {
             return Err(SelectionError::TooMany);
         }
-        let hits = drawn.hits.len();
-        if let Step::Tuning(tuning) = drawn.step {
+        let hits = applied.hits.len();
+        if let Step::Tuning(tuning) = applied.step {
             self.tune(tuning)?;
-            self.drawn.push(drawn);
-        } else if let Some(kind) = drawn.walk().map(|s| s.kind) {
+            self.applied.push(applied);
+        } else if let Some(kind) = applied.walk_stroke().map(|s| s.kind) {
             let mut next = self.clone();
-            next.drawn.push(drawn.clone());
-            next.seed(kind, &drawn.hits)?;
+            next.applied.push(applied.clone());
+            next.seed(kind, &applied.hits)?;
             *self = next;
         } else {
             let mut mask = self.mask.clone();
-            apply(&self.space, &mut mask, &drawn)?;
+            apply(&self.index, &mut mask, &applied)?;
             self.mask = mask;
-            self.drawn.push(drawn);
+            self.applied.push(applied);
         }
         Ok(hits)
     }
 
-    /// Adds seeds to the walk, without a step of their own: for what is being drawn (see [`crate::preview`]). Returns what
-    /// would be selected.
+    /// Adds seeds to the walk without a step, for a preview (see [`crate::preview`]). Returns the new mask.
     ///
     /// # Errors
-    /// [`SelectionError`]; then the session is of no further use.
+    /// [`SelectionError`]; the session is then invalid.
     pub(crate) fn seed(&mut self, kind: Kind, hits: &[u32]) -> Result<&Mask, SelectionError> {
         let side = if kind == Kind::Foreground { &mut self.foreground } else { &mut self.background };
         hits.iter().for_each(|&g| side.set(g as usize, true));
@@ -204,30 +199,31 @@ impl SelectionSession {
         Ok(&self.mask)
     }
 
-    /// Walks from the seeds that are there and lays the other steps over it.
+    /// Solves the walk from the present seeds and rebuilds the mask.
     fn solve(&mut self) -> Result<(), SelectionError> {
         let (foreground, background) = (ones(&self.foreground), ones(&self.background));
-        self.walk = Some(self.space.walk_again(&mut self.elimination, self.tuning.leak, foreground, background)?);
-        self.lay()
+        self.walk =
+            Some(self.index.walk_incremental(&mut self.elimination, self.tuning.leak, foreground, background)?);
+        self.rebuild_mask()
     }
 
-    /// Makes the mask from the walk's probabilities and the steps that lie over them.
-    fn lay(&mut self) -> Result<(), SelectionError> {
+    /// Rebuilds the mask from the walk's probabilities and the other steps.
+    fn rebuild_mask(&mut self) -> Result<(), SelectionError> {
         if let Some(walk) = &self.walk {
             self.walk_layer = self.layer_of(walk);
         }
-        self.mask = self.laid_over(self.walk_layer.clone())?;
+        self.mask = self.with_later_steps(self.walk_layer.clone())?;
         Ok(())
     }
 
-    /// All steps but walk strokes, in the order they were taken, over another layer than the walk's own.
+    /// Applies all steps except walk strokes, in order, to a given walk layer.
     ///
     /// # Errors
-    /// [`SelectionError`] where an operation cannot be done.
-    pub fn laid_over(&self, layer: Mask) -> Result<Mask, SelectionError> {
+    /// [`SelectionError`] if an operation fails.
+    pub fn with_later_steps(&self, layer: Mask) -> Result<Mask, SelectionError> {
         let mut mask = layer;
-        for drawn in self.drawn.iter().filter(|d| d.walk().is_none()) {
-            apply(&self.space, &mut mask, drawn)?;
+        for applied in self.applied.iter().filter(|d| d.walk_stroke().is_none()) {
+            apply(&self.index, &mut mask, applied)?;
         }
         Ok(mask)
     }
@@ -244,27 +240,28 @@ impl SelectionSession {
         &self.background
     }
 
-    /// What the walk is done with.
+    /// Parameters of the walk.
     #[must_use]
     pub fn tuning(&self) -> Tuning {
         self.tuning
     }
 
-    /// Does the walk with another leak or threshold, without a step of its own: for what is being scrubbed. The order and
-    /// structure of the elimination are kept; for another threshold nothing is solved. Under the farthest rule, which has no
-    /// leak, another leak changes nothing.
+    /// Changes leak and threshold without a step, for example while a slider moves.
+    ///
+    /// A new leak solves the walk again with the same elimination order. A new threshold needs no solve. The farthest rule
+    /// has no leak, so a new leak has no effect there.
     ///
     /// # Errors
-    /// [`SelectionError::NoWalk`], [`SelectionError::Tuning`]; the selection is then as it was before.
+    /// [`SelectionError::NoWalk`], [`SelectionError::Step`]; the selection is then unchanged.
     pub fn tune(&mut self, tuning: Tuning) -> Result<(), SelectionError> {
-        tuning.check().map_err(SelectionError::Tuning)?;
+        tuning.check().map_err(StepError::from)?;
         if self.walk.is_none() {
             return Err(SelectionError::NoWalk);
         }
         let mut next = self.clone();
         next.tuning = tuning;
         if tuning.leak == self.tuning.leak {
-            next.lay()?;
+            next.rebuild_mask()?;
         } else {
             next.solve()?;
         }
@@ -272,28 +269,29 @@ impl SelectionSession {
         Ok(())
     }
 
-    /// What the last walk leaves open, one entry a node. None without a walk, and where walks are not eliminated in f64.
+    /// Uncertainty of the last walk, one entry per node. `None` without a walk or without an elimination in f64.
     #[must_use]
-    pub fn doubts(&self) -> Option<Doubts> {
+    pub fn uncertainty(&self) -> Option<Uncertainty> {
         let (walk, elimination) = (self.walk.as_ref()?, self.elimination.as_ref()?);
-        let active = self.space.active(&walk.units);
-        doubts(elimination, &walk.seeds, &walk.solution, &self.space.question(&active, self.tuning.threshold))
+        let active = self.index.active(&walk.units);
+        let query = self.index.proposal_query(&active, self.tuning.threshold);
+        node_uncertainty(elimination, &walk.seeds, &walk.solution, &query)
     }
 
-    /// At most `count` places where a next stroke would tell most, best first and spread out. Empty without a walk, and
-    /// where walks are not eliminated in f64.
+    /// At most `count` proposals for the next stroke, best first and spread out. Empty without a walk or without an
+    /// elimination in f64.
     #[must_use]
     pub fn proposals(&self, count: usize) -> Vec<Proposal> {
         let (Some(walk), Some(elimination)) = (&self.walk, &self.elimination) else { return Vec::new() };
-        let active = self.space.active(&walk.units);
-        let question = self.space.question(&active, self.tuning.threshold);
-        proposals(elimination, &walk.seeds, &walk.solution, &question, count)
+        let active = self.index.active(&walk.units);
+        let query = self.index.proposal_query(&active, self.tuning.threshold);
+        proposals(elimination, &walk.seeds, &walk.solution, &query, count)
             .into_iter()
             .filter_map(|c| {
                 Some(Proposal {
                     cluster: c.node,
-                    point: self.space.point(c.node)?,
-                    gaussians: self.space.members(c.node).len(),
+                    point: self.index.point(c.node)?,
+                    gaussians: self.index.members(c.node).len(),
                     p: walk.solution.p[c.node],
                     q: walk.solution.q[c.node],
                     uncertainty: c.uncertainty,
@@ -304,7 +302,7 @@ impl SelectionSession {
             .collect()
     }
 
-    /// What the mask would be with this stroke added; nothing changes.
+    /// The mask with one more stroke. The session stays unchanged.
     ///
     /// # Errors
     /// [`SelectionError`].
@@ -314,13 +312,13 @@ impl SelectionSession {
         Ok(session.mask)
     }
 
-    /// Takes the last step back and returns it.
+    /// Removes the last step and returns it; `None` for an empty selection.
     ///
     /// # Errors
-    /// [`SelectionError`] if an earlier walk can no longer be solved; the selection is then as it was before.
+    /// [`SelectionError`] if the remaining walk cannot be solved; the selection is then unchanged.
     pub fn undo(&mut self) -> Result<Option<Step>, SelectionError> {
-        let Some((last, earlier)) = self.drawn.split_last() else { return Ok(None) };
-        let mut blank = Self::new(Arc::clone(&self.space));
+        let Some((last, earlier)) = self.applied.split_last() else { return Ok(None) };
+        let mut blank = Self::new(Arc::clone(&self.index));
         blank.elimination.clone_from(&self.elimination);
         let rebuilt = blank.replay(earlier)?;
         let step = last.step.clone();
@@ -328,89 +326,89 @@ impl SelectionSession {
         Ok(Some(step))
     }
 
-    /// The selection that a list of strokes amounts to: the same as playing them one by one, with one walk.
+    /// The selection of a list of strokes. The result equals adding them one by one, but needs one walk only.
     ///
     /// # Errors
     /// [`SelectionError`].
-    pub fn of_strokes(space: &Arc<SelectionSpace>, strokes: &[Stroke]) -> Result<Self, SelectionError> {
-        Self::of_steps(space, &strokes.iter().cloned().map(Step::Stroke).collect::<Vec<_>>())
+    pub fn of_strokes(index: &Arc<SelectionIndex>, strokes: &[Stroke]) -> Result<Self, SelectionError> {
+        Self::of_steps(index, &strokes.iter().cloned().map(Step::Stroke).collect::<Vec<_>>())
     }
 
-    /// The selection that a list of steps amounts to: the same as taking them one by one, with one walk.
+    /// The selection of a list of steps. The result equals adding them one by one, but needs one walk only.
     ///
     /// # Errors
     /// [`SelectionError`].
-    pub fn of_steps(space: &Arc<SelectionSpace>, steps: &[Step]) -> Result<Self, SelectionError> {
-        let drawn = steps
+    pub fn of_steps(index: &Arc<SelectionIndex>, steps: &[Step]) -> Result<Self, SelectionError> {
+        let applied = steps
             .iter()
             .map(|step| {
-                step.check().map_err(SelectionError::Stroke)?;
-                let hits = step.stroke().map(|stroke| space.hits(stroke)).unwrap_or_default();
-                Ok(Drawn { step: step.clone(), hits: hits.into() })
+                step.check()?;
+                let hits = step.stroke().map(|stroke| index.hits(stroke)).unwrap_or_default();
+                Ok(AppliedStep { step: step.clone(), hits: hits.into() })
             })
             .collect::<Result<Vec<_>, SelectionError>>()?;
-        Self::new(Arc::clone(space)).replay(&drawn)
+        Self::new(Arc::clone(index)).replay(&applied)
     }
 
-    /// Plays strokes on an empty selection.
-    fn replay(self, drawn: &[Drawn]) -> Result<Self, SelectionError> {
+    /// Applies steps to an empty selection.
+    fn replay(self, applied: &[AppliedStep]) -> Result<Self, SelectionError> {
         let mut session = self;
-        if drawn.len() > MOST_STROKES {
+        if applied.len() > MAX_STEPS {
             return Err(SelectionError::TooMany);
         }
         let mut walks = false;
-        for drawn in drawn {
-            // One walk for all: only the last one is seen.
-            if let Some(stroke) = drawn.walk() {
+        for applied in applied {
+            // One walk for all strokes: only the last result counts.
+            if let Some(stroke) = applied.walk_stroke() {
                 let side = match stroke.kind {
                     Kind::Foreground => &mut session.foreground,
                     Kind::Background | Kind::Toggle => &mut session.background,
                 };
-                drawn.hits.iter().for_each(|&g| side.set(g as usize, true));
+                applied.hits.iter().for_each(|&g| side.set(g as usize, true));
                 walks = true;
             }
-            if let Step::Tuning(tuning) = drawn.step {
+            if let Step::Tuning(tuning) = applied.step {
                 session.tuning = tuning;
             }
-            session.drawn.push(drawn.clone());
+            session.applied.push(applied.clone());
         }
         if walks {
             session.solve()?;
         } else {
-            session.lay()?;
+            session.rebuild_mask()?;
         }
         Ok(session)
     }
 
     fn layer_of(&self, walk: &Walk) -> Mask {
-        let space = &self.space;
-        Mask::from_fn(space.gaussians(), |g| {
-            space.node_of(g as u32).is_some_and(|node| {
-                walk.units[space.unit_of_node(node)] && walk.solution.leads(node, self.tuning.threshold)
+        let index = &self.index;
+        Mask::from_fn(index.gaussians(), |g| {
+            index.node_of(g as u32).is_some_and(|node| {
+                walk.units[index.unit_of_node(node)] && walk.solution.leads(node, self.tuning.threshold)
             })
         })
     }
 }
 
-/// What walks are done with where no step says otherwise.
-fn untuned(space: &SelectionSpace) -> Tuning {
-    Tuning { leak: space.options().leak, threshold: THRESHOLD }
+/// Parameters of the walk without a tuning step.
+fn default_tuning(index: &SelectionIndex) -> Tuning {
+    Tuning { leak: index.options().leak, threshold: THRESHOLD }
 }
 
 fn ones(mask: &Mask) -> impl Iterator<Item = u32> + '_ {
     mask.ones().map(|g| g as u32)
 }
 
-/// Lays a step that is no walk stroke over a mask.
-fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) -> Result<(), SelectionError> {
-    let stroke = match &drawn.step {
+/// Applies a step to a mask. Walk strokes and tunings have no effect here.
+fn apply(index: &SelectionIndex, mask: &mut Mask, applied: &AppliedStep) -> Result<(), SelectionError> {
+    let stroke = match &applied.step {
         Step::Stroke(stroke) => stroke,
         Step::Operation(operation) => {
-            let surroundings = space.surroundings().ok_or(SelectionError::NoSurroundings)?;
-            return Ok(surroundings.apply(operation, mask)?);
+            let context = index.operation_context().ok_or(SelectionError::NoOperationContext)?;
+            return Ok(context.apply(operation, mask)?);
         }
-        Step::Given(given) => {
-            mask.union_with(given);
+        Step::FixedMask(fixed) => {
+            mask.union_with(fixed);
             return Ok(());
         }
         Step::Tuning(_) => return Ok(()),
@@ -419,14 +417,14 @@ fn apply(space: &SelectionSpace, mask: &mut Mask, drawn: &Drawn) -> Result<(), S
         Mode::Walk => {}
         Mode::Point => {
             let add = stroke.kind == Kind::Foreground;
-            drawn.hits.iter().for_each(|&g| mask.set(g as usize, add));
+            applied.hits.iter().for_each(|&g| mask.set(g as usize, add));
         }
         Mode::Cluster => {
-            let mut clusters: Vec<usize> = drawn.hits.iter().filter_map(|&g| space.cluster_of(g)).collect();
+            let mut clusters: Vec<usize> = applied.hits.iter().filter_map(|&g| index.cluster_of(g)).collect();
             clusters.sort_unstable();
             clusters.dedup();
             for c in clusters {
-                let members = space.members(c);
+                let members = index.members(c);
                 let add = stroke.kind.selects(members, mask);
                 members.iter().for_each(|&g| mask.set(g as usize, add));
             }

@@ -1,38 +1,34 @@
 //! Brush strokes.
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use sg_clusters::polyline::DepthLimit;
 use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
 
-use sg_clusters::polyline::Behind;
-
-/// What a stroke selects with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// Unit of selection of a stroke.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// A random walk from what the stroke hits.
+    /// A random walk with the hit Gaussians as seeds.
     Walk,
-    /// The clusters the stroke hits.
+    /// The hit clusters.
     Cluster,
-    /// The Gaussians the stroke hits.
+    /// The hit Gaussians.
     Point,
 }
 
-/// What a stroke does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// Effect of a stroke.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Adds.
+    /// Adds to the selection.
     Foreground,
-    /// Removes.
+    /// Removes from the selection.
     Background,
-    /// Removes a cluster that is wholly selected, adds it otherwise. Cluster mode only.
+    /// Removes a cluster that is completely selected, and adds it otherwise. Cluster mode only.
     Toggle,
 }
 
 impl Kind {
-    /// Whether a cluster of these Gaussians is selected once a stroke has hit it.
+    /// Whether a stroke of this kind selects a cluster with these members.
     pub(crate) fn selects(self, members: &[u32], mask: &Mask) -> bool {
         match self {
             Self::Foreground => true,
@@ -42,119 +38,112 @@ impl Kind {
     }
 }
 
-/// One stroke of the brush: the tube of all points closer than a radius to a polyline, where it is pressed by as much
-/// thicker or thinner (see [`crate::brush::Brush::hits_pressed`]).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// One brush stroke: a tube of a given radius around a polyline. Pressure scales the radius at each sample (see
+/// [`crate::brush::Brush::hits_with_pressure`]).
+#[derive(Debug, Clone, PartialEq)]
 pub struct Stroke {
-    /// What it selects with.
+    /// Unit of selection.
     pub mode: Mode,
-    /// What it does.
+    /// Effect.
     pub kind: Kind,
     /// Radius as a fraction of the scene box's longest edge.
     pub radius: f64,
-    /// Samples in normalized coordinates of the scene's box, 0 to 1 on each axis; they may lie outside.
+    /// Samples in normalized coordinates of the scene's box: 0 to 1 on each axis inside the box.
     pub points: Vec<[f64; 3]>,
-    /// Factor on the radius at each sample, such as from the pressure on a trigger: finite, at least 0; one a sample, or
-    /// none where it is 1 everywhere.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// Factor on the radius at each sample, finite and at least 0. An empty list means 1 everywhere.
     pub pressure: Vec<f64>,
-    /// How far behind its samples it reaches; `None` as far as its radius.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Reach behind the samples; `None` means the radius.
     pub depth: Option<Depth>,
 }
 
-/// How far a stroke that was drawn over a surface reaches behind it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Reach of a stroke behind the surface on which it was drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Depth {
-    /// Where the surface is seen from, in normalized coordinates of the scene's box.
+    /// Viewpoint in normalized coordinates of the scene's box.
     pub eye: [f64; 3],
-    /// What is farther from the eye than the nearest place of the stroke by more than this is not hit: a fraction of the scene
-    /// box's longest edge, at least 0.
+    /// Largest distance behind the nearest point of the stroke, seen from the viewpoint. A fraction of the scene box's
+    /// longest edge, at least 0.
     pub behind: f64,
 }
 
-/// The most samples of one stroke: at 90 a second, three hours without lifting the brush.
-pub const MOST_POINTS: usize = 1_000_000;
+/// Most samples of one stroke: three hours at 90 samples a second.
+pub const MAX_POINTS: usize = 1_000_000;
 
-/// The most strokes of one selection.
-pub const MOST_STROKES: usize = 100_000;
+/// Most steps of one selection.
+pub const MAX_STEPS: usize = 100_000;
 
-/// A stroke that cannot be played.
-#[derive(Debug, thiserror::Error)]
+/// An impossible value of a stroke. Points are counted from 0.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StrokeError {
-    /// The file could not be read.
-    #[error("{path}: {source}; give the path of a strokes JSON file")]
-    Read {
-        /// The file.
-        path: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The file is not a list of strokes.
-    #[error("{path}: {source}")]
-    Parse {
-        /// The file.
-        path: String,
-        /// Where and why.
-        source: serde_json::Error,
-    },
-    /// A stroke makes no sense.
-    #[error("{path}: stroke {number} (counted from 0): {reason}")]
-    Stroke {
-        /// The file.
-        path: String,
-        /// Position in the list.
-        number: usize,
-        /// Why.
-        reason: String,
-    },
-    /// There are too many.
-    #[error("{path}: {found} strokes are too many; at most {MOST_STROKES} can be played")]
-    TooMany {
-        /// The file.
-        path: String,
-        /// How many.
+    /// A stroke other than a cluster stroke toggles.
+    #[error("`toggle` works in cluster mode only; use foreground or background")]
+    Toggle,
+    /// The radius is negative or not finite.
+    #[error("the radius is {0}; it must be finite and at least 0")]
+    Radius(f64),
+    /// The stroke has no points, or too many.
+    #[error("the stroke has {0} points; it must have 1 to {MAX_POINTS}")]
+    Points(usize),
+    /// A coordinate is infinite or not a number.
+    #[error("point {0} is not finite")]
+    NotFinite(usize),
+    /// The number of pressures differs from the number of points.
+    #[error("the stroke has {found} entries of `pressure` for {points} points; give one per point, or none")]
+    PressureCount {
+        /// Number of pressures.
         found: usize,
+        /// Number of points.
+        points: usize,
+    },
+    /// A pressure is negative or not finite.
+    #[error("the pressure at point {point} is {pressure}; it must be finite and at least 0")]
+    Pressure {
+        /// Position of the point.
+        point: usize,
+        /// The pressure.
+        pressure: f64,
+    },
+    /// The viewpoint is not finite, or the reach is negative or not finite.
+    #[error("the depth limit is {behind} seen from {eye:?}; it must be finite and at least 0")]
+    Depth {
+        /// Viewpoint.
+        eye: [f64; 3],
+        /// Reach behind the stroke.
+        behind: f64,
     },
 }
 
 impl Stroke {
-    /// Checks that the stroke can be played.
+    /// Checks the values of the stroke.
     ///
     /// # Errors
-    /// What is wrong and what would be right, in words.
-    pub fn check(&self) -> Result<(), String> {
+    /// [`StrokeError`] with the first wrong value.
+    pub fn check(&self) -> Result<(), StrokeError> {
+        let at_least_0 = |x: f64| x >= 0.0 && x.is_finite();
         if self.kind == Kind::Toggle && self.mode != Mode::Cluster {
-            return Err("`toggle` works in cluster mode only; use foreground or background".to_owned());
+            return Err(StrokeError::Toggle);
         }
-        if !(self.radius >= 0.0 && self.radius.is_finite()) {
-            return Err(format!("the radius is {}; it must be finite and at least 0", self.radius));
+        if !at_least_0(self.radius) {
+            return Err(StrokeError::Radius(self.radius));
         }
-        if self.points.is_empty() || self.points.len() > MOST_POINTS {
-            return Err(format!("it has {} points; 1 to {MOST_POINTS} are needed", self.points.len()));
+        let points = self.points.len();
+        if points == 0 || points > MAX_POINTS {
+            return Err(StrokeError::Points(points));
         }
         if let Some(at) = self.points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(format!("point {at} is not finite"));
+            return Err(StrokeError::NotFinite(at));
         }
-        if !(self.pressure.is_empty() || self.pressure.len() == self.points.len()) {
-            let (found, points) = (self.pressure.len(), self.points.len());
-            return Err(format!(
-                "it has {found} entries of `pressure` for {points} points; one a point is needed, or none"
-            ));
+        let found = self.pressure.len();
+        if !(found == 0 || found == points) {
+            return Err(StrokeError::PressureCount { found, points });
         }
         if let Some(Depth { eye, behind }) = self.depth
-            && !(eye.iter().all(|x| x.is_finite()) && behind >= 0.0 && behind.is_finite())
+            && !(eye.iter().all(|x| x.is_finite()) && at_least_0(behind))
         {
-            return Err(format!(
-                "it reaches {behind} behind what {eye:?} sees; numbers that are finite, and at least 0 behind"
-            ));
+            return Err(StrokeError::Depth { eye, behind });
         }
-        match self.pressure.iter().position(|f| !(*f >= 0.0 && f.is_finite())) {
-            Some(at) => {
-                Err(format!("the pressure at point {at} is {}; it must be finite and at least 0", self.pressure[at]))
-            }
+        match self.pressure.iter().position(|f| !at_least_0(*f)) {
+            Some(point) => Err(StrokeError::Pressure { point, pressure: self.pressure[point] }),
             None => Ok(()),
         }
     }
@@ -166,10 +155,41 @@ impl Stroke {
         (samples, self.radius * bounds.longest_edge())
     }
 
-    /// How far behind its samples it reaches, in the scene frame.
+    /// The depth limit in the scene frame and the scene's length unit.
     #[must_use]
-    pub fn behind(&self, bounds: &SceneBox) -> Option<Behind> {
+    pub fn depth_limit(&self, bounds: &SceneBox) -> Option<DepthLimit> {
         let Depth { eye, behind } = self.depth?;
-        Some(Behind { eye: bounds.denormalize(DVec3::from_array(eye)), most: behind * bounds.longest_edge() })
+        let max_distance = behind * bounds.longest_edge();
+        Some(DepthLimit { eye: bounds.denormalize(DVec3::from_array(eye)), max_distance })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_values_are_named() {
+        let good = Stroke {
+            mode: Mode::Cluster,
+            kind: Kind::Toggle,
+            radius: 0.1,
+            points: vec![[0.0; 3]; 2],
+            pressure: vec![0.0, 2.5],
+            depth: Some(Depth { eye: [0.0; 3], behind: 0.1 }),
+        };
+        assert_eq!(good.check(), Ok(()));
+        for (bad, expected) in [
+            (Stroke { mode: Mode::Walk, ..good.clone() }, "`toggle` works in cluster mode only"),
+            (Stroke { radius: -1.0, ..good.clone() }, "radius is -1;"),
+            (Stroke { points: Vec::new(), ..good.clone() }, "0 points"),
+            (Stroke { points: vec![[0.0; 3], [f64::NAN; 3]], ..good.clone() }, "point 1 is not finite"),
+            (Stroke { pressure: vec![1.0], ..good.clone() }, "1 entries of `pressure` for 2 points"),
+            (Stroke { pressure: vec![1.0, -1.0], ..good.clone() }, "pressure at point 1 is -1;"),
+            (Stroke { depth: Some(Depth { eye: [0.0; 3], behind: -1.0 }), ..good.clone() }, "depth limit is -1 "),
+        ] {
+            let message = bad.check().unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
     }
 }

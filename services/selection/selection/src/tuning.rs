@@ -1,33 +1,41 @@
-//! How far a walk reaches and how sure of a node it has to be: what is scrubbed after a stroke.
+//! Walk parameters that a user changes after a stroke: leak and threshold.
 
-use serde::{Deserialize, Serialize};
+/// Largest leak of a step. Far below it, only the seeds remain selected.
+pub const MAX_LEAK: f64 = 1000.0;
 
-/// The largest leak that a step may ask for: nothing but seeds is left long before it.
-pub const MOST_LEAK: f64 = 1000.0;
-
-/// What the walk of a selection is done with. The last one among a selection's steps counts, wherever it stands.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Parameters of the walk of a selection. The last tuning among the steps counts, at any position.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tuning {
-    /// ε: what every unseeded node leaks to the background, in units of its degree; 0 to [`MOST_LEAK`]. A larger one selects
+    /// ε: leak of every unseeded node to the background, in units of its degree; 0 to [`MAX_LEAK`]. A larger leak selects
     /// less.
     pub leak: f64,
-    /// The p − q that a selected node exceeds, at least -1 and below 1. A larger one selects less.
+    /// A node is selected if p − q exceeds this number; at least -1 and below 1. A larger threshold selects less.
     pub threshold: f64,
 }
 
+/// A walk parameter outside its range.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TuningError {
+    /// The leak is negative, too large or no number.
+    #[error("the leak is {0}; it must be from 0 to {MAX_LEAK}")]
+    Leak(f64),
+    /// The threshold is outside \[-1, 1).
+    #[error("the threshold is {0}; it must be at least -1 and below 1")]
+    Threshold(f64),
+}
+
 impl Tuning {
-    /// Checks that a walk can be done with it.
+    /// Checks the ranges.
     ///
     /// # Errors
-    /// What is wrong and what would be right, in words.
-    pub fn check(&self) -> Result<(), String> {
+    /// [`TuningError`] with the first wrong number.
+    pub fn check(&self) -> Result<(), TuningError> {
         let Self { leak, threshold } = *self;
-        if !(0.0..=MOST_LEAK).contains(&leak) {
-            return Err(format!("the leak is {leak}; it must be from 0 to {MOST_LEAK}"));
+        if !(0.0..=MAX_LEAK).contains(&leak) {
+            return Err(TuningError::Leak(leak));
         }
         if !(-1.0..1.0).contains(&threshold) {
-            return Err(format!("the threshold is {threshold}; it must be at least -1 and below 1"));
+            return Err(TuningError::Threshold(threshold));
         }
         Ok(())
     }

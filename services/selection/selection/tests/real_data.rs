@@ -11,8 +11,8 @@ use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::neighbours::Graph;
 use sg_clusters::progress::Silent;
 use sg_formats::{LoadOptions, load};
+use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::session::SelectionSession;
-use sg_selection::space::{SelectionSpace, WalkOptions};
 use sg_selection::strokes::{Kind, Mode, Stroke};
 
 /// The file, or none after saying so; a missing file is an error where the data is required.
@@ -51,7 +51,7 @@ fn a_trained_capture_is_clustered_and_walked_in() {
         assert_eq!(Graph::from_edges(unit.vertices.len(), inside).components().1, report.clusters);
 
         let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
-        let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default());
+        let space = SelectionIndex::of_clusters(&scene, &clustering, &graph, WalkOptions::default());
         let mut session = SelectionSession::new(Arc::new(space));
         let start = scene.bounds.normalize(scene.position(clustering.clusters[0].centre as usize).unwrap()).to_array();
         let stroke = Stroke {

@@ -1,7 +1,7 @@
-//! The selection process: strokes in, a committed selection out.
+//! The selection process: it turns strokes into a committed selection.
 //!
-//! It keeps no truth of its own. The strokes a selection was made from are stored with it in the scene, so that undo takes
-//! strokes back as well and a restart forgets nothing.
+//! It keeps no state of its own. The scene stores each selection together with its steps. So undo also removes strokes, and
+//! a restart loses nothing.
 
 use std::fmt;
 use std::sync::Arc;
@@ -23,8 +23,8 @@ use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_feed::{SceneFeed, Update};
 use sg_scene::mask::Mask;
 use sg_selection::preview::{Preview, differing};
+use sg_selection::selection_index::WalkOptions;
 use sg_selection::session::{SelectionError, SelectionSession};
-use sg_selection::space::WalkOptions;
 use sg_selection::steps::Step;
 use sg_selection::strokes::Stroke;
 use tokio::sync::watch;
@@ -35,13 +35,13 @@ mod prepared;
 
 use prepared::{Params, prepare};
 
-/// Requests that may wait while one is worked on.
+/// Length of the request queue.
 const QUEUE: usize = 8;
 
-/// Loads and begins to serve.
+/// Loads the scene and starts to serve.
 ///
 /// # Errors
-/// Wrong parameters, a scene that cannot be read, a bus that cannot be used.
+/// [`StartError`] for invalid parameters, an unreadable scene or a failure of the bus.
 pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     if host.role() != role::SELECTION {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SELECTION)));
@@ -65,7 +65,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let path = host.scene_path(&geometry.path, &geometry.hash).await?;
     let prepared = tokio::task::block_in_place(|| prepare(&path, &geometry.hash, &params, walk, &cache))?;
     tracing::info!(
-        clusters = prepared.space.clusters(),
+        clusters = prepared.index.clusters(),
         from_cache = prepared.from_cache,
         clustering_ms = prepared.clustering_ms,
         "clustered"
@@ -76,46 +76,46 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         .map_err(|e| e.to_string())
         .and_then(|()| host.blobs().offer(&labels_path).map_err(|e| e.to_string()))
         .map_err(StartError::Failed)?;
-    let told = selection::State {
+    let state_message = selection::State {
         revision: state.revision(),
         scene_hash: state.geometry().hash.clone(),
-        clusters: u32::try_from(prepared.space.clusters()).unwrap_or(u32::MAX),
+        clusters: u32::try_from(prepared.index.clusters()).unwrap_or(u32::MAX),
         clustering_ms: prepared.clustering_ms,
         from_cache: prepared.from_cache,
         labels_hash,
         labels_path: labels_path.display().to_string(),
-        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&prepared.space)).tuning())),
+        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&prepared.index)).tuning())),
         most_proposals: sg_proto::limits::MAX_PROPOSALS,
     };
     host.serve_content(&keys::SELECTION_CONTENT).await?;
-    let owned = host.bus().retain(&keys::SELECTION_STATE, told.clone()).await?;
+    let owned = host.bus().retain(&keys::SELECTION_STATE, state_message.clone()).await?;
     let (newest, state) = watch::channel(Arc::new(state));
-    tokio::spawn(follow(feed, newest, owned, told));
+    tokio::spawn(follow(feed, newest, owned, state_message));
 
     let selector = Selector {
         bus: host.bus().clone(),
-        session: SelectionSession::new(prepared.space),
+        session: SelectionSession::new(prepared.index),
         state,
         open: None,
         answered: 0,
         last_walk_ms: 0.0,
     };
     let (mailbox, _) = host.spawn(selector, QUEUE);
-    let hand = mailbox.clone();
+    let sample_mailbox = mailbox.clone();
     host.serve(&keys::SELECTION_SAMPLE, QUEUE, move |request, context: Context| {
-        let mailbox = hand.clone();
+        let mailbox = sample_mailbox.clone();
         async move { mailbox.ask(context.deadline, |reply| Message::Sample { request, reply }).await }
     })
     .await?;
-    let hand = mailbox.clone();
+    let tune_mailbox = mailbox.clone();
     host.serve(&keys::SELECTION_TUNE, QUEUE, move |request, context: Context| {
-        let mailbox = hand.clone();
+        let mailbox = tune_mailbox.clone();
         async move { mailbox.ask(context.deadline, |reply| Message::Tune { request, reply }).await }
     })
     .await?;
-    let hand = mailbox.clone();
+    let proposals_mailbox = mailbox.clone();
     host.serve(&keys::SELECTION_PROPOSALS, QUEUE, move |request, context: Context| {
-        let mailbox = hand.clone();
+        let mailbox = proposals_mailbox.clone();
         async move { mailbox.ask(context.deadline, |reply| Message::Propose { request, reply }).await }
     })
     .await?;
@@ -127,12 +127,12 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Keeps the newest state and tells which revision it is.
+/// Follows the scene and publishes the revision of the newest state.
 async fn follow(
     mut feed: SceneFeed,
     newest: watch::Sender<Arc<EditState>>,
     owned: RetainedValue<selection::State>,
-    mut told: selection::State,
+    mut state_message: selection::State,
 ) {
     let mut replica = Replica::new(EditState::clone(&newest.borrow()));
     while let Some((update, context)) = feed.next().await {
@@ -141,8 +141,8 @@ async fn follow(
             continue;
         }
         newest.send_replace(Arc::new(replica.state().clone()));
-        told.revision = replica.revision();
-        if let Err(fault) = owned.set(told.clone(), &context.next()).await {
+        state_message.revision = replica.revision();
+        if let Err(fault) = owned.set(state_message.clone(), &context.next()).await {
             tracing::warn!(%fault, "the state could not be published");
         }
     }
@@ -158,46 +158,46 @@ fn take(replica: &mut Replica, update: &Update) -> Result<(), String> {
     }
 }
 
-/// What the selector is asked.
+/// Requests to the selector.
 enum Message {
-    /// Steps to be taken.
+    /// Applies steps and commits the result.
     Draw { request: selection::StrokesRequest, context: Context, reply: Reply<selection::StrokesReply> },
-    /// Samples of a stroke that is being drawn.
+    /// Adds samples to an unfinished stroke.
     Sample { request: selection::SampleRequest, reply: Reply<selection::SampleReply> },
-    /// Another leak or threshold that is tried.
+    /// Previews another leak or threshold.
     Tune { request: selection::TuneRequest, reply: Reply<selection::TuneReply> },
-    /// Where a next stroke would tell most.
+    /// Proposes places for the next stroke.
     Propose { request: selection::ProposalsRequest, reply: Reply<selection::ProposalsReply> },
 }
 
-/// A stroke that is being drawn.
-struct Open {
+/// The preview of an unfinished stroke.
+struct OpenStroke {
     name: String,
-    /// Hash of the selection that it is drawn over.
+    /// Hash of the selection below the stroke.
     over: String,
     preview: Preview,
 }
 
-/// Turns strokes into selections, one request at a time.
+/// The actor of the selection. It handles one request at a time.
 struct Selector {
     bus: Bus,
     session: SelectionSession,
     state: watch::Receiver<Arc<EditState>>,
-    open: Option<Open>,
+    open: Option<OpenStroke>,
     answered: u64,
     last_walk_ms: f64,
 }
 
-/// What may be seen of the selector.
+/// Observable state of the selector.
 #[derive(Clone)]
-struct Seen {
+struct SelectorState {
     revision: u64,
     answered: u64,
     steps: usize,
     last_walk_ms: f64,
 }
 
-impl fmt::Display for Seen {
+impl fmt::Display for SelectorState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { revision, answered, steps, last_walk_ms } = self;
         write!(f, "revision {revision}, {answered} requests, {steps} steps, last walk {last_walk_ms:.1} ms")
@@ -206,14 +206,14 @@ impl fmt::Display for Seen {
 
 impl Actor for Selector {
     type Message = Message;
-    type State = Seen;
+    type State = SelectorState;
 
     fn name(&self) -> &'static str {
         "selector"
     }
 
-    fn state(&self) -> Seen {
-        Seen {
+    fn state(&self) -> SelectorState {
+        SelectorState {
             revision: self.state.borrow().revision(),
             answered: self.answered,
             steps: self.session.steps().len(),
@@ -222,7 +222,7 @@ impl Actor for Selector {
     }
 
     async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
-        // An asker that has gone away misses only the answer: what was committed stays.
+        // A caller that has gone away loses only the reply. The commit stays.
         match message {
             Message::Draw { request, context, reply } => {
                 let _ = reply.send(self.draw(&request, &context).await);
@@ -262,15 +262,15 @@ impl Selector {
         outcome
     }
 
-    /// Takes steps over the scene's selection, tells what comes of it, and commits that.
+    /// Applies steps to the scene's selection, publishes a preview and commits the result.
     async fn take(
         &mut self,
         restart: bool,
         steps: &[Step],
         context: &Context,
     ) -> Result<selection::StrokesReply, Fault> {
-        // At first on what is known here, if the scene is still at that revision: a hand does not wait for a question whose
-        // answer is hardly ever news. Revision 0 would mean any.
+        // The first attempt uses the local state and requires the same revision of the scene. It saves a round trip in the
+        // usual case. Revision 0 means any revision.
         let mut state = Arc::clone(&self.state.borrow());
         let mut only_at = state.revision();
         loop {
@@ -281,14 +281,14 @@ impl Selector {
             self.show(self.session.mask(), &state, context).await;
             match self.commit(&state, only_at, context).await {
                 Ok(result) => return Ok(self.reply(&result)),
-                // Somebody else changed the scene in between: on top of theirs, until the time has run out.
+                // A concurrent change of the scene: retry on the newest state until the deadline.
                 Err(fault) if matches!(fault.code, Code::Aborted | Code::FailedPrecondition) => only_at = 0,
                 Err(fault) => return Err(fault),
             }
         }
     }
 
-    /// Tells what will be selected, for whoever shows it before it is durable.
+    /// Publishes the coming selection before the commit is durable.
     async fn show(&self, mask: &Mask, state: &EditState, context: &Context) {
         let committed = state.selection();
         let preview = selection::Preview {
@@ -297,56 +297,58 @@ impl Selector {
             selection_hash: committed.hash().to_owned(),
             revision: state.revision(),
         };
-        // Nobody need see it: what counts is what the scene tells.
+        // A lost preview is harmless: the scene publishes the committed selection.
         if let Err(fault) = self.bus.publish(&keys::SELECTION_PREVIEW, &preview, &context.next()).await {
-            tracing::warn!(%fault, "a preview could not be told");
+            tracing::warn!(%fault, "a preview could not be published");
         }
     }
 
-    /// The state at least as new as the scene's own, so that strokes are added to the selection that is there.
+    /// Waits until the local state is at least as new as the scene, and returns it.
     async fn newest(&mut self, context: &Context) -> Result<Arc<EditState>, Fault> {
         let revision = self.bus.newest(&keys::SCENE_STATE, &context.next()).await?.revision;
         let caught_up = self.state.wait_for(|state| state.revision() >= revision);
         match tokio::time::timeout_at(context.deadline.into(), caught_up).await {
             Ok(Ok(state)) => Ok(Arc::clone(&state)),
-            Ok(Err(_)) => Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
+            Ok(Err(_)) => Err(Fault::unavailable("the connection to the scene is lost; try again in a moment")),
             Err(_) => Err(Fault::deadline(format!("revision {revision} of the scene did not arrive in time"))),
         }
     }
 
-    /// The session of the scene's selection, which another hand may have changed.
+    /// The session of the scene's selection, rebuilt if another client changed it.
     fn present(&self, state: &EditState) -> Result<SelectionSession, Fault> {
         let gaussians = self.session.mask().len();
         let selection = state.selection();
-        let told = selection.steps().iter().map(|step| wire::decode(step, gaussians));
-        let mut steps: Vec<Step> = told.collect::<Result<_, _>>()?;
+        let decoded = selection.steps().iter().map(|step| wire::decode(step, gaussians));
+        let mut steps: Vec<Step> = decoded.collect::<Result<_, _>>()?;
         if steps.is_empty() && !selection.mask().is_none() {
-            // Selected by name, or by somebody who told no steps.
-            steps.push(Step::Given(Mask::clone(selection.mask())));
+            // A selection without steps, for example by name.
+            steps.push(Step::FixedMask(Mask::clone(selection.mask())));
         }
         if self.session.steps().eq(&steps) {
             return Ok(self.session.clone());
         }
-        SelectionSession::of_steps(self.session.space(), &steps).map_err(|e| Fault::internal(e.to_string()))
+        SelectionSession::of_steps(self.session.index(), &steps).map_err(|e| Fault::internal(e.to_string()))
     }
 
-    /// Brings the session to the scene's selection, then takes the new steps; all or nothing.
+    /// Updates the session to the scene's selection and adds the new steps. On an error nothing changes.
     fn play(&mut self, state: &EditState, restart: bool, steps: &[Step]) -> Result<(), Fault> {
         let mut session =
-            if restart { SelectionSession::new(Arc::clone(self.session.space())) } else { self.present(state)? };
+            if restart { SelectionSession::new(Arc::clone(self.session.index())) } else { self.present(state)? };
         let start = Instant::now();
         for step in steps {
             session.add_step(step.clone()).map_err(refusal)?;
         }
         self.last_walk_ms = start.elapsed().as_secs_f64() * 1e3;
         self.session = session;
-        // What comes of a stroke that was being drawn has been said by whoever drew it.
+        // The finished stroke is among the steps, so its preview ends.
         self.open = None;
         Ok(())
     }
 
-    /// Adds samples to the stroke that is being drawn and tells what it would select. Nothing is asked of anybody else: a
-    /// hand waits for it. A further sample costs less than to hand what else this thread has to do to another one first.
+    /// Adds samples to an unfinished stroke and returns the preview.
+    ///
+    /// No other service is involved, because the user waits for the reply. A sample is cheaper than moving other work off
+    /// this thread, so only the first one blocks in place.
     fn sample(&mut self, request: &selection::SampleRequest) -> Result<selection::SampleReply, Fault> {
         let start = Instant::now();
         let samples = request.samples.as_ref().ok_or_else(|| Fault::invalid("no samples; send some"))?;
@@ -356,14 +358,14 @@ impl Selector {
         let goes_on = self.open.as_ref().is_some_and(|o| o.name == request.stroke && o.over == over);
         if !goes_on {
             let session = tokio::task::block_in_place(|| self.present(&state))?;
-            // Drawn before over another selection: the same stroke over this one.
+            // The selection below has changed: replay the stroke over the new one.
             let earlier = self.open.take().filter(|o| o.name == request.stroke);
             let mut preview = Preview::begin(&session, &stroke).map_err(|e| Fault::invalid(e.to_string()))?;
             if let Some(earlier) = earlier {
                 let Stroke { points, pressure, .. } = earlier.preview.stroke();
                 preview.extend(points, pressure).map_err(|e| Fault::invalid(e.to_string()))?;
             }
-            self.open = Some(Open { name: request.stroke.clone(), over: over.to_owned(), preview });
+            self.open = Some(OpenStroke { name: request.stroke.clone(), over: over.to_owned(), preview });
             self.session = session;
         }
         let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;
@@ -377,7 +379,7 @@ impl Selector {
         let changed = if goes_on {
             changed
         } else {
-            // Against what is committed, since that is what whoever draws it shows.
+            // Relative to the committed selection, which the client displays.
             differing(state.selection().mask(), mask)
         };
         Ok(selection::SampleReply {
@@ -390,8 +392,9 @@ impl Selector {
         })
     }
 
-    /// What another leak or threshold would select. Nothing of it is kept: each answer is against what is committed, so that
-    /// one that nobody waited for is not missed.
+    /// Previews another leak or threshold, without a change of state.
+    ///
+    /// Each reply is relative to the committed selection, so a client may skip replies.
     fn tune(&mut self, request: &selection::TuneRequest) -> Result<selection::TuneReply, Fault> {
         let start = Instant::now();
         let tuning = request.tuning.as_ref().ok_or_else(|| Fault::invalid("no leak and threshold; send both"))?;
@@ -409,7 +412,7 @@ impl Selector {
         })
     }
 
-    /// Where a next walk stroke would tell most.
+    /// Proposes places for the next walk stroke.
     fn propose(&mut self, request: &selection::ProposalsRequest) -> Result<selection::ProposalsReply, Fault> {
         let start = Instant::now();
         let most = sg_proto::limits::MAX_PROPOSALS;
@@ -419,7 +422,7 @@ impl Selector {
         let state = Arc::clone(&self.state.borrow());
         self.session = self.present(&state)?;
         if self.session.walk().is_none() {
-            return Err(Fault::precondition("there is no walk that could go on; brush in walk mode first"));
+            return Err(Fault::precondition("the selection has no walk to continue; brush in walk mode first"));
         }
         let proposals = self.session.proposals(request.count as usize);
         Ok(selection::ProposalsReply {
@@ -429,7 +432,7 @@ impl Selector {
         })
     }
 
-    /// Commits the session's selection over that of `state`, at revision `only_at` of the scene alone unless that is 0.
+    /// Commits the session's selection over that of `state`. The scene must be at revision `only_at`, unless that is 0.
     async fn commit(&self, state: &EditState, only_at: u64, context: &Context) -> Result<CommandResult, Fault> {
         let steps: Vec<_> = self.session.steps().map(wire::encode).collect();
         let alone = strokes_alone(&steps);
@@ -439,7 +442,7 @@ impl Selector {
             strokes: alone.unwrap_or_default(),
             expected_hash: state.selection().hash().to_owned(),
         };
-        // The same request tried again is the same command: the scene returns its first result.
+        // A retry has the same command id, so the scene returns its first result.
         let id = format!("strokes-{}", context.id);
         let action = Some(command::Action::CommitSelection(commit));
         let command = Command { id: id.clone(), expected_revision: only_at, action };
@@ -458,7 +461,7 @@ impl Selector {
             selected: selected as u64,
             selection_hash: result.selection_hash.clone(),
             revision: result.revision,
-            clusters: small(self.session.space().clusters()),
+            clusters: small(self.session.index().clusters()),
             seeds_foreground: small(summary.seeds_foreground),
             seeds_background: small(summary.seeds_background),
             conflicts: small(summary.conflicts),
@@ -468,7 +471,7 @@ impl Selector {
     }
 }
 
-/// Why a step is not taken, for whoever asked for it.
+/// The fault of a rejected step.
 fn refusal(error: SelectionError) -> Fault {
     match error {
         SelectionError::NoWalk => Fault::precondition(error.to_string()),
@@ -476,7 +479,7 @@ fn refusal(error: SelectionError) -> Fault {
     }
 }
 
-/// Ascending indices as runs: how many are passed over, how many are meant, and so on.
+/// Run lengths of ascending indices: skipped, set, skipped, set, and so on.
 fn runs(indices: &[u32]) -> Vec<u32> {
     let mut runs: Vec<u32> = Vec::new();
     let mut end = 0;
@@ -495,7 +498,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_pass_over_and_mean() {
+    fn run_lengths_alternate() {
         assert_eq!(runs(&[]), [] as [u32; 0]);
         assert_eq!(runs(&[0, 1, 2]), [0, 3]);
         assert_eq!(runs(&[3, 4, 9, 10, 11, 20]), [3, 2, 4, 3, 8, 1]);

@@ -1,8 +1,8 @@
-//! The offline subcommands: what they are asked, what they print.
+//! The offline subcommands: arguments and output.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
-    reason = "a command line prints: reports to stdout, words to stderr"
+    reason = "a command line prints: reports to stdout, messages to stderr"
 )]
 
 mod cluster;
@@ -36,23 +36,23 @@ pub(crate) enum Command {
     ///
     /// Example: supergaussian selection cluster bonsai/scene.toml --out labels.npy --report clusters.json
     Cluster(cluster::Arguments),
-    /// Plays brush strokes on a scene and writes what they select.
+    /// Plays brush strokes on a scene and writes the selection.
     ///
-    /// Writes uint8 (n,), 1 where a Gaussian is selected. With --truth the report says how well that agrees.
+    /// The mask is uint8 (n,), 1 for selected Gaussians. With --truth the report holds the agreement with a true mask.
     ///
     /// Example: supergaussian selection select bonsai/scene.toml --strokes strokes.json --out mask.npy --report select.json
     Select(select::Arguments),
     /// Solves one random walk on a given graph.
     ///
-    /// The graph is `{"nodes":n,"edges":[[u,v,w],…],"foreground":[…],"background":[…],"leak":0}`. Duplicate edges add up,
-    /// self-loops and zero weights are ignored, a node in both lists is unseeded. Writes p, q, reached and selected, one
-    /// entry a node; numbers round-trip exactly.
+    /// The graph is `{"nodes":n,"edges":[[u,v,w],…],"foreground":[…],"background":[…],"leak":0}`. Duplicate edges add
+    /// up. Self-loops and zero weights are ignored. A node in both lists is unseeded. The output has p, q, reached and
+    /// selected, one entry per node. Numbers round-trip exactly.
     ///
     /// Example: supergaussian selection solve graph.json --out solution.json --solver gth
     Solve(solve::Arguments),
 }
 
-/// Runs a subcommand: 0 done, 1 the work failed, 2 the arguments or the input are wrong.
+/// Runs a subcommand. Exit status: 0 for success, 1 for failed work, 2 for wrong arguments or input.
 pub(crate) fn run(command: &Command) -> ExitCode {
     let outcome = match command {
         Command::Cluster(arguments) => cluster::run(arguments),
@@ -68,7 +68,7 @@ pub(crate) fn run(command: &Command) -> ExitCode {
     }
 }
 
-/// Why a subcommand ended early.
+/// A failed subcommand: exit status and message.
 #[derive(Debug)]
 struct Failure {
     status: u8,
@@ -106,22 +106,22 @@ impl From<ClusterError> for Failure {
     }
 }
 
-/// How clusters are made.
+/// Parameters of the clustering.
 #[derive(Debug, Args)]
 struct Clustering {
-    /// The most clusters in each base unit.
+    /// Most clusters of each base unit.
     #[arg(long, value_name = "N", default_value_t = 999)]
     max_clusters: usize,
     /// Nearest neighbours of each Gaussian in the graph.
     #[arg(long, value_name = "K", default_value_t = 10)]
     neighbours: usize,
-    /// m in D = (d/S)² + m²·‖Δf‖²: the weight of features against distance.
+    /// Weight m of features against distance in D = (d/S)² + m²·‖Δf‖².
     #[arg(long, allow_negative_numbers = true, value_name = "M", default_value_t = 0.5)]
     compactness: f64,
-    /// The feature vector; by default oriented where a base unit's normals are, else invariant.
+    /// Feature vector. The default is oriented for base units with oriented normals, else invariant.
     #[arg(long, value_parser = named::<FeatureKind>(&["oriented", "invariant", "printed"]))]
     features: Option<FeatureKind>,
-    /// How thorough the assignment is.
+    /// Accuracy of the assignment.
     #[arg(long, default_value = "exact", value_parser = named::<Level>(&["exact", "windowed", "fast"]))]
     level: Level,
 }
@@ -144,7 +144,7 @@ impl Clustering {
     }
 }
 
-/// Values by the names they have in files.
+/// A parser for values by their names in files.
 fn named<T: DeserializeOwned + Clone + Send + Sync + 'static>(
     names: &'static [&'static str],
 ) -> impl TypedValueParser<Value = T> {
@@ -160,15 +160,15 @@ fn read_scene(path: &Path) -> Result<Loaded, Failure> {
     Ok(loaded)
 }
 
-/// Writes a report to a file and to standard output, as asked.
-fn deliver(report: &impl Serialize, file: Option<&PathBuf>, to_stdout: bool) -> Result<(), Failure> {
+/// Writes a report to a file, to standard output, or to both.
+fn write_report(report: &impl Serialize, file: Option<&PathBuf>, to_stdout: bool) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(report).map_err(Failure::work)? + "\n";
     if let Some(path) = file {
         write(path, text.as_bytes())?;
     }
     if to_stdout {
         let sent = std::io::stdout().write_all(text.as_bytes());
-        // Whoever reads may have read enough.
+        // A closed pipe is no error: the reader has read enough.
         sent.or_else(|e| if e.kind() == std::io::ErrorKind::BrokenPipe { Ok(()) } else { Err(e) })
             .map_err(|e| Failure::work(format!("standard output: {e}")))?;
     }
@@ -180,7 +180,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         .map_err(|e| Failure::work(format!("{}: {e}; nothing was changed", path.display())))
 }
 
-/// A progress bar on standard error; invisible where that is no terminal.
+/// A progress bar on standard error, hidden without a terminal.
 struct Bar {
     bar: ProgressBar,
     stage: Cell<Option<Stage>>,

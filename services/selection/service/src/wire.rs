@@ -1,6 +1,7 @@
-//! Between the messages of the contract and the steps of a selection.
+//! Conversion between messages of the contract and steps of a selection.
 
 use sg_edit::wire::{decode_mask, encode_mask};
+use sg_proto::limits::MAX_STROKE_POINTS;
 use sg_proto::scene as proto;
 use sg_proto::scene::selection_operation::Operation as Kind;
 use sg_proto::scene::selection_step::Step as Sent;
@@ -14,46 +15,81 @@ use sg_selection::steps::Step;
 use sg_selection::strokes::{self, Depth, Mode, Stroke};
 use sg_selection::tuning::Tuning;
 
-/// A step as the selection takes it; `gaussians` is the length of its masks.
-pub(crate) fn decode(step: &proto::SelectionStep, gaussians: usize) -> Result<Step, Fault> {
-    match &step.step {
-        Some(Sent::Stroke(stroke)) => decode_stroke(stroke).map(Step::Stroke),
-        Some(Sent::Operation(operation)) => decode_operation(operation).map(Step::Operation),
-        Some(Sent::Given(mask)) => {
-            let mask = decode_mask(mask, gaussians, "given").map_err(|e| Fault::invalid(e.to_string()))?;
-            Ok(Step::Given(mask))
+/// A message that is no step of a selection.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(crate) enum DecodeError {
+    /// A stroke has too many points.
+    #[error("a stroke of {found} points is over the limit of {max_points}; send it in parts")]
+    TooManyPoints {
+        /// Number of points.
+        found: usize,
+        /// Largest number.
+        max_points: usize,
+    },
+    /// A value is missing or impossible.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+impl From<DecodeError> for Fault {
+    fn from(error: DecodeError) -> Self {
+        match error {
+            DecodeError::TooManyPoints { .. } => Self::exhausted(error.to_string()),
+            DecodeError::Invalid(text) => Self::invalid(text),
         }
-        Some(Sent::Tuning(tuning)) => decode_tuning(tuning).map(Step::Tuning),
-        None => Err(Fault::invalid("a step is neither a stroke nor an operation")),
     }
 }
 
-/// A step as the scene keeps it.
+fn invalid(problem: impl ToString) -> DecodeError {
+    DecodeError::Invalid(problem.to_string())
+}
+
+/// Decodes a step of the bus. `gaussians` is the length of its masks.
+pub(crate) fn decode(step: &proto::SelectionStep, gaussians: usize) -> Result<Step, DecodeError> {
+    decode_limited(step, gaussians, MAX_STROKE_POINTS)
+}
+
+/// Decodes a step with another limit on the points of a stroke.
+pub(crate) fn decode_limited(
+    step: &proto::SelectionStep,
+    gaussians: usize,
+    max_points: usize,
+) -> Result<Step, DecodeError> {
+    match &step.step {
+        Some(Sent::Stroke(stroke)) => decode_stroke_limited(stroke, max_points).map(Step::Stroke),
+        Some(Sent::Operation(operation)) => decode_operation(operation).map(Step::Operation),
+        Some(Sent::Given(mask)) => Ok(Step::FixedMask(decode_mask(mask, gaussians, "given").map_err(invalid)?)),
+        Some(Sent::Tuning(tuning)) => decode_tuning(tuning).map(Step::Tuning),
+        None => Err(invalid("a step is neither a stroke nor an operation")),
+    }
+}
+
+/// Encodes a step for the scene.
 pub(crate) fn encode(step: &Step) -> proto::SelectionStep {
     let step = match step {
         Step::Stroke(stroke) => Sent::Stroke(encode_stroke(stroke)),
         Step::Operation(operation) => Sent::Operation(encode_operation(operation)),
-        Step::Given(mask) => Sent::Given(encode_mask(mask)),
+        Step::FixedMask(mask) => Sent::Given(encode_mask(mask)),
         Step::Tuning(tuning) => Sent::Tuning(encode_tuning(*tuning)),
     };
     proto::SelectionStep { step: Some(step) }
 }
 
-/// What a walk is done with, if one can be.
-pub(crate) fn decode_tuning(tuning: &proto::WalkTuning) -> Result<Tuning, Fault> {
+/// Decodes and checks walk parameters.
+pub(crate) fn decode_tuning(tuning: &proto::WalkTuning) -> Result<Tuning, DecodeError> {
     let proto::WalkTuning { leak, threshold } = *tuning;
     let tuning = Tuning { leak, threshold };
-    tuning.check().map_err(Fault::invalid)?;
+    tuning.check().map_err(invalid)?;
     Ok(tuning)
 }
 
-/// The same as a message.
+/// Encodes walk parameters.
 pub(crate) fn encode_tuning(tuning: Tuning) -> proto::WalkTuning {
     let Tuning { leak, threshold } = tuning;
     proto::WalkTuning { leak, threshold }
 }
 
-/// A place where a next stroke would tell much.
+/// Encodes a proposed place of the next stroke.
 pub(crate) fn encode_proposal(proposal: &Proposal) -> selection::Proposal {
     let Proposal { cluster, point, gaussians, p, q, uncertainty, expected_shift, expected_change } = *proposal;
     selection::Proposal {
@@ -68,37 +104,40 @@ pub(crate) fn encode_proposal(proposal: &Proposal) -> selection::Proposal {
     }
 }
 
-pub(crate) fn decode_stroke(stroke: &proto::Stroke) -> Result<Stroke, Fault> {
+/// Decodes and checks a stroke of the bus.
+pub(crate) fn decode_stroke(stroke: &proto::Stroke) -> Result<Stroke, DecodeError> {
+    decode_stroke_limited(stroke, MAX_STROKE_POINTS)
+}
+
+fn decode_stroke_limited(stroke: &proto::Stroke, max_points: usize) -> Result<Stroke, DecodeError> {
     let mode = match stroke.mode() {
         StrokeMode::Walk => Mode::Walk,
         StrokeMode::Cluster => Mode::Cluster,
         StrokeMode::Point => Mode::Point,
-        StrokeMode::Unspecified => return Err(Fault::invalid("a stroke names no mode: walk, cluster or point")),
+        StrokeMode::Unspecified => return Err(invalid("a stroke names no mode: walk, cluster or point")),
     };
     let kind = match stroke.kind() {
         StrokeKind::Foreground => strokes::Kind::Foreground,
         StrokeKind::Background => strokes::Kind::Background,
         StrokeKind::Toggle => strokes::Kind::Toggle,
         StrokeKind::Unspecified => {
-            return Err(Fault::invalid("a stroke names no kind: foreground, background or toggle"));
+            return Err(invalid("a stroke names no kind: foreground, background or toggle"));
         }
     };
     let (points, []) = stroke.points.as_chunks::<3>() else {
-        return Err(Fault::invalid("a stroke's points are not triples of x, y and z"));
+        return Err(invalid("a stroke's points are not triples of x, y and z"));
     };
-    let most = sg_proto::limits::MAX_STROKE_POINTS;
-    if points.len() > most {
-        let text = format!("a stroke of {} points is over the limit of {most}; send it in parts", points.len());
-        return Err(Fault::exhausted(text));
+    if points.len() > max_points {
+        return Err(DecodeError::TooManyPoints { found: points.len(), max_points });
     }
     let (points, pressure) = (points.to_vec(), stroke.pressure.clone());
     let depth = stroke.depth.as_ref().map(|depth| {
         let eye = depth.eye.as_slice().try_into();
-        let eye = eye.map_err(|_| Fault::invalid(format!("an eye has {} coordinates; it takes 3", depth.eye.len())))?;
-        Ok::<_, Fault>(Depth { eye, behind: depth.behind })
+        let eye = eye.map_err(|_| invalid(format!("an eye has {} coordinates; it takes 3", depth.eye.len())))?;
+        Ok::<_, DecodeError>(Depth { eye, behind: depth.behind })
     });
     let stroke = Stroke { mode, kind, radius: stroke.radius, points, pressure, depth: depth.transpose()? };
-    stroke.check().map_err(Fault::invalid)?;
+    stroke.check().map_err(invalid)?;
     Ok(stroke)
 }
 
@@ -119,17 +158,17 @@ fn encode_stroke(stroke: &Stroke) -> proto::Stroke {
     proto::Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points, pressure, depth }
 }
 
-fn decode_operation(operation: &proto::SelectionOperation) -> Result<Operation, Fault> {
+fn decode_operation(operation: &proto::SelectionOperation) -> Result<Operation, DecodeError> {
     let combine = match operation.combine() {
         proto::Combine::Unspecified | proto::Combine::Add => Combine::Add,
         proto::Combine::Remove => Combine::Remove,
         proto::Combine::Intersect => Combine::Intersect,
         proto::Combine::Replace => Combine::Replace,
     };
-    let place = |p: &[f64], name: &str| -> Result<[f64; 3], Fault> {
-        p.try_into().map_err(|_| Fault::invalid(format!("`{name}` has {} coordinates; a place has 3", p.len())))
+    let place = |p: &[f64], name: &str| -> Result<[f64; 3], DecodeError> {
+        p.try_into().map_err(|_| invalid(format!("`{name}` has {} coordinates; a place has 3", p.len())))
     };
-    let kind = operation.operation.as_ref().ok_or_else(|| Fault::invalid("an operation that is none; set one"))?;
+    let kind = operation.operation.as_ref().ok_or_else(|| invalid("the operation is missing; set one"))?;
     let operation = match kind {
         Kind::Invert(_) => Operation::Invert,
         Kind::Grow(grow) => Operation::Grow { distance: grow.distance },
@@ -155,22 +194,21 @@ fn decode_operation(operation: &proto::SelectionOperation) -> Result<Operation, 
                 proto::Attribute::Red => Attribute::Red,
                 proto::Attribute::Green => Attribute::Green,
                 proto::Attribute::Blue => Attribute::Blue,
-                proto::Attribute::Unspecified => return Err(Fault::invalid("a range names no attribute")),
+                proto::Attribute::Unspecified => return Err(invalid("a range names no attribute")),
             };
             Operation::Range { attribute, min: range.min, max: range.max, combine }
         }
     };
-    operation.check().map_err(Fault::invalid)?;
+    operation.check().map_err(invalid)?;
     Ok(operation)
 }
 
-fn decode_lasso(lasso: &proto::InLasso, combine: Combine) -> Result<Operation, Fault> {
+fn decode_lasso(lasso: &proto::InLasso, combine: Combine) -> Result<Operation, DecodeError> {
     let world_to_camera = <[f64; 16]>::try_from(lasso.world_to_camera.as_slice());
-    let world_to_camera = world_to_camera.map_err(|_| {
-        Fault::invalid(format!("`world_to_camera` has {} numbers; it has 16", lasso.world_to_camera.len()))
-    })?;
+    let world_to_camera = world_to_camera
+        .map_err(|_| invalid(format!("`world_to_camera` has {} numbers; it has 16", lasso.world_to_camera.len())))?;
     let (polygon, []) = lasso.polygon.as_chunks::<2>() else {
-        return Err(Fault::invalid(format!("{} coordinates of corners; they come in twos", lasso.polygon.len())));
+        return Err(invalid(format!("{} coordinates of corners; they come in twos", lasso.polygon.len())));
     };
     let camera = Camera {
         width: lasso.width,
@@ -253,7 +291,7 @@ mod tests {
     use sg_scene::mask::Mask;
 
     #[test]
-    fn steps_survive_the_way_to_the_scene_and_back() {
+    fn steps_round_trip_through_messages() {
         let combine = Combine::Intersect;
         let camera = Box::new(Camera::look_at(DVec3::splat(3.0), DVec3::ZERO, DVec3::Y, 40.0, 64, 48));
         let mut mask = Mask::empty(10);
@@ -275,7 +313,7 @@ mod tests {
                 pressure: vec![0.5, 2.0],
                 depth: Some(Depth { eye: [0.5, -3.0, 0.5], behind: 0.01 }),
             }),
-            Step::Given(mask),
+            Step::FixedMask(mask),
             Step::Tuning(Tuning { leak: 0.003, threshold: -0.25 }),
             Step::Operation(Operation::Invert),
             Step::Operation(Operation::Grow { distance: 0.1 }),
@@ -302,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_step_is_refused() {
+    fn invalid_steps_are_rejected() {
         assert!(decode(&proto::SelectionStep::default(), 10).is_err());
         let operation = |operation| proto::SelectionStep {
             step: Some(Sent::Operation(proto::SelectionOperation { operation, ..Default::default() })),
@@ -333,5 +371,32 @@ mod tests {
         }
         let short = proto::SelectionStep { step: Some(Sent::Given(encode_mask(&Mask::empty(9)))) };
         assert!(decode(&short, 10).is_err());
+    }
+
+    #[test]
+    fn a_stroke_file_decodes_into_steps() {
+        use sg_proto::stroke_file::{self, Limits};
+        let text = r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.02,"points":[[0.1,0.2,0.3]]},
+            {"operation":"similar","threshold":2,"combine":"intersect"},
+            {"operation":"lasso","polygon":[[0,0],[9,0],[9,9]],
+             "camera":{"width":64,"height":64,"fx":64,"fy":64,"cx":32,"cy":32,
+                       "world_to_camera":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}},
+            {"leak":0.1,"threshold":-0.25}]}"#;
+        let steps = stroke_file::parse(text, &Limits::BUS).unwrap();
+        let steps: Vec<Step> = steps.iter().map(|step| decode(step, 0).unwrap()).collect();
+        assert_eq!(steps[0].stroke().unwrap().points, [[0.1, 0.2, 0.3]]);
+        assert_eq!(steps[1], Step::Operation(Operation::Similar { threshold: 2.0, combine: Combine::Intersect }));
+        assert!(matches!(&steps[2], Step::Operation(Operation::Lasso { near, far, polygon, .. })
+            if (*near, *far, polygon.len()) == (0.0, f64::MAX, 3)));
+        assert_eq!(steps[3], Step::Tuning(Tuning { leak: 0.1, threshold: -0.25 }));
+        let long = proto::Stroke {
+            mode: StrokeMode::Walk.into(),
+            kind: StrokeKind::Foreground.into(),
+            radius: 0.1,
+            points: vec![0.0; 6],
+            ..Default::default()
+        };
+        let step = proto::SelectionStep { step: Some(Sent::Stroke(long)) };
+        assert_eq!(decode_limited(&step, 0, 1), Err(DecodeError::TooManyPoints { found: 2, max_points: 1 }));
     }
 }

@@ -187,7 +187,7 @@ fn a_cache_is_found_again_and_its_damage_is_repaired() {
         let output =
             run(at, &["select", "balls.ply", "--strokes", "s.json", "--out", "m.npy", "--cache", "kept", "--json"]);
         assert!(output.status.success());
-        let warned = String::from_utf8_lossy(&output.stderr).contains("made anew");
+        let warned = String::from_utf8_lossy(&output.stderr).contains("computed again");
         (std::fs::read(at.join("m.npy")).unwrap(), report(&String::from_utf8(output.stdout).unwrap()), warned)
     };
     let (first, made, _) = select();
@@ -266,7 +266,7 @@ fn wrong_input_is_one_line_and_status_2() {
         [&["select", "balls.ply", "--out", "x.npy", "--strokes", strokes][..], more].concat()
     };
     refuse(at, 2, &select("none.json", &[]), &["none.json"]);
-    refuse(at, 2, &select("toggle.json", &[]), &["toggle.json", "stroke 0", "cluster mode"]);
+    refuse(at, 2, &select("toggle.json", &[]), &["toggle.json", "stroke 1", "cluster mode"]);
     refuse(at, 2, &select("cut.json", &[]), &["cut.json", "line 1"]);
     refuse(at, 2, &select("s.json", &["--leak", "-0.1"]), &["leak", "-0.1"]);
     refuse(at, 2, &select("s.json", &["--sigma-s", "0"]), &["sigma-s"]);

@@ -1,5 +1,6 @@
-//! Conjugate gradients on the walk's Laplacian with its diagonal as preconditioner: memory linear in the graph, so it
-//! serves graphs too large to eliminate. Its error grows with the condition of the graph.
+//! Conjugate gradients on the walk's Laplacian with its diagonal as preconditioner.
+//!
+//! The memory is linear in the size of the graph. The error grows with the condition of the graph.
 
 use std::marker::PhantomData;
 
@@ -10,7 +11,7 @@ use super::conductance::Conductance;
 use super::system::System;
 use super::{SystemSolver, WalkError};
 
-/// Conjugate gradients in `T`, until the preconditioned residual has fallen by this factor.
+/// Conjugate gradients in `T`. The iteration ends when the preconditioned residual has fallen by a given factor.
 #[derive(Debug, Clone, Copy)]
 pub struct ConjugateGradients<T> {
     /// Factor by which the residual must fall.
@@ -88,7 +89,7 @@ impl<T: Float> ConjugateGradients<T> {
         let mut x = vec![T::of(0.0); n];
         let mut residual: Vec<T> = terminal.iter().map(|c| T::of(c.scaled(shift))).collect();
         let zero = T::of(0.0);
-        // A node whose conductances all underflowed stays out of the iteration; the sweep at the end gives it its value.
+        // Nodes whose conductances all underflow are skipped here. The final sweep sets their values.
         let inverse: Vec<T> = matrix.diagonal.iter().map(|&d| if d > zero { T::of(1.0) / d } else { zero }).collect();
         let mut z: Vec<T> = residual.iter().zip(&inverse).map(|(&r, &i)| r * i).collect();
         let mut direction = z.clone();
@@ -124,8 +125,9 @@ impl<T: Float> ConjugateGradients<T> {
     }
 }
 
-/// One step of Jacobi's iteration with each row in units of its own degree: every node becomes the mean of its
-/// neighbours, also one whose conductances are too small for plain floating point beside the largest.
+/// One Jacobi step with each row in units of its own degree: every node becomes the mean of its neighbours.
+///
+/// The scaling also covers nodes whose conductances underflow beside the largest one.
 fn sweep(system: &System, terminal: &[Conductance], x: &[f64]) -> Vec<f64> {
     (0..system.len() as u32)
         .into_par_iter()

@@ -1,5 +1,6 @@
-//! Sparse LDLᵀ factorization of the walk's Laplacian, over the same elimination order. For comparison: its error grows
-//! with the condition of the graph, and the diagonal is a stored sum from which it subtracts.
+//! Sparse LDLᵀ factorization of the walk's Laplacian over the same elimination order, for comparison.
+//!
+//! It subtracts from a stored diagonal, so its error grows with the condition of the graph.
 
 use std::marker::PhantomData;
 use std::ops::{Add, Div, Mul, Sub};
@@ -16,7 +17,7 @@ pub trait Float:
     const NAME: &'static str;
     /// Rounded from f64.
     fn of(x: f64) -> Self;
-    /// As f64.
+    /// Converted to f64.
     fn value(self) -> f64;
 }
 
@@ -44,7 +45,7 @@ impl Float for f32 {
     }
 }
 
-/// The factorization in `T`.
+/// Sparse LDLᵀ factorization in `T`.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Cholesky<T>(PhantomData<T>);
 

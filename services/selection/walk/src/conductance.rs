@@ -1,7 +1,7 @@
-//! Conductances of any magnitude: a mantissa in f64 and an exponent of its own.
+//! Conductances with a wide range: an f64 mantissa and a separate exponent.
 //!
-//! exp(−x²) is 0 in f64 beyond x = 27.2. A cluster 20σ from one seed and 30σ from another belongs to the first; with
-//! both weights 0 it would belong to nobody, and with both clamped it would be a tie.
+//! exp(−x²) is 0 in f64 for x > 27.2. Consider a cluster at 20σ from one seed and 30σ from another. It belongs to the first
+//! seed. With both weights 0 it would belong to neither, and with both clamped it would be a tie.
 
 use std::iter::Sum;
 use std::ops::{Add, Div, Mul};
@@ -14,10 +14,10 @@ pub struct Conductance {
 }
 
 impl Conductance {
-    /// No conductance.
+    /// Zero.
     pub const ZERO: Self = Self { mantissa: 0.0, exponent: i64::MIN / 4 };
 
-    /// The unit.
+    /// One.
     pub const ONE: Self = Self { mantissa: 1.0, exponent: 0 };
 
     /// Exactly `x`, if it is finite and at least 0.
@@ -32,10 +32,10 @@ impl Conductance {
         if x == f64::NEG_INFINITY || x.is_nan() {
             return Self::ZERO;
         }
-        // Beyond this the exponent would not fit; no weight comes near it.
+        // The exponent would overflow beyond this limit. Real weights are far below it.
         let x = x.clamp(-1e15, 1e15);
         let exponent = (x * std::f64::consts::LOG2_E).floor();
-        // ln 2 in two parts, the first with trailing zeros, so that the difference keeps its digits.
+        // ln 2 in two parts. Trailing zeros in the first part avoid cancellation.
         const HIGH: f64 = 0.693_147_180_369_123_8;
         const LOW: f64 = 1.908_214_929_270_587_7e-10;
         Self::normalized(((x - exponent * HIGH) - exponent * LOW).exp(), exponent as i64)
@@ -58,13 +58,13 @@ impl Conductance {
         self.mantissa == 0.0
     }
 
-    /// The power of two it lies at or just above; of 0 a number far below all others.
+    /// Exponent of the largest power of two that does not exceed it. For 0 the exponent is below all others.
     #[must_use]
     pub fn exponent(self) -> i64 {
         self.exponent
     }
 
-    /// Its value times 2^−shift as f64: exact in the normal range, rounded below it, 0 or infinity beyond.
+    /// The value times 2^−shift as f64: exact in the normal range, rounded for denormals, 0 or infinity beyond.
     #[must_use]
     pub fn scaled(self, shift: i64) -> f64 {
         let power = self.exponent.saturating_sub(shift);

@@ -1,13 +1,12 @@
-//! An elimination that is kept between walks on one graph, so that a further stroke pays only for what it changes.
+//! An elimination that is reused for many walks on one graph. A new stroke costs only the columns that it changes.
 //!
-//! All nodes are unknowns of one elimination in one order (`Structure`), whether they are seeded or not. Column k holds
-//! the conductances from node k to later nodes at its turn, seeds among them, and to the two terminals. What a seed does
-//! is *not* to be eliminated: instead of passing its column on to every pair of its later neighbours it gives each of
-//! them its conductance as one to a terminal. So a node that becomes a seed, or ceases to be one, changes nothing before
-//! it and nothing of its own column, only the columns of its ancestors in the elimination tree, and those alone are done
-//! again. Sums, products and quotients of numbers that are not negative are all there is: entries are as accurate as
-//! those of [`super::gth`], and since a column is always summed in the same order they do not depend on the strokes by
-//! which a set of seeds came about, to the last bit.
+//! All nodes, seeded or not, are unknowns of one elimination in one order (`Structure`). Column k holds the conductances
+//! from node k, at its turn, to later nodes and to the two terminals. A seed is *not* eliminated: each later neighbour
+//! gets its conductance to the seed as a conductance to a terminal. So a change of a seed affects only the columns of its
+//! ancestors in the elimination tree. Only these columns are computed again.
+//!
+//! The algorithm uses sums, products and quotients of non-negative numbers only, so entries are as accurate as those of
+//! [`super::gth`]. A column is always summed in the same order. So the bits of a solution do not depend on earlier seeds.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,18 +17,18 @@ use super::ordering::minimum_degree;
 use super::system::Fill;
 use super::{Network, Seed, Solution, WalkError};
 
-/// What the elimination of a graph looks like whatever the seeds are.
+/// The structure of the elimination of a graph. It does not depend on the seeds.
 #[derive(Debug)]
 struct Structure {
     /// Node of each rank.
     order: Vec<u32>,
     fill: Fill,
-    /// For each rank the earlier columns with an entry for it and where that entry stands, ascending.
+    /// For each rank: the earlier columns with an entry for it and the position of that entry, ascending.
     before_offsets: Vec<usize>,
     before: Vec<(u32, u32)>,
-    /// From where on the rows of a column follow one another without a gap.
+    /// First position of the contiguous rows at the end of each column.
     dense: Vec<usize>,
-    /// The graph's own conductances to later ranks.
+    /// Conductances of the graph to later ranks.
     own_offsets: Vec<usize>,
     own: Vec<(u32, Conductance)>,
     degree: Vec<Conductance>,
@@ -77,7 +76,7 @@ impl Structure {
         Self { order, fill, before_offsets, before, dense, own_offsets, own, degree }
     }
 
-    /// Least and largest binary exponent of the conductances, with a leak.
+    /// Smallest and largest binary exponent of the conductances, including a leak.
     fn exponents(&self, leak: Conductance) -> (i64, i64) {
         let leaks = self.degree.iter().map(|&d| d * leak);
         self.own
@@ -91,7 +90,7 @@ impl Structure {
     }
 }
 
-/// The numbers of an elimination.
+/// The values of an elimination.
 #[derive(Debug, Clone)]
 struct Columns<T> {
     shift: i64,
@@ -100,7 +99,7 @@ struct Columns<T> {
     background: Vec<T>,
     total: Vec<T>,
     work: Vec<T>,
-    /// Columns without gaps that are yet to be added to `work`: their share and where they stand.
+    /// Contiguous column parts that are pending for `work`: factor and position.
     runs: Vec<(T, Range<usize>)>,
 }
 
@@ -143,8 +142,8 @@ impl<T: Real> Columns<T> {
         self.runs.clear();
     }
 
-    /// Makes column k from the earlier ones.
-    fn make(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
+    /// Computes column k from the earlier columns.
+    fn compute(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
         let rows = s.fill.rows();
         for &(j, c) in &s.own[s.own_offsets[k]..s.own_offsets[k + 1]] {
             self.work[j as usize] = T::of(c, self.shift);
@@ -218,15 +217,15 @@ impl<T: Real> Columns<T> {
         for (&u, [p, q]) in s.order.iter().zip(both) {
             let u = u as usize;
             solution.reached[u] = !(p.is_nothing() && q.is_nothing());
-            // With one terminal only, every walk that ends, ends there.
+            // With a single terminal, every walk that ends, ends there.
             solution.p[u] = if solution.reached[u] && q.is_nothing() { 1.0 } else { p.value() };
             solution.q[u] = if solution.reached[u] && p.is_nothing() { 1.0 } else { q.value() };
         }
         solution
     }
 
-    /// x of (Laplacian of the unknowns)·x = `source`, by rank and in units of this elimination; 0 at seeds and where no
-    /// terminal is reached.
+    /// Solves (Laplacian of the unknowns)·x = `source`, by rank and in units of this elimination. x is 0 at seeds and where
+    /// no terminal is reachable.
     fn green(&self, s: &Structure, seeds: &[Seed], mut source: Vec<T>) -> Vec<T> {
         let n = s.order.len();
         let rows = s.fill.rows();
@@ -251,8 +250,8 @@ impl<T: Real> Columns<T> {
         source
     }
 
-    /// The diagonal of the inverse of the unknowns' Laplacian, by rank (Takahashi, Fagan, Chen 1973; here without a
-    /// subtraction, because the factors of such a matrix have one sign).
+    /// Diagonal of the inverse of the unknowns' Laplacian, by rank (Takahashi, Fagan, Chen 1973). The factors of such a
+    /// matrix have one sign, so no subtraction is needed.
     fn green_diagonal(&self, s: &Structure, seeds: &[Seed]) -> Vec<T> {
         let n = s.order.len();
         let rows = s.fill.rows();
@@ -304,7 +303,7 @@ enum Numbers {
     Wide(Columns<Conductance>),
 }
 
-/// The elimination of a graph with the seeds and the leak of its last walk.
+/// A reusable elimination of a graph, with the seeds and the leak of its last walk.
 #[derive(Debug, Clone)]
 pub struct Elimination {
     structure: Arc<Structure>,
@@ -316,7 +315,7 @@ pub struct Elimination {
 }
 
 impl Elimination {
-    /// Prepares a graph; nothing is eliminated yet. `order` as for [`super::solve`].
+    /// Prepares the elimination of a graph. `order` is as for [`super::solve`].
     #[must_use]
     pub fn new(network: &Network, order: Option<Vec<u32>>) -> Self {
         let n = network.len();
@@ -337,19 +336,19 @@ impl Elimination {
         self.len() == 0
     }
 
-    /// How many columns the last walk eliminated, of [`Elimination::len`].
+    /// Number of columns that the last walk eliminated, at most [`Elimination::len`].
     #[must_use]
-    pub fn columns_made(&self) -> usize {
+    pub fn eliminated_columns(&self) -> usize {
         self.made
     }
 
-    /// Conductances that the elimination holds.
+    /// Number of stored conductances.
     #[must_use]
     pub fn entries(&self) -> usize {
         self.structure.fill.rows().len()
     }
 
-    /// For each node the connected component of the graph it lies in, named by one of its nodes.
+    /// Connected component of each node. The id of a component is one of its nodes.
     #[must_use]
     pub fn components(&self) -> Vec<u32> {
         let s = &self.structure;
@@ -364,11 +363,12 @@ impl Elimination {
         out
     }
 
-    /// Walks with these seeds and this leak (both as in [`super::Problem`]), doing again only what differs from the last
-    /// walk: after a change of seeds the columns of their ancestors, after a change of the leak all of them.
+    /// Solves a walk. Seeds, leak and leaking nodes are as in [`super::Problem`].
+    ///
+    /// Changed seeds cost the columns of their ancestors in the elimination tree. A changed leak costs all columns.
     ///
     /// # Errors
-    /// [`WalkError`] if the input is no walk or the numbers break down; the next walk then starts from nothing.
+    /// [`WalkError`] if the input is invalid or the numbers break down. The next walk then eliminates all columns.
     pub fn solve(&mut self, seeds: &[Seed], leak: f64, leaking: Option<&[bool]>) -> Result<Solution, WalkError> {
         let n = self.len();
         if !(leak >= 0.0 && leak.is_finite()) {
@@ -416,8 +416,8 @@ impl Elimination {
             }
             let own = if self.leaking[k] { conductance } else { Conductance::ZERO };
             match &mut numbers {
-                Numbers::Plain(columns) => columns.make(&structure, k, &self.seeds, own),
-                Numbers::Wide(columns) => columns.make(&structure, k, &self.seeds, own),
+                Numbers::Plain(columns) => columns.compute(&structure, k, &self.seeds, own),
+                Numbers::Wide(columns) => columns.compute(&structure, k, &self.seeds, own),
             }
             self.made += 1;
             if let Some(parent) = structure.fill.parent(k) {
@@ -436,7 +436,7 @@ impl Elimination {
         Ok(solution)
     }
 
-    /// The elimination of (Laplacian + diagonal of `ground`), without seeds.
+    /// Eliminates (Laplacian + diagonal of `ground`), without seeds.
     ///
     /// # Errors
     /// [`WalkError`] if the numbers break down.
@@ -454,7 +454,7 @@ impl Elimination {
         Ok(out)
     }
 
-    /// x of A·x = `b` for an elimination made by [`Elimination::grounded`]; 0 where A is singular.
+    /// Solves A·x = `b` for an elimination from [`Elimination::grounded`]. x is 0 where A is singular.
     pub(super) fn grounded_solution(&self, b: &[f64]) -> Vec<f64> {
         let s = &self.structure;
         let mut out = vec![0.0; b.len()];
@@ -481,8 +481,9 @@ impl Elimination {
         out
     }
 
-    /// For every node the probability that a walker from there comes to `node` before it ends; 1 at `node` itself. None
-    /// before the first walk, at a seed, and where no terminal is reached.
+    /// Probability, for each start node, that a walker visits `node` before its walk ends; 1 at `node` itself.
+    ///
+    /// `None` before the first walk, at a seed, and where no terminal is reachable.
     #[must_use]
     pub fn hitting(&self, node: usize) -> Option<Vec<f64>> {
         match self.numbers.as_ref()? {
@@ -507,18 +508,19 @@ impl Elimination {
         Some(out)
     }
 
-    /// For every node s the sum over all nodes i of `mass[i]` times the probability that a walker from i comes to s
-    /// before it ends, at the price of about one more elimination for all of them. 0 at seeds and where no terminal is
-    /// reached; none before the first walk. Masses are at least 0.
+    /// Σ over i of `mass[i]` times the probability that a walker from i visits s, for each node s. Masses are at least 0.
+    ///
+    /// The cost for all s is about one elimination. The sum is 0 at seeds and where no terminal is reachable. `None` before
+    /// the first walk.
     #[must_use]
-    pub fn attention(&self, mass: &[f64]) -> Option<Vec<f64>> {
+    pub fn hitting_mass(&self, mass: &[f64]) -> Option<Vec<f64>> {
         match self.numbers.as_ref()? {
-            Numbers::Plain(columns) => Some(self.attention_in(columns, mass)),
-            Numbers::Wide(columns) => Some(self.attention_in(columns, mass)),
+            Numbers::Plain(columns) => Some(self.hitting_mass_in(columns, mass)),
+            Numbers::Wide(columns) => Some(self.hitting_mass_in(columns, mass)),
         }
     }
 
-    fn attention_in<T: Real>(&self, columns: &Columns<T>, mass: &[f64]) -> Vec<f64> {
+    fn hitting_mass_in<T: Real>(&self, columns: &Columns<T>, mass: &[f64]) -> Vec<f64> {
         let s = &self.structure;
         let of = |u: &u32| Conductance::new(mass[*u as usize]).unwrap_or(Conductance::ZERO);
         let green = columns.green(s, &self.seeds, s.order.iter().map(|u| T::of(of(u), 0)).collect());

@@ -90,9 +90,9 @@ proptest! {
         }
         kept.solve(&seeds, leak, None).unwrap();
         let mass: Vec<f64> = (0..43).map(|u| 1.0 + (u % 5) as f64).collect();
-        let attention = kept.attention(&mass).unwrap();
+        let hitting_mass = kept.hitting_mass(&mass).unwrap();
         let want: f64 = h.iter().zip(&mass).map(|(h, m)| h * m).sum();
-        prop_assert!((attention[node] / want - 1.0).abs() < 1e-13, "{} against {want}", attention[node]);
+        prop_assert!((hitting_mass[node] / want - 1.0).abs() < 1e-13, "{} against {want}", hitting_mass[node]);
     }
 }
 
@@ -103,12 +103,12 @@ fn a_further_seed_redoes_only_its_ancestors() {
         let mut kept = Elimination::new(&g, None);
         let mut seeds = seeded(n, &[1, 2, 3], &[n - 2]);
         kept.solve(&seeds, 0.03, None).unwrap();
-        assert_eq!(kept.columns_made(), n);
+        assert_eq!(kept.eliminated_columns(), n);
         let mut made = 0;
         for u in 100..140 {
             seeds[u] = Seed::Foreground;
             let got = kept.solve(&seeds, 0.03, None).unwrap();
-            made += kept.columns_made();
+            made += kept.eliminated_columns();
             if u % 10 == 0 {
                 let off = error(&got, &gth(&g, &seeds, 0.03));
                 println!("{n} nodes, {} seeds: kept against from nothing {off:.0e}", u - 96);
@@ -118,7 +118,7 @@ fn a_further_seed_redoes_only_its_ancestors() {
         println!("{n} nodes, {} entries: {} columns a further seed", kept.entries(), made / 40);
         assert!(made / 40 < n / 2);
         kept.solve(&seeds, 0.03, None).unwrap();
-        assert_eq!(kept.columns_made(), 0, "the same walk again costs its substitution alone");
+        assert_eq!(kept.eliminated_columns(), 0, "the same walk again costs its substitution alone");
     }
 }
 
@@ -165,7 +165,7 @@ fn costs_of_a_further_stroke() {
                     kept.solve(&seeds, 0.03, None).unwrap();
                     let start = std::time::Instant::now();
                     kept.solve(&more, 0.03, None).unwrap();
-                    made = kept.columns_made();
+                    made = kept.eliminated_columns();
                     1e3 * start.elapsed().as_secs_f64()
                 })
                 .fold(f64::INFINITY, f64::min);
@@ -174,10 +174,10 @@ fn costs_of_a_further_stroke() {
         times.sort_by(|a, b| a.0.total_cmp(&b.0));
         kept.solve(&seeds, 0.03, None).unwrap();
         let mass = vec![1.0; n];
-        let attention = best(&mut || drop(kept.attention(&mass)));
+        let hitting_mass = best(&mut || drop(kept.hitting_mass(&mass)));
         let hitting = best(&mut || drop(kept.hitting(77)));
         println!(
-            "{n} nodes: from nothing, order known {from_nothing:.2} ms | structure once {structure:.2} | another leak {other_leak:.2} | one more stroke, median {:.2} ({} columns), slowest {:.2} | same again {same:.3} | what each would change {attention:.2} | one of them {hitting:.3}",
+            "{n} nodes: from nothing, order known {from_nothing:.2} ms | structure once {structure:.2} | another leak {other_leak:.2} | one more stroke, median {:.2} ({} columns), slowest {:.2} | same again {same:.3} | what each would change {hitting_mass:.2} | one of them {hitting:.3}",
             times[30].0, times[30].1, times[59].0
         );
     }

@@ -1,8 +1,9 @@
 //! Subtraction-free elimination (star-mesh; Grassmann, Taksar, Heyman 1985).
 //!
-//! A node k with remaining conductances w_kj, f_k to foreground and b_k to background is removed by giving every pair of
-//! its neighbours the conductance w_ik·w_kj / s_k, where s_k is the *sum* of what k still has, never a stored diagonal.
-//! Nothing is ever subtracted, so each entry of p and q has a small relative error whatever the condition of the graph.
+//! Let node k have conductances w_kj to its remaining neighbours, f_k to foreground and b_k to background. Elimination of k
+//! adds the conductance w_ik·w_kj / s_k between each pair (i, j) of neighbours. Here s_k is the *sum* of all remaining
+//! conductances of k, never a stored diagonal. No step subtracts. So each entry of p and q has a small relative error for
+//! graphs of any condition.
 
 use std::ops::{Add, Div, Mul};
 
@@ -61,10 +62,10 @@ impl Real for Conductance {
     }
 }
 
-/// Powers of two that plain f64 may span: the product of two conductances and of a probability stay in range.
+/// Range of conductances in powers of two for plain f64: products of two conductances and a probability do not overflow.
 pub(super) const F64_RANGE: i64 = 300;
 
-/// Elimination in f64; graphs that span too many powers of two for it get exponents of their own.
+/// Elimination in f64. Graphs beyond its range use conductances with an exponent of their own.
 #[derive(Debug, Clone, Copy)]
 pub struct Gth64;
 
@@ -111,8 +112,8 @@ pub(super) fn eliminate<T: Real>(system: &System) -> (Vec<f64>, Vec<f64>) {
     let mut foreground: Vec<T> = system.foreground().iter().map(|&c| T::of(c, shift)).collect();
     let mut background: Vec<T> = system.background().iter().map(|&c| T::of(c, shift)).collect();
     let mut total = vec![T::ZERO; n];
-    // Left-looking: before k is eliminated it collects what earlier nodes next to it pass on. Each earlier node waits in
-    // the list of its next later neighbour.
+    // Left-looking: node k first collects the contributions of its earlier neighbours. Each earlier node waits in the
+    // list of its next later neighbour.
     let mut work = vec![T::ZERO; n];
     let mut waiting = vec![NONE; n];
     let mut next_waiting = vec![NONE; n];
@@ -165,7 +166,7 @@ pub(super) fn eliminate<T: Real>(system: &System) -> (Vec<f64>, Vec<f64>) {
 
 const NONE: u32 = u32::MAX;
 
-/// Lets node `c` wait for the later neighbour its entry at `at` belongs to, if it has one left.
+/// Queues node `c` at the later neighbour of its entry at `at`, if an entry is left.
 pub(super) fn wait(
     c: usize,
     at: usize,

@@ -1,19 +1,17 @@
-//! Graphs of ever fewer nodes, each made of pairs of pairs of the finer one's most strongly joined nodes.
+//! A hierarchy of coarser and coarser graphs. Each node is an aggregate of strongly connected nodes of the finer graph.
 //!
-//! Aggregation by pairwise matching (Notay 2010). It depends on the graph alone, not on seeds or leak, and is made once a
-//! scene. Nodes are renumbered so that the members of an aggregate, and those of an aggregate of aggregates, follow one
-//! another.
+//! Aggregation by pairwise matching (Notay 2010). The hierarchy depends on the graph alone and is computed once per scene.
+//! Nodes are renumbered so that the members of an aggregate are contiguous on every level.
 
 use rayon::prelude::*;
 
 use super::{Conductance, Network};
 
-/// How conductances are stored: rounded once, relative to the largest, and summed in f64.
+/// Storage format of conductances: rounded once, relative to the largest, and summed in f64.
 ///
-/// Rounding a conductance by one part in 2²⁴ moves no probability by more than a few such parts, because diagonals are
-/// sums of what is stored.
+/// Diagonals are sums of the stored values. So a rounding of one part in 2²⁴ changes a probability by a few such parts only.
 pub(super) trait Stored: Copy + Send + Sync {
-    /// Powers of two below the largest conductance at which others are left out.
+    /// Conductances more than this many powers of two below the largest are dropped.
     const REACH: i64;
     fn of(x: f64) -> Self;
     fn get(self) -> f64;
@@ -43,7 +41,7 @@ impl Stored for f64 {
     }
 }
 
-/// A graph and which nodes of the next finer one make up its own.
+/// One level: a graph and the members of its nodes on the finer level.
 #[derive(Debug, Clone)]
 pub(super) struct Level<W> {
     pub(super) offsets: Vec<u32>,
@@ -74,21 +72,21 @@ impl<W: Stored> Level<W> {
 #[derive(Debug, Clone)]
 pub(super) struct Hierarchy<W> {
     pub(super) levels: Vec<Level<W>>,
-    /// Node of the walk's graph for each node of the finest level.
+    /// Node of the original graph for each node of the finest level.
     pub(super) order: Vec<u32>,
 }
 
 /// Nodes of the coarsest level, which is eliminated.
 const COARSEST: usize = 400;
 
-/// A matching passes over a graph until it has fewer than this share of its nodes.
+/// Matching passes repeat until the graph has less than this share of its nodes.
 const SHRINK: f64 = 0.25;
 
-/// A neighbour is a fit partner if no other one is joined this much more strongly.
+/// A neighbour is an eligible partner if no other neighbour has a conductance larger by this factor.
 const STRONG: f64 = 0.25;
 
 impl<W: Stored> Hierarchy<W> {
-    /// The hierarchy of a graph whose conductances are divided by 2^`shift`; what is then out of reach is 0.
+    /// The hierarchy of a graph with conductances divided by 2^`shift`. Conductances out of range become 0.
     pub(super) fn new(network: &Network, shift: i64) -> Self {
         let n = network.len();
         let rows: Vec<Vec<(u32, f64)>> = (0..n as u32)
@@ -125,15 +123,15 @@ impl<W: Stored> Hierarchy<W> {
         Self::renumbered(&graphs, &parents)
     }
 
-    /// Numbers the nodes so that members follow one another.
+    /// Renumbers the nodes so that members are contiguous.
     fn renumbered(graphs: &[Rows], parents: &[Vec<u32>]) -> Self {
         let mut levels: Vec<Level<W>> = Vec::new();
-        // Coarsest first: its own numbers stay.
+        // Coarsest first; its numbers stay.
         let mut order: Vec<u32> = (0..graphs[graphs.len() - 1].len() as u32).collect();
         let mut rank = order.clone();
         for (l, graph) in graphs.iter().enumerate().rev() {
             if l + 1 < graphs.len() {
-                // Members by their parent's new number; within it as they were.
+                // Members sorted by the new number of their parent, stably.
                 let parent = &parents[l];
                 let mut members = vec![0_u32; graphs[l + 1].len() + 1];
                 for p in parent {
@@ -166,7 +164,7 @@ impl<W: Stored> Hierarchy<W> {
     }
 }
 
-/// A graph in rows.
+/// A graph in compressed rows.
 #[derive(Debug, Clone, Default)]
 struct Rows {
     offsets: Vec<u32>,
@@ -218,9 +216,10 @@ impl Rows {
 
 const NONE: u32 = u32::MAX;
 
-/// One pass of matching: each node with the strongest of its neighbours that is free and has no much stronger bond of its
-/// own; whoever finds none joins the aggregate of its strongest neighbour. Returns each node's aggregate and the graph of
-/// aggregates.
+/// One matching pass. Each node pairs with its strongest free neighbour, unless that neighbour has a much stronger one.
+///
+/// Nodes without a partner join the aggregate of their strongest neighbour. Returns the aggregate of each node and the graph
+/// of aggregates.
 fn matched(graph: &Rows) -> (Vec<u32>, Rows) {
     let n = graph.len();
     let stronger = |best: Option<(u32, f64)>, l: (u32, f64)| match best {
@@ -249,7 +248,7 @@ fn matched(graph: &Rows) -> (Vec<u32>, Rows) {
             None => left.push(i),
         }
     }
-    // Strongest neighbours of strongest neighbours end in a pair, so that a few rounds suffice.
+    // Chains of strongest neighbours end in a pair, so a few rounds suffice.
     while !left.is_empty() {
         let before = left.len();
         left.retain(|&i| {
@@ -294,7 +293,7 @@ fn quotient(graph: &Rows, parent: &[u32], count: usize) -> Rows {
                 .map(|(j, w)| (parent[j as usize], w))
                 .filter(|l| l.0 as usize != c)
                 .collect();
-            // A stable sort: sums are made in one order.
+            // A stable sort fixes the order of the sums.
             row.sort_by_key(|l| l.0);
             row.dedup_by(|later, first| {
                 let same = later.0 == first.0;
@@ -309,7 +308,7 @@ fn quotient(graph: &Rows, parent: &[u32], count: usize) -> Rows {
     Rows::of(&rows)
 }
 
-/// Whether a conductance is within reach of the largest, whose exponent is `shift`.
+/// Whether a conductance is in range of the largest one. `shift` is the exponent of the largest.
 pub(super) fn within<W: Stored>(w: Conductance, shift: i64) -> bool {
     w.exponent() >= shift - W::REACH
 }

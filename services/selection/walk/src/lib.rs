@@ -1,9 +1,35 @@
-//! Random walks on a weighted graph: the probability that a walker from each node meets foreground before background.
+//! Random walks on weighted graphs (Grady 2006): the probability that a walker meets foreground before background.
 //!
-//! (Grady 2006.) Foreground and background are two terminals. A node that is not seeded may have a *leak*: a conductance
-//! of ε times its degree to the background terminal, so that a stroke of foreground alone has something to stop at. p
-//! and q = 1 − p are computed separately, and a node is selected where p − q > 1e-12: a tie is not selected, and neither
-//! is a node that no terminal reaches (p = q = 0).
+//! Foreground and background are two terminals. An unseeded node may have a *leak*, a conductance of ε times its degree to
+//! the background terminal. With a leak, foreground seeds alone give a bounded region. The solvers compute p and q = 1 − p
+//! separately. A node is selected if p − q > 1e-12. So ties and unreached nodes (p = q = 0) are not selected.
+//!
+//! - [`Network`], [`Problem`], [`solve`]: one walk.
+//! - [`elimination`]: many walks on one graph, with a subtraction-free elimination.
+//! - [`multilevel`]: iterative walks on graphs too large to eliminate.
+//! - [`uncertainty`]: uncertain nodes and proposals for the next seed.
+//!
+//! # Example
+//!
+//! A path of four nodes with a foreground seed at one end and a background seed at the other:
+//!
+//! ```
+//! use sg_walk::{Conductance, Network, Precision, Problem, Seed, Solver, WalkError, solve};
+//!
+//! let edges = [(0, 1, 1.0), (1, 2, 1.0), (2, 3, 2.0)];
+//! let edges = edges.into_iter().filter_map(|(u, v, w)| Some((u, v, Conductance::new(w)?)));
+//! let network = Network::new(4, edges);
+//! let seeds = [Seed::Foreground, Seed::None, Seed::None, Seed::Background];
+//! let problem = Problem { network: &network, seeds: &seeds, leak: 0.0, leaking: None };
+//! let solver = Solver::Gth.with(Precision::F64);
+//! let solution = solve(&problem, solver.as_ref(), None)?;
+//!
+//! let close = |a: &[f64], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
+//! assert!(close(&solution.p, [1.0, 0.6, 0.2, 0.0]));
+//! assert!(close(&solution.q, [0.0, 0.4, 0.8, 1.0]));
+//! assert!(solution.is_selected(1) && !solution.is_selected(2));
+//! # Ok::<(), WalkError>(())
+//! ```
 
 pub mod cg;
 pub mod cholesky;
@@ -30,7 +56,7 @@ use serde::{Deserialize, Serialize};
 pub use conductance::Conductance;
 use system::System;
 
-/// The least p − q of a selected node.
+/// p − q of a selected node exceeds this number.
 pub const THRESHOLD: f64 = 1e-12;
 
 /// A weighted undirected graph.
@@ -41,9 +67,9 @@ pub struct Network {
 }
 
 impl Network {
-    /// The graph of `nodes` nodes. Edges named more than once add up; self-loops and zero conductances are ignored.
+    /// The graph of `nodes` nodes. Duplicate edges add up. Self-loops and zero conductances are ignored.
     ///
-    /// Edges whose ends are not below `nodes` are ignored too; callers that read files check them first.
+    /// Edges with an end outside `0..nodes` are also ignored; check input from files first.
     #[must_use]
     pub fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, Conductance)>) -> Self {
         let mut directed: Vec<(u32, u32, Conductance)> = edges
@@ -96,10 +122,10 @@ impl Network {
     }
 }
 
-/// What a node is in a walk.
+/// Seed of a node.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Seed {
-    /// Nothing is known about it.
+    /// Unseeded.
     #[default]
     None,
     /// The walk ends here as foreground.
@@ -113,20 +139,20 @@ pub enum Seed {
 pub struct Problem<'a> {
     /// The graph.
     pub network: &'a Network,
-    /// One entry a node.
+    /// Seed of each node.
     pub seeds: &'a [Seed],
     /// ε: conductance to the background of every unseeded node, in units of its degree. At least 0.
     pub leak: f64,
-    /// Nodes that leak; none means all.
+    /// Nodes that leak; `None` means all.
     pub leaking: Option<&'a [bool]>,
 }
 
-/// The solution of a walk, one entry a node.
+/// The solution of a walk, one entry per node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// Probability of meeting foreground first; 1 at foreground seeds, 0 at background seeds and where nothing is reached.
+    /// Probability of meeting foreground first: 1 at foreground seeds, 0 at background seeds and at unreached nodes.
     pub p: Vec<f64>,
-    /// Probability of meeting background first, computed on its own: never as 1 − p.
+    /// Probability of meeting background first, computed independently of p.
     pub q: Vec<f64>,
     /// Whether a terminal is reachable.
     pub reached: Vec<bool>,
@@ -139,20 +165,20 @@ impl Solution {
         self.leads(node, THRESHOLD)
     }
 
-    /// Whether p − q of a node exceeds `threshold`. A node that is not reached never does.
+    /// Whether p − q of a node exceeds `threshold`; false for unreached nodes.
     #[must_use]
     pub fn leads(&self, node: usize, threshold: f64) -> bool {
         self.reached[node] && self.p[node] - self.q[node] > threshold
     }
 }
 
-/// A walk could not be solved.
+/// A failed walk.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WalkError {
-    /// A number that is no leak.
+    /// An invalid leak.
     #[error("the leak is {0}; it must be finite and at least 0")]
     Leak(f64),
-    /// Seeds that do not belong to this graph.
+    /// A wrong number of seeds.
     #[error("{found} seeds were given for a graph of {nodes} nodes")]
     Seeds {
         /// Length of the list.
@@ -160,28 +186,28 @@ pub enum WalkError {
         /// Nodes of the graph.
         nodes: usize,
     },
-    /// The factorization or iteration ran into zero, infinity or no number.
+    /// The factorization or iteration met zero, infinity or NaN.
     #[error(
         "{solver} broke down on this graph ({reason}); use --solver gth --precision f64, which does not depend on its condition"
     )]
     Breakdown {
-        /// Which solver.
+        /// Name of the solver.
         solver: &'static str,
-        /// What happened.
+        /// The cause.
         reason: String,
     },
 }
 
-/// Which algorithm solves a walk.
+/// Algorithm of a walk.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Solver {
-    /// Subtraction-free elimination: accurate in every entry whatever the condition is.
+    /// Subtraction-free elimination, accurate in every entry for any condition.
     #[default]
     Gth,
     /// Sparse LDLᵀ factorization of the Laplacian, for comparison.
     Cholesky,
-    /// Conjugate gradients with the diagonal as preconditioner, for comparison and for very large graphs.
+    /// Conjugate gradients with a diagonal preconditioner, for comparison and for very large graphs.
     Cg,
 }
 
@@ -196,20 +222,20 @@ pub enum Precision {
     F32,
 }
 
-/// Solves the connected systems a walk falls apart into.
+/// Solver of the connected systems of a walk.
 pub trait SystemSolver {
-    /// p and q of the system's unknowns, in its order.
+    /// p and q of the unknowns, in the order of the system.
     ///
     /// # Errors
     /// [`WalkError::Breakdown`].
     fn solve(&self, system: &System) -> Result<(Vec<f64>, Vec<f64>), WalkError>;
 
-    /// Whether the unknowns of a system of this size are eliminated one after another, so that their order matters.
+    /// Whether the solver eliminates a system of this size, so that the order matters.
     fn eliminates(&self, unknowns: usize) -> bool;
 }
 
 impl Solver {
-    /// The implementation in the given arithmetic.
+    /// The solver in the given arithmetic.
     #[must_use]
     pub fn with(self, precision: Precision) -> Box<dyn SystemSolver + Send + Sync> {
         match (self, precision) {
@@ -223,11 +249,13 @@ impl Solver {
     }
 }
 
-/// Solves a walk. `order` is an elimination order of all nodes (see [`ordering::minimum_degree`]), for callers that walk
-/// the same graph many times; without it each system is ordered anew.
+/// Solves a walk.
+///
+/// `order` is an elimination order of all nodes (see [`ordering::minimum_degree`]). It saves time for many walks on one
+/// graph. Without it, each system is ordered again.
 ///
 /// # Errors
-/// [`WalkError`] if the input is no walk or the solver breaks down.
+/// [`WalkError`] if the input is invalid or the solver breaks down.
 pub fn solve(problem: &Problem<'_>, solver: &dyn SystemSolver, order: Option<&[u32]>) -> Result<Solution, WalkError> {
     let n = problem.network.len();
     if !(problem.leak >= 0.0 && problem.leak.is_finite()) {
@@ -257,7 +285,7 @@ pub fn solve(problem: &Problem<'_>, solver: &dyn SystemSolver, order: Option<&[u
         }
         match (foreground, background) {
             (false, false) => {}
-            // With one terminal only, every walk that ends, ends there.
+            // With a single terminal, every walk that ends, ends there.
             (true, false) => nodes.iter().for_each(|&u| solution.p[u as usize] = 1.0),
             (false, true) => nodes.iter().for_each(|&u| solution.q[u as usize] = 1.0),
             (true, true) => {

@@ -1,16 +1,18 @@
-//! Walks on graphs too large to eliminate: conjugate gradients with a multilevel preconditioner, and an error estimate.
+//! Walks on large graphs: conjugate gradients with a multilevel preconditioner and an error estimate.
 //!
-//! The preconditioner is a K-cycle (Notay and Vassilevski 2008) over the aggregates of `hierarchy`: on each
-//! level a sweep of Gauss–Seidel forwards, the aggregates' sums on the next coarser level, where up to two steps of
-//! conjugate gradients are taken, and a sweep backwards; the coarsest level is eliminated without subtractions. Sweeps run
-//! in fixed blocks of rows and sums are added by fixed blocks, so that the result does not depend on the number of
-//! threads. Seeds and leak are worked into the levels for each walk; the aggregates are made once a graph.
+//! The preconditioner is a K-cycle (Notay and Vassilevski 2008) over the aggregates of `hierarchy`. On each level it runs
+//! a forward Gauss–Seidel sweep, the coarse correction and a backward sweep. The coarse correction takes up to two steps of
+//! conjugate gradients on the sums of the aggregates. The coarsest level is eliminated without subtractions. Sweeps and sums
+//! run in fixed blocks, so the result does not depend on the number of threads. Seeds and leak enter the levels for each
+//! walk. The aggregates are computed once per graph.
 //!
-//! **Error.** What the preconditioner makes of the residual is z = M⁻¹·A·e, with e the error that is left; so e is about
-//! as large as z over the least eigenvalue of M⁻¹·A, and that is what the coefficients of conjugate gradients tell: it is
-//! about the least eigenvalue of the tridiagonal matrix that they make (the least Ritz value). The *estimate* is
-//! twice max |z| over that value. The iteration ends when it is within the tolerance, and z is still added. Where every unknown leaks, the Laplacian applied to the constant 1 is at least ε·degree in every row,
-//! so |p − p*| ≤ max |r_i| / (ε·d_i) with the final residual r: a proven *bound* (but for rounding), given beside it.
+//! **Error.** The preconditioned residual is z = M⁻¹·A·e with the remaining error e. So |e| is about |z| over the smallest
+//! eigenvalue of M⁻¹·A. The coefficients of conjugate gradients form a tridiagonal matrix. Its smallest eigenvalue (the
+//! smallest Ritz value) approximates that eigenvalue. The *estimate* is twice max |z| over the Ritz value. The iteration
+//! ends when the estimate is within the tolerance, and adds z once more.
+//!
+//! If every unknown leaks, the Laplacian applied to the constant 1 is at least ε·degree in every row. So
+//! |p − p*| ≤ max |r_i| / (ε·d_i) with the final residual r. This proven *bound* ignores rounding only.
 
 use std::sync::Arc;
 
@@ -22,42 +24,43 @@ use super::gth::Gth64;
 use super::hierarchy::{Hierarchy, Level, Stored, within};
 use super::{Network, Precision, Problem, Seed, WalkError, solve};
 
-/// The largest share of a node's conductances that may be left out as too small beside the largest of the graph. Nodes
-/// of which everything is left out, and groups of them that nothing else decides, are eliminated at the end.
-const MOST_LEFT_OUT: f64 = 1e-9;
+/// Largest share of a node's conductances that may be dropped as too small beside the largest of the graph.
+///
+/// Nodes whose conductances are all dropped are eliminated at the end, and so are groups of such nodes.
+const MAX_LEFT_OUT: f64 = 1e-9;
 
-/// The most such nodes.
-const MOST_FAINT: usize = 20_000;
+/// Largest number of such nodes.
+const MAX_FAINT: usize = 20_000;
 
-/// The estimate is this much larger than what it estimates: the least Ritz value lies above the least eigenvalue.
+/// Factor on the estimate: the smallest Ritz value lies above the smallest eigenvalue.
 const SAFETY: f64 = 2.0;
 
-/// What rounding conductances to f32 may do to a probability.
+/// Error of a probability from rounding the conductances to f32.
 const NARROW_ROUNDING: f64 = 1.2e-7;
 
-/// Rows of a block of Gauss–Seidel, and terms of a partial sum.
+/// Number of rows of a Gauss–Seidel block, and of terms of a partial sum.
 const BLOCK: usize = 4096;
 
-/// Iterations after which a walk that has not converged is given up.
-const MOST: usize = 200;
+/// Largest number of iterations.
+const MAX_ITERATIONS: usize = 200;
 
-/// A graph made ready for walks.
+/// A graph prepared for iterative walks.
 #[derive(Debug, Clone)]
 pub struct Multilevel {
     stored: Levels,
     /// Degree of each node in units of the largest conductance, by rank.
     degree: Vec<f64>,
     network: Arc<Network>,
-    /// Nodes of which nothing is within reach of the largest conductance.
+    /// Nodes whose conductances are all out of range of the largest one.
     faint: Vec<bool>,
-    /// Connected components over all conductances, and over those within reach.
+    /// Connected components over all conductances, and over those in range.
     whole: Components,
     near: Components,
-    /// Whether some node has too much and too little to be left out.
+    /// Whether a node has too much out of range to drop, but not everything.
     torn: bool,
 }
 
-/// The number of each node's component, and how many there are.
+/// Component of each node, and number of components.
 #[derive(Debug, Clone)]
 struct Components {
     of: Vec<u32>,
@@ -70,45 +73,45 @@ enum Levels {
     Wide(Hierarchy<f64>),
 }
 
-/// What is given and what is asked.
+/// Boundary values and leak of a walk.
 #[derive(Debug, Clone, Copy)]
 pub struct Boundary<'a> {
-    /// p where it is known: 1 at foreground seeds, 0 at background seeds, or what another walk has found. One entry a node;
-    /// none where it is asked.
+    /// Fixed p of each node: 1 at foreground seeds, 0 at background seeds, or the result of another walk. `None` for
+    /// unknowns.
     pub known: &'a [Option<f64>],
     /// ε, as in [`super::Problem`].
     pub leak: f64,
-    /// Nodes that leak; none means all.
+    /// Nodes that leak; `None` means all.
     pub leaking: Option<&'a [bool]>,
 }
 
 /// An approximate solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
-    /// Probability of foreground, one entry a node; 0 where nothing is reached.
+    /// Probability of foreground of each node; 0 where no terminal is reachable.
     pub p: Vec<f64>,
-    /// Whether anything known, or the leak, is reached.
+    /// Whether a fixed node or the leak is reachable, for each node.
     pub reached: Vec<bool>,
-    /// Numbers about it.
+    /// Quality of the solution.
     pub quality: Quality,
 }
 
-/// How good an approximate solution is.
+/// Quality of an approximate solution.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub struct Quality {
-    /// Unknowns.
+    /// Number of unknowns.
     pub unknowns: usize,
-    /// Iterations of conjugate gradients.
+    /// Number of iterations of conjugate gradients.
     pub iterations: usize,
     /// Estimate of the largest |p − p*|.
     pub estimate: f64,
-    /// Proven bound of the largest |p − p*|, where every unknown leaks.
+    /// Proven bound of the largest |p − p*|, if every unknown leaks.
     pub bound: Option<f64>,
 }
 
 impl Multilevel {
-    /// Prepares a graph. Conductances are stored in f32 where they reach far enough, unless f64 is asked for; sums and
-    /// unknowns are f64 always.
+    /// Prepares a graph. With [`Precision::F32`], conductances are stored in f32 if their range suffices. Sums and unknowns
+    /// are always f64.
     #[must_use]
     pub fn new(network: Arc<Network>, precision: Precision) -> Self {
         let n = network.len();
@@ -127,7 +130,7 @@ impl Multilevel {
         Self { stored, degree, faint, whole, near, torn, network }
     }
 
-    /// Nodes of each level, finest first.
+    /// Number of nodes of each level, finest first.
     #[must_use]
     pub fn sizes(&self) -> Vec<usize> {
         match &self.stored {
@@ -136,7 +139,7 @@ impl Multilevel {
         }
     }
 
-    /// The boundary that seeds make.
+    /// Fixed values of seeds, for [`Boundary::known`].
     #[must_use]
     pub fn known(seeds: &[Seed]) -> Vec<Option<f64>> {
         seeds
@@ -149,12 +152,11 @@ impl Multilevel {
             .collect()
     }
 
-    /// Solves until the estimate is at most `tolerance`.
+    /// Iterates until the estimated error is at most `tolerance`.
     ///
     /// # Errors
-    /// [`WalkError`] if the input is no walk, the graph spans more than f64 holds, the tolerance is below what the stored
-    /// conductances allow, or the iteration breaks down or does not converge: never an answer whose estimate is above
-    /// the tolerance.
+    /// [`WalkError`] if the input is invalid, the graph exceeds the range of f64, or the tolerance is below the rounding of
+    /// the stored conductances. Also if the iteration breaks down or does not converge.
     pub fn solve(&self, boundary: &Boundary<'_>, tolerance: f64) -> Result<Answer, WalkError> {
         let n = self.degree.len();
         if !(boundary.leak >= 0.0 && boundary.leak.is_finite()) {
@@ -193,7 +195,7 @@ impl Multilevel {
         let order = &hierarchy.order;
         let leaks = |u: usize| boundary.leak > 0.0 && boundary.leaking.is_none_or(|l| l[u]);
         let ends = |components: &Components| {
-            // What each component ends in: something above 0, something below 1.
+            // Boundary of each component: a value above 0, a value below 1.
             let mut ends = vec![[false; 2]; components.count];
             for u in 0..n {
                 let end = &mut ends[components.of[u] as usize];
@@ -202,7 +204,7 @@ impl Multilevel {
                         end[0] |= p > 0.0;
                         end[1] |= p < 1.0;
                     }
-                    // A node without a neighbour leaks to nobody.
+                    // A node without a neighbour has no leak.
                     None => end[1] |= leaks(u) && !self.network.links(u as u32).is_empty(),
                 }
             }
@@ -221,7 +223,7 @@ impl Multilevel {
                 None if far == [false; 2] => {}
                 None if self.faint[u] || end == [false; 2] => rest.push(u as u32),
                 None => {
-                    // With one terminal only, every walk that ends, ends there.
+                    // With a single terminal, every walk that ends, ends there.
                     answer.p[u] = f64::from(u8::from(end == [true, false]));
                     free[k] = end == [true, true];
                 }
@@ -247,7 +249,7 @@ impl Multilevel {
         Ok(answer)
     }
 
-    /// Eliminates the nodes that are too far off for the iteration, with what it has found as their boundary.
+    /// Eliminates the nodes out of range, with the iterated solution as their boundary.
     fn settle(
         &self,
         answer: &mut Answer,
@@ -258,7 +260,7 @@ impl Multilevel {
         if rest.is_empty() {
             return Ok(());
         }
-        if rest.len() > MOST_FAINT {
+        if rest.len() > MAX_FAINT {
             return Err(broken(format!("{} nodes are too far from all others for f64", rest.len())));
         }
         rest.sort_unstable();
@@ -296,8 +298,8 @@ fn broken(reason: String) -> WalkError {
     WalkError::Breakdown { solver: "multilevel", reason }
 }
 
-/// For each node whether everything it has is out of reach of the largest conductance; and whether some node has too much
-/// out of reach and yet not all.
+/// Nodes whose conductances are all out of range of the largest one. Also returns whether a node has too much out of range
+/// to drop, but not everything.
 fn reach<W: Stored>(network: &Network, shift: i64) -> (Vec<bool>, bool) {
     let nodes: Vec<(bool, bool)> = (0..network.len() as u32)
         .into_par_iter()
@@ -306,7 +308,7 @@ fn reach<W: Stored>(network: &Network, shift: i64) -> (Vec<bool>, bool) {
             let out = network.links(u).iter().map(|l| l.1).filter(|w| !within::<W>(*w, shift));
             let (count, sum) = out.fold((0, Conductance::ZERO), |(count, sum), w| (count + 1, sum + w));
             let faint = count == network.links(u).len();
-            (faint, !faint && (sum / network.degree(u)).scaled(0) > MOST_LEFT_OUT)
+            (faint, !faint && (sum / network.degree(u)).scaled(0) > MAX_LEFT_OUT)
         })
         .collect();
     let torn = nodes.iter().any(|n| n.1);
@@ -344,7 +346,7 @@ struct Cycle<'a, W> {
     free: Vec<bool>,
     /// Conductances of the coarser levels between unknowns alone.
     weights: Vec<Vec<W>>,
-    /// Diagonal of each level and its inverse, 0 where nothing is asked.
+    /// Diagonal of each level and its inverse; 0 for fixed nodes.
     diagonal: Vec<Vec<f64>>,
     inverse: Vec<Vec<f64>>,
     bottom: Elimination,
@@ -353,7 +355,7 @@ struct Cycle<'a, W> {
 impl<'a, W: Stored> Cycle<'a, W> {
     fn new(hierarchy: &'a Hierarchy<W>, free: Vec<bool>, leak: &[f64]) -> Result<Self, WalkError> {
         let finest = &hierarchy.levels[0];
-        // Of each row: its conductance to what is known or leaks, and whether it differs from the graph's own.
+        // For each row: conductance to fixed nodes and the leak, and whether the row differs from the graph.
         let rows: Vec<(f64, f64, bool)> = (0..finest.len())
             .into_par_iter()
             .with_min_len(BLOCK)
@@ -445,7 +447,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
         if l == 0 { &self.hierarchy.levels[0].weights } else { &self.weights[l - 1] }
     }
 
-    /// What the rows' neighbours contribute: Σ w·x.
+    /// Contribution of the rows' neighbours: Σ w·x.
     fn gathered(level: &Level<W>, weights: &[W], i: usize, x: &[f64]) -> f64 {
         let row = level.row(i);
         let links = level.targets[row.clone()].iter().zip(&weights[row]);
@@ -466,7 +468,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
         out
     }
 
-    /// A sweep forwards from 0.
+    /// Forward sweep from 0.
     fn forwards(&self, l: usize, r: &[f64]) -> Vec<f64> {
         let (level, weights, inverse) = (&self.hierarchy.levels[l], self.weights(l), &self.inverse[l]);
         let mut x = vec![0.0; level.len()];
@@ -492,7 +494,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
         x
     }
 
-    /// A sweep backwards from `old`.
+    /// Backward sweep from `old`.
     fn backwards(&self, l: usize, r: &[f64], old: &[f64]) -> Vec<f64> {
         let (level, weights, inverse) = (&self.hierarchy.levels[l], self.weights(l), &self.inverse[l]);
         let mut x = old.to_vec();
@@ -514,7 +516,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
         x
     }
 
-    /// The preconditioner of a level: about A⁻¹·r.
+    /// Preconditioner of a level: approximates A⁻¹·r.
     fn cycle(&self, l: usize, r: &[f64]) -> Result<Vec<f64>, WalkError> {
         if l + 1 == self.hierarchy.levels.len() {
             return Ok(self.bottom.grounded_solution(r));
@@ -582,7 +584,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
         let mut last: Option<(Vec<f64>, Vec<f64>, f64)> = None;
         let mut estimate = f64::INFINITY;
         let mut ritz = Ritz::default();
-        for iterations in 1..=MOST {
+        for iterations in 1..=MAX_ITERATIONS {
             let z = self.cycle(0, &r)?;
             // f64::max skips NaN, a sum does not.
             if !z.iter().sum::<f64>().is_finite() {
@@ -616,11 +618,13 @@ impl<'a, W: Stored> Cycle<'a, W> {
             r.iter_mut().zip(&image).for_each(|(r, v)| *r -= step * v);
             last = Some((direction, image, curvature));
         }
-        Err(broken(format!("after {MOST} iterations the estimated error is {estimate:.1e}, not {tolerance:.1e}")))
+        Err(broken(format!(
+            "after {MAX_ITERATIONS} iterations the estimated error is {estimate:.1e}, not {tolerance:.1e}"
+        )))
     }
 }
 
-/// The tridiagonal matrix that conjugate gradients make of the preconditioned operator (Lanczos).
+/// The tridiagonal matrix of conjugate gradients for the preconditioned operator (Lanczos).
 #[derive(Debug, Default)]
 struct Ritz {
     steps: Vec<f64>,
@@ -636,10 +640,10 @@ impl Ritz {
         self.turns.push(turn.max(0.0));
     }
 
-    /// The least eigenvalue, at most ½: a preconditioner is not trusted further.
+    /// The smallest eigenvalue, limited to ½ as a precaution.
     fn least(&self) -> f64 {
         let (steps, turns) = (&self.steps, &self.turns);
-        // How many eigenvalues are below x: negative pivots of T − x.
+        // Number of eigenvalues below x: negative pivots of T − x.
         let any_below = |x: f64| {
             let mut pivot = 1.0;
             for k in 0..steps.len() {

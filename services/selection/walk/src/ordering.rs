@@ -1,8 +1,7 @@
-//! The order in which a sparse graph is best eliminated: approximate minimum degree on the quotient graph
-//! (Amestoy, Davis, Duff 1996, without their supervariables).
+//! Elimination orders of sparse graphs: approximate minimum degree on the quotient graph (Amestoy, Davis, Duff 1996,
+//! without supervariables).
 
-/// An elimination order of `n` nodes that keeps fill small. Deterministic; `neighbours` must be symmetric and may hold
-/// the node itself.
+/// An elimination order of `n` nodes with little fill. Deterministic. `neighbours` must be symmetric; self-loops are allowed.
 pub fn minimum_degree<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32) -> I) -> Vec<u32> {
     let mut graph = Quotient::new(n, neighbours);
     let mut order = Vec::with_capacity(n);
@@ -10,7 +9,7 @@ pub fn minimum_degree<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32
         order.push(pivot);
         let left = n - order.len();
         if graph.eliminate(pivot, left) == left {
-            // Everything that is left is one clique: any order fills the same.
+            // The remaining nodes form a clique: any order has the same fill.
             let mut rest: Vec<u32> = (0..).take(n).filter(|&u| !graph.eliminated[u as usize]).collect();
             order.append(&mut rest);
             break;
@@ -19,18 +18,18 @@ pub fn minimum_degree<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32
     order
 }
 
-/// Nodes that still stand are *variables*; an eliminated node lives on as an *element*, the clique of its neighbours.
+/// The quotient graph. Remaining nodes are *variables*. An eliminated node is an *element*, the clique of its neighbours.
 struct Quotient {
-    /// Variables next to a variable over edges that no element covers.
+    /// Neighbours of each variable over edges outside all elements.
     variables: Vec<Vec<u32>>,
     /// Elements a variable belongs to.
     elements: Vec<Vec<u32>>,
-    /// Variables of an element (some of them eliminated by now); empty once absorbed.
+    /// Variables of each element, some of them already eliminated. Empty after absorption.
     members: Vec<Vec<u32>>,
     eliminated: Vec<bool>,
     degree: Vec<usize>,
     buckets: Buckets,
-    /// For each element, in turn `stamp`: how many of its variables are outside the current pivot's element.
+    /// For each element at `stamp`: number of its variables outside the current pivot's element.
     outside: Vec<usize>,
     seen: Vec<u32>,
     stamp: u32,
@@ -49,7 +48,7 @@ impl Quotient {
             .collect();
         let degree: Vec<usize> = variables.iter().map(Vec::len).collect();
         let mut buckets = Buckets::new(n);
-        // Inserted backwards, so that the smallest index of the least degree comes first.
+        // Inserted in reverse, so that ties go to the smallest index.
         for u in (0..).take(n).collect::<Vec<u32>>().into_iter().rev() {
             buckets.insert(u, degree[u as usize]);
         }
@@ -66,7 +65,7 @@ impl Quotient {
         }
     }
 
-    /// Eliminates a variable of `left + 1`; returns how many of the others are in its clique.
+    /// Eliminates a variable of `left + 1`. Returns the number of other variables in its clique.
     fn eliminate(&mut self, pivot: u32, left: usize) -> usize {
         self.eliminated[pivot as usize] = true;
         self.stamp += 2;
@@ -85,7 +84,7 @@ impl Quotient {
         if clique.len() == left {
             return left;
         }
-        // How much of every other element lies outside the clique.
+        // Part of each other element outside the clique.
         let mut element_stamp: Vec<u32> = Vec::new();
         for &v in &clique {
             let elements = std::mem::take(&mut self.elements[v as usize]);
@@ -93,7 +92,7 @@ impl Quotient {
                 if self.members[e as usize].is_empty() {
                     continue;
                 }
-                // Elements are numbered by their pivots, which are no variables any more: the same marks serve.
+                // Elements have the numbers of their pivots, and pivots are no variables, so both can share the marks.
                 if self.seen[e as usize] != element_seen {
                     self.seen[e as usize] = element_seen;
                     let eliminated = &self.eliminated;
@@ -111,7 +110,7 @@ impl Quotient {
             let (seen, eliminated) = (&self.seen, &self.eliminated);
             self.variables[at].retain(|&w| seen[w as usize] != in_clique && !eliminated[w as usize]);
             let (members, outside) = (&self.members, &self.outside);
-            // An element without a variable outside the clique says nothing new.
+            // An element inside the clique is redundant.
             self.elements[at].retain(|&e| !members[e as usize].is_empty() && outside[e as usize] > 0);
             let beyond: usize = self.elements[at].iter().map(|&e| outside[e as usize]).sum();
             let others = clique.len() - 1;

@@ -1,11 +1,11 @@
-//! One connected part of a walk: unknowns, the conductances between them and to the two terminals, and the structure of
-//! their elimination.
+//! One connected part of a walk: unknowns, conductances, and the structure of the elimination.
 
 use super::ordering::minimum_degree;
 use super::{Conductance, Problem, Seed, SystemSolver};
 
-/// A connected set of unknowns in elimination order. Conductances are those of the walk; [`System::shift`] is the power
-/// of two that brings the largest of them near 1, which changes no probability.
+/// A connected set of unknowns in elimination order, with conductances between them and to the two terminals.
+///
+/// Division by 2^[`System::shift`] scales the largest conductance to about 1. Scaling changes no probability.
 #[derive(Debug, Clone)]
 pub struct System {
     nodes: Vec<u32>,
@@ -16,7 +16,7 @@ pub struct System {
 }
 
 impl System {
-    /// The system of the given unknowns, which must be a connected component of the nodes without a seed.
+    /// The system of the given unknowns. They must form a connected component of the nodes without a seed.
     pub(super) fn new(
         problem: &Problem<'_>,
         mut nodes: Vec<u32>,
@@ -88,7 +88,7 @@ impl System {
         self.nodes.is_empty()
     }
 
-    /// Neighbouring unknowns of an unknown with the conductances to them, ascending.
+    /// Neighbours of an unknown, with conductances, ascending.
     #[must_use]
     pub fn links(&self, k: u32) -> &[(u32, Conductance)] {
         &self.links[self.offsets[k as usize]..self.offsets[k as usize + 1]]
@@ -135,8 +135,7 @@ impl System {
     }
 }
 
-/// For each unknown the later unknowns it is connected to when its turn comes, ascending: its own neighbours and those
-/// that the elimination of earlier ones gave it.
+/// Fill pattern: for each unknown, its later neighbours at the time of its elimination, ascending.
 #[derive(Debug, Clone)]
 pub struct Fill {
     offsets: Vec<usize>,
@@ -146,7 +145,7 @@ pub struct Fill {
 impl Fill {
     /// The structure of eliminating `n` unknowns in order; `neighbours` must be symmetric.
     pub fn new<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32) -> I) -> Self {
-        // An unknown passes its later neighbours on to the first of them (its parent in the elimination tree).
+        // The later neighbours of an unknown become neighbours of the first of them, its parent in the elimination tree.
         let mut children: Vec<Vec<u32>> = vec![Vec::new(); n];
         let mut mark = vec![u32::MAX; n];
         let mut offsets = Vec::with_capacity(n + 1);
@@ -179,19 +178,19 @@ impl Fill {
         Self { offsets, rows }
     }
 
-    /// Where the entries of an unknown stand.
+    /// Positions of the entries of an unknown in [`Fill::rows`].
     #[must_use]
     pub fn column(&self, k: usize) -> std::ops::Range<usize> {
         self.offsets[k]..self.offsets[k + 1]
     }
 
-    /// The first later unknown an unknown is connected to: its parent in the elimination tree.
+    /// Parent of an unknown in the elimination tree: its first later neighbour.
     #[must_use]
     pub fn parent(&self, k: usize) -> Option<u32> {
         self.rows[self.column(k)].first().copied()
     }
 
-    /// All entries, unknown after unknown.
+    /// All entries, grouped by unknown.
     #[must_use]
     pub fn rows(&self) -> &[u32] {
         &self.rows

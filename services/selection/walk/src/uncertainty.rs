@@ -1,111 +1,120 @@
-//! How sure a walk is of each node, and where one seed more would tell most.
+//! Uncertainty of a walk's nodes, and proposals for the next seed.
 //!
-//! The *uncertainty* of a node is 1 − |p − q|: 0 where one side is certain, 1 at a tie and where no terminal is reached.
+//! The *uncertainty* of a node is 1 − |p − q|. It is 0 where one side is certain. It is 1 at a tie and where no terminal is
+//! reachable.
 //!
-//! Let h_i(s) be the probability that a walker from i comes to s before it ends: a column of Green's function over its
-//! diagonal, G_is / G_ss ([`Elimination::hitting`]). If s became foreground, p_i would grow by h_i(s)·q_s, if background,
-//! it would fall by h_i(s)·p_s; exactly, not to first order. Somebody who is asked about s says foreground with
-//! probability p_s as far as the walk knows. So, with m_i Gaussians in node i, the answer moves
-//! *shift* = 2·p_s·q_s·Σ m_i·h_i(s) of the summed p in expectation, and *change* = Σ m_i·(p_s·\[i becomes selected if s is
-//! foreground\] + q_s·\[i ceases to be if s is background\]) Gaussians change sides. Where no terminal is reached both
-//! answers are taken as equally likely, and one of them selects the whole component.
+//! Let h_i(s) be the probability that a walker from i visits s before its walk ends. It is a column of Green's function
+//! over its diagonal, G_is / G_ss ([`Elimination::hitting`]). A foreground seed at s adds h_i(s)·q_s to p_i. A background
+//! seed at s subtracts h_i(s)·p_s. Both are exact. The walk predicts a foreground seed with probability p_s. Let node i hold
+//! m_i Gaussians. Then the expected effects of a seed at s are:
 //!
-//! Proposals are taken one after another, each the node with the largest change discounted by 1 − ρ² for every proposal
-//! before it, where ρ² = h_i(s)·h_s(i) is the probability of going from i to s and back again before the walk ends: 1 for
-//! a node that the earlier answer will decide as well, near 0 for one in another region.
+//! - *shift* = 2·p_s·q_s·Σ m_i·h_i(s), the change of the summed p;
+//! - *change* = Σ m_i·(p_s·\[i becomes selected after a foreground seed\] + q_s·\[i becomes unselected after a background
+//!   seed\]), the number of Gaussians that change sides.
+//!
+//! Where no terminal is reachable, both seeds count as equally likely, and one of them selects the whole component.
+//!
+//! Proposals are chosen greedily by the largest discounted change. Each earlier proposal s discounts node i by 1 − ρ² with
+//! ρ² = h_i(s)·h_s(i), the probability of a return trip from i over s. So ρ² is near 1 for nodes that the earlier seed
+//! decides, and near 0 in other regions.
 
 use super::elimination::Elimination;
 use super::{Seed, Solution};
 
-/// What a walk leaves open, one entry a node.
+/// Uncertainty of a walk, one entry per node.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Doubts {
-    /// 1 − |p − q|; 0 at seeds and at nodes that take no part.
+pub struct Uncertainty {
+    /// 1 − |p − q|; 0 at seeds and at inactive nodes.
     pub uncertainty: Vec<f64>,
-    /// Expected Σ m·|Δp| after one seed more at this node, in units of the masses; 0 at seeds.
+    /// Expected Σ m·|Δp| after a seed at this node, in units of the masses; 0 at seeds.
     pub shift: Vec<f64>,
 }
 
-/// A node where one seed more is worth having.
+/// A proposed node for the next seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// The node.
     pub node: usize,
     /// 1 − |p − q|.
     pub uncertainty: f64,
-    /// Expected Σ m·|Δp| after an answer.
+    /// Expected Σ m·|Δp| after a seed.
     pub shift: f64,
-    /// Expected mass that changes sides after an answer.
+    /// Expected mass that changes sides after a seed.
     pub change: f64,
 }
 
-/// Nodes whose change is worked out exactly for every proposal asked for, at least [`LEAST_POOL`].
+/// Number of nodes per proposal whose change is computed exactly; at least [`MIN_POOL`] in total.
 const POOL: usize = 4;
-const LEAST_POOL: usize = 64;
+const MIN_POOL: usize = 64;
 
-/// What is asked of [`proposals`].
+/// Parameters of [`node_uncertainty`] and [`proposals`].
 #[derive(Debug, Clone, Copy)]
-pub struct Question<'a> {
-    /// Mass of each node, at least 0: how many Gaussians it stands for.
+pub struct ProposalQuery<'a> {
+    /// Mass of each node, at least 0: its number of Gaussians.
     pub mass: &'a [f64],
-    /// Nodes that take part.
+    /// Nodes of the walk.
     pub active: &'a [bool],
-    /// The least p − q of a selected node.
+    /// Smallest p − q of a selected node.
     pub threshold: f64,
 }
 
-/// The doubts of the last walk of `kept`, whose result was `solution`. None before the first walk.
+/// Uncertainty of the last walk of `elimination` with the given seeds and solution. `None` before the first walk.
 #[must_use]
-pub fn doubts(kept: &Elimination, seeds: &[Seed], solution: &Solution, question: &Question<'_>) -> Option<Doubts> {
+pub fn node_uncertainty(
+    elimination: &Elimination,
+    seeds: &[Seed],
+    solution: &Solution,
+    query: &ProposalQuery<'_>,
+) -> Option<Uncertainty> {
     let n = solution.p.len();
-    let open = |u: usize| question.active[u] && seeds[u] == Seed::None;
-    let attention = kept.attention(question.mass)?;
-    let lost = lost_mass(kept, solution, question);
+    let open = |u: usize| query.active[u] && seeds[u] == Seed::None;
+    let hitting_mass = elimination.hitting_mass(query.mass)?;
+    let lost = lost_mass(elimination, solution, query);
     let uncertainty = (0..n).map(|u| if open(u) { 1.0 - (solution.p[u] - solution.q[u]).abs() } else { 0.0 }).collect();
     let shift = (0..n)
         .map(|u| match (open(u), solution.reached[u]) {
             (false, _) => 0.0,
-            (true, true) => 2.0 * solution.p[u] * solution.q[u] * attention[u],
+            (true, true) => 2.0 * solution.p[u] * solution.q[u] * hitting_mass[u],
             (true, false) => 0.5 * lost[u],
         })
         .collect();
-    Some(Doubts { uncertainty, shift })
+    Some(Uncertainty { uncertainty, shift })
 }
 
-/// For each node that no terminal reaches the active mass of its component.
-fn lost_mass(kept: &Elimination, solution: &Solution, question: &Question<'_>) -> Vec<f64> {
-    let component = kept.components();
+/// Active mass of the component of each unreached node; 0 for reached nodes.
+fn lost_mass(elimination: &Elimination, solution: &Solution, query: &ProposalQuery<'_>) -> Vec<f64> {
+    let component = elimination.components();
     let mut mass = vec![0.0; component.len()];
-    let lost = |u: usize| question.active[u] && !solution.reached[u];
+    let lost = |u: usize| query.active[u] && !solution.reached[u];
     for u in (0..component.len()).filter(|&u| lost(u)) {
-        mass[component[u] as usize] += question.mass[u];
+        mass[component[u] as usize] += query.mass[u];
     }
     (0..component.len()).map(|u| if lost(u) { mass[component[u] as usize] } else { 0.0 }).collect()
 }
 
-/// At most `count` nodes where one seed more is worth most, best first. Empty before the first walk.
+/// At most `count` proposals for the next seed, best first. Empty before the first walk.
 #[must_use]
 pub fn proposals(
-    kept: &Elimination,
+    elimination: &Elimination,
     seeds: &[Seed],
     solution: &Solution,
-    question: &Question<'_>,
+    query: &ProposalQuery<'_>,
     count: usize,
 ) -> Vec<Candidate> {
-    let Some(doubts) = doubts(kept, seeds, solution, question) else { return Vec::new() };
-    let mut by_shift: Vec<usize> = (0..doubts.shift.len()).filter(|&u| doubts.shift[u] > 0.0).collect();
-    by_shift.sort_by(|&a, &b| doubts.shift[b].total_cmp(&doubts.shift[a]).then(a.cmp(&b)));
-    by_shift.truncate((POOL * count).max(LEAST_POOL));
-    let component = kept.components();
+    let Some(nodes) = node_uncertainty(elimination, seeds, solution, query) else { return Vec::new() };
+    let mut by_shift: Vec<usize> = (0..nodes.shift.len()).filter(|&u| nodes.shift[u] > 0.0).collect();
+    by_shift.sort_by(|&a, &b| nodes.shift[b].total_cmp(&nodes.shift[a]).then(a.cmp(&b)));
+    by_shift.truncate((POOL * count).max(MIN_POOL));
+    let component = elimination.components();
     let pool: Vec<(Candidate, Vec<f64>)> = by_shift
         .into_iter()
         .map(|node| {
-            // Where nothing is reached every walk from the component comes by.
-            let hitting = kept
+            // Without a terminal, every walk in the component visits the node.
+            let hitting = elimination
                 .hitting(node)
                 .unwrap_or_else(|| component.iter().map(|&c| f64::from(u8::from(c == component[node]))).collect());
-            let change = change(solution, question, node, &hitting);
-            let (uncertainty, shift) = (doubts.uncertainty[node], doubts.shift[node]);
+            let change = change(solution, query, node, &hitting);
+            let (uncertainty, shift) = (nodes.uncertainty[node], nodes.shift[node]);
             (Candidate { node, uncertainty, shift, change }, hitting)
         })
         .collect();
@@ -128,20 +137,20 @@ pub fn proposals(
     out
 }
 
-/// Expected mass that changes sides when `node` is asked about.
-fn change(solution: &Solution, question: &Question<'_>, node: usize, hitting: &[f64]) -> f64 {
+/// Expected mass that changes sides after a seed at `node`.
+fn change(solution: &Solution, query: &ProposalQuery<'_>, node: usize, hitting: &[f64]) -> f64 {
     let reached = solution.reached[node];
     let (p, q) = if reached { (solution.p[node], solution.q[node]) } else { (0.5, 0.5) };
     let mut sum = 0.0;
-    for (u, &h) in hitting.iter().enumerate().filter(|(u, _)| question.active[*u]) {
+    for (u, &h) in hitting.iter().enumerate().filter(|(u, _)| query.active[*u]) {
         let lead = solution.p[u] - solution.q[u];
-        let selected = lead > question.threshold;
-        // Unreached, p = q = 0: an answer makes it 1 or 0 all over the component.
+        let selected = lead > query.threshold;
+        // Unreached, p = q = 0: a seed sets p to 1 or 0 in the whole component.
         let (up, down) = if reached { (2.0 * h * q, 2.0 * h * p) } else { (h, h) };
-        if !selected && lead + up > question.threshold {
-            sum += p * question.mass[u];
-        } else if selected && lead - down <= question.threshold {
-            sum += q * question.mass[u];
+        if !selected && lead + up > query.threshold {
+            sum += p * query.mass[u];
+        } else if selected && lead - down <= query.threshold {
+            sum += q * query.mass[u];
         }
     }
     sum

@@ -87,7 +87,7 @@ fn given_seeds_and_one_round_are_the_definition() {
     let seeds: Vec<u32> = (0..40).map(|_| r.random_range(0..1500)).collect();
     let cell = 0.4;
     let options = ClusteringOptions {
-        seeds: Some(GivenSeeds { gaussians: seeds.clone(), cell }),
+        seeds: Some(FixedSeeds { gaussians: seeds.clone(), cell }),
         rounds: Some(1),
         merge: false,
         ..ClusteringOptions::default()
@@ -278,7 +278,7 @@ fn options_and_seeds_that_make_no_sense_are_refused() {
     let scene = point_scene(&[[0.0; 3], [1.0; 3], [f32::NAN; 3]]);
     let g = geometry(&scene);
     let base = ClusteringOptions::default();
-    let seeds = |gaussians: Vec<u32>, cell| Some(GivenSeeds { gaussians, cell });
+    let seeds = |gaussians: Vec<u32>, cell| Some(FixedSeeds { gaussians, cell });
     let bad = [
         (ClusteringOptions { max_clusters: 0, ..base.clone() }, "number of clusters is 0"),
         (ClusteringOptions { compactness: -1.0, ..base.clone() }, "compactness is -1"),

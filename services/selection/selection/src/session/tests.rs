@@ -1,9 +1,9 @@
 //! Steps one after another: what they amount to, undone, replayed.
 
 use super::*;
+use crate::operation_context::OperationContext;
 use crate::operations::{Combine, Operation};
-use crate::space::WalkOptions;
-use crate::surroundings::Surroundings;
+use crate::selection_index::WalkOptions;
 use proptest::prelude::*;
 use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
 use sg_clusters::clustering::{Clustering, ClusteringOptions, cluster};
@@ -12,14 +12,14 @@ use sg_clusters::progress::Silent;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::{normalized, point_scene, random_points, random_unit, vessel_and_sac};
 
-fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionSpace>, Clustering) {
+fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionIndex>, Clustering) {
     let geometry = Geometry::of_scene(scene, GeometryOptions::default(), &Silent).unwrap();
     let clustering_options = ClusteringOptions { max_clusters: most, ..ClusteringOptions::default() };
     let (clustering, _) = cluster(&geometry, &clustering_options, &Silent).unwrap();
     let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
-    let space = SelectionSpace::of_clusters(scene, &clustering, &graph, options);
-    let surroundings = Surroundings::with(Arc::new(scene.clone()), geometry);
-    (Arc::new(space.with_surroundings(surroundings)), clustering)
+    let space = SelectionIndex::of_clusters(scene, &clustering, &graph, options);
+    let operation_context = OperationContext::with_geometry(Arc::new(scene.clone()), geometry);
+    (Arc::new(space.with_operation_context(operation_context)), clustering)
 }
 
 fn stroke(mode: Mode, kind: Kind, radius: f64, points: Vec<[f64; 3]>) -> Stroke {
@@ -73,7 +73,7 @@ fn operations_count_in_their_order_and_a_walk_counts_before_them() {
     // What was given is added where it stands.
     let mut given = Mask::empty(scene.len());
     given.set(7, true);
-    let with = of(&[walk(0.3).into(), Step::Given(given.clone())]);
+    let with = of(&[walk(0.3).into(), Step::FixedMask(given.clone())]);
     let mut wanted = of(&[walk(0.3).into()]);
     wanted.union_with(&given);
     assert_eq!(with, wanted);
@@ -85,13 +85,13 @@ fn without_the_scene_an_operation_is_refused_and_nothing_is_lost() {
     let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
     let (clustering, _) = cluster(&geometry, &ClusteringOptions::default(), &Silent).unwrap();
     let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
-    let space = Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default()));
+    let space = Arc::new(SelectionIndex::of_clusters(&scene, &clustering, &graph, WalkOptions::default()));
     let mut session = SelectionSession::new(space);
     session.add_stroke(stroke(Mode::Point, Kind::Foreground, 0.2, vec![[0.5; 3]])).unwrap();
     let before = session.mask().clone();
-    assert_eq!(session.add_step(Operation::Invert.into()), Err(SelectionError::NoSurroundings));
+    assert_eq!(session.add_step(Operation::Invert.into()), Err(SelectionError::NoOperationContext));
     let bad = Operation::Grow { distance: -1.0 };
-    assert!(matches!(session.add_step(bad.into()), Err(SelectionError::Stroke(_))));
+    assert!(matches!(session.add_step(bad.into()), Err(SelectionError::Step(_))));
     assert_eq!((session.mask(), session.steps().len()), (&before, 1));
 }
 
@@ -145,7 +145,7 @@ fn leak_and_threshold_are_scrubbed_after_a_stroke() {
     assert_eq!(first, Tuning { leak: 0.03, threshold: THRESHOLD });
     assert_eq!(session.tune(first), Err(SelectionError::NoWalk));
     assert_eq!(session.add_step(first.into()), Err(SelectionError::NoWalk));
-    assert!(session.mask().is_none() && session.doubts().is_none() && session.proposals(3).is_empty());
+    assert!(session.mask().is_none() && session.uncertainty().is_none() && session.proposals(3).is_empty());
     session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.03, start)).unwrap();
     session.add_stroke(stroke(Mode::Point, Kind::Background, 0.02, vec![[0.5, 0.5, 0.9]])).unwrap();
     // Another leak is what a space with that leak would have made of the strokes; a larger one selects less.
@@ -275,7 +275,7 @@ fn walks_on_single_gaussians() {
     let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
     let (clustering, _) = cluster(&geometry, &ClusteringOptions::default(), &Silent).unwrap();
     let options = WalkOptions { leak: 0.0, ..WalkOptions::default() };
-    let space = Arc::new(SelectionSpace::of_gaussians(&scene, &geometry, &clustering, options));
+    let space = Arc::new(SelectionIndex::of_gaussians(&scene, &geometry, &clustering, options));
     // Dots, not lines: strokes of one sample each.
     let mut strokes = Vec::new();
     for (g, p) in scene.units[0].gaussians.position.iter().enumerate().step_by(20) {
@@ -287,7 +287,7 @@ fn walks_on_single_gaussians() {
     let worst = walk.solution.p.iter().zip(&walk.solution.q).map(|(p, q)| (p + q - 1.0).abs()).fold(0.0, f64::max);
     println!("largest |p + q − 1| {worst:.1e}");
     assert!(worst < 1e-6, "{worst}");
-    let agreement = crate::metrics::Agreement::of((0..scene.len()).map(|g| (session.mask().get(g), sac[g])));
+    let agreement = crate::mask_agreement::Agreement::of((0..scene.len()).map(|g| (session.mask().get(g), sac[g])));
     println!("walk on Gaussians: IoU {:.3}", agreement.iou);
     assert!(agreement.iou > 0.9);
 }

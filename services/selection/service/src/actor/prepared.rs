@@ -1,4 +1,4 @@
-//! What the selection process makes of a scene before it serves: its parameters, clusters and their graph.
+//! Preparation of a scene for the selection process: parameters, clusters and cluster graph.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -14,8 +14,8 @@ use sg_clusters::progress::Silent;
 use sg_formats::known::read_known;
 use sg_runtime::process::StartError;
 use sg_scene::model::Scene;
-use sg_selection::space::{SelectionSpace, WalkOptions};
-use sg_selection::surroundings::Surroundings;
+use sg_selection::operation_context::OperationContext;
+use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 
 /// Parameters in the launch file.
 #[derive(Debug, Clone, Deserialize)]
@@ -33,7 +33,7 @@ pub(super) struct Params {
     pub(super) sigma_s: f64,
     /// Factor on σ_f.
     pub(super) sigma_f: f64,
-    /// Folder of cached clusters; by default one in the session's folder.
+    /// Folder of the cluster cache. The default is a folder of the session.
     pub(super) cache: Option<PathBuf>,
 }
 
@@ -53,16 +53,16 @@ impl Default for Params {
     }
 }
 
-/// What selections are made of.
+/// A scene prepared for selections.
 pub(super) struct Prepared {
-    pub(super) space: Arc<SelectionSpace>,
-    /// The Super-Gaussian of each Gaussian, -1 for none.
+    pub(super) index: Arc<SelectionIndex>,
+    /// Cluster of each Gaussian; -1 without a cluster.
     pub(super) labels: Vec<i32>,
     pub(super) from_cache: bool,
     pub(super) clustering_ms: f64,
 }
 
-/// Reads the geometry the scene speaks of and clusters it, or finds the clusters in the cache.
+/// Reads the scene and clusters it, or loads the clusters from the cache.
 pub(super) fn prepare(
     path: &Path,
     hash: &str,
@@ -83,20 +83,20 @@ pub(super) fn prepare(
         Found::Entry(entry) => (entry.0, entry.1, true),
         found => {
             if let Found::Damaged(why) = found {
-                tracing::warn!("cached clusters are made anew: {why}");
+                tracing::warn!("cached clusters are computed again: {why}");
             }
             let (clustering, graph) = compute(&scene, geometry_options, &options)?;
             if let Err(error) = cache.store(&key, &clustering, &graph) {
-                tracing::warn!(%error, "the clusters could not be cached; a restart will make them again");
+                tracing::warn!(%error, "the clusters could not be cached; a restart will compute them again");
             }
             (clustering, graph, false)
         }
     };
     let clustering_ms = start.elapsed().as_secs_f64() * 1e3;
-    let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, walk);
-    // Neighbours and features are made anew when an operation first needs them: the cache holds clusters alone.
-    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry_options)));
-    Ok(Prepared { space, labels: clustering.labels, from_cache, clustering_ms })
+    let index = SelectionIndex::of_clusters(&scene, &clustering, &graph, walk);
+    // The cache holds clusters only. The first operation that needs neighbours and features computes them.
+    let index = Arc::new(index.with_operation_context(OperationContext::new(Arc::clone(&scene), geometry_options)));
+    Ok(Prepared { index, labels: clustering.labels, from_cache, clustering_ms })
 }
 
 fn compute(

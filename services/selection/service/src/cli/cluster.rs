@@ -1,15 +1,15 @@
-//! `cluster`: a scene becomes labels.
+//! `cluster`: clusters a scene and writes the labels.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
 use serde::Serialize;
-use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, GivenSeeds, Method, cluster};
+use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, FixedSeeds, Method, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_formats::npy::{read_indices, write_labels};
 
-use super::{Bar, Clustering, Failure, deliver, named, read_scene};
+use super::{Bar, Clustering, Failure, named, read_scene, write_report};
 
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -20,25 +20,25 @@ pub(crate) struct Arguments {
     out: PathBuf,
     #[command(flatten)]
     clustering: Clustering,
-    /// The distance clusters are made by.
+    /// Distance of the clustering.
     #[arg(long, default_value = "geodesic", value_parser = named::<Method>(&["geodesic", "euclidean-feature", "euclidean"]))]
     method: Method,
-    /// Indices of the Gaussians clusters start from, integers (c,), instead of a voxel grid.
+    /// Indices of the seed Gaussians, integers (c,), in place of a voxel grid.
     #[arg(long, value_name = "FILE", requires = "cell")]
     seeds: Option<PathBuf>,
-    /// The spacing S that goes with --seeds, in the scene's length unit.
+    /// Spacing S of the seeds, in the scene's length unit.
     #[arg(long, allow_negative_numbers = true, value_name = "S", requires = "seeds")]
     cell: Option<f64>,
-    /// Exactly this many rounds of assignment, instead of up to ten.
+    /// Exact number of rounds of assignment. The default is up to ten.
     #[arg(long, value_name = "R")]
     rounds: Option<usize>,
-    /// Keep small and unconnected pieces; labels are then positions in the list of seeds.
+    /// Keep small and unconnected pieces. Labels are then positions in the list of seeds.
     #[arg(long)]
     no_merge: bool,
-    /// Smaller clusters where features differ between neighbours (curved surfaces, edges), larger ones elsewhere.
+    /// Smaller clusters on curved surfaces and at edges, larger ones elsewhere.
     #[arg(long, conflicts_with = "seeds")]
     adaptive: bool,
-    /// A report to write, as JSON.
+    /// JSON file for the report.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Print the report to standard output.
@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let seeds = match (&arguments.seeds, arguments.cell) {
         (Some(file), Some(cell)) => {
             let gaussians = read_indices(file, scene.len())?;
-            Some(GivenSeeds { gaussians: gaussians.into_iter().map(|g| g as u32).collect(), cell })
+            Some(FixedSeeds { gaussians: gaussians.into_iter().map(|g| g as u32).collect(), cell })
         }
         _ => None,
     };
@@ -90,5 +90,5 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.out.display()
     );
     let report = Report { scene: &arguments.scene, clustering: &report, read_seconds };
-    deliver(&report, arguments.report.as_ref(), arguments.json)
+    write_report(&report, arguments.report.as_ref(), arguments.json)
 }

@@ -1,7 +1,7 @@
-//! `select`: strokes become a mask.
+//! `select`: plays strokes and writes the mask.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -13,20 +13,23 @@ use sg_clusters::clustering::{Clustering, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_clusters::progress::{Progress, Stage};
 use sg_formats::npy::{read_labels, read_mask, write_array, write_mask};
+use sg_proto::stroke_file::{self, Limits};
 use sg_scene::model::Scene;
-use sg_selection::metrics::Agreement;
+use sg_selection::mask_agreement::Agreement;
+use sg_selection::operation_context::OperationContext;
 use sg_selection::refinement::Refiner;
+use sg_selection::selection_index::{Background, SelectionIndex, TOLERANCE, WalkOptions, WalkSummary};
 use sg_selection::session::{Proposal, SelectionError, SelectionSession};
-use sg_selection::space::{Background, SelectionSpace, TOLERANCE, WalkOptions, WalkSummary};
-use sg_selection::steps::{Step, Steps};
-use sg_selection::strokes::Mode;
-use sg_selection::surroundings::Surroundings;
+use sg_selection::steps::Step;
+use sg_selection::strokes::{MAX_POINTS, MAX_STEPS, Mode};
 use sg_walk::WalkError;
 use sg_walk::multilevel::Quality;
 
-use super::{Bar, Failure, deliver, named, read_scene, write};
+use crate::wire;
 
-/// What walks run on.
+use super::{Bar, Failure, named, read_scene, write, write_report};
+
+/// Nodes of the walks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Method {
@@ -41,30 +44,29 @@ pub(crate) struct Arguments {
     /// The strokes to play, in order.
     #[arg(long, value_name = "FILE")]
     strokes: PathBuf,
-    /// Clusters made before, int32 (n,); without them they are made now.
+    /// Existing clusters to use, int32 (n,). By default the scene is clustered.
     #[arg(long, value_name = "FILE")]
     clusters: Option<PathBuf>,
     /// The mask to write, uint8 (n,).
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// The probabilities of the last walk to write, float64 (clusters,); (n,) for --method gaussian.
+    /// File for the probabilities of the last walk, float64 (clusters,), or (n,) with --method gaussian.
     #[arg(long, value_name = "FILE")]
     probabilities: Option<PathBuf>,
-    /// Where a next stroke would tell most after the last walk, to write as JSON: clusters, best first and spread out. Only
-    /// with --method cluster.
+    /// JSON file for proposed places of the next stroke: clusters, best first and spread out. Only with --method cluster.
     #[arg(long, value_name = "FILE")]
     proposals: Option<PathBuf>,
-    /// How many proposals to make.
+    /// Number of proposals.
     #[arg(long, value_name = "N", default_value_t = 8, requires = "proposals")]
     proposal_count: usize,
-    /// Solve the walk on single Gaussians within so many hops of the selection's boundary, with the walk on clusters
-    /// around them; 8 unless told. Only with --method cluster.
+    /// Refine the boundary: solve the walk on single Gaussians within this many hops of it. The default is 8 hops. Only with
+    /// --method cluster.
     #[arg(long, value_name = "HOPS", num_args = 0..=1, default_missing_value = "8")]
     refine: Option<usize>,
-    /// The true selection to compare with, uint8 or bool (n,).
+    /// True mask for the comparison, uint8 or bool (n,).
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// What walks run on. On single Gaussians, more than 2,000 unknowns are solved by iteration.
+    /// Nodes of the walks: clusters or single Gaussians. More than 2,000 Gaussians are solved by iteration.
     #[arg(long, default_value = "cluster", value_parser = named::<Method>(&["cluster", "gaussian"]))]
     method: Method,
     /// The graph of clusters.
@@ -76,19 +78,19 @@ pub(crate) struct Arguments {
     /// Factor on σ_f, the median feature distance of the graph's edges.
     #[arg(long, allow_negative_numbers = true, value_name = "Y", default_value_t = 1.0)]
     sigma_f: f64,
-    /// ε: what every unseeded cluster leaks to the background, in units of its degree. With --method gaussian it is what every
-    /// Gaussian leaks, taken as it is; --refine scales it to the Gaussians' shorter steps.
+    /// Leak ε of every unseeded cluster to the background, in units of its degree. With --method gaussian it is the leak of
+    /// every Gaussian, unscaled. With --refine it is scaled to the shorter steps between Gaussians.
     #[arg(long, allow_negative_numbers = true, value_name = "E", default_value_t = 0.03)]
     leak: f64,
-    /// Where background comes from when none is drawn.
+    /// Source of background without background strokes.
     #[arg(long, default_value = "leak", value_parser = named::<Background>(&["leak", "farthest"]))]
     background: Background,
     #[command(flatten)]
     clustering: super::Clustering,
-    /// A folder to keep clusters in, so that the next run on the same scene finds them.
+    /// Folder of cached clusters. The next run on the same scene reuses them.
     #[arg(long, value_name = "DIR", conflicts_with = "clusters")]
     cache: Option<PathBuf>,
-    /// A report to write, as JSON.
+    /// JSON file for the report.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Print the report to standard output.
@@ -105,30 +107,30 @@ struct Report<'a> {
     selected: usize,
     #[serde(flatten)]
     walk: WalkSummary,
-    /// How good a walk on single Gaussians is.
+    /// Quality of a walk on single Gaussians.
     #[serde(skip_serializing_if = "Option::is_none")]
     iterated: Option<Quality>,
-    /// How good the refinement is.
+    /// Quality of the refinement.
     #[serde(skip_serializing_if = "Option::is_none")]
     refined: Option<Band>,
-    /// Playing all strokes.
+    /// Time of all strokes.
     seconds: f64,
-    /// What came before: reading, clusters, their graph.
+    /// Time of the earlier stages: reading, clusters, cluster graph.
     stage_seconds: BTreeMap<&'static str, f64>,
     #[serde(flatten)]
     agreement: Option<Agreement>,
 }
 
-/// The band that was solved on single Gaussians.
+/// The band of the refinement.
 #[derive(Serialize)]
 struct Band {
-    /// Its Gaussians.
+    /// Number of Gaussians.
     band: usize,
     #[serde(flatten)]
     quality: Quality,
 }
 
-/// Where to stroke next.
+/// Proposed places of the next stroke.
 #[derive(Serialize)]
 struct Proposals {
     proposals: Vec<Proposal>,
@@ -136,9 +138,9 @@ struct Proposals {
 
 /// Seconds by stage.
 #[derive(Default)]
-struct Clock(BTreeMap<&'static str, f64>);
+struct StageTimer(BTreeMap<&'static str, f64>);
 
-impl Clock {
+impl StageTimer {
     fn time<T>(&mut self, stage: &'static str, f: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let out = f();
@@ -170,24 +172,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(Failure::input("--proposals names clusters; use it with --method cluster"));
     }
     if arguments.method == Method::Gaussian && arguments.refine.is_some() {
-        return Err(Failure::input("--refine sharpens a walk on clusters; use it with --method cluster"));
+        return Err(Failure::input("--refine refines a walk on clusters; use it with --method cluster"));
     }
-    let steps = Steps::read(&arguments.strokes).map_err(Failure::input)?.strokes;
-    let mut clock = Clock::default();
+    let steps = read_steps(&arguments.strokes)?;
+    let mut clock = StageTimer::default();
     let scene = Arc::new(clock.time("read", || read_scene(&arguments.scene))?.scene);
     let truth = arguments.truth.as_ref().map(|file| read_mask(file, scene.len())).transpose()?;
     let bar = Bar::new();
     let uses_clusters = steps.iter().filter_map(Step::stroke).any(|s| s.mode == Mode::Cluster);
-    let made = space(arguments, &scene, options, uses_clusters, &bar, &mut clock);
+    let made = index(arguments, &scene, options, uses_clusters, &bar, &mut clock);
     bar.finish();
-    let (space, refiner) = made?;
+    let (index, refiner) = made?;
     let geometry = arguments.clustering.geometry()?;
-    let space = Arc::new(space.with_surroundings(Surroundings::new(Arc::clone(&scene), geometry)));
+    let index = Arc::new(index.with_operation_context(OperationContext::new(Arc::clone(&scene), geometry)));
 
     let start = Instant::now();
-    let mut session = SelectionSession::new(Arc::clone(&space));
+    let mut session = SelectionSession::new(Arc::clone(&index));
     let count = steps.len();
-    for (number, step) in steps.into_iter().enumerate() {
+    for (number, step) in (1..).zip(steps) {
         session.add_step(step).map_err(|e| {
             let failure = Failure::from(e);
             let message = format!("{}: stroke {number}: {}", arguments.strokes.display(), failure.message);
@@ -202,7 +204,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mask = refined.as_ref().map_or_else(|| session.mask(), |r| &r.mask);
     write_mask(&arguments.out, mask)?;
     if let Some(file) = &arguments.probabilities {
-        let p = session.walk().map_or_else(|| vec![0.0; space.nodes()], |w| w.solution.p.clone());
+        let p = session.walk().map_or_else(|| vec![0.0; index.nodes()], |w| w.solution.p.clone());
         write_array(file, &[p.len()], &p)?;
     }
     if let Some(file) = &arguments.proposals {
@@ -221,7 +223,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         scene: &arguments.scene,
         strokes: count,
         gaussians: scene.len(),
-        clusters: space.clusters(),
+        clusters: index.clusters(),
         selected,
         walk: session.walk().map(|w| w.summary).unwrap_or_default(),
         iterated: session.walk().and_then(|w| w.quality),
@@ -230,33 +232,47 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         stage_seconds: clock.0,
         agreement: truth.map(|t| Agreement::of((0..scene.len()).map(|g| (mask.get(g), t.get(g))))),
     };
-    deliver(&report, arguments.report.as_ref(), arguments.json)
+    write_report(&report, arguments.report.as_ref(), arguments.json)
 }
 
-fn space(
+/// Reads the steps of a stroke file.
+fn read_steps(path: &Path) -> Result<Vec<Step>, Failure> {
+    let name = path.display();
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Failure::input(format!("{name}: {e}; give the path of a strokes JSON file")))?;
+    let limits = Limits { strokes: 0..=MAX_STEPS, points: MAX_POINTS };
+    let steps = stroke_file::parse(&text, &limits).map_err(|e| Failure::input(format!("{name}: {e}")))?;
+    // A file holds no masks, so their length is irrelevant.
+    let decode = |(number, step)| {
+        wire::decode_limited(step, 0, MAX_POINTS).map_err(|e| Failure::input(format!("{name}: stroke {number}: {e}")))
+    };
+    (1..).zip(&steps).map(decode).collect()
+}
+
+fn index(
     arguments: &Arguments,
     scene: &Scene,
     options: WalkOptions,
     uses_clusters: bool,
     bar: &Bar,
-    clock: &mut Clock,
-) -> Result<(SelectionSpace, Option<Refiner>), Failure> {
+    clock: &mut StageTimer,
+) -> Result<(SelectionIndex, Option<Refiner>), Failure> {
     let geometry_options = arguments.clustering.geometry()?;
     let clustering_options = arguments.clustering.options();
     let cached = arguments
         .cache
         .as_ref()
         .filter(|_| arguments.method == Method::Cluster && arguments.graph == GraphForm::Contact)
-        // Refining needs the neighbour graph, which is not kept.
+        // Refinement needs the neighbour graph, and the cache does not hold it.
         .filter(|_| arguments.refine.is_none())
         .map(|folder| (ClusterCache::new(folder), key(scene, geometry_options, &clustering_options)));
     if let Some((cache, key)) = &cached {
         match clock.time("cache", || cache.load(key, scene.len())) {
             Found::Entry(entry) => {
                 let (clustering, graph) = *entry;
-                return Ok((SelectionSpace::of_clusters(scene, &clustering, &graph, options), None));
+                return Ok((SelectionIndex::of_clusters(scene, &clustering, &graph, options), None));
             }
-            Found::Damaged(why) => eprintln!("warning: {why}; the clusters are made anew"),
+            Found::Damaged(why) => eprintln!("warning: {why}; the clusters are computed again"),
             Found::Nothing => {}
         }
     }
@@ -275,18 +291,18 @@ fn space(
     };
     bar.at(Stage::ClusterGraph, 0.0);
     if arguments.method == Method::Gaussian {
-        let space = clock.time("graph", || SelectionSpace::of_gaussians(scene, &geometry, &clustering, options));
-        return Ok((space, None));
+        let index = clock.time("graph", || SelectionIndex::of_gaussians(scene, &geometry, &clustering, options));
+        return Ok((index, None));
     }
     let graph =
         clock.time("graph", || ClusterGraph::new(&geometry, &clustering, options.form)).map_err(Failure::work)?;
     if let Some((cache, key)) = &cached
         && let Err(e) = cache.store(key, &clustering, &graph)
     {
-        eprintln!("warning: {}: {e}; the clusters were not kept", cache.path(key).display());
+        eprintln!("warning: {}: {e}; the clusters were not cached", cache.path(key).display());
     }
     let refiner = arguments
         .refine
         .map(|_| clock.time("refiner", || Refiner::new(&geometry, &graph, options.sigma_s, options.sigma_f)));
-    Ok((clock.time("order", || SelectionSpace::of_clusters(scene, &clustering, &graph, options)), refiner))
+    Ok((clock.time("order", || SelectionIndex::of_clusters(scene, &clustering, &graph, options)), refiner))
 }

@@ -1,4 +1,4 @@
-//! `solve`: one random walk on a graph from a file.
+//! `solve`: solves one random walk on a graph from a file.
 
 use std::path::{Path, PathBuf};
 
@@ -18,13 +18,13 @@ pub(crate) struct Arguments {
     /// The algorithm: subtraction-free elimination, sparse Cholesky, or conjugate gradients.
     #[arg(long, default_value = "gth", value_parser = named::<Solver>(&["gth", "cholesky", "cg"]))]
     solver: Solver,
-    /// Its arithmetic.
+    /// Arithmetic of the solver.
     #[arg(long, default_value = "f64", value_parser = named::<Precision>(&["f64", "f32"]))]
     precision: Precision,
 }
 
-/// The most nodes of a graph.
-const MOST_NODES: usize = 50_000_000;
+/// Most nodes of a graph.
+const MAX_NODES: usize = 50_000_000;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -72,8 +72,8 @@ fn wrong(path: &Path, reason: &str) -> Failure {
 
 fn check(graph: &Graph) -> Result<(Network, Vec<Seed>), String> {
     let n = graph.nodes;
-    if n > MOST_NODES {
-        return Err(format!("{n} nodes are too many; at most {MOST_NODES} can be solved"));
+    if n > MAX_NODES {
+        return Err(format!("{n} nodes are too many; at most {MAX_NODES} can be solved"));
     }
     let mut edges = Vec::with_capacity(graph.edges.len());
     for (i, &(u, v, w)) in graph.edges.iter().enumerate() {

@@ -1,29 +1,29 @@
-//! A balanced tree of boxes over points, for the two questions a nearest-neighbour crate does not answer: which points
-//! are closer than r to a polyline, and which is the nearest point *of another component*.
+//! A bounding-volume hierarchy over points. It answers two queries that nearest-neighbour crates lack: the points near a
+//! polyline, and the nearest point *of another component*.
 
 use crate::bounds::Bounds;
 use crate::polyline::{Polyline, visit};
 use crate::vertices::distance_squared;
 
-/// Points a leaf holds at most.
+/// Most points of a leaf.
 const LEAF: usize = 16;
 
-/// Points that one thread sorts alone.
-const ALONE: usize = 4096;
+/// Subtrees of at most this many points are built by one thread.
+const SEQUENTIAL_LIMIT: usize = 4096;
 
-/// Where a node stands: its position in the node list, the levels below it, and its points.
+/// A node: its position in the node list, its height, and its points.
 ///
-/// The tree is perfectly balanced, so that children need no pointers: the left child follows its parent, the right one
-/// stands `2^height` further, and the points are halved.
+/// The tree is perfectly balanced, so children need no pointers. The left child follows its parent. The right child is
+/// `2^height` positions further. Each child has half of the points.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct Node {
     node: usize,
     height: u32,
     start: usize,
     end: usize,
 }
 
-impl Place {
+impl Node {
     fn children(self) -> Option<[Self; 2]> {
         let height = self.height.checked_sub(1)?;
         let middle = self.start + (self.end - self.start) / 2;
@@ -34,21 +34,21 @@ impl Place {
     }
 }
 
-/// The tree.
+/// A balanced bounding-volume hierarchy over points.
 #[derive(Debug, Clone)]
 pub struct PointTree {
     height: u32,
     boxes: Vec<Bounds>,
-    /// Points in tree order, each with its position in the slice it was built from.
+    /// Points in tree order, each with its index in the input slice.
     points: Vec<([f64; 3], u32)>,
 }
 
-/// For each node the component all of its points belong to, if it is one.
+/// Component of each node, if all of its points belong to one component.
 #[derive(Debug)]
 pub struct NodeComponents(Vec<Option<u32>>);
 
 impl PointTree {
-    /// The tree of finite points; what it answers with are positions in this slice.
+    /// Builds the tree of finite points. Queries return indices of this slice.
     #[must_use]
     pub fn new(points: &[[f64; 3]]) -> Self {
         let mut height = 0;
@@ -73,11 +73,11 @@ impl PointTree {
         self.points.is_empty()
     }
 
-    fn root(&self) -> Place {
-        Place { node: 0, height: self.height, start: 0, end: self.points.len() }
+    fn root(&self) -> Node {
+        Node { node: 0, height: self.height, start: 0, end: self.points.len() }
     }
 
-    /// The points in the tube of a radius around the polyline (see [`Polyline::is_closer_than`]), ascending.
+    /// Points in the tube of a radius around a polyline (see [`Polyline::is_closer_than`]), ascending.
     #[must_use]
     pub fn closer_than(&self, polyline: &Polyline, radius: f64) -> Vec<u32> {
         let mut hits = Vec::new();
@@ -87,7 +87,7 @@ impl PointTree {
         {
             return hits;
         }
-        // Each place comes with the parts of the polyline that are near enough to matter to it.
+        // Each node comes with the parts of the polyline within reach.
         let mut stack = vec![(self.root(), vec![polyline.whole()])];
         while let Some((place, parts)) = stack.pop() {
             let own = &self.boxes[place.node];
@@ -112,7 +112,7 @@ impl PointTree {
         hits
     }
 
-    /// The point nearest to the polyline and its squared distance; ties go to the smaller index.
+    /// The point nearest to a polyline, as (squared distance, index). Ties go to the smaller index.
     #[must_use]
     pub fn nearest(&self, polyline: &Polyline) -> Option<(f64, u32)> {
         let mut best: Option<(f64, u32)> = None;
@@ -143,7 +143,7 @@ impl PointTree {
         best
     }
 
-    /// Squared distance from a place to the nearest point; infinite where there is no point.
+    /// Squared distance from a position to the nearest point; infinite for an empty tree.
     #[must_use]
     pub fn nearest_distance_squared(&self, p: &[f64; 3]) -> f64 {
         let mut best = f64::INFINITY;
@@ -171,7 +171,7 @@ impl PointTree {
         best
     }
 
-    /// Which nodes hold points of one component only.
+    /// Finds the nodes whose points all belong to one component.
     #[must_use]
     pub fn node_components(&self, component: &[u32]) -> NodeComponents {
         let mut nodes = vec![None; self.boxes.len()];
@@ -181,7 +181,7 @@ impl PointTree {
         NodeComponents(nodes)
     }
 
-    fn mark(&self, place: Place, component: &[u32], nodes: &mut [Option<u32>]) -> Option<u32> {
+    fn mark(&self, place: Node, component: &[u32], nodes: &mut [Option<u32>]) -> Option<u32> {
         let only = if let Some([left, right]) = place.children() {
             let left = self.mark(left, component, nodes);
             let right = self.mark(right, component, nodes);
@@ -195,8 +195,9 @@ impl PointTree {
         only
     }
 
-    /// The point nearest to `query` among those of another component than `own`, as (squared distance, index), where
-    /// it is at most `limit` away (squared); ties go to the smaller index.
+    /// The nearest point to `query` outside the component `own`, as (squared distance, index). Ties go to the smaller index.
+    ///
+    /// `limit` is the largest squared distance.
     #[must_use]
     pub fn nearest_foreign(
         &self,
@@ -251,7 +252,7 @@ fn build(points: &mut [([f64; 3], u32)], boxes: &mut [Bounds], height: u32) {
     points.select_nth_unstable_by(half, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     let (left, right) = points.split_at_mut(half);
     let (left_boxes, right_boxes) = below.split_at_mut((1 << height) - 1);
-    if left.len() > ALONE {
+    if left.len() > SEQUENTIAL_LIMIT {
         rayon::join(|| build(left, left_boxes, height - 1), || build(right, right_boxes, height - 1));
     } else {
         build(left, left_boxes, height - 1);
@@ -372,7 +373,7 @@ mod tests {
                 .collect();
             let factors: Vec<f64> = (0..many).map(|i| 1.0 + 0.5 * (20.0 * i as f64 / many as f64).sin()).collect();
             VISITS.set(0);
-            let hits = tree.closer_than(&Polyline::pressed(&samples, if pressed { &factors } else { &[] }), 0.05);
+            let hits = tree.closer_than(&Polyline::with_pressure(&samples, if pressed { &factors } else { &[] }), 0.05);
             if pressed {
                 for g in (0..20_000).step_by(997) {
                     let want = by_definition(DVec3::from_array(points[g as usize]), &samples, 0.05, &factors);

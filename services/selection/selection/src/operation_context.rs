@@ -1,4 +1,4 @@
-//! What operations on a selection need of a scene, and the operations themselves.
+//! Execution of operations on the scene.
 
 use std::sync::{Arc, OnceLock};
 
@@ -9,32 +9,32 @@ use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::operations::{Attribute, Combine, Operation};
+use sg_clusters::bvh::PointTree;
 use sg_clusters::features::{Row, WIDTH, distance_squared};
 use sg_clusters::geometry::{Geometry, GeometryError, GeometryOptions, UnitGeometry};
 use sg_clusters::progress::Silent;
-use sg_clusters::tree::PointTree;
 
 /// C₀ of the real spherical harmonics: colour = ½ + C₀·dc.
 const HARMONIC: f64 = 0.282_094_791_773_878_14;
 
-/// A scene with its neighbour graphs and features, which are made when an operation first asks for them.
+/// A scene with its neighbour graphs and features. The first operation that needs them computes them.
 #[derive(Debug)]
-pub struct Surroundings {
+pub struct OperationContext {
     scene: Arc<Scene>,
     options: GeometryOptions,
     geometry: OnceLock<Result<Geometry, GeometryError>>,
 }
 
-impl Surroundings {
-    /// The surroundings of a scene.
+impl OperationContext {
+    /// A context without geometry.
     #[must_use]
     pub fn new(scene: Arc<Scene>, options: GeometryOptions) -> Self {
         Self { scene, options, geometry: OnceLock::new() }
     }
 
-    /// The same where the geometry is there already; it must be of this scene.
+    /// A context with the geometry of the same scene.
     #[must_use]
-    pub fn with(scene: Arc<Scene>, geometry: Geometry) -> Self {
+    pub fn with_geometry(scene: Arc<Scene>, geometry: Geometry) -> Self {
         let options = GeometryOptions { neighbours: geometry.neighbours, ..GeometryOptions::default() };
         Self { scene, options, geometry: OnceLock::from(Ok(geometry)) }
     }
@@ -50,13 +50,13 @@ impl Surroundings {
         made.as_ref().map_err(Clone::clone)
     }
 
-    /// Does an operation, which must have been checked ([`Operation::check`]), to a mask over the scene's Gaussians.
+    /// Applies a checked operation ([`Operation::check`]) to a mask over the scene's Gaussians.
     ///
-    /// Time is that of looking at every Gaussian once, but for [`Operation::Grow`] and [`Operation::Shrink`], which ask a
-    /// tree of points for each; the first operation that needs neighbours or features makes those of the whole scene.
+    /// Most operations visit every Gaussian once. [`Operation::Grow`] and [`Operation::Shrink`] search a tree for each
+    /// Gaussian. The first operation with neighbours or features computes the geometry of the whole scene.
     ///
     /// # Errors
-    /// [`GeometryError`] if the scene has no geometry; the mask is then as it was.
+    /// [`GeometryError`] if the geometry fails; the mask is then unchanged.
     pub fn apply(&self, operation: &Operation, mask: &mut Mask) -> Result<(), GeometryError> {
         let (bounds, longest) = (self.scene.bounds, self.scene.bounds.longest_edge());
         let place = |p: &[f64; 3]| bounds.denormalize(DVec3::from_array(*p));
@@ -134,12 +134,12 @@ impl Surroundings {
         Ok(())
     }
 
-    /// In which base units something is selected.
+    /// Base units with a selected Gaussian.
     fn touched(&self, mask: &Mask) -> Vec<bool> {
         self.scene.units.iter().map(|u| u.range().any(|g| mask.get(g))).collect()
     }
 
-    /// The Gaussians for which something holds of unit, index within it, and centre in the scene frame.
+    /// Gaussians that satisfy a predicate of unit, index in the unit, and centre in the scene frame.
     fn find(&self, holds: impl Fn(usize, usize, DVec3) -> bool + Sync) -> Mask {
         let mut mask = Mask::empty(self.scene.len());
         for (u, unit) in self.scene.units.iter().enumerate() {
@@ -151,8 +151,9 @@ impl Surroundings {
         mask
     }
 
-    /// What is on the other side of the selection's edge and closer than `radius` to it: unselected Gaussians close to
-    /// selected ones of their unit (`selected`), or the other way round.
+    /// Gaussians closer than `radius` to one on the other side of the selection's boundary, in the same unit.
+    ///
+    /// `selected` finds unselected Gaussians near selected ones; otherwise the reverse.
     fn within(&self, geometry: &Geometry, mask: &Mask, selected: bool, radius: f64) -> Mask {
         let mut found = Mask::empty(mask.len());
         for unit in &geometry.units {
@@ -172,7 +173,7 @@ impl Surroundings {
     }
 }
 
-/// The connected pieces, over the neighbour graph, of the vertices of a unit for which something holds.
+/// Connected pieces, over the neighbour graph, of the vertices of a unit that satisfy a predicate.
 fn pieces_where(unit: &UnitGeometry, holds: impl Fn(u32) -> bool) -> Vec<Vec<u32>> {
     let n = unit.vertices.len();
     let mut seen: Vec<bool> = (0..n).map(|v| !holds(v as u32)).collect();
@@ -237,7 +238,7 @@ fn similar(geometry: &Geometry, mask: &Mask, threshold: f64) -> Mask {
         }
         let mean: Row = sums.map(|sum| (sum / count) as f32);
         let spread = selected.iter().map(|&v| distance_squared(&rows[v], &mean)).sum::<f64>() / count;
-        // A selection of equal ones finds those that equal it, whatever the rounding of the mean did.
+        // The floor absorbs rounding of the mean: a selection of equal Gaussians finds all equal ones.
         let limit = (threshold * threshold * spread).max(1e-10);
         let like: Vec<usize> =
             (0..index.len()).into_par_iter().filter(|&v| distance_squared(&rows[v], &mean) <= limit).collect();
@@ -267,7 +268,7 @@ fn attribute_of(unit: &BaseUnit, i: usize, attribute: Attribute, longest: f64) -
     let channel = match attribute {
         Attribute::Opacity => return f64::from(unit.gaussians.opacity(i)),
         Attribute::Scale => {
-            // Of the Gaussian as it lies in the scene: the unit's transform may scale it.
+            // Scale in the scene frame: the unit's transform may scale the Gaussian.
             let volume = unit.transform.determinant().abs().cbrt();
             let mean = unit.gaussians.log_scale[i].as_dvec3().element_sum() / 3.0;
             return mean.exp() * volume / longest;

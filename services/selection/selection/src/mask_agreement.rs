@@ -1,15 +1,15 @@
-//! How well a selection, or a division into clusters, agrees with a known truth.
+//! Agreement of a mask, or of a clustering, with the ground truth.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// Agreement of a predicted selection with the true one, over all Gaussians.
+/// Agreement of a mask with the ground truth, over all Gaussians.
 ///
-/// A ratio whose denominator is zero is 1 if nothing was missed or added, else 0.
+/// A ratio with a zero denominator is 1 if the masks agree, else 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Share of Gaussians on the right side.
+    /// Accuracy: share of correctly classified Gaussians.
     pub acc: f64,
     /// Matthews correlation coefficient, −1 to 1.
     pub mcc: f64,
@@ -17,14 +17,14 @@ pub struct Agreement {
     pub f1: f64,
     /// Intersection over union.
     pub iou: f64,
-    /// Share of the selected that are true.
+    /// Share of true Gaussians among the selected.
     pub precision: f64,
-    /// Share of the true that are selected.
+    /// Share of selected Gaussians among the true.
     pub recall: f64,
 }
 
 impl Agreement {
-    /// Counts over pairs of (selected, true).
+    /// Computes the measures over pairs of (selected, true).
     #[must_use]
     pub fn of(pairs: impl Iterator<Item = (bool, bool)>) -> Self {
         let (mut tp, mut fp, mut fn_, mut tn) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
@@ -50,25 +50,25 @@ impl Agreement {
     }
 }
 
-/// How well a division into clusters can carry a true division into parts, whatever is selected later.
+/// Agreement of a clustering with a true partition into parts.
 ///
-/// More clusters always raise the first three, so compare at an equal number.
+/// More clusters improve all measures, so compare at an equal number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PartitionAgreement {
-    /// Achievable segmentation accuracy: the share of elements that are right when every cluster takes the part of most
-    /// of its members (Liu et al. 2011).
+    /// Achievable segmentation accuracy (Liu et al. 2011): share of correct elements if every cluster takes the part of the
+    /// majority of its members.
     pub achievable_accuracy: f64,
-    /// The share of edges between elements of different parts whose ends lie in different clusters; 1 without such edges.
-    /// Without the usual tolerance of a few pixels: an edge counts where it is.
+    /// Share of edges between different parts that also cross a cluster boundary; 1 without such edges. There is no spatial
+    /// tolerance.
     pub boundary_recall: f64,
-    /// Under-segmentation error: Σ over parts and the clusters that meet them of min(inside, outside), over the number of
-    /// elements (Neubert and Protzel 2012). 0 is best.
+    /// Under-segmentation error (Neubert and Protzel 2012): Σ min(inside, outside) over intersecting pairs of part and
+    /// cluster, divided by the number of elements. 0 is best.
     pub under_segmentation: f64,
 }
 
 impl PartitionAgreement {
-    /// Compares clusters with parts, one entry an element; elements with a negative cluster are left out. `edges` are the
-    /// pairs of neighbours by which boundaries are judged.
+    /// Compares clusters with parts, one entry per element. Elements with a negative cluster are ignored. `edges` are the
+    /// neighbour pairs for the boundary recall.
     #[must_use]
     pub fn of(clusters: &[i32], parts: &[i32], edges: impl Iterator<Item = (u32, u32)>) -> Self {
         let mut shared: BTreeMap<(i32, i32), u64> = BTreeMap::new();
@@ -99,10 +99,10 @@ impl PartitionAgreement {
     }
 }
 
-/// The largest IoU with the truth that any union of clusters has; elements with a negative cluster count as not selected.
+/// The largest IoU of a union of clusters with the truth. Elements with a negative cluster count as unselected.
 ///
-/// The best union is a prefix of the clusters by falling share of true members: IoU is a ratio of sums in which each
-/// cluster adds its true members above and its false ones below.
+/// Each cluster adds its true members to the numerator and its false members to the denominator. So the best union is a
+/// prefix of the clusters in descending order of their share of true members.
 #[must_use]
 pub fn best_union_iou(clusters: &[i32], truth: &[bool]) -> f64 {
     let mut counts: BTreeMap<i32, (u64, u64)> = BTreeMap::new();
@@ -115,7 +115,7 @@ pub fn best_union_iou(clusters: &[i32], truth: &[bool]) -> f64 {
         }
     }
     let mut rows: Vec<(u64, u64)> = counts.into_values().collect();
-    // a/b ≥ c/d without division: exact, so that the order is a total one.
+    // Compares a/b with c/d without division: exact, so the order is total.
     rows.sort_by(|a, b| (u128::from(b.0) * u128::from(a.1)).cmp(&(u128::from(a.0) * u128::from(b.1))));
     let (mut inside, mut outside) = (0, 0);
     let mut best = if wanted == 0 { 1.0 } else { 0.0_f64 };

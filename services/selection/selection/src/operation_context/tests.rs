@@ -9,17 +9,17 @@ use sg_scene::synthetic::{point_scene, random_points, random_unit};
 /// Whether a Gaussian of this index and centre is to be found.
 type Holds = Box<dyn Fn(usize, DVec3) -> bool>;
 
-fn surroundings(scene: Scene) -> Surroundings {
-    Surroundings::new(Arc::new(scene), GeometryOptions::default())
+fn operation_context(scene: Scene) -> OperationContext {
+    OperationContext::new(Arc::new(scene), GeometryOptions::default())
 }
 
 /// Two units, one of them moved and shrunk, one with a Gaussian without a position.
-fn two_units() -> Surroundings {
+fn two_units() -> OperationContext {
     let (mut a, mut b) = (random_unit(300, 1), random_unit(200, 2));
     a.gaussians.position[7] = Vec3::NAN;
     b.transform = DMat4::from_translation(DVec3::new(1.0, 0.0, 0.0)) * DMat4::from_scale(DVec3::splat(0.5));
     b.name = "b".into();
-    surroundings(Scene::compose(vec![a, b], None))
+    operation_context(Scene::compose(vec![a, b], None))
 }
 
 fn mask_of(len: usize, indices: &[usize]) -> Mask {
@@ -28,18 +28,18 @@ fn mask_of(len: usize, indices: &[usize]) -> Mask {
     mask
 }
 
-fn done(s: &Surroundings, operation: &Operation, mask: &Mask) -> Mask {
+fn done(s: &OperationContext, operation: &Operation, mask: &Mask) -> Mask {
     operation.check().unwrap();
     let mut after = mask.clone();
     s.apply(operation, &mut after).unwrap();
     after
 }
 
-fn unit_of(s: &Surroundings, g: usize) -> usize {
+fn unit_of(s: &OperationContext, g: usize) -> usize {
     usize::from(g >= s.scene().units[1].first)
 }
 
-fn finite(s: &Surroundings, g: usize) -> Option<DVec3> {
+fn finite(s: &OperationContext, g: usize) -> Option<DVec3> {
     s.scene().position(g).filter(|p| p.is_finite())
 }
 
@@ -137,10 +137,10 @@ fn nothing_inverted_is_everything_that_has_a_place() {
 }
 
 /// A lattice of 12³ points with unit spacing.
-fn lattice() -> Surroundings {
+fn lattice() -> OperationContext {
     let points: Vec<[f32; 3]> =
         (0..12 * 12 * 12).map(|i| [(i % 12) as f32, (i / 12 % 12) as f32, (i / 144) as f32]).collect();
-    surroundings(point_scene(&points))
+    operation_context(point_scene(&points))
 }
 
 #[test]
@@ -180,7 +180,7 @@ fn what_is_alike_is_found_and_what_is_not_is_not() {
     let shading = unit.gaussians.shading.as_mut().unwrap();
     shading.normal.iter_mut().for_each(|n| *n = Vec3::Z);
     unit.gaussians.rotation.iter_mut().for_each(|q| *q = [1.0, 0.0, 0.0, 0.0]);
-    let s = surroundings(Scene::compose(vec![unit], None));
+    let s = operation_context(Scene::compose(vec![unit], None));
     let mask = mask_of(400, &[0, 2, 4, 6]);
     let combine = Combine::Add;
     let found = done(&s, &Operation::Similar { threshold: 2.0, combine }, &mask);
@@ -196,7 +196,7 @@ fn attributes_are_those_of_the_file() {
     unit.palette = Vec3::new(0.2, 0.4, 0.6);
     unit.gaussians.opacity_logit = vec![0.0, f32::NAN, -2.0];
     unit.gaussians.shading.as_mut().unwrap().offset_color[2] = Vec3::new(0.1, 0.0, 0.0);
-    let s = surroundings(Scene::compose(vec![unit], None));
+    let s = operation_context(Scene::compose(vec![unit], None));
     let range = |attribute, min, max| {
         let range = Operation::Range { attribute, min, max, combine: Combine::Replace };
         done(&s, &range, &Mask::empty(3)).ones().collect::<Vec<_>>()
@@ -209,7 +209,7 @@ fn attributes_are_those_of_the_file() {
 
 #[test]
 fn operations_on_nothing_do_nothing() {
-    let s = surroundings(point_scene(&[]));
+    let s = operation_context(point_scene(&[]));
     for operation in [
         Operation::Invert,
         Operation::Grow { distance: 0.1 },
@@ -221,6 +221,6 @@ fn operations_on_nothing_do_nothing() {
     ] {
         assert!(done(&s, &operation, &Mask::empty(0)).is_empty());
     }
-    let one = surroundings(point_scene(&random_points(1, 3)));
+    let one = operation_context(point_scene(&random_points(1, 3)));
     assert_eq!(done(&one, &Operation::Grow { distance: 1.0 }, &Mask::full(1)).count(), 1);
 }

@@ -1,12 +1,17 @@
+use super::farthest::FarthestRule;
 use super::*;
 use crate::refinement::Refiner;
 use crate::session::SelectionSession;
 use crate::strokes::{Kind, Mode};
 use glam::Vec3;
+use sg_clusters::cluster_graph::GraphForm;
 use sg_clusters::clustering::{ClusteringOptions, cluster};
 use sg_clusters::geometry::GeometryOptions;
+use sg_clusters::neighbours::{Edge, Graph};
 use sg_clusters::progress::Silent;
 use sg_scene::synthetic::{normalized, point_scene, random_points, surface_unit, vessel_and_sac};
+use sg_walk::multilevel::{Boundary, Multilevel};
+use sg_walk::{Problem, Seed, gth, solve};
 
 fn clustered(scene: &Scene, most: usize) -> (Geometry, Clustering, ClusterGraph) {
     let geometry = Geometry::of_scene(scene, GeometryOptions::default(), &Silent).unwrap();
@@ -22,14 +27,15 @@ fn the_farthest_rule_has_a_quota_in_each_component() {
     let chain = |from: u32, to: u32| (from + 1..to).map(|i| Edge { a: i - 1, b: i, length: 1.0 });
     let bridge = Edge { a: 0, b: 40, length: 100.0 };
     let graph = Graph::from_edges(60, chain(0, 40).chain(chain(40, 60)).chain([bridge]));
-    let component: Vec<u32> = (0..60).map(|i| u32::from(i >= 40)).collect();
+    let component = (0..60).map(|i| Some(u32::from(i >= 40))).collect();
+    let rule = FarthestRule { graph, component };
     let mut seeds = vec![Seed::None; 60];
     seeds[10] = Seed::Foreground;
-    assert_eq!(farthest(&graph, &component, &[true; 60], &mut seeds), 3);
+    assert_eq!(rule.seed(&[true; 60], &mut seeds), 3);
     let chosen: Vec<usize> = (0..60).filter(|&i| seeds[i] == Seed::Background).collect();
     assert_eq!(chosen, [38, 39, 59]);
     let mut none = vec![Seed::None; 60];
-    assert_eq!(farthest(&graph, &component, &[true; 60], &mut none), 0);
+    assert_eq!(rule.seed(&[true; 60], &mut none), 0);
 }
 
 #[test]
@@ -38,7 +44,7 @@ fn a_cluster_hit_by_both_brushes_goes_with_the_majority() {
     let (_, clustering, graph) = clustered(&scene, 60);
     for leak in [0.0, 0.03] {
         let options = WalkOptions { leak, ..WalkOptions::default() };
-        let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, options);
+        let space = SelectionIndex::of_clusters(&scene, &clustering, &graph, options);
         let both = (0..space.clusters()).find(|&c| space.members(c).len() >= 5).unwrap();
         let other = (0..space.clusters()).find(|&c| c != both).unwrap();
         let (m, far) = (space.members(both).to_vec(), space.members(other)[0]);
@@ -76,7 +82,7 @@ fn a_cluster_hit_by_both_brushes_goes_with_the_majority() {
 }
 
 /// Flat Gaussians on a sphere whose walks have conductances over many orders of magnitude.
-fn sharp_sphere(n: usize, sigma: f64, leak: f64) -> (Scene, SelectionSpace) {
+fn sharp_sphere(n: usize, sigma: f64, leak: f64) -> (Scene, SelectionIndex) {
     let points: Vec<(Vec3, Vec3)> = random_points(n, 8)
         .into_iter()
         .map(|p| (2.0 * Vec3::from_array(p) - Vec3::ONE).normalize())
@@ -86,7 +92,7 @@ fn sharp_sphere(n: usize, sigma: f64, leak: f64) -> (Scene, SelectionSpace) {
     let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
     let clustering = Clustering::of_labels(&geometry, vec![-1; n], None).unwrap();
     let options = WalkOptions { leak, sigma_s: sigma, sigma_f: sigma, ..WalkOptions::default() };
-    let space = SelectionSpace::of_gaussians(&scene, &geometry, &clustering, options);
+    let space = SelectionIndex::of_gaussians(&scene, &geometry, &clustering, options);
     (scene, space)
 }
 
@@ -101,12 +107,12 @@ fn what_cannot_be_iterated_is_eliminated_and_says_so() {
         };
         let (foreground, background) = (of(|x| x > 0.9), of(|x| x < -0.9));
         let walk = space.walk(foreground.into_iter(), background.into_iter()).unwrap();
-        let problem = Problem { network: &space.network, seeds: &walk.seeds, leak, leaking: None };
+        let problem = Problem { network: &space.walks.network, seeds: &walk.seeds, leak, leaking: None };
         let want = solve(&problem, &gth::Gth64, None).unwrap();
         let error = walk.solution.p.iter().zip(&want.p).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let known = Multilevel::known(&walk.seeds);
         let iterated =
-            space.multilevel.as_ref().unwrap().solve(&Boundary { known: &known, leak, leaking: None }, TOLERANCE);
+            space.walks.multilevel.as_ref().unwrap().solve(&Boundary { known: &known, leak, leaking: None }, TOLERANCE);
         println!(
             "σ × {sigma}, leak {leak}: eliminated instead {}, error {error:.1e}; the iteration: {}",
             walk.summary.eliminated_instead,
@@ -133,13 +139,13 @@ fn a_walk_on_gaussians_reaches_as_far_as_one_on_clusters_with_the_leak_of_its_st
     let stroke =
         Stroke { mode: Mode::Walk, kind: Kind::Foreground, radius: 0.02, points, pressure: Vec::new(), depth: None };
     let mut session =
-        SelectionSession::new(Arc::new(SelectionSpace::of_clusters(&scene, &clustering, &graph, options)));
+        SelectionSession::new(Arc::new(SelectionIndex::of_clusters(&scene, &clustering, &graph, options)));
     session.add_stroke(stroke.clone()).unwrap();
     // Refining a band that holds everything is the walk on all Gaussians, with the leak of their steps.
     let all = refiner.refine(&session, 10_000, 1e-4).unwrap().unwrap();
-    let space = SelectionSpace::of_gaussians(&scene, &geometry, &clustering, options);
+    let space = SelectionIndex::of_gaussians(&scene, &geometry, &clustering, options);
     let hits = space.hits(&stroke);
-    let walk = |leak| space.walk_again(&mut None, leak, hits.iter().copied(), std::iter::empty()).unwrap();
+    let walk = |leak| space.walk_incremental(&mut None, leak, hits.iter().copied(), std::iter::empty()).unwrap();
     let scaled = walk(refiner.leak(options.leak));
     let off = scaled.solution.p.iter().zip(&all.p).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let share = |selected: &dyn Fn(usize) -> bool| {

@@ -1,0 +1,236 @@
+//! A scene prepared for selections. Any number of sessions share one index.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use sg_clusters::cluster_graph::ClusterGraph;
+use sg_clusters::clustering::Clustering;
+use sg_clusters::geometry::Geometry;
+use sg_scene::model::{Scene, SceneBox};
+use sg_walk::WalkError;
+use sg_walk::elimination::Elimination;
+use sg_walk::uncertainty::ProposalQuery;
+
+use crate::brush::Brush;
+use crate::operation_context::OperationContext;
+use crate::strokes::{Mode, Stroke};
+
+mod cluster_members;
+mod farthest;
+mod walk_index;
+mod walk_options;
+
+use cluster_members::ClusterMembers;
+use walk_index::WalkIndex;
+pub use walk_index::{TOLERANCE, Walk, WalkSummary};
+pub use walk_options::{Background, WalkOptions, WalkOptionsError};
+
+/// A scene prepared for selections: brush, clusters, walk graph and operations.
+pub struct SelectionIndex {
+    bounds: SceneBox,
+    brush: Brush,
+    /// Cluster of each Gaussian.
+    labels: Arc<[Option<u32>]>,
+    clusters: ClusterMembers,
+    walks: WalkIndex,
+    operation_context: Option<OperationContext>,
+}
+
+impl std::fmt::Debug for SelectionIndex {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SelectionIndex")
+            .field("gaussians", &self.gaussians())
+            .field("nodes", &self.nodes())
+            .field("options", self.options())
+            .finish_non_exhaustive()
+    }
+}
+
+/// The labels of a clustering, with `None` in place of −1.
+fn optional(labels: &[i32]) -> Arc<[Option<u32>]> {
+    labels.iter().map(|l| u32::try_from(*l).ok()).collect()
+}
+
+impl SelectionIndex {
+    /// An index with walks on clusters.
+    #[must_use]
+    pub fn of_clusters(scene: &Scene, clustering: &Clustering, graph: &ClusterGraph, options: WalkOptions) -> Self {
+        let labels = optional(&clustering.labels);
+        Self {
+            bounds: scene.bounds,
+            brush: Brush::of_scene(scene),
+            clusters: ClusterMembers::new(&labels, clustering.clusters.len()),
+            walks: WalkIndex::of_clusters(scene, clustering, graph, Arc::clone(&labels), options),
+            labels,
+            operation_context: None,
+        }
+    }
+
+    /// An index with walks on single Gaussians. Cluster strokes still use the clusters.
+    ///
+    /// Up to 2,000 Gaussians are eliminated exactly. Above, the iteration of [`sg_walk::multilevel`] solves to
+    /// [`TOLERANCE`].
+    ///
+    /// `options.leak` is the leak ε of each *Gaussian*, unscaled. For the reach of a walk on clusters use ε·(h/H)² from
+    /// [`crate::refinement::Refiner::leak`].
+    #[must_use]
+    pub fn of_gaussians(scene: &Scene, geometry: &Geometry, clustering: &Clustering, options: WalkOptions) -> Self {
+        let labels = optional(&clustering.labels);
+        Self {
+            bounds: scene.bounds,
+            brush: Brush::of_geometry(geometry),
+            clusters: ClusterMembers::new(&labels, clustering.clusters.len()),
+            walks: WalkIndex::of_gaussians(scene, geometry, options),
+            labels,
+            operation_context: None,
+        }
+    }
+
+    /// The same index with the context that operations need.
+    #[must_use]
+    pub fn with_operation_context(self, operation_context: OperationContext) -> Self {
+        Self { operation_context: Some(operation_context), ..self }
+    }
+
+    /// The context of operations, if there is one.
+    #[must_use]
+    pub fn operation_context(&self) -> Option<&OperationContext> {
+        self.operation_context.as_ref()
+    }
+
+    /// Number of Gaussians.
+    #[must_use]
+    pub fn gaussians(&self) -> usize {
+        self.labels.len()
+    }
+
+    /// Number of clusters.
+    #[must_use]
+    pub fn clusters(&self) -> usize {
+        self.clusters.len()
+    }
+
+    /// Number of nodes of the walk graph.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.walks.len()
+    }
+
+    /// The brush.
+    #[must_use]
+    pub fn brush(&self) -> &Brush {
+        &self.brush
+    }
+
+    /// The box that normalizes strokes.
+    #[must_use]
+    pub fn bounds(&self) -> &SceneBox {
+        &self.bounds
+    }
+
+    /// Cluster of a Gaussian, if it belongs to one.
+    #[must_use]
+    pub fn cluster_of(&self, gaussian: u32) -> Option<usize> {
+        self.labels.get(gaussian as usize)?.map(|label| label as usize)
+    }
+
+    /// Members of a cluster, ascending.
+    #[must_use]
+    pub fn members(&self, cluster: usize) -> &[u32] {
+        self.clusters.get(cluster)
+    }
+
+    /// Node of a Gaussian, if it has a finite position.
+    #[must_use]
+    pub fn node_of(&self, gaussian: u32) -> Option<usize> {
+        self.walks.node_of(gaussian)
+    }
+
+    /// Base unit of a node.
+    #[must_use]
+    pub fn unit_of_node(&self, node: usize) -> usize {
+        self.walks.unit_of_node(node)
+    }
+
+    /// Gaussians under a stroke, ascending. A walk stroke that hits no Gaussian returns the nearest one.
+    #[must_use]
+    pub fn hits(&self, stroke: &Stroke) -> Vec<u32> {
+        let (samples, radius) = stroke.in_scene(&self.bounds);
+        let limit = stroke.depth_limit(&self.bounds);
+        let hits = self.brush.hits_with_depth_limit(&samples, radius, &stroke.pressure, limit);
+        if hits.is_empty() { self.hits_of_miss(stroke, &samples) } else { hits }
+    }
+
+    /// The hits of a stroke without a Gaussian in its tube: the nearest Gaussian for walks, none otherwise.
+    pub(crate) fn hits_of_miss(&self, stroke: &Stroke, samples: &[DVec3]) -> Vec<u32> {
+        match stroke.mode {
+            Mode::Walk => self.brush.nearest(samples).into_iter().collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The initial elimination of walks on clusters. `None` for other solvers than elimination in f64.
+    #[must_use]
+    pub fn elimination(&self) -> Option<&Elimination> {
+        self.walks.elimination()
+    }
+
+    /// Parameters of walks.
+    #[must_use]
+    pub fn options(&self) -> &WalkOptions {
+        self.walks.options()
+    }
+
+    /// Normalized position of a cluster's central Gaussian. A walk stroke of radius 0 there seeds the cluster.
+    ///
+    /// `None` for a cluster without Gaussians, and for walks on single Gaussians.
+    #[must_use]
+    pub fn point(&self, node: usize) -> Option<[f64; 3]> {
+        self.walks.centre(node)
+    }
+
+    /// Active nodes: those of the given base units with a Gaussian at a finite position. `units` has one entry per unit.
+    #[must_use]
+    pub fn active(&self, units: &[bool]) -> Vec<bool> {
+        self.walks.active(units)
+    }
+
+    pub(crate) fn proposal_query<'a>(&'a self, active: &'a [bool], threshold: f64) -> ProposalQuery<'a> {
+        self.walks.proposal_query(active, threshold)
+    }
+
+    /// Solves a walk from the Gaussians under the foreground brush and the background brush.
+    ///
+    /// A node under both brushes follows the majority of its hit Gaussians; at a tie it stays unseeded. The walk is
+    /// restricted to the hit base units; elsewhere p = q = 0.
+    ///
+    /// # Errors
+    /// [`WalkError`] if the solver breaks down.
+    pub fn walk(
+        &self,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> Result<Walk, WalkError> {
+        self.walk_incremental(&mut self.elimination().cloned(), self.options().leak, foreground, background)
+    }
+
+    /// Solves a walk with another leak, on an elimination that the caller keeps between walks.
+    ///
+    /// Start with [`SelectionIndex::elimination`]. Only the columns that changed since the last walk are eliminated again.
+    /// Without an elimination the solver of the index solves the walk.
+    ///
+    /// # Errors
+    /// [`WalkError`] if the leak is invalid or the solver breaks down.
+    pub fn walk_incremental(
+        &self,
+        elimination: &mut Option<Elimination>,
+        leak: f64,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> Result<Walk, WalkError> {
+        self.walks.walk(elimination, leak, foreground, background)
+    }
+}
+
+#[cfg(test)]
+mod tests;

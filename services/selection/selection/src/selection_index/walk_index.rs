@@ -1,0 +1,287 @@
+//! The graph, the solver and the seeding of walks.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+use sg_clusters::cluster_graph::{ClusterGraph, gaussian_network};
+use sg_clusters::clustering::Clustering;
+use sg_clusters::geometry::Geometry;
+use sg_clusters::neighbours::{Edge, Graph};
+use sg_scene::model::Scene;
+use sg_walk::elimination::Elimination;
+use sg_walk::multilevel::{Boundary, Multilevel, Quality};
+use sg_walk::ordering::minimum_degree;
+use sg_walk::uncertainty::ProposalQuery;
+use sg_walk::{Network, Precision, Problem, Seed, Solution, Solver, SystemSolver, WalkError, gth, solve};
+
+use super::farthest::FarthestRule;
+use super::walk_options::{Background, WalkOptions};
+
+/// Largest number of unknowns of a walk on Gaussians that is eliminated. Larger walks are iterated.
+const MAX_ELIMINATED: usize = 2000;
+
+/// Largest number of nodes of a walk that is eliminated after the iteration failed.
+const MAX_ELIMINATED_FALLBACK: usize = 20_000;
+
+/// Estimated error in p of an iterated walk on Gaussians.
+pub const TOLERANCE: f64 = 1e-3;
+
+/// Counts of one walk.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct WalkSummary {
+    /// Nodes seeded as foreground.
+    pub seeds_foreground: usize,
+    /// Nodes seeded as background by strokes.
+    pub seeds_background: usize,
+    /// Nodes under both brushes.
+    pub conflicts: usize,
+    /// Nodes with automatic background: leaking nodes, or the nodes of the farthest rule.
+    pub auto_background: usize,
+    /// Nodes of the hit base units from which no terminal is reachable.
+    pub unreached: usize,
+    /// Whether the iteration failed and the slower elimination replaced it. The log holds the reason.
+    pub eliminated_instead: bool,
+}
+
+/// A solved walk.
+#[derive(Debug, Clone)]
+pub struct Walk {
+    /// Probabilities.
+    pub solution: Solution,
+    /// Seed of each node.
+    pub seeds: Vec<Seed>,
+    /// Base units of the walk.
+    pub units: Vec<bool>,
+    /// Counts.
+    pub summary: WalkSummary,
+    /// Quality of an iterated solution. `None` for an eliminated one, which is exact up to rounding.
+    pub quality: Option<Quality>,
+}
+
+/// The graph of a scene, ready for walks. Its nodes are clusters or single Gaussians.
+pub(super) struct WalkIndex {
+    /// Node of each Gaussian. `None` for Gaussians without a finite position.
+    nodes: Arc<[Option<u32>]>,
+    /// Base unit of each node.
+    node_unit: Vec<u32>,
+    /// Number of base units.
+    units: usize,
+    pub(super) network: Arc<Network>,
+    /// Number of Gaussians of each cluster. Empty if nodes are Gaussians.
+    mass: Vec<f64>,
+    /// Normalized position of the central Gaussian of each cluster. Empty if nodes are Gaussians.
+    centres: Vec<Option<[f64; 3]>>,
+    order: Option<Vec<u32>>,
+    /// Initial elimination, for walks that are eliminated in f64.
+    elimination: Option<Elimination>,
+    /// Iterative solver, for walks on many Gaussians.
+    pub(super) multilevel: Option<Multilevel>,
+    solver: Box<dyn SystemSolver + Send + Sync>,
+    options: WalkOptions,
+    /// Present if the options ask for the farthest rule.
+    farthest: Option<FarthestRule>,
+}
+
+impl WalkIndex {
+    /// Walks on clusters. `labels` is the cluster of each Gaussian.
+    pub(super) fn of_clusters(
+        scene: &Scene,
+        clustering: &Clustering,
+        graph: &ClusterGraph,
+        labels: Arc<[Option<u32>]>,
+        options: WalkOptions,
+    ) -> Self {
+        let network = graph.network(options.sigma_s, options.sigma_f);
+        let solver = options.solver.with(options.precision);
+        let order = solver
+            .eliminates(network.len())
+            .then(|| minimum_degree(network.len(), |u| network.links(u).iter().map(|l| l.0)));
+        let farthest = (options.background == Background::Farthest).then(|| {
+            let edges = graph.units.iter().flatten().map(|l| Edge { a: l.u, b: l.v, length: l.length });
+            let component = graph.component.iter().map(|&c| (c != u32::MAX).then_some(c)).collect();
+            FarthestRule { graph: Graph::from_edges(graph.clusters, edges), component }
+        });
+        Self {
+            nodes: labels,
+            node_unit: clustering.clusters.iter().map(|c| c.unit).collect(),
+            units: scene.units.len(),
+            mass: clustering.clusters.iter().map(|c| f64::from(c.size)).collect(),
+            centres: clustering
+                .clusters
+                .iter()
+                .map(|c| scene.position(c.centre as usize).map(|p| scene.bounds.normalize(p).to_array()))
+                .collect(),
+            elimination: (options.solver == Solver::Gth && options.precision == Precision::F64)
+                .then(|| Elimination::new(&network, order.clone())),
+            network: Arc::new(network),
+            order,
+            multilevel: None,
+            solver,
+            options,
+            farthest,
+        }
+    }
+
+    /// Walks on single Gaussians.
+    pub(super) fn of_gaussians(scene: &Scene, geometry: &Geometry, options: WalkOptions) -> Self {
+        let network = Arc::new(gaussian_network(geometry, options.sigma_s, options.sigma_f));
+        let multilevel =
+            (network.len() > MAX_ELIMINATED).then(|| Multilevel::new(Arc::clone(&network), Precision::F32));
+        let n = scene.len();
+        let mut nodes = vec![None; n];
+        let mut node_unit = vec![0; n];
+        let mut component = vec![None; n];
+        let mut first = 0;
+        for (u, unit) in (0..).zip(&geometry.units) {
+            for (&g, &c) in unit.vertices.gaussian.iter().zip(&unit.component) {
+                nodes[g as usize] = Some(g);
+                node_unit[g as usize] = u;
+                component[g as usize] = Some(first + c);
+            }
+            first += unit.components as u32;
+        }
+        let farthest = (options.background == Background::Farthest).then(|| {
+            let edges = geometry.units.iter().flat_map(|unit| {
+                let index = &unit.vertices.gaussian;
+                unit.joined().edges().map(|e| Edge { a: index[e.a as usize], b: index[e.b as usize], length: e.length })
+            });
+            FarthestRule { graph: Graph::from_edges(n, edges), component }
+        });
+        Self {
+            nodes: nodes.into(),
+            node_unit,
+            units: scene.units.len(),
+            mass: Vec::new(),
+            centres: Vec::new(),
+            elimination: None,
+            network,
+            order: None,
+            multilevel,
+            solver: Box::new(gth::Gth64),
+            options,
+            farthest,
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.network.len()
+    }
+
+    pub(super) fn node_of(&self, gaussian: u32) -> Option<usize> {
+        self.nodes.get(gaussian as usize)?.map(|node| node as usize)
+    }
+
+    pub(super) fn unit_of_node(&self, node: usize) -> usize {
+        self.node_unit[node] as usize
+    }
+
+    pub(super) fn elimination(&self) -> Option<&Elimination> {
+        self.elimination.as_ref()
+    }
+
+    pub(super) fn options(&self) -> &WalkOptions {
+        &self.options
+    }
+
+    pub(super) fn centre(&self, node: usize) -> Option<[f64; 3]> {
+        self.centres.get(node).copied().flatten()
+    }
+
+    pub(super) fn active(&self, units: &[bool]) -> Vec<bool> {
+        // Labels may skip an id, so that a node may have no Gaussian. Such nodes are inactive.
+        let mut active = vec![false; self.len()];
+        for node in self.nodes.iter().flatten().map(|&node| node as usize) {
+            active[node] = units[self.unit_of_node(node)];
+        }
+        active
+    }
+
+    pub(super) fn proposal_query<'a>(&'a self, active: &'a [bool], threshold: f64) -> ProposalQuery<'a> {
+        ProposalQuery { mass: &self.mass, active, threshold }
+    }
+
+    pub(super) fn walk(
+        &self,
+        elimination: &mut Option<Elimination>,
+        leak: f64,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> Result<Walk, WalkError> {
+        let n = self.len();
+        let (mut seeds, units, mut summary) = self.seeds(foreground, background);
+        let active = self.active(&units);
+        let mut leak = leak;
+        match &self.farthest {
+            Some(rule) => {
+                leak = 0.0;
+                summary.auto_background = rule.seed(&active, &mut seeds);
+            }
+            None if leak > 0.0 => {
+                let leaks = |(node, s): (usize, &Seed)| {
+                    *s == Seed::None && active[node] && !self.network.links(node as u32).is_empty()
+                };
+                summary.auto_background = seeds.iter().enumerate().filter(|&x| leaks(x)).count();
+            }
+            None => {}
+        }
+        let problem = Problem { network: &self.network, seeds: &seeds, leak, leaking: Some(&active) };
+        let mut quality = None;
+        let solution = match (elimination, &self.multilevel) {
+            (Some(elimination), _) => elimination.solve(&seeds, leak, Some(&active))?,
+            (None, Some(multilevel)) => {
+                let known = Multilevel::known(&seeds);
+                match multilevel.solve(&Boundary { known: &known, leak, leaking: Some(&active) }, TOLERANCE) {
+                    Ok(answer) => {
+                        quality = Some(answer.quality);
+                        // The error of the iteration is far above that of the subtraction.
+                        let q = answer.p.iter().zip(&answer.reached).map(|(p, r)| if *r { 1.0 - p } else { 0.0 });
+                        Solution { q: q.collect(), p: answer.p, reached: answer.reached }
+                    }
+                    // Too ill-conditioned for the iteration, but small enough for the elimination.
+                    Err(e @ WalkError::Breakdown { .. }) if n <= MAX_ELIMINATED_FALLBACK => {
+                        tracing::warn!(nodes = n, reason = %e, "the iteration of a walk failed; the elimination replaces it");
+                        summary.eliminated_instead = true;
+                        solve(&problem, self.solver.as_ref(), None)?
+                    }
+                    Err(e) => return Err(e),
+                }
+            }
+            (None, None) => solve(&problem, self.solver.as_ref(), self.order.as_deref())?,
+        };
+        summary.unreached = (0..n).filter(|&node| active[node] && !solution.reached[node]).count();
+        Ok(Walk { solution, seeds, units, summary, quality })
+    }
+
+    /// Seeds the nodes by the majority of their hit Gaussians. Returns seeds, hit base units and counts.
+    fn seeds(
+        &self,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> (Vec<Seed>, Vec<bool>, WalkSummary) {
+        let mut count = vec![[0_u32; 2]; self.len()];
+        for node in foreground.filter_map(|g| self.node_of(g)) {
+            count[node][0] += 1;
+        }
+        for node in background.filter_map(|g| self.node_of(g)) {
+            count[node][1] += 1;
+        }
+        let mut units = vec![false; self.units];
+        let mut summary = WalkSummary::default();
+        let mut seeds = vec![Seed::None; self.len()];
+        for (node, [f, b]) in count.iter().copied().enumerate() {
+            if f + b == 0 {
+                continue;
+            }
+            units[self.unit_of_node(node)] = true;
+            summary.conflicts += usize::from(f > 0 && b > 0);
+            seeds[node] = match f.cmp(&b) {
+                std::cmp::Ordering::Greater => Seed::Foreground,
+                std::cmp::Ordering::Less => Seed::Background,
+                std::cmp::Ordering::Equal => Seed::None,
+            };
+        }
+        summary.seeds_foreground = seeds.iter().filter(|s| **s == Seed::Foreground).count();
+        summary.seeds_background = seeds.iter().filter(|s| **s == Seed::Background).count();
+        (seeds, units, summary)
+    }
+}
