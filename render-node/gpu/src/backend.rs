@@ -6,7 +6,12 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::{Drawn, Gpu, GpuError, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
+use crate::device::Gpu;
+use crate::device_class::DeviceClass;
+use crate::error::GpuError;
+use crate::renderer::Renderer;
+use crate::settings::{FrameStats, Rasterizer, Settings};
+use crate::stats::PassSeconds;
 use sg_raster::render::{Options, Rendered, render};
 use sg_raster::report::{Report, StageSeconds};
 use sg_raster::view;
@@ -33,15 +38,15 @@ const TRIAL_SIZE: u32 = 768;
 /// A scene and what draws it.
 pub struct Engine {
     scene: Scene,
-    device: Option<OnDevice>,
+    device: Option<DeviceRenderer>,
     /// Whether the cores draw where the device cannot.
     falls_back: bool,
     /// Why the cores draw although a device was there.
-    trouble: Option<GpuError>,
+    fallback_error: Option<GpuError>,
 }
 
-struct OnDevice {
-    wanted: Wanted,
+struct DeviceRenderer {
+    class: DeviceClass,
     renderer: Renderer,
     rasterizer: Rasterizer,
 }
@@ -52,24 +57,24 @@ impl Engine {
     /// # Errors
     /// [`GpuError`] where a device was asked for and none will do. With [`Backend::Auto`] the cores draw then.
     pub fn new(scene: Scene, backend: Backend, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
-        let wanted = match backend {
-            Backend::Cpu => return Ok(Self::on_cores(scene)),
-            Backend::Auto => Wanted::Hardware,
-            Backend::Gpu => Wanted::Any,
+        let class = match backend {
+            Backend::Cpu => return Ok(Self::on_cpu(scene)),
+            Backend::Auto => DeviceClass::Hardware,
+            Backend::Gpu => DeviceClass::Any,
         };
-        match OnDevice::open(wanted, &scene, rasterizer) {
+        match DeviceRenderer::open(class, &scene, rasterizer) {
             Ok(device) => {
                 let falls_back = backend == Backend::Auto;
-                Ok(Self { device: Some(device), falls_back, trouble: None, scene })
+                Ok(Self { device: Some(device), falls_back, fallback_error: None, scene })
             }
-            Err(GpuError::NoDevice { .. }) if backend == Backend::Auto => Ok(Self::on_cores(scene)),
-            Err(error) if backend == Backend::Auto => Ok(Self { trouble: Some(error), ..Self::on_cores(scene) }),
+            Err(GpuError::NoDevice { .. }) if backend == Backend::Auto => Ok(Self::on_cpu(scene)),
+            Err(error) if backend == Backend::Auto => Ok(Self { fallback_error: Some(error), ..Self::on_cpu(scene) }),
             Err(error) => Err(error),
         }
     }
 
-    fn on_cores(scene: Scene) -> Self {
-        Self { scene, device: None, falls_back: true, trouble: None }
+    fn on_cpu(scene: Scene) -> Self {
+        Self { scene, device: None, falls_back: true, fallback_error: None }
     }
 
     /// What is drawn.
@@ -127,7 +132,7 @@ impl Engine {
     fn on_device<T>(
         &mut self,
         options: Options,
-        mut work: impl FnMut(&mut OnDevice) -> Result<T, GpuError>,
+        mut work: impl FnMut(&mut DeviceRenderer) -> Result<T, GpuError>,
     ) -> Result<Option<T>, GpuError> {
         let Some(device) = self.device.as_mut().filter(|_| options.drawn_by_devices()) else { return Ok(None) };
         let outcome = match work(device) {
@@ -140,7 +145,7 @@ impl Engine {
                 if !matches!(error, GpuError::TooMany { .. }) {
                     self.device = None;
                 }
-                self.trouble = Some(error);
+                self.fallback_error = Some(error);
                 Ok(None)
             }
             Err(error) => Err(error),
@@ -148,8 +153,8 @@ impl Engine {
     }
 
     /// Why the cores have drawn in place of a device, if that is news.
-    pub fn take_trouble(&mut self) -> Option<GpuError> {
-        self.trouble.take()
+    pub fn take_fallback_error(&mut self) -> Option<GpuError> {
+        self.fallback_error.take()
     }
 
     /// The device that draws, if one does.
@@ -159,18 +164,18 @@ impl Engine {
     }
 }
 
-impl OnDevice {
-    fn open(wanted: Wanted, scene: &Scene, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
-        let mut renderer = Renderer::new(&Gpu::open(wanted)?, scene)?;
+impl DeviceRenderer {
+    fn open(class: DeviceClass, scene: &Scene, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
+        let mut renderer = Renderer::new(&Gpu::open(class)?, scene)?;
         let rasterizer = match rasterizer {
             Some(given) => given,
             None => fastest(&mut renderer, scene)?,
         };
-        Ok(Self { wanted, renderer, rasterizer })
+        Ok(Self { class, renderer, rasterizer })
     }
 
     fn reopen(&mut self, scene: &Scene) -> Result<(), GpuError> {
-        *self = Self::open(self.wanted, scene, Some(self.rasterizer))?;
+        *self = Self::open(self.class, scene, Some(self.rasterizer))?;
         Ok(())
     }
 
@@ -181,8 +186,8 @@ impl OnDevice {
     fn draw(&mut self, appearance: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, GpuError> {
         let began = Instant::now();
         let settings = self.settings(options);
-        let (mut images, drawn) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
-        let report = self.report(&drawn, began);
+        let (mut images, stats) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
+        let report = self.report(&stats, began);
         match images.pop() {
             Some(image) => Ok(Rendered { image, report }),
             None => Err(GpuError::Views("the device made no picture".to_owned())),
@@ -191,19 +196,19 @@ impl OnDevice {
 
     fn leave(&mut self, appearance: &Appearance, cameras: &[Camera], options: Options) -> Result<(), GpuError> {
         let settings = self.settings(options);
-        self.renderer.whole(cameras, appearance, settings).map(drop)
+        self.renderer.draw_complete(cameras, appearance, settings).map(drop)
     }
 
-    fn report(&self, drawn: &Drawn, began: Instant) -> Report {
-        let PassSeconds { list, project, sort, bin, blend, compose } = drawn.seconds.unwrap_or_default();
+    fn report(&self, stats: &FrameStats, began: Instant) -> Report {
+        let PassSeconds { list, project, sort, bin, blend, compose } = stats.seconds.unwrap_or_default();
         let gaussians = self.renderer.gaussians();
         let dropped_non_finite = self.renderer.dropped_non_finite();
         Report {
             gaussians,
-            drawn: drawn.listed as usize,
+            drawn: stats.listed as usize,
             dropped_non_finite,
-            culled_outside: gaussians - dropped_non_finite - drawn.listed as usize,
-            tile_pairs: drawn.tile_pairs.into(),
+            culled_outside: gaussians - dropped_non_finite - stats.listed as usize,
+            tile_pairs: stats.tile_pairs.into(),
             seconds: StageSeconds {
                 preprocess: list + project,
                 sort,

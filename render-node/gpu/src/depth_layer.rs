@@ -2,13 +2,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::device::Gpu;
+use crate::device::Gpu;
 
 /// Metres from the eye, along the axis it looks, to what a depth image stores as 0; what is nearer is stored so too.
-pub const NEAREST: f32 = 0.05;
+pub const DEPTH_NEAR: f32 = 0.05;
 
 /// Metres to what a depth image stores as 1, and what stands there where nothing is seen.
-pub const FARTHEST: f32 = 1000.0;
+pub const DEPTH_FAR: f32 = 1000.0;
 
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -21,7 +21,7 @@ struct Range {
 
 /// Puts depths of pictures onto depth images of one format.
 ///
-/// A place z metres ahead is stored as f/(f − n) · (1 − n/z) with n = [`NEAREST`] and f = [`FARTHEST`], as a perspective
+/// A place z metres ahead is stored as f/(f − n) · (1 − n/z) with n = [`DEPTH_NEAR`] and f = [`DEPTH_FAR`], as a perspective
 /// projection between those planes does. An image of another size than the depths gets the nearest pixel's.
 #[derive(Debug)]
 pub struct DepthLayer {
@@ -37,7 +37,7 @@ impl DepthLayer {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("depth layer"),
             source: wgpu::ShaderSource::Wgsl(
-                concat!(include_str!("shaders/cover.wgsl"), include_str!("shaders/depth_layer.wgsl")).into(),
+                concat!(include_str!("shaders/full_screen.wgsl"), include_str!("shaders/depth_layer.wgsl")).into(),
             ),
         });
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -80,7 +80,7 @@ impl DepthLayer {
         target: &wgpu::TextureView,
         scale: f64,
     ) {
-        let range = Range { scale: scale as f32, nearest: NEAREST, farthest: FARTHEST, spare: 0.0 };
+        let range = Range { scale: scale as f32, nearest: DEPTH_NEAR, farthest: DEPTH_FAR, spare: 0.0 };
         self.gpu.queue.write_buffer(&self.range, 0, bytemuck::bytes_of(&range));
         let view = depths.create_view(&wgpu::TextureViewDescriptor::default());
         let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

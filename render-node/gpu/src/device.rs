@@ -5,30 +5,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::GpuError;
+use crate::device_class::DeviceClass;
+use crate::error::GpuError;
 
 /// Longest wait for a device's answer. A software device compiles its shaders at their first use, which takes it seconds, and
 /// a minute on a busy machine.
-pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+pub(super) const WAIT_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// How often a waiting thread looks whether the device is done.
-const GLANCE: Duration = Duration::from_micros(200);
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
 /// Features that pictures are made faster or timed with; none is needed.
-pub const USEFUL: wgpu::Features =
+pub const OPTIONAL_FEATURES: wgpu::Features =
     wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::MULTIVIEW);
-
-/// Which devices will do.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Wanted {
-    /// A graphics card, else whatever there is.
-    #[default]
-    Any,
-    /// A graphics card.
-    Hardware,
-    /// A device made of processor cores (such as lavapipe).
-    Software,
-}
 
 /// An open device. Clones share it.
 #[derive(Clone)]
@@ -41,7 +30,7 @@ pub struct Gpu {
     fault: Arc<Mutex<Option<GpuError>>>,
     lost: Arc<AtomicBool>,
     /// Held while work is handed in, and while a surface waits until none is left.
-    handing_in: Arc<Mutex<()>>,
+    submission: Arc<Mutex<()>>,
 }
 
 impl fmt::Debug for Gpu {
@@ -65,9 +54,9 @@ impl Gpu {
     ///
     /// # Errors
     /// [`GpuError::NoDevice`] where none will do, [`GpuError::Refused`] where it cannot be opened.
-    pub fn open(wanted: Wanted) -> Result<Self, GpuError> {
-        if wanted == Wanted::Hardware && !card_may_be_present() {
-            return Err(GpuError::NoDevice { wanted });
+    pub fn open(class: DeviceClass) -> Result<Self, GpuError> {
+        if class == DeviceClass::Hardware && !card_may_be_present() {
+            return Err(GpuError::NoDevice { class });
         }
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
@@ -76,10 +65,10 @@ impl Gpu {
         let software = |a: &wgpu::Adapter| a.get_info().device_type == wgpu::DeviceType::Cpu;
         let adapter = adapters
             .into_iter()
-            .filter(|a| match wanted {
-                Wanted::Any => true,
-                Wanted::Hardware => !software(a),
-                Wanted::Software => software(a),
+            .filter(|a| match class {
+                DeviceClass::Any => true,
+                DeviceClass::Hardware => !software(a),
+                DeviceClass::Software => software(a),
             })
             .min_by_key(|a| match a.get_info().device_type {
                 wgpu::DeviceType::DiscreteGpu => 0,
@@ -88,7 +77,7 @@ impl Gpu {
                 wgpu::DeviceType::Other => 3,
                 wgpu::DeviceType::Cpu => 4,
             })
-            .ok_or(GpuError::NoDevice { wanted })?;
+            .ok_or(GpuError::NoDevice { class })?;
         Self::of_adapter(instance, adapter)
     }
 
@@ -100,7 +89,7 @@ impl Gpu {
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("supergaussian"),
-            required_features: adapter.features() & USEFUL,
+            required_features: adapter.features() & OPTIONAL_FEATURES,
             required_limits: adapter.limits(),
             ..wgpu::DeviceDescriptor::default()
         }))
@@ -108,7 +97,7 @@ impl Gpu {
         Ok(Self { origin: Some((instance, adapter)), ..Self::of_device(device, queue, info) })
     }
 
-    /// A device that was opened elsewhere, as a headset's runtime has to, with as many of [`USEFUL`] as it has and all
+    /// A device that was opened elsewhere, as a headset's runtime has to, with as many of [`OPTIONAL_FEATURES`] as it has and all
     /// its limits. It must not have been given a handler of lost devices or errors before.
     #[must_use]
     pub fn of_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
@@ -121,9 +110,9 @@ impl Gpu {
             }
         };
         let lost = Arc::new(AtomicBool::new(false));
-        let (gone, told, name) = (Arc::clone(&lost), Arc::clone(&fault), info.name.clone());
+        let (gone, signal, name) = (Arc::clone(&lost), Arc::clone(&fault), info.name.clone());
         device.set_device_lost_callback(move |_, reason| {
-            keep(&told, GpuError::Lost { device: name.clone(), reason });
+            keep(&signal, GpuError::Lost { device: name.clone(), reason });
             gone.store(true, Ordering::Release);
         });
         let (broken, name) = (Arc::clone(&fault), info.name.clone());
@@ -138,7 +127,7 @@ impl Gpu {
                 },
             );
         }));
-        Self { device, queue, info: Arc::new(info), origin: None, fault, lost, handing_in: Arc::default() }
+        Self { device, queue, info: Arc::new(info), origin: None, fault, lost, submission: Arc::default() }
     }
 
     /// Whether both are clones of one.
@@ -161,7 +150,7 @@ impl Gpu {
 
     /// Hands work in. What is handed in first is done first.
     pub fn submit(&self, commands: impl IntoIterator<Item = wgpu::CommandBuffer>) {
-        let _alone = self.alone();
+        let _guard = self.lock_submission();
         self.queue.submit(commands);
     }
 
@@ -171,23 +160,23 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::Failed`] where the surface cannot be so, [`GpuError::Lost`]: it must not be drawn to then.
     pub fn configure(&self, surface: &wgpu::Surface<'_>, config: &wgpu::SurfaceConfiguration) -> Result<(), GpuError> {
-        let alone = self.alone();
+        let guard = self.lock_submission();
         let refusals = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         surface.configure(&self.device, config);
         let refused = pollster::block_on(refusals.pop());
-        drop(alone);
+        drop(guard);
         // Who is lost says so when asked.
         let _ = self.device.poll(wgpu::PollType::Poll);
         let failed = |e: wgpu::Error| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
         match refused {
             Some(error) => Err(failed(error)),
-            None if self.is_lost() => Err(self.is_gone()),
+            None if self.is_lost() => Err(self.lost_error()),
             None => Ok(()),
         }
     }
 
-    fn alone(&self) -> MutexGuard<'_, ()> {
-        self.handing_in.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock_submission(&self) -> MutexGuard<'_, ()> {
+        self.submission.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Where data for the device is handed in; work is by [`Self::submit`].
@@ -208,12 +197,12 @@ impl Gpu {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
-    /// Gives the device up as a driver's reset would: whoever draws with it is told that it is lost.
+    /// Gives the device up as a driver's reset would: whoever draws with it is signal that it is lost.
     pub fn lose(&self) {
         self.device.destroy();
     }
 
-    /// Whether it went away, whoever has been told.
+    /// Whether it went away, whoever has been signal.
     #[must_use]
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Acquire)
@@ -230,14 +219,14 @@ impl Gpu {
         }
     }
 
-    /// Waits for all work handed in so far, at most [`PATIENCE`]. Not inside the driver: there wgpu holds a lock that who shows
+    /// Waits for all work handed in so far, at most [`WAIT_TIMEOUT`]. Not inside the driver: there wgpu holds a lock that who shows
     /// pictures on this device needs for each of them.
     pub fn wait(&self) -> Result<(), GpuError> {
         let done = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&done);
-        let alone = self.alone();
-        self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release));
-        drop(alone);
+        let signal = Arc::clone(&done);
+        let guard = self.lock_submission();
+        self.queue.on_submitted_work_done(move || signal.store(true, Ordering::Release));
+        drop(guard);
         let begun = Instant::now();
         let failed = |reason: String| GpuError::Failed { device: self.info.name.clone(), reason };
         loop {
@@ -248,16 +237,16 @@ impl Gpu {
                 return Ok(());
             }
             if self.is_lost() {
-                return Err(self.is_gone());
+                return Err(self.lost_error());
             }
-            if begun.elapsed() > PATIENCE {
-                return Err(failed(format!("no answer within {} s", PATIENCE.as_secs())));
+            if begun.elapsed() > WAIT_TIMEOUT {
+                return Err(failed(format!("no answer within {} s", WAIT_TIMEOUT.as_secs())));
             }
-            std::thread::sleep(GLANCE);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
-    fn is_gone(&self) -> GpuError {
+    fn lost_error(&self) -> GpuError {
         let reason = "nothing that was handed in will be done".to_owned();
         GpuError::Lost { device: self.info.name.clone(), reason }
     }
@@ -329,5 +318,19 @@ impl Gpu {
         let bytes = staging.get_mapped_range(..).map_err(|e| failed(&e))?.to_vec();
         staging.unmap();
         Ok(bytes)
+    }
+}
+
+/// A device for tests. Without one a test prints a message and returns, unless `SUPERGAUSSIAN_REQUIRE_GPU` is 1.
+#[cfg(test)]
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
+pub(crate) fn test_device() -> Option<Gpu> {
+    match Gpu::open(DeviceClass::Any) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => {
+            assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");
+            eprintln!("SKIPPED: {error}");
+            None
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Onto a window's surface or a headset's image: a picture's numbers stored as they are.
 
-use super::device::Gpu;
-use super::kernel::drawing;
+use crate::device::Gpu;
+use crate::pipeline::render_pipeline;
 use sg_raster::image::Image;
 
 /// Puts pictures onto targets of one format.
@@ -23,13 +23,19 @@ impl Present {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("present"),
             source: wgpu::ShaderSource::Wgsl(
-                concat!(include_str!("shaders/cover.wgsl"), include_str!("shaders/present.wgsl")).into(),
+                concat!(include_str!("shaders/full_screen.wgsl"), include_str!("shaders/present.wgsl")).into(),
             ),
         });
         let constants = [("CURVED", f64::from(u8::from(format.is_srgb())))];
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline =
-            drawing(gpu, (&module, ["cover", "present"]), &constants, triangles, format.into(), Default::default());
+        let pipeline = render_pipeline(
+            gpu,
+            (&module, ["cover", "present"]),
+            &constants,
+            triangles,
+            format.into(),
+            Default::default(),
+        );
         Self { gpu: gpu.clone(), pipeline, uploaded: None }
     }
 

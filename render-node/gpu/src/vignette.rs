@@ -3,8 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use sg_scene::camera::Camera;
 
-use super::device::Gpu;
-use super::kernel::drawing;
+use crate::device::Gpu;
+use crate::pipeline::render_pipeline;
 
 /// Tangents of the angles from straight ahead at which a whole vignette begins and ends: 20° and 40°.
 const ANGLES: [f32; 2] = [0.364, 0.839];
@@ -40,7 +40,7 @@ impl Vignette {
         // The target stays opaque.
         let target = wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR };
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline = drawing(gpu, (&module, ["cover", "darken"]), &[], triangles, target, Default::default());
+        let pipeline = render_pipeline(gpu, (&module, ["cover", "darken"]), &[], triangles, target, Default::default());
         let eyes = [0, 1].map(|_| {
             let buffer = gpu.buffer("vignette", size_of::<Uniform>() as u64, wgpu::BufferUsages::UNIFORM);
             let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

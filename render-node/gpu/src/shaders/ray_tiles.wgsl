@@ -25,7 +25,7 @@ fn meet(at: vec2<f32>, splat: u32) -> Meeting {
     let s = u * u + v * v;
     let whole = a * a + s;
     if a > 0.0 {
-        return Meeting(toward.w * (s / whole), min(across.w * (a / whole), 0.999 * FARTHEST));
+        return Meeting(toward.w * (s / whole), min(across.w * (a / whole), 0.999 * EMPTY_DEPTH));
     }
     return Meeting(toward.w, 0.0);
 }
@@ -102,7 +102,7 @@ fn blend_in_order(ray: ptr<function, Ray>, first: u32, last: u32, center: vec2<f
         }
         pour(ray, &next);
         done = deepest(&next);
-        more = done.depth < FARTHEST;
+        more = done.depth < EMPTY_DEPTH;
         rounds += last - first + 1u;
     }
     if more && (*ray).transmittance >= stop {
