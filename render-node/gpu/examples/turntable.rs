@@ -9,7 +9,7 @@ use std::path::Path;
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::{DeviceClass, Gpu, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, render};
 use sg_raster::view;
 use sg_scene::appearance::Appearance;

@@ -16,7 +16,7 @@ use glam::{DMat4, DQuat, DVec2};
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::{DeviceClass, Gpu, Renderer, Settings};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::{Options, Projection, Quality, render};
 use sg_raster::view;
 use sg_scene::appearance::Appearance;

@@ -1,4 +1,4 @@
-//! What edits change, on the device: small tables whole, masks as the words that differ.
+//! Uploads the appearance: small tables as a whole, masks as their changed words.
 
 use std::sync::Arc;
 
@@ -10,10 +10,10 @@ use sg_scene::mask::Mask;
 use crate::device::Gpu;
 use crate::shader_layout::{Edit, Side, Unit, shading_term_number};
 
-/// Unchanged words between two changed ones that are uploaded with them rather than apart.
+/// Gap of unchanged words up to which two changed ranges are uploaded as one.
 const GAP: usize = 64;
 
-/// A look on the device.
+/// The appearance on the device.
 pub(super) struct AppearanceBuffers {
     pub(super) units: wgpu::Buffer,
     pub(super) edits: wgpu::Buffer,
@@ -21,20 +21,20 @@ pub(super) struct AppearanceBuffers {
     pub(super) sides: wgpu::Buffer,
     pub(super) colors: wgpu::Buffer,
     pub(super) state: AppearanceState,
-    /// What the masks' buffer holds, slot by slot: units, then the highlight.
+    /// The masks in the buffer, slot by slot: editable units, then the highlight.
     uploaded_masks: Vec<Arc<Mask>>,
     uploaded_colors: Option<Arc<[Vec3]>>,
     table: Vec<Unit>,
     edit_table: Vec<Edit>,
     side_table: Vec<Side>,
     mask_words: usize,
-    /// Counts every time that a buffer was replaced, and what refers to it has to be bound anew.
+    /// Number of replaced buffers. A change invalidates their bind groups.
     pub(super) generation: u64,
-    /// Bytes uploaded by the newest change.
+    /// Bytes of the last update.
     pub(super) uploaded_bytes: u64,
 }
 
-/// What of a look the shaders are specialised on or told in the frame's uniform.
+/// Appearance settings in shader constants and the frame uniform.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct AppearanceState {
     pub(super) edits: u32,
@@ -68,12 +68,12 @@ impl AppearanceBuffers {
         }
     }
 
-    /// Words of 32 Gaussians in one mask.
+    /// Number of 32-bit words in one mask.
     pub(super) fn mask_words(&self) -> u32 {
         self.mask_words as u32
     }
 
-    /// Brings the device to `appearance`; what is there already is not uploaded again.
+    /// Uploads the changes from the last appearance to this one.
     pub(super) fn update(&mut self, gpu: &Gpu, scene_units: &[Unit], origin: DVec3, appearance: &Appearance) {
         self.uploaded_bytes = 0;
         let light = &appearance.light;
@@ -141,7 +141,7 @@ impl AppearanceBuffers {
             appearance.units.iter().map(|u| &u.mask).chain(appearance.overlay.iter().map(|o| &o.mask)).collect();
         let slot = 4 * self.mask_words as u64;
         if self.masks.size() < slot * masks.len() as u64 {
-            // Room for twice as many: a session makes units one after another.
+            // Twice the room: users add units one after another.
             self.masks = gpu.storage("masks", slot * 2 * masks.len() as u64);
             self.uploaded_masks.clear();
             self.generation += 1;
@@ -181,7 +181,7 @@ impl AppearanceBuffers {
     }
 }
 
-/// Writes a table, into a larger buffer where the one there is too small. Bytes written.
+/// Writes a table and replaces a buffer that is too small. Returns the bytes written.
 fn upload(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: &[u8], generation: &mut u64) -> u64 {
     if buffer.size() < bytes.len() as u64 {
         *buffer = gpu.storage(label, 2 * bytes.len() as u64);
@@ -195,7 +195,7 @@ fn clip_sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
     let mut all = Vec::new();
     for (index, clip) in appearance.clips.iter().enumerate() {
         for (k, side) in clip.sides.iter().enumerate() {
-            // Of unit length: f32 rounds products of long normals away.
+            // Unit length: f32 would round products of long normals away.
             let length = side.normal.length();
             let normal = side.normal / length;
             let offset = side.offset / length - normal.dot(origin);
@@ -209,7 +209,7 @@ fn clip_sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
     all
 }
 
-/// Ranges of words in which two masks differ, near ones joined. Words that the old one lacks differ.
+/// Ranges of words that differ between two masks, near ranges joined. Words missing in the old mask differ.
 fn changed_ranges(old: &[u64], new: &[u64]) -> Vec<std::ops::Range<usize>> {
     let mut ranges: Vec<std::ops::Range<usize>> = Vec::new();
     for (k, word) in new.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What draws a scene: all cores of this machine, or a graphics device, chosen once and kept through the device's loss.
+//! Chooses the renderer of a scene, all CPU cores or a graphics device, and recovers from the loss of the device.
 
 use std::time::Instant;
 
@@ -16,32 +16,33 @@ use sg_raster::render::{Options, Rendered, render};
 use sg_raster::report::{Report, StageSeconds};
 use sg_raster::view;
 
-/// What is to draw.
+/// Choice of the renderer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Backend {
-    /// A graphics card where there is one, else the cores: a device that is made of cores is slower than they are.
+    /// A graphics card if there is one, else the CPU: it is faster than a software device.
     #[default]
     Auto,
-    /// All cores of this machine.
+    /// All CPU cores.
     Cpu,
-    /// A graphics device of any kind.
+    /// A graphics device of any class.
     Gpu,
 }
 
-/// Pictures that each rasterizer draws when one is chosen; the last is timed, after shaders were compiled and lists grew.
+/// Number of trial pictures of each rasterizer. The last one is timed, after shader compilation and growth of the
+/// lists.
 const TRIALS: usize = 3;
 
-/// Edge of those pictures in pixels.
+/// Edge of a trial picture in pixels.
 const TRIAL_SIZE: u32 = 768;
 
-/// A scene and what draws it.
+/// A scene and its renderer.
 pub struct Engine {
     scene: Scene,
     device: Option<DeviceRenderer>,
-    /// Whether the cores draw where the device cannot.
+    /// Whether the CPU may replace the device.
     falls_back: bool,
-    /// Why the cores draw although a device was there.
+    /// The error after which the CPU replaced the device.
     fallback_error: Option<GpuError>,
 }
 
@@ -52,10 +53,11 @@ struct DeviceRenderer {
 }
 
 impl Engine {
-    /// Chooses what draws `scene`. With a device, `rasterizer` or the fastest in a trial of the scene's first view.
+    /// Chooses the renderer of `scene`. A device uses `rasterizer`, or the fastest one in a trial of the scene's
+    /// first view.
     ///
     /// # Errors
-    /// [`GpuError`] where a device was asked for and none will do. With [`Backend::Auto`] the cores draw then.
+    /// [`GpuError`] without a usable device. With [`Backend::Auto`] the CPU draws instead.
     pub fn new(scene: Scene, backend: Backend, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
         let class = match backend {
             Backend::Cpu => return Ok(Self::on_cpu(scene)),
@@ -77,13 +79,13 @@ impl Engine {
         Self { scene, device: None, falls_back: true, fallback_error: None }
     }
 
-    /// What is drawn.
+    /// The scene.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// What draws: `cpu`, or the device's name and the rasterizer.
+    /// Name of the renderer: `cpu`, or the name of the device and the rasterizer.
     #[must_use]
     pub fn name(&self) -> String {
         self.device.as_ref().map_or_else(
@@ -92,12 +94,12 @@ impl Engine {
         )
     }
 
-    /// Draws one picture. References are drawn by the cores, whatever draws the rest.
-    /// A lost device is opened again and the scene uploaded anew; where that fails, or the device has not enough room, the
-    /// cores take over if they may.
+    /// Draws one picture. The CPU always draws [`sg_raster::render::Quality::Exact`]. The engine opens a lost
+    /// device again and uploads the scene again. If this fails, or the device lacks room, the CPU draws where
+    /// allowed.
     ///
     /// # Errors
-    /// [`GpuError::Input`] for what makes no picture, the rest for a device that fails where the cores may not take over.
+    /// [`GpuError::Input`] for invalid input, other errors if the device fails and the CPU may not replace it.
     pub fn draw(
         &mut self,
         appearance: &Appearance,
@@ -111,8 +113,8 @@ impl Engine {
         }
     }
 
-    /// Draws pictures of one or two cameras, complete when this returns, and leaves them on the device, as
-    /// [`Renderer::pictures`] has them; `None` where the cores draw.
+    /// Draws complete pictures of one or two cameras and returns their textures, as [`Renderer::pictures`] does;
+    /// `None` if the CPU draws.
     ///
     /// # Errors
     /// As [`Self::draw`].
@@ -128,7 +130,7 @@ impl Engine {
         Ok(device.map(|d| (d.renderer.gpu(), d.renderer.pictures())))
     }
 
-    /// Lets the device do something, opened anew where it was lost; `None` where the cores have to.
+    /// Runs `work` on the device and reopens a lost one; `None` if the CPU has to draw.
     fn on_device<T>(
         &mut self,
         options: Options,
@@ -152,12 +154,12 @@ impl Engine {
         }
     }
 
-    /// Why the cores have drawn in place of a device, if that is news.
+    /// Takes the error after which the CPU replaced the device, once.
     pub fn take_fallback_error(&mut self) -> Option<GpuError> {
         self.fallback_error.take()
     }
 
-    /// The device that draws, if one does.
+    /// The device, if one draws.
     #[must_use]
     pub fn gpu(&self) -> Option<&Gpu> {
         self.device.as_ref().map(|d| d.renderer.gpu())
@@ -221,7 +223,7 @@ impl DeviceRenderer {
     }
 }
 
-/// The rasterizer that draws a scene's first view fastest on this device.
+/// The fastest rasterizer for a scene's first view on this device.
 ///
 /// # Errors
 /// [`GpuError`].

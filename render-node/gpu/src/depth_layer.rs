@@ -1,13 +1,13 @@
-//! Onto a headset's depth image: how far away the scene is, as its runtime understands it.
+//! Converts scene depths to the depth image of a headset.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::device::Gpu;
 
-/// Metres from the eye, along the axis it looks, to what a depth image stores as 0; what is nearer is stored so too.
+/// Near plane in metres along the viewing axis, stored as 0. Nearer depths are stored as 0 too.
 pub const DEPTH_NEAR: f32 = 0.05;
 
-/// Metres to what a depth image stores as 1, and what stands there where nothing is seen.
+/// Far plane in metres, stored as 1. Pixels without depth are stored as 1 too.
 pub const DEPTH_FAR: f32 = 1000.0;
 
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -19,10 +19,10 @@ struct Range {
     spare: f32,
 }
 
-/// Puts depths of pictures onto depth images of one format.
+/// Writes depths of pictures to depth images of one format.
 ///
-/// A place z metres ahead is stored as f/(f − n) · (1 − n/z) with n = [`DEPTH_NEAR`] and f = [`DEPTH_FAR`], as a perspective
-/// projection between those planes does. An image of another size than the depths gets the nearest pixel's.
+/// A depth of z metres is stored as f/(f − n) · (1 − n/z) with n = [`DEPTH_NEAR`] and f = [`DEPTH_FAR`]: a
+/// perspective projection. An image of another size takes the nearest pixel.
 #[derive(Debug)]
 pub struct DepthLayer {
     gpu: Gpu,
@@ -31,7 +31,7 @@ pub struct DepthLayer {
 }
 
 impl DepthLayer {
-    /// For images of `format`, one of depths.
+    /// A pass for images of `format`, a depth format.
     #[must_use]
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -71,8 +71,8 @@ impl DepthLayer {
         Self { gpu: gpu.clone(), pipeline, range }
     }
 
-    /// Has `depths` (f32, such as one of [`super::Renderer::depths`]) stored in the whole of `target`, a unit of them being
-    /// `scale` metres. Work that is handed in together has one scale.
+    /// Writes `depths` (f32, such as one of [`crate::Renderer::depths`]) to the whole of `target`. `scale` is
+    /// metres for each unit of depth. One submission has one scale.
     pub fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,

@@ -1,7 +1,7 @@
-//! A scene's columns on the device, uploaded once.
+//! Uploads a scene's columns to the device, once.
 //!
-//! What a column costs is paid only by scenes that have it: shading columns, harmonics of the degree there is. Centres are
-//! stored after the units' transforms in f64, and relative to the middle of a scene that lies far from the origin.
+//! Scenes without shading columns or harmonics pay nothing for them. The buffers store centers with the transforms
+//! of the units, computed in f64, relative to the middle of a distant scene.
 
 use glam::{DMat3, DVec3, Vec3, Vec4};
 use half::f16;
@@ -12,13 +12,13 @@ use crate::device::Gpu;
 use crate::shader_layout::{ColorSource, Part, Unit, shading_model_number};
 use sg_raster::shading::NormalTransform;
 
-/// Gaussians that are counted together when they are listed.
+/// Gaussians of one block of the list.
 pub(super) const BLOCK: usize = 1024;
 
-/// Bytes behind the last Gaussian of a column.
+/// Padding behind a column: its last element is read with the word after it.
 const PADDING: u64 = 16;
 
-/// Words of the shading columns of one Gaussian in full and in half precision.
+/// Words of the shading columns of one Gaussian, in full and in half precision.
 const SURFACE: [usize; 2] = [10, 5];
 
 /// A scene on the device.
@@ -26,7 +26,7 @@ pub(super) struct SceneBuffers {
     pub(super) parts: Vec<PartBuffers>,
     pub(super) part_table: wgpu::Buffer,
     pub(super) units: Vec<Unit>,
-    /// Added to what is stored to get a centre of the scene frame.
+    /// Origin of the stored centers in the scene frame.
     pub(super) origin: DVec3,
     pub(super) len: usize,
     pub(super) blocks: u32,
@@ -35,13 +35,13 @@ pub(super) struct SceneBuffers {
     /// −1 without harmonics.
     pub(super) degree: i32,
     pub(super) half: bool,
-    /// Gaussians with a NaN or infinite attribute, which are stored with opacity 0.
+    /// Number of Gaussians with a NaN or infinite attribute, stored with opacity 0.
     pub(super) non_finite: usize,
     /// Bytes on the device.
     pub(super) bytes: u64,
 }
 
-/// Gaussians whose columns each fit one binding.
+/// A range of Gaussians; each of its columns fits one binding.
 pub(super) struct PartBuffers {
     pub(super) part: Part,
     pub(super) uniform: wgpu::Buffer,
@@ -51,7 +51,7 @@ pub(super) struct PartBuffers {
     pub(super) harmonics: wgpu::Buffer,
 }
 
-/// What of one Gaussian goes to the device.
+/// The stored attributes of one Gaussian.
 struct Row {
     center: Vec4,
     shape: [Vec4; 2],
@@ -74,9 +74,8 @@ impl SceneBuffers {
         let surface_words = if lit { SURFACE[usize::from(half)] } else { 0 };
         let coefficients = if degree < 0 { 0 } else { 3 * ((degree + 1) * (degree + 1)) as usize };
         let harmonic_bytes = coefficients * if half { 2 } else { 4 };
-        // The largest column decides how many Gaussians share a binding; whole blocks, so that parts begin at one.
+        // The widest column limits the range of a binding. Ranges hold whole blocks.
         let widest = 32.max(4 * surface_words).max(harmonic_bytes) as u64;
-        // A word behind each column is read together with its last one.
         let most = ((gpu.largest_binding() - PADDING) / widest) as usize / BLOCK * BLOCK;
         let mut buffers = Self {
             parts: Vec::new(),
@@ -169,9 +168,8 @@ impl SceneBuffers {
     }
 }
 
-/// What centres are stored relative to: nothing where they are stored as the file has them, exactly; the middle of the
-/// finite centres (scene frame, rounded as they are) where they lie so far from the origin that f32 would lose what the file
-/// holds once the units' transforms have moved them.
+/// The origin of the stored centers. It is zero if f32 can hold the centers of the file. It is the middle of the
+/// finite centers, rounded to f32, if they lie so far from zero that f32 would lose digits.
 fn origin(scene: &Scene) -> DVec3 {
     let (low, high) = (0..scene.len())
         .into_par_iter()
@@ -245,14 +243,14 @@ impl Row {
         }
     }
 
-    /// What no pass draws.
+    /// A Gaussian that no pass draws.
     fn invisible(index: u32) -> Self {
         let shape = [Vec4::W, Vec3::ZERO.extend(f32::from_bits(index))];
         Self { center: Vec4::ZERO, shape, surface: [0.0; 10], finite: false }
     }
 }
 
-/// Coefficients of one Gaussian, filled up with zeros to the scene's degree.
+/// Harmonics of one Gaussian, padded with zeros to the scene's degree.
 fn harmonics_of(scene: &Scene, i: usize, coefficients: usize) -> Vec<f32> {
     let mut values = Vec::with_capacity(coefficients);
     if let Some((unit, local)) = scene.locate(i)

@@ -1,5 +1,5 @@
-//! Layouts that shaders share: the structures of frame.wgsl word for word, the words of the dispatch and total buffers, and
-//! the numbers of enumerations.
+//! Layouts shared with shaders: structures of frame.wgsl, words of the dispatch and total buffers, numbers of
+//! enumerations.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DMat4, DVec3, Vec4};

@@ -1,7 +1,7 @@
 //! The sort window (k-buffer) of the ray-consistent mode, generated as shader text.
 //!
-//! A layer stays in the window until the window is full. The text unrolls all slots: they may then stay in registers, and a
-//! software device counts the iterations of loops.
+//! A layer stays in the window until the window is full. The text unrolls all slots, so that they may stay in
+//! registers.
 
 /// The order of layers on one ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -14,8 +14,8 @@ pub(super) struct SortWindow {
 }
 
 impl SortWindow {
-    /// Shader text: `wait_with` inserts a layer and returns the nearest one, `keep_nearest` inserts a layer and drops the
-    /// deepest one. Of equal depths the earlier layer is the nearer one.
+    /// Shader text of the window. `wait_with` inserts a layer and returns the nearest one. `keep_nearest` inserts a
+    /// layer and drops the deepest one. Of equal depths the earlier layer is the nearer one.
     pub(super) fn source(self) -> String {
         let Self { layers, late_parts } = self;
         let slots = |text: &dyn Fn(usize) -> String| (0..layers).map(text).collect::<String>();

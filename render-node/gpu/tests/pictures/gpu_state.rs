@@ -6,7 +6,7 @@ use glam::{DMat4, DQuat, DVec3, Vec3};
 use sg_gpu::backend::{Backend, Engine};
 use sg_gpu::{DeviceClass, Gpu, GpuError, Options, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{Exact, Standard};
 use sg_raster::render::{Projection, render};
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};

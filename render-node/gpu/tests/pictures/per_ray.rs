@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, Vec3};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{self, Exact, Fast, Standard};
 use sg_raster::render::{Options, Projection, render};
 use sg_scene::appearance::Appearance;

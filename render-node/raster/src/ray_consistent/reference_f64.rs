@@ -1,6 +1,6 @@
 //! The reference of the view-consistent mode: every ray in f64, every pixel sorted by itself, ties by index.
 //!
-//! Gaussians are followed as far as in the affine reference ([`crate::exact`]), and leave out as little.
+//! Gaussians are followed as far as in the affine reference ([`crate::reference_f64`]), and leave out as little.
 
 use std::time::Instant;
 
@@ -10,10 +10,10 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use super::{Pinhole, RaySplat, splats};
-use crate::exact::{faintest, radius};
 use crate::image::Image;
 use crate::project::Ellipse;
 use crate::raster::{TilePixels, draw};
+use crate::reference_f64::{faintest, radius};
 use crate::report::{Culled, Report};
 use crate::tiles::TILE;
 
