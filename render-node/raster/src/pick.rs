@@ -109,8 +109,9 @@ pub fn hit_of(scene: &Scene, appearance: &Appearance, camera: &Camera, gaussian:
 
 /// The front surface along the half-line from `origin` in `direction` (of any length, scene frame), evaluated per ray.
 ///
-/// `spread` is the angle in radians that the ray stands for, at least 1e-6: what is thinner is widened to it, as a picture
-/// widens to the size of a pixel, of which it is √0.3. The depth of the hit is its distance from the origin.
+/// `spread` is the angle of the ray in radians, at least 1e-6. Thinner Gaussians are widened to it, as a picture
+/// widens them to the size of a pixel; it is √0.3 of that size. The depth of the hit is its distance from the
+/// origin.
 ///
 /// # Errors
 /// [`RenderError`] as for [`pick`], and where the ray has no direction.

@@ -4,8 +4,8 @@
 //! - **α below min(cut, o/ratio) is not drawn.** The second arm keeps faint Gaussians whole: a Gaussian of any opacity loses
 //!   at most 1/ratio of its mass. With a fixed cut alone a fog of o = 0.004 loses a quarter at 1/1024 and everything at
 //!   1/255.
-//! - **A row of a tile stops when all its transmittances are below `stop`**: what lies behind changes a pixel by less than
-//!   that times its brightness.
+//! - **A row of a tile stops when all its transmittances are below `stop`.** Later layers change a pixel by less
+//!   than that times their brightness.
 //!
 //! Depth keys are full f32. Positions are relative to the tile before they become f32. The ellipse is evaluated in
 //! Cholesky form ([`Ellipse`]). Within a tile |u| and |v| grow by at most 60 because of the dilation. The error of

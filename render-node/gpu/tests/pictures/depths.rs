@@ -246,7 +246,7 @@ fn a_depth_image_holds_what_a_projection_between_its_planes_would() {
     }
 }
 
-/// Whoever stands in a Gaussian has it at the near plane, not far away.
+/// A camera inside a Gaussian has it at the near plane, not far away.
 #[test]
 fn what_is_around_the_eye_is_near() {
     let Some(gpu) = device() else { return };

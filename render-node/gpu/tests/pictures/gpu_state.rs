@@ -233,7 +233,7 @@ fn a_lost_device_is_told_and_a_new_one_draws_the_same() {
     assert_eq!(before, after);
 }
 
-/// What draws outlives its device, draws the reference on the cores, and does without a device where none is asked for.
+/// The engine outlives its device, draws the reference on the CPU, and needs no device for the CPU backend.
 #[test]
 fn an_engine_opens_a_lost_device_again() {
     if device().is_none() {

@@ -63,7 +63,7 @@ pub(crate) fn bounded(scene: &Scene, appearance: &Appearance, camera: &Camera) -
     (bounded, report)
 }
 
-/// What lies along one ray.
+/// The layers of one ray.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layer {
     pub(crate) depth: f64,
