@@ -127,8 +127,8 @@ pub(crate) fn splat(index: u32, placed: &Placed, camera: &Camera) -> Option<RayS
     RaySplat::of(index, placed, &Pinhole::of(camera)).ok()
 }
 
-/// The columns of L with LLᵀ = rows·rowsᵀ + dilation·I, lower triangular, by Gram and Schmidt on the rows extended by
-/// √dilation: products of the covariance's entries would lose thin Gaussians of any length.
+/// The columns of L with LLᵀ = rows·rowsᵀ + dilation·I, lower triangular, by Gram and Schmidt on the rows extended
+/// by √dilation. Products of the covariance's entries would lose thin Gaussians.
 fn cholesky(rows: [DVec3; 3], dilation: f64) -> [[f64; 3]; 3] {
     let root = dilation.sqrt();
     let mut vectors = [(rows[0], root * DVec3::X), (rows[1], root * DVec3::Y), (rows[2], root * DVec3::Z)];
@@ -159,7 +159,7 @@ fn solve(lower: &[[f64; 3]; 3], v: DVec3) -> DVec3 {
 impl RaySplat {
     fn of(index: u32, placed: &Placed, pinhole: &Pinhole) -> Result<Self, Culled> {
         let Placed { center, rows, look, compensated } = *placed;
-        // A centre in the eye has no pixel to be as large as; whatever keeps L regular will do.
+        // A center in the eye has no pixel size: any dilation that keeps L regular works.
         let dilation = (pinhole.spread * center.length_squared()).max(f64::MIN_POSITIVE.sqrt());
         let lower = cholesky(rows, dilation);
         let u = solve(&lower, center);

@@ -96,7 +96,7 @@ pub enum RenderError {
         expected: usize,
     },
     /// A mask of another scene.
-    #[error("{what} speaks about {found} Gaussians, the scene has {expected}; make it from this scene")]
+    #[error("{what} has {found} Gaussians, the scene has {expected}; make it from this scene")]
     Mask {
         /// Which mask.
         what: String,

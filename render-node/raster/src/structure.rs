@@ -204,7 +204,7 @@ fn first_axis(points: &[DVec3]) -> DVec3 {
     if greatest < 0.0 { -axis } else { axis }
 }
 
-/// Okabe and Ito's colours without black and grey: told apart with every kind of colour vision.
+/// Okabe and Ito's colors without black and grey: distinct for every kind of color vision.
 const BASE: [[f32; 3]; 7] = [
     [0.902, 0.624, 0.0],
     [0.337, 0.706, 0.914],

@@ -49,8 +49,8 @@ pub fn default_view(scene: &Scene, width: u32, height: u32) -> Camera {
     frame(visible_box(scene), direction, up, FIELD_OF_VIEW, width, height)
 }
 
-/// The box of the finite centres with unit transforms, without the outermost half percent on each side of each axis:
-/// trained scenes have strays that would make all else tiny.
+/// The box of the finite centers with unit transforms, without the outermost half percent on each side of each
+/// axis. Trained scenes have outliers that would make everything else tiny.
 #[must_use]
 pub fn visible_box(scene: &Scene) -> SceneBox {
     let centers: Vec<DVec3> = (0..scene.len()).filter_map(|i| scene.position(i)).filter(|p| p.is_finite()).collect();

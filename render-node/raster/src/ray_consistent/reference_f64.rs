@@ -68,7 +68,7 @@ pub(crate) fn bounded(scene: &Scene, appearance: &Appearance, camera: &Camera) -
 pub(crate) struct Layer {
     pub(crate) depth: f64,
     pub(crate) alpha: f64,
-    /// Place in the list that was asked.
+    /// Index in the input list.
     pub(crate) item: u32,
 }
 
