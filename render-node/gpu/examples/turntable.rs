@@ -7,9 +7,9 @@ use std::error::Error;
 use std::path::Path;
 
 use sg_formats::load::{LoadOptions, load};
-use sg_gpu::{Gpu, Rasterizer, Renderer, Settings, Wanted};
+use sg_gpu::{DeviceClass, Gpu, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, render};
 use sg_raster::view;
 use sg_scene::appearance::Appearance;
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let exact = on_cores(Quality::Exact)?;
     let mut rows = vec![("cores, standard".to_owned(), on_cores(Quality::Standard)?)];
-    let gpu = Gpu::open(Wanted::Any)?;
+    let gpu = Gpu::open(DeviceClass::Any)?;
     let mut renderer = Renderer::new(&gpu, &scene)?;
     for rasterizer in [Rasterizer::Tiles, Rasterizer::Quads] {
         let settings = Settings { rasterizer, ..Settings::default() };

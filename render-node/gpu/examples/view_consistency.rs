@@ -14,9 +14,9 @@ use std::time::Instant;
 
 use glam::{DMat4, DQuat, DVec2};
 use sg_formats::load::{LoadOptions, load};
-use sg_gpu::{Gpu, Renderer, Settings, Wanted};
+use sg_gpu::{DeviceClass, Gpu, Renderer, Settings};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::{Options, Projection, Quality, render};
 use sg_raster::view;
 use sg_scene::appearance::Appearance;
@@ -145,7 +145,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             _ => files.push(argument),
         }
     }
-    let gpu = Gpu::open(Wanted::Any).inspect_err(|e| println!("SKIPPED on the device: {e}")).ok();
+    let gpu = Gpu::open(DeviceClass::Any).inspect_err(|e| println!("SKIPPED on the device: {e}")).ok();
     for file in &files {
         let scene = load(Path::new(file), &LoadOptions::default())?.scene;
         table(file, &scene, size, gpu.as_ref())?;

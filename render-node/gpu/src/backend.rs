@@ -1,4 +1,4 @@
-//! What draws a scene: all cores of this machine, or a graphics device, chosen once and kept through the device's loss.
+//! Chooses the renderer of a scene, all CPU cores or a graphics device, and recovers from the loss of the device.
 
 use std::time::Instant;
 
@@ -6,79 +6,86 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::{Drawn, Gpu, GpuError, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
+use crate::device::Gpu;
+use crate::device_class::DeviceClass;
+use crate::error::GpuError;
+use crate::renderer::Renderer;
+use crate::settings::{FrameStats, Rasterizer, Settings};
+use crate::stats::PassSeconds;
 use sg_raster::render::{Options, Rendered, render};
 use sg_raster::report::{Report, StageSeconds};
 use sg_raster::view;
 
-/// What is to draw.
+/// Choice of the renderer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Backend {
-    /// A graphics card where there is one, else the cores: a device that is made of cores is slower than they are.
+    /// A graphics card if there is one, else the CPU: it is faster than a software device.
     #[default]
     Auto,
-    /// All cores of this machine.
+    /// All CPU cores.
     Cpu,
-    /// A graphics device of any kind.
+    /// A graphics device of any class.
     Gpu,
 }
 
-/// Pictures that each rasterizer draws when one is chosen; the last is timed, after shaders were compiled and lists grew.
+/// Number of trial pictures of each rasterizer. The last one is timed, after shader compilation and growth of the
+/// lists.
 const TRIALS: usize = 3;
 
-/// Edge of those pictures in pixels.
+/// Edge of a trial picture in pixels.
 const TRIAL_SIZE: u32 = 768;
 
-/// A scene and what draws it.
+/// A scene and its renderer.
 pub struct Engine {
     scene: Scene,
-    device: Option<OnDevice>,
-    /// Whether the cores draw where the device cannot.
+    device: Option<DeviceRenderer>,
+    /// Whether the CPU may replace the device.
     falls_back: bool,
-    /// Why the cores draw although a device was there.
-    trouble: Option<GpuError>,
+    /// The error after which the CPU replaced the device.
+    fallback_error: Option<GpuError>,
 }
 
-struct OnDevice {
-    wanted: Wanted,
+struct DeviceRenderer {
+    class: DeviceClass,
     renderer: Renderer,
     rasterizer: Rasterizer,
 }
 
 impl Engine {
-    /// Chooses what draws `scene`. With a device, `rasterizer` or the fastest in a trial of the scene's first view.
+    /// Chooses the renderer of `scene`. A device uses `rasterizer`, or the fastest one in a trial of the scene's
+    /// first view.
     ///
     /// # Errors
-    /// [`GpuError`] where a device was asked for and none will do. With [`Backend::Auto`] the cores draw then.
+    /// [`GpuError`] without a usable device. With [`Backend::Auto`] the CPU draws instead.
     pub fn new(scene: Scene, backend: Backend, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
-        let wanted = match backend {
-            Backend::Cpu => return Ok(Self::on_cores(scene)),
-            Backend::Auto => Wanted::Hardware,
-            Backend::Gpu => Wanted::Any,
+        let class = match backend {
+            Backend::Cpu => return Ok(Self::on_cpu(scene)),
+            Backend::Auto => DeviceClass::Hardware,
+            Backend::Gpu => DeviceClass::Any,
         };
-        match OnDevice::open(wanted, &scene, rasterizer) {
+        match DeviceRenderer::open(class, &scene, rasterizer) {
             Ok(device) => {
                 let falls_back = backend == Backend::Auto;
-                Ok(Self { device: Some(device), falls_back, trouble: None, scene })
+                Ok(Self { device: Some(device), falls_back, fallback_error: None, scene })
             }
-            Err(GpuError::NoDevice { .. }) if backend == Backend::Auto => Ok(Self::on_cores(scene)),
-            Err(error) if backend == Backend::Auto => Ok(Self { trouble: Some(error), ..Self::on_cores(scene) }),
+            Err(GpuError::NoDevice { .. }) if backend == Backend::Auto => Ok(Self::on_cpu(scene)),
+            Err(error) if backend == Backend::Auto => Ok(Self { fallback_error: Some(error), ..Self::on_cpu(scene) }),
             Err(error) => Err(error),
         }
     }
 
-    fn on_cores(scene: Scene) -> Self {
-        Self { scene, device: None, falls_back: true, trouble: None }
+    fn on_cpu(scene: Scene) -> Self {
+        Self { scene, device: None, falls_back: true, fallback_error: None }
     }
 
-    /// What is drawn.
+    /// The scene.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// What draws: `cpu`, or the device's name and the rasterizer.
+    /// Name of the renderer: `cpu`, or the name of the device and the rasterizer.
     #[must_use]
     pub fn name(&self) -> String {
         self.device.as_ref().map_or_else(
@@ -87,12 +94,12 @@ impl Engine {
         )
     }
 
-    /// Draws one picture. References are drawn by the cores, whatever draws the rest.
-    /// A lost device is opened again and the scene uploaded anew; where that fails, or the device has not enough room, the
-    /// cores take over if they may.
+    /// Draws one picture. The CPU always draws [`sg_raster::render::Quality::Exact`]. The engine opens a lost
+    /// device again and uploads the scene again. If this fails, or the device lacks room, the CPU draws where
+    /// allowed.
     ///
     /// # Errors
-    /// [`GpuError::Input`] for what makes no picture, the rest for a device that fails where the cores may not take over.
+    /// [`GpuError::Input`] for invalid input, other errors if the device fails and the CPU may not replace it.
     pub fn draw(
         &mut self,
         appearance: &Appearance,
@@ -106,8 +113,8 @@ impl Engine {
         }
     }
 
-    /// Draws pictures of one or two cameras, complete when this returns, and leaves them on the device, as
-    /// [`Renderer::pictures`] has them; `None` where the cores draw.
+    /// Draws complete pictures of one or two cameras and returns their textures, as [`Renderer::pictures`] does;
+    /// `None` if the CPU draws.
     ///
     /// # Errors
     /// As [`Self::draw`].
@@ -123,11 +130,11 @@ impl Engine {
         Ok(device.map(|d| (d.renderer.gpu(), d.renderer.pictures())))
     }
 
-    /// Lets the device do something, opened anew where it was lost; `None` where the cores have to.
+    /// Runs `work` on the device and reopens a lost one; `None` if the CPU has to draw.
     fn on_device<T>(
         &mut self,
         options: Options,
-        mut work: impl FnMut(&mut OnDevice) -> Result<T, GpuError>,
+        mut work: impl FnMut(&mut DeviceRenderer) -> Result<T, GpuError>,
     ) -> Result<Option<T>, GpuError> {
         let Some(device) = self.device.as_mut().filter(|_| options.drawn_by_devices()) else { return Ok(None) };
         let outcome = match work(device) {
@@ -140,37 +147,37 @@ impl Engine {
                 if !matches!(error, GpuError::TooMany { .. }) {
                     self.device = None;
                 }
-                self.trouble = Some(error);
+                self.fallback_error = Some(error);
                 Ok(None)
             }
             Err(error) => Err(error),
         }
     }
 
-    /// Why the cores have drawn in place of a device, if that is news.
-    pub fn take_trouble(&mut self) -> Option<GpuError> {
-        self.trouble.take()
+    /// Takes the error after which the CPU replaced the device, once.
+    pub fn take_fallback_error(&mut self) -> Option<GpuError> {
+        self.fallback_error.take()
     }
 
-    /// The device that draws, if one does.
+    /// The device, if one draws.
     #[must_use]
     pub fn gpu(&self) -> Option<&Gpu> {
         self.device.as_ref().map(|d| d.renderer.gpu())
     }
 }
 
-impl OnDevice {
-    fn open(wanted: Wanted, scene: &Scene, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
-        let mut renderer = Renderer::new(&Gpu::open(wanted)?, scene)?;
+impl DeviceRenderer {
+    fn open(class: DeviceClass, scene: &Scene, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
+        let mut renderer = Renderer::new(&Gpu::open(class)?, scene)?;
         let rasterizer = match rasterizer {
             Some(given) => given,
             None => fastest(&mut renderer, scene)?,
         };
-        Ok(Self { wanted, renderer, rasterizer })
+        Ok(Self { class, renderer, rasterizer })
     }
 
     fn reopen(&mut self, scene: &Scene) -> Result<(), GpuError> {
-        *self = Self::open(self.wanted, scene, Some(self.rasterizer))?;
+        *self = Self::open(self.class, scene, Some(self.rasterizer))?;
         Ok(())
     }
 
@@ -181,8 +188,8 @@ impl OnDevice {
     fn draw(&mut self, appearance: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, GpuError> {
         let began = Instant::now();
         let settings = self.settings(options);
-        let (mut images, drawn) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
-        let report = self.report(&drawn, began);
+        let (mut images, stats) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
+        let report = self.report(&stats, began);
         match images.pop() {
             Some(image) => Ok(Rendered { image, report }),
             None => Err(GpuError::Views("the device made no picture".to_owned())),
@@ -191,19 +198,19 @@ impl OnDevice {
 
     fn leave(&mut self, appearance: &Appearance, cameras: &[Camera], options: Options) -> Result<(), GpuError> {
         let settings = self.settings(options);
-        self.renderer.whole(cameras, appearance, settings).map(drop)
+        self.renderer.draw_complete(cameras, appearance, settings).map(drop)
     }
 
-    fn report(&self, drawn: &Drawn, began: Instant) -> Report {
-        let PassSeconds { list, project, sort, bin, blend, compose } = drawn.seconds.unwrap_or_default();
+    fn report(&self, stats: &FrameStats, began: Instant) -> Report {
+        let PassSeconds { list, project, sort, bin, blend, compose } = stats.seconds.unwrap_or_default();
         let gaussians = self.renderer.gaussians();
         let dropped_non_finite = self.renderer.dropped_non_finite();
         Report {
             gaussians,
-            drawn: drawn.listed as usize,
+            drawn: stats.listed as usize,
             dropped_non_finite,
-            culled_outside: gaussians - dropped_non_finite - drawn.listed as usize,
-            tile_pairs: drawn.tile_pairs.into(),
+            culled_outside: gaussians - dropped_non_finite - stats.listed as usize,
+            tile_pairs: stats.tile_pairs.into(),
             seconds: StageSeconds {
                 preprocess: list + project,
                 sort,
@@ -216,7 +223,7 @@ impl OnDevice {
     }
 }
 
-/// The rasterizer that draws a scene's first view fastest on this device.
+/// The fastest rasterizer for a scene's first view on this device.
 ///
 /// # Errors
 /// [`GpuError`].

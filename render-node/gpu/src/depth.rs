@@ -1,166 +1,149 @@
-//! How far away what a picture shows is, for whoever asks: the depth of the front of each pixel.
+//! Optional per-pixel depth output: the depth of the front of each pixel.
 //!
-//! Tiles and rays come by all layers of a pixel from near to far and note the depth of the one that brings it to the opacity of
-//! a surface. Quadrilaterals do not know what was blended before them: they tell the mean depth of all that a pixel shows, each
-//! layer by its share, and do so in a smaller picture of its own.
+//! Tiles visit the layers of a pixel from near to far and store the depth of the layer that reaches the opacity of a surface.
+//! Quadrilaterals do not know the layers before them. They give the weighted mean depth of all layers, at a lower resolution.
 
-use super::device::Gpu;
-use super::kernel::{Kernel, drawing, module};
-use super::passes::{blended_under, surface, tiles_of};
-use super::renderer::Rasterizer;
-use super::sort::Sorting;
-use super::work::{ALL_DRAWN, Tiles, Work, group, layer, texture};
-use sg_raster::TILE;
+use crate::buffers::WorkBuffers;
+use crate::device::Gpu;
+use crate::pipeline::{BoundDraw, render_pipeline, shader_module};
+use crate::radix_sort::SortBindings;
+use crate::settings::Rasterizer;
+use crate::shader_layout::dispatch;
+use crate::shader_source::surface_source;
+use crate::textures::{front_to_back_target, layer_view, picture_texture};
 
-/// Edge in pixels of what one pixel of the depths by quadrilaterals stands for.
+/// Edge in picture pixels of one depth pixel of the quadrilaterals.
 const COARSE: u32 = 4;
 
-/// One number for each pixel.
-const DEPTHS: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
+/// Format of a depth texture.
+const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 
-/// Passes that are made when depths are first asked for.
-pub(super) struct DepthPasses {
-    /// Blends tiles and notes depths.
-    pub(super) blend: Kernel,
-    /// Blends depths by quadrilaterals, each view by itself; nothing on a device that cannot blend f32.
-    quads: Option<[wgpu::RenderPipeline; 2]>,
-    from_tiles: [wgpu::RenderPipeline; 2],
-    from_quads: [wgpu::RenderPipeline; 2],
+/// Pipelines that write the depths of tiles, one for each view.
+pub(super) struct TileDepthPasses([wgpu::RenderPipeline; 2]);
+
+/// Pipelines that blend and write the depths of quadrilaterals, one for each view.
+pub(super) struct QuadDepthPasses {
+    blend: [wgpu::RenderPipeline; 2],
+    compose: [wgpu::RenderPipeline; 2],
 }
 
-impl DepthPasses {
-    /// `quads` says whether the device blends quadrilaterals.
-    pub(super) fn new(gpu: &Gpu, quads: bool) -> Self {
-        let tiles = module(gpu, "tiles, with depths", &tiles_of(TILE as u32));
+fn compose_pipelines(gpu: &Gpu, entry: &str) -> [wgpu::RenderPipeline; 2] {
+    let compose = shader_module(gpu, "depths", &[&surface_source(), include_str!("shaders/depth.wgsl")].concat());
+    let triangles = wgpu::PrimitiveTopology::TriangleList;
+    let entries = (&compose, ["cover", entry]);
+    [0.0, 1.0].map(|view| {
+        render_pipeline(gpu, entries, &[("VIEW", view)], triangles, DEPTH_FORMAT.into(), Default::default())
+    })
+}
+
+impl TileDepthPasses {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        Self(compose_pipelines(gpu, "depth_from_tiles"))
+    }
+
+    /// Binds the fronts of the tile passes.
+    pub(super) fn bind(&self, gpu: &Gpu, frame: &wgpu::Buffer, fronts: &wgpu::Buffer, views: u32) -> DepthBindings {
+        let resources = [(0, frame.as_entire_binding()), (1, fronts.as_entire_binding())];
+        let compose = self.0.iter().take(views as usize).map(|pipeline| BoundDraw::new(gpu, pipeline, &resources));
+        DepthBindings { coarse: Vec::new(), compose: compose.collect() }
+    }
+}
+
+impl QuadDepthPasses {
+    pub(super) fn new(gpu: &Gpu) -> Self {
         let text = format!(
             "const COARSE: u32 = {COARSE}u;\n{}\n{}",
             include_str!("shaders/quads.wgsl"),
             include_str!("shaders/depth_quads.wgsl")
         );
-        let quads = quads.then(|| {
-            let shader = module(gpu, "depths of quads", &text);
-            [0.0, 1.0].map(|view| {
-                let strip = wgpu::PrimitiveTopology::TriangleStrip;
-                let entries = ["corner_depth", "blend_depth"];
-                drawing(gpu, (&shader, entries), &[("VIEW", view)], strip, blended_under(), Default::default())
-            })
+        let shader = shader_module(gpu, "depths of quads", &text);
+        let blend = [0.0, 1.0].map(|view| {
+            let strip = wgpu::PrimitiveTopology::TriangleStrip;
+            let entries = (&shader, ["corner_depth", "blend_depth"]);
+            render_pipeline(gpu, entries, &[("VIEW", view)], strip, front_to_back_target(), Default::default())
         });
-        let compose = module(gpu, "depths", &[&surface(), include_str!("shaders/depth.wgsl")].concat());
-        let composing = |entry| {
-            let triangles = wgpu::PrimitiveTopology::TriangleList;
-            let entries = (&compose, ["cover", entry]);
-            [0.0, 1.0]
-                .map(|view| drawing(gpu, entries, &[("VIEW", view)], triangles, DEPTHS.into(), Default::default()))
-        };
-        Self {
-            blend: Kernel::new(gpu, &tiles, "blend", &[("DEPTHS", 1.0)]),
-            quads,
-            from_tiles: composing("depth_from_tiles"),
-            from_quads: composing("depth_from_quads"),
-        }
-    }
-}
-
-/// The passes of one rasterizer, bound; one of each for each view.
-pub(super) struct Depths {
-    /// What quadrilaterals are blended in, and what blends them there.
-    coarse: Vec<(wgpu::TextureView, wgpu::BindGroup)>,
-    compose: Vec<wgpu::BindGroup>,
-}
-
-impl Depths {
-    /// Of what tiles noted.
-    pub(super) fn of_tiles(
-        gpu: &Gpu,
-        frame: &wgpu::Buffer,
-        (passes, tiles, views): (&DepthPasses, &Tiles, u32),
-    ) -> Self {
-        let compose = passes.from_tiles.iter().take(views as usize).map(|pipeline| {
-            group(gpu, pipeline, &[(0, frame.as_entire_binding()), (1, tiles.fronts.as_entire_binding())])
-        });
-        Self { coarse: Vec::new(), compose: compose.collect() }
+        Self { blend, compose: compose_pipelines(gpu, "depth_from_quads") }
     }
 
-    /// Of quadrilaterals.
-    pub(super) fn of_quads(
+    /// Binds the splats for a picture of `size` pixels.
+    pub(super) fn bind(
+        &self,
         gpu: &Gpu,
         frame: &wgpu::Buffer,
-        (work, order): (&Work, &Sorting),
-        passes: &DepthPasses,
-        picture: [u32; 2],
-    ) -> Self {
+        (work, order): (&WorkBuffers, &SortBindings),
+        size: [u32; 2],
+    ) -> DepthBindings {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended = texture(gpu, size_of(picture, Rasterizer::Quads), work.views, usage);
-        let pipelines = passes.quads.iter().flatten();
-        let coarse = (0..work.views)
-            .zip(pipelines)
-            .map(|(k, pipeline)| (layer(&blended, k), group(gpu, pipeline, &work.of_quads(frame, order))));
-        let compose = (0..work.views).zip(&passes.from_quads).map(|(k, pipeline)| {
-            let view = layer(&blended, k);
-            group(gpu, pipeline, &[(2, wgpu::BindingResource::TextureView(&view))])
+        let blended = picture_texture(gpu, depth_size(size, Rasterizer::Quads), work.views, usage);
+        let coarse = (0..work.views).zip(&self.blend).map(|(k, pipeline)| {
+            (layer_view(&blended, k), BoundDraw::new(gpu, pipeline, &work.quad_resources(frame, order)))
         });
-        Self { coarse: coarse.collect(), compose: compose.collect() }
+        let compose = (0..work.views).zip(&self.compose).map(|(k, pipeline)| {
+            let view = layer_view(&blended, k);
+            BoundDraw::new(gpu, pipeline, &[(2, wgpu::BindingResource::TextureView(&view))])
+        });
+        DepthBindings { coarse: coarse.collect(), compose: compose.collect() }
     }
+}
 
-    /// Puts the depths of the views that were drawn into `pictures`.
+/// The bound depth passes, one for each view.
+pub(super) struct DepthBindings {
+    /// Target and blending of quadrilaterals; empty for tiles.
+    coarse: Vec<(wgpu::TextureView, BoundDraw)>,
+    compose: Vec<BoundDraw>,
+}
+
+impl DepthBindings {
+    /// Encodes the depths of the drawn views into `pictures`.
     pub(super) fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        passes: &DepthPasses,
         dispatches: &wgpu::Buffer,
         pictures: &[wgpu::Texture],
     ) {
-        let mut draw = |view: &wgpu::TextureView, pipeline: &wgpu::RenderPipeline, group: &wgpu::BindGroup, strips| {
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("depths"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                ..wgpu::RenderPassDescriptor::default()
-            });
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
-            match strips {
-                true => pass.draw_indirect(dispatches, 4 * ALL_DRAWN),
-                false => pass.draw(0..3, 0..1),
-            }
-        };
-        for ((view, group), pipeline) in self.coarse.iter().zip(passes.quads.iter().flatten()) {
-            draw(view, pipeline, group, true);
+        for (view, blend) in &self.coarse {
+            blend.draw_indirect(&mut depth_pass(encoder, view), dispatches, dispatch::ALL_QUADS);
         }
-        let pipelines = if self.coarse.is_empty() { &passes.from_tiles } else { &passes.from_quads };
-        for ((group, pipeline), picture) in self.compose.iter().zip(pipelines).zip(pictures) {
-            draw(&picture.create_view(&wgpu::TextureViewDescriptor::default()), pipeline, group, false);
+        for (compose, picture) in self.compose.iter().zip(pictures) {
+            let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
+            compose.draw_full_screen(&mut depth_pass(encoder, &view));
         }
     }
 }
 
+fn depth_pass<'e>(encoder: &'e mut wgpu::CommandEncoder, view: &wgpu::TextureView) -> wgpu::RenderPass<'e> {
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("depths"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+        })],
+        ..wgpu::RenderPassDescriptor::default()
+    })
+}
+
 /// Width and height of the depths of a picture.
-fn size_of(picture: [u32; 2], rasterizer: Rasterizer) -> [u32; 2] {
+fn depth_size(picture: [u32; 2], rasterizer: Rasterizer) -> [u32; 2] {
     match rasterizer {
         Rasterizer::Tiles => picture,
         Rasterizer::Quads | Rasterizer::Bands => picture.map(|pixels| pixels.div_ceil(COARSE)),
     }
 }
 
-/// Textures for the depths of so many pictures, unless there are such already.
-pub(super) fn prepare(
+/// Replaces `textures` by `views` depth textures of a picture of `size` pixels, unless they fit already.
+pub(super) fn prepare_textures(
     gpu: &Gpu,
-    there: &mut Vec<wgpu::Texture>,
-    (picture, views): ([u32; 2], usize),
+    textures: &mut Vec<wgpu::Texture>,
+    (size, views): ([u32; 2], usize),
     rasterizer: Rasterizer,
 ) {
-    let size = size_of(picture, rasterizer);
-    if there.len() == views && there.iter().all(|t| [t.width(), t.height()] == size) {
+    let size = depth_size(size, rasterizer);
+    if textures.len() == views && textures.iter().all(|t| [t.width(), t.height()] == size) {
         return;
     }
     let usage =
         wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
-    *there = (0..views).map(|_| gpu.texture("depths", (size, 1), DEPTHS, usage)).collect();
+    *textures = (0..views).map(|_| gpu.texture("depths", (size, 1), DEPTH_FORMAT, usage)).collect();
 }

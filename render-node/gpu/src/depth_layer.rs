@@ -1,14 +1,14 @@
-//! Onto a headset's depth image: how far away the scene is, as its runtime understands it.
+//! Converts scene depths to the depth image of a headset.
 
 use bytemuck::{Pod, Zeroable};
 
-use super::device::Gpu;
+use crate::device::Gpu;
 
-/// Metres from the eye, along the axis it looks, to what a depth image stores as 0; what is nearer is stored so too.
-pub const NEAREST: f32 = 0.05;
+/// Near plane in metres along the viewing axis, stored as 0. Nearer depths are stored as 0 too.
+pub const DEPTH_NEAR: f32 = 0.05;
 
-/// Metres to what a depth image stores as 1, and what stands there where nothing is seen.
-pub const FARTHEST: f32 = 1000.0;
+/// Far plane in metres, stored as 1. Pixels without depth are stored as 1 too.
+pub const DEPTH_FAR: f32 = 1000.0;
 
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -19,10 +19,10 @@ struct Range {
     spare: f32,
 }
 
-/// Puts depths of pictures onto depth images of one format.
+/// Writes depths of pictures to depth images of one format.
 ///
-/// A place z metres ahead is stored as f/(f − n) · (1 − n/z) with n = [`NEAREST`] and f = [`FARTHEST`], as a perspective
-/// projection between those planes does. An image of another size than the depths gets the nearest pixel's.
+/// A depth of z metres is stored as f/(f − n) · (1 − n/z) with n = [`DEPTH_NEAR`] and f = [`DEPTH_FAR`]: a
+/// perspective projection. An image of another size takes the nearest pixel.
 #[derive(Debug)]
 pub struct DepthLayer {
     gpu: Gpu,
@@ -31,13 +31,13 @@ pub struct DepthLayer {
 }
 
 impl DepthLayer {
-    /// For images of `format`, one of depths.
+    /// A pass for images of `format`, a depth format.
     #[must_use]
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("depth layer"),
             source: wgpu::ShaderSource::Wgsl(
-                concat!(include_str!("shaders/cover.wgsl"), include_str!("shaders/depth_layer.wgsl")).into(),
+                concat!(include_str!("shaders/full_screen.wgsl"), include_str!("shaders/depth_layer.wgsl")).into(),
             ),
         });
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -71,8 +71,8 @@ impl DepthLayer {
         Self { gpu: gpu.clone(), pipeline, range }
     }
 
-    /// Has `depths` (f32, such as one of [`super::Renderer::depths`]) stored in the whole of `target`, a unit of them being
-    /// `scale` metres. Work that is handed in together has one scale.
+    /// Writes `depths` (f32, such as one of [`crate::Renderer::depths`]) to the whole of `target`. `scale` is
+    /// metres for each unit of depth. One submission has one scale.
     pub fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -80,7 +80,7 @@ impl DepthLayer {
         target: &wgpu::TextureView,
         scale: f64,
     ) {
-        let range = Range { scale: scale as f32, nearest: NEAREST, farthest: FARTHEST, spare: 0.0 };
+        let range = Range { scale: scale as f32, nearest: DEPTH_NEAR, farthest: DEPTH_FAR, spare: 0.0 };
         self.gpu.queue.write_buffer(&self.range, 0, bytemuck::bytes_of(&range));
         let view = depths.create_view(&wgpu::TextureViewDescriptor::default());
         let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -1,34 +1,23 @@
-//! A graphics device: which one, what it allows, and whether it is still there.
+//! Opens a graphics device, waits for it, and reports its errors.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::GpuError;
+use crate::device_class::DeviceClass;
+use crate::error::GpuError;
 
-/// Longest wait for a device's answer. A software device compiles its shaders at their first use, which takes it seconds, and
-/// a minute on a busy machine.
-pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+/// Timeout of a wait. A software device compiles its shaders at their first use, for up to a minute on a busy
+/// machine.
+pub(super) const WAIT_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// How often a waiting thread looks whether the device is done.
-const GLANCE: Duration = Duration::from_micros(200);
+/// Interval between two polls of a waiting thread.
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
-/// Features that pictures are made faster or timed with; none is needed.
-pub const USEFUL: wgpu::Features =
+/// Optional features: they make pictures faster, or time them.
+pub const OPTIONAL_FEATURES: wgpu::Features =
     wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::MULTIVIEW);
-
-/// Which devices will do.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Wanted {
-    /// A graphics card, else whatever there is.
-    #[default]
-    Any,
-    /// A graphics card.
-    Hardware,
-    /// A device made of processor cores (such as lavapipe).
-    Software,
-}
 
 /// An open device. Clones share it.
 #[derive(Clone)]
@@ -36,12 +25,12 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     info: Arc<wgpu::AdapterInfo>,
-    /// Where it comes from, unless it was opened elsewhere.
+    /// `None` for a device opened elsewhere.
     origin: Option<(wgpu::Instance, wgpu::Adapter)>,
     fault: Arc<Mutex<Option<GpuError>>>,
     lost: Arc<AtomicBool>,
-    /// Held while work is handed in, and while a surface waits until none is left.
-    handing_in: Arc<Mutex<()>>,
+    /// Locked during a submission, and while a surface waits for the end of all work.
+    submission: Arc<Mutex<()>>,
 }
 
 impl fmt::Debug for Gpu {
@@ -50,8 +39,8 @@ impl fmt::Debug for Gpu {
     }
 }
 
-/// Whether the system shows anything that a driver of a graphics card could use. Loading every Vulkan driver to learn that
-/// there is none takes a third of a second, which a restarted view does not have.
+/// Whether the system lists any device node of a graphics card. Loading every Vulkan driver takes a third of a
+/// second, too long for a restarted view.
 fn card_may_be_present() -> bool {
     let shown = |folder: &str, begins: &str| {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -64,10 +53,10 @@ impl Gpu {
     /// Opens a device through Vulkan.
     ///
     /// # Errors
-    /// [`GpuError::NoDevice`] where none will do, [`GpuError::Refused`] where it cannot be opened.
-    pub fn open(wanted: Wanted) -> Result<Self, GpuError> {
-        if wanted == Wanted::Hardware && !card_may_be_present() {
-            return Err(GpuError::NoDevice { wanted });
+    /// [`GpuError::NoDevice`] without a device of this class, [`GpuError::Refused`] if the driver does not open it.
+    pub fn open(class: DeviceClass) -> Result<Self, GpuError> {
+        if class == DeviceClass::Hardware && !card_may_be_present() {
+            return Err(GpuError::NoDevice { class });
         }
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
@@ -76,10 +65,10 @@ impl Gpu {
         let software = |a: &wgpu::Adapter| a.get_info().device_type == wgpu::DeviceType::Cpu;
         let adapter = adapters
             .into_iter()
-            .filter(|a| match wanted {
-                Wanted::Any => true,
-                Wanted::Hardware => !software(a),
-                Wanted::Software => software(a),
+            .filter(|a| match class {
+                DeviceClass::Any => true,
+                DeviceClass::Hardware => !software(a),
+                DeviceClass::Software => software(a),
             })
             .min_by_key(|a| match a.get_info().device_type {
                 wgpu::DeviceType::DiscreteGpu => 0,
@@ -88,19 +77,19 @@ impl Gpu {
                 wgpu::DeviceType::Other => 3,
                 wgpu::DeviceType::Cpu => 4,
             })
-            .ok_or(GpuError::NoDevice { wanted })?;
+            .ok_or(GpuError::NoDevice { class })?;
         Self::of_adapter(instance, adapter)
     }
 
-    /// Opens the device of an instance's adapter that was chosen elsewhere, as a window does that has to be shown by it.
+    /// Opens the device of a chosen adapter, for example the one that can present to a window.
     ///
     /// # Errors
-    /// [`GpuError::Refused`] where it cannot be opened.
+    /// [`GpuError::Refused`] if the driver does not open it.
     pub fn of_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Self, GpuError> {
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("supergaussian"),
-            required_features: adapter.features() & USEFUL,
+            required_features: adapter.features() & OPTIONAL_FEATURES,
             required_limits: adapter.limits(),
             ..wgpu::DeviceDescriptor::default()
         }))
@@ -108,23 +97,23 @@ impl Gpu {
         Ok(Self { origin: Some((instance, adapter)), ..Self::of_device(device, queue, info) })
     }
 
-    /// A device that was opened elsewhere, as a headset's runtime has to, with as many of [`USEFUL`] as it has and all
-    /// its limits. It must not have been given a handler of lost devices or errors before.
+    /// Wraps a device that another library opened, for example a headset's runtime. It needs all its limits and
+    /// should have all supported [`OPTIONAL_FEATURES`]. It must have no handlers of lost devices or errors yet.
     #[must_use]
     pub fn of_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
         let fault = Arc::new(Mutex::new(None));
         let keep = |fault: &Arc<Mutex<Option<GpuError>>>, error: GpuError| {
             let mut kept = fault.lock().unwrap_or_else(PoisonError::into_inner);
-            // What broke first is the cause; a lost device outranks what followed from it.
+            // The first error is the cause. A lost device outranks its consequences.
             if kept.is_none() || matches!(error, GpuError::Lost { .. }) {
                 *kept = Some(error);
             }
         };
         let lost = Arc::new(AtomicBool::new(false));
-        let (gone, told, name) = (Arc::clone(&lost), Arc::clone(&fault), info.name.clone());
+        let (lost_flag, faults, name) = (Arc::clone(&lost), Arc::clone(&fault), info.name.clone());
         device.set_device_lost_callback(move |_, reason| {
-            keep(&told, GpuError::Lost { device: name.clone(), reason });
-            gone.store(true, Ordering::Release);
+            keep(&faults, GpuError::Lost { device: name.clone(), reason });
+            lost_flag.store(true, Ordering::Release);
         });
         let (broken, name) = (Arc::clone(&fault), info.name.clone());
         device.on_uncaptured_error(Arc::new(move |error| {
@@ -138,88 +127,89 @@ impl Gpu {
                 },
             );
         }));
-        Self { device, queue, info: Arc::new(info), origin: None, fault, lost, handing_in: Arc::default() }
+        Self { device, queue, info: Arc::new(info), origin: None, fault, lost, submission: Arc::default() }
     }
 
-    /// Whether both are clones of one.
+    /// Whether both are clones of one device.
     #[must_use]
     pub fn is(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.fault, &other.fault)
     }
 
-    /// The instance and the adapter that it was opened from, by which it can show things: `None` for [`Self::of_device`].
+    /// Instance and adapter of the device, needed to present; `None` for [`Self::of_device`].
     #[must_use]
     pub fn origin(&self) -> Option<&(wgpu::Instance, wgpu::Adapter)> {
         self.origin.as_ref()
     }
 
-    /// The device itself, for whoever draws beside the renderer.
+    /// The wgpu device, for additional passes.
     #[must_use]
     pub fn device(&self) -> &wgpu::Device {
         &self.device
     }
 
-    /// Hands work in. What is handed in first is done first.
+    /// Submits work. The device runs submissions in order.
     pub fn submit(&self, commands: impl IntoIterator<Item = wgpu::CommandBuffer>) {
-        let _alone = self.alone();
+        let _guard = self.lock_submission();
         self.queue.submit(commands);
     }
 
-    /// Makes a surface of this device's instance anew, once all work is done: nobody can hand in more meanwhile, which wgpu
-    /// takes for a failure.
+    /// Configures a surface of this device's instance again, after the end of all work. The lock keeps other
+    /// submissions away: wgpu would report them as an error.
     ///
     /// # Errors
-    /// [`GpuError::Failed`] where the surface cannot be so, [`GpuError::Lost`]: it must not be drawn to then.
+    /// [`GpuError::Failed`] for an unsupported configuration, [`GpuError::Lost`] for a lost device. Do not draw to
+    /// the surface after an error.
     pub fn configure(&self, surface: &wgpu::Surface<'_>, config: &wgpu::SurfaceConfiguration) -> Result<(), GpuError> {
-        let alone = self.alone();
+        let guard = self.lock_submission();
         let refusals = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         surface.configure(&self.device, config);
         let refused = pollster::block_on(refusals.pop());
-        drop(alone);
-        // Who is lost says so when asked.
+        drop(guard);
+        // A poll reports a lost device.
         let _ = self.device.poll(wgpu::PollType::Poll);
         let failed = |e: wgpu::Error| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
         match refused {
             Some(error) => Err(failed(error)),
-            None if self.is_lost() => Err(self.is_gone()),
+            None if self.is_lost() => Err(self.lost_error()),
             None => Ok(()),
         }
     }
 
-    fn alone(&self) -> MutexGuard<'_, ()> {
-        self.handing_in.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock_submission(&self) -> MutexGuard<'_, ()> {
+        self.submission.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Where data for the device is handed in; work is by [`Self::submit`].
+    /// The wgpu queue, for uploads. Submit work with [`Self::submit`].
     #[must_use]
     pub fn queue(&self) -> &wgpu::Queue {
         &self.queue
     }
 
-    /// The device's own name.
+    /// Name of the device.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.info.name
     }
 
-    /// Whether the device is made of processor cores.
+    /// Whether the device is a software device.
     #[must_use]
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
-    /// Gives the device up as a driver's reset would: whoever draws with it is told that it is lost.
+    /// Destroys the device as a driver's reset would. Every user of it gets [`GpuError::Lost`].
     pub fn lose(&self) {
         self.device.destroy();
     }
 
-    /// Whether it went away, whoever has been told.
+    /// Whether the device is lost.
     #[must_use]
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Acquire)
     }
 
-    /// What broke since this was last asked.
+    /// Returns the first error since the last call.
     ///
     /// # Errors
     /// [`GpuError::Lost`], [`GpuError::Memory`] or [`GpuError::Failed`], each once.
@@ -230,14 +220,14 @@ impl Gpu {
         }
     }
 
-    /// Waits for all work handed in so far, at most [`PATIENCE`]. Not inside the driver: there wgpu holds a lock that who shows
-    /// pictures on this device needs for each of them.
+    /// Waits for all submitted work, at most [`WAIT_TIMEOUT`]. It polls, because a wait inside the driver holds a
+    /// wgpu lock that presentation on this device needs.
     pub fn wait(&self) -> Result<(), GpuError> {
         let done = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&done);
-        let alone = self.alone();
-        self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release));
-        drop(alone);
+        let signal = Arc::clone(&done);
+        let guard = self.lock_submission();
+        self.queue.on_submitted_work_done(move || signal.store(true, Ordering::Release));
+        drop(guard);
         let begun = Instant::now();
         let failed = |reason: String| GpuError::Failed { device: self.info.name.clone(), reason };
         loop {
@@ -248,21 +238,21 @@ impl Gpu {
                 return Ok(());
             }
             if self.is_lost() {
-                return Err(self.is_gone());
+                return Err(self.lost_error());
             }
-            if begun.elapsed() > PATIENCE {
-                return Err(failed(format!("no answer within {} s", PATIENCE.as_secs())));
+            if begun.elapsed() > WAIT_TIMEOUT {
+                return Err(failed(format!("no answer within {} s", WAIT_TIMEOUT.as_secs())));
             }
-            std::thread::sleep(GLANCE);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
-    fn is_gone(&self) -> GpuError {
+    fn lost_error(&self) -> GpuError {
         let reason = "nothing that was handed in will be done".to_owned();
         GpuError::Lost { device: self.info.name.clone(), reason }
     }
 
-    /// Most bytes of one buffer that a shader can reach.
+    /// Limit of the bytes of a storage binding.
     pub(super) fn largest_binding(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
@@ -272,7 +262,7 @@ impl Gpu {
         self.device.features().contains(feature)
     }
 
-    /// A buffer that shaders read and write; never of no length, so that it can always be bound.
+    /// A storage buffer. It has a minimum length, so that it can always be bound.
     pub(super) fn storage(&self, label: &str, bytes: u64) -> wgpu::Buffer {
         self.buffer(label, bytes, wgpu::BufferUsages::STORAGE)
     }
@@ -286,7 +276,7 @@ impl Gpu {
         })
     }
 
-    /// A texture of two dimensions without smaller copies of itself.
+    /// A two-dimensional texture without mipmaps.
     pub fn texture(
         &self,
         label: &str,
@@ -306,7 +296,7 @@ impl Gpu {
         })
     }
 
-    /// The bytes of buffers once all work handed in so far is done. Not for the loop that draws.
+    /// Reads a buffer back. Waits for all submitted work.
     #[cfg(test)]
     pub(super) fn read(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
         let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
@@ -321,7 +311,7 @@ impl Gpu {
         self.mapped(&staging)
     }
 
-    /// The bytes of a buffer that can be mapped, once all work handed in so far is done.
+    /// Reads a mappable buffer. Waits for all submitted work.
     pub(super) fn mapped(&self, staging: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
         staging.map_async(wgpu::MapMode::Read, .., |_| ());
         self.wait()?;
@@ -329,5 +319,19 @@ impl Gpu {
         let bytes = staging.get_mapped_range(..).map_err(|e| failed(&e))?.to_vec();
         staging.unmap();
         Ok(bytes)
+    }
+}
+
+/// A device for tests. Without one a test prints a message and returns, unless `SUPERGAUSSIAN_REQUIRE_GPU` is 1.
+#[cfg(test)]
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
+pub(crate) fn test_device() -> Option<Gpu> {
+    match Gpu::open(DeviceClass::Any) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => {
+            assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");
+            eprintln!("SKIPPED: {error}");
+            None
+        }
     }
 }

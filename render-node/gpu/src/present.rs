@@ -1,40 +1,46 @@
-//! Onto a window's surface or a headset's image: a picture's numbers stored as they are.
+//! Copies a picture onto a window's surface or a headset's image, its numbers unchanged.
 
-use super::device::Gpu;
-use super::kernel::drawing;
+use crate::device::Gpu;
+use crate::pipeline::render_pipeline;
 use sg_raster::image::Image;
 
-/// Puts pictures onto targets of one format.
+/// Copies pictures onto targets of one format.
 ///
-/// A picture is stored as round(255·clamp), as its PNG is: a target of an sRGB format gets the inverse curve first. The
-/// target is opaque. Where picture and area differ in size, pixels are interpolated.
+/// The target stores round(255·clamp), as a PNG does; for sRGB formats the pass applies the inverse curve first.
+/// The target is opaque. Pictures of another size are interpolated.
 #[derive(Debug)]
 pub struct Present {
     gpu: Gpu,
     pipeline: wgpu::RenderPipeline,
-    /// What the newest picture from the CPU was uploaded to.
+    /// The last uploaded CPU picture.
     uploaded: Option<wgpu::Texture>,
 }
 
 impl Present {
-    /// For targets of `format`, one that can be drawn to.
+    /// A presenter for targets of `format`, a renderable format.
     #[must_use]
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("present"),
             source: wgpu::ShaderSource::Wgsl(
-                concat!(include_str!("shaders/cover.wgsl"), include_str!("shaders/present.wgsl")).into(),
+                concat!(include_str!("shaders/full_screen.wgsl"), include_str!("shaders/present.wgsl")).into(),
             ),
         });
         let constants = [("CURVED", f64::from(u8::from(format.is_srgb())))];
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline =
-            drawing(gpu, (&module, ["cover", "present"]), &constants, triangles, format.into(), Default::default());
+        let pipeline = render_pipeline(
+            gpu,
+            (&module, ["cover", "present"]),
+            &constants,
+            triangles,
+            format.into(),
+            Default::default(),
+        );
         Self { gpu: gpu.clone(), pipeline, uploaded: None }
     }
 
-    /// Has `picture` (f32 RGBA, such as one of [`super::Renderer::pictures`]) drawn to `area` of `target`: left, top, width
-    /// and height in pixels, which must lie within it. `load` says what becomes of the rest.
+    /// Draws `picture` (f32 RGBA, such as one of [`crate::Renderer::pictures`]) to `area` of `target`: left, top,
+    /// width and height in pixels, inside the target. `load` applies to the other pixels.
     pub fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -68,8 +74,8 @@ impl Present {
         }
     }
 
-    /// Uploads a picture that was drawn on the CPU and gives it as a texture for [`Self::encode`], which holds it until the
-    /// next call. An image without pixels, or with fewer than its size says, is one transparent pixel.
+    /// Uploads a CPU picture as a texture for [`Self::encode`], valid until the next call. An invalid or empty
+    /// image becomes one transparent pixel.
     pub fn upload(&mut self, image: &Image) -> wgpu::Texture {
         let whole = image.rgba.len() as u64 == 4 * u64::from(image.width) * u64::from(image.height);
         let empty = [0.0; 4];

@@ -1,12 +1,12 @@
-//! The vignette over an eye's picture while the scene moves.
+//! A vignette over an eye's picture while the scene moves.
 
 use bytemuck::{Pod, Zeroable};
 use sg_scene::camera::Camera;
 
-use super::device::Gpu;
-use super::kernel::drawing;
+use crate::device::Gpu;
+use crate::pipeline::render_pipeline;
 
-/// Tangents of the angles from straight ahead at which a whole vignette begins and ends: 20° and 40°.
+/// Tangents of the inner and outer angle of the vignette from straight ahead: 20° and 40°.
 const ANGLES: [f32; 2] = [0.364, 0.839];
 
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
@@ -29,7 +29,7 @@ pub struct Vignette {
 }
 
 impl Vignette {
-    /// For targets of `format`, one that can be blended.
+    /// A vignette for targets of `format`, a blendable format.
     #[must_use]
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -40,7 +40,7 @@ impl Vignette {
         // The target stays opaque.
         let target = wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR };
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline = drawing(gpu, (&module, ["cover", "darken"]), &[], triangles, target, Default::default());
+        let pipeline = render_pipeline(gpu, (&module, ["cover", "darken"]), &[], triangles, target, Default::default());
         let eyes = [0, 1].map(|_| {
             let buffer = gpu.buffer("vignette", size_of::<Uniform>() as u64, wgpu::BufferUsages::UNIFORM);
             let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -53,9 +53,8 @@ impl Vignette {
         Self { gpu: gpu.clone(), pipeline, eyes }
     }
 
-    /// Has the edges of `target` darkened, which `camera`'s picture fills: by `strength`, 0 to 1, from 20° to 40° off where the
-    /// eye looks straight ahead. Nothing is done at 0. `right` says which eye it is; each may be encoded once for each time
-    /// that work is handed in.
+    /// Darkens the edges of `target`, a full picture of `camera`, by `strength` from 0 to 1, between 20° and 40°
+    /// from straight ahead. Does nothing at 0. `right` selects the eye. Encode each eye once for each submission.
     pub fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::{Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::{Options, Projection, Quality, render};
 use sg_raster::view;
 use sg_scene::appearance::Appearance;

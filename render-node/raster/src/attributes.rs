@@ -9,7 +9,7 @@ use sg_scene::model::{BaseUnit, Scene};
 use crate::color_map::ColorMap;
 use crate::shading::NormalTransform;
 
-/// What is shown of a Gaussian.
+/// The attribute to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Attribute {
     /// Geometric mean of its three standard deviations, in the scene's length unit, on a logarithmic legend.

@@ -1,4 +1,4 @@
-//! Order by depth.
+//! The order by depth.
 
 /// Indices of `depths` from near to far, ties by index: a stable radix sort of the full 32 bits.
 ///

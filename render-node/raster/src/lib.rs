@@ -1,33 +1,49 @@
-//! Splatting on cores: projection, shading, rasterizers, picking, images and their error.
+//! Gaussian splatting on the CPU: projection, shading, rasterizers, picking, images and their error.
 //!
-//! [`render::render`] draws one picture of a scene. Every Gaussian is shaded ([`shading`]) and projected once in
-//! f64; `exact` then blends in f64 and is the reference, `standard` and `fast` blend in f32 with cut-offs of known error.
-//! [`render::Projection::PerRay`] is the same for a head that turns. [`metrics`] says how far a picture is from the reference,
-//! [`view`] where to look from, [`pick`] what is in front.
+//! [`render::render`] draws one picture of a scene. [`shading`] and projection run once for each Gaussian, in f64. The reference
+//! quality blends in f64. The other qualities blend in f32 with cut-offs of known error. [`render::Projection::PerRay`] keeps
+//! pictures consistent while a camera turns.
 //!
-//! What a Gaussian is like or belongs to can be shown in place of its shading: [`structure`] colours clusters, [`attributes`]
-//! maps numbers and directions, [`outline`] draws lines where the cluster in front changes.
+//! [`image_error`] compares a picture with a reference, [`view`] chooses cameras, [`pick`] finds the front Gaussian.
+//! [`structure`] colors clusters, [`attributes`] maps numbers and directions to colors, [`outline`] draws cluster boundaries.
+//!
+//! ```
+//! use sg_raster::image_error::Difference;
+//! use sg_raster::render::{Quality, render};
+//! use sg_raster::view;
+//! use sg_scene::appearance::Appearance;
+//! use sg_scene::synthetic::test_scene;
+//!
+//! let scene = test_scene(&[("vessel", 200)]);
+//! let appearance = Appearance::of(&scene);
+//! let camera = view::default_view(&scene, 64, 64);
+//! let reference = render(&scene, &appearance, &camera, Quality::Exact)?;
+//! let picture = render(&scene, &appearance, &camera, Quality::Standard)?;
+//! let error = Difference::between(&picture.image, &reference.image)?;
+//! assert!(error.psnr_db >= 50.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod attributes;
 pub mod color_map;
 mod depth;
-mod exact;
 pub mod harmonics;
 pub mod image;
-pub mod metrics;
+pub mod image_error;
 pub mod outline;
-mod per_ray;
 pub mod pick;
 mod project;
 mod raster;
+mod ray_consistent;
+mod reference_f64;
 pub mod render;
 pub mod report;
 pub mod shading;
-mod standard;
+mod splat_f32;
 pub mod structure;
 mod tiles;
 pub mod view;
 
 pub use project::{DILATION, NEAR};
-pub use standard::Limits;
+pub use splat_f32::Limits;
 pub use tiles::TILE;

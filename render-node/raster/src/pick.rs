@@ -1,8 +1,7 @@
-//! What is in front: the Gaussian at a pixel or along a ray, and at every pixel of a picture.
+//! Picking: the front Gaussian at a pixel, along a ray, or at every pixel of a picture.
 //!
-//! The *front surface* lies where the opacity accumulated from the eye first reaches a level, ½ for what a person takes for a
-//! surface. The Gaussian that carries it there is hit. Order and opacities are those of the exact picture, so that nothing
-//! is hit that hidden units, clips or opacity 0 take out of it.
+//! The *front surface* lies where the opacity accumulated from the eye first reaches a level; ½ matches a person's
+//! perception.
 
 use std::time::Instant;
 
@@ -11,11 +10,11 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::exact::radius;
-use crate::per_ray::exact::{Layer, bounded, layers_at};
-use crate::per_ray::{self, RaySplat};
 use crate::project::{DILATION, NEAR, Projected, place_one, project_indexed};
-use crate::raster::{TileOf, paint};
+use crate::raster::{TileOf, rasterize};
+use crate::ray_consistent::reference_f64::{Layer, bounded, layers_at};
+use crate::ray_consistent::{self, RaySplat};
+use crate::reference_f64::radius;
 use crate::render::{Projection, RenderError, check};
 use crate::report::{Culled, Report};
 use crate::tiles::{TILE, picture_size};
@@ -89,7 +88,7 @@ pub fn pick(
                     Err(Culled::Outside)
                 }
             };
-            per_ray::splats(scene, appearance, camera, layer).0
+            ray_consistent::splats(scene, appearance, camera, layer).0
         }
     };
     layers.sort_by(|a, b| a.depth.total_cmp(&b.depth));
@@ -101,17 +100,18 @@ pub fn pick(
 #[must_use]
 pub fn hit_of(scene: &Scene, appearance: &Appearance, camera: &Camera, gaussian: u32, at: DVec2) -> Option<Hit> {
     let placed = place_one(scene, appearance, camera, gaussian)?;
-    let splat = per_ray::splat(gaussian, &placed, camera)?;
+    let splat = ray_consistent::splat(gaussian, &placed, camera)?;
     // An ellipse may reach where its Gaussian lies behind the eye.
     let depth = splat.meet(at).depth.max(NEAR);
-    let point = camera.view().inverse().transform_point3(depth * per_ray::ray(camera, at));
+    let point = camera.view().inverse().transform_point3(depth * ray_consistent::ray(camera, at));
     Some(Hit { gaussian, depth, point })
 }
 
 /// The front surface along the half-line from `origin` in `direction` (of any length, scene frame), evaluated per ray.
 ///
-/// `spread` is the angle in radians that the ray stands for, at least 1e-6: what is thinner is widened to it, as a picture
-/// widens to the size of a pixel, of which it is √0.3. The depth of the hit is its distance from the origin.
+/// `spread` is the angle of the ray in radians, at least 1e-6. Thinner Gaussians are widened to it, as a picture
+/// widens them to the size of a pixel; it is √0.3 of that size. The depth of the hit is its distance from the
+/// origin.
 ///
 /// # Errors
 /// [`RenderError`] as for [`pick`], and where the ray has no direction.
@@ -157,7 +157,7 @@ pub fn front_ids(
                     front(&layers, level).and_then(|item| bounded.get(item as usize)).map(|b| b.splat.index)
                 })
             };
-            let ids = paint([camera.width, camera.height], &bounded, |b| (b.reach, 1.0), tile, &mut report);
+            let ids = rasterize([camera.width, camera.height], &bounded, |b| (b.reach, 1.0), tile, &mut report);
             (ids, report)
         }
     };
@@ -217,6 +217,6 @@ fn affine_ids(scene: &Scene, appearance: &Appearance, camera: &Camera, level: f6
         }
         ids
     };
-    let ids = paint([camera.width, camera.height], &splats, |s| (s.1.ellipse, s.2), tile, &mut report);
+    let ids = rasterize([camera.width, camera.height], &splats, |s| (s.1.ellipse, s.2), tile, &mut report);
     (ids, report)
 }

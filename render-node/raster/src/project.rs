@@ -125,7 +125,8 @@ pub(crate) fn project_indexed<T: Send>(
     each(scene, appearance, camera, |unit, i| unit.project(i).and_then(|p| keep(unit.index(i), p)))
 }
 
-/// Places and shades all Gaussians in index order, behind the eye as well; `keep` is told the scene-wide index.
+/// Places and shades all Gaussians in index order, including those behind the eye. `keep` gets the scene-wide
+/// index.
 pub(crate) fn place<T: Send>(
     scene: &Scene,
     appearance: &Appearance,

@@ -1,4 +1,4 @@
-//! Drives a tile rasterizer over a picture: batches, lists, tiles in parallel, the finished image.
+//! Runs a tile rasterizer over a picture: batches, lists, tiles in parallel, the finished image.
 
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ pub(crate) type TileOf<P> = [P; TILE * TILE];
 /// Composited RGB and A = 1 − transmittance of one tile.
 pub(crate) type TilePixels = TileOf<[f32; 4]>;
 
-/// Draws `splats`, which are in depth order, as [`paint`] does.
+/// Draws `splats`, which are in depth order, as [`rasterize`] does.
 pub(crate) fn draw<T: Sync>(
     size: [u32; 2],
     splats: &[T],
@@ -24,15 +24,15 @@ pub(crate) fn draw<T: Sync>(
     report: &mut Report,
 ) -> Image {
     let [width, height] = size;
-    Image { width, height, rgba: paint(size, splats, level, tile, report).into_flattened() }
+    Image { width, height, rgba: rasterize(size, splats, level, tile, report).into_flattened() }
 }
 
-/// Makes each pixel from the Gaussians that may touch it; pixels in row order.
+/// Computes each pixel from the Gaussians that may touch it; pixels in row order.
 ///
-/// `level` gives the ellipse and the radius in standard deviations within which a Gaussian counts; `tile` blends the listed
-/// Gaussians over the tile whose first pixel is `[x, y]`. A tile depends on nothing but its own list, so the picture is the
-/// same for any number of threads.
-pub(crate) fn paint<T: Sync, P: Copy + Default + Send + Sync>(
+/// `level` gives the ellipse and the radius of a Gaussian in standard deviations. `tile` blends the listed
+/// Gaussians over the tile whose first pixel is `[x, y]`. A tile depends only on its own list. The picture is
+/// therefore the same for any number of threads.
+pub(crate) fn rasterize<T: Sync, P: Copy + Default + Send + Sync>(
     [width, height]: [u32; 2],
     splats: &[T],
     level: impl Fn(&T) -> (Ellipse, f64) + Sync,

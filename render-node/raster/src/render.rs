@@ -1,4 +1,4 @@
-//! One picture of a scene.
+//! Draws one picture of a scene.
 
 use std::time::Instant;
 
@@ -7,18 +7,18 @@ use sg_scene::appearance::{Appearance, Clip, HalfSpace};
 use sg_scene::camera::{Camera, CameraError};
 use sg_scene::model::{ColumnLength, Scene};
 
-use crate::exact;
 use crate::image::Image;
-use crate::per_ray;
+use crate::ray_consistent;
+use crate::reference_f64;
 use crate::report::Report;
-use crate::standard;
-use crate::standard::Limits;
+use crate::splat_f32;
+use crate::splat_f32::Limits;
 
-/// How much error a picture may have against [`Quality::Exact`].
+/// Error bound of a picture against [`Quality::Exact`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
-    /// The reference: f64, no cut-off that a picture could show.
+    /// The reference: f64, no visible cut-off.
     Exact,
     /// At least 50 dB over the frame and over the footprint, coverage error at most 1 %.
     #[default]
@@ -27,30 +27,31 @@ pub enum Quality {
     Fast,
 }
 
-/// What a pixel sees of a Gaussian, and what orders Gaussians.
+/// Projection and order of Gaussians.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Projection {
-    /// As 3DGS: each Gaussian becomes an ellipse on the picture, affinely at its centre, and all are ordered by the view z of
-    /// their centres. Turning the camera changes what is seen along one and the same ray.
+    /// As 3DGS: each Gaussian becomes an ellipse by an affine projection at its center. The order is the view z of
+    /// the centers. Turning the camera changes the color along one ray.
     #[default]
     Affine,
-    /// Each Gaussian is evaluated along each pixel's ray, and ordered there by where on the ray it is densest. Turning the
-    /// camera changes nothing. Gaussians beside and behind the eye count where they reach the ray; there is no near plane.
+    /// Each pixel's ray evaluates each Gaussian, and orders them by their densest place on the ray. Turning the
+    /// camera changes nothing. Gaussians beside and behind the eye count if they reach the ray. There is no near
+    /// plane.
     PerRay,
 }
 
-/// How to draw. A [`Quality`] alone stands for it with everything else at its default.
+/// Quality and projection of a picture. A [`Quality`] converts to options with all other defaults.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Options {
-    /// How exact.
+    /// Error bound.
     pub quality: Quality,
-    /// How Gaussians are projected and ordered. Each has its own reference.
+    /// Projection and order of Gaussians. Each projection has its own reference.
     pub projection: Projection,
 }
 
 impl Options {
-    /// Whether graphics devices draw so; references are for the cores.
+    /// Whether graphics devices support these options. Only the CPU draws references.
     #[must_use]
     pub fn drawn_by_devices(self) -> bool {
         self.quality != Quality::Exact
@@ -63,7 +64,7 @@ impl From<Quality> for Options {
     }
 }
 
-/// A picture and what making it took.
+/// A picture and its report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
     /// The picture.
@@ -72,10 +73,10 @@ pub struct Rendered {
     pub report: Report,
 }
 
-/// Input that makes no picture.
+/// Invalid input of a picture.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The camera's numbers.
+    /// Invalid camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
     /// Columns of different lengths.
@@ -95,7 +96,7 @@ pub enum RenderError {
         expected: usize,
     },
     /// A mask of another scene.
-    #[error("{what} speaks about {found} Gaussians, the scene has {expected}; make it from this scene")]
+    #[error("{what} has {found} Gaussians, the scene has {expected}; make it from this scene")]
     Mask {
         /// Which mask.
         what: String,
@@ -112,13 +113,13 @@ pub enum RenderError {
         /// Gaussians in the scene.
         expected: usize,
     },
-    /// A clip that encloses nothing.
+    /// A clip without sides, or with an invalid side.
     #[error("clip {index} has no side, or one whose normal is zero or that is not finite")]
     Clip {
         /// Which clip, from 0.
         index: usize,
     },
-    /// A level of accumulated opacity that there is not.
+    /// An invalid level of accumulated opacity.
     #[error("a front surface at an accumulated opacity of {level}; give a level above 0 and at most 1")]
     Level {
         /// The level.
@@ -130,7 +131,7 @@ pub enum RenderError {
     /// A background that is not finite.
     #[error("the background colour is not finite")]
     Background,
-    /// More Gaussians than 32-bit indices reach.
+    /// More Gaussians than 32-bit indices.
     #[error("{found} Gaussians are more than the 4294967295 that one picture can hold; draw the scene in parts")]
     TooMany {
         /// Gaussians in the scene.
@@ -138,13 +139,13 @@ pub enum RenderError {
     },
 }
 
-/// Draws a scene as `appearance` says; the light and the background are the appearance's, not the camera's.
+/// Draws a scene with an appearance. Light and background come from the appearance, not from the camera.
 ///
-/// Runs on the current rayon thread pool; the picture does not depend on its number of threads. Gaussians with a NaN or
-/// infinite attribute are left out and counted, so that every pixel is finite.
+/// Runs on the current rayon thread pool. The picture does not depend on the number of threads. Gaussians with a
+/// NaN or infinite attribute are left out and counted, so that every pixel is finite.
 ///
 /// # Errors
-/// [`RenderError`] if the camera makes no picture or the parts do not belong together.
+/// [`RenderError`] for an invalid camera, or parts that belong to different scenes.
 pub fn render(
     scene: &Scene,
     appearance: &Appearance,
@@ -155,14 +156,16 @@ pub fn render(
     let began = Instant::now();
     let Options { quality, projection } = options.into();
     let (image, mut report) = match (projection, quality) {
-        (Projection::Affine, Quality::Exact) => exact::render(scene, appearance, camera),
-        (Projection::Affine, Quality::Standard) => standard::render(scene, appearance, camera, Limits::STANDARD),
-        (Projection::Affine, Quality::Fast) => standard::render(scene, appearance, camera, Limits::FAST),
-        (Projection::PerRay, Quality::Exact) => per_ray::exact::render(scene, appearance, camera),
+        (Projection::Affine, Quality::Exact) => reference_f64::render(scene, appearance, camera),
+        (Projection::Affine, Quality::Standard) => splat_f32::render(scene, appearance, camera, Limits::STANDARD),
+        (Projection::Affine, Quality::Fast) => splat_f32::render(scene, appearance, camera, Limits::FAST),
+        (Projection::PerRay, Quality::Exact) => ray_consistent::reference_f64::render(scene, appearance, camera),
         (Projection::PerRay, Quality::Standard) => {
-            per_ray::fast::render::<1024>(scene, appearance, camera, Limits::STANDARD)
+            ray_consistent::splat_f32::render::<1024>(scene, appearance, camera, Limits::STANDARD)
         }
-        (Projection::PerRay, Quality::Fast) => per_ray::fast::render::<256>(scene, appearance, camera, Limits::FAST),
+        (Projection::PerRay, Quality::Fast) => {
+            ray_consistent::splat_f32::render::<256>(scene, appearance, camera, Limits::FAST)
+        }
     };
     report.seconds.total = began.elapsed().as_secs_f64();
     Ok(Rendered { image, report })
@@ -173,7 +176,7 @@ pub(crate) fn check(scene: &Scene, appearance: &Appearance, camera: &Camera) -> 
     check_look([scene.len(), scene.units.len()], appearance, camera)
 }
 
-/// Checks what stays the same from picture to picture.
+/// Checks a scene, once for all its pictures.
 pub fn check_scene(scene: &Scene) -> Result<(), RenderError> {
     if u32::try_from(scene.len()).is_err() {
         return Err(RenderError::TooMany { found: scene.len() });
@@ -184,7 +187,7 @@ pub fn check_scene(scene: &Scene) -> Result<(), RenderError> {
     Ok(())
 }
 
-/// Checks what may change, for a scene of so many Gaussians in so many base units.
+/// Checks the appearance and the camera for a scene with these numbers of Gaussians and base units.
 pub fn check_look(
     [gaussians, base_units]: [usize; 2],
     appearance: &Appearance,

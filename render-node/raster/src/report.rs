@@ -1,4 +1,4 @@
-//! What a render did: counts and seconds.
+//! Counts and times of a picture.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ pub struct Report {
     pub gaussians: usize,
     /// Gaussians that reach at least one pixel's neighbourhood.
     pub drawn: usize,
-    /// Gaussians with a NaN or infinite attribute, which are drawn nowhere.
+    /// Gaussians with a NaN or infinite attribute, which no picture shows.
     pub dropped_non_finite: usize,
     /// Gaussians of hidden units.
     pub hidden: usize,

@@ -12,7 +12,7 @@ use crate::color_map::ColorMap;
 /// Label of a Gaussian that belongs to no cluster; shown in [`ColorMap::MISSING`].
 pub const NO_CLUSTER: u32 = u32::MAX;
 
-/// How Super-Gaussians are told apart.
+/// Coloring of Super-Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClusterColoring {
     /// Colours of the palette at random, unlike those of all neighbours. The same seed gives the same colours.
@@ -204,7 +204,7 @@ fn first_axis(points: &[DVec3]) -> DVec3 {
     if greatest < 0.0 { -axis } else { axis }
 }
 
-/// Okabe and Ito's colours without black and grey: told apart with every kind of colour vision.
+/// Okabe and Ito's colors without black and grey: distinct for every kind of color vision.
 const BASE: [[f32; 3]; 7] = [
     [0.902, 0.624, 0.0],
     [0.337, 0.706, 0.914],
@@ -215,7 +215,7 @@ const BASE: [[f32; 3]; 7] = [
     [0.800, 0.475, 0.655],
 ];
 
-/// Distance in OKLab that is told apart at a glance between areas that touch; what is taken where there is one.
+/// OKLab distance at which touching areas are clearly different. The palette prefers such colors.
 const UNLIKE: f64 = 0.12;
 
 /// Each base colour, darker, and lighter.

@@ -70,7 +70,7 @@ impl Grid {
 
     /// Pixels `[from, to)` along one axis whose centres lie in the closed interval `low..high`.
     fn pixels(low: f64, high: f64, size: usize) -> Range<usize> {
-        // Saturating casts: whatever lies outside the picture becomes its edge.
+        // Saturating casts: places outside the picture become its edge.
         let from = (low - 0.5).ceil().max(0.0) as usize;
         let to = ((high - 0.5).floor() + 1.0).max(0.0) as usize;
         from.min(size)..to.min(size)

@@ -40,8 +40,8 @@ pub fn frame(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64, 
 
 /// A first look at a scene.
 ///
-/// Scenes with editable shading come from volumes and are seen obliquely with z up; plain 3DGS scenes have y down and z
-/// forward like their cameras, and are seen from the front. The box framed is [`visible_box`]; the background is black.
+/// Scenes with editable shading come from volumes: the view is oblique with z up. Plain 3DGS scenes have y down and
+/// z forward like their cameras: the view is from the front.
 #[must_use]
 pub fn default_view(scene: &Scene, width: u32, height: u32) -> Camera {
     let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
@@ -49,8 +49,8 @@ pub fn default_view(scene: &Scene, width: u32, height: u32) -> Camera {
     frame(visible_box(scene), direction, up, FIELD_OF_VIEW, width, height)
 }
 
-/// The box of the finite centres with unit transforms, without the outermost half percent on each side of each axis:
-/// trained scenes have strays that would make all else tiny.
+/// The box of the finite centers with unit transforms, without the outermost half percent on each side of each
+/// axis. Trained scenes have outliers that would make everything else tiny.
 #[must_use]
 pub fn visible_box(scene: &Scene) -> SceneBox {
     let centers: Vec<DVec3> = (0..scene.len()).filter_map(|i| scene.position(i)).filter(|p| p.is_finite()).collect();
@@ -131,8 +131,8 @@ pub fn resized(camera: &Camera, width: u32, height: u32) -> Camera {
     }
 }
 
-/// The camera with `scale` times as many pixels each way, rounded to whole ones and at least one: unlike [`resized`] it sees
-/// to the same rays at all four edges, whatever the rounding makes of the pixels' shape.
+/// The camera with `scale` times as many pixels each way, rounded, at least one. Unlike [`resized`] it keeps the
+/// rays at all four edges, so rounding may change the shape of the pixels.
 #[must_use]
 pub fn scaled(camera: &Camera, scale: f64) -> Camera {
     let edge = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);

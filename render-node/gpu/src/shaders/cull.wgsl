@@ -1,4 +1,4 @@
-// Which Gaussians may reach the picture: a bit for each, counted by block of 1024, then listed in index order.
+// Marks Gaussians that may reach the picture: a bit for each, counted by block of 1024.
 //
 // The order of the list is the order of the scene, so that Gaussians of equal depth keep their order in every picture. No
 // workgroup waits for another: block counts are written by one pass and summed by the next.
@@ -89,7 +89,7 @@ fn may_reach(i: u32) -> bool {
         let stretch = view.lens.xy / at.z * sqrt(1.0 + slope * slope);
         let half = radius * (stretch * size + 0.55) + 0.5;
         let pixel = view.lens.xy * slope + view.lens.zw;
-        // Asked this way round, what is not a number stays: projecting says what it is.
+        // The comparison keeps NaN: the projection classifies it.
         if !(any(pixel + half < vec2(0.0)) || any(pixel - half > vec2<f32>(frame.size))) {
             return true;
         }

@@ -1,4 +1,4 @@
-// How far away along the view's axis the front of each pixel is; 0 where there is none.
+// Depth of the front of each pixel along the view axis; 0 without a front.
 
 override VIEW: u32 = 0u;
 

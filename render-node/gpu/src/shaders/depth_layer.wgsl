@@ -1,7 +1,8 @@
-// Follows cover.wgsl: puts depths of a scene onto a headset's depth image, as a perspective projection between two planes stores them.
+// Follows full_screen.wgsl: writes scene depths to a headset's depth image by a perspective projection between two
+// planes.
 
 struct Range {
-    // Metres of a unit of the scene; the planes, metres.
+    // Metres for each unit of the scene; near and far plane in metres.
     scale: f32,
     nearest: f32,
     farthest: f32,
@@ -14,7 +15,7 @@ struct Range {
 @fragment
 fn store(in: Covered) -> @builtin(frag_depth) f32 {
     let size = vec2<i32>(textureDimensions(depths));
-    // Depths of two surfaces have nothing between them: the nearest pixel tells.
+    // Depths of two surfaces cannot be interpolated: take the nearest pixel.
     let pixel = clamp(vec2<i32>(in.at * vec2<f32>(size)), vec2(0), size - 1);
     let metres = textureLoad(depths, pixel, 0).x * range.scale;
     let seen = select(range.farthest, clamp(metres, range.nearest, range.farthest), metres > 0.0);

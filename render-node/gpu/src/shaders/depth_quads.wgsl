@@ -1,5 +1,5 @@
-// Follows quads.wgsl: the mean depth of what is blended, in a smaller picture of the same view. COARSE, the pixels of the picture's
-// edge that one pixel of this stands for, stands before this text.
+// Follows quads.wgsl: the weighted mean depth of all layers, at a lower resolution. COARSE, defined before this
+// text, is the edge of a depth pixel in picture pixels.
 
 @vertex
 fn corner_depth(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {

@@ -1,12 +1,12 @@
-// What every pass knows of a picture. Mirrors `FrameUniform` of frame.rs word for word.
+// Numbers of a frame for every pass. Mirrors `FrameUniform` of shader_layout.rs word for word.
 
 struct View {
-    // Rows of the rotation from the scene's frame to the camera's (x right, y down, z forward). Their fourth numbers are what
-    // f32 leaves of the eye's coordinates.
+    // Rows of the rotation from the scene frame to the camera frame (x right, y down, z forward). Their fourth
+    // numbers are the rounding rests of the eye's coordinates.
     right: vec4<f32>,
     down: vec4<f32>,
     forward: vec4<f32>,
-    // Where the eye is, relative to the origin that the centres are stored against.
+    // Position of the eye relative to the origin of the stored centers.
     eye: vec4<f32>,
     // Focal lengths and principal point, pixels.
     lens: vec4<f32>,
@@ -14,9 +14,9 @@ struct View {
 
 struct Frame {
     views: array<View, 2>,
-    // Eye that colours are shaded for where they are shared; w is 1 where they are.
+    // Eye of the shared shading; w is 1 if shading is shared.
     shading_eye: vec4<f32>,
-    // Towards the light, of unit length or zero; unused for a headlight.
+    // Unit vector towards the light, or zero; unused for a headlight.
     light: vec4<f32>,
     // Highlight: colour, and its share.
     overlay: vec4<f32>,

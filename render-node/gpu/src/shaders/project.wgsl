@@ -1,9 +1,9 @@
 // Projects and shades each listed Gaussian: the f32 twin of project.rs and shading.rs.
 //
-// A splat is three vectors. Ellipse: centre x, y, slope, per column. Level: per row, log2 of the opacity, log2 of the opacity
-// over the cut (below 0: not drawn), depth. Tint: colour, and 0. See standard.rs for the form. They lie in three buffers, so
-// that a binding's limit is reached by three times as many. With PER_RAY the tint is three vectors and says what rays meet:
-// see ray.wgsl.
+// A splat is three vectors in three buffers, which raises the limit of a binding threefold. Ellipse: center x, y,
+// slope, per column. Level: per row, log2 of the opacity, log2 of the opacity over the cut (below 0: not drawn),
+// depth. Tint: color, and 0. See splat_f32.rs for the form. With PER_RAY the tint is three vectors of ray
+// coefficients: see ray_project.wgsl.
 
 override LIT: bool = false;
 override DEGREE: i32 = -1;

@@ -1,20 +1,21 @@
-// Blends splats ray by ray: the list of a tile in the order of the ray that sees each best within it, put in order again on
-// each ray. Goes behind tiles.wgsl and what is written out for layers that wait (see rays.rs).
+// Blends splats ray by ray. Each tile lists its splats in the order of the ray that meets each best within the
+// tile. Each ray sorts its layers again. Follows tiles.wgsl and the text of sort_window.rs.
 
-// By pair: depth in its tile, and its place in the unsorted list. No depth is below 0, so that bits are ordered as they are.
+// For each pair: depth in its tile, and place in the unsorted list. Depths are not negative, so that their bits
+// have the same order.
 @group(0) @binding(15) var<storage, read_write> pair_depths: array<u32>;
 @group(0) @binding(16) var<storage, read_write> pair_places: array<u32>;
-// The list again, in the order of depths.
+// The list in the order of depths.
 @group(0) @binding(17) var<storage, read_write> ordered_tiles: array<u32>;
 @group(0) @binding(18) var<storage, read_write> ordered_splats: array<u32>;
 
 struct Meeting {
-    // By how much log2 of the alpha is below that of the opacity.
+    // log2 of the opacity over the alpha.
     below: f32,
     depth: f32,
 }
 
-// Where the ray through a pixel meets a splat.
+// The point where the ray through a pixel meets a splat.
 fn meet(at: vec2<f32>, splat: u32) -> Meeting {
     let d = at - clamp(ellipses[splat].xy, vec2(0.0), vec2<f32>(frame.size));
     let toward = tints[3u * splat + 1u];
@@ -25,12 +26,12 @@ fn meet(at: vec2<f32>, splat: u32) -> Meeting {
     let s = u * u + v * v;
     let whole = a * a + s;
     if a > 0.0 {
-        return Meeting(toward.w * (s / whole), min(across.w * (a / whole), 0.999 * FARTHEST));
+        return Meeting(toward.w * (s / whole), min(across.w * (a / whole), 0.999 * EMPTY_DEPTH));
     }
     return Meeting(toward.w, 0.0);
 }
 
-// The depth of each listed pair: that on the ray through its tile that sees the splat best.
+// The depth of each listed pair, on the ray through its tile that meets the splat best.
 @compute @workgroup_size(256)
 fn measure_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     for (var k = 0u; k < 4u; k++) {
@@ -59,10 +60,10 @@ fn order_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     }
 }
 
-// Rounds of loops of one ray: what a device made of processor cores allows is 65,535, and it goes on without a word.
+// Limit of the loop iterations of one ray. A software device silently leaves a loop after 65,535 iterations.
 const ROUNDS: u32 = 60000u;
 
-// The layer that a pair makes of a ray; of no opacity where it is not drawn.
+// The layer of a pair on a ray; opacity 0 if it is not drawn.
 fn layer_of(k: u32, center: vec2<f32>) -> Layer {
     let splat = pair_splats[k];
     let l = levels[splat];
@@ -73,7 +74,7 @@ fn layer_of(k: u32, center: vec2<f32>) -> Layer {
     return Layer(meeting.depth, 0.0, k);
 }
 
-// Blends a layer behind all that were.
+// Blends a layer behind all layers so far.
 fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
     if layer.alpha > 0.0 {
         let weight = layer.alpha * (*ray).transmittance;
@@ -85,8 +86,8 @@ fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
     }
 }
 
-// Blends the layers [first, last) of a list in the order of the ray, as many at once as there is room for: each time those that
-// come next in that order are looked for in the whole list.
+// Blends the layers [first, last) of a list in the order of the ray. Each pass over the whole list takes the next
+// layers, as many as fit.
 fn blend_in_order(ray: ptr<function, Ray>, first: u32, last: u32, center: vec2<f32>) {
     let stop = frame.limits.z;
     var rounds = 2u * (last - first);
@@ -102,11 +103,11 @@ fn blend_in_order(ray: ptr<function, Ray>, first: u32, last: u32, center: vec2<f
         }
         pour(ray, &next);
         done = deepest(&next);
-        more = done.depth < FARTHEST;
+        more = done.depth < EMPTY_DEPTH;
         rounds += last - first + 1u;
     }
     if more && (*ray).transmittance >= stop {
-        // A list too long to look through again: the rest in the order of the tile.
+        // The list is too long for another pass: blend the rest in the order of the tile.
         for (var k = first; k < last; k++) {
             let layer = layer_of(k, center);
             if comes_behind(layer, done) {
@@ -139,9 +140,9 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     let last = max(min(list.y, first + STRETCH), first);
     let stop = frame.limits.z;
     var waiting = nobody_before();
-    // What is seen through all layers so far, those that wait as well.
+    // Transmittance of all layers so far, including the sort window.
     var through = ray.transmittance;
-    // Greatest depth that has been blended, and the opacity of what came too late for its place before that.
+    // Greatest blended depth, and the opacity that came too late for its place before it.
     var gone = -1.0;
     var late = 0.0;
     for (var k = first; k < last; k++) {
@@ -149,11 +150,11 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
             break;
         }
         let layer = layer_of(k, center);
-        // Behind all that wait, where nothing is seen through them, a layer would only take a nearer one's place.
+        // Behind the whole window an invisible layer would only displace a nearer one.
         if layer.alpha > 0.0 && (through >= stop || layer.depth < deepest(&waiting).depth) {
             through *= 1.0 - layer.alpha;
             late += select(0.0, layer.alpha, layer.depth < gone);
-            // The nearest of those that wait makes room; at first those are nobody.
+            // The nearest layer leaves the window; at first the slots are empty.
             let nearest = wait_with(&waiting, layer);
             blend_layer(&ray, nearest);
             gone = max(gone, nearest.depth);

@@ -1,7 +1,7 @@
 // A stable radix sort of 32-bit keys with their values, four bits a pass: count, scan, scatter.
 //
-// Reduce, then scan: no workgroup waits for another within a pass, since nothing promises that two of them run at the same
-// time (a look-back scan loses keys on a device that runs them one after another).
+// Reduce, then scan: no workgroup waits for another within a pass. No device guarantees that two of them run at the
+// same time. A look-back scan loses keys on a device that runs them one after another.
 
 override COUNT: u32 = 0u;
 

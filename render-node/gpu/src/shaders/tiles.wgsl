@@ -24,7 +24,7 @@
 @group(0) @binding(14) var<storage, read_write> longest_list: atomic<u32>;
 @group(0) @binding(12) var<storage, read> levels: array<vec4<f32>>;
 @group(0) @binding(13) var<storage, read> tints: array<vec4<f32>>;
-// Depth of each pixel's front, 0 where there is none; written where somebody asks for depths.
+// Depth of each pixel's front, 0 without one; written with DEPTHS.
 @group(0) @binding(19) var<storage, read_write> fronts: array<f32>;
 
 override DEPTHS: bool = false;
@@ -241,12 +241,11 @@ fn longest(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocati
     }
 }
 
-// Splats of one tile that are blended by one dispatch: a device made of processor cores gives up a loop after 65,535 rounds,
-// without a word.
+// Splats of one tile that one dispatch blends. A software device silently leaves a loop after 65,535 iterations.
 const STRETCH: u32 = 32768u;
 
-// Every pixel walks its tile's list by itself: the lanes of a tile read the same splat at the same time, which a graphics
-// card serves from its nearest cache, and a device made of processor cores does not have to stop 256 lanes at barriers.
+// Every pixel walks its tile's list on its own. The lanes of a tile read the same splat at the same time: a
+// graphics card serves it from the nearest cache. A software device needs no barriers of 256 lanes.
 @compute @workgroup_size(TILE, TILE)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
     let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;

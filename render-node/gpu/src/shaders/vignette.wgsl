@@ -1,9 +1,9 @@
-// Darkens the edge of an eye's picture, evenly around where the eye looks straight ahead.
+// Darkens the edge of an eye's picture, evenly around the straight-ahead direction.
 
 struct Vignette {
-    // Where straight ahead is, pixels.
+    // The pixel of the straight-ahead direction.
     middle: vec2<f32>,
-    // Pixels for one unit of the tangent of the angle from there.
+    // Pixels for each unit of the tangent of the angle from there.
     focal: vec2<f32>,
     // Tangents of the angles at which it begins and is whole; how dark that is.
     begins: f32,

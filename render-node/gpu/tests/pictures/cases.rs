@@ -1,5 +1,5 @@
-//! The list of scenes and views that break renderers or need a part of the shading model: whatever draws pictures is run
-//! through all of them.
+//! Scenes and views that break renderers or need a part of the shading model. Every renderer is tested with all of
+//! them.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::scenes::{
 
 /// A picture to draw.
 pub(crate) struct Case {
-    /// What is hard about it.
+    /// The difficulty.
     pub(crate) name: &'static str,
     pub(crate) scene: Scene,
     pub(crate) appearance: Appearance,

@@ -1,7 +1,7 @@
 //! How far away what a picture shows is, on the device against the cores.
 
 use glam::{DVec2, Vec3};
-use sg_gpu::{DepthLayer, FARTHEST, Gpu, NEAREST, Rasterizer, Renderer, Settings};
+use sg_gpu::{DEPTH_FAR, DEPTH_NEAR, DepthLayer, Gpu, Rasterizer, Renderer, Settings};
 use sg_raster::pick::{SURFACE, front_ids, hit_of};
 use sg_raster::render::{Options, Projection, Quality, render};
 use sg_scene::appearance::Appearance;
@@ -239,14 +239,14 @@ fn a_depth_image_holds_what_a_projection_between_its_planes_would() {
     let stored: Vec<f32> = bytemuck::pod_collect_to_vec(&read.get_mapped_range(..).unwrap());
     for (k, stored) in stored.iter().enumerate() {
         let metres = 0.5 * depths[k % 64 / 8];
-        let seen = if metres > 0.0 { metres.clamp(NEAREST, FARTHEST) } else { FARTHEST };
-        let [n, f, z] = [NEAREST, FARTHEST, seen].map(f64::from);
+        let seen = if metres > 0.0 { metres.clamp(DEPTH_NEAR, DEPTH_FAR) } else { DEPTH_FAR };
+        let [n, f, z] = [DEPTH_NEAR, DEPTH_FAR, seen].map(f64::from);
         let want = f / (f - n) * (1.0 - n / z);
         assert!((f64::from(*stored) - want).abs() < 1e-6, "{k}: {stored}, not {want}");
     }
 }
 
-/// Whoever stands in a Gaussian has it at the near plane, not far away.
+/// A camera inside a Gaussian has it at the near plane, not far away.
 #[test]
 fn what_is_around_the_eye_is_near() {
     let Some(gpu) = device() else { return };

@@ -203,7 +203,7 @@ fn clips_take_away_what_they_do_not_keep() {
     assert_eq!((report.hidden, report.clipped, report.drawn), (1, 2, 1));
 }
 
-/// A clip speaks of the scene frame, whatever the unit's transform.
+/// Clips are in the scene frame, for any transform of the unit.
 #[test]
 fn clips_are_in_the_scene_frame() {
     let mut moved = unit("moved", &[Blob::default()]);

@@ -1,7 +1,7 @@
 //! The graphics device against the reference: every case, both rasterizers, both projections, both levels.
 
 use sg_gpu::{Rasterizer, Renderer, Settings};
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{Exact, Fast, Standard};
 use sg_raster::render::{Options, Projection, render};
 

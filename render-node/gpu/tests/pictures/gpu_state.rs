@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use sg_gpu::backend::{Backend, Engine};
-use sg_gpu::{Gpu, GpuError, Options, Rasterizer, Renderer, Settings, Wanted};
+use sg_gpu::{DeviceClass, Gpu, GpuError, Options, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{Exact, Standard};
 use sg_raster::render::{Projection, render};
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
@@ -141,7 +141,7 @@ fn a_change_of_a_selection_sends_the_words_that_changed() {
         let (images, _) = renderer.picture(&camera, look, Settings::default()).unwrap();
         let exact = render(&scene, look, &camera[0], Standard).unwrap().image;
         assert!(decibel(&images[0], &exact) > 70.0);
-        renderer.look_bytes()
+        renderer.appearance_bytes()
     };
     picture(&mut renderer, &look);
     assert_eq!(picture(&mut renderer, &look), 0, "nothing changed, nothing is sent");
@@ -227,13 +227,13 @@ fn a_lost_device_is_told_and_a_new_one_draws_the_same() {
     assert!(matches!(error, GpuError::Lost { .. }), "{error}");
     assert!(error.to_string().contains("has to be opened again"));
     drop(renderer);
-    let gpu = Gpu::open(Wanted::Any).unwrap();
+    let gpu = Gpu::open(DeviceClass::Any).unwrap();
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();
     let (after, _) = renderer.picture(&camera, &appearance, Settings::default()).unwrap();
     assert_eq!(before, after);
 }
 
-/// What draws outlives its device, draws the reference on the cores, and does without a device where none is asked for.
+/// The engine outlives its device, draws the reference on the CPU, and needs no device for the CPU backend.
 #[test]
 fn an_engine_opens_a_lost_device_again() {
     if device().is_none() {
@@ -249,7 +249,7 @@ fn an_engine_opens_a_lost_device_again() {
     engine.gpu().unwrap().lose();
     let after = engine.draw(&look, &view, Standard).unwrap();
     assert_eq!(before.image, after.image);
-    assert!(engine.take_trouble().is_none(), "a device came back");
+    assert!(engine.take_fallback_error().is_none(), "a device came back");
     engine.gpu().unwrap().lose();
     let lost = engine.gpu().unwrap().clone();
     let (gpu, left) = engine.leave(&look, std::slice::from_ref(&view), Standard).unwrap().unwrap();

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3, Vec3};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{self, Exact, Fast, Standard};
 use sg_raster::render::render;
 use sg_scene::appearance::Appearance;

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, Vec3};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{self, Exact, Fast, Standard};
 use sg_raster::render::{Options, Projection, render};
 use sg_scene::appearance::Appearance;
@@ -123,7 +123,7 @@ fn every_level_keeps_its_promise_on_every_case() {
     }
 }
 
-/// Along one and the same ray a turned camera sees the same, whatever its distance from the axis.
+/// Turning the camera does not change the color along a ray, at any distance from the axis.
 #[test]
 fn a_turn_of_the_camera_changes_no_ray() {
     let scene = scene(&cloud(3000, 21));

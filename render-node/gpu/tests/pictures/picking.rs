@@ -1,4 +1,4 @@
-//! What is in front, against looking at every Gaussian.
+//! Picking against a test of every Gaussian.
 
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! Each level keeps its promise against the reference, and no level depends on the number of threads.
 
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{Exact, Fast, Standard};
 use sg_raster::render::render;
 use sg_scene::appearance::Appearance;

@@ -1,10 +1,10 @@
 //! What tests of drawing share.
 
-use sg_gpu::{Gpu, Wanted};
+use sg_gpu::{DeviceClass, Gpu};
 
 /// The device that tests draw with: `None`, said loudly, on a machine without one, unless it is required.
 pub(crate) fn device() -> Option<Gpu> {
-    match Gpu::open(Wanted::Any) {
+    match Gpu::open(DeviceClass::Any) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
             assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");

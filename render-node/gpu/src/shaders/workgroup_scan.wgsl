@@ -2,8 +2,8 @@
 
 var<workgroup> scanned: array<u32, 256>;
 
-// The values of all lanes up to this one, added up. All lanes have to call it, with a barrier between two calls; the last
-// lane's answer, the sum of all, then stands in scanned[255].
+// Sum of the values of all lanes up to this one. All lanes must call it, with a barrier between two calls. The
+// total is then in scanned[255].
 fn sum_up_to(lane: u32, value: u32) -> u32 {
     scanned[lane] = value;
     workgroupBarrier();

@@ -1,12 +1,13 @@
-//! The fast path of the view-consistent mode: rays in f32 eight at a time, with the cut-offs of [`crate::standard`].
+//! The fast rasterizer of the ray-consistent mode: rays in f32, eight at a time, with the cut-offs of
+//! [`crate::splat_f32`].
 //!
-//! Gaussians come in one order for a tile of 16 × 16 pixels, by depth on the ray that sees each best within the tile, and are
-//! put in order again on each ray: a layer waits until none that is still to come can lie before it, or until there is no
-//! room for more that wait. A Gaussian that lies deeper on a ray than so many others which come after it is then blended too
-//! early; where long thin Gaussians cross at random that happens.
+//! A tile of 16 × 16 pixels has one order: the depth on the ray that meets each Gaussian best within the tile. Each
+//! ray sorts its layers again. A layer stays in the sort window until no later layer can lie before it, or until
+//! the window is full. A Gaussian that lies deeper than a whole window of later ones is blended too early. That
+//! happens where long thin Gaussians cross at random.
 //!
-//! What is linear in the pixel is evaluated in f64 at a tile's first pixel and narrowed there, so that f32 holds only
-//! differences within the tile.
+//! Linear functions of the pixel are evaluated in f64 at a tile's first pixel. f32 holds only differences within
+//! the tile.
 
 use std::ops::Range;
 use std::time::Instant;
@@ -22,7 +23,7 @@ use crate::image::Image;
 use crate::project::Ellipse;
 use crate::raster::{TilePixels, draw};
 use crate::report::{Culled, Report};
-use crate::standard::{LANES, Limits, exp2};
+use crate::splat_f32::{LANES, Limits, exp2};
 use crate::tiles::TILE;
 
 /// Draws a checked scene; on each ray `WINDOW` layers are put in order.
@@ -172,7 +173,7 @@ impl Narrow {
     }
 }
 
-/// What lies along one ray: the nearest are blended, up to `WINDOW` wait in order of depth.
+/// The layers of one ray: the nearest are blended, up to `WINDOW` layers stay sorted by depth.
 #[derive(Clone, Copy)]
 struct Pixel<const WINDOW: usize> {
     /// A ring, sorted by depth: depth, opacity, place in the tile's list.
@@ -180,7 +181,7 @@ struct Pixel<const WINDOW: usize> {
     first: usize,
     count: usize,
     transmittance: f32,
-    /// What is seen through all layers so far, those that wait as well.
+    /// Transmittance of all layers so far, including the sort window.
     through: f32,
     color: Vec3,
 }

@@ -1,5 +1,5 @@
 
-// Follows quads.wgsl where the device can draw to both eyes at once.
+// Follows quads.wgsl on devices with multiview.
 
 @vertex
 fn corner_together(

@@ -1,10 +1,10 @@
-//! The reference: what every other backend and quality level is measured against.
+//! The reference of all other backends and quality levels.
 //!
-//! EWA with 0.3 px dilation, near plane z > 1e-6, no Jacobian clamp, α ≤ 1, order by view z with ties by index, all sums in
-//! f64, no early stop. There is no cut-off on α that a picture could show: a Gaussian is followed out to α = δ with
-//! δ = 2⁻³³ / (N·max(1, c_max)), N the number of Gaussians and c_max the greatest component of any colour or of the
-//! background. Leaving out one layer of α < δ changes a pixel by T·α·|c − what lies behind| ≤ δ·c_max, all of them
-//! together by at most 2⁻³³: 1/256 of the last bit of an f32 between ½ and 1.
+//! EWA with 0.3 px dilation, near plane z > 1e-6, no Jacobian clamp, α ≤ 1, no early stop. The order is view z with
+//! ties by index. All sums are in f64. A Gaussian extends out to α = δ with δ = 2⁻³³ / (N·max(1, c_max)). N is the
+//! number of Gaussians, c_max the greatest component of any color or of the background. A missing layer of α < δ
+//! changes a pixel by at most δ·c_max, all of them by at most 2⁻³³. That is 1/256 of the last bit of an f32 between
+//! ½ and 1.
 
 use std::time::Instant;
 
@@ -40,7 +40,7 @@ pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera) ->
     report.drawn = splats.len();
     report.seconds.preprocess = began.elapsed().as_secs_f64();
     let began = Instant::now();
-    // A stable sort of what is in index order: ties stay by index.
+    // The list is in index order and the sort is stable: ties stay by index.
     splats.par_sort_by(|a, b| a.projected.depth.total_cmp(&b.projected.depth));
     report.seconds.sort = began.elapsed().as_secs_f64();
     let image = draw(
@@ -55,17 +55,17 @@ pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera) ->
 
 struct Splat {
     projected: Projected,
-    /// Standard deviations out to which it is followed.
+    /// Radius in standard deviations.
     radius: f64,
 }
 
-/// δ for so many Gaussians, the greatest component of whose colours is `brightest`.
+/// δ for `count` Gaussians with the greatest color component `brightest`.
 pub(crate) fn faintest(count: usize, brightest: f64, background: Vec3) -> f64 {
     let brightest = background.as_dvec3().abs().max_element().max(1.0).max(brightest);
     (-33.0_f64).exp2() / (count.max(1) as f64 * brightest)
 }
 
-/// Standard deviations at which a Gaussian of peak `opacity` has faded to `faintest`.
+/// Radius in standard deviations at which a Gaussian of peak `opacity` has faded to `faintest`.
 pub(crate) fn radius(opacity: f64, faintest: f64) -> f64 {
     (2.0 * (opacity / faintest).ln()).max(0.0).sqrt()
 }

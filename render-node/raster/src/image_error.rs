@@ -1,8 +1,8 @@
-//! How far one picture is from another.
+//! The error of a picture against a reference.
 
 use crate::image::Image;
 
-/// A pixel belongs to the footprint where A is above this in either picture.
+/// A pixel belongs to the footprint if A is above this in either picture.
 pub const FOOTPRINT: f32 = 1.0 / 1024.0;
 
 /// Two pictures of different sizes.

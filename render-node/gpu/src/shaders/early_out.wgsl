@@ -1,4 +1,4 @@
-// Puts pixels that let almost nothing through nearer than everything that is drawn after them.
+// Writes the nearest depth at saturated pixels, so that the depth test rejects later splats.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var blended: texture_2d<f32>;

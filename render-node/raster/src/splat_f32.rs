@@ -1,15 +1,15 @@
-//! The fast path: the same projection, shading and order as the reference, blended in f32 eight pixels at a time, with two
-//! cut-offs of known error.
+//! The fast rasterizer: the projection, shading and order of the reference, blended in f32, eight pixels at a time.
+//! Two cut-offs have a known error.
 //!
 //! - **α below min(cut, o/ratio) is not drawn.** The second arm keeps faint Gaussians whole: a Gaussian of any opacity loses
 //!   at most 1/ratio of its mass. With a fixed cut alone a fog of o = 0.004 loses a quarter at 1/1024 and everything at
 //!   1/255.
-//! - **A row of a tile stops when all its transmittances are below `stop`**: what lies behind changes a pixel by less than
-//!   that times its brightness.
+//! - **A row of a tile stops when all its transmittances are below `stop`.** Later layers change a pixel by less
+//!   than that times their brightness.
 //!
-//! Depth keys are full f32, positions are relative to the tile before they are narrowed, and the ellipse is evaluated in
-//! Cholesky form ([`Ellipse`]); within a tile |u| and |v| grow by at most 60 because of the dilation, so f32 leaves an error
-//! of 1e-5 in the exponent however long a needle or far away its centre is.
+//! Depth keys are full f32. Positions are relative to the tile before they become f32. The ellipse is evaluated in
+//! Cholesky form ([`Ellipse`]). Within a tile |u| and |v| grow by at most 60 because of the dilation. The error of
+//! the exponent in f32 is therefore 1e-5, for any length and distance.
 
 use std::time::Instant;
 
@@ -41,9 +41,9 @@ pub struct Limits {
 impl Limits {
     /// ≥ 50 dB over frame and footprint, coverage error ≤ 1 %, at most 0.1 % of the footprint off by more than 2/255.
     ///
-    /// A cut of 1/1024 breaks that where hundreds of tails overlap: on white, 49.6 dB over the footprint of a trained scene
-    /// of 46k Gaussians, 6 % of it off by more than 2/255. 1/4096 still leaves 0.13 % of another one. This costs a third
-    /// more pixels than 1/1024.
+    /// A cut of 1/1024 breaks the bound where hundreds of tails overlap. On white, a trained scene of 46k Gaussians
+    /// then has 49.6 dB over the footprint, and 6 % of it differ by more than 2/255. A cut of 1/4096 leaves 0.13 %
+    /// of another scene. The present cut costs a third more pixels than 1/1024.
     pub const STANDARD: Self = Self { cut: 1.0 / 8192.0, ratio: 1024.0, stop: 1e-4 };
     /// ≥ 40 dB over frame and footprint, coverage error ≤ 3 %.
     pub const FAST: Self = Self { cut: 1.0 / 512.0, ratio: 64.0, stop: 1.0 / 256.0 };

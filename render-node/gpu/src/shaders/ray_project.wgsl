@@ -1,9 +1,11 @@
-// What the rays of a view meet of a Gaussian: the f32 twin of per_ray.rs, in units of the centre's distance.
+// Coefficients of a Gaussian along the rays of a view: the f32 twin of ray_consistent.rs, in units of the center's
+// distance.
 //
-// The dilation is at least that of a pixel, so that |u| is at most focal / 0.55 and f32 leaves some 1e-7 of that in d. What is
-// linear in the pixel is told at the pixel of the ellipse's centre, or at the picture's nearest to it: a at that pixel, per
-// column, per row, and half log2(e) |u|^2; U in the same way, and what makes a depth of a / (a^2 + U^2 + V^2); V, which does not
-// change along a row, in `last` and `over_per_row`. The ellipse is that of all pixels that are drawn, or of more.
+// The dilation is at least one pixel, so that |u| is at most focal / 0.55. f32 then leaves an error of some 1e-7 of
+// that in d. Linear functions of the pixel are stored at the pixel nearest to the ellipse's center. They are a
+// (value, per column, per row), half log2(e) |u|^2, U (likewise), the factor of the depth a / (a^2 + U^2 + V^2),
+// and V. V does not change along a row and lies in `last` and `over_per_row`. The ellipse covers at least all drawn
+// pixels.
 
 const DILATION: f32 = 0.3;
 
@@ -14,7 +16,7 @@ struct Seen {
     opacity: f32,
     // log2 of the opacity over the cut.
     range: f32,
-    // Depth, or with PER_RAY V at the pixel that it is told at.
+    // Depth, or with PER_RAY the value of V at the stored pixel.
     last: f32,
     usable: bool,
     over_per_row: f32,

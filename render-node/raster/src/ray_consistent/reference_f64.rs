@@ -1,6 +1,6 @@
 //! The reference of the view-consistent mode: every ray in f64, every pixel sorted by itself, ties by index.
 //!
-//! Gaussians are followed as far as in the affine reference ([`crate::exact`]), and leave out as little.
+//! Gaussians are followed as far as in the affine reference ([`crate::reference_f64`]), and leave out as little.
 
 use std::time::Instant;
 
@@ -10,10 +10,10 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use super::{Pinhole, RaySplat, splats};
-use crate::exact::{faintest, radius};
 use crate::image::Image;
 use crate::project::Ellipse;
 use crate::raster::{TilePixels, draw};
+use crate::reference_f64::{faintest, radius};
 use crate::report::{Culled, Report};
 use crate::tiles::TILE;
 
@@ -63,12 +63,12 @@ pub(crate) fn bounded(scene: &Scene, appearance: &Appearance, camera: &Camera) -
     (bounded, report)
 }
 
-/// What lies along one ray.
+/// The layers of one ray.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layer {
     pub(crate) depth: f64,
     pub(crate) alpha: f64,
-    /// Place in the list that was asked.
+    /// Index in the input list.
     pub(crate) item: u32,
 }
 

@@ -1,8 +1,8 @@
-// A triangle that covers all of what is drawn to.
+// A triangle that covers the target.
 
 struct Covered {
     @builtin(position) position: vec4<f32>,
-    // 0 to 1 across and down the area that is drawn to.
+    // 0 to 1 across and down the target.
     @location(0) at: vec2<f32>,
 }
 

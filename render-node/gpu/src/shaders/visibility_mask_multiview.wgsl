@@ -1,4 +1,4 @@
-// Follows hidden.wgsl where the device can draw to both eyes at once.
+// Follows visibility_mask.wgsl on devices with multiview.
 
 @vertex
 fn hide_together(@builtin(view_index) view: u32, @builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {

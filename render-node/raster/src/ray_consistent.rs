@@ -1,23 +1,22 @@
-//! View-consistent splatting: what a pixel sees of a Gaussian depends on the pixel's ray alone, not on where the picture
-//! plane stands.
+//! Ray-consistent splatting: the color of a ray does not depend on the orientation of the picture plane.
 //!
-//! With c the centre relative to the eye, Σ the covariance and r the ray's direction, all in view axes, α is the opacity times
-//! the greatest value of the 3D Gaussian along the half-line from the eye, exp(−½d²), and Gaussians are ordered on each ray by
-//! the place of that maximum (StopThePop, Radl et al. 2024; perspective-correct splatting, Hahlbohm et al. 2025). With
-//! Σ = LLᵀ, u = L⁻¹c and w = L⁻¹r:
+//! Let c be the center relative to the eye, Σ the covariance, r the ray's direction, all in view axes. Then α is
+//! the opacity times the greatest value exp(−½d²) of the 3D Gaussian on the half-line from the eye. Gaussians are
+//! ordered on each ray by the place of that maximum (StopThePop, Radl et al. 2024; perspective-correct splatting,
+//! Hahlbohm et al. 2025). With Σ = LLᵀ, u = L⁻¹c and w = L⁻¹r:
 //!
-//! - d² = |u × w|²/|w|², at t = u·w/|w|² of r, where that is in front of the eye;
-//! - d² = |u|² at t = 0 elsewhere, so that nothing pops while the eye passes through a Gaussian.
+//! - d² = |u × w|²/|w|², at t = u·w/|w|² of r, if that lies in front of the eye;
+//! - d² = |u|² at t = 0 elsewhere. Nothing pops while the eye passes through a Gaussian.
 //!
-//! Dilation: Σ grows by 0.3·(|c|/f)²·I. Along the optical axis that is the 0.3 px² of the affine projection; elsewhere it is
-//! the same angle, so that turning the head changes nothing. The part along the ray leaves d alone.
+//! Dilation: Σ grows by 0.3·(|c|/f)²·I. On the optical axis that is the 0.3 px² of the affine projection. Elsewhere
+//! it is the same angle, so that turning the head changes nothing. The part along the ray does not change d.
 //!
-//! What is linear in the ray is linear in the pixel: w is, and so are a = û·w and the two components of û × w across u, with
-//! û = u/|u|. In those d² = |u|²·s/(a² + s) and t = |u|·a/(a² + s) with s = U² + V². Nothing is divided by the depth of the
-//! centre, which may lie beside or behind the eye.
+//! Linear functions of the ray are linear in the pixel: w, a = û·w and the two components of û × w across u, with û
+//! = u/|u|. In them d² = |u|²·s/(a² + s) and t = |u|·a/(a² + s) with s = U² + V². No term divides by the depth of
+//! the center: it may lie beside or behind the eye.
 
-pub(crate) mod exact;
-pub(crate) mod fast;
+pub(crate) mod reference_f64;
+pub(crate) mod splat_f32;
 
 use glam::{DMat2, DVec2, DVec3};
 use sg_scene::appearance::Appearance;
@@ -128,8 +127,8 @@ pub(crate) fn splat(index: u32, placed: &Placed, camera: &Camera) -> Option<RayS
     RaySplat::of(index, placed, &Pinhole::of(camera)).ok()
 }
 
-/// The columns of L with LLᵀ = rows·rowsᵀ + dilation·I, lower triangular, by Gram and Schmidt on the rows extended by
-/// √dilation: products of the covariance's entries would lose thin Gaussians of any length.
+/// The columns of L with LLᵀ = rows·rowsᵀ + dilation·I, lower triangular, by Gram and Schmidt on the rows extended
+/// by √dilation. Products of the covariance's entries would lose thin Gaussians.
 fn cholesky(rows: [DVec3; 3], dilation: f64) -> [[f64; 3]; 3] {
     let root = dilation.sqrt();
     let mut vectors = [(rows[0], root * DVec3::X), (rows[1], root * DVec3::Y), (rows[2], root * DVec3::Z)];
@@ -160,7 +159,7 @@ fn solve(lower: &[[f64; 3]; 3], v: DVec3) -> DVec3 {
 impl RaySplat {
     fn of(index: u32, placed: &Placed, pinhole: &Pinhole) -> Result<Self, Culled> {
         let Placed { center, rows, look, compensated } = *placed;
-        // A centre in the eye has no pixel to be as large as; whatever keeps L regular will do.
+        // A center in the eye has no pixel size: any dilation that keeps L regular works.
         let dilation = (pinhole.spread * center.length_squared()).max(f64::MIN_POSITIVE.sqrt());
         let lower = cholesky(rows, dilation);
         let u = solve(&lower, center);

@@ -1,42 +1,42 @@
-//! What edits change, on the device: small tables whole, masks as the words that differ.
+//! Uploads the appearance: small tables as a whole, masks as their changed words.
 
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3, Vec4};
-use sg_scene::appearance::{Appearance, PixelFilter, ShadingTerm};
+use sg_scene::appearance::{Appearance, PixelFilter};
 use sg_scene::camera::LightMode;
 use sg_scene::mask::Mask;
 
-use super::device::Gpu;
-use super::uniform::{Edit, Side, Unit};
+use crate::device::Gpu;
+use crate::shader_layout::{Edit, Side, Unit, shading_term_number};
 
-/// Unchanged words between two changed ones that are uploaded with them rather than apart.
+/// Gap of unchanged words up to which two changed ranges are uploaded as one.
 const GAP: usize = 64;
 
-/// A look on the device.
-pub(super) struct Look {
+/// The appearance on the device.
+pub(super) struct AppearanceBuffers {
     pub(super) units: wgpu::Buffer,
     pub(super) edits: wgpu::Buffer,
     pub(super) masks: wgpu::Buffer,
     pub(super) sides: wgpu::Buffer,
     pub(super) colors: wgpu::Buffer,
-    pub(super) now: Now,
-    /// What the masks' buffer holds, slot by slot: units, then the highlight.
-    held: Vec<Arc<Mask>>,
-    shown: Option<Arc<[Vec3]>>,
+    pub(super) state: AppearanceState,
+    /// The masks in the buffer, slot by slot: editable units, then the highlight.
+    uploaded_masks: Vec<Arc<Mask>>,
+    uploaded_colors: Option<Arc<[Vec3]>>,
     table: Vec<Unit>,
     edit_table: Vec<Edit>,
     side_table: Vec<Side>,
-    words: usize,
-    /// Counts every time that a buffer was replaced, and what refers to it has to be bound anew.
+    mask_words: usize,
+    /// Number of replaced buffers. A change invalidates their bind groups.
     pub(super) generation: u64,
-    /// Bytes uploaded by the newest change.
-    pub(super) uploaded: u64,
+    /// Bytes of the last update.
+    pub(super) uploaded_bytes: u64,
 }
 
-/// What of a look the shaders are specialised on or told in the frame's uniform.
+/// Appearance settings in shader constants and the frame uniform.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Now {
+pub(super) struct AppearanceState {
     pub(super) edits: u32,
     pub(super) sides: u32,
     pub(super) overlay: bool,
@@ -48,7 +48,7 @@ pub(super) struct Now {
     pub(super) light: Vec4,
 }
 
-impl Look {
+impl AppearanceBuffers {
     pub(super) fn new(gpu: &Gpu, gaussians: usize, units: &[Unit]) -> Self {
         Self {
             units: gpu.storage("units", size_of_val(units) as u64),
@@ -56,26 +56,26 @@ impl Look {
             masks: gpu.storage("masks", 0),
             sides: gpu.storage("sides", 0),
             colors: gpu.storage("colours", 0),
-            now: Now::default(),
-            held: Vec::new(),
-            shown: None,
+            state: AppearanceState::default(),
+            uploaded_masks: Vec::new(),
+            uploaded_colors: None,
             table: Vec::new(),
             edit_table: Vec::new(),
             side_table: Vec::new(),
-            words: gaussians.div_ceil(64) * 2,
+            mask_words: gaussians.div_ceil(64) * 2,
             generation: 0,
-            uploaded: 0,
+            uploaded_bytes: 0,
         }
     }
 
-    /// Words of 32 Gaussians in one mask.
+    /// Number of 32-bit words in one mask.
     pub(super) fn mask_words(&self) -> u32 {
-        self.words as u32
+        self.mask_words as u32
     }
 
-    /// Brings the device to `appearance`; what is there already is not uploaded again.
-    pub(super) fn set(&mut self, gpu: &Gpu, scene_units: &[Unit], origin: DVec3, appearance: &Appearance) {
-        self.uploaded = 0;
+    /// Uploads the changes from the last appearance to this one.
+    pub(super) fn update(&mut self, gpu: &Gpu, scene_units: &[Unit], origin: DVec3, appearance: &Appearance) {
+        self.uploaded_bytes = 0;
         let light = &appearance.light;
         let compensated = |unit: &Unit| match appearance.filter {
             PixelFilter::FromFile => unit.kind[3],
@@ -97,7 +97,7 @@ impl Look {
             .collect();
         if table != self.table {
             gpu.queue.write_buffer(&self.units, 0, bytemuck::cast_slice(&table));
-            self.uploaded += size_of_val(table.as_slice()) as u64;
+            self.uploaded_bytes += size_of_val(table.as_slice()) as u64;
             self.table = table;
         }
         let edits: Vec<Edit> = appearance
@@ -110,50 +110,44 @@ impl Look {
             .collect();
         let mut generation = self.generation;
         if edits != self.edit_table {
-            self.uploaded += upload(gpu, &mut self.edits, "edits", bytemuck::cast_slice(&edits), &mut generation);
+            self.uploaded_bytes += upload(gpu, &mut self.edits, "edits", bytemuck::cast_slice(&edits), &mut generation);
             self.edit_table = edits;
         }
-        let sides = sides(appearance, origin);
+        let sides = clip_sides(appearance, origin);
         if sides != self.side_table {
-            self.uploaded += upload(gpu, &mut self.sides, "sides", bytemuck::cast_slice(&sides), &mut generation);
+            self.uploaded_bytes += upload(gpu, &mut self.sides, "sides", bytemuck::cast_slice(&sides), &mut generation);
             self.side_table = sides;
         }
         self.generation = generation;
-        self.set_masks(gpu, appearance);
-        self.set_colors(gpu, appearance);
+        self.update_masks(gpu, appearance);
+        self.update_colors(gpu, appearance);
         let direction = Vec3::from_array(light.direction).as_dvec3().normalize_or_zero().as_vec3();
         let overlay = appearance.overlay.as_ref();
-        self.now = Now {
+        self.state = AppearanceState {
             edits: appearance.units.len() as u32,
             sides: self.side_table.len() as u32,
             overlay: overlay.is_some(),
             colors: appearance.colors.is_some(),
             directional: light.mode == LightMode::Direction,
-            term: match appearance.term {
-                ShadingTerm::Full => 0,
-                ShadingTerm::Normal => 1,
-                ShadingTerm::Ambient => 2,
-                ShadingTerm::Diffuse => 3,
-                ShadingTerm::Specular => 4,
-            },
+            term: shading_term_number(appearance.term),
             overlay_color: overlay.map_or(Vec4::ZERO, |o| o.color.extend(o.mix)),
             background: appearance.background.extend(overlay.map_or(1.0, |o| o.opacity)),
             light: direction.extend(0.0),
         };
     }
 
-    fn set_masks(&mut self, gpu: &Gpu, appearance: &Appearance) {
-        let wanted: Vec<&Arc<Mask>> =
+    fn update_masks(&mut self, gpu: &Gpu, appearance: &Appearance) {
+        let masks: Vec<&Arc<Mask>> =
             appearance.units.iter().map(|u| &u.mask).chain(appearance.overlay.iter().map(|o| &o.mask)).collect();
-        let slot = 4 * self.words as u64;
-        if self.masks.size() < slot * wanted.len() as u64 {
-            // Room for twice as many: a session makes units one after another.
-            self.masks = gpu.storage("masks", slot * 2 * wanted.len() as u64);
-            self.held.clear();
+        let slot = 4 * self.mask_words as u64;
+        if self.masks.size() < slot * masks.len() as u64 {
+            // Twice the room: users add units one after another.
+            self.masks = gpu.storage("masks", slot * 2 * masks.len() as u64);
+            self.uploaded_masks.clear();
             self.generation += 1;
         }
-        for (k, mask) in wanted.iter().enumerate() {
-            let old = self.held.get(k);
+        for (k, mask) in masks.iter().enumerate() {
+            let old = self.uploaded_masks.get(k);
             if old.is_some_and(|old| Arc::ptr_eq(old, mask)) {
                 continue;
             }
@@ -162,15 +156,15 @@ impl Look {
                 if let Some(words) = mask.words().get(changed.clone()) {
                     let bytes: &[u8] = bytemuck::cast_slice(words);
                     gpu.queue.write_buffer(&self.masks, slot * k as u64 + 8 * changed.start as u64, bytes);
-                    self.uploaded += bytes.len() as u64;
+                    self.uploaded_bytes += bytes.len() as u64;
                 }
             }
         }
-        self.held = wanted.into_iter().cloned().collect();
+        self.uploaded_masks = masks.into_iter().cloned().collect();
     }
 
-    fn set_colors(&mut self, gpu: &Gpu, appearance: &Appearance) {
-        let same = match (&self.shown, &appearance.colors) {
+    fn update_colors(&mut self, gpu: &Gpu, appearance: &Appearance) {
+        let same = match (&self.uploaded_colors, &appearance.colors) {
             (Some(old), Some(new)) => Arc::ptr_eq(old, new),
             (_, None) => true,
             (None, Some(_)) => false,
@@ -180,14 +174,14 @@ impl Look {
         }
         if let Some(colors) = &appearance.colors {
             let safe: Vec<Vec3> = colors.iter().map(|c| c.max(Vec3::ZERO)).collect();
-            self.uploaded +=
+            self.uploaded_bytes +=
                 upload(gpu, &mut self.colors, "colours", bytemuck::cast_slice(&safe), &mut self.generation);
         }
-        self.shown.clone_from(&appearance.colors);
+        self.uploaded_colors.clone_from(&appearance.colors);
     }
 }
 
-/// Writes a table, into a larger buffer where the one there is too small. Bytes written.
+/// Writes a table and replaces a buffer that is too small. Returns the bytes written.
 fn upload(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: &[u8], generation: &mut u64) -> u64 {
     if buffer.size() < bytes.len() as u64 {
         *buffer = gpu.storage(label, 2 * bytes.len() as u64);
@@ -197,11 +191,11 @@ fn upload(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: &[u8], gener
     bytes.len() as u64
 }
 
-fn sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
+fn clip_sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
     let mut all = Vec::new();
     for (index, clip) in appearance.clips.iter().enumerate() {
         for (k, side) in clip.sides.iter().enumerate() {
-            // Of unit length: f32 rounds products of long normals away.
+            // Unit length: f32 would round products of long normals away.
             let length = side.normal.length();
             let normal = side.normal / length;
             let offset = side.offset / length - normal.dot(origin);
@@ -215,7 +209,7 @@ fn sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
     all
 }
 
-/// Ranges of words in which two masks differ, near ones joined. Words that the old one lacks differ.
+/// Ranges of words that differ between two masks, near ranges joined. Words missing in the old mask differ.
 fn changed_ranges(old: &[u64], new: &[u64]) -> Vec<std::ops::Range<usize>> {
     let mut ranges: Vec<std::ops::Range<usize>> = Vec::new();
     for (k, word) in new.iter().enumerate() {

@@ -1,32 +1,32 @@
-//! A scene's columns on the device, uploaded once.
+//! Uploads a scene's columns to the device, once.
 //!
-//! What a column costs is paid only by scenes that have it: shading columns, harmonics of the degree there is. Centres are
-//! stored after the units' transforms in f64, and relative to the middle of a scene that lies far from the origin.
+//! Scenes without shading columns or harmonics pay nothing for them. The buffers store centers with the transforms
+//! of the units, computed in f64, relative to the middle of a distant scene.
 
 use glam::{DMat3, DVec3, Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
 use sg_scene::model::{BaseUnit, Scene};
 
-use super::device::Gpu;
-use super::uniform::{Part, Unit};
+use crate::device::Gpu;
+use crate::shader_layout::{ColorSource, Part, Unit, shading_model_number};
 use sg_raster::shading::NormalTransform;
 
-/// Gaussians that are counted together when they are listed.
+/// Gaussians of one block of the list.
 pub(super) const BLOCK: usize = 1024;
 
-/// Bytes behind the last Gaussian of a column.
+/// Padding behind a column: its last element is read with the word after it.
 const PADDING: u64 = 16;
 
-/// Words of the shading columns of one Gaussian in full and in half precision.
+/// Words of the shading columns of one Gaussian, in full and in half precision.
 const SURFACE: [usize; 2] = [10, 5];
 
 /// A scene on the device.
-pub(super) struct Columns {
-    pub(super) parts: Vec<PartColumns>,
+pub(super) struct SceneBuffers {
+    pub(super) parts: Vec<PartBuffers>,
     pub(super) part_table: wgpu::Buffer,
     pub(super) units: Vec<Unit>,
-    /// Added to what is stored to get a centre of the scene frame.
+    /// Origin of the stored centers in the scene frame.
     pub(super) origin: DVec3,
     pub(super) len: usize,
     pub(super) blocks: u32,
@@ -35,14 +35,14 @@ pub(super) struct Columns {
     /// −1 without harmonics.
     pub(super) degree: i32,
     pub(super) half: bool,
-    /// Gaussians with a NaN or infinite attribute, which are stored with opacity 0.
+    /// Number of Gaussians with a NaN or infinite attribute, stored with opacity 0.
     pub(super) non_finite: usize,
     /// Bytes on the device.
     pub(super) bytes: u64,
 }
 
-/// Gaussians whose columns each fit one binding.
-pub(super) struct PartColumns {
+/// A range of Gaussians; each of its columns fits one binding.
+pub(super) struct PartBuffers {
     pub(super) part: Part,
     pub(super) uniform: wgpu::Buffer,
     pub(super) centers: wgpu::Buffer,
@@ -51,7 +51,7 @@ pub(super) struct PartColumns {
     pub(super) harmonics: wgpu::Buffer,
 }
 
-/// What of one Gaussian goes to the device.
+/// The stored attributes of one Gaussian.
 struct Row {
     center: Vec4,
     shape: [Vec4; 2],
@@ -59,7 +59,7 @@ struct Row {
     finite: bool,
 }
 
-impl Columns {
+impl SceneBuffers {
     /// Uploads; `half` stores shading columns and harmonics in half precision.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene, half: bool) -> Self {
         let origin = origin(scene);
@@ -74,11 +74,10 @@ impl Columns {
         let surface_words = if lit { SURFACE[usize::from(half)] } else { 0 };
         let coefficients = if degree < 0 { 0 } else { 3 * ((degree + 1) * (degree + 1)) as usize };
         let harmonic_bytes = coefficients * if half { 2 } else { 4 };
-        // The largest column decides how many Gaussians share a binding; whole blocks, so that parts begin at one.
+        // The widest column limits the range of a binding. Ranges hold whole blocks.
         let widest = 32.max(4 * surface_words).max(harmonic_bytes) as u64;
-        // A word behind each column is read together with its last one.
         let most = ((gpu.largest_binding() - PADDING) / widest) as usize / BLOCK * BLOCK;
-        let mut columns = Self {
+        let mut buffers = Self {
             parts: Vec::new(),
             part_table: gpu.storage("parts", 0),
             units: scene.units.iter().map(unit).collect(),
@@ -97,12 +96,12 @@ impl Columns {
         };
         for first in (0..scene.len()).step_by(most.max(BLOCK)) {
             let end = (first + most.max(BLOCK)).min(scene.len());
-            columns.upload_part(gpu, scene, first..end, [surface_words, coefficients]);
+            buffers.upload_part(gpu, scene, first..end, [surface_words, coefficients]);
         }
-        let table: Vec<Part> = columns.parts.iter().map(|p| p.part).collect();
-        columns.part_table = gpu.storage("parts", size_of_val(table.as_slice()) as u64);
-        gpu.queue.write_buffer(&columns.part_table, 0, bytemuck::cast_slice(&table));
-        columns
+        let table: Vec<Part> = buffers.parts.iter().map(|p| p.part).collect();
+        buffers.part_table = gpu.storage("parts", size_of_val(table.as_slice()) as u64);
+        gpu.queue.write_buffer(&buffers.part_table, 0, bytemuck::cast_slice(&table));
+        buffers
     }
 
     fn upload_part(
@@ -118,8 +117,8 @@ impl Columns {
             .map(|i| {
                 let index = unit_index(scene, i);
                 match scene.units.get(index as usize) {
-                    Some(unit) => row(unit, i - unit.first, self.origin, index),
-                    None => Row::nothing(index),
+                    Some(unit) => Row::of(unit, i - unit.first, self.origin, index),
+                    None => Row::invisible(index),
                 }
             })
             .collect();
@@ -158,7 +157,7 @@ impl Columns {
         gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&part));
         self.bytes += (48 * rows.len() + surfaces.len() + harmonics.len()) as u64;
         self.blocks += (rows.len() as u32).div_ceil(BLOCK as u32);
-        self.parts.push(PartColumns {
+        self.parts.push(PartBuffers {
             part,
             uniform,
             centers: upload("centres", bytemuck::cast_slice(&centers)),
@@ -169,9 +168,8 @@ impl Columns {
     }
 }
 
-/// What centres are stored relative to: nothing where they are stored as the file has them, exactly; the middle of the
-/// finite centres (scene frame, rounded as they are) where they lie so far from the origin that f32 would lose what the file
-/// holds once the units' transforms have moved them.
+/// The origin of the stored centers. It is zero if f32 can hold the centers of the file. It is the middle of the
+/// finite centers, rounded to f32, if they lie so far from zero that f32 would lose digits.
 fn origin(scene: &Scene) -> DVec3 {
     let (low, high) = (0..scene.len())
         .into_par_iter()
@@ -188,73 +186,71 @@ fn unit_index(scene: &Scene, i: usize) -> u32 {
 }
 
 fn unit(unit: &BaseUnit) -> Unit {
-    let look = if unit.gaussians.shading.is_some() {
-        1
+    let source = if unit.gaussians.shading.is_some() {
+        ColorSource::Lit
     } else if unit.gaussians.harmonics.is_some() {
-        2
+        ColorSource::Harmonics
     } else {
-        0
+        ColorSource::Palette
     };
-    let model = match unit.shading {
-        sg_scene::model::ShadingModel::Paper => 0,
-        sg_scene::model::ShadingModel::IvrgsTrain => 1,
-        sg_scene::model::ShadingModel::IvrgsViewer => 2,
-    };
-    Unit { kind: [model, look, 1, u32::from(unit.gaussians.antialiased)], ..Unit::of_transform(unit.transform) }
-}
-
-fn row(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Row {
-    let g = &unit.gaussians;
-    let position = g.position.get(i).copied().unwrap_or(Vec3::NAN);
-    let scale = g.log_scale.get(i).copied().unwrap_or(Vec3::NAN).as_dvec3().exp().as_vec3();
-    let stored = g.rotation.get(i).copied().unwrap_or([f32::NAN; 4]);
-    let logit = g.opacity_logit.get(i).copied().unwrap_or(f32::NAN);
-    let center = (unit.transform.transform_point3(position.as_dvec3()) - origin).as_vec3();
-    let opacity = (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32;
-    let surface = g.shading.as_ref().map_or(Some([0.0; 10]), |s| {
-        let normal = NormalTransform::of(DMat3::from_mat4(unit.transform)).apply(s.normal.get(i)?.as_dvec3());
-        let (offset, n) = (*s.offset_color.get(i)?, normal.as_vec3());
-        Some([
-            offset.x,
-            offset.y,
-            offset.z,
-            n.x,
-            n.y,
-            n.z,
-            *s.ambient.get(i)?,
-            *s.diffuse.get(i)?,
-            *s.specular.get(i)?,
-            *s.shininess.get(i)?,
-        ])
-    });
-    let finite = position.is_finite()
-        && center.is_finite()
-        && scale.is_finite()
-        && stored.iter().all(|q| q.is_finite())
-        && opacity.is_finite()
-        && surface.is_some_and(|s| s.iter().all(|x| x.is_finite()));
-    if !finite {
-        return Row::nothing(index);
-    }
-    let q = g.unit_rotation(i);
-    let rotation = Vec4::new(q.x as f32, q.y as f32, q.z as f32, q.w as f32);
-    Row {
-        center: center.extend(opacity),
-        shape: [rotation, scale.extend(f32::from_bits(index))],
-        surface: surface.unwrap_or([0.0; 10]),
-        finite,
-    }
+    let model = shading_model_number(unit.shading);
+    let antialiased = u32::from(unit.gaussians.antialiased);
+    Unit { kind: [model, source as u32, 1, antialiased], ..Unit::of_transform(unit.transform) }
 }
 
 impl Row {
-    /// What no pass draws.
-    fn nothing(index: u32) -> Self {
+    /// Gaussian `i` of a unit.
+    fn of(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Row {
+        let g = &unit.gaussians;
+        let position = g.position.get(i).copied().unwrap_or(Vec3::NAN);
+        let scale = g.log_scale.get(i).copied().unwrap_or(Vec3::NAN).as_dvec3().exp().as_vec3();
+        let stored = g.rotation.get(i).copied().unwrap_or([f32::NAN; 4]);
+        let logit = g.opacity_logit.get(i).copied().unwrap_or(f32::NAN);
+        let center = (unit.transform.transform_point3(position.as_dvec3()) - origin).as_vec3();
+        let opacity = (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32;
+        let surface = g.shading.as_ref().map_or(Some([0.0; 10]), |s| {
+            let normal = NormalTransform::of(DMat3::from_mat4(unit.transform)).apply(s.normal.get(i)?.as_dvec3());
+            let (offset, n) = (*s.offset_color.get(i)?, normal.as_vec3());
+            Some([
+                offset.x,
+                offset.y,
+                offset.z,
+                n.x,
+                n.y,
+                n.z,
+                *s.ambient.get(i)?,
+                *s.diffuse.get(i)?,
+                *s.specular.get(i)?,
+                *s.shininess.get(i)?,
+            ])
+        });
+        let finite = position.is_finite()
+            && center.is_finite()
+            && scale.is_finite()
+            && stored.iter().all(|q| q.is_finite())
+            && opacity.is_finite()
+            && surface.is_some_and(|s| s.iter().all(|x| x.is_finite()));
+        if !finite {
+            return Row::invisible(index);
+        }
+        let q = g.unit_rotation(i);
+        let rotation = Vec4::new(q.x as f32, q.y as f32, q.z as f32, q.w as f32);
+        Row {
+            center: center.extend(opacity),
+            shape: [rotation, scale.extend(f32::from_bits(index))],
+            surface: surface.unwrap_or([0.0; 10]),
+            finite,
+        }
+    }
+
+    /// A Gaussian that no pass draws.
+    fn invisible(index: u32) -> Self {
         let shape = [Vec4::W, Vec3::ZERO.extend(f32::from_bits(index))];
         Self { center: Vec4::ZERO, shape, surface: [0.0; 10], finite: false }
     }
 }
 
-/// Coefficients of one Gaussian, filled up with zeros to the scene's degree.
+/// Harmonics of one Gaussian, padded with zeros to the scene's degree.
 fn harmonics_of(scene: &Scene, i: usize, coefficients: usize) -> Vec<f32> {
     let mut values = Vec::with_capacity(coefficients);
     if let Some((unit, local)) = scene.locate(i)

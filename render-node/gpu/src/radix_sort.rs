@@ -1,35 +1,37 @@
-//! Orders keys with their values on the device: a stable radix sort by reduce and scan.
+//! A stable radix sort of keys with their values by reduce and scan.
 
-use super::device::Gpu;
-use super::kernel::{Kernel, module};
+use crate::device::Gpu;
+use crate::pipeline::{BoundKernel, Kernel, shader_module};
+use crate::shader_layout::Total;
 
 /// Bits of one pass.
 const BITS: u32 = 4;
 
-/// Keys that one workgroup takes.
+/// Number of keys of one workgroup.
 const BLOCK: u64 = 4096;
 
-/// The three kernels, for a count that stands at one place of the totals.
-pub(super) struct Sort {
+/// The three kernels of a sort. The number of keys is one word of the totals.
+pub(super) struct RadixSort {
     count: Kernel,
     scan: Kernel,
     scatter: Kernel,
     shifts: Vec<wgpu::Buffer>,
 }
 
-/// Two sets of buffers that passes go to and fro between, bound for a number of passes.
-pub(super) struct Sorting {
-    passes: Vec<[wgpu::BindGroup; 3]>,
+/// The passes of a sort, bound to the two buffer sets of [`SortBuffers`] in turn.
+pub(super) struct SortBindings {
+    passes: Vec<[BoundKernel; 3]>,
 }
 
-/// Keys and values, twice.
-pub(super) struct Pairs {
+/// Two sets of keys and values.
+pub(super) struct SortBuffers {
     pub(super) keys: [wgpu::Buffer; 2],
     pub(super) values: [wgpu::Buffer; 2],
     counts: wgpu::Buffer,
 }
 
-impl Pairs {
+impl SortBuffers {
+    /// Buffers for `capacity` keys.
     pub(super) fn new(gpu: &Gpu, label: &str, capacity: u64) -> Self {
         let words = || gpu.storage(label, 4 * capacity);
         Self {
@@ -40,11 +42,11 @@ impl Pairs {
     }
 }
 
-impl Sort {
-    /// Sorts as many keys as the totals say at `place`.
-    pub(super) fn new(gpu: &Gpu, place: u32) -> Self {
-        let module = module(gpu, "sort", include_str!("shaders/sort.wgsl"));
-        let constants = [("COUNT", f64::from(place))];
+impl RadixSort {
+    /// A sort of as many keys as the word `count` of the totals says.
+    pub(super) fn new(gpu: &Gpu, count: Total) -> Self {
+        let module = shader_module(gpu, "sort", include_str!("shaders/sort.wgsl"));
+        let constants = [("COUNT", f64::from(count as u32))];
         let shifts = (0..u32::BITS / BITS)
             .map(|pass| {
                 let buffer = gpu.buffer("shift", 16, wgpu::BufferUsages::UNIFORM);
@@ -54,7 +56,6 @@ impl Sort {
             .collect();
         Self {
             count: Kernel::new(gpu, &module, "count", &constants),
-            // The scan and the scatter know the count by the blocks that were counted.
             scan: Kernel::new(gpu, &module, "scan", &constants),
             scatter: Kernel::new(gpu, &module, "scatter", &constants),
             shifts,
@@ -62,8 +63,8 @@ impl Sort {
     }
 
     /// Binds the passes over the lowest `bits` bits.
-    pub(super) fn bind(&self, gpu: &Gpu, totals: &wgpu::Buffer, pairs: &Pairs, bits: u32) -> Sorting {
-        let Pairs { keys, values, counts } = pairs;
+    pub(super) fn bind(&self, gpu: &Gpu, totals: &wgpu::Buffer, buffers: &SortBuffers, bits: u32) -> SortBindings {
+        let SortBuffers { keys, values, counts } = buffers;
         let passes = self.shifts.iter().take(bits.div_ceil(BITS) as usize).enumerate().map(|(pass, shift)| {
             let (from, to) = (pass % 2, 1 - pass % 2);
             [
@@ -83,21 +84,21 @@ impl Sort {
                 ),
             ]
         });
-        Sorting { passes: passes.collect() }
-    }
-
-    /// Sorts; `dispatches` holds the number of blocks from word `at` on.
-    pub(super) fn run(&self, pass: &mut wgpu::ComputePass<'_>, sorting: &Sorting, dispatches: &wgpu::Buffer, at: u64) {
-        for [count, scan, scatter] in &sorting.passes {
-            self.count.run_counted(pass, count, dispatches, at);
-            self.scan.run(pass, scan, [1, 1, 1]);
-            self.scatter.run_counted(pass, scatter, dispatches, at);
-        }
+        SortBindings { passes: passes.collect() }
     }
 }
 
-impl Sorting {
-    /// Which of the two sets holds the result.
+impl SortBindings {
+    /// Sorts. `dispatches` holds the number of blocks from word `at` on.
+    pub(super) fn run(&self, pass: &mut wgpu::ComputePass<'_>, dispatches: &wgpu::Buffer, at: u64) {
+        for [count, scan, scatter] in &self.passes {
+            count.run_indirect(pass, dispatches, at);
+            scan.run(pass, [1, 1, 1]);
+            scatter.run_indirect(pass, dispatches, at);
+        }
+    }
+
+    /// Index of the buffer set that holds the result.
     pub(super) fn result(&self) -> usize {
         self.passes.len() % 2
     }
@@ -109,31 +110,31 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::test_device;
+    use crate::device::test_device;
 
     /// Sorts on the device; positions are the values.
     fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
         let n = keys.len() as u32;
-        let sort = Sort::new(gpu, 1);
-        let pairs = Pairs::new(gpu, "test", u64::from(n));
+        let sort = RadixSort::new(gpu, Total::Marked);
+        let buffers = SortBuffers::new(gpu, "test", u64::from(n));
         let totals = gpu.storage("totals", 16);
         let dispatches = gpu.buffer("dispatches", 16, wgpu::BufferUsages::INDIRECT);
         let values: Vec<u32> = (0..n).collect();
         gpu.queue.write_buffer(&totals, 0, bytemuck::bytes_of(&[0, n, 0, 0]));
         gpu.queue.write_buffer(&dispatches, 0, bytemuck::bytes_of(&[n.div_ceil(4096), 1, 1, 0]));
-        gpu.queue.write_buffer(&pairs.keys[0], 0, bytemuck::cast_slice(keys));
-        gpu.queue.write_buffer(&pairs.values[0], 0, bytemuck::cast_slice(&values));
-        let sorting = sort.bind(gpu, &totals, &pairs, bits);
+        gpu.queue.write_buffer(&buffers.keys[0], 0, bytemuck::cast_slice(keys));
+        gpu.queue.write_buffer(&buffers.values[0], 0, bytemuck::cast_slice(&values));
+        let sorting = sort.bind(gpu, &totals, &buffers, bits);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            sort.run(&mut pass, &sorting, &dispatches, 0);
+            sorting.run(&mut pass, &dispatches, 0);
         }
         gpu.submit([encoder.finish()]);
         let read = |buffer: &wgpu::Buffer| {
             bytemuck::pod_collect_to_vec::<u8, u32>(&gpu.read(buffer, 4 * u64::from(n)).unwrap())
         };
-        (read(&pairs.keys[sorting.result()]), read(&pairs.values[sorting.result()]))
+        (read(&buffers.keys[sorting.result()]), read(&buffers.values[sorting.result()]))
     }
 
     #[test]

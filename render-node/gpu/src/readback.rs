@@ -1,10 +1,10 @@
-//! Pictures read back from the device, for single pictures and tests: it is waited for.
+//! Synchronous readback of textures.
 
-use super::GpuError;
-use super::device::Gpu;
+use crate::device::Gpu;
+use crate::error::GpuError;
 
-/// The bytes of a texture of so many bytes a pixel, rows from the top without gaps.
-pub(super) fn bytes_of(gpu: &Gpu, texture: &wgpu::Texture, pixel: u32) -> Result<Vec<u8>, GpuError> {
+/// The bytes of a texture with `pixel` bytes a pixel, rows from the top without padding. Waits for the device.
+pub(super) fn texture_bytes(gpu: &Gpu, texture: &wgpu::Texture, pixel: u32) -> Result<Vec<u8>, GpuError> {
     let [width, height] = [texture.width(), texture.height()];
     let row = (pixel * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {

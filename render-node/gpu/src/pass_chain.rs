@@ -1,0 +1,221 @@
+//! The chain of passes of one frame.
+//!
+//! | pass | reads | writes |
+//! | --- | --- | --- |
+//! | mark | scene, appearance | marked bits, block counts |
+//! | list | marked bits, block counts | list of Gaussians, dispatches |
+//! | project | list, scene, appearance | splats, depth keys |
+//! | sort | depth keys | depth order |
+//! | blend by tiles or quadrilaterals | splats, depth order | blended colors |
+//! | compose | blended colors | pictures |
+//! | depth (optional) | fronts of tiles, or splats | depth textures |
+
+use crate::appearance_buffers::AppearanceBuffers;
+use crate::buffers::WorkBuffers;
+use crate::compose::{ComposeBindings, ComposePasses};
+use crate::depth::{DepthBindings, QuadDepthPasses, TileDepthPasses};
+use crate::device::Gpu;
+use crate::error::GpuError;
+use crate::quads::{QuadBindings, QuadPasses};
+use crate::scene_buffers::SceneBuffers;
+use crate::settings::Rasterizer;
+use crate::splats::{PipelineKey, SplatBindings, SplatPasses};
+use crate::stats::StatsReadback;
+use crate::tiles::{ListSizes, TileBindings, TileMode, TilePasses};
+use crate::visibility_mask::VisibilityMask;
+
+/// Pipelines of all passes.
+pub(super) struct Passes {
+    splats: SplatPasses,
+    tiles: TilePasses,
+    /// `None` on a device that cannot blend f32.
+    quads: Option<QuadPasses>,
+    compose: ComposePasses,
+    /// Made at the first depths of tiles.
+    tile_depths: Option<TileDepthPasses>,
+    /// Made at the first depths of quadrilaterals.
+    quad_depths: Option<QuadDepthPasses>,
+}
+
+/// Bind groups of the last frames. Missing ones are bound when a frame needs them.
+#[derive(Default)]
+pub(super) struct BindGroups {
+    /// With the pipelines and the generation of the appearance buffers that they belong to.
+    splats: Option<((PipelineKey, u64), SplatBindings)>,
+    quads: Option<QuadBindings>,
+    pub(super) tiles: Option<TileBindings>,
+    depths: Option<(Rasterizer, DepthBindings)>,
+}
+
+impl BindGroups {
+    /// Drops the bind groups that depend on the size of the pictures.
+    pub(super) fn drop_sized(&mut self) {
+        self.quads = None;
+        self.tiles = None;
+        self.depths = None;
+    }
+}
+
+/// Buffers that the passes of a frame are bound to.
+pub(super) struct FrameResources<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) frame: &'a wgpu::Buffer,
+    pub(super) scene: &'a SceneBuffers,
+    pub(super) appearance: &'a AppearanceBuffers,
+    pub(super) work: &'a WorkBuffers,
+}
+
+/// Choice of the passes of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FramePlan {
+    /// Width and height of the pictures.
+    pub(super) size: [u32; 2],
+    pub(super) rasterizer: Rasterizer,
+    pub(super) mode: TileMode,
+    pub(super) lists: ListSizes,
+    /// Whether a visibility mask is set.
+    pub(super) masked: bool,
+}
+
+/// The bound passes of a frame.
+pub(super) struct FramePasses<'a> {
+    splats: &'a SplatBindings,
+    blend: BlendPasses<'a>,
+    depths: Option<&'a DepthBindings>,
+    /// Capacity of the list of pairs; 0 without one.
+    pub(super) pair_capacity: u32,
+}
+
+/// The bound passes of a rasterizer.
+enum BlendPasses<'a> {
+    Tiles(&'a TileBindings),
+    Quads { bindings: &'a QuadBindings, in_bands: bool },
+}
+
+impl Passes {
+    pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, multiview: bool) -> Self {
+        let multiview = multiview && gpu.has(wgpu::Features::MULTIVIEW);
+        Self {
+            splats: SplatPasses::new(gpu, scene),
+            tiles: TilePasses::new(gpu),
+            quads: gpu.has(wgpu::Features::FLOAT32_BLENDABLE).then(|| QuadPasses::new(gpu, multiview)),
+            compose: ComposePasses::new(gpu),
+            tile_depths: None,
+            quad_depths: None,
+        }
+    }
+
+    /// Whether the device blends quadrilaterals.
+    pub(super) fn blends_quads(&self) -> bool {
+        self.quads.is_some()
+    }
+
+    /// Binds the passes of a frame; reuses the bind groups that still fit.
+    ///
+    /// # Errors
+    /// [`GpuError::Views`] for quadrilaterals on a device that cannot blend them.
+    pub(super) fn bind<'b>(
+        &mut self,
+        groups: &'b mut BindGroups,
+        resources: &FrameResources<'_>,
+        plan: FramePlan,
+    ) -> Result<FramePasses<'b>, GpuError> {
+        let &FrameResources { gpu, frame, scene, appearance, work } = resources;
+        let FramePlan { size, rasterizer, mode, lists, masked } = plan;
+        let BindGroups { splats, quads, tiles, depths } = groups;
+        let pipeline_key = PipelineKey::of(scene, &appearance.state, mode.window.is_some());
+        let key = (pipeline_key, appearance.generation);
+        let bindings = match splats.take().filter(|(of, _)| *of == key) {
+            Some(fitting) => fitting,
+            None => (key, self.splats.bind(gpu, frame, (scene, appearance, work), pipeline_key)),
+        };
+        let splats = &splats.insert(bindings).1;
+        let order = (work, &splats.sort);
+        let (blend, pair_capacity) = match rasterizer {
+            Rasterizer::Tiles => {
+                // Unfitting bind groups are freed here: both at once may exceed the memory.
+                let bindings = match tiles.take().filter(|t| t.fit(mode, lists)) {
+                    Some(fitting) => fitting,
+                    None => {
+                        *depths = None;
+                        self.tiles.bind(gpu, frame, order, &self.compose, (size, lists, mode))
+                    }
+                };
+                let bindings = &*tiles.insert(bindings);
+                (BlendPasses::Tiles(bindings), bindings.capacity as u32)
+            }
+            Rasterizer::Quads | Rasterizer::Bands => {
+                let passes = self.quads.as_mut().ok_or_else(|| cannot_blend_quads(gpu))?;
+                let in_bands = rasterizer == Rasterizer::Bands;
+                let reject = masked || in_bands;
+                let bindings = match quads.take().filter(|q| q.rejects() == reject) {
+                    Some(fitting) => fitting,
+                    None => passes.bind(gpu, frame, order, &self.compose, (size, reject)),
+                };
+                let pair_capacity = tiles.as_ref().map_or(0, |t| t.capacity as u32);
+                (BlendPasses::Quads { bindings: quads.insert(bindings), in_bands }, pair_capacity)
+            }
+        };
+        let depths = mode.depths.then(|| {
+            let bindings = match (depths.take().filter(|(of, _)| *of == rasterizer), &blend) {
+                (Some(fitting), _) => fitting,
+                (None, BlendPasses::Tiles(tiles)) => {
+                    let passes = self.tile_depths.get_or_insert_with(|| TileDepthPasses::new(gpu));
+                    (rasterizer, passes.bind(gpu, frame, &tiles.fronts, work.views))
+                }
+                (None, BlendPasses::Quads { .. }) => {
+                    let passes = self.quad_depths.get_or_insert_with(|| QuadDepthPasses::new(gpu));
+                    (rasterizer, passes.bind(gpu, frame, order, size))
+                }
+            };
+            &depths.insert(bindings).1
+        });
+        Ok(FramePasses { splats, blend, depths, pair_capacity })
+    }
+}
+
+/// The error of a device without blending in f32.
+pub(super) fn cannot_blend_quads(gpu: &Gpu) -> GpuError {
+    GpuError::Views(format!("{} cannot blend in f32; draw with tiles", gpu.name()))
+}
+
+/// Textures that a frame writes.
+#[derive(Clone, Copy)]
+pub(super) struct FrameOutput<'a> {
+    /// Eye of the first view: 0 left, 1 right.
+    pub(super) first_eye: usize,
+    pub(super) pictures: &'a [wgpu::Texture],
+    /// Empty without depths.
+    pub(super) depths: &'a [wgpu::Texture],
+}
+
+impl FramePasses<'_> {
+    /// Encodes the chain: splats in depth order, blended colors, pictures, depths.
+    pub(super) fn encode(
+        &self,
+        (gpu, mask): (&Gpu, Option<&VisibilityMask>),
+        encoder: &mut wgpu::CommandEncoder,
+        stats: &mut StatsReadback,
+        dispatches: &wgpu::Buffer,
+        output: FrameOutput<'_>,
+    ) {
+        self.splats.encode(encoder, stats, dispatches);
+        match self.blend {
+            BlendPasses::Tiles(tiles) => tiles.encode(encoder, stats, dispatches),
+            BlendPasses::Quads { bindings, in_bands } => {
+                bindings.encode((gpu, mask), encoder, stats, dispatches, (output.first_eye, in_bands));
+            }
+        }
+        self.compose().encode(encoder, stats, output.pictures);
+        if let Some(depths) = self.depths {
+            depths.encode(encoder, dispatches, output.depths);
+        }
+    }
+
+    fn compose(&self) -> &ComposeBindings {
+        match self.blend {
+            BlendPasses::Tiles(tiles) => &tiles.compose,
+            BlendPasses::Quads { bindings, .. } => &bindings.compose,
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Tile passes of the ray-consistent mode. Tiles list splats in the order of the rays through them; each ray sorts its layers
+//! again in a [`SortWindow`].
+
+use crate::device::Gpu;
+use crate::pipeline::{Kernel, shader_module};
+use crate::shader_source::tile_source;
+use crate::sort_window::SortWindow;
+
+/// Edge of a tile in pixels. In tiles of 16 pixels the orders of two rays differ too much for a window of 64 layers on
+/// trained scenes, and lists are longer.
+pub(super) const RAY_TILE: u32 = 8;
+
+/// Compute passes that replace three passes of the affine mode, and two more.
+pub(super) struct RayPasses {
+    pub(super) touch: Kernel,
+    pub(super) list: Kernel,
+    pub(super) measure: Kernel,
+    pub(super) order: Kernel,
+    pub(super) blend: Kernel,
+}
+
+impl RayPasses {
+    /// Kernels for one sort window; `depths` adds the depth of each pixel's front.
+    pub(super) fn new(gpu: &Gpu, window: SortWindow, depths: bool) -> Self {
+        let text = [&window.source(), &tile_source(RAY_TILE), include_str!("shaders/ray_tiles.wgsl")].concat();
+        let shader = shader_module(gpu, "tiles, by ray", &text);
+        let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
+        Self {
+            touch: kernel("touch"),
+            list: kernel("list_pairs"),
+            measure: kernel("measure_rays"),
+            order: kernel("order_rays"),
+            blend: Kernel::new(gpu, &shader, "blend_rays", &[("DEPTHS", f64::from(u8::from(depths)))]),
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! Blends splats tile by tile: lists pairs of a splat and a tile in depth order, sorts them by tile, blends each list.
+
+use std::collections::HashMap;
+
+use crate::buffers::{SplatBuffers, WorkBuffers, tile_count};
+use crate::compose::{ComposeBindings, ComposePasses};
+use crate::device::Gpu;
+use crate::pipeline::{BoundKernel, Kernel, shader_module};
+use crate::radix_sort::{RadixSort, SortBindings, SortBuffers};
+use crate::ray_tiles::RayPasses;
+use crate::shader_layout::{Part, Total, dispatch, pair_dispatch};
+use crate::shader_source::tile_source;
+use crate::sort_window::SortWindow;
+use crate::stats::{Stage, StatsReadback};
+use sg_raster::TILE;
+
+/// Splats of one tile that one dispatch blends: STRETCH of tiles.wgsl.
+const STRETCH: u32 = 32_768;
+
+/// Constants of the passes over tiles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TileMode {
+    /// The sort window of each ray in the ray-consistent mode.
+    pub(super) window: Option<SortWindow>,
+    /// Whether to store the depth of each pixel's front.
+    pub(super) depths: bool,
+}
+
+/// Sizes of the lists of pairs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ListSizes {
+    /// Number of pairs in one window.
+    pub(super) capacity: u64,
+    /// Number of windows.
+    pub(super) windows: u32,
+    /// Length of the longest list of a tile.
+    pub(super) longest: u32,
+}
+
+impl ListSizes {
+    /// Number of dispatches that blend the longest list.
+    fn stretches(&self) -> u32 {
+        self.longest.div_ceil(STRETCH).max(1)
+    }
+}
+
+/// Kernels of the passes over tiles.
+pub(super) struct TilePasses {
+    affine: wgpu::ShaderModule,
+    pair_sort: RadixSort,
+    touch: Kernel,
+    sum_touched: Kernel,
+    open_window: Kernel,
+    list_pairs: Kernel,
+    clear_lists: Kernel,
+    find_ends: Kernel,
+    longest: Kernel,
+    blend: Kernel,
+    /// The affine blending with depths, made at its first use.
+    blend_with_depths: Option<Kernel>,
+    /// Kernels of the ray-consistent mode with and without depths, made at their first use.
+    rays: HashMap<(SortWindow, bool), RayPasses>,
+}
+
+impl TilePasses {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        let affine = shader_module(gpu, "tiles", &tile_source(TILE as u32));
+        let kernel = |entry| Kernel::new(gpu, &affine, entry, &[]);
+        Self {
+            pair_sort: RadixSort::new(gpu, Total::WindowPairs),
+            touch: kernel("touch"),
+            sum_touched: kernel("sum_touched"),
+            open_window: kernel("open_window"),
+            list_pairs: kernel("list_pairs"),
+            clear_lists: kernel("clear_lists"),
+            find_ends: kernel("find_ends"),
+            longest: kernel("longest"),
+            blend: kernel("blend"),
+            blend_with_depths: None,
+            rays: HashMap::new(),
+            affine,
+        }
+    }
+
+    /// Binds the passes for pictures of `size` pixels. Compiles the kernels of a new mode.
+    pub(super) fn bind(
+        &mut self,
+        gpu: &Gpu,
+        frame: &wgpu::Buffer,
+        (work, order): (&WorkBuffers, &SortBindings),
+        compose: &ComposePasses,
+        (size, lists, mode): ([u32; 2], ListSizes, TileMode),
+    ) -> TileBindings {
+        let Self { affine, pair_sort, blend, blend_with_depths, rays, .. } = self;
+        let rays = mode.window.map(|window| {
+            &*rays.entry((window, mode.depths)).or_insert_with(|| RayPasses::new(gpu, window, mode.depths))
+        });
+        let affine_blend = match mode.depths && rays.is_none() {
+            true => &*blend_with_depths.get_or_insert_with(|| Kernel::new(gpu, affine, "blend", &[("DEPTHS", 1.0)])),
+            false => blend,
+        };
+        let affine = (&self.touch, &self.list_pairs, affine_blend);
+        let (touch, list_pairs, blend) = rays.map_or(affine, |r| (&r.touch, &r.list, &r.blend));
+
+        let [width, height] = size;
+        let views = work.views;
+        let items = work.capacity * u64::from(views);
+        let [across, down] = tile_count(size, work.per_ray);
+        let tiles = views * across * down;
+        let pixels = u64::from(views) * u64::from(width) * u64::from(height);
+        let touched = gpu.storage("touched", 4 * items);
+        let sums = gpu.storage("touched, summed", 4 * items.div_ceil(256));
+        let pairs = SortBuffers::new(gpu, "pairs", lists.capacity);
+        let dispatches = gpu.buffer("pair dispatches", 24, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE);
+        let ranges = gpu.storage("lists", 8 * u64::from(tiles));
+        let fronts = gpu.storage("fronts", if mode.depths { 4 * pixels } else { 0 });
+        let pixels = gpu.storage("pixels", 16 * pixels);
+        let ordered = work.ordered(order);
+        let SplatBuffers { ellipses, levels, tints } = &work.splats;
+        // The greatest key is the number of tiles less one.
+        let bits = u32::BITS - tiles.saturating_sub(1).leading_zeros();
+        let sort = pair_sort.bind(gpu, &work.totals, &pairs, bits.max(1));
+        let (keys, splats) = (&pairs.keys[sort.result()], &pairs.values[sort.result()]);
+        let by_ray = rays.map(|rays| {
+            let depths = SortBuffers::new(gpu, "pairs by depth", lists.capacity);
+            let sort = pair_sort.bind(gpu, &work.totals, &depths, u32::BITS);
+            let order = rays.order.bind(
+                gpu,
+                &[
+                    (4, &work.totals),
+                    (7, &pairs.keys[1]),
+                    (8, &pairs.values[1]),
+                    (16, &depths.values[sort.result()]),
+                    (17, &pairs.keys[0]),
+                    (18, &pairs.values[0]),
+                ],
+            );
+            let measure = rays.measure.bind(
+                gpu,
+                &[
+                    (0, frame),
+                    (2, ellipses),
+                    (4, &work.totals),
+                    (7, &pairs.keys[1]),
+                    (8, &pairs.values[1]),
+                    (12, levels),
+                    (13, tints),
+                    (15, &depths.keys[0]),
+                    (16, &depths.values[0]),
+                ],
+            );
+            RayOrder { measure, sort, order }
+        });
+        // The order by ray reads the second set and writes the first one, the input of the sort by tile.
+        let listed = usize::from(by_ray.is_some());
+        let bind_blend = |window: u32, stretch: u32| {
+            let part = gpu.buffer("stretch", 16, wgpu::BufferUsages::UNIFORM);
+            // From the second dispatch on, blending continues with the stored pixels.
+            let index = window + stretch;
+            let range = Part { index, block: stretch * STRETCH, ..Part::default() };
+            gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&range));
+            let buffers = [
+                (0, frame),
+                (1, &part),
+                (2, ellipses),
+                (8, splats),
+                (10, &ranges),
+                (11, &pixels),
+                (12, levels),
+                (13, tints),
+                (19, &fronts),
+            ];
+            blend.bind(gpu, &buffers)
+        };
+        let windows = (0..lists.windows).map(|index| {
+            let first = (lists.capacity * u64::from(index)) as u32;
+            let part = gpu.buffer("window", 16, wgpu::BufferUsages::UNIFORM);
+            gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&Part { first, index, ..Part::default() }));
+            Window {
+                open: self
+                    .open_window
+                    .bind(gpu, &[(0, frame), (1, &part), (4, &work.totals), (9, &dispatches), (14, &work.longest)]),
+                list: list_pairs.bind(
+                    gpu,
+                    &[
+                        (0, frame),
+                        (1, &part),
+                        (2, ellipses),
+                        (3, ordered),
+                        (4, &work.totals),
+                        (5, &touched),
+                        (6, &sums),
+                        (7, &pairs.keys[listed]),
+                        (8, &pairs.values[listed]),
+                        (12, levels),
+                    ],
+                ),
+                blend: (0..lists.stretches()).map(|stretch| bind_blend(index, stretch)).collect(),
+            }
+        });
+        TileBindings {
+            capacity: lists.capacity,
+            mode,
+            touch: touch.bind(
+                gpu,
+                &[(0, frame), (2, ellipses), (3, ordered), (4, &work.totals), (5, &touched), (6, &sums), (12, levels)],
+            ),
+            sum_touched: self.sum_touched.bind(gpu, &[(0, frame), (4, &work.totals), (6, &sums)]),
+            windows: windows.collect(),
+            by_ray,
+            sort,
+            clear_lists: self.clear_lists.bind(gpu, &[(0, frame), (10, &ranges)]),
+            find_ends: self.find_ends.bind(gpu, &[(4, &work.totals), (7, keys), (10, &ranges)]),
+            longest: self.longest.bind(gpu, &[(0, frame), (10, &ranges), (14, &work.longest)]),
+            compose: compose.bind_tiles(gpu, frame, &pixels, views),
+            fronts,
+            dispatches,
+            grid: [across, down, views],
+            clear_groups: tiles.div_ceil(256),
+        }
+    }
+}
+
+/// The bound passes over tiles.
+pub(super) struct TileBindings {
+    /// Number of pairs in one window.
+    pub(super) capacity: u64,
+    mode: TileMode,
+    touch: BoundKernel,
+    sum_touched: BoundKernel,
+    windows: Vec<Window>,
+    /// The ray-consistent mode only.
+    by_ray: Option<RayOrder>,
+    sort: SortBindings,
+    clear_lists: BoundKernel,
+    find_ends: BoundKernel,
+    longest: BoundKernel,
+    pub(super) compose: ComposeBindings,
+    /// Depth of each pixel's front, view after view, if the mode has depths.
+    pub(super) fronts: wgpu::Buffer,
+    /// Words of [`pair_dispatch`].
+    dispatches: wgpu::Buffer,
+    /// Tiles across and down, and views.
+    grid: [u32; 3],
+    /// Workgroups of the passes over all tiles.
+    clear_groups: u32,
+}
+
+/// Brings pairs into the order of the rays before the sort by tile.
+struct RayOrder {
+    measure: BoundKernel,
+    sort: SortBindings,
+    order: BoundKernel,
+}
+
+/// One window of pairs.
+struct Window {
+    open: BoundKernel,
+    list: BoundKernel,
+    /// Stretches of the lists, one after another.
+    blend: Vec<BoundKernel>,
+}
+
+impl TileBindings {
+    /// Whether the passes are of this mode and the lists have room for `lists`.
+    pub(super) fn fit(&self, mode: TileMode, lists: ListSizes) -> bool {
+        self.mode == mode
+            && self.capacity >= lists.capacity
+            && self.windows.len() >= lists.windows as usize
+            && self.blend_all_of(lists.longest)
+    }
+
+    /// Whether a picture with this many pairs and this longest list is complete.
+    pub(super) fn complete(&self, pairs: u64, longest: u32) -> bool {
+        pairs <= self.capacity * self.windows.len() as u64 && self.blend_all_of(longest)
+    }
+
+    /// Whether the passes blend a list of this length to its end.
+    fn blend_all_of(&self, longest: u32) -> bool {
+        let stretches = self.windows.first().map_or(0, |w| w.blend.len() as u64);
+        u64::from(longest) <= stretches * u64::from(STRETCH)
+    }
+
+    /// Encodes all windows, near to far: list, sort, blend.
+    pub(super) fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        stats: &mut StatsReadback,
+        dispatches: &wgpu::Buffer,
+    ) {
+        let of_pairs = &self.dispatches;
+        for (k, window) in self.windows.iter().enumerate() {
+            {
+                let mut pass = stats.compute_pass(encoder, Stage::Bin);
+                if k == 0 {
+                    self.touch.run_indirect(&mut pass, dispatches, dispatch::TILE_LISTS);
+                    self.sum_touched.run(&mut pass, [1, 1, 1]);
+                }
+                window.open.run(&mut pass, [1, 1, 1]);
+                window.list.run_indirect(&mut pass, dispatches, dispatch::TILE_LISTS);
+                if let Some(by_ray) = &self.by_ray {
+                    by_ray.measure.run_indirect(&mut pass, of_pairs, pair_dispatch::PAIRS);
+                    by_ray.sort.run(&mut pass, of_pairs, pair_dispatch::SORT);
+                    by_ray.order.run_indirect(&mut pass, of_pairs, pair_dispatch::PAIRS);
+                }
+                self.sort.run(&mut pass, of_pairs, pair_dispatch::SORT);
+                self.clear_lists.run(&mut pass, [self.clear_groups, 1, 1]);
+                self.find_ends.run_indirect(&mut pass, of_pairs, pair_dispatch::PAIRS);
+                self.longest.run(&mut pass, [self.clear_groups, 1, 1]);
+            }
+            let mut pass = stats.compute_pass(encoder, Stage::Blend);
+            for blend in &window.blend {
+                blend.run(&mut pass, self.grid);
+            }
+        }
+    }
+}
