@@ -9,7 +9,7 @@ use sg_scene::model::Scene;
 use crate::{Drawn, Gpu, GpuError, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
 use sg_raster::render::{Options, Rendered, render};
 use sg_raster::report::{Report, StageSeconds};
-use sg_raster::view;
+use sg_scene::framing;
 
 /// What is to draw.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
@@ -224,7 +224,7 @@ pub fn fastest(renderer: &mut Renderer, scene: &Scene) -> Result<Rasterizer, Gpu
     if !renderer.blends_quads() {
         return Ok(Rasterizer::Tiles);
     }
-    let camera = [view::default_view(scene, TRIAL_SIZE, TRIAL_SIZE)];
+    let camera = [framing::default_view(scene, TRIAL_SIZE, TRIAL_SIZE)];
     let look = Appearance::of(scene);
     let mut seconds = |rasterizer| -> Result<f64, GpuError> {
         let settings = Settings { rasterizer, ..Settings::default() };

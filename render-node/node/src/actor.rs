@@ -20,7 +20,7 @@ use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick::{SURFACE, front_ids};
 use sg_raster::render::{Options, Projection, Quality, Rendered};
 use sg_raster::report::StageSeconds;
-use sg_raster::view::scaled;
+use sg_scene::camera_motion::scaled;
 use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, Owned};

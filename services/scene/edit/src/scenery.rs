@@ -9,7 +9,8 @@ use super::number::{self, malformed};
 use super::wire::{decode_light_mode, decode_side, decode_term, decode_view};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
-use sg_scene::view::{Side, View, framed_box, robust_bounds};
+use sg_scene::framing::{framed_box, robust_bounds};
+use sg_scene::view::{Side, View};
 
 impl Draft<'_> {
     pub(super) fn set_light(&mut self, command: &SetLight) -> Result<String, EditError> {

@@ -12,7 +12,8 @@ use sg_scene::appearance::{Appearance, BaseAppearance, PixelFilter, ShadingTerm,
 use sg_scene::camera::Light;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
-use sg_scene::view::{Side, View, framed_box};
+use sg_scene::framing::front_view;
+use sg_scene::view::View;
 
 /// A base unit as edits see it.
 #[derive(Debug, Clone, PartialEq)]
@@ -174,7 +175,7 @@ impl EditState {
             selection: Selection::new(Arc::new(Mask::empty(scene.len())), Arc::new([])),
             light: look.light,
             background: look.background,
-            view: View::from_side(framed_box(scene), Side::Front, sg_scene::view::FIELD_OF_VIEW),
+            view: front_view(scene),
             term: look.term,
             focus: Vec::new(),
             geometry: Arc::new(geometry),

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::format::{Warning, WarningCode};
+use crate::splat::{Warning, WarningCode};
 use sg_scene::model::Gaussians;
 
 /// Counts of Gaussians with NaN or infinite values, and of quaternions without a direction. Such Gaussians are kept.

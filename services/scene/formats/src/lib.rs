@@ -2,14 +2,14 @@
 
 pub mod census;
 pub mod files;
-pub mod format;
 pub mod known;
 pub mod load;
 pub mod npy;
 pub mod save;
-pub mod scene_file;
+pub mod splat;
 pub mod staged_file;
 pub mod summary;
 
-pub use load::{LoadError, LoadOptions, Loaded, load};
-pub use save::{SaveError, SaveOptions, Saved, save};
+pub use load::{LoadOptions, Loaded, load};
+pub use save::{SaveError, Saved, save};
+pub use splat::{Format, LoadError, Problem, SaveOptions, UnknownFormat, Warning, WarningCode, scene_file};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::census::Census;
-use crate::format::number::row_major;
+use crate::splat::number::row_major;
 use sg_scene::model::{BaseUnit, Convention, ExtraColumn, ExtraValues, Scene, SceneBox, ShadingModel};
 
 /// A scene in numbers.

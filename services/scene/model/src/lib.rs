@@ -4,7 +4,9 @@
 
 pub mod appearance;
 pub mod camera;
+pub mod camera_motion;
 mod content_hash;
+pub mod framing;
 pub mod mask;
 pub mod model;
 pub mod synthetic;

@@ -9,14 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use glam::Vec3;
 use serde::Serialize;
-use sg_formats::format::{Format, Warning};
-use sg_formats::save::SaveError;
 use sg_formats::summary::Summary;
-use sg_formats::{LoadOptions, Loaded, SaveOptions};
+use sg_formats::{Format, LoadOptions, Loaded, SaveError, SaveOptions, Warning};
 use sg_formats::{load, save};
 use sg_scene::model::{Convention, SceneBox, ShadingModel};
 
@@ -29,9 +27,9 @@ pub(crate) enum Command {
     Info(Info),
     /// Writes a scene in another format, chosen by the output's extension.
     ///
-    /// `.toml` keeps everything, with one PLY for each base unit; `.ply` is an editable unit or 3DGS; `.compressed.ply` is
-    /// SuperSplat's; a folder with --format ivrgs is iVR-GS's. Turning an editable scene into 3DGS bakes palette + offset
-    /// colour; turning 3DGS into an editable scene makes it unlit (ka 1, kd 0, ks 0), with the shortest axes as normals.
+    /// `--format` lists the formats. `.ply` becomes an editable unit or 3DGS. A folder needs `--format ivrgs`.
+    /// An editable scene in 3DGS has baked colours: palette + offset colour. 3DGS in an editable scene is unlit
+    /// (ka 1, kd 0, ks 0), with the shortest axes as normals.
     ///
     /// Example: supergaussian scene convert bonsai/scene.toml bonsai.compressed.ply
     Convert(Convert),
@@ -39,7 +37,7 @@ pub(crate) enum Command {
 
 #[derive(Debug, Args)]
 pub(crate) struct Info {
-    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    /// A Gaussian file (.ply, .splat), a scene.toml, or an iVR-GS output folder.
     file: PathBuf,
     #[command(flatten)]
     reading: Reading,
@@ -50,7 +48,7 @@ pub(crate) struct Info {
 
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
-    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    /// A Gaussian file (.ply, .splat), a scene.toml, or an iVR-GS output folder.
     input: PathBuf,
     /// The file to write, or a folder for iVR-GS.
     output: PathBuf,
@@ -91,7 +89,9 @@ impl Reading {
 }
 
 fn formats() -> impl TypedValueParser<Value = Format> {
-    PossibleValuesParser::new(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>())
+    let values = Format::all().filter(|f| f.is_writable());
+    let values = values.map(|f| PossibleValue::new(f.name()).help(f.description()));
+    PossibleValuesParser::new(values).try_map(|name| name.parse::<Format>())
 }
 
 fn conventions() -> impl TypedValueParser<Value = Convention> {

@@ -97,6 +97,7 @@ fn convert_goes_by_extension_and_back() {
         ("float.ply", "ivrgs", &["--to", "ivrgs"]),
         ("half.ply", "ivrgs-quantised", &["--to", "ivrgs-quantised", "--to-convention", "legacy"]),
         ("folder", "ivrgs", &["--to", "ivrgs"]),
+        ("a.splat", "splat", &[]),
     ] {
         let report = convert(&[&["scene.toml", output], arguments].concat());
         assert_eq!(

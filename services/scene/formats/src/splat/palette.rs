@@ -1,7 +1,7 @@
 //! iVR-GS's palette checkpoint: `palette_colors_chkpnt.pth` beside a unit's PLY.
 //!
 //! A zip of a pickle and one file a tensor: `((palette, optimiser state), iteration)` where the palette is a tensor of three
-//! numbers. Only that tensor is read; see [`crate::format::pickle`] for what is not done.
+//! numbers. Only that tensor is read; see [`crate::splat::pickle`] for what is not done.
 
 use std::io::{Cursor, Read, Write};
 
@@ -9,8 +9,8 @@ use glam::Vec3;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use crate::format::pickle::{Id, MAX_BYTES, Pickle, Value};
-use crate::format::problem::Problem;
+use crate::splat::pickle::{Id, MAX_BYTES, Pickle, Value};
+use crate::splat::problem::Problem;
 
 /// Name of the file in iVR-GS's folders.
 pub(crate) const FILE_NAME: &str = "palette_colors_chkpnt.pth";

@@ -7,17 +7,115 @@
 //! - 2D Gaussian Splatting has no `scale_2`: its flat Gaussians get a thickness of a thousandth of their smaller extent.
 //! - iVR-GS's first stage writes its columns in another order than its header names them; they are renamed.
 
-use crate::format::ply::{Column, OutProperty, OutValues, Scalar, Table, f32_at};
-use crate::format::problem::{Problem, Warning, WarningCode};
-use glam::Vec3;
-use sg_scene::model::{ExtraColumn, Gaussians, Harmonics};
+use std::io::Write;
+use std::path::PathBuf;
 
-const REMEDY: &str = "a 3DGS file needs x y z f_dc_0..2 opacity scale_0..2 rot_0..3";
+use glam::Vec3;
+use sg_scene::model::{Convention, Gaussians};
+
+use crate::splat::columns::{REMEDY, filter_comment, harmonics_properties, is_known, is_normal, read_harmonics};
+use crate::splat::editable_columns;
+use crate::splat::format::{Format, PlyLayout, Source, SplatFormat, SplatWriter, WriteJob, WriteProblem};
+use crate::splat::ply::{self, Column, OutElement, OutProperty, OutValues, PlyFile, Scalar, Table};
+use crate::splat::problem::{Problem, Warning, WarningCode};
+use crate::splat::unlit;
+use crate::staged_file::{self, StagedFile};
+
 /// Thickness of a flat Gaussian relative to its smaller extent, as a natural logarithm.
 const LN_THICKNESS: f32 = -6.907_755_4;
 
+/// The format `3dgs`.
+#[derive(Debug)]
+pub(crate) struct ThreeDgs;
+
+impl Format {
+    /// The PLY of 3D Gaussian Splatting.
+    pub const THREE_DGS: Self = Self(&ThreeDgs);
+}
+
+impl SplatFormat for ThreeDgs {
+    fn name(&self) -> &'static str {
+        "3dgs"
+    }
+
+    fn description(&self) -> &'static str {
+        "the PLY of 3D Gaussian Splatting; all units as one, unlit"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &[".ply"]
+    }
+
+    fn sniff(&self, source: &Source) -> bool {
+        source.is_ply()
+    }
+
+    fn ply(&self) -> Option<&dyn PlyLayout> {
+        Some(self)
+    }
+
+    fn writer(&self) -> Option<&dyn SplatWriter> {
+        Some(self)
+    }
+}
+
+impl PlyLayout for ThreeDgs {
+    fn matches(&self, file: &PlyFile) -> bool {
+        file.has("vertex") && !file.has("chunk") && !file.has("gaussians")
+    }
+
+    fn elements(&self) -> &'static [&'static str] {
+        &["vertex"]
+    }
+
+    fn read(&self, file: &PlyFile, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
+        let table = file.required_table("vertex")?;
+        warn_of_narrowing(&table, warnings);
+        read(&table, warnings)
+    }
+
+    fn format(&self, _convention: Convention) -> Format {
+        Format::THREE_DGS
+    }
+}
+
+impl SplatWriter for ThreeDgs {
+    fn is_default_for(&self, extension: &str, has_shading: bool) -> bool {
+        extension == ".ply" && !has_shading
+    }
+
+    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
+        let mut out = StagedFile::create(job.path)?;
+        write_vertices(&mut out, &unlit::flatten(job.scene, warnings))?;
+        out.commit()?;
+        staged_file::sync_folder(job.path)?;
+        Ok(vec![job.path.to_path_buf()])
+    }
+}
+
+/// Writes a unit's columns without its transform, opacity factor and palette, which `scene.toml` stores.
+pub(crate) fn write_columns(out: &mut impl Write, g: &Gaussians) -> Result<(), WriteProblem> {
+    write_vertices(out, &unlit::with_harmonics(g))
+}
+
+fn write_vertices(out: &mut impl Write, g: &Gaussians) -> Result<(), WriteProblem> {
+    let element = OutElement { name: "vertex", rows: g.len(), properties: properties(g) };
+    Ok(ply::write(out, &filter_comment(g), &[element])?)
+}
+
+/// Warns of `double` columns, which are held as `float`.
+pub(crate) fn warn_of_narrowing(table: &Table<'_>, warnings: &mut Vec<Warning>) {
+    let known = |name: &str| is_known(name) || editable_columns::PROPERTIES.contains(&name);
+    let wide: Vec<_> =
+        table.columns.iter().filter(|c| c.scalar == Scalar::F64 && known(&c.name)).map(|c| c.name.as_str()).collect();
+    if !wide.is_empty() {
+        let message = format!("double columns are held as float: {}", wide.join(", "));
+        warnings.push(Warning::new(WarningCode::Narrowed, message));
+    }
+}
+
 /// Reads the rows of `vertex`.
-pub(crate) fn read(table: &Table<'_>, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
+fn read(table: &Table<'_>, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
     refuse_relatives(table)?;
     let renamed = stage_one(table);
     if renamed.is_some() {
@@ -60,49 +158,7 @@ pub(crate) fn read(table: &Table<'_>, warnings: &mut Vec<Warning>) -> Result<Gau
     })
 }
 
-/// Reads `f_dc_*` and `f_rest_*`.
-pub(crate) fn read_harmonics(table: &Table<'_>) -> Result<Harmonics, Problem> {
-    let dc = table.floats(["f_dc_0", "f_dc_1", "f_dc_2"], |c| c)?;
-    let count = table.columns.iter().filter(|c| c.name.starts_with("f_rest_")).count();
-    let degree = match count {
-        0 => 0,
-        9 => 1,
-        24 => 2,
-        45 => 3,
-        _ => {
-            return Err(Problem::new(
-                format!("element {}", table.name),
-                format!("{count} properties f_rest_…"),
-                "spherical harmonics of degree 0 to 3 have 0, 9, 24 or 45 of them",
-            ));
-        }
-    };
-    let mut rest_columns = Vec::with_capacity(count);
-    for i in 0..count {
-        let name = format!("f_rest_{i}");
-        table.require(&[&name], REMEDY)?;
-        let column = table.column(&name).filter(|c| c.scalar == Scalar::F32);
-        rest_columns.push(column.map(|c| c.offset).ok_or_else(|| {
-            Problem::new(
-                format!("element {}, property {name}", table.name),
-                "its type is not float",
-                "write it as float",
-            )
-        })?);
-    }
-    let per_gaussian = count / 3;
-    let mut rest = vec![[0.0_f32; 3]; per_gaussian * table.rows];
-    let (red, others) = rest_columns.split_at(per_gaussian);
-    let (green, blue) = others.split_at(per_gaussian);
-    table.fill(&mut rest, per_gaussian, |row, to| {
-        for (((out, &r), &g), &b) in to.iter_mut().zip(red).zip(green).zip(blue) {
-            *out = [f32_at(row, r), f32_at(row, g), f32_at(row, b)];
-        }
-    });
-    Ok(Harmonics { degree, dc, rest })
-}
-
-/// The columns of a file, for a writer. `g` has no shading that matters: see [`crate::format::unlit`].
+/// The columns of a file, for a writer. `g` has no shading that matters: see [`crate::splat::unlit`].
 pub(crate) fn properties(g: &Gaussians) -> Vec<OutProperty<'_>> {
     let mut out: Vec<_> = OutProperty::vector(["x", "y", "z"], bytemuck::cast_slice(&g.position)).collect();
     let normals: Vec<_> = ["nx", "ny", "nz"].iter().filter_map(|n| g.extra.iter().find(|e| e.name == *n)).collect();
@@ -115,47 +171,6 @@ pub(crate) fn properties(g: &Gaussians) -> Vec<OutProperty<'_>> {
     out.extend(OutProperty::vector(["rot_0", "rot_1", "rot_2", "rot_3"], bytemuck::cast_slice(&g.rotation)));
     out.extend(g.extra.iter().filter(|e| !is_known(&e.name) && !is_normal(&e.name)).map(OutProperty::extra));
     out
-}
-
-/// `f_dc_*` and `f_rest_*`, channel-major.
-pub(crate) fn harmonics_properties(h: &Harmonics) -> Vec<OutProperty<'_>> {
-    let mut out: Vec<_> = OutProperty::vector(["f_dc_0", "f_dc_1", "f_dc_2"], bytemuck::cast_slice(&h.dc)).collect();
-    let terms = h.rest_per_gaussian();
-    let values = OutValues::F32(bytemuck::cast_slice(&h.rest));
-    for channel in 0..3 {
-        for term in 0..terms {
-            let name = format!("f_rest_{}", channel * terms + term);
-            out.push(OutProperty::new(name, values, 3 * terms, 3 * term + channel));
-        }
-    }
-    out
-}
-
-/// Whether a column is one that the model holds under its own name.
-pub(crate) fn is_known(name: &str) -> bool {
-    matches!(
-        name,
-        "x" | "y" | "z" | "opacity" | "scale_0" | "scale_1" | "scale_2" | "rot_0" | "rot_1" | "rot_2" | "rot_3"
-    ) || is_harmonic(name)
-}
-
-/// Whether a column is part of the spherical harmonics.
-pub(crate) fn is_harmonic(name: &str) -> bool {
-    matches!(name, "f_dc_0" | "f_dc_1" | "f_dc_2") || name.starts_with("f_rest_")
-}
-
-/// Whether a column is a normal in the spelling of point clouds.
-pub(crate) fn is_normal(name: &str) -> bool {
-    matches!(name, "nx" | "ny" | "nz")
-}
-
-/// Columns of normals under the names of point clouds.
-pub(crate) fn normal_columns(normals: &[Vec3]) -> Vec<ExtraColumn> {
-    let axis = |name: &str, k: usize| ExtraColumn {
-        name: name.to_owned(),
-        values: sg_scene::model::ExtraValues::F32(normals.iter().map(|n| n.to_array()[k]).collect()),
-    };
-    vec![axis("nx", 0), axis("ny", 1), axis("nz", 2)]
 }
 
 /// Refuses files that look like this one but mean something else.

@@ -8,16 +8,20 @@
 //! Step sizes, and so twice the largest error: position and scale range/2047 (x, z) and range/1023 (y) of a chunk; rotation
 //! components √2/1023; colour range/255; opacity 1/255; harmonics 1/32 within ±4.
 
+use std::borrow::Cow;
+use std::path::PathBuf;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::format::ply::{OutElement, OutProperty, OutValues, Table};
-use crate::format::problem::{Problem, Warning, WarningCode};
-use crate::format::three_dgs::{is_harmonic, is_known};
-use sg_scene::model::{Gaussians, Harmonics};
+use crate::splat::columns::{C0, filter_comment, is_harmonic, is_known, is_normal};
+use crate::splat::format::{Format, PlyLayout, Source, SplatFormat, SplatWriter, WriteJob, WriteProblem};
+use crate::splat::ply::{self, OutElement, OutProperty, OutValues, PlyFile, Table};
+use crate::splat::problem::{Problem, Warning, WarningCode};
+use crate::splat::{morton, unlit};
+use crate::staged_file::{self, StagedFile};
+use sg_scene::model::{Convention, Gaussians, Harmonics};
 
-/// The constant spherical harmonic, 1/(2√π).
-pub(crate) const C0: f64 = 0.282_094_791_773_878_14;
 /// Gaussians that share their ranges.
 const CHUNK: usize = 256;
 /// Opacities of exactly 0 and 1 have infinite logits; σ(±20) is 0 and 1 to within 3e-9.
@@ -49,8 +53,87 @@ const RANGES: [&str; 18] = [
 /// The property names of a Gaussian.
 const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 
+/// The format `compressed`.
+#[derive(Debug)]
+pub(crate) struct Compressed;
+
+impl Format {
+    /// The compressed PLY of SuperSplat and PlayCanvas.
+    pub const COMPRESSED: Self = Self(&Compressed);
+}
+
+impl SplatFormat for Compressed {
+    fn name(&self) -> &'static str {
+        "compressed"
+    }
+
+    fn description(&self) -> &'static str {
+        "SuperSplat's compressed PLY, 16 bytes a Gaussian; all units as one, unlit"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &[".compressed.ply", ".ply"]
+    }
+
+    fn sniff(&self, source: &Source) -> bool {
+        source.is_ply()
+    }
+
+    fn ply(&self) -> Option<&dyn PlyLayout> {
+        Some(self)
+    }
+
+    fn writer(&self) -> Option<&dyn SplatWriter> {
+        Some(self)
+    }
+}
+
+impl PlyLayout for Compressed {
+    fn matches(&self, file: &PlyFile) -> bool {
+        file.has("chunk") && file.has("vertex") && !file.has("gaussians")
+    }
+
+    fn elements(&self) -> &'static [&'static str] {
+        &["chunk", "vertex", "sh"]
+    }
+
+    fn read(&self, file: &PlyFile, _warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
+        let (chunks, vertices) = (file.required_table("chunk")?, file.required_table("vertex")?);
+        read(&chunks, &vertices, file.table("sh")?.as_ref())
+    }
+
+    fn format(&self, _convention: Convention) -> Format {
+        Format::COMPRESSED
+    }
+}
+
+impl SplatWriter for Compressed {
+    fn is_default_for(&self, extension: &str, _has_shading: bool) -> bool {
+        extension == ".compressed.ply"
+    }
+
+    fn can_reorder(&self) -> bool {
+        true
+    }
+
+    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
+        let mut out = StagedFile::create(job.path)?;
+        let mut flat = unlit::flatten(job.scene, warnings);
+        if job.options.reorder {
+            flat = Cow::Owned(morton::reorder(&flat));
+            let message = "the Gaussians are written in Morton order: masks and labels of the old file do not fit";
+            warnings.push(Warning::new(WarningCode::Reordered, message));
+        }
+        let packed = Packed::new(&flat, warnings);
+        ply::write(&mut out, &filter_comment(&flat), &packed.elements(&flat))?;
+        out.commit()?;
+        staged_file::sync_folder(job.path)?;
+        Ok(vec![job.path.to_path_buf()])
+    }
+}
+
 /// Reads the elements of a file.
-pub(crate) fn read(chunks: &Table<'_>, vertices: &Table<'_>, sh: Option<&Table<'_>>) -> Result<Gaussians, Problem> {
+fn read(chunks: &Table<'_>, vertices: &Table<'_>, sh: Option<&Table<'_>>) -> Result<Gaussians, Problem> {
     let n = vertices.rows;
     if chunks.rows != n.div_ceil(CHUNK) {
         return Err(Problem::new(
@@ -214,7 +297,7 @@ impl Packed {
 
 /// Normals are not part of the format: three floats would nearly double its size.
 fn is_kept(name: &str) -> bool {
-    !is_known(name) && !super::three_dgs::is_normal(name) && !WORDS.contains(&name)
+    !is_known(name) && !is_normal(name) && !WORDS.contains(&name)
 }
 
 fn warn_of_losses(g: &Gaussians, harmonics: &Harmonics, warnings: &mut Vec<Warning>) {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 
-use crate::format::ply::{OutElement, OutProperty, OutValues, write};
-use crate::format::{Format, WarningCode, palette, three_dgs};
+use crate::splat::ply::{OutElement, OutProperty, OutValues, write};
+use crate::splat::{Format, WarningCode, columns, palette, three_dgs};
 use crate::{LoadOptions, Loaded, SaveOptions};
 use crate::{load, save};
 use sg_scene::model::{
@@ -125,7 +125,7 @@ proptest! {
         let scene = Scene::compose(vec![unit], Some(bounds));
         let folder = Folder::new();
         let loaded = folder.through("a.ply", &scene, &SaveOptions::default());
-        prop_assert_eq!(loaded.format, Format::Ours);
+        prop_assert_eq!(loaded.format, Format::OURS);
         prop_assert_eq!(loaded.scene.content_hash(), scene.content_hash());
         prop_assert_eq!(loaded.scene.bounds, bounds);
         let (a, b) = (&loaded.scene.units[0], &scene.units[0]);
@@ -141,13 +141,13 @@ proptest! {
         unit.gaussians.shading = None;
         unit.oriented_normals = false;
         if normals {
-            let columns = three_dgs::normal_columns(&unit.gaussians.position);
+            let columns = columns::normal_columns(&unit.gaussians.position);
             unit.gaussians.extra.splice(0..0, columns);
         }
         let scene = Scene::compose(vec![unit], None);
         let folder = Folder::new();
         let loaded = folder.through("a.ply", &scene, &SaveOptions::default());
-        prop_assert_eq!(loaded.format, Format::ThreeDgs);
+        prop_assert_eq!(loaded.format, Format::THREE_DGS);
         prop_assert_eq!(loaded.scene.content_hash(), scene.content_hash());
         folder.through("b.ply", &loaded.scene, &SaveOptions::default());
         prop_assert!(std::fs::read(folder.path("a.ply")).unwrap() == std::fs::read(folder.path("b.ply")).unwrap());
@@ -158,7 +158,7 @@ proptest! {
         let folder = Folder::new();
         let scene = samples::editable(20, 1);
         let path = folder.path("a.ply");
-        save(&path, &scene, &as_format(Format::ALL[format])).unwrap();
+        save(&path, &scene, &as_format(Format::all().nth(format).unwrap())).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         let n = bytes.len();
         bytes[at % n] = byte;
@@ -179,7 +179,7 @@ fn a_scene_file_keeps_everything() {
     let loaded = folder.through("scene.toml", &scene, &SaveOptions::default());
     assert_eq!(
         (loaded.format, loaded.unit_formats.as_slice()),
-        (Format::SceneToml, [Format::Ours, Format::ThreeDgs].as_slice())
+        (Format::SCENE, [Format::OURS, Format::THREE_DGS].as_slice())
     );
     assert_eq!(loaded.warnings, []);
     let mut read = loaded.scene;
@@ -225,7 +225,7 @@ fn compressed_files_keep_their_steps() {
     for (degree, n) in [(0, 1000), (2, 256), (3, 513)] {
         let scene = Scene::compose(vec![samples::unit("a", samples::harmonic(n, degree, 3))], None);
         let loaded = folder.through("a.compressed.ply", &scene, &SaveOptions::default());
-        assert_eq!((loaded.format, loaded.scene.len()), (Format::CompressedPly, n));
+        assert_eq!((loaded.format, loaded.scene.len()), (Format::COMPRESSED, n));
         let (a, b) = (&scene.units[0].gaussians, &loaded.scene.units[0].gaussians);
         // Half a step, and what rounding to f32 adds at these magnitudes.
         assert!(steps(&a.position, &b.position).max_element() < 0.501);
@@ -290,9 +290,9 @@ fn ivrgs_files_keep_columns_in_every_convention() {
     let a = &scene.units[0].gaussians;
     let sa = a.shading.as_ref().unwrap();
     for convention in [Convention::Legacy, Convention::HeadRaw, Convention::HeadActivated] {
-        let options = SaveOptions { format: Some(Format::IvrGs), convention: Some(convention), reorder: false };
+        let options = SaveOptions { format: Some(Format::IVRGS), convention: Some(convention), reorder: false };
         let loaded = folder.through("a.ply", &scene, &options);
-        assert_eq!((loaded.format, loaded.scene.units[0].convention), (Format::IvrGs, convention));
+        assert_eq!((loaded.format, loaded.scene.units[0].convention), (Format::IVRGS, convention));
         assert!(!codes(&loaded).contains(&WarningCode::Convention), "the comment says it");
         let b = &loaded.scene.units[0].gaussians;
         let sb = b.shading.as_ref().unwrap();
@@ -320,7 +320,7 @@ fn negative_offsets_go_into_the_palette_of_an_ivrgs_file() {
         *offset = Vec3::new(-0.25, 0.25, 0.0) * (i as f32 / 49.0);
     }
     let want: Vec<Vec3> = shading.offset_color.iter().map(|o| unit.palette + *o).collect();
-    let saved = save(&folder.path("a.ply"), &scene, &as_format(Format::IvrGs)).unwrap();
+    let saved = save(&folder.path("a.ply"), &scene, &as_format(Format::IVRGS)).unwrap();
     assert!(saved.warnings.iter().any(|w| w.message.contains("palette was lowered")));
     assert!(!saved.warnings.iter().any(|w| w.message.contains("are cut")));
     let unit = &load(&folder.path("a.ply"), &LoadOptions::default()).unwrap().scene.units[0];
@@ -333,8 +333,8 @@ fn negative_offsets_go_into_the_palette_of_an_ivrgs_file() {
 fn quantised_files_keep_half_precision_and_256_values() {
     let folder = Folder::new();
     let scene = samples::editable(20_000, 21);
-    let loaded = folder.through("a.ply", &scene, &as_format(Format::IvrGsQuantised));
-    assert_eq!((loaded.format, loaded.scene.units[0].convention), (Format::IvrGsQuantised, Convention::HeadActivated));
+    let loaded = folder.through("a.ply", &scene, &as_format(Format::IVRGS_QUANTISED));
+    assert_eq!((loaded.format, loaded.scene.units[0].convention), (Format::IVRGS_QUANTISED, Convention::HeadActivated));
     let (a, b) = (&scene.units[0].gaussians, &loaded.scene.units[0].gaussians);
     let (sa, sb) = (a.shading.as_ref().unwrap(), b.shading.as_ref().unwrap());
     for (p, q) in a.position.iter().zip(&b.position) {
@@ -368,7 +368,7 @@ fn quantised_files_refuse_what_half_precision_cannot_hold() {
     let folder = Folder::new();
     let mut scene = samples::editable(10, 1);
     scene.units[0].gaussians.position[3].y = 70_000.0;
-    let error = save(&folder.path("a.ply"), &scene, &as_format(Format::IvrGsQuantised)).unwrap_err().to_string();
+    let error = save(&folder.path("a.ply"), &scene, &as_format(Format::IVRGS_QUANTISED)).unwrap_err().to_string();
     assert!(error.contains("row 3") && error.contains("65504"), "{error}");
     assert_eq!(std::fs::read_dir(folder.0.path()).unwrap().count(), 0, "nothing is left behind");
 }
@@ -378,7 +378,7 @@ fn an_ivrgs_folder_is_a_scene() {
     let folder = Folder::new();
     let scene = samples::two_units(40);
     let root = folder.path("bonsai");
-    let saved = save(&root, &scene, &as_format(Format::IvrGs)).unwrap();
+    let saved = save(&root, &scene, &as_format(Format::IVRGS)).unwrap();
     assert_eq!(saved.files[1], root.join("TF02/neilf/point_cloud/iteration_0/point_cloud.ply"));
     let loaded = load(&root, &LoadOptions::default()).unwrap();
     let names: Vec<_> = loaded.scene.units.iter().map(|u| u.name.as_str()).collect();
@@ -387,13 +387,13 @@ fn an_ivrgs_folder_is_a_scene() {
     assert_eq!(loaded.scene.units[1].transform, scene.units[1].transform);
     assert_eq!(loaded.scene.units[1].first, 40);
     assert!(loaded.scene.units[0].oriented_normals && !loaded.scene.units[1].oriented_normals);
-    assert!(save(&root, &scene, &as_format(Format::IvrGs)).unwrap_err().to_string().contains("not empty"));
+    assert!(save(&root, &scene, &as_format(Format::IVRGS)).unwrap_err().to_string().contains("not empty"));
 }
 
 /// The bytes of an iVR-GS float file as its own program writes it: no comments.
 fn foreign_ivrgs(g: &Gaussians) -> Vec<u8> {
     let mut out = Vec::new();
-    let properties = crate::format::ivrgs::properties(g, g.shading.as_ref().unwrap());
+    let properties = crate::splat::editable_columns::properties(g, g.shading.as_ref().unwrap());
     write(&mut out, &[], &[OutElement { name: "gaussians", rows: g.len(), properties }]).unwrap();
     out
 }
@@ -622,7 +622,7 @@ fn unlit_color(unit: &BaseUnit, i: usize) -> DVec3 {
 fn two_units_become_one_picture_of_fixed_colours() {
     let folder = Folder::new();
     let scene = samples::two_units(100);
-    let loaded = folder.through("a.ply", &scene, &as_format(Format::ThreeDgs));
+    let loaded = folder.through("a.ply", &scene, &as_format(Format::THREE_DGS));
     let one = &loaded.scene.units[0];
     assert_eq!(one.gaussians.len(), 200);
     assert_eq!(one.gaussians.harmonics.as_ref().unwrap().degree, 1);
@@ -651,7 +651,7 @@ fn a_scene_of_fixed_colours_becomes_editable_and_looks_the_same() {
     let mut unit = samples::unit("a", samples::harmonic(200, 1, 17));
     unit.gaussians.log_scale[0] = Vec3::new(-1.0, -3.0, -2.0);
     let scene = Scene::compose(vec![unit], None);
-    let loaded = folder.through("a.ply", &scene, &as_format(Format::Ours));
+    let loaded = folder.through("a.ply", &scene, &as_format(Format::OURS));
     let made = &loaded.scene.units[0];
     let s = made.gaussians.shading.as_ref().unwrap();
     assert_eq!((made.palette, made.oriented_normals, made.convention), (Vec3::ZERO, false, Convention::Ours));
@@ -666,7 +666,7 @@ fn a_scene_of_fixed_colours_becomes_editable_and_looks_the_same() {
         assert!((variance.sqrt() / least - 1.0).abs() < 1e-3, "the normal is the shortest axis");
     }
     // And back: the colours are what they were.
-    let back = folder.through("b.ply", &loaded.scene, &as_format(Format::ThreeDgs));
+    let back = folder.through("b.ply", &loaded.scene, &as_format(Format::THREE_DGS));
     for i in 0..200 {
         assert!((unlit_color(&back.scene.units[0], i) - unlit_color(&scene.units[0], i)).abs().max_element() < 4e-7);
     }
@@ -678,8 +678,8 @@ fn a_scene_file_of_ours_only_says_the_palette_that_the_units_got() {
     let mut unit = samples::unit("a", samples::harmonic(20, 0, 1));
     unit.palette = Vec3::ONE;
     let scene = Scene::compose(vec![unit], None);
-    let loaded = folder.through("s.toml", &scene, &as_format(Format::Ours));
-    assert_eq!(loaded.unit_formats, [Format::Ours]);
+    let loaded = folder.through("s.toml", &scene, &as_format(Format::OURS));
+    assert_eq!(loaded.unit_formats, [Format::OURS]);
     assert_eq!(loaded.scene.units[0].palette, Vec3::ZERO);
 }
 
@@ -696,11 +696,11 @@ fn comments_that_are_not_ours_are_left_alone_and_broken_ones_told() {
         "convention = \"ours\"",
         "transform = [1, 2]",
     ];
-    let properties = crate::format::ivrgs::properties(&g, g.shading.as_ref().unwrap());
+    let properties = crate::splat::editable_columns::properties(&g, g.shading.as_ref().unwrap());
     write(&mut out, &comments.map(str::to_owned), &[OutElement { name: "gaussians", rows: 3, properties }]).unwrap();
     std::fs::write(folder.path("a.ply"), out).unwrap();
     let loaded = load(&folder.path("a.ply"), &LoadOptions::default()).unwrap();
-    assert_eq!(loaded.format, Format::Ours);
+    assert_eq!(loaded.format, Format::OURS);
     assert_eq!(loaded.warnings.iter().filter(|w| w.code == WarningCode::Ignored).count(), 4);
     assert!(codes(&loaded).contains(&WarningCode::Palette));
 }
@@ -821,7 +821,7 @@ fn what_cannot_be_written_leaves_nothing_behind() {
     };
     assert!(refused("none/a.ply", &scene, &SaveOptions::default()).contains("nothing was written"));
     assert!(refused("a.obj", &scene, &SaveOptions::default()).contains(".compressed.ply"));
-    assert!(refused("a.toml", &scene, &as_format(Format::CompressedPly)).contains("does not fit"));
+    assert!(refused("a.toml", &scene, &as_format(Format::COMPRESSED)).contains("does not fit"));
     assert!(refused("a", &scene, &SaveOptions::default()).contains("--format ivrgs"));
     assert!(
         refused("a.ply", &scene, &SaveOptions { reorder: true, ..SaveOptions::default() }).contains("keeps the order")
@@ -838,9 +838,9 @@ fn what_cannot_be_written_leaves_nothing_behind() {
 #[test]
 fn an_empty_scene_is_a_scene() {
     let folder = Folder::new();
-    for format in Format::ALL {
-        let name = if format == Format::SceneToml { "s.toml" } else { "a.ply" };
-        let loaded = folder.through(name, &samples::editable(0, 1), &as_format(format));
+    for format in Format::all() {
+        let name = format!("a{}", format.extensions()[0]);
+        let loaded = folder.through(&name, &samples::editable(0, 1), &as_format(format));
         assert!(loaded.scene.is_empty() && codes(&loaded).contains(&WarningCode::Empty), "{format}");
     }
 }

@@ -8,11 +8,11 @@ use std::borrow::Cow;
 use glam::{DMat4, Vec3};
 use rayon::prelude::*;
 
-use crate::format::activation::logit;
-use crate::format::affine::transform;
-use crate::format::compressed::C0;
-use crate::format::problem::{Warning, WarningCode};
-use crate::format::three_dgs::{is_normal, normal_columns};
+use crate::splat::activation::logit;
+use crate::splat::affine::transform;
+use crate::splat::columns::C0;
+use crate::splat::columns::{is_normal, normal_columns};
+use crate::splat::problem::{Warning, WarningCode};
 use sg_scene::model::{BaseUnit, ExtraColumn, ExtraValues, Gaussians, Harmonics, Scene};
 
 /// All units, one after another in scene order.

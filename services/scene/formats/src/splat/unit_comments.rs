@@ -6,8 +6,8 @@
 use glam::{DMat4, Vec3};
 use serde::Deserialize;
 
-use crate::format::number::{exact_f32, row_major, transform};
-use crate::format::problem::{Warning, WarningCode};
+use crate::splat::number::{exact_f32, row_major, transform};
+use crate::splat::problem::{Warning, WarningCode};
 use sg_scene::model::{BaseUnit, Convention, SceneBox, ShadingModel};
 
 /// The comments that were found.

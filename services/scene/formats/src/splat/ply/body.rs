@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::Scalar;
 use super::header::{Element, Encoding, Header, Kind};
 use super::table::{Column, Table};
-use crate::format::problem::Problem;
+use crate::splat::problem::Problem;
 
 /// A PLY file in memory.
 #[derive(Debug)]
@@ -76,6 +76,18 @@ impl PlyFile {
         }
         let data = self.data.get(part.range.clone()).unwrap_or_default();
         Ok(Some(Table::new(&part.name, part.rows, part.stride, &part.columns, data)))
+    }
+
+    /// [`PlyFile::table`] of an element that must be there.
+    pub(crate) fn required_table(&self, name: &str) -> Result<Table<'_>, Problem> {
+        self.table(name)?.ok_or_else(|| {
+            Problem::new("header", format!("there is no element `{name}`"), "the file is damaged: write it again")
+        })
+    }
+
+    /// Whether the file has an element of this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.element_names().any(|n| n == name)
     }
 
     /// Names of the elements in file order.

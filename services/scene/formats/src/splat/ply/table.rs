@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::Scalar;
-use crate::format::problem::Problem;
+use crate::splat::problem::Problem;
 use sg_scene::model::{ExtraColumn, ExtraValues};
 
 /// Rows that one task takes at least: below, the hand-over costs more than the work.

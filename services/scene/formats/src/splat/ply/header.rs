@@ -1,7 +1,7 @@
 //! The header: `ply`, `format`, `comment`, `element`, `property`, `end_header`.
 
 use super::Scalar;
-use crate::format::problem::Problem;
+use crate::splat::problem::Problem;
 
 /// Longest header that is read; a scene of 62 columns takes about two thousand bytes.
 const MAX_HEADER: usize = 1 << 20;

@@ -1,14 +1,14 @@
 //! The float PLY of editable Gaussians: iVR-GS's intermediate file, and our own.
 //!
 //! One element `gaussians` of 21 `float` properties. The two differ only in the activation of the shading columns
-//! ([`crate::format::activation`]), which a comment `convention = "…"` tells; without one it is guessed.
+//! ([`crate::splat::activation`]), which a comment `convention = "…"` tells; without one it is guessed.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::format::ply::{OutProperty, OutValues, Table};
-use crate::format::problem::Problem;
-use crate::format::three_dgs::{harmonics_properties, is_harmonic, read_harmonics};
+use crate::splat::columns::{harmonics_properties, is_harmonic, read_harmonics};
+use crate::splat::ply::{OutProperty, OutValues, Table};
+use crate::splat::problem::Problem;
 use sg_scene::model::{Gaussians, ShadingColumns};
 
 /// The properties in file order.

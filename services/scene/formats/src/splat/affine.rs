@@ -3,9 +3,9 @@
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::format::harmonics_rotation::HarmonicsRotation;
-use crate::format::problem::{Warning, WarningCode};
-use crate::format::three_dgs::{is_normal, normal_columns};
+use crate::splat::columns::{is_normal, normal_columns};
+use crate::splat::harmonics_rotation::HarmonicsRotation;
+use crate::splat::problem::{Warning, WarningCode};
 use sg_scene::model::{ExtraValues, Gaussians};
 
 /// Moves Gaussians with an affine map: covariances become A·Σ·Aᵀ.

@@ -3,9 +3,9 @@
 use glam::{DMat3, Vec3};
 use rayon::prelude::*;
 
-use crate::format::compressed::C0;
-use crate::format::problem::{Warning, WarningCode};
-use crate::format::three_dgs::is_normal;
+use crate::splat::columns::C0;
+use crate::splat::columns::is_normal;
+use crate::splat::problem::{Warning, WarningCode};
 use sg_scene::model::{BaseUnit, Convention, ShadingColumns, ShadingModel};
 
 /// Gives a unit without shading columns such that draw it as before from its constant harmonic: palette 0, offset colour

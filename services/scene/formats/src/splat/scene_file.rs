@@ -8,8 +8,8 @@ use glam::{DMat4, Vec3};
 use serde::Deserialize;
 use toml::{Spanned, Value};
 
-use crate::format::number::{exact_f32, row_major, transform};
-use crate::format::unit_comments::{convention_name, shading_name};
+use crate::splat::number::{exact_f32, row_major, transform};
+use crate::splat::unit_comments::{convention_name, shading_name};
 use crate::staged_file;
 use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
 

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::format::problem::Problem;
+use crate::splat::problem::Problem;
 
 /// The PLY of a unit within its iteration's folder.
 pub(crate) const PLY_NAME: &str = "point_cloud.ply";

@@ -1,70 +1,8 @@
-//! Where to look from: framing, orbiting and zooming. Pure functions of cameras.
+//! Motions of a pinhole camera: orbit, roll, dolly, zoom and other picture sizes. Pure functions; angles in degrees.
 
-use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
-use sg_scene::camera::Camera;
-use sg_scene::model::{Scene, SceneBox};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 
-/// Share of the picture's half width and height that a framed box leaves free.
-pub const MARGIN: f64 = 0.05;
-
-/// Vertical field of view of the default view, in degrees.
-pub const FIELD_OF_VIEW: f64 = 40.0;
-
-/// The nearest camera that looks along `direction` (from the eye to the box) at the middle of `bounds` and has all of the
-/// box in the picture with [`MARGIN`] to spare.
-///
-/// `up` is the scene direction that points up in the picture; the vertical field of view is in degrees and is taken between
-/// 1 and 170; a box without extent is framed as a unit cube, a direction of no length as +z.
-#[must_use]
-pub fn frame(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64, width: u32, height: u32) -> Camera {
-    let middle = 0.5 * (bounds.min + bounds.max);
-    let half = 0.5 * bounds.size();
-    let half = if half.max_element() > 0.0 { half } else { DVec3::splat(0.5) };
-    let direction = direction.try_normalize().unwrap_or(DVec3::Z);
-    let fov = fov_y_degrees.clamp(1.0, 170.0);
-    let at = |distance: f64| Camera::look_at(middle - distance * direction, middle, up, fov, width, height);
-    let turn = DMat3::from_mat4(at(1.0).view());
-    let tangent = (0.5 * fov.to_radians()).tan();
-    let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
-    let tangent = (1.0 - MARGIN) * DVec2::new(tangent * aspect, tangent);
-    // A corner at (x, y, z) from the middle, in camera axes, is inside from the distance |x|/tan − z on.
-    let distance = (0..8)
-        .map(|k| {
-            let sign = |bit: u32| if k >> bit & 1 == 0 { 1.0 } else { -1.0 };
-            let corner = turn * (half * DVec3::new(sign(0), sign(1), sign(2)));
-            (corner.truncate().abs() / tangent).max_element() - corner.z
-        })
-        .fold(0.0, f64::max);
-    at(distance)
-}
-
-/// A first look at a scene.
-///
-/// Scenes with editable shading come from volumes and are seen obliquely with z up; plain 3DGS scenes have y down and z
-/// forward like their cameras, and are seen from the front. The box framed is [`visible_box`]; the background is black.
-#[must_use]
-pub fn default_view(scene: &Scene, width: u32, height: u32) -> Camera {
-    let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
-    let (direction, up) = if from_volume { (DVec3::new(-0.5, 0.8, -0.35), DVec3::Z) } else { (DVec3::Z, DVec3::NEG_Y) };
-    frame(visible_box(scene), direction, up, FIELD_OF_VIEW, width, height)
-}
-
-/// The box of the finite centres with unit transforms, without the outermost half percent on each side of each axis:
-/// trained scenes have strays that would make all else tiny.
-#[must_use]
-pub fn visible_box(scene: &Scene) -> SceneBox {
-    let centers: Vec<DVec3> = (0..scene.len()).filter_map(|i| scene.position(i)).filter(|p| p.is_finite()).collect();
-    let axis = |k: usize| {
-        let mut values: Vec<f64> = centers.iter().map(|p| p.to_array()[k]).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        let stray = values.len() / 200;
-        Some((*values.get(stray)?, *values.iter().rev().nth(stray)?))
-    };
-    match (axis(0), axis(1), axis(2)) {
-        (Some(x), Some(y), Some(z)) => SceneBox { min: DVec3::new(x.0, y.0, z.0), max: DVec3::new(x.1, y.1, z.1) },
-        _ => scene.bounds,
-    }
-}
+use crate::camera::Camera;
 
 /// The camera carried around `target` by the turn `rotation` of the scene frame.
 fn carried(camera: &Camera, target: DVec3, rotation: DQuat) -> Camera {
@@ -145,6 +83,7 @@ pub fn scaled(camera: &Camera, scale: f64) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec2;
     use proptest::prelude::*;
 
     /// Pixel coordinates of a scene point.
@@ -154,34 +93,7 @@ mod tests {
         DVec2::new(camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy)
     }
 
-    fn corners(b: SceneBox) -> impl Iterator<Item = DVec3> {
-        (0..8).map(move |k| {
-            let pick = |bit: u32, low: f64, high: f64| if k >> bit & 1 == 0 { low } else { high };
-            DVec3::new(pick(0, b.min.x, b.max.x), pick(1, b.min.y, b.max.y), pick(2, b.min.z, b.max.z))
-        })
-    }
-
     proptest! {
-        #[test]
-        fn a_framed_box_fills_the_picture_and_stays_inside(
-            d in proptest::array::uniform3(-1.0..1.0_f64), s in proptest::array::uniform3(0.01..50.0_f64),
-            c in proptest::array::uniform3(-1e4..1e4_f64), fov in 10.0..110.0_f64, width in 32_u32..2000, height in 32_u32..2000,
-        ) {
-            let middle = DVec3::from_array(c);
-            let bounds = SceneBox { min: middle - DVec3::from_array(s), max: middle + DVec3::from_array(s) };
-            prop_assume!(DVec3::from_array(d).length() > 0.01);
-            let camera = frame(bounds, DVec3::from_array(d), DVec3::Z, fov, width, height);
-            let size = DVec2::new(width.into(), height.into());
-            let mut reach = 0.0_f64;
-            for corner in corners(bounds) {
-                let off = ((seen(&camera, corner) - 0.5 * size) / (0.5 * size)).abs().max_element();
-                prop_assert!(off <= 1.0 - MARGIN + 1e-6, "{off}");
-                reach = reach.max(off);
-            }
-            prop_assert!((reach - (1.0 - MARGIN)).abs() < 1e-6, "the box reaches to {reach}");
-            prop_assert!(camera.check("framed").is_ok());
-        }
-
         #[test]
         fn orbiting_keeps_the_distance_and_comes_back(right in -170.0..170.0_f64, up in -80.0..80.0_f64) {
             let target = DVec3::new(1.0, 2.0, 3.0);

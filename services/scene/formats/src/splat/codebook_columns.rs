@@ -8,10 +8,10 @@ use glam::Vec3;
 use half::f16;
 use rayon::prelude::*;
 
-use crate::format::codebook::{Codebook, SIZE};
-use crate::format::ivrgs::PROPERTIES;
-use crate::format::ply::{OutElement, OutProperty, OutValues, Scalar, Table};
-use crate::format::problem::{Problem, Warning, WarningCode};
+use crate::splat::codebook::{Codebook, SIZE};
+use crate::splat::editable_columns::PROPERTIES;
+use crate::splat::ply::{OutElement, OutProperty, OutValues, Scalar, Table};
+use crate::splat::problem::{Problem, Warning, WarningCode};
 use sg_scene::model::{Gaussians, ShadingColumns};
 
 /// The codebooks in file order.

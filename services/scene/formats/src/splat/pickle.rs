@@ -3,7 +3,7 @@
 //! Values live in an arena and refer to each other by index, so that a hostile file can neither nest deeply enough to
 //! exhaust the stack nor multiply shared values. Functions are remembered as names and calls as pairs of name and argument.
 
-use crate::format::problem::Problem;
+use crate::splat::problem::Problem;
 
 /// Longest stream that is read; a palette with its optimiser takes about a thousand bytes.
 pub(crate) const MAX_BYTES: usize = 1 << 20;
