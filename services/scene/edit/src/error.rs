@@ -56,7 +56,7 @@ pub enum EditError {
     NothingToRedo,
     /// The scene is not at the revision that the sender saw.
     #[error("the scene has moved on to revision {found} from {expected}; look again and repeat the command")]
-    Moved {
+    RevisionConflict {
         /// What the sender saw.
         expected: u64,
         /// Where the scene is.
@@ -64,7 +64,7 @@ pub enum EditError {
     },
     /// Another selection stands there than the one that the new one was made from.
     #[error("the selection has changed since this one was begun; start again from the present one")]
-    SelectionMoved {
+    SelectionConflict {
         /// Hash of the selection that stands there.
         found: String,
     },
@@ -73,7 +73,7 @@ pub enum EditError {
     NotFinite {
         /// The field of the command.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         found: f64,
     },
     /// A number lies outside its range.
@@ -81,7 +81,7 @@ pub enum EditError {
     OutOfRange {
         /// The field of the command.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         found: f64,
         /// What would be taken.
         want: &'static str,
@@ -94,7 +94,7 @@ pub enum EditError {
     Malformed {
         /// The field of the command.
         field: &'static str,
-        /// What is wrong and what would be taken.
+        /// The cause and the accepted values.
         reason: String,
     },
     /// There are as many of something as there may be.
@@ -134,8 +134,8 @@ impl EditError {
             | Self::NothingToSee(_)
             | Self::NothingToUndo
             | Self::NothingToRedo
-            | Self::Moved { .. }
-            | Self::SelectionMoved { .. } => Code::FailedPrecondition,
+            | Self::RevisionConflict { .. }
+            | Self::SelectionConflict { .. } => Code::FailedPrecondition,
             Self::OutOfRange { .. } | Self::View(ViewError::Distance(_) | ViewError::FieldOfView(_)) => {
                 Code::OutOfRange
             }
@@ -148,14 +148,14 @@ impl EditError {
         }
     }
 
-    /// Facts for a program: names that would have been valid, the revision or hash that stands there.
+    /// Facts for a program: valid names, or the present revision or hash.
     #[must_use]
     pub fn details(&self) -> Vec<String> {
         match self {
             Self::UnknownUnit { near, .. } => near.clone(),
             Self::Ambiguous { meant, .. } => meant.clone(),
-            Self::Moved { found, .. } => vec![found.to_string()],
-            Self::SelectionMoved { found } => vec![found.clone()],
+            Self::RevisionConflict { found, .. } => vec![found.to_string()],
+            Self::SelectionConflict { found } => vec![found.clone()],
             _ => Vec::new(),
         }
     }

@@ -1,4 +1,4 @@
-//! What is selected, and which Gaussians are units.
+//! The selection, and the Gaussians of units.
 
 use std::sync::Arc;
 
@@ -9,19 +9,19 @@ use sg_proto::scene::{
     StrokeKind, StrokeMode,
 };
 
-use super::draft::Draft;
+use super::command_number::malformed;
 use super::error::EditError;
 use super::names::given;
-use super::number::malformed;
 use super::state::{Selection, Unit, UnitRef};
+use super::transaction::Transaction;
 use super::wire::{decode_mask, steps_of};
 use sg_scene::mask::Mask;
 
-impl Draft<'_> {
+impl Transaction<'_> {
     pub(super) fn commit_selection(&mut self, command: &CommitSelection) -> Result<String, EditError> {
         let present = self.state.selection.hash();
         if !command.expected_hash.is_empty() && command.expected_hash != present {
-            return Err(EditError::SelectionMoved { found: present.to_owned() });
+            return Err(EditError::SelectionConflict { found: present.to_owned() });
         }
         const FIELD: &str = "commit_selection.mask";
         let missing = || EditError::Malformed { field: FIELD, reason: "the mask is missing; send one".to_owned() };
@@ -116,12 +116,12 @@ impl Draft<'_> {
             let same = unit.derived && unit.mask == mask;
             if same {
                 color = unit.color.or(color);
-                opacity = (opacity * unit.opacity).min(super::number::MAX_FACTOR);
+                opacity = (opacity * unit.opacity).min(super::command_number::MAX_FACTOR);
                 visible &= unit.visible;
             }
             !same
         });
-        self.make_way(&name);
+        self.yield_name(&name);
         let id = self.fresh_id()?;
         self.insert(Unit { id, name: name.clone(), mask, color, opacity, visible, derived: false });
         self.focus_on(vec![name.clone()]);
@@ -141,7 +141,7 @@ impl Draft<'_> {
         let new = given(&command.new_name, "rename_unit.new_name")?;
         match self.state.is_taken(&new, Some(UnitRef::Editable(id))) {
             Some(UnitRef::Editable(other)) if self.state.units.get(&other).is_some_and(|u| u.derived) => {
-                self.make_way(&new);
+                self.yield_name(&new);
             }
             Some(_) => return Err(EditError::NameTaken(new)),
             None => {}
@@ -154,8 +154,8 @@ impl Draft<'_> {
         Ok(format!("renamed {name} to {new}"))
     }
 
-    /// A derived unit's name was not given by a person: it yields to one that is.
-    fn make_way(&mut self, name: &str) {
+    /// Frees a name that a derived unit has: names given by people go first.
+    fn yield_name(&mut self, name: &str) {
         let Some(UnitRef::Editable(id)) = self.state.is_taken(name, None) else { return };
         let free = self.state.free_name(&format!("{name} (unsaved)"));
         if let Some(unit) = self.state.units.get_mut(&id) {
@@ -174,7 +174,7 @@ impl Draft<'_> {
     }
 }
 
-/// Steps are stored for those who made them; what they could not make sense of is refused here.
+/// Refuses steps that their readers could not use later.
 fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditError> {
     const FIELD: &str = "commit_selection.steps";
     for (i, step) in steps.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Names of units: looked up in any capitals, unique among base and editable units.
+//! Names of units: case-insensitive, unique among base and editable units.
 
 use sg_proto::limits::MAX_NAME_BYTES;
 
@@ -24,7 +24,7 @@ impl EditState {
         base.chain(self.units.values().map(|u| (u.name.as_str(), UnitRef::Editable(u.id))))
     }
 
-    /// The unit of a name: exactly so, or else the only one that differs in capitals alone.
+    /// The unit of a name: an exact match, else the only one that differs in capitals.
     ///
     /// # Errors
     /// [`EditError::UnknownUnit`] with near names, [`EditError::Ambiguous`].
@@ -104,7 +104,7 @@ fn shortened(name: &str) -> String {
 }
 
 /// `a`, `a and b`, `a, b and c`, `a, b and 4 more`.
-pub(super) fn listed(names: &[String]) -> String {
+pub(super) fn join_names(names: &[String]) -> String {
     match names {
         [] => "nothing".to_owned(),
         [one] => one.clone(),

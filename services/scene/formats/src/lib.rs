@@ -1,14 +1,14 @@
-//! Files of Gaussian scenes: splat formats, `scene.toml`, NumPy arrays and masks, and files that appear whole or not at all.
+//! Files of Gaussian scenes: splat formats, `scene.toml`, NumPy arrays and masks, and atomic file replacement.
 
-pub mod census;
 pub mod files;
-pub mod known;
 pub mod load;
+pub mod load_verified;
 pub mod npy;
 pub mod save;
 pub mod splat;
 pub mod staged_file;
 pub mod summary;
+pub mod validation;
 
 pub use load::{LoadOptions, Loaded, load};
 pub use save::{SaveError, Saved, save};

@@ -1,18 +1,18 @@
-//! Reading a scene, whatever it is stored as.
+//! Reading a scene of any format.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, Vec3};
 
-use crate::census::Census;
 pub use crate::splat::LoadError;
 use crate::splat::decode::decode_unit;
 use crate::splat::format::{Decoded, FolderContent, Listing, START_LENGTH, Source, UnitSource};
 use crate::splat::{Format, Problem, Warning, WarningCode, palette};
+use crate::validation::NonFiniteCounts;
 use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
 
-/// What the caller knows better than the files.
+/// Properties that override those of the files.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LoadOptions {
     /// Activation of the shading columns of every file.
@@ -23,12 +23,12 @@ pub struct LoadOptions {
     pub palette: Option<Vec3>,
 }
 
-/// A scene and what its reader took for granted.
+/// A scene, and the warnings of its reader.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// What was guessed, narrowed, passed over or not finite.
+    /// Guesses, narrowed values, ignored parts and non-finite numbers.
     pub warnings: Vec<Warning>,
     /// How the whole was stored.
     pub format: Format,
@@ -124,7 +124,7 @@ fn load_unit(file: &UnitSource, options: &LoadOptions, warnings: &mut Vec<Warnin
             "it is drawn with the paper's one-sided shading; iVR-GS trains two-sided, which `ivrgs-train` draws";
         told.push(Warning::new(WarningCode::Shading, message));
     }
-    told.extend(Census::of(&gaussians).warnings());
+    told.extend(NonFiniteCounts::of(&gaussians).warnings());
     warnings.extend(told.into_iter().map(|w| Warning { file: Some(path.to_path_buf()), ..w }));
     let name = entry.map(|e| e.name.clone()).or(comments.name).unwrap_or_else(|| {
         let file_name = path.file_name().unwrap_or_default().to_string_lossy();

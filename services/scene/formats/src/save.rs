@@ -9,18 +9,18 @@ pub use crate::splat::SaveOptions;
 use crate::splat::format::{SplatWriter, WriteJob, WriteProblem};
 use crate::splat::{Format, Problem, Warning};
 
-/// What was written.
+/// The result of a save.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Saved {
     /// The format that was taken.
     pub format: Format,
     /// The files, the one to open first.
     pub files: Vec<PathBuf>,
-    /// What the format could not keep.
+    /// Losses of the format.
     pub warnings: Vec<Warning>,
 }
 
-/// A scene that could not be written; what stood at the path is as it was, except that a `scene.toml`'s units may already be new.
+/// A scene that could not be written. The old content stays, except that units of a `scene.toml` may be new.
 #[derive(Debug, thiserror::Error)]
 pub enum SaveError {
     /// The system refused.
@@ -28,7 +28,7 @@ pub enum SaveError {
     Write {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// The format, the path or the options do not suit the scene.
@@ -36,7 +36,7 @@ pub enum SaveError {
     Unsuitable {
         /// The file or folder.
         path: PathBuf,
-        /// What does not fit and what would.
+        /// The mismatch and the remedy.
         problem: Problem,
     },
 }
@@ -45,8 +45,8 @@ pub enum SaveError {
 ///
 /// The path's ending decides unless [`SaveOptions::format`] is given: see the table in [`crate::splat`]. `.ply` becomes
 /// `ours` for an editable unit and `3dgs` for a scene drawn from harmonics. A path without an ending is a folder, for
-/// `ivrgs` and `ivrgs-quantised`. 3DGS, compressed and `.splat` files hold all units as one, unlit; single files of ours
-/// and of iVR-GS hold one unit.
+/// `ivrgs` and `ivrgs-quantised`. Files in `3dgs`, `compressed` and `splat` hold all units as one, unlit. Files in
+/// `ours`, `ivrgs` and `ivrgs-quantised` hold one unit.
 ///
 /// # Errors
 /// [`SaveError`].

@@ -1,4 +1,4 @@
-//! Output files that appear whole or not at all: written under a temporary name beside the target, then renamed.
+//! Atomic file replacement: files are written under a temporary name beside the target, then renamed.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

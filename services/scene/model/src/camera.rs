@@ -74,7 +74,7 @@ pub enum CameraError {
     Read {
         /// The file.
         path: String,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file is not a camera.
@@ -92,9 +92,9 @@ pub enum CameraError {
         path: String,
         /// The key.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         found: String,
-        /// What would work.
+        /// The remedy.
         want: &'static str,
     },
 }
@@ -102,7 +102,7 @@ pub enum CameraError {
 impl Camera {
     /// A camera at `eye` that looks at `target`, with a vertical field of view in degrees.
     ///
-    /// `up` is the scene direction that points up in the picture; where it is parallel to the view another is taken.
+    /// `up` is the scene direction that points up in the picture. If it is parallel to the view, another is taken.
     #[must_use]
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, fov_y_degrees: f64, width: u32, height: u32) -> Self {
         let z = (target - eye).try_normalize().unwrap_or(DVec3::Z);

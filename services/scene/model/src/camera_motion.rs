@@ -15,8 +15,8 @@ fn with_view(camera: &Camera, view: DMat4) -> Camera {
     Camera { world_to_camera: view.transpose().to_cols_array(), ..camera.clone() }
 }
 
-/// The camera moved on a sphere around `target`, in degrees: to its right by `right`, to its top by `up`, as seen in the
-/// picture. The distance stays, and so does where the target appears.
+/// The camera moved on a sphere around `target`, in degrees: `right` and `up` as seen in the picture. The distance and
+/// the target's place in the picture stay.
 #[must_use]
 pub fn orbit(camera: &Camera, target: DVec3, right: f64, up: f64) -> Camera {
     let axes = DMat3::from_mat4(camera.view()).transpose();
@@ -53,8 +53,8 @@ pub fn zoom(camera: &Camera, factor: f64) -> Camera {
     Camera { fx: camera.fx * factor, fy: camera.fy * factor, ..camera.clone() }
 }
 
-/// The camera with another picture size: the same vertical field of view, the principal point at the same share of the
-/// picture, square pixels staying square.
+/// The camera with another picture size. It keeps the vertical field of view, the relative principal point and square
+/// pixels.
 #[must_use]
 pub fn resized(camera: &Camera, width: u32, height: u32) -> Camera {
     let scale = f64::from(height) / f64::from(camera.height.max(1));
@@ -69,8 +69,8 @@ pub fn resized(camera: &Camera, width: u32, height: u32) -> Camera {
     }
 }
 
-/// The camera with `scale` times as many pixels each way, rounded to whole ones and at least one: unlike [`resized`] it sees
-/// to the same rays at all four edges, whatever the rounding makes of the pixels' shape.
+/// The camera with `scale` times as many pixels each way, rounded, at least one. Unlike [`resized`], it keeps the rays
+/// at all four edges; pixels may become slightly oblong.
 #[must_use]
 pub fn scaled(camera: &Camera, scale: f64) -> Camera {
     let edge = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);

@@ -15,11 +15,11 @@ use crate::view::{FIELD_OF_VIEW, MARGIN, Side, View};
 /// Share of the weight that is taken for strays at either end of each axis when members are framed.
 const STRAYS: f64 = 0.01;
 
-/// The nearest camera that looks along `direction` (from the eye to the box) at the middle of `bounds` and has all of the
-/// box in the picture with [`MARGIN`] to spare.
+/// The nearest camera along `direction` (from the eye to the box) that sees all of `bounds`, with [`MARGIN`] to spare.
+/// The middle of the box is in the middle of the picture.
 ///
-/// `up` is the scene direction that points up in the picture; the vertical field of view is in degrees and is taken between
-/// 1 and 170; a box without extent is framed as a unit cube, a direction of no length as +z.
+/// `up` is the scene direction that points up in the picture. The vertical field of view is in degrees, clamped to 1 to
+/// 170. A box without extent counts as a unit cube, a direction of no length as +z.
 #[must_use]
 pub fn frame(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64, width: u32, height: u32) -> Camera {
     let middle = 0.5 * (bounds.min + bounds.max);
@@ -45,7 +45,7 @@ pub fn frame(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64, 
 
 /// A first look at a scene.
 ///
-/// Scenes with editable shading come from volumes and are seen obliquely with z up; plain 3DGS scenes have y down and z
+/// Scenes with editable shading come from volumes and are seen obliquely, z up. Plain 3DGS scenes have y down and z
 /// forward like their cameras, and are seen from the front. The box framed is [`visible_box`]; the background is black.
 #[must_use]
 pub fn default_view(scene: &Scene, width: u32, height: u32) -> Camera {
@@ -54,8 +54,8 @@ pub fn default_view(scene: &Scene, width: u32, height: u32) -> Camera {
     frame(visible_box(scene), direction, up, FIELD_OF_VIEW, width, height)
 }
 
-/// The box of the finite centres with unit transforms, without the outermost half percent on each side of each axis:
-/// trained scenes have strays that would make all else tiny.
+/// The box of the finite centres with unit transforms, without the outermost half percent on each side of each axis.
+/// Trained scenes have strays that would make all else tiny.
 #[must_use]
 pub fn visible_box(scene: &Scene) -> SceneBox {
     let centers: Vec<DVec3> = (0..scene.len()).filter_map(|i| scene.position(i)).filter(|p| p.is_finite()).collect();
@@ -79,8 +79,8 @@ pub fn front_view(scene: &Scene) -> View {
 
 /// The box that is framed when the whole scene is looked at.
 ///
-/// A scene from a volume is framed by its stored box. A trained scene has strays that would make all else tiny, and the
-/// stored box knows nothing of unit transforms: there it is [`robust_bounds`] of everything.
+/// A scene from a volume is framed by its stored box. Trained scenes have strays, and stored boxes ignore unit
+/// transforms: for these it is [`robust_bounds`] of everything.
 #[must_use]
 pub fn framed_box(scene: &Scene) -> SceneBox {
     let placed = scene.units.iter().any(|u| u.transform != glam::DMat4::IDENTITY);
@@ -92,9 +92,9 @@ pub fn framed_box(scene: &Scene) -> SceneBox {
     }
 }
 
-/// The box that holds all but the outermost `STRAYS` of the members' visible weight (opacity × squared mean scale) on
-/// either side of each axis, widened by twice their weighted mean scale. Scene coordinates, with unit transforms; `None`
-/// where no member is visible anywhere.
+/// The box of the members without the outermost `STRAYS` of their visible weight on either side of each axis. The
+/// weight is opacity × squared mean scale. The box is widened by twice the weighted mean scale. Scene coordinates, with
+/// unit transforms; `None` where no member is visible anywhere.
 #[must_use]
 pub fn robust_bounds(scene: &Scene, members: &Mask) -> Option<SceneBox> {
     struct Weighted {
@@ -104,7 +104,7 @@ pub fn robust_bounds(scene: &Scene, members: &Mask) -> Option<SceneBox> {
     let mut weighted = Vec::new();
     let (mut total, mut spread) = (0.0, 0.0);
     for unit in &scene.units {
-        let stretch = glam::DMat3::from_mat4(unit.transform).determinant().abs().cbrt();
+        let stretch = DMat3::from_mat4(unit.transform).determinant().abs().cbrt();
         for local in (0..unit.gaussians.len()).filter(|local| members.get(unit.first + local)) {
             let position = unit.transform.transform_point3(unit.gaussians.position[local].as_dvec3());
             let scale = stretch * unit.gaussians.scale(local).as_dvec3().element_sum() / 3.0;

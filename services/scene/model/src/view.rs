@@ -12,12 +12,12 @@ pub const MARGIN: f64 = 0.05;
 /// How near an orbit comes to the poles of the up direction, degrees.
 const POLE_GAP: f64 = 1.0;
 
-/// From where the scene is looked at.
+/// The viewpoint of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Where the eye is.
     pub eye: DVec3,
-    /// What it looks at: the middle of the picture and the centre of orbits.
+    /// The middle of the picture and the centre of orbits.
     pub target: DVec3,
     /// Which scene direction is up in the picture, of any length.
     pub up: DVec3,
@@ -43,7 +43,8 @@ pub enum Side {
 }
 
 impl Side {
-    /// Direction from the eye to the scene, and what is up in the picture; +x is to the right from front, top and bottom.
+    /// Direction from the eye to the scene, and the direction up in the picture. From front, top and bottom, +x is to
+    /// the right.
     #[must_use]
     pub fn direction_and_up(self) -> (DVec3, DVec3) {
         match self {
@@ -57,7 +58,7 @@ impl Side {
     }
 }
 
-/// A viewpoint that shows nothing.
+/// An invalid viewpoint.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ViewError {
     /// A number is NaN or infinite.
@@ -81,8 +82,9 @@ pub enum ViewError {
 }
 
 impl View {
-    /// The nearest view along `direction` (from the eye to the scene) at the middle of a box that has all of the box in a
-    /// square picture with [`MARGIN`] to spare. A box without extent is framed as a unit cube.
+    /// The nearest view along `direction` (from the eye to the scene) that shows all of a box in a square picture. The
+    /// picture has [`MARGIN`] to spare; the view targets the middle of the box. A box without extent is framed as a
+    /// unit cube.
     #[must_use]
     pub fn framing(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64) -> Self {
         let middle = 0.5 * (bounds.min + bounds.max);
@@ -110,8 +112,8 @@ impl View {
         Self::framing(bounds, direction, up, fov_y_degrees)
     }
 
-    /// The eye carried about the target: by `azimuth` about the up direction, positive to the eye's right, and by
-    /// `elevation` upwards, stopping a degree short of the poles.
+    /// The eye rotated about the target. `azimuth` turns about the up direction, positive to the eye's right.
+    /// `elevation` turns upwards and stops a degree short of the poles.
     #[must_use]
     pub fn orbited(&self, azimuth: f64, elevation: f64) -> Self {
         let offset = self.eye - self.target;

@@ -27,11 +27,11 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::OnceCell;
 use tokio::task::block_in_place;
 
-/// Requests that may wait: a person's edits and a burst of brush strokes.
+/// Capacity of the request queue: edits and a burst of brush strokes.
 const QUEUE: usize = 64;
 /// The project of a session that names none, in its folder.
 const DEFAULT_PROJECT: &str = "session.sgproj";
-/// How long the actor may take to change over to the role's project.
+/// Time limit for the change to the role's project.
 const TAKING_OVER: Duration = Duration::from_secs(10);
 /// Warnings of a scene file that are logged one by one.
 const WARNINGS: usize = 20;
@@ -40,7 +40,7 @@ const WARNINGS: usize = 20;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Params {
-    /// The scene: whatever `supergaussian scene info` reads.
+    /// The scene file or folder.
     scene: PathBuf,
     /// The project file, made where there is none.
     project: Option<PathBuf>,
@@ -55,7 +55,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     if host.role() != role::SCENE {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SCENE)));
     }
-    refuse_what_finds_no_room()?;
+    turn_file_size_signal_into_error()?;
     let params: Params = host.params()?;
     let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
@@ -74,7 +74,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
     let mut owner = Owner { bus: host.bus().clone(), project, state, _scratch: scratch };
     if !host.stands_by() {
-        owner.tell_last().await?;
+        owner.republish_last().await?;
     }
     let (mailbox, _) = host.spawn(owner, QUEUE);
     let promoted = mailbox.clone();
@@ -104,7 +104,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// The files of the geometry for readers on other machines; read once, when the first of them asks.
+/// The files of the geometry for readers on other machines; listed at the first request.
 struct FileList {
     scene: Arc<Scene>,
     path: String,
@@ -128,14 +128,15 @@ impl FileList {
     }
 }
 
-/// A write over the limit on the size of files becomes an error, as on a full disk, rather than the end of the process.
-fn refuse_what_finds_no_room() -> Result<(), StartError> {
+/// Turns a write beyond the file-size limit into an error, as on a full disk, instead of a signal that ends the
+/// process.
+fn turn_file_size_signal_into_error() -> Result<(), StartError> {
     let kind = SignalKind::from_raw(Signal::SIGXFSZ as i32);
     // What counts is that the signal is taken; nobody need hear of it.
     signal(kind).map(drop).map_err(|e| StartError::Failed(format!("SIGXFSZ cannot be taken: {e}")))
 }
 
-/// The scene's Gaussians and the path of their file, for whoever has another working folder.
+/// The scene's Gaussians and the absolute path of their file.
 fn read(path: &Path) -> Result<(Arc<Scene>, String), StartError> {
     let begun = Instant::now();
     let loaded = sg_formats::load(path, &LoadOptions::default()).map_err(|e| StartError::Input(e.to_string()))?;
@@ -168,7 +169,7 @@ fn start_error(error: &JournalError) -> StartError {
     if error.is_input() { StartError::Input(error.to_string()) } else { StartError::Failed(error.to_string()) }
 }
 
-/// What the owner is asked.
+/// Requests to the owner.
 enum Message {
     Apply {
         command: Command,
@@ -180,7 +181,7 @@ enum Message {
         context: Context,
         reply: Reply<Changes>,
     },
-    /// The role is granted: from now on this project.
+    /// The process was promoted and takes this project.
     TakeOver {
         project: Box<Project>,
         reply: Reply<()>,
@@ -192,19 +193,19 @@ struct Owner {
     bus: Bus,
     project: Project,
     state: Owned<State>,
-    /// Where the project is that it works on while it stands by.
+    /// The temporary folder of the project of a standby process.
     _scratch: Option<TempDir>,
 }
 
-/// One line on the scene for the process's health.
+/// The scene's line in the health report.
 #[derive(Debug, Clone)]
-struct Seen {
+struct SceneHealth {
     revision: u64,
     units: usize,
     selected: usize,
 }
 
-impl fmt::Display for Seen {
+impl fmt::Display for SceneHealth {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { revision, units, selected } = self;
         write!(f, "revision {revision}, {units} editable units, {selected} Gaussians selected")
@@ -212,9 +213,8 @@ impl fmt::Display for Seen {
 }
 
 impl Owner {
-    /// Tells the last event again: the last life may have ended between keeping it and telling it. Who has it passes over
-    /// it.
-    async fn tell_last(&mut self) -> Result<(), StartError> {
+    /// Republishes the last event: the process may have crashed before publishing it. Readers ignore a repeated event.
+    async fn republish_last(&mut self) -> Result<(), StartError> {
         if let Some(event) = self.project.last_event().map_err(|e| start_error(&e))? {
             self.announce(&event, &Context::root()).await;
         }
@@ -225,10 +225,10 @@ impl Owner {
         self.project = project;
         let outline = self.project.editor().message(false);
         self.state.set(outline, &Context::root()).await?;
-        self.tell_last().await.map_err(|e| Fault::internal(e.to_string()))
+        self.republish_last().await.map_err(|e| Fault::internal(e.to_string()))
     }
 
-    /// Tells readers of an event that is durable, and replaces the newest state.
+    /// Publishes a durable event and the newest state.
     async fn announce(&mut self, event: &Event, context: &Context) {
         let told = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
         let shown = self.state.set(self.project.editor().message(false), &context.next()).await;
@@ -268,15 +268,19 @@ fn fault(error: &ProjectError) -> Fault {
 
 impl Actor for Owner {
     type Message = Message;
-    type State = Seen;
+    type State = SceneHealth;
 
     fn name(&self) -> &'static str {
         "scene"
     }
 
-    fn state(&self) -> Seen {
+    fn state(&self) -> SceneHealth {
         let state = self.project.editor().state();
-        Seen { revision: state.revision(), units: state.units().count(), selected: state.selection().mask().count() }
+        SceneHealth {
+            revision: state.revision(),
+            units: state.units().count(),
+            selected: state.selection().mask().count(),
+        }
     }
 
     async fn handle(&mut self, message: Message) -> Result<(), String> {

@@ -1,4 +1,4 @@
-//! The offline subcommands: what they are asked, what they print.
+//! The offline subcommands.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -21,15 +21,15 @@ use sg_scene::model::{Convention, SceneBox, ShadingModel};
 /// Subcommands that work on files alone.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Tells what a scene holds: counts, bounds, attributes, conventions, warnings.
+    /// Prints counts, bounds, attributes, conventions and warnings of a scene.
     ///
     /// Example: supergaussian scene info bonsai/scene.toml --json
     Info(Info),
     /// Writes a scene in another format, chosen by the output's extension.
     ///
-    /// `--format` lists the formats. `.ply` becomes an editable unit or 3DGS. A folder needs `--format ivrgs`.
-    /// An editable scene in 3DGS has baked colours: palette + offset colour. 3DGS in an editable scene is unlit
-    /// (ka 1, kd 0, ks 0), with the shortest axes as normals.
+    /// `--format` lists the formats. `.ply` becomes an editable unit or 3DGS. A folder needs `--format ivrgs`. An
+    /// editable scene becomes 3DGS with baked colours, palette + offset. A 3DGS scene becomes an editable one that is
+    /// unlit (ka 1, kd 0, ks 0), with the shortest axes as normals.
     ///
     /// Example: supergaussian scene convert bonsai/scene.toml bonsai.compressed.ply
     Convert(Convert),
@@ -68,7 +68,7 @@ pub(crate) struct Convert {
     json: bool,
 }
 
-/// What the caller knows better than the files.
+/// Properties that override those of the files.
 #[derive(Debug, Args)]
 struct Reading {
     /// Activation of the input's shading columns; by default the file says, or it is guessed.
@@ -241,7 +241,7 @@ fn convert(arguments: &Convert) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// A scene file names transfer functions relative to itself: one that is written elsewhere names them in full.
+/// Scene files name transfer functions by relative paths; in another folder these become absolute.
 fn keep_transfer_functions(loaded: &mut Loaded, input: &Path, output: &Path) {
     let folder = |path: &Path| {
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

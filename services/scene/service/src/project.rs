@@ -58,9 +58,9 @@ impl ProjectError {
 /// An accepted command.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// The answer to who asked.
+    /// The result for the sender.
     pub result: CommandResult,
-    /// What to tell readers; none where the command had been carried out before.
+    /// The event to publish; `None` for a repeated command.
     pub event: Option<Event>,
 }
 
@@ -103,7 +103,8 @@ impl Project {
         Ok(Outcome { result: applied.result, event: Some(applied.event) })
     }
 
-    /// Stores the whole state now and then, so that the next start is fast. Call it after commands, when nobody waits.
+    /// Stores the whole state now and then, so that the next start is fast. Call it after commands, outside of a
+    /// request.
     ///
     /// # Errors
     /// [`JournalError`]; nothing is lost by that but the next start's speed.
@@ -132,7 +133,7 @@ impl Project {
         Ok(Changes { revision, events: Vec::new(), snapshot: Some(self.editor.message(true)) })
     }
 
-    /// The last event: told again after a start, because a crash may have come between making it durable and telling it.
+    /// The last event. Start-up republishes it: a crash may have come before its publication.
     ///
     /// # Errors
     /// [`JournalError`].

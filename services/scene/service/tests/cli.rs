@@ -1,4 +1,4 @@
-//! The executable: exit status, what goes to which stream, what is left on disk.
+//! The executable: exit status, output streams, files on disk.
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 

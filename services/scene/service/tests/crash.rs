@@ -1,4 +1,4 @@
-//! The project file under `kill -9`: whatever was acknowledged is there.
+//! The project file under `kill -9`: it has every acknowledged command.
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
@@ -39,7 +39,7 @@ fn command(n: u64) -> Command {
     Command { id: format!("command-{n}"), expected_revision: 0, action: Some(action) }
 }
 
-/// Started by the test below as a process of its own, to be killed: applies commands and tells of each that was accepted.
+/// Runs as a child process of the test below and gets killed: applies commands and prints each accepted one.
 #[test]
 #[ignore = "started by `what_was_acknowledged_survives_kill_9`"]
 fn writer() {

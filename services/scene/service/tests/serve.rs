@@ -321,8 +321,8 @@ async fn wrong_input_ends_with_one_line_and_status_2() {
     drop(stack.router);
 }
 
-/// How long a scene of 150,000 Gaussians takes from the start of its process to readiness, with a new project and with one
-/// of a thousand commands: `cargo test --release -p sg-scene --test serve -- --ignored --nocapture start_up`.
+/// Measures the time to readiness of a scene of 150,000 Gaussians, with a new project and after a thousand commands:
+/// `cargo test --release -p sg-scene --test serve -- --ignored --nocapture start_up`.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "prints times"]
 async fn start_up_times() {

@@ -444,7 +444,7 @@ fn ids_revisions_and_actions_are_checked_first() {
     assert_eq!(editor.apply(&nothing).unwrap_err().code(), Code::InvalidArgument);
     run(&mut editor, [action.clone()]);
     let late = Command { expected_revision: 7, ..command(action.clone()) };
-    assert_eq!(editor.apply(&late).unwrap_err(), EditError::Moved { expected: 7, found: 1 });
+    assert_eq!(editor.apply(&late).unwrap_err(), EditError::RevisionConflict { expected: 7, found: 1 });
     let fresh = Command { expected_revision: 1, ..command(action) };
     assert_eq!(editor.apply(&fresh).unwrap().result.revision, 2);
 }

@@ -1,4 +1,4 @@
-//! Commands on a small scene: what they do, what they refuse, and what holds for any sequence of them.
+//! Commands on a small scene: effects, refusals, and properties of any sequence.
 
 mod commands;
 mod properties;

@@ -34,7 +34,7 @@ pub(crate) fn activate(columns: &mut ShadingColumns, convention: Convention) {
     }
 }
 
-/// From used to stored, and how many values lie outside what the convention can hold and are cut to it.
+/// From used to stored, and the number of values that the convention cannot hold and that are cut.
 pub(crate) fn deactivate(columns: &ShadingColumns, convention: Convention) -> (ShadingColumns, usize) {
     let mut out = columns.clone();
     if convention == Convention::Ours {

@@ -64,8 +64,8 @@ fn polar_factor(linear: DMat3) -> DMat3 {
     ) * v.transpose()
 }
 
-/// U·Σ and V of M = U·Σ·Vᵀ (Hestenes 1958). Works on the factor of a covariance instead of the covariance, so that the
-/// thickness of a flat Gaussian keeps its digits.
+/// U·Σ and V of M = U·Σ·Vᵀ (Hestenes 1958). Works on the factor of a covariance, so that flat Gaussians keep the digits
+/// of their thickness.
 fn one_sided_jacobi(mut m: DMat3) -> (DMat3, DMat3) {
     let mut v = DMat3::IDENTITY;
     for _ in 0..32 {

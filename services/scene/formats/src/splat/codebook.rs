@@ -1,8 +1,8 @@
 //! One-dimensional codebooks of at most 256 half-precision centres, as iVR-GS's quantised files use them.
 //!
-//! Deterministic: the centres start at equal shares of the cube root of the density, which is where an optimal scalar
-//! quantiser of many levels puts them (Panter and Dite 1951), and are then improved by Lloyd's iteration (1982), which never
-//! raises the mean squared error. Sums are taken in f64 over the sorted values, so that threads change nothing.
+//! Deterministic: the centres start at equal shares of the cube root of the density, as in an optimal scalar quantiser
+//! of many levels (Panter and Dite 1951). Lloyd's iteration (1982) improves them and never raises the mean squared
+//! error. Sums are taken in f64 over the sorted values, so that threads change nothing.
 
 use half::f16;
 use rayon::prelude::*;

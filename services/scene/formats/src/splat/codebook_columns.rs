@@ -1,8 +1,8 @@
 //! The quantised PLY of iVR-GS: 24 bytes a Gaussian and 5,120 bytes of codebooks.
 //!
-//! Element `gaussians` holds the position as half-precision bit patterns in `short` and, for every other property, the
-//! index (`uchar`) of its value in element `codebook_centers`: 256 rows of ten properties, half-precision bit patterns.
-//! The components of a vector share one codebook, the quaternion has one for w and one for x, y, z.
+//! Element `gaussians` holds the position as half-precision bit patterns in `short`, and each other property as an
+//! index (`uchar`). The index refers to element `codebook_centers`: 256 rows of ten half-precision properties. The
+//! components of a vector share one codebook, the quaternion has one for w and one for x, y, z.
 
 use glam::Vec3;
 use half::f16;

@@ -1,12 +1,13 @@
 //! The compressed PLY of SuperSplat and PlayCanvas: 16 bytes a Gaussian, plus harmonics of a byte each.
 //!
-//! `element chunk` holds, for each 256 Gaussians, the ranges of position, logarithm of the scale and (in files since 2024)
-//! colour; `element vertex` holds four words: position and scale as 11-10-11 bits within those ranges, the rotation as its
-//! three smaller components in 10 bits each behind the index of the largest (w, x, y, z), colour and opacity as 8 bits each;
-//! an optional `element sh` holds `f_rest_…` as bytes. Ranges are interpolated in f64, as the programs in the field do.
+//! `element chunk` holds the ranges of 256 Gaussians: position, logarithm of the scale and, since 2024, colour.
+//! `element vertex` holds four words. Position and scale have 11-10-11 bits within those ranges. The rotation has the
+//! index of its largest component (w, x, y, z) and the three others in 10 bits each. Colour and opacity have 8 bits
+//! each. An optional `element sh` holds `f_rest_…` as bytes. Ranges are interpolated in f64, as the programs in the
+//! field do.
 //!
-//! Step sizes, and so twice the largest error: position and scale range/2047 (x, z) and range/1023 (y) of a chunk; rotation
-//! components √2/1023; colour range/255; opacity 1/255; harmonics 1/32 within ±4.
+//! Step sizes, twice the largest error: position and scale range/2047 (x, z) and range/1023 (y) of a chunk. Rotation
+//! components √2/1023, colour range/255, opacity 1/255, harmonics 1/32 within ±4.
 
 use std::borrow::Cow;
 use std::path::PathBuf;

@@ -8,8 +8,8 @@ use crate::splat::columns::is_normal;
 use crate::splat::problem::{Warning, WarningCode};
 use sg_scene::model::{BaseUnit, Convention, ShadingColumns, ShadingModel};
 
-/// Gives a unit without shading columns such that draw it as before from its constant harmonic: palette 0, offset colour
-/// ½ + C₀·dc, ka = 1, kd = ks = 0, β = 1. The normal is the Gaussian's shortest axis, of no particular side.
+/// Adds shading columns to a unit that has none, with the same picture for its constant harmonic. Palette 0, offset
+/// colour ½ + C₀·dc, ka = 1, kd = ks = 0, β = 1. The normal is the Gaussian's shortest axis, of no particular side.
 ///
 /// Light then reaches it once ka, kd and ks are changed. View-dependent harmonics are not kept.
 pub(crate) fn make_editable(unit: &mut BaseUnit, warnings: &mut Vec<Warning>) {

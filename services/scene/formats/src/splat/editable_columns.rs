@@ -1,7 +1,7 @@
 //! The float PLY of editable Gaussians: iVR-GS's intermediate file, and our own.
 //!
 //! One element `gaussians` of 21 `float` properties. The two differ only in the activation of the shading columns
-//! ([`crate::splat::activation`]), which a comment `convention = "…"` tells; without one it is guessed.
+//! ([`crate::splat::activation`]). A comment `convention = "…"` names it; without one it is guessed.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -87,8 +87,9 @@ pub(crate) fn properties<'a>(g: &'a Gaussians, stored: &'a ShadingColumns) -> Ve
     out
 }
 
-/// Offset colours for a format that holds only 0 to 1: the palette is lowered by what the least offsets lack, so that the
-/// colour of every Gaussian, palette plus offset, stays. Returns the palette and the columns, or nothing where none is needed.
+/// Offset colours for a format that holds only 0 to 1. The palette is lowered by the least negative offset; offsets
+/// rise by the same. The colour of every Gaussian, palette plus offset, stays. Returns the palette and the columns, or
+/// nothing where none is needed.
 pub(crate) fn raise_offsets(palette: Vec3, columns: &ShadingColumns) -> Option<(Vec3, ShadingColumns)> {
     let least = columns.offset_color.par_iter().filter(|c| c.is_finite()).copied().reduce(|| Vec3::ZERO, Vec3::min);
     let lowered = (palette + least).clamp(Vec3::ZERO, Vec3::ONE);

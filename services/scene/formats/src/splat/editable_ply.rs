@@ -164,7 +164,7 @@ pub(crate) fn write_unit(
     Ok(ply::write(out, &comments, &[element])?)
 }
 
-/// The unit as a file of this convention will hold it: with shading columns, and with offsets from 0 up where only those fit.
+/// The unit as a file of this convention holds it: with shading columns, and without negative offsets for iVR-GS.
 pub(crate) fn prepare<'a>(
     unit: &'a BaseUnit,
     convention: Convention,

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use sg_scene::model::Harmonics;
 
-/// The matrices that turn each band with an orthogonal map: the function d ↦ f(Mᵀd) has the coefficients D·c.
+/// The matrices that rotate each band: the function d ↦ f(Mᵀd) has the coefficients D·c.
 pub(crate) struct HarmonicsRotation {
     /// Row-major (2l+1)×(2l+1) matrices of l = 1, 2, 3.
     bands: [Vec<f64>; 3],
@@ -14,8 +14,8 @@ pub(crate) struct HarmonicsRotation {
 impl HarmonicsRotation {
     /// Of an orthogonal matrix (reflections included).
     ///
-    /// D is the integral of Y(d)·Y(Mᵀd)ᵀ over the sphere, taken by a product of four Gauss-Legendre heights and eight
-    /// azimuths, which is exact for the polynomials of degree 6 that occur.
+    /// D is the integral of Y(d)·Y(Mᵀd)ᵀ over the sphere. Four Gauss-Legendre heights times eight azimuths are exact
+    /// for its polynomials of degree 6.
     pub(crate) fn new(map: DMat3) -> Self {
         const HEIGHTS: [(f64, f64); 4] = [
             (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),

@@ -1,5 +1,5 @@
-//! The folders in which iVR-GS and NLI4VolVis keep a composed scene:
-//! `TF01/neilf/point_cloud/iteration_<n>/point_cloud.ply`, `TF02/…`, in the order of their names.
+//! The folders of a composed scene in iVR-GS and NLI4VolVis: `TF01/neilf/point_cloud/iteration_<n>/point_cloud.ply`,
+//! `TF02/…`, in the order of their names.
 
 use std::path::{Path, PathBuf};
 

@@ -32,7 +32,6 @@ mod ivrgs;
 pub(crate) mod ivrgs_folder;
 mod ivrgs_quantised;
 mod morton;
-pub(crate) mod number;
 mod ours;
 pub(crate) mod palette;
 mod pickle;
@@ -44,6 +43,7 @@ mod scene_toml;
 #[cfg(test)]
 mod tests;
 mod three_dgs;
+pub(crate) mod toml_number;
 mod unit_comments;
 mod unlit;
 

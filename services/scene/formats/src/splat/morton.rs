@@ -8,8 +8,8 @@ use sg_scene::model::{ExtraColumn, ExtraValues, Gaussians, Harmonics, SceneBox, 
 /// Bits an axis.
 const BITS: u32 = 21;
 
-/// The Gaussians along the curve through the box of their finite centres; equal places keep their order, Gaussians without
-/// a finite centre come last.
+/// The Gaussians along the curve through the box of their finite centres. The sort is stable; Gaussians without a
+/// finite centre come last.
 pub(crate) fn reorder(g: &Gaussians) -> Gaussians {
     let bounds = SceneBox::of_points(g.position.iter().copied());
     let key = |p: &Vec3| {

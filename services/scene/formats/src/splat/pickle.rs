@@ -1,7 +1,7 @@
-//! The part of Python's pickle protocol that a saved tensor needs, read as data: nothing is ever called.
+//! The part of Python's pickle protocol that a saved tensor needs, read as data without calls.
 //!
-//! Values live in an arena and refer to each other by index, so that a hostile file can neither nest deeply enough to
-//! exhaust the stack nor multiply shared values. Functions are remembered as names and calls as pairs of name and argument.
+//! Values live in an arena and refer to each other by index. A hostile file can neither exhaust the stack nor multiply
+//! shared values. Functions are remembered as names and calls as pairs of name and argument.
 
 use crate::splat::problem::Problem;
 

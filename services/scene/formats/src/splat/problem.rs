@@ -1,19 +1,19 @@
-//! What can be wrong with a file, and what is worth saying though it was read.
+//! Errors in a file's content, and warnings of readers and writers.
 
 use std::fmt;
 use std::path::PathBuf;
 
 use serde::Serialize;
 
-/// What is wrong with a file's content, where in it, and what to do.
+/// An error in a file's content: its place, the finding and the remedy.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{place}: {what}; {remedy}")]
 pub struct Problem {
     /// Header line, element and property, or row.
     pub place: String,
-    /// What stands there.
+    /// The finding.
     pub what: String,
-    /// What would work.
+    /// The remedy.
     pub remedy: String,
 }
 
@@ -23,12 +23,12 @@ impl Problem {
     }
 }
 
-/// Something that a reader took for granted or a writer could not keep.
+/// A reader's assumption, or a writer's loss.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Warning {
     /// The file it is about, where it is about one.
     pub file: Option<PathBuf>,
-    /// What kind of thing it is.
+    /// Its kind.
     pub code: WarningCode,
     /// One line for people.
     pub message: String,

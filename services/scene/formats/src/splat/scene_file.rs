@@ -1,4 +1,4 @@
-//! `scene.toml`: which files make up a scene, how each base unit is placed and coloured, and the scene's box.
+//! `scene.toml`: the unit files of a scene, their placement and colours, and the scene's box.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use glam::{DMat4, Vec3};
 use serde::Deserialize;
 use toml::{Spanned, Value};
 
-use crate::splat::number::{exact_f32, row_major, transform};
+use crate::splat::toml_number::{exact_f32, row_major, transform};
 use crate::splat::unit_comments::{convention_name, shading_name};
 use crate::staged_file;
 use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
@@ -58,7 +58,7 @@ pub enum SceneFileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file could not be written.
@@ -66,7 +66,7 @@ pub enum SceneFileError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The content is wrong.
@@ -78,7 +78,7 @@ pub enum SceneFileError {
         line: usize,
         /// Character within the line, from 1.
         column: usize,
-        /// What is wrong and what would work.
+        /// The cause and the remedy.
         message: String,
     },
 }

@@ -204,7 +204,7 @@ fn units_of_like_names_get_files_of_their_own() {
     );
 }
 
-/// The greatest difference between a chunk's values and theirs after a round trip, per axis, in steps of that chunk's range.
+/// The greatest error of a round trip within a chunk, per axis, in steps of the chunk's range.
 fn steps(before: &[Vec3], after: &[Vec3]) -> Vec3 {
     let mut worst = Vec3::ZERO;
     for (a, b) in before.chunks(256).zip(after.chunks(256)) {

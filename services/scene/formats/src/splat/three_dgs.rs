@@ -1,8 +1,8 @@
 //! The PLY of 3D Gaussian Splatting (Kerbl et al. 2023) as its authors' program writes it.
 //!
-//! One element `vertex`: `x y z`, usually `nx ny nz` (zero), `f_dc_0..2`, `f_rest_…` (channel-major: all red, all green,
-//! all blue; 0, 9, 24 or 45 of them), `opacity` (logit), `scale_0..2` (logarithm), `rot_0..3` (w, x, y, z, any length).
-//! Normals and whatever else a file holds are kept as extra columns. Two relatives are told apart:
+//! One element `vertex`: `x y z`, usually `nx ny nz` (zero), `f_dc_0..2`, `f_rest_…` (channel-major: all red, all
+//! green, all blue; 0, 9, 24 or 45 of them), `opacity` (logit), `scale_0..2` (logarithm), `rot_0..3` (w, x, y, z, any
+//! length). Normals and unknown columns are kept as extra columns. Two variants are recognised:
 //!
 //! - 2D Gaussian Splatting has no `scale_2`: its flat Gaussians get a thickness of a thousandth of their smaller extent.
 //! - iVR-GS's first stage writes its columns in another order than its header names them; they are renamed.
@@ -193,8 +193,8 @@ fn refuse_relatives(table: &Table<'_>) -> Result<(), Problem> {
     Ok(())
 }
 
-/// The table with its columns under the right names, if it is a file of iVR-GS's first stage: the header says
-/// `x y z f_dc f_rest opacity normal scale rot`, the rows hold position, normal, dc, rest, opacity, scale, rotation.
+/// The table with its columns under the right names, if iVR-GS's first stage wrote the file. The header says `x y z
+/// f_dc f_rest opacity normal scale rot`, the rows hold position, normal, dc, rest, opacity, scale, rotation.
 fn stage_one<'a>(table: &Table<'a>) -> Option<Table<'a>> {
     let rest = table.columns.iter().filter(|c| c.name.starts_with("f_rest_")).count();
     let numbered = |name: &str, n: usize| (0..n).map(|i| format!("{name}_{i}")).collect::<Vec<_>>();

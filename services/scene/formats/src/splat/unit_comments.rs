@@ -1,13 +1,13 @@
-//! What a PLY of ours says about its unit in comments, as lines of TOML: `comment convention = "ours"`.
+//! The comments of our PLY about its unit, as lines of TOML: `comment convention = "ours"`.
 //!
-//! A unit's file within a `scene.toml` carries only what the columns need to be understood; a file that stands alone carries
-//! the whole unit.
+//! A unit's file within a `scene.toml` has only the comments that its columns need. A file that stands alone has all of
+//! the unit.
 
 use glam::{DMat4, Vec3};
 use serde::Deserialize;
 
-use crate::splat::number::{exact_f32, row_major, transform};
 use crate::splat::problem::{Warning, WarningCode};
+use crate::splat::toml_number::{exact_f32, row_major, transform};
 use sg_scene::model::{BaseUnit, Convention, SceneBox, ShadingModel};
 
 /// The comments that were found.
@@ -41,7 +41,7 @@ struct Line {
 const KEYS: [&str; 8] = ["name", "convention", "oriented_normals", "palette", "opacity", "shading", "transform", "box"];
 
 impl UnitComments {
-    /// Takes up the comments that are ours and leaves all others alone. One of ours that cannot be read is told.
+    /// Parses our comments and ignores all others. An unreadable comment of ours gives a warning.
     pub(crate) fn parse(comments: &[String], warnings: &mut Vec<Warning>) -> Self {
         let mut out = Self::default();
         for comment in comments {

@@ -1,7 +1,7 @@
-//! A scene as one set of Gaussians with fixed colours, for formats that know neither base units nor light.
+//! A scene as one set of Gaussians with fixed colours, for formats without base units and light.
 //!
-//! The colour of an editable Gaussian becomes palette + offset (its diffuse colour under full light), a unit's opacity
-//! factor and transform go into its Gaussians, normals become `nx ny nz`. What needs no change keeps its bits.
+//! The colour of an editable Gaussian becomes palette + offset (its diffuse colour under full light). A unit's opacity
+//! factor and transform go into its Gaussians. Normals become `nx ny nz`. Unchanged values keep their bits.
 
 use std::borrow::Cow;
 

@@ -1,4 +1,4 @@
-//! The rows after the header, brought to one layout: packed little-endian rows, whatever the file's encoding.
+//! The rows after the header as packed little-endian rows, for every encoding.
 
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ struct Part {
 }
 
 impl PlyFile {
-    /// Takes a file apart. No memory is asked for on the word of a header: a count that the file's length does not bear out is refused first.
+    /// Parses a file. Counts in the header are checked against the file's length before memory is allocated.
     pub(crate) fn parse(bytes: Vec<u8>) -> Result<Self, Problem> {
         let header = Header::parse(&bytes)?;
         let mut parts = Vec::with_capacity(header.elements.len());

@@ -3,17 +3,17 @@
 use glam::Vec3;
 use sg_proto::scene::{SetColor, SetOpacity, SetVisibility, ShowOnly};
 
+use super::command_number;
 use super::derived::Attribute;
-use super::draft::Draft;
 use super::error::EditError;
-use super::number;
 use super::state::{Unit, UnitRef};
-use super::target::Resolved;
+use super::target::ResolvedTarget;
+use super::transaction::Transaction;
 use sg_scene::mask::Mask;
 
-impl Draft<'_> {
+impl Transaction<'_> {
     pub(super) fn set_color(&mut self, command: &SetColor) -> Result<String, EditError> {
-        let color = command.color.as_ref().map(|c| number::color(c, "set_color.color")).transpose()?;
+        let color = command.color.as_ref().map(|c| command_number::color(c, "set_color.color")).transpose()?;
         let target = self.state.resolve(command.target.as_ref())?;
         for unit in self.base_and_named(&target) {
             match unit {
@@ -49,10 +49,10 @@ impl Draft<'_> {
 
     pub(super) fn set_opacity(&mut self, command: &SetOpacity) -> Result<String, EditError> {
         const FIELD: &str = "set_opacity.factor";
-        let factor = number::factor(command.factor, FIELD)?;
+        let factor = command_number::factor(command.factor, FIELD)?;
         let target = self.state.resolve(command.target.as_ref())?;
         let changed =
-            |present: f32| if command.relative { number::factor(present * factor, FIELD) } else { Ok(factor) };
+            |present: f32| if command.relative { command_number::factor(present * factor, FIELD) } else { Ok(factor) };
         for unit in self.base_and_named(&target) {
             match unit {
                 UnitRef::Base(i) => {
@@ -139,10 +139,10 @@ impl Draft<'_> {
         Ok(format!("showed only {}", target.phrase))
     }
 
-    /// Makes every member of a target drawn: hidden units named are shown, hidden derived units let go of the members, and
-    /// base units that hide some members are shown, their other Gaussians being hidden by a derived unit if `keep_rest`. A
-    /// saved unit that is hidden stays so unless it is named, or lies wholly inside a target that names no unit.
-    fn show(&mut self, target: &Resolved, keep_rest: bool) -> Result<(), EditError> {
+    /// Shows every member of a target. Named hidden units are shown. Hidden derived units lose the members. Base units
+    /// that hide some members are shown; with `keep_rest`, a derived unit keeps their other Gaussians hidden. A hidden
+    /// saved unit stays hidden, unless the target names it or, without names, contains it.
+    fn show(&mut self, target: &ResolvedTarget, keep_rest: bool) -> Result<(), EditError> {
         for unit in self.base_and_named(target) {
             match unit {
                 UnitRef::Base(i) => {
@@ -180,7 +180,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    fn hide(&mut self, members: &Mask, target: &Resolved) -> Result<u64, EditError> {
+    fn hide(&mut self, members: &Mask, target: &ResolvedTarget) -> Result<u64, EditError> {
         let here = self.derived_of(members, false);
         self.supersede(Attribute::Visibility, members, here)?;
         let id = self.derived_or_new(here, members, target)?;
@@ -188,13 +188,13 @@ impl Draft<'_> {
         Ok(id)
     }
 
-    /// The units that carry a look themselves: those named, or all base units where the target is everything.
-    fn base_and_named(&self, target: &Resolved) -> Vec<UnitRef> {
+    /// The named units, or all base units if the target is everything.
+    fn base_and_named(&self, target: &ResolvedTarget) -> Vec<UnitRef> {
         if target.everything { (0..self.state.base.len()).map(UnitRef::Base).collect() } else { target.named.clone() }
     }
 
-    /// The look of a named unit or of everything is the last word on its members' attribute.
-    fn supersede_named(&mut self, attribute: Attribute, target: &Resolved) -> Result<(), EditError> {
+    /// Edits of a named unit or of everything override derived units.
+    fn supersede_named(&mut self, attribute: Attribute, target: &ResolvedTarget) -> Result<(), EditError> {
         if target.everything {
             return self.supersede(attribute, &target.members, None);
         }
@@ -209,7 +209,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    fn derived_or_new(&mut self, here: Option<u64>, members: &Mask, target: &Resolved) -> Result<u64, EditError> {
+    fn derived_or_new(&mut self, here: Option<u64>, members: &Mask, target: &ResolvedTarget) -> Result<u64, EditError> {
         // Superseding may have taken the unit away with the last that it said.
         match here.filter(|id| self.state.units.contains_key(id)) {
             Some(id) => Ok(id),
@@ -224,9 +224,9 @@ impl Draft<'_> {
         }
     }
 
-    /// What "it" means next: the units in the target, also those that it excepts; for the selection, the unit that now
-    /// carries its look.
-    fn focus_after(&mut self, target: &Resolved, made: Option<u64>) {
+    /// Sets the meaning of "it": the units in the target, named or excepted. For the selection, it is the unit with the
+    /// new look.
+    fn focus_after(&mut self, target: &ResolvedTarget, made: Option<u64>) {
         let mut names = target.names.clone();
         if names.is_empty() && target.of_selection {
             names.extend(made.and_then(|id| self.state.units.get(&id)).map(|u| u.name.clone()));

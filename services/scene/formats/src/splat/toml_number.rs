@@ -8,7 +8,8 @@ pub(crate) fn exact_f32(x: f32) -> f64 {
     if short as f32 == x { short } else { f64::from(x) }
 }
 
-/// 16 numbers, row major, of an affine map; nothing if they are not finite, the last row is not 0 0 0 1, or space collapses.
+/// The affine map of 16 row-major numbers. `None` if a number is not finite, the last row is not 0 0 0 1, or the map is
+/// singular.
 pub(crate) fn transform(rows: &[f64]) -> Option<DMat4> {
     let rows: [f64; 16] = rows.try_into().ok()?;
     let matrix = DMat4::from_cols_array(&rows).transpose();

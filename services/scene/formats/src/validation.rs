@@ -1,4 +1,4 @@
-//! How many Gaussians hold numbers that no picture can be made of.
+//! Counts of Gaussians with NaN, infinite or zero-length values.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -8,7 +8,7 @@ use sg_scene::model::Gaussians;
 
 /// Counts of Gaussians with NaN or infinite values, and of quaternions without a direction. Such Gaussians are kept.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Census {
+pub struct NonFiniteCounts {
     /// Centres that are not finite: drawn nowhere, in no cluster.
     pub positions: usize,
     /// Logarithms of the scale that are not finite.
@@ -25,7 +25,7 @@ pub struct Census {
     pub harmonics: usize,
 }
 
-impl Census {
+impl NonFiniteCounts {
     /// Counts over all Gaussians.
     #[must_use]
     pub fn of(g: &Gaussians) -> Self {
@@ -57,7 +57,7 @@ impl Census {
         }
     }
 
-    /// What is worth telling.
+    /// A warning for each kind with a count above 0.
     pub(crate) fn warnings(&self) -> Vec<Warning> {
         let kinds = [
             (self.positions, WarningCode::NonFinite, "centres that are not finite, which are drawn nowhere"),

@@ -1,4 +1,4 @@
-//! Reading the geometry that a state speaks of.
+//! Loading the geometry of a state, verified by its hash.
 
 use std::path::{Path, PathBuf};
 
@@ -7,24 +7,24 @@ use sg_scene::model::Scene;
 
 /// The geometry of a state could not be read.
 #[derive(Debug, thiserror::Error)]
-pub enum KnownError {
+pub enum VerifiedLoadError {
     /// The file.
     #[error(transparent)]
     Load(#[from] LoadError),
-    /// The file holds other Gaussians than the state speaks of.
+    /// The file's content hash differs from the state's.
     #[error("{}: the file has changed since the scene was opened; restart the stack", .0.display())]
     Changed(PathBuf),
 }
 
-/// The scene of a file, checked against the content hash that the owner of the scene tells ([`Scene::content_hash`],
-/// hexadecimal): what a reader draws or clusters is what the owner edits.
+/// Loads a scene and verifies its content hash ([`Scene::content_hash`], hexadecimal) against the owner's. So readers
+/// draw and cluster the Gaussians that the owner edits.
 ///
 /// # Errors
-/// [`KnownError`].
-pub fn read_known(path: &Path, hash: &str) -> Result<Scene, KnownError> {
+/// [`VerifiedLoadError`].
+pub fn load_verified(path: &Path, hash: &str) -> Result<Scene, VerifiedLoadError> {
     let scene = load(path, &LoadOptions::default())?.scene;
     if scene.content_hash().to_hex().as_str() != hash {
-        return Err(KnownError::Changed(path.to_owned()));
+        return Err(VerifiedLoadError::Changed(path.to_owned()));
     }
     Ok(scene)
 }

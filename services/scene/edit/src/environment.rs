@@ -3,16 +3,16 @@
 use sg_proto::scene::set_view::Change;
 use sg_proto::scene::{SetBackground, SetLight, SetTerm, SetView};
 
-use super::draft::Draft;
+use super::command_number::{self, malformed};
 use super::error::EditError;
-use super::number::{self, malformed};
+use super::transaction::Transaction;
 use super::wire::{decode_light_mode, decode_side, decode_term, decode_view};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
 use sg_scene::framing::{framed_box, robust_bounds};
 use sg_scene::view::{Side, View};
 
-impl Draft<'_> {
+impl Transaction<'_> {
     pub(super) fn set_light(&mut self, command: &SetLight) -> Result<String, EditError> {
         let mut said = Vec::new();
         let mut light = self.state.light;
@@ -24,7 +24,7 @@ impl Draft<'_> {
             });
         }
         if let Some(vector) = &command.direction {
-            light.direction = number::direction(vector, "set_light.direction")?.to_array();
+            light.direction = command_number::direction(vector, "set_light.direction")?.to_array();
             let [x, y, z] = light.direction;
             said.push(format!("direction ({x}, {y}, {z})"));
         }
@@ -35,8 +35,8 @@ impl Draft<'_> {
             (command.shininess, "set_light.shininess", &mut light.shininess, "shininess"),
         ] {
             if let Some(value) = value {
-                let value = number::factor(value, field)?;
-                *present = if command.relative { number::factor(*present * value, field)? } else { value };
+                let value = command_number::factor(value, field)?;
+                *present = if command.relative { command_number::factor(*present * value, field)? } else { value };
                 said.push(format!("{word} {present}"));
             }
         }
@@ -51,7 +51,7 @@ impl Draft<'_> {
     pub(super) fn set_background(&mut self, command: &SetBackground) -> Result<String, EditError> {
         const FIELD: &str = "set_background.color";
         let missing = || EditError::Malformed { field: FIELD, reason: "the colour is missing; send one".to_owned() };
-        let color = number::color(command.color.as_ref().ok_or_else(missing)?, FIELD)?;
+        let color = command_number::color(command.color.as_ref().ok_or_else(missing)?, FIELD)?;
         self.state.background = color;
         Ok(format!("set the background to ({}, {}, {})", color.x, color.y, color.z))
     }

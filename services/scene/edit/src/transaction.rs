@@ -1,13 +1,13 @@
-//! A state being changed by one command.
+//! The transaction of one command.
 
 use super::error::EditError;
 use super::state::{Change, EditState, Unit};
 use sg_proto::limits::MAX_UNITS;
 use sg_scene::model::Scene;
 
-/// The state after a command, while the command is carried out on it; dropped when the command is refused.
+/// A copy of the state that one command changes; dropped if the command is refused.
 #[derive(Debug)]
-pub(super) struct Draft<'a> {
+pub(super) struct Transaction<'a> {
     /// The geometry, for framing.
     pub(super) scene: &'a Scene,
     /// The state as the scene was opened.
@@ -18,7 +18,7 @@ pub(super) struct Draft<'a> {
     pub(super) next_unit: u64,
 }
 
-impl Draft<'_> {
+impl Transaction<'_> {
     /// A fresh id.
     ///
     /// # Errors
@@ -43,7 +43,7 @@ impl Draft<'_> {
         self.state.focus = names;
     }
 
-    /// Takes out what no longer exists: derived units that change nothing, and names of units that are gone.
+    /// Removes neutral derived units, and names of deleted units from the focus.
     pub(super) fn tidy(&mut self) {
         self.state.units.retain(|_, unit| !unit.derived || !(unit.is_neutral() || unit.mask.is_none()));
         let focus = std::mem::take(&mut self.state.focus);
@@ -51,8 +51,8 @@ impl Draft<'_> {
     }
 }
 
-/// Names of the units that changes are about, in the order of the changes; gone ones by their names before.
-pub(super) fn touched(changes: &[Change], before: &EditState) -> Vec<String> {
+/// Names of the changed units, in the order of the changes; deleted ones by their former names.
+pub(super) fn affected_units(changes: &[Change], before: &EditState) -> Vec<String> {
     let mut names = Vec::new();
     for change in changes {
         let name = match change {
