@@ -1,4 +1,4 @@
-//! Colour, opacity, visibility.
+//! Edits of colour, opacity and visibility.
 
 use glam::Vec3;
 use sg_proto::scene::{SetColor, SetOpacity, SetVisibility, ShowOnly};
@@ -43,7 +43,7 @@ impl Transaction<'_> {
         self.focus_after(&target, made);
         Ok(match color {
             Some(c) => format!("coloured {} {}", target.phrase, hex(c)),
-            None => format!("gave {} its own colours back", target.phrase),
+            None => format!("restored the original colours of {}", target.phrase),
         })
     }
 
@@ -86,7 +86,7 @@ impl Transaction<'_> {
         self.focus_after(&target, made);
         let percent = percent(factor);
         Ok(if command.relative {
-            format!("scaled the opacity of {} to {percent} % of what it was", target.phrase)
+            format!("scaled the opacity of {} by {percent} %", target.phrase)
         } else {
             format!("set the opacity of {} to {percent} %", target.phrase)
         })

@@ -1,4 +1,4 @@
-//! Light, background, shading term, viewpoint, and back to the first look.
+//! Edits of light, background, shading term and viewpoint, and the reset.
 
 use sg_proto::scene::set_view::Change;
 use sg_proto::scene::{SetBackground, SetLight, SetTerm, SetView};
@@ -14,11 +14,11 @@ use sg_scene::view::{Side, View};
 
 impl Transaction<'_> {
     pub(super) fn set_light(&mut self, command: &SetLight) -> Result<String, EditError> {
-        let mut said = Vec::new();
+        let mut parts = Vec::new();
         let mut light = self.state.light;
         if let Some(mode) = decode_light_mode(command.mode).map_err(|e| malformed(&e))? {
             light.mode = mode;
-            said.push(match mode {
+            parts.push(match mode {
                 LightMode::Headlight => "from the eye".to_owned(),
                 LightMode::Direction => "from one direction".to_owned(),
             });
@@ -26,7 +26,7 @@ impl Transaction<'_> {
         if let Some(vector) = &command.direction {
             light.direction = command_number::direction(vector, "set_light.direction")?.to_array();
             let [x, y, z] = light.direction;
-            said.push(format!("direction ({x}, {y}, {z})"));
+            parts.push(format!("direction ({x}, {y}, {z})"));
         }
         for (value, field, present, word) in [
             (command.ambient, "set_light.ambient", &mut light.ka, "ambient"),
@@ -37,15 +37,15 @@ impl Transaction<'_> {
             if let Some(value) = value {
                 let value = command_number::factor(value, field)?;
                 *present = if command.relative { command_number::factor(*present * value, field)? } else { value };
-                said.push(format!("{word} {present}"));
+                parts.push(format!("{word} {present}"));
             }
         }
-        if said.is_empty() {
+        if parts.is_empty() {
             let reason = "nothing is set; give a mode, a direction or a multiplier".to_owned();
             return Err(EditError::Malformed { field: "set_light", reason });
         }
         self.state.light = light;
-        Ok(format!("set the light: {}", said.join(", ")))
+        Ok(format!("set the light: {}", parts.join(", ")))
     }
 
     pub(super) fn set_background(&mut self, command: &SetBackground) -> Result<String, EditError> {
@@ -78,7 +78,7 @@ impl Transaction<'_> {
         let (view, summary) = match command.change.as_ref().ok_or_else(missing)? {
             Change::View(view) => (decode_view(view).map_err(|e| malformed(&e))?, "moved the view".to_owned()),
             Change::Named(named) => match decode_side(*named).map_err(|e| malformed(&e))? {
-                None => (self.initial.view, "went back to the first view".to_owned()),
+                None => (self.initial.view, "reset the view".to_owned()),
                 Some(side) => {
                     let view = View::from_side(framed_box(self.scene), side, present.fov_y_degrees);
                     (view, format!("looked from the {}", side_name(side)))
@@ -112,7 +112,7 @@ impl Transaction<'_> {
         Ok(summary)
     }
 
-    /// Back to the look that the scene was opened with. Saved units stay, without a look of their own; the selection stays.
+    /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays.
     pub(super) fn reset(&mut self) -> String {
         self.state.base.clone_from(&self.initial.base);
         self.state.units.retain(|_, unit| !unit.derived);
@@ -124,7 +124,7 @@ impl Transaction<'_> {
         self.state.view = self.initial.view;
         self.state.term = self.initial.term;
         self.focus_on(Vec::new());
-        "went back to the first look".to_owned()
+        "reset the appearance and the view".to_owned()
     }
 }
 

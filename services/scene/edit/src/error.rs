@@ -1,4 +1,4 @@
-//! Why a command was refused. A refused command changes nothing and leaves no trace.
+//! Refusals of commands. A refused command changes nothing and is not stored.
 
 use sg_proto::bus::Code;
 
@@ -16,31 +16,31 @@ pub enum EditError {
         near: Vec<String>,
     },
     /// More than one unit has this name, in different capitals.
-    #[error("`{name}` may mean {}; write it in the capitals of the one that is meant", meant.join(" or "))]
+    #[error("`{name}` matches {}; write it with the exact capitals", meant.join(" or "))]
     Ambiguous {
         /// As asked for.
         name: String,
-        /// What it may mean.
+        /// The matching names.
         meant: Vec<String>,
     },
-    /// A unit to be made has the name of another.
-    #[error("there is a unit `{0}` already; choose another name or ask for it to be replaced")]
+    /// A new unit has the name of another.
+    #[error("a unit `{0}` exists already; choose another name or replace it")]
     NameTaken(String),
-    /// Only editable units can be treated so.
+    /// Base units cannot be changed like this.
     #[error("`{name}` is a base unit of the file and cannot be {verb}; {remedy}")]
     BaseUnit {
         /// Its name.
         name: String,
-        /// What cannot be done to it.
+        /// The refused change, as a participle.
         verb: &'static str,
-        /// What can.
+        /// The remedy.
         remedy: &'static str,
     },
     /// The command needs a selection.
     #[error("nothing is selected; brush or select something first")]
     NothingSelected,
     /// The target names nothing.
-    #[error("the command does not say what it is about; name units, the selection or everything")]
+    #[error("the command has no target; name units, the selection or everything")]
     NoTarget,
     /// The target has no Gaussians.
     #[error("{0} has no Gaussians; there is nothing to act on")]
@@ -54,18 +54,18 @@ pub enum EditError {
     /// There is no later state.
     #[error("there is nothing to redo")]
     NothingToRedo,
-    /// The scene is not at the revision that the sender saw.
-    #[error("the scene has moved on to revision {found} from {expected}; look again and repeat the command")]
+    /// The scene is not at the sender's revision.
+    #[error("the scene is at revision {found}, not {expected}; read it again and repeat the command")]
     RevisionConflict {
-        /// What the sender saw.
+        /// The sender's revision.
         expected: u64,
-        /// Where the scene is.
+        /// The scene's revision.
         found: u64,
     },
-    /// Another selection stands there than the one that the new one was made from.
-    #[error("the selection has changed since this one was begun; start again from the present one")]
+    /// The selection is not the one that the new one was made from.
+    #[error("the selection changed meanwhile; start again from the present one")]
     SelectionConflict {
-        /// Hash of the selection that stands there.
+        /// Hash of the present selection.
         found: String,
     },
     /// A number is NaN or infinite.
@@ -83,7 +83,7 @@ pub enum EditError {
         field: &'static str,
         /// The finding.
         found: f64,
-        /// What would be taken.
+        /// The accepted values.
         want: &'static str,
     },
     /// A viewpoint shows nothing.
@@ -97,22 +97,22 @@ pub enum EditError {
         /// The cause and the accepted values.
         reason: String,
     },
-    /// There are as many of something as there may be.
+    /// A limit on a number of things is reached.
     #[error("there would be more than {limit} {what}; {remedy}")]
     TooMany {
-        /// Of what.
+        /// The limited things, in the plural.
         what: &'static str,
-        /// How many there may be.
+        /// The limit.
         limit: usize,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
-    /// What changes, or all masks and strokes together, would not fit one message.
+    /// The change, or all masks and strokes together, would not fit one message.
     #[error(
         "{what} would take {bytes} bytes, more than the {limit} of one message; change less at a time or delete units"
     )]
     TooLarge {
-        /// Of what.
+        /// The limited things, in the plural.
         what: &'static str,
         /// Size of the event.
         bytes: usize,

@@ -17,6 +17,9 @@ use super::transaction::Transaction;
 use super::wire::{decode_mask, steps_of};
 use sg_scene::mask::Mask;
 
+/// The history text of a selection that became empty.
+const CLEARED: &str = "cleared the selection";
+
 impl Transaction<'_> {
     pub(super) fn commit_selection(&mut self, command: &CommitSelection) -> Result<String, EditError> {
         let present = self.state.selection.hash();
@@ -33,9 +36,8 @@ impl Transaction<'_> {
         let strokes = steps.iter().filter(|s| matches!(s.step, Some(Step::Stroke(_)))).count();
         let operations = steps.iter().filter(|s| matches!(s.step, Some(Step::Operation(_)))).count();
         let tuned = steps.iter().rev().find_map(|s| if let Some(Step::Tuning(t)) = &s.step { Some(*t) } else { None });
-        let tuned = tuned.map_or_else(String::new, |t| {
-            format!(", the walk's leak at {:.2} % and its threshold at {:.2}", 100.0 * t.leak, t.threshold)
-        });
+        let tuned = tuned
+            .map_or_else(String::new, |t| format!(", leak at {:.2} %, strictness {:.2}", 100.0 * t.leak, t.threshold));
         self.state.selection = Selection::new(Arc::new(mask), steps.into());
         self.focus_on(Vec::new());
         let number = |n: usize, what: &str| match n {
@@ -45,6 +47,9 @@ impl Transaction<'_> {
         };
         let with: Vec<_> = number(strokes, "stroke").into_iter().chain(number(operations, "operation")).collect();
         let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+        if count == 0 {
+            return Ok(CLEARED.to_owned());
+        }
         Ok(format!("selected {}{with}{tuned}", gaussians(count)))
     }
 
@@ -60,7 +65,7 @@ impl Transaction<'_> {
             .is_none_or(|t| t.units.is_empty() && !t.selection && !t.everything && !t.complement);
         if empty && replaces {
             self.select_mask(Mask::empty(self.state.count()));
-            return Ok("selected nothing".to_owned());
+            return Ok(CLEARED.to_owned());
         }
         let target = self.state.resolve(command.target.as_ref())?;
         let mut mask = (**self.state.selection.mask()).clone();
@@ -77,7 +82,7 @@ impl Transaction<'_> {
             SetOperation::Unspecified | SetOperation::Replace => format!("selected {phrase}: {count}"),
             SetOperation::Add => format!("added {phrase} to the selection: {count}"),
             SetOperation::Remove => format!("removed {phrase} from the selection: {count}"),
-            SetOperation::Intersect => format!("kept of the selection what is in {phrase}: {count}"),
+            SetOperation::Intersect => format!("intersected the selection with {phrase}: {count}"),
         })
     }
 
@@ -109,7 +114,7 @@ impl Transaction<'_> {
             let name = unit.name.clone();
             unit.mask = mask;
             self.focus_on(vec![name.clone()]);
-            return Ok(format!("saved the selection as {name} in place of what it was: {count}"));
+            return Ok(format!("replaced {name} with the selection: {count}"));
         }
         let (mut color, mut opacity, mut visible) = (None, 1.0_f32, true);
         self.state.units.retain(|_, unit| {
@@ -183,7 +188,7 @@ fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditErro
             Some(Step::Operation(operation)) if operation.operation.is_some() => {}
             Some(Step::Tuning(tuning)) if tuning.leak.is_finite() && tuning.threshold.is_finite() => {}
             Some(Step::Given(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
-            _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is none") }),
+            _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is empty or malformed") }),
         }
     }
     let strokes: Vec<Stroke> = steps
@@ -207,7 +212,7 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
             return wrong("mode and kind must be set");
         }
         if kind == StrokeKind::Toggle && mode != StrokeMode::Cluster {
-            return wrong("toggle is for cluster mode");
+            return wrong("only cluster mode can toggle");
         }
         if !(stroke.radius.is_finite() && stroke.radius > 0.0) {
             return wrong("the radius must be finite and above 0");

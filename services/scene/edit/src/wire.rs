@@ -20,7 +20,7 @@ pub enum WireError {
     #[error("`{0}` is missing")]
     Missing(&'static str),
     /// The value of an enumeration is not known or not set.
-    #[error("`{field}` is {value}, which is none of its kinds")]
+    #[error("`{field}` has the unknown value {value}")]
     Kind {
         /// The field.
         field: &'static str,
@@ -28,7 +28,7 @@ pub enum WireError {
         value: i32,
     },
     /// A mask's length is not the scene's.
-    #[error("`{field}` speaks of {found} Gaussians; the scene has {expected}")]
+    #[error("`{field}` has {found} Gaussians; the scene has {expected}")]
     Length {
         /// The field.
         field: &'static str,
@@ -46,7 +46,7 @@ pub enum WireError {
         source: sg_scene::mask::MaskBytesError,
     },
     /// A number of Gaussians that no machine can hold.
-    #[error("`{field}` is {value}, more than can be counted here")]
+    #[error("`{field}` is {value}; this machine cannot count that far")]
     Count {
         /// The field.
         field: &'static str,

@@ -18,9 +18,7 @@ pub struct SceneFiles {
 
 /// A file of a scene lies outside its folder, so a copy would miss it.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "{file}: lies outside {folder}; put it beside the scene's file, so that other machines can have a copy of the whole"
-)]
+#[error("{file}: lies outside {folder}; put it beside the scene's file, so that other machines can copy all of it")]
 pub struct OutsideError {
     /// The file.
     pub file: PathBuf,
@@ -102,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_found_by_whatever_name_its_folder_goes() {
+    fn a_file_is_found_under_any_name_of_its_folder() {
         let folder = tempfile::tempdir().unwrap();
         let home = folder.path().join("home");
         std::fs::create_dir(&home).unwrap();

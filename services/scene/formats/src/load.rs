@@ -100,11 +100,11 @@ fn load_unit(file: &UnitSource, options: &LoadOptions, warnings: &mut Vec<Warnin
     let content = |problem| LoadError::Content { path: path.clone(), problem };
     let bytes = std::fs::read(path).map_err(|source| LoadError::Read { path: path.to_path_buf(), source })?;
     let forced = options.convention.or(entry.and_then(|e| e.convention));
-    let mut told = Vec::new();
+    let mut found = Vec::new();
     let start = bytes.iter().copied().take(START_LENGTH as usize).collect();
     let source = Source { name: lower_name(path), folder: None, start };
     let Decoded { gaussians, format, convention, comments } =
-        decode_unit(&source, bytes, forced, &mut told).map_err(content)?;
+        decode_unit(&source, bytes, forced, &mut found).map_err(content)?;
     let is_ivrgs = format.0.is_ivrgs();
     let palette = match options.palette.or(entry.and_then(|e| e.palette)).or(comments.palette) {
         _ if gaussians.shading.is_none() => Vec3::ZERO,
@@ -112,20 +112,19 @@ fn load_unit(file: &UnitSource, options: &LoadOptions, warnings: &mut Vec<Warnin
         None => match palette_beside(path)? {
             Some(palette) => palette,
             None => {
-                let message = "there is no palette beside it; middle grey was taken; --palette r,g,b says otherwise";
-                told.push(Warning::new(WarningCode::Palette, message));
+                let message = "no palette file lies beside it, so middle grey is used; --palette r,g,b overrides it";
+                found.push(Warning::new(WarningCode::Palette, message));
                 Vec3::splat(0.5)
             }
         },
     };
     let shading = options.shading.or(entry.and_then(|e| e.shading)).or(comments.shading);
     if is_ivrgs && shading.is_none() {
-        let message =
-            "it is drawn with the paper's one-sided shading; iVR-GS trains two-sided, which `ivrgs-train` draws";
-        told.push(Warning::new(WarningCode::Shading, message));
+        let message = "it is drawn with one-sided shading; iVR-GS trains two-sided: --shading ivrgs-train draws that";
+        found.push(Warning::new(WarningCode::Shading, message));
     }
-    told.extend(NonFiniteCounts::of(&gaussians).warnings());
-    warnings.extend(told.into_iter().map(|w| Warning { file: Some(path.to_path_buf()), ..w }));
+    found.extend(NonFiniteCounts::of(&gaussians).warnings());
+    warnings.extend(found.into_iter().map(|w| Warning { file: Some(path.to_path_buf()), ..w }));
     let name = entry.map(|e| e.name.clone()).or(comments.name).unwrap_or_else(|| {
         let file_name = path.file_name().unwrap_or_default().to_string_lossy();
         let stem = format.extensions().iter().find_map(|e| file_name.strip_suffix(e)).unwrap_or(&file_name);

@@ -12,7 +12,7 @@ pub enum VerifiedLoadError {
     #[error(transparent)]
     Load(#[from] LoadError),
     /// The file's content hash differs from the state's.
-    #[error("{}: the file has changed since the scene was opened; restart the stack", .0.display())]
+    #[error("{}: the file changed after the scene was opened; restart the stack", .0.display())]
     Changed(PathBuf),
 }
 

@@ -100,7 +100,7 @@ impl Target {
             extensions.retain(|e| writers().any(|(f, _)| f.extensions().contains(e)));
             let remedy =
                 format!("end it with {}, or give a folder and --format {}", extensions.join(", "), folder_formats());
-            Problem::new("path", "its extension says no format", remedy)
+            Problem::new("path", "its ending belongs to no format", remedy)
         };
         let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(unknown)?.to_ascii_lowercase();
         let endings = writers().flat_map(|(f, _)| f.extensions()).copied().filter(|e| name.ends_with(e));

@@ -60,19 +60,15 @@ impl NonFiniteCounts {
     /// A warning for each kind with a count above 0.
     pub(crate) fn warnings(&self) -> Vec<Warning> {
         let kinds = [
-            (self.positions, WarningCode::NonFinite, "centres that are not finite, which are drawn nowhere"),
+            (self.positions, WarningCode::NonFinite, "centres that are not finite and not drawn"),
             (self.scales, WarningCode::NonFinite, "scales that are not finite"),
             (self.opacities, WarningCode::NonFinite, "opacities that are not finite"),
-            (self.rotations, WarningCode::NonFinite, "rotations that are not finite, which are taken as none"),
-            (
-                self.zero_rotations,
-                WarningCode::ZeroRotation,
-                "quaternions of length zero, which are taken as no rotation",
-            ),
+            (self.rotations, WarningCode::NonFinite, "rotations that are not finite and read as none"),
+            (self.zero_rotations, WarningCode::ZeroRotation, "quaternions of length zero, read as no rotation"),
             (self.shading, WarningCode::NonFinite, "rows of shading attributes that are not finite"),
             (self.harmonics, WarningCode::NonFinite, "rows of harmonics that are not finite"),
         ];
-        let told = kinds.into_iter().filter(|(n, ..)| *n > 0);
-        told.map(|(n, code, text)| Warning::new(code, format!("{text}: {n}"))).collect()
+        let present = kinds.into_iter().filter(|(n, ..)| *n > 0);
+        present.map(|(n, code, text)| Warning::new(code, format!("{text}: {n}"))).collect()
     }
 }

@@ -9,7 +9,7 @@ pub struct Mask {
 
 /// Bytes that are no mask of the stated length.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("a mask of {len} Gaussians takes {expected} bytes with zero bits past the end, not these {found}")]
+#[error("a mask of {len} Gaussians takes {expected} bytes with zero bits past the end; found {found} bytes")]
 pub struct MaskBytesError {
     /// Stated number of Gaussians.
     pub len: usize,

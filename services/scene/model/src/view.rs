@@ -65,7 +65,7 @@ pub enum ViewError {
     #[error("a view's numbers must be finite")]
     NotFinite,
     /// The eye is at the target.
-    #[error("the eye is where it looks at; put them apart")]
+    #[error("the eye and its target coincide; put them apart")]
     NoDirection,
     /// The up direction is zero or along the line of sight.
     #[error("the up direction is zero or along the line of sight; give another")]

@@ -1,4 +1,4 @@
-//! The process that owns the scene of a session: commands in, events out.
+//! The actor that owns the scene of a session: commands in, events out.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -32,9 +32,9 @@ const QUEUE: usize = 64;
 /// The project of a session that names none, in its folder.
 const DEFAULT_PROJECT: &str = "session.sgproj";
 /// Time limit for the change to the role's project.
-const TAKING_OVER: Duration = Duration::from_secs(10);
+const TAKE_OVER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Warnings of a scene file that are logged one by one.
-const WARNINGS: usize = 20;
+const MAX_LOGGED_WARNINGS: usize = 20;
 
 /// Parameters from the launch file.
 #[derive(Debug, Deserialize)]
@@ -59,8 +59,8 @@ async fn load(host: Host) -> Result<(), StartError> {
     let params: Params = host.params()?;
     let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
-    let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), told: OnceCell::new() });
-    // Who stands by works on a project of its own: the role's belongs to whoever has the role.
+    let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), listed: OnceCell::new() });
+    // A standby process works on a temporary project: the active process holds the role's project.
     let (project, scratch) = if host.stands_by() {
         let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
         let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
@@ -80,7 +80,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     let promoted = mailbox.clone();
     host.before_promotion(move || async move {
         let project = block_in_place(|| open(&scene, &scene_path, &path))?;
-        let deadline = Instant::now() + TAKING_OVER;
+        let deadline = Instant::now() + TAKE_OVER_TIMEOUT;
         Ok(promoted.ask(deadline, |reply| Message::TakeOver { project: Box::new(project), reply }).await?)
     });
     let commands = mailbox.clone();
@@ -97,7 +97,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     let blobs = host.blobs().clone();
     host.serve(&keys::SCENE_FILES, QUEUE, move |_: FilesRequest, _| {
         let (files, blobs) = (Arc::clone(&files), blobs.clone());
-        async move { files.tell(&blobs).await }
+        async move { files.offer(&blobs).await }
     })
     .await?;
     host.serve_content(&keys::SCENE_CONTENT).await?;
@@ -108,13 +108,13 @@ async fn load(host: Host) -> Result<(), StartError> {
 struct FileList {
     scene: Arc<Scene>,
     path: String,
-    told: OnceCell<Files>,
+    listed: OnceCell<Files>,
 }
 
 impl FileList {
-    async fn tell(&self, blobs: &Blobs) -> Result<Files, Fault> {
-        let told = self.told.get_or_try_init(|| std::future::ready(block_in_place(|| self.list(blobs))));
-        told.await.cloned()
+    async fn offer(&self, blobs: &Blobs) -> Result<Files, Fault> {
+        let listed = self.listed.get_or_try_init(|| std::future::ready(block_in_place(|| self.list(blobs))));
+        listed.await.cloned()
     }
 
     fn list(&self, blobs: &Blobs) -> Result<Files, Fault> {
@@ -132,7 +132,7 @@ impl FileList {
 /// process.
 fn turn_file_size_signal_into_error() -> Result<(), StartError> {
     let kind = SignalKind::from_raw(Signal::SIGXFSZ as i32);
-    // What counts is that the signal is taken; nobody need hear of it.
+    // Taking the signal is enough; its arrival needs no action.
     signal(kind).map(drop).map_err(|e| StartError::Failed(format!("SIGXFSZ cannot be taken: {e}")))
 }
 
@@ -140,10 +140,10 @@ fn turn_file_size_signal_into_error() -> Result<(), StartError> {
 fn read(path: &Path) -> Result<(Arc<Scene>, String), StartError> {
     let begun = Instant::now();
     let loaded = sg_formats::load(path, &LoadOptions::default()).map_err(|e| StartError::Input(e.to_string()))?;
-    for warning in loaded.warnings.iter().take(WARNINGS) {
+    for warning in loaded.warnings.iter().take(MAX_LOGGED_WARNINGS) {
         tracing::warn!("{warning}");
     }
-    if let Some(more) = loaded.warnings.len().checked_sub(WARNINGS).filter(|n| *n > 0) {
+    if let Some(more) = loaded.warnings.len().checked_sub(MAX_LOGGED_WARNINGS).filter(|n| *n > 0) {
         tracing::warn!("{more} more warnings; `supergaussian scene info` lists them all");
     }
     let absolute = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string();
@@ -230,18 +230,18 @@ impl Owner {
 
     /// Publishes a durable event and the newest state.
     async fn announce(&mut self, event: &Event, context: &Context) {
-        let told = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
-        let shown = self.state.set(self.project.editor().message(false), &context.next()).await;
-        // Readers notice a gap by the revision; what is durable is not taken back because somebody did not hear of it.
-        for fault in [told, shown].into_iter().filter_map(Result::err) {
-            tracing::warn!(revision = event.revision, %fault, "an accepted change could not be told");
+        let published = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
+        let retained = self.state.set(self.project.editor().message(false), &context.next()).await;
+        // Readers notice a gap by the revision. A durable change stays, even if its publication failed.
+        for fault in [published, retained].into_iter().filter_map(Result::err) {
+            tracing::warn!(revision = event.revision, %fault, "an accepted change could not be published");
         }
     }
 
     async fn apply(&mut self, command: &Command, context: &Context) -> Result<CommandResult, Fault> {
         let outcome = block_in_place(|| self.project.apply(command)).map_err(|error| {
             if let ProjectError::Journal(error) = &error {
-                tracing::error!(command = command.id, %error, "a command could not be kept");
+                tracing::error!(command = command.id, %error, "a command could not be stored");
             }
             fault(&error)
         })?;
@@ -284,9 +284,9 @@ impl Actor for Owner {
     }
 
     async fn handle(&mut self, message: Message) -> Result<(), String> {
-        // A reply that nobody waits for any more is no failure: the same id asked again finds the stored result.
+        // A lost reply is no failure: a repeated id finds the stored result.
         match message {
-            // What has waited past its deadline is not begun: its sender has given up or will ask again.
+            // An expired request is dropped: its sender has given up or will repeat it.
             Message::Apply { context, .. } | Message::Changes { context, .. } if context.remaining().is_zero() => {}
             Message::Apply { command, context, reply } => {
                 let _ = reply.send(self.apply(&command, &context).await);

@@ -52,7 +52,7 @@ pub(crate) struct Convert {
     input: PathBuf,
     /// The file to write, or a folder for iVR-GS.
     output: PathBuf,
-    /// The format to write; by default the extension says.
+    /// The format to write; by default the ending decides.
     #[arg(long, visible_alias = "to", value_parser = formats())]
     format: Option<Format>,
     #[command(flatten)]
@@ -71,7 +71,7 @@ pub(crate) struct Convert {
 /// Properties that override those of the files.
 #[derive(Debug, Args)]
 struct Reading {
-    /// Activation of the input's shading columns; by default the file says, or it is guessed.
+    /// Activation of the input's shading columns; by default the file names it, or it is guessed.
     #[arg(long, value_parser = conventions())]
     convention: Option<Convention>,
     /// Shading model of all units.
@@ -151,18 +151,18 @@ fn info(arguments: &Info) -> ExitCode {
     if arguments.json {
         return print_json(&report);
     }
-    tell(&report, &loaded);
+    print_info(&report, &loaded);
     ExitCode::SUCCESS
 }
 
-fn tell(report: &InfoReport<'_>, loaded: &Loaded) {
+fn print_info(report: &InfoReport<'_>, loaded: &Loaded) {
     let Summary { gaussians, bounds, content_hash, units } = &report.summary;
     eprintln!("{}: {}, {gaussians} Gaussians, {} base units", report.file.display(), report.format, units.len());
-    eprintln!("  box           {}", words(bounds));
+    eprintln!("  box           {}", format_box(bounds));
     eprintln!("  content hash  {content_hash}");
     for (unit, format) in units.iter().zip(report.unit_formats) {
         eprintln!("  unit `{}`: {format}, {} Gaussians from index {}", unit.name, unit.gaussians, unit.first);
-        eprintln!("    bounds      {}", words(&unit.bounds));
+        eprintln!("    bounds      {}", format_box(&unit.bounds));
         let harmonics = unit.harmonics_degree.map_or(String::new(), |d| format!(" (degree {d})"));
         eprintln!("    attributes  {}{harmonics}", unit.attributes.join(" "));
         if !unit.extra.is_empty() {
@@ -171,14 +171,14 @@ fn tell(report: &InfoReport<'_>, loaded: &Loaded) {
         }
         let [r, g, b] = unit.palette;
         eprintln!("    palette     {r} {g} {b}, opacity factor {}", unit.opacity);
-        let oriented = if unit.oriented_normals { "oriented normals" } else { "normals of no particular side" };
+        let oriented = if unit.oriented_normals { "oriented normals" } else { "unoriented normals" };
         eprintln!("    drawn       {:?}, stored {:?}, {oriented}", unit.shading, unit.convention);
     }
     eprintln!("  read in {:.3} s", report.read_seconds);
     warn(&loaded.warnings);
 }
 
-fn words(b: &SceneBox) -> String {
+fn format_box(b: &SceneBox) -> String {
     let corner = |p: glam::DVec3| format!("({:.6} {:.6} {:.6})", p.x, p.y, p.z);
     format!("{} to {}", corner(b.min), corner(b.max))
 }

@@ -30,7 +30,7 @@ fn decode_ply(bytes: Vec<u8>, forced: Option<Convention>, warnings: &mut Vec<War
     let comments = UnitComments::parse(&file.comments, warnings);
     let layout = layout_of(&file)?;
     let mut gaussians = layout.read(&file, warnings)?;
-    gaussians.antialiased = file.comments.iter().any(|c| says_antialiased(c));
+    gaussians.antialiased = file.comments.iter().any(|c| is_antialiased_comment(c));
     warn_of_the_rest(&file, layout.elements(), warnings);
     let Some(stored) = &mut gaussians.shading else {
         let convention = Convention::Ours;
@@ -40,7 +40,7 @@ fn decode_ply(bytes: Vec<u8>, forced: Option<Convention>, warnings: &mut Vec<War
         (Some(forced), said) => {
             if let Some(said) = said.filter(|said| *said != forced) {
                 let (said, forced) = (convention_name(said), convention_name(forced));
-                let message = format!("the file says convention `{said}`, it is read as `{forced}` as asked");
+                let message = format!("the file has convention `{said}`; it is read as `{forced}` on request");
                 warnings.push(Warning::new(WarningCode::Convention, message));
             }
             forced
@@ -50,7 +50,7 @@ fn decode_ply(bytes: Vec<u8>, forced: Option<Convention>, warnings: &mut Vec<War
             let (guess, why) = activation::guess(stored, layout.is_quantised());
             let name = convention_name(guess);
             let message =
-                format!("the file names no convention; `{name}` was taken because {why}; --convention says otherwise");
+                format!("the file names no convention; `{name}` is used because {why}; --convention overrides it");
             warnings.push(Warning::new(WarningCode::Convention, message));
             guess
         }
@@ -64,7 +64,7 @@ fn layout_of(file: &PlyFile) -> Result<&'static dyn PlyLayout, Problem> {
     layouts.find(|l| l.matches(file)).ok_or_else(|| {
         let names: Vec<_> = file.element_names().collect();
         let what = if names.iter().any(|n| n.starts_with("vertex_")) {
-            "its Gaussians are divided by harmonic degree (a reduced 3DGS file)".to_owned()
+            "it is a reduced 3DGS file, with Gaussians divided by harmonic degree".to_owned()
         } else {
             format!("there is no element `vertex` or `gaussians`, only: {}", names.join(", ").escape_debug())
         };
@@ -86,7 +86,7 @@ fn warn_of_the_rest(file: &PlyFile, used: &[&str], warnings: &mut Vec<Warning>) 
 }
 
 /// The comment of Brush and of our own files, or Postshot's.
-fn says_antialiased(comment: &str) -> bool {
+fn is_antialiased_comment(comment: &str) -> bool {
     let words: Vec<_> = comment.split_ascii_whitespace().collect();
     matches!(words.as_slice(), ["SplatRenderMode:", "mip"] | ["antialiased", "1"])
 }

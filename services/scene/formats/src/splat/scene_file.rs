@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_line_and_column() {
+    fn errors_name_line_and_column() {
         let unit = "[[unit]]\nname = \"a\"\nfile = \"a.ply\"\n";
         let table = [
             (format!("schema = 1\n{unit}colour = [1, 0, 0]\n"), 5, 1, "unknown field `colour`"),

@@ -266,7 +266,7 @@ fn compressed_files_hide_what_has_no_place() {
 }
 
 #[test]
-fn morton_order_makes_compressed_errors_smaller_and_is_told() {
+fn morton_order_makes_compressed_errors_smaller_and_warns() {
     let folder = Folder::new();
     let scene = Scene::compose(vec![samples::unit("a", samples::harmonic(20_000, 0, 6))], None);
     let options = SaveOptions { reorder: true, ..SaveOptions::default() };
@@ -581,7 +581,7 @@ fn all_encodings_read_the_same() {
 }
 
 #[test]
-fn double_columns_are_narrowed_and_told() {
+fn double_columns_are_narrowed_with_a_warning() {
     let folder = Folder::new();
     let mut text =
         "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty float z\n".to_owned();
@@ -598,12 +598,12 @@ fn double_columns_are_narrowed_and_told() {
         codes(&loaded),
         [WarningCode::Narrowed, WarningCode::NonFinite, WarningCode::NonFinite, WarningCode::NonFinite]
     );
-    let told: Vec<_> = loaded.warnings.iter().skip(1).map(|w| w.message.as_str()).collect();
+    let messages: Vec<_> = loaded.warnings.iter().skip(1).map(|w| w.message.as_str()).collect();
     assert_eq!(
-        told,
+        messages,
         [
-            "centres that are not finite, which are drawn nowhere: 1",
-            "rotations that are not finite, which are taken as none: 1",
+            "centres that are not finite and not drawn: 1",
+            "rotations that are not finite and read as none: 1",
             "rows of harmonics that are not finite: 1"
         ]
     );
@@ -684,7 +684,7 @@ fn a_scene_file_of_ours_only_says_the_palette_that_the_units_got() {
 }
 
 #[test]
-fn comments_that_are_not_ours_are_left_alone_and_broken_ones_told() {
+fn foreign_comments_are_ignored_and_broken_ones_give_warnings() {
     let folder = Folder::new();
     let g = samples::editable_columns(3, 3);
     let mut out = Vec::new();

@@ -121,7 +121,7 @@ fn read(table: &Table<'_>, warnings: &mut Vec<Warning>) -> Result<Gaussians, Pro
     if renamed.is_some() {
         warnings.push(Warning::new(
             WarningCode::Remapped,
-            "a first-stage iVR-GS file, whose columns stand in another order than its header says: they were put right",
+            "a first-stage iVR-GS file: its columns, which its header misnames, were renamed",
         ));
     }
     let table = renamed.as_ref().unwrap_or(table);

@@ -68,7 +68,7 @@ pub(crate) fn with_harmonics(g: &Gaussians) -> Cow<'_, Gaussians> {
 fn concatenate(parts: &[Cow<'_, Gaussians>], warnings: &mut Vec<Warning>) -> Gaussians {
     let antialiased = !parts.is_empty() && parts.iter().all(|p| p.antialiased);
     if !antialiased && parts.iter().any(|p| p.antialiased) {
-        let message = "only some of the units were trained with a compensated pixel filter: the file does not say so";
+        let message = "only some units were trained with a compensated pixel filter; the file drops this note";
         warnings.push(Warning::new(WarningCode::Lossy, message));
     }
     let mut out = Gaussians { antialiased, ..Gaussians::default() };
@@ -94,7 +94,7 @@ fn concatenate(parts: &[Cow<'_, Gaussians>], warnings: &mut Vec<Warning>) -> Gau
     let (kept, dropped) = concatenate_extra(parts);
     out.extra = kept;
     if !dropped.is_empty() {
-        let message = format!("columns that not all units have are not kept: {}", dropped.join(", "));
+        let message = format!("columns that some units lack are not kept: {}", dropped.join(", "));
         warnings.push(Warning::new(WarningCode::Lossy, message));
     }
     out
