@@ -25,10 +25,10 @@ use sg_gpu::{Gpu, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
 use sg_raster::image::Image;
 use sg_raster::metrics::Difference;
 use sg_raster::render::{Quality, render};
-use sg_scene::{camera_motion, framing};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
+use sg_scene::{camera_motion, framing};
 use sg_tests::bench::quantile;
 use sg_tests::shells::{Look, shells};
 

@@ -11,9 +11,9 @@ use sg_gpu::{Gpu, Rasterizer, Renderer, Settings, Wanted};
 use sg_raster::image::Image;
 use sg_raster::metrics::Difference;
 use sg_raster::render::{Quality, render};
-use sg_scene::{camera_motion, framing};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
+use sg_scene::{camera_motion, framing};
 
 /// Views of one turn, and the edge of each picture in pixels.
 const VIEWS: u32 = 4;
@@ -32,8 +32,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let first = framing::default_view(&scene, SIZE, SIZE);
     let bounds = framing::visible_box(&scene);
     let middle = 0.5 * (bounds.min + bounds.max);
-    let turn: Vec<Camera> =
-        (0..VIEWS).map(|k| camera_motion::orbit(&first, middle, 360.0 * f64::from(k) / f64::from(VIEWS), 0.0)).collect();
+    let turn: Vec<Camera> = (0..VIEWS)
+        .map(|k| camera_motion::orbit(&first, middle, 360.0 * f64::from(k) / f64::from(VIEWS), 0.0))
+        .collect();
     let on_cores = |quality| -> Result<Vec<Image>, Box<dyn Error>> {
         Ok(turn.iter().map(|c| render(&scene, &appearance, c, quality).map(|r| r.image)).collect::<Result<_, _>>()?)
     };

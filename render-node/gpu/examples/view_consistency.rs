@@ -18,10 +18,10 @@ use sg_gpu::{Gpu, Renderer, Settings, Wanted};
 use sg_raster::image::Image;
 use sg_raster::metrics::Difference;
 use sg_raster::render::{Options, Projection, Quality, render};
-use sg_scene::{camera_motion, framing};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
+use sg_scene::{camera_motion, framing};
 
 /// Rays that are compared.
 const RAYS: usize = 128;

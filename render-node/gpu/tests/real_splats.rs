@@ -10,9 +10,9 @@ use sg_gpu::{Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::metrics::Difference;
 use sg_raster::render::{Options, Projection, Quality, render};
-use sg_scene::{camera_motion, framing};
 use sg_scene::appearance::Appearance;
 use sg_scene::model::Scene;
+use sg_scene::{camera_motion, framing};
 
 mod support;
 

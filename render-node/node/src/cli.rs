@@ -17,9 +17,9 @@ use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick;
 use sg_raster::render::{Options, Projection, Quality, Rendered};
 use sg_raster::report::Report;
-use sg_scene::framing;
 use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm};
 use sg_scene::camera::Camera;
+use sg_scene::framing;
 use sg_scene::model::{Convention, Scene, ShadingModel};
 
 mod show;

@@ -174,7 +174,9 @@ fn a_llama_cpp_server_holds_to_the_form_and_what_it_makes_up_is_not_taken() {
             assert!(told.contains("answer is invalid"), "{told}");
             // Its grammar holds the form; it does not hold ranges of fractions, and the most tokens may cut it off.
             assert!(
-                !told.contains("does not match the schema") && !told.contains(" needs `") && !told.contains("has no field `"),
+                !told.contains("does not match the schema")
+                    && !told.contains(" needs `")
+                    && !told.contains("has no field `"),
                 "{told}"
             );
             made_up += 1;

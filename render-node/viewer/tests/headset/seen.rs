@@ -7,9 +7,9 @@ use glam::{DQuat, DVec2, DVec3};
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::{Present, Rasterizer, Renderer, Settings};
 use sg_raster::render::Quality;
-use sg_scene::framing;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Light;
+use sg_scene::framing;
 use sg_viewer::hands::{Placement, Pose, Rectangle, Stance};
 use sg_viewer::xr::{Board, Headset, Options, PAUSE, Step, XrError};
 

@@ -121,7 +121,7 @@ impl Transaction<'_> {
         if target.members.is_none() {
             return Err(EditError::EmptyTarget(target.phrase));
         }
-        // Whatever was hidden by earlier commands on unnamed Gaussians is shown or hidden anew.
+        // Earlier commands on unnamed Gaussians are overridden.
         self.supersede(Attribute::Visibility, &Mask::full(self.state.count()), None)?;
         self.show(&target, false)?;
         let mut rest = target.members.clone();

@@ -47,7 +47,7 @@ pub(super) fn direction(value: &Vector, field: &'static str) -> Result<Vec3, Edi
     let Some(unit) = (v / largest).try_normalize() else {
         return Err(EditError::OutOfRange { field, found: largest, want: "a direction of some length" });
     };
-    // What fits in f32 stays as it was sent; the rest keeps its direction.
+    // Vectors that fit in f32 keep their bits; others keep their direction.
     let narrow = v.as_vec3();
     Ok(if narrow.is_finite() && narrow.length() > 0.0 { narrow } else { unit.as_vec3() })
 }

@@ -92,7 +92,7 @@ impl Editor {
         self.next_unit
     }
 
-    /// The present state as a message, with what undo would take back and redo bring back.
+    /// The present state as a message, with the labels of undo and redo.
     #[must_use]
     pub fn message(&self, with_masks: bool) -> State {
         let lines = |entries: &mut dyn Iterator<Item = &Entry>| entries.map(|e| e.label.clone()).collect();

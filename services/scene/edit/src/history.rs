@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_taken_back_comes_back_in_order_until_something_new_is_done() {
+    fn redo_restores_in_order_until_a_new_change() {
         let mut history = History::default();
         for revision in 1..=3 {
             history.step(HistoryMove::Push, || entry(revision, 8));

@@ -13,7 +13,7 @@ pub enum ReplicaError {
     Message {
         /// Of the event or snapshot.
         revision: u64,
-        /// What is wrong.
+        /// The cause.
         source: WireError,
     },
     /// It belongs to another scene.
@@ -21,7 +21,7 @@ pub enum ReplicaError {
     StateMismatch {
         /// Of the event or snapshot.
         revision: u64,
-        /// What does not fit.
+        /// The mismatch.
         source: StateMismatch,
     },
     /// It belongs to other geometry.
@@ -99,7 +99,7 @@ impl Replica {
         Self { selected_at: state.revision, state }
     }
 
-    /// The last revision known to have brought a selection: no other one has been committed since.
+    /// The last revision with a new selection.
     #[must_use]
     pub fn selected_at(&self) -> u64 {
         self.selected_at
@@ -151,7 +151,7 @@ impl Replica {
             if found != expected {
                 return Err(ReplicaError::Geometry { revision, found: found.clone(), expected: expected.clone() });
             }
-            // A snapshot that was asked for in vain must not take back events heard since.
+            // A late snapshot must not revert newer events.
             if revision > before {
                 self.selected_at = revision;
                 self.state = state;

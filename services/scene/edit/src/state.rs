@@ -321,7 +321,7 @@ pub enum Change {
     View(View),
     /// The shown part of the shading.
     Term(ShadingTerm),
-    /// What the last command addressed.
+    /// Names of the units that the last command addressed.
     Focus(Vec<String>),
 }
 
@@ -439,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_belong_is_refused() {
+    fn changes_of_another_scene_are_refused() {
         let scene = test_scene(&[("bone", 5)]);
         let mut state = EditState::of_scene(&scene, "", "");
         let other = BaseUnitState { name: "skin".into(), ..state.base[0].clone() };

@@ -42,7 +42,7 @@ pub enum WireError {
     Bits {
         /// The field.
         field: &'static str,
-        /// What does not fit.
+        /// The mismatch.
         source: sg_scene::mask::MaskBytesError,
     },
     /// A number of Gaussians that no machine can hold.
@@ -144,7 +144,7 @@ pub fn decode_light(light: &proto::Light) -> Result<Light, WireError> {
     })
 }
 
-/// Where light comes from; `None` where the message leaves it as it was.
+/// The light mode; `None` if the message keeps it.
 ///
 /// # Errors
 /// [`WireError::Kind`].

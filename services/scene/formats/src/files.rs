@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_elsewhere_is_refused() {
+    fn files_outside_the_folder_are_refused() {
         assert_eq!(below(Path::new("/a"), Path::new("/a/./b/c.ply")).unwrap(), "b/c.ply");
         for out in ["/b/c.ply", "/a/../c.ply"] {
             assert!(below(Path::new("/a"), Path::new(out)).is_err(), "{out}");

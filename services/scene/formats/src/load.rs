@@ -30,9 +30,9 @@ pub struct Loaded {
     pub scene: Scene,
     /// Guesses, narrowed values, ignored parts and non-finite numbers.
     pub warnings: Vec<Warning>,
-    /// How the whole was stored.
+    /// The format of the scene.
     pub format: Format,
-    /// How each unit was stored, in scene order.
+    /// The format of each unit, in scene order.
     pub unit_formats: Vec<Format>,
 }
 

@@ -38,7 +38,7 @@ pub enum NpyError {
         path: PathBuf,
         /// Header, or the element's index.
         place: String,
-        /// What is wrong.
+        /// The cause.
         what: String,
         /// The remedy.
         remedy: String,

@@ -71,7 +71,7 @@ pub fn save(path: &Path, scene: &Scene, options: &SaveOptions) -> Result<Saved, 
     }
 }
 
-/// What a path's name asks for.
+/// The kind of output that a path's name requests.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Target {
     /// A file: its name in lower case, and the longest ending of it that a format has.

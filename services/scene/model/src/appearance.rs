@@ -1,4 +1,4 @@
-//! How a scene looks at one moment: everything that edits change, nothing that they do not.
+//! The appearance of a scene: all values that edits change, and no others.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ pub struct Appearance {
     /// Colours that replace the shaded ones, one for each Gaussian by scene-wide index, at least 0. Views of structure
     /// and attributes use them. Opacities and what is hidden stay, and the overlay is drawn over them.
     pub colors: Option<Arc<[Vec3]>>,
-    /// What becomes of the opacity where a Gaussian is widened to the size of a pixel.
+    /// The opacity of Gaussians that are widened to the size of a pixel.
     pub filter: PixelFilter,
 }
 
@@ -57,7 +57,7 @@ pub struct HalfSpace {
 /// A clip plane or box: which Gaussians are drawn by where their centres lie.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
-    /// What it encloses is what all of these do: one for a plane, six for a box.
+    /// The enclosed region is their intersection: one for a plane, six for a box.
     pub sides: Vec<HalfSpace>,
     /// Whether what it encloses is drawn, or all else.
     pub keep_inside: bool,

@@ -35,7 +35,7 @@ pub struct Camera {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Light {
-    /// Where light comes from.
+    /// The light mode.
     pub mode: LightMode,
     /// For `direction`: from the surface to the light, in the scene frame, of any length.
     pub direction: [f32; 3],
@@ -55,7 +55,7 @@ impl Default for Light {
     }
 }
 
-/// Where light comes from.
+/// The light mode.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightMode {
@@ -82,7 +82,7 @@ pub enum CameraError {
     Parse {
         /// The file.
         path: String,
-        /// Where and why.
+        /// The parser's place and cause.
         source: serde_json::Error,
     },
     /// A number makes no picture.
@@ -129,7 +129,7 @@ impl Camera {
         DMat4::from_cols_array(&self.world_to_camera).transpose()
     }
 
-    /// Where the eye is, in the scene frame.
+    /// Position of the eye in the scene frame.
     #[must_use]
     pub fn eye(&self) -> DVec3 {
         self.view().inverse().transform_point3(DVec3::ZERO)

@@ -82,7 +82,7 @@ impl Mask {
         }
     }
 
-    /// How many Gaussians are selected.
+    /// Number of selected Gaussians.
     #[must_use]
     pub fn count(&self) -> usize {
         self.words.iter().map(|w| w.count_ones() as usize).sum()

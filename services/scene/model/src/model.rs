@@ -218,7 +218,7 @@ pub struct ColumnLength {
     pub expected: usize,
 }
 
-/// How Gaussians are shaded before they are blended.
+/// The shading model of Gaussians before blending.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShadingModel {
@@ -231,7 +231,7 @@ pub enum ShadingModel {
     IvrgsViewer,
 }
 
-/// How the stored shading columns of a unit's file are to be activated.
+/// The activation of the stored shading columns of a unit's file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Convention {

@@ -9,13 +9,13 @@ use crate::model::SceneBox;
 pub const FIELD_OF_VIEW: f64 = 40.0;
 /// Share of the picture's half width and height that a framed box leaves free.
 pub const MARGIN: f64 = 0.05;
-/// How near an orbit comes to the poles of the up direction, degrees.
+/// Smallest angle between an orbit and the poles of the up direction, degrees.
 const POLE_GAP: f64 = 1.0;
 
 /// The viewpoint of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// Where the eye is.
+    /// Position of the eye, scene coordinates.
     pub eye: DVec3,
     /// The middle of the picture and the centre of orbits.
     pub target: DVec3,
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn zoom_halves_the_distance_and_refuses_what_shows_nothing() {
+    fn zoom_halves_the_distance_and_invalid_views_are_refused() {
         let view = View { eye: DVec3::new(0.0, -4.0, 0.0), target: DVec3::ZERO, up: DVec3::Z, fov_y_degrees: 40.0 };
         assert_eq!(view.zoomed(2.0, 1.0).unwrap().eye, DVec3::new(0.0, -2.0, 0.0));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300, 1e-300] {

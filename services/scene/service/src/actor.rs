@@ -46,7 +46,7 @@ struct Params {
     project: Option<PathBuf>,
 }
 
-/// Serves the scene of a session until told to stop.
+/// Serves the scene of a session until shutdown.
 pub(crate) fn serve(args: ServeArgs) -> ExitCode {
     process::run(args, env!("CARGO_PKG_VERSION"), load)
 }

@@ -32,7 +32,7 @@ const SCHEMA: i64 = 1;
 const APPLICATION: i64 = 0x5347_504a;
 /// Accepted commands from one checkpoint to the next.
 const CHECKPOINT_EVERY: u64 = 64;
-/// How long another process may hold the file before opening is given up.
+/// Time limit for a lock of another process.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 const TABLES: &str = "

@@ -1,4 +1,4 @@
-//! A scene with its project: commands are carried out once, durably, and readers get what they missed.
+//! A scene with its project: applies each command once, stores it, and serves missed changes.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -87,7 +87,7 @@ impl Project {
         &self.journal
     }
 
-    /// Carries a command out at most once: the same id again returns the stored result, also after a restart. When this
+    /// Applies a command at most once: the same id again returns the stored result, also after a restart. When this
     /// returns an outcome, it survives a crash.
     ///
     /// # Errors
@@ -112,7 +112,7 @@ impl Project {
         self.journal.checkpoint_if_due(&self.editor)
     }
 
-    /// What a reader at `request.from` has missed: all events where they fit one message, else the whole state.
+    /// The changes since revision `request.from`: all events if they fit one message, else the whole state.
     ///
     /// # Errors
     /// [`JournalError`].

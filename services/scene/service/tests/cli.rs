@@ -52,7 +52,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn info_reports_what_a_file_holds() {
+fn info_reports_the_content_of_a_file() {
     let folder = folder();
     let output = run(folder.path(), &["info", "a.ply", "--json"]);
     let (status, _, stderr) = words(&output);

@@ -111,7 +111,7 @@ async fn snapshot(bus: &Bus) -> sg_proto::scene::State {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_command_is_answered_told_and_shown_with_its_chain() {
+async fn a_command_is_answered_published_and_retained_with_its_chain() {
     let mut stack = Stack::open(500).await;
     let cli = stack.join(role::CLI).await;
     let mut events = cli.follow(&keys::SCENE_EVENT, role::SCENE, 64).await.unwrap();
@@ -275,7 +275,7 @@ async fn a_restarted_process_tells_its_last_event_again() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_process_told_to_stop_ends_with_0_and_frees_the_project() {
+async fn a_terminated_process_exits_with_0_and_frees_the_project() {
     let mut stack = Stack::open(100).await;
     let cli = stack.join(role::CLI).await;
     let mut scene = stack.start();

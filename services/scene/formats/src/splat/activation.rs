@@ -82,7 +82,7 @@ pub(crate) fn sigmoid(x: f32) -> f32 {
     (1.0 / (1.0 + (-f64::from(x)).exp())) as f32
 }
 
-/// The inverse of [`sigmoid`], finite for every number: what lies outside 0 to 1 is cut to it.
+/// The inverse of [`sigmoid`], finite for every number. Arguments are clamped to 0 to 1.
 pub(crate) fn logit(p: f64) -> f32 {
     let p = p.clamp(0.0, 1.0);
     (p / (1.0 - p)).ln().clamp(-LOGIT_LIMIT, LOGIT_LIMIT) as f32

@@ -93,7 +93,7 @@ pub(crate) fn properties<'a>(g: &'a Gaussians, stored: &'a ShadingColumns) -> Ve
 pub(crate) fn raise_offsets(palette: Vec3, columns: &ShadingColumns) -> Option<(Vec3, ShadingColumns)> {
     let least = columns.offset_color.par_iter().filter(|c| c.is_finite()).copied().reduce(|| Vec3::ZERO, Vec3::min);
     let lowered = (palette + least).clamp(Vec3::ZERO, Vec3::ONE);
-    // Also where the palette has nothing to give: what stays negative is then cut, and told as such.
+    // The palette may be 0 already. Negative offsets are then cut, with a warning.
     if least == Vec3::ZERO || lowered == palette {
         return None;
     }

@@ -17,7 +17,7 @@ use crate::splat::{activation, editable_columns, ivrgs_folder, palette};
 use crate::staged_file::{self, StagedFile};
 use sg_scene::model::{BaseUnit, Convention, SceneBox};
 
-/// How the columns of an editable unit are stored.
+/// The storage of an editable unit's columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Storage {
     /// Floats, as used.
@@ -114,7 +114,7 @@ fn warn_of_unit(unit: &BaseUnit, storage: Storage, warnings: &mut Vec<Warning>) 
     }
 }
 
-/// What a unit's file says beside its columns.
+/// The comments of a unit's file.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Alone {
     /// Everything: it stands alone in a scene of this box.

@@ -59,7 +59,7 @@ pub(crate) trait SplatFormat: fmt::Debug + Sync {
     }
 }
 
-/// How a format stores its columns in a PLY file.
+/// The layout of a format within a PLY file.
 pub(crate) trait PlyLayout: Sync {
     /// Whether the elements of the file have this layout. At most one layout matches a file.
     fn matches(&self, file: &PlyFile) -> bool;
@@ -82,7 +82,7 @@ pub(crate) trait PlyLayout: Sync {
     }
 }
 
-/// How a format is written.
+/// The writer of a format.
 pub(crate) trait SplatWriter: Sync {
     /// Whether a path with this ending gets this format if the caller names none.
     fn is_default_for(&self, extension: &str, has_shading: bool) -> bool;
@@ -264,7 +264,7 @@ pub enum LoadError {
     SceneFile(#[from] SceneFileError),
 }
 
-/// How a scene is to be written.
+/// Options of a save.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SaveOptions {
     /// The format. Without it, the path's ending and the scene's columns decide.

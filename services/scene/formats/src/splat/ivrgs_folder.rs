@@ -10,7 +10,7 @@ pub(crate) const PLY_NAME: &str = "point_cloud.ply";
 /// Most transfer functions of a scene.
 const MAX_UNITS: usize = 4096;
 
-/// Where a unit is written; nothing was trained, so it is iteration 0.
+/// The folder of a written unit; without training, it is iteration 0.
 pub(crate) fn unit_folder(root: &Path, index: usize) -> PathBuf {
     root.join(format!("TF{:02}", index + 1)).join("neilf/point_cloud/iteration_0")
 }

@@ -6,7 +6,7 @@ use crate::splat::editable_ply::{Storage, write_file};
 use crate::splat::format::{Format, Source, SplatFormat, SplatWriter, WriteJob, WriteProblem};
 use crate::splat::problem::Warning;
 
-/// The format `ours`. [`IvrGs`](super::ivrgs::IvrGs) reads the same columns and tells the two apart by their convention.
+/// The format `ours`. [`IvrGs`](super::ivrgs::IvrGs) reads the same columns; the convention distinguishes the two.
 #[derive(Debug)]
 pub(crate) struct Ours;
 

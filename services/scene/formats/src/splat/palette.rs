@@ -60,7 +60,7 @@ fn entry(zip: &mut ZipArchive<Cursor<&[u8]>>, name: &str, limit: usize) -> Resul
     Ok(bytes)
 }
 
-/// Where the three numbers of the palette stand.
+/// The storage of the palette's three numbers.
 struct Tensor {
     key: String,
     size: usize,
@@ -162,7 +162,7 @@ pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What `torch.save(((nn.Parameter(palette), adam.state_dict()), 40000))` puts into `data.pkl`, opcode by opcode.
+    /// The opcodes of `data.pkl` after `torch.save(((nn.Parameter(palette), adam.state_dict()), 40000))`.
     pub(crate) fn parameter_pickle() -> Vec<u8> {
         let mut p = b"\x80\x02((".to_vec();
         p.extend(b"ctorch._utils\n_rebuild_parameter\nq\x00");
@@ -203,7 +203,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn a_written_palette_is_read() {
         let color = Vec3::new(0.1, 0.7, 1.0 / 3.0);
         assert_eq!(read(&write(color, 40_000).unwrap()).unwrap(), color);
     }

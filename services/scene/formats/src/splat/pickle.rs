@@ -23,7 +23,7 @@ pub(crate) enum Value {
     Dict,
     /// `module name` of a class or function.
     Global(String),
-    /// What a persistent id stands for: a tensor's storage.
+    /// A persistent id: the storage of a tensor.
     Persistent(Id),
     /// A call of a function with a tuple of arguments.
     Call(Id, Id),

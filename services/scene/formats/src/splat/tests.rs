@@ -1,4 +1,4 @@
-//! What each format keeps, through files on disk.
+//! Round trips of each format through files on disk.
 
 use std::path::{Path, PathBuf};
 
@@ -244,7 +244,7 @@ fn compressed_files_keep_their_steps() {
             assert!((x - y).abs() <= 0.5 / 32.0 + 1e-6);
         }
         assert_eq!(a.extra, b.extra);
-        // What was packed once is packed the same again: the ranges are in the values.
+        // Packing is idempotent: the ranges are in the values.
         let again = folder.through("b.compressed.ply", &loaded.scene, &SaveOptions::default());
         assert!(steps(&b.position, &again.scene.units[0].gaussians.position).max_element() < 0.01);
         assert_eq!(again.scene.units[0].gaussians.harmonics.as_ref().unwrap().rest, hb.rest);
@@ -252,7 +252,7 @@ fn compressed_files_keep_their_steps() {
 }
 
 #[test]
-fn compressed_files_hide_what_has_no_place() {
+fn compressed_files_hide_gaussians_without_a_position() {
     let folder = Folder::new();
     let mut g = samples::harmonic(300, 0, 4);
     g.position[5] = Vec3::new(f32::NAN, 0.0, f32::INFINITY);
@@ -274,7 +274,7 @@ fn morton_order_makes_compressed_errors_smaller_and_warns() {
     assert!(saved.warnings.iter().any(|w| w.code == WarningCode::Reordered));
     let in_order = folder.through("b.compressed.ply", &scene, &SaveOptions::default());
     let reordered = load(&folder.path("a.compressed.ply"), &LoadOptions::default()).unwrap();
-    // How far each original centre is from the nearest one that was read, summed.
+    // Sum of distances from each original centre to the nearest read one.
     let sum = |read: &Loaded| {
         let read = &read.scene.units[0].gaussians.position;
         let nearest = |p: &Vec3| read.iter().map(|q| p.distance(*q)).fold(f32::INFINITY, f32::min);
@@ -364,7 +364,7 @@ fn quantised_files_keep_half_precision_and_256_values() {
 }
 
 #[test]
-fn quantised_files_refuse_what_half_precision_cannot_hold() {
+fn quantised_files_refuse_positions_beyond_half_precision() {
     let folder = Folder::new();
     let mut scene = samples::editable(10, 1);
     scene.units[0].gaussians.position[3].y = 70_000.0;
@@ -706,7 +706,7 @@ fn foreign_comments_are_ignored_and_broken_ones_give_warnings() {
 }
 
 #[test]
-fn files_that_cannot_be_read_say_where_and_what_to_do() {
+fn unreadable_files_give_place_and_remedy() {
     let folder = Folder::new();
     let good = {
         save(&folder.path("good.ply"), &samples::editable(100, 1), &SaveOptions::default()).unwrap();
@@ -791,7 +791,7 @@ fn files_that_cannot_be_read_say_where_and_what_to_do() {
 }
 
 #[test]
-fn scenes_that_do_not_hang_together_say_so() {
+fn inconsistent_scenes_are_refused_with_a_reason() {
     let folder = Folder::new();
     let load_text = |text: &str| {
         std::fs::write(folder.path("s.toml"), text).unwrap();
@@ -813,7 +813,7 @@ fn scenes_that_do_not_hang_together_say_so() {
 }
 
 #[test]
-fn what_cannot_be_written_leaves_nothing_behind() {
+fn a_refused_save_leaves_no_file() {
     let folder = Folder::new();
     let scene = samples::editable(10, 1);
     let refused = |name: &str, scene: &Scene, options: &SaveOptions| {

@@ -4,8 +4,8 @@
 //! green, all blue; 0, 9, 24 or 45 of them), `opacity` (logit), `scale_0..2` (logarithm), `rot_0..3` (w, x, y, z, any
 //! length). Normals and unknown columns are kept as extra columns. Two variants are recognised:
 //!
-//! - 2D Gaussian Splatting has no `scale_2`: its flat Gaussians get a thickness of a thousandth of their smaller extent.
-//! - iVR-GS's first stage writes its columns in another order than its header names them; they are renamed.
+//! - 2D Gaussian Splatting has no `scale_2`. Its flat Gaussians get a thousandth of their smaller extent as thickness.
+//! - iVR-GS's first stage writes its columns in another order than its header. They are renamed.
 
 use std::io::Write;
 use std::path::PathBuf;
