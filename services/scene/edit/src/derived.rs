@@ -100,7 +100,7 @@ impl Transaction<'_> {
                 self.insert(leaves);
             }
         }
-        self.tidy();
+        self.prune();
         Ok(())
     }
 
@@ -111,7 +111,7 @@ impl Transaction<'_> {
                 unit.color = None;
             }
         }
-        self.tidy();
+        self.prune();
     }
 
     /// Id of the derived unit of exactly these members. With `newest`, only a unit that lies over all others.

@@ -212,7 +212,7 @@ impl Editor {
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),
         };
-        transaction.tidy();
+        transaction.prune();
         let next = transaction.state;
         // A command that only says what it is about is nothing that a person would want to take back.
         let changed = self.state.changes_to(&next).iter().any(|c| !matches!(c, Change::Focus(_)));
@@ -246,7 +246,7 @@ impl Editor {
         for value in values {
             let mismatch =
                 |m: super::state::StateMismatch| EditError::Malformed { field: "history", reason: m.to_string() };
-            next.put(value.clone()).map_err(mismatch)?;
+            next.apply_change(value.clone()).map_err(mismatch)?;
         }
         Ok(next)
     }

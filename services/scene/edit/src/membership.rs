@@ -11,7 +11,7 @@ use sg_proto::scene::{
 
 use super::command_number::malformed;
 use super::error::EditError;
-use super::names::given;
+use super::names::checked_name;
 use super::state::{Selection, Unit, UnitRef};
 use super::transaction::Transaction;
 use super::wire::{decode_mask, steps_of};
@@ -93,7 +93,7 @@ impl Transaction<'_> {
 
     /// Saves the selection. The look that earlier commands gave to exactly this selection becomes the unit's own.
     pub(super) fn save_unit(&mut self, command: &SaveUnit) -> Result<String, EditError> {
-        let name = given(&command.name, "save_unit.name")?;
+        let name = checked_name(&command.name, "save_unit.name")?;
         let mask = Arc::clone(self.state.selection.mask());
         if mask.is_none() {
             return Err(EditError::NothingSelected);
@@ -143,7 +143,7 @@ impl Transaction<'_> {
     /// Renames a unit; a derived one that is given a name is saved by that.
     pub(super) fn rename_unit(&mut self, command: &RenameUnit) -> Result<String, EditError> {
         let (id, name) = self.editable(&command.name, "renamed", "name it in the scene file")?;
-        let new = given(&command.new_name, "rename_unit.new_name")?;
+        let new = checked_name(&command.new_name, "rename_unit.new_name")?;
         match self.state.is_taken(&new, Some(UnitRef::Editable(id))) {
             Some(UnitRef::Editable(other)) if self.state.units.get(&other).is_some_and(|u| u.derived) => {
                 self.yield_name(&new);

@@ -78,7 +78,7 @@ impl EditState {
 ///
 /// # Errors
 /// [`EditError::Malformed`] if it is empty, too long or holds control characters.
-pub(super) fn given(name: &str, field: &'static str) -> Result<String, EditError> {
+pub(super) fn checked_name(name: &str, field: &'static str) -> Result<String, EditError> {
     let name = name.trim();
     let wrong = |reason: String| Err(EditError::Malformed { field, reason });
     if name.is_empty() {
@@ -153,10 +153,10 @@ mod tests {
 
     #[test]
     fn given_names_are_trimmed_and_checked() {
-        assert_eq!(given("  sac ", "name"), Ok("sac".to_owned()));
+        assert_eq!(checked_name("  sac ", "name"), Ok("sac".to_owned()));
         for bad in ["", "   ", "a\nb", "\u{0}", &"x".repeat(MAX_NAME_BYTES + 1)] {
-            assert!(given(bad, "name").is_err(), "{bad:?}");
+            assert!(checked_name(bad, "name").is_err(), "{bad:?}");
         }
-        assert!(given(&"x".repeat(MAX_NAME_BYTES), "name").is_ok());
+        assert!(checked_name(&"x".repeat(MAX_NAME_BYTES), "name").is_ok());
     }
 }

@@ -74,7 +74,7 @@ impl EditState {
         for change in &event.changes {
             let change =
                 decode_change(change, self.count()).map_err(|source| ReplicaError::Message { revision, source })?;
-            next.put(change).map_err(|source| ReplicaError::StateMismatch { revision, source })?;
+            next.apply_change(change).map_err(|source| ReplicaError::StateMismatch { revision, source })?;
         }
         next.revision = revision;
         *self = next;

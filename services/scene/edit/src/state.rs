@@ -342,8 +342,8 @@ pub enum StateMismatch {
 }
 
 impl EditState {
-    /// Puts one changed value in place.
-    pub(crate) fn put(&mut self, change: Change) -> Result<(), StateMismatch> {
+    /// Applies one change.
+    pub(crate) fn apply_change(&mut self, change: Change) -> Result<(), StateMismatch> {
         let fits = |mask: &Mask| {
             let (found, expected) = (mask.len(), self.geometry.count);
             if found == expected { Ok(()) } else { Err(StateMismatch::Mask { found, expected }) }
@@ -376,7 +376,7 @@ impl EditState {
         Ok(())
     }
 
-    /// The values of `after` that differ. [`Self::put`] of each turns this state into `after`.
+    /// The values of `after` that differ. [`Self::apply_change`] of each turns this state into `after`.
     pub(crate) fn changes_to(&self, after: &Self) -> Vec<Change> {
         let mut changes = Vec::new();
         let gone = self.units.keys().filter(|id| !after.units.contains_key(id));
@@ -443,8 +443,8 @@ mod tests {
         let scene = test_scene(&[("bone", 5)]);
         let mut state = EditState::of_scene(&scene, "", "");
         let other = BaseUnitState { name: "skin".into(), ..state.base[0].clone() };
-        assert_eq!(state.put(Change::Base(other)), Err(StateMismatch::Base("skin".into())));
+        assert_eq!(state.apply_change(Change::Base(other)), Err(StateMismatch::Base("skin".into())));
         let short = Selection::new(Arc::new(Mask::empty(4)), Arc::new([]));
-        assert_eq!(state.put(Change::Selection(short)), Err(StateMismatch::Mask { found: 4, expected: 5 }));
+        assert_eq!(state.apply_change(Change::Selection(short)), Err(StateMismatch::Mask { found: 4, expected: 5 }));
     }
 }
