@@ -25,10 +25,10 @@ use sg_gpu::{Gpu, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
 use sg_raster::image::Image;
 use sg_raster::metrics::Difference;
 use sg_raster::render::{Quality, render};
-use sg_raster::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
+use sg_scene::{camera_motion, framing};
 use sg_tests::bench::quantile;
 use sg_tests::shells::{Look, shells};
 
@@ -127,13 +127,13 @@ impl Job {
         let (eyes, one) = size.strip_prefix("2x").map_or((1, size), |one| (2, one));
         let (width, height) = one.split_once('x').unwrap();
         let (width, height) = (width.parse().unwrap(), height.parse().unwrap());
-        let bounds = view::visible_box(&scene);
+        let bounds = framing::visible_box(&scene);
         let middle = 0.5 * (bounds.min + bounds.max);
-        let first = view::default_view(&scene, width, height);
+        let first = framing::default_view(&scene, width, height);
         let apart = 0.5 * EYES_APART * first.eye().distance(middle);
         let turn: Vec<Vec<Camera>> = (0..arguments.frames)
             .map(|k| {
-                let camera = view::orbit(&first, middle, 360.0 * k as f64 / arguments.frames as f64, 0.0);
+                let camera = camera_motion::orbit(&first, middle, 360.0 * k as f64 / arguments.frames as f64, 0.0);
                 let eye = |x: f64| {
                     let moved = DMat4::from_translation(DVec3::new(-x, 0.0, 0.0)) * camera.view();
                     Camera { world_to_camera: moved.transpose().to_cols_array(), ..camera.clone() }

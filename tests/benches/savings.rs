@@ -15,9 +15,9 @@ use glam::{DVec3, Vec3};
 use sg_gpu::{Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
 use sg_raster::image::Image;
 use sg_raster::metrics::Difference;
-use sg_raster::view;
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
+use sg_scene::framing;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Harmonics, Scene};
 use sg_tests::bench::{argument, quantile};
@@ -105,7 +105,7 @@ impl Bench {
         let mut renderer = Renderer::with_options(&self.gpu, scene, options).unwrap();
         let rasterizer = if renderer.blends_quads() { Rasterizer::Quads } else { Rasterizer::Tiles };
         let settings = Settings { rasterizer, ..Settings::default() };
-        let cameras: [Camera; 1] = [view::default_view(scene, SIZE, SIZE)];
+        let cameras: [Camera; 1] = [framing::default_view(scene, SIZE, SIZE)];
         let image = renderer.picture(&cameras, look, settings).unwrap().0.remove(0);
         let passes: Vec<PassSeconds> = (0..self.rounds)
             .filter_map(|_| {

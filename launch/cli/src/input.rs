@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde_json::Value;
+use sg_formats::Format;
 
 use crate::subcommands::json_of;
 use crate::terminal::{self, Failure};
@@ -41,10 +42,7 @@ impl Input {
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = path else { return Ok(Self::Synthetic) };
         let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        // A folder is an output of iVR-GS.
-        let scene = path.is_dir() || name.ends_with(".ply") || name.ends_with(".toml");
-        Ok(if scene { Self::Scene(path) } else { Self::Volume(path) })
+        Ok(if Format::is_scene_path(&path) { Self::Scene(path) } else { Self::Volume(path) })
     }
 
     /// The name in [`SHIPPED_VOLUMES`], if it is one of these.
@@ -141,6 +139,7 @@ mod tests {
             Input::of(Some(&path)).unwrap()
         };
         assert!(matches!(kind("a.compressed.ply"), Input::Scene(_)));
+        assert!(matches!(kind("a.splat"), Input::Scene(_)));
         assert!(matches!(kind("scene.toml"), Input::Scene(_)));
         assert_eq!(kind("Bonsai_256x256x256_uint8.raw.zst").shipped_name(), Some("bonsai"));
         assert_eq!(kind("tooth.nrrd").shipped_name(), Some("tooth"));

@@ -11,9 +11,9 @@ use sg_gpu::{DeviceClass, Gpu, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, render};
-use sg_raster::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
+use sg_scene::{camera_motion, framing};
 
 /// Views of one turn, and the edge of each picture in pixels.
 const VIEWS: u32 = 4;
@@ -29,11 +29,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let scene = load(Path::new(scene), &LoadOptions::default())?.scene;
     let appearance = Appearance::of(&scene);
-    let first = view::default_view(&scene, SIZE, SIZE);
-    let bounds = view::visible_box(&scene);
+    let first = framing::default_view(&scene, SIZE, SIZE);
+    let bounds = framing::visible_box(&scene);
     let middle = 0.5 * (bounds.min + bounds.max);
-    let turn: Vec<Camera> =
-        (0..VIEWS).map(|k| view::orbit(&first, middle, 360.0 * f64::from(k) / f64::from(VIEWS), 0.0)).collect();
+    let turn: Vec<Camera> = (0..VIEWS)
+        .map(|k| camera_motion::orbit(&first, middle, 360.0 * f64::from(k) / f64::from(VIEWS), 0.0))
+        .collect();
     let on_cores = |quality| -> Result<Vec<Image>, Box<dyn Error>> {
         Ok(turn.iter().map(|c| render(&scene, &appearance, c, quality).map(|r| r.image)).collect::<Result<_, _>>()?)
     };

@@ -18,10 +18,10 @@ use sg_gpu::{DeviceClass, Gpu, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::{Options, Projection, Quality, render};
-use sg_raster::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
+use sg_scene::{camera_motion, framing};
 
 /// Rays that are compared.
 const RAYS: usize = 128;
@@ -156,12 +156,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The table of one scene.
 fn table(file: &str, scene: &Scene, size: u32, gpu: Option<&Gpu>) -> Result<(), Box<dyn Error>> {
     let look = Appearance::of(scene);
-    let framed = view::default_view(scene, size, size);
-    let bounds = view::visible_box(scene);
+    let framed = framing::default_view(scene, size, size);
+    let bounds = framing::visible_box(scene);
     let middle = 0.5 * (bounds.min + bounds.max);
     let focal = 0.5 * f64::from(size) / (0.5 * FIELD_OF_VIEW.to_radians()).tan();
     // Near enough that the scene fills the wider view.
-    let close = view::dolly(&framed, middle, framed.fx / focal);
+    let close = camera_motion::dolly(&framed, middle, framed.fx / focal);
     let camera = Camera { fx: focal, fy: focal, ..close };
     let name = Path::new(file).file_name().map_or_else(|| file.to_owned(), |n| n.to_string_lossy().into_owned());
     println!("{name}: {} Gaussians, {size} x {size}, {FIELD_OF_VIEW}°\n", scene.len());

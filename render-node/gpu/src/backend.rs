@@ -14,7 +14,7 @@ use crate::settings::{FrameStats, Rasterizer, Settings};
 use crate::stats::PassSeconds;
 use sg_raster::render::{Options, Rendered, render};
 use sg_raster::report::{Report, StageSeconds};
-use sg_raster::view;
+use sg_scene::framing;
 
 /// Choice of the renderer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
@@ -231,7 +231,7 @@ pub fn fastest(renderer: &mut Renderer, scene: &Scene) -> Result<Rasterizer, Gpu
     if !renderer.blends_quads() {
         return Ok(Rasterizer::Tiles);
     }
-    let camera = [view::default_view(scene, TRIAL_SIZE, TRIAL_SIZE)];
+    let camera = [framing::default_view(scene, TRIAL_SIZE, TRIAL_SIZE)];
     let look = Appearance::of(scene);
     let mut seconds = |rasterizer| -> Result<f64, GpuError> {
         let settings = Settings { rasterizer, ..Settings::default() };

@@ -17,9 +17,9 @@ use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick;
 use sg_raster::render::{Options, Projection, Quality, Rendered};
 use sg_raster::report::Report;
-use sg_raster::view;
 use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm};
 use sg_scene::camera::Camera;
+use sg_scene::framing;
 use sg_scene::model::{Convention, Scene, ShadingModel};
 
 mod show;
@@ -247,7 +247,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     let camera = picture.camera.as_deref().map(Camera::read).transpose().map_err(Failure::input)?;
     let scene = read_scene(picture)?;
     let camera = camera.unwrap_or_else(|| {
-        view::default_view(&scene, picture.width.unwrap_or(DEFAULT_SIZE), picture.height.unwrap_or(DEFAULT_SIZE))
+        framing::default_view(&scene, picture.width.unwrap_or(DEFAULT_SIZE), picture.height.unwrap_or(DEFAULT_SIZE))
     });
     let mut appearance = Appearance::of(&scene);
     appearance.light = camera.light;

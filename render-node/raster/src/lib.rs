@@ -4,19 +4,18 @@
 //! quality blends in f64. The other qualities blend in f32 with cut-offs of known error. [`render::Projection::PerRay`] keeps
 //! pictures consistent while a camera turns.
 //!
-//! [`image_error`] compares a picture with a reference, [`view`] chooses cameras, [`pick`] finds the front Gaussian.
+//! [`image_error`] compares a picture with a reference, [`pick`] finds the front Gaussian.
 //! [`structure`] colors clusters, [`attributes`] maps numbers and directions to colors, [`outline`] draws cluster boundaries.
 //!
 //! ```
 //! use sg_raster::image_error::Difference;
 //! use sg_raster::render::{Quality, render};
-//! use sg_raster::view;
-//! use sg_scene::appearance::Appearance;
+//! //! use sg_scene::appearance::Appearance;
 //! use sg_scene::synthetic::test_scene;
 //!
 //! let scene = test_scene(&[("vessel", 200)]);
 //! let appearance = Appearance::of(&scene);
-//! let camera = view::default_view(&scene, 64, 64);
+//! let camera = sg_scene::view::default_view(&scene, 64, 64);
 //! let reference = render(&scene, &appearance, &camera, Quality::Exact)?;
 //! let picture = render(&scene, &appearance, &camera, Quality::Standard)?;
 //! let error = Difference::between(&picture.image, &reference.image)?;
@@ -42,7 +41,6 @@ pub mod shading;
 mod splat_f32;
 pub mod structure;
 mod tiles;
-pub mod view;
 
 pub use project::{DILATION, NEAR};
 pub use splat_f32::Limits;

@@ -16,7 +16,7 @@ use sg_raster::image::Image;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
 use sg_raster::render::{Options, Projection};
-use sg_raster::view::scaled;
+use sg_scene::camera_motion::scaled;
 
 use super::handover::Handover;
 

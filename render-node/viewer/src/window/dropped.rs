@@ -3,12 +3,10 @@
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
+use sg_formats::Format;
 use sg_scene::camera::Camera;
 use sg_scene::view::View;
 use sg_volume::ENDINGS;
-
-/// What names of scenes end with.
-const SCENES: [&str; 2] = [".ply", ".toml"];
 
 /// What a dropped file is.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,13 +28,13 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<Dropped, String> {
         camera.check(&path.display().to_string()).map_err(|e| e.to_string())?;
         return Ok(Dropped::View(seen_by(&camera, target)));
     }
-    if path.is_dir() || SCENES.into_iter().chain(ENDINGS).any(|ending| name.ends_with(ending)) {
+    if Format::is_scene_path(path) || ENDINGS.into_iter().any(|ending| name.ends_with(ending)) {
         return Ok(Dropped::Other);
     }
     Err(format!(
         "{}: a scene ({}, or a folder of iVR-GS), a volume ({}) or a camera (.json) can be dropped here",
         path.display(),
-        SCENES.join(", "),
+        Format::all_extensions().join(", "),
         ENDINGS.join(", ")
     ))
 }
@@ -72,7 +70,9 @@ mod tests {
 
     #[test]
     fn what_can_be_opened_is_told_from_what_cannot() {
-        for name in ["a.compressed.PLY", "skull/scene.toml", "skull.nrrd", "tooth_103x94x161_uint8.raw.zst", "."] {
+        for name in
+            ["a.compressed.PLY", "skull/scene.toml", "a.splat", "skull.nrrd", "tooth_103x94x161_uint8.raw.zst", "."]
+        {
             assert_eq!(read(Path::new(name), DVec3::ZERO), Ok(Dropped::Other), "{name}");
         }
         for name in ["notes.pdf", "nrrd", "no-such-folder"] {

@@ -7,9 +7,9 @@ use glam::{DQuat, DVec2, DVec3};
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::{Present, Rasterizer, Renderer, Settings};
 use sg_raster::render::Quality;
-use sg_raster::view;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Light;
+use sg_scene::framing;
 use sg_viewer::hands::{Placement, Pose, Rectangle, Stance};
 use sg_viewer::xr::{Board, Headset, Options, PAUSE, Step, XrError};
 
@@ -58,7 +58,7 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
     let present = Present::new(&gpu, format);
     let mut appearance = Appearance::of(&scene);
     appearance.background = glam::Vec3::splat(0.2);
-    let bounds = view::visible_box(&scene);
+    let bounds = framing::visible_box(&scene);
     let placement = Placement::fit(bounds, DVec3::NEG_Y, DVec3::NEG_Z, Stance::Standing, headset.origin()).turned(
         DVec3::new(0.0, 1.2, -0.8),
         DVec3::X,

@@ -1,18 +1,17 @@
-//! Derived units: the look of Gaussians that a command addressed otherwise than by a unit's name.
+//! Derived units: the appearance of Gaussians that a command addressed without a unit's name.
 //!
-//! "Make the selection red" and "fade everything else" leave a unit behind that carries the look, marked as derived. What
-//! a derived unit says lasts until a later command says something about the same attribute of the same Gaussians: that
-//! takes them out of it. A derived unit that says nothing any more is gone. So "show only the sac", then "show the vessel"
-//! shows the vessel, though the first command hid it through a derived unit.
+//! "Make the selection red" and "fade everything else" create a derived unit with that appearance. A later command on
+//! the same attribute of the same Gaussians removes them from the derived unit. A neutral derived unit is deleted.
+//! Example: "show only the sac" hides the vessel through a derived unit; "show the vessel" then shows it.
 
 use std::sync::Arc;
 
-use super::draft::Draft;
 use super::error::EditError;
 use super::state::Unit;
+use super::transaction::Transaction;
 use sg_scene::mask::Mask;
 
-/// What a unit can say about its members.
+/// An attribute that a unit can override.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Attribute {
     /// Their colour.
@@ -34,7 +33,7 @@ impl Attribute {
 }
 
 impl Unit {
-    /// Whether it says something about an attribute.
+    /// Whether it overrides an attribute.
     fn says(&self, attribute: Attribute) -> bool {
         match attribute {
             Attribute::Color => self.color.is_some(),
@@ -43,8 +42,8 @@ impl Unit {
         }
     }
 
-    /// The same unit, saying nothing about an attribute.
-    fn silent_on(&self, attribute: Attribute) -> Self {
+    /// The same unit without its override of an attribute.
+    fn without(&self, attribute: Attribute) -> Self {
         let mut unit = self.clone();
         match attribute {
             Attribute::Color => unit.color = None,
@@ -54,18 +53,17 @@ impl Unit {
         unit
     }
 
-    /// The same unit, saying nothing about any other attribute.
+    /// The same unit without its overrides of other attributes.
     fn only(&self, attribute: Attribute) -> Self {
         [Attribute::Color, Attribute::Opacity, Attribute::Visibility]
             .into_iter()
             .filter(|other| *other != attribute)
-            .fold(self.clone(), |unit, other| unit.silent_on(other))
+            .fold(self.clone(), |unit, other| unit.without(other))
     }
 }
 
-impl Draft<'_> {
-    /// Takes members out of whatever derived units other than `except` say about an attribute. What those units say about
-    /// their other members and about other attributes stays as it was.
+impl Transaction<'_> {
+    /// Removes members from an attribute of all derived units but `except`. Their other members and attributes stay.
     pub(super) fn supersede(
         &mut self,
         attribute: Attribute,
@@ -83,7 +81,7 @@ impl Draft<'_> {
             let mut rest = (*unit.mask).clone();
             rest.subtract(members);
             let rest = Arc::new(rest);
-            let others = unit.silent_on(attribute);
+            let others = unit.without(attribute);
             if rest.is_none() {
                 self.insert(others);
             } else if others.is_neutral() {
@@ -102,21 +100,21 @@ impl Draft<'_> {
                 self.insert(leaves);
             }
         }
-        self.tidy();
+        self.prune();
         Ok(())
     }
 
-    /// Takes the colour of derived units other than `except` whose members are all among these.
+    /// Clears the colour of derived units, but `except`, that lie within these members.
     pub(super) fn drop_covered_colors(&mut self, members: &Mask, except: Option<u64>) {
         for unit in self.state.units.values_mut() {
             if unit.derived && Some(unit.id) != except && unit.mask.is_subset_of(members) {
                 unit.color = None;
             }
         }
-        self.tidy();
+        self.prune();
     }
 
-    /// Id of the derived unit of exactly these members, if there is one; `newest` asks for one that lies over all others.
+    /// Id of the derived unit of exactly these members. With `newest`, only a unit that lies over all others.
     pub(super) fn derived_of(&self, members: &Mask, newest: bool) -> Option<u64> {
         let last = self.state.units.keys().next_back().copied();
         self.state
@@ -127,7 +125,7 @@ impl Draft<'_> {
             .map(|u| u.id)
     }
 
-    /// Makes a derived unit that says nothing yet, with a free name after `stem`; `numbered` counts from 1.
+    /// Creates a neutral derived unit with a free name from `stem`; `numbered` counts from 1.
     pub(super) fn derive(&mut self, members: &Mask, stem: &str, numbered: bool) -> Result<u64, EditError> {
         let id = self.fresh_id()?;
         let name = if numbered {

@@ -1,4 +1,4 @@
-//! The owner of the state: carries commands out, one after another.
+//! The owner of the state: applies commands in order.
 
 use std::sync::Arc;
 
@@ -7,11 +7,11 @@ use sg_proto::limits::{MAX_MESSAGE_BYTES, MAX_NAME_BYTES};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Change as ChangeMessage, Command, CommandResult, Event, State};
 
-use super::draft::{Draft, touched};
 use super::error::EditError;
 use super::history::{Entry, History, HistoryMove};
 use super::replica::ReplicaError;
 use super::state::{Change, EditState};
+use super::transaction::{Transaction, affected_units};
 use super::wire::{decode_change, encode_change};
 use sg_scene::model::Scene;
 
@@ -29,22 +29,22 @@ pub struct Editor {
     next_unit: u64,
 }
 
-/// What an accepted command did.
+/// The effect of an accepted command.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Applied {
     /// Every value that changed, as it stands after the command.
     pub event: Event,
     /// The same values as they stood before, in the form of an event's changes.
     pub inverse: Vec<ChangeMessage>,
-    /// The outcome for who asked.
+    /// The result for the sender.
     pub result: CommandResult,
-    /// What it did to the history.
+    /// Its effect on the history.
     pub history: HistoryMove,
 }
 
 impl EditState {
-    /// This state as it would be after an action, for a display that shows a change while it is being made. What history
-    /// knows is not known here: undo, redo and reset are refused or change nothing.
+    /// This state after an action, for a display that previews a change. Without a history, undo and redo are refused
+    /// and reset changes nothing.
     ///
     /// # Errors
     /// [`EditError`] as the scene's owner would refuse the action.
@@ -52,7 +52,7 @@ impl EditState {
         let next_unit = self.units.keys().next_back().map_or(1, |last| last + 1);
         let editor = Editor { next_unit, ..Editor::new(Arc::clone(scene), self.clone()) };
         let command = Command { id: "draft".to_owned(), expected_revision: 0, action: Some(action) };
-        Ok(editor.carried_out(&command)?.0)
+        Ok(editor.execute(&command)?.0)
     }
 }
 
@@ -92,7 +92,7 @@ impl Editor {
         self.next_unit
     }
 
-    /// The present state as a message, with what undo would take back and redo bring back.
+    /// The present state as a message, with the labels of undo and redo.
     #[must_use]
     pub fn message(&self, with_masks: bool) -> State {
         let lines = |entries: &mut dyn Iterator<Item = &Entry>| entries.map(|e| e.label.clone()).collect();
@@ -103,9 +103,9 @@ impl Editor {
         }
     }
 
-    /// Carries a command out, or refuses it and changes nothing.
+    /// Applies a command, or refuses it and changes nothing.
     ///
-    /// Ids are not remembered here: who calls looks up whether a command has been seen before.
+    /// Ids are not stored here: the caller detects repeated commands.
     ///
     /// # Errors
     /// [`EditError`].
@@ -116,13 +116,13 @@ impl Editor {
     /// As [`Editor::apply`], but the change takes place only if `keep` has made it durable.
     ///
     /// # Errors
-    /// [`EditError`] or what `keep` says; either way nothing has changed.
+    /// [`EditError`] or the error of `keep`. Nothing has changed then.
     pub fn apply_with<E: From<EditError>>(
         &mut self,
         command: &Command,
         keep: impl FnOnce(&Applied) -> Result<(), E>,
     ) -> Result<Applied, E> {
-        let (next, applied, entry) = self.carried_out(command)?;
+        let (next, applied, entry) = self.execute(command)?;
         keep(&applied)?;
         self.next_unit = next_unit(self.next_unit, &entry.forward);
         self.state = next;
@@ -130,7 +130,7 @@ impl Editor {
         Ok(applied)
     }
 
-    /// Takes an accepted command up again from what was stored of it.
+    /// Replays a stored command.
     pub fn replay(&mut self, event: &Event, inverse: &[ChangeMessage], step: HistoryMove) -> Result<(), ReplicaError> {
         let entry = stored_entry(event, inverse, self.state.count())?;
         self.state.apply_event(event)?;
@@ -139,18 +139,18 @@ impl Editor {
         Ok(())
     }
 
-    fn carried_out(&self, command: &Command) -> Result<(EditState, Applied, Entry), EditError> {
+    fn execute(&self, command: &Command) -> Result<(EditState, Applied, Entry), EditError> {
         check_id(&command.id)?;
         let found = self.state.revision;
         if command.expected_revision != 0 && command.expected_revision != found {
-            return Err(EditError::Moved { expected: command.expected_revision, found });
+            return Err(EditError::RevisionConflict { expected: command.expected_revision, found });
         }
         let missing =
             || EditError::Malformed { field: "action", reason: "the command does nothing; set one".to_owned() };
         let (mut next, step, summary) = match command.action.as_ref().ok_or_else(missing)? {
-            Action::Undo(undo) => self.taken_back(undo.steps.max(1) as usize)?,
-            Action::Redo(redo) => self.brought_back(redo.steps.max(1) as usize)?,
-            action => self.drafted(action)?,
+            Action::Undo(undo) => self.undone(undo.steps.max(1) as usize)?,
+            Action::Redo(redo) => self.redone(redo.steps.max(1) as usize)?,
+            action => self.run_transaction(action)?,
         };
         let (before, after) = (snapshot_bytes(&self.state), snapshot_bytes(&next));
         if after > MAX_MESSAGE_BYTES && after > before {
@@ -179,7 +179,7 @@ impl Editor {
             revision,
             summary: summary.clone(),
             repeated: false,
-            units: touched(&forward, &self.state),
+            units: affected_units(&forward, &self.state),
             selection_hash: next.selection.hash().to_owned(),
         };
         let inverse = backward.iter().map(encode_change).collect();
@@ -187,35 +187,39 @@ impl Editor {
         Ok((next, Applied { event, inverse, result, history: step }, entry))
     }
 
-    fn drafted(&self, action: &Action) -> Result<(EditState, HistoryMove, String), EditError> {
-        let mut draft =
-            Draft { scene: &self.scene, initial: &self.initial, state: self.state.clone(), next_unit: self.next_unit };
+    fn run_transaction(&self, action: &Action) -> Result<(EditState, HistoryMove, String), EditError> {
+        let mut transaction = Transaction {
+            scene: &self.scene,
+            initial: &self.initial,
+            state: self.state.clone(),
+            next_unit: self.next_unit,
+        };
         let summary = match action {
-            Action::SetColor(a) => draft.set_color(a)?,
-            Action::SetOpacity(a) => draft.set_opacity(a)?,
-            Action::SetVisibility(a) => draft.set_visibility(a)?,
-            Action::ShowOnly(a) => draft.show_only(a)?,
-            Action::SetLight(a) => draft.set_light(a)?,
-            Action::SetBackground(a) => draft.set_background(a)?,
-            Action::SetTerm(a) => draft.set_term(a)?,
-            Action::SetView(a) => draft.set_view(a)?,
-            Action::CommitSelection(a) => draft.commit_selection(a)?,
-            Action::Select(a) => draft.select(a)?,
-            Action::SaveUnit(a) => draft.save_unit(a)?,
-            Action::DeleteUnit(a) => draft.delete_unit(a)?,
-            Action::RenameUnit(a) => draft.rename_unit(a)?,
-            Action::Reset(_) => draft.reset(),
+            Action::SetColor(a) => transaction.set_color(a)?,
+            Action::SetOpacity(a) => transaction.set_opacity(a)?,
+            Action::SetVisibility(a) => transaction.set_visibility(a)?,
+            Action::ShowOnly(a) => transaction.show_only(a)?,
+            Action::SetLight(a) => transaction.set_light(a)?,
+            Action::SetBackground(a) => transaction.set_background(a)?,
+            Action::SetTerm(a) => transaction.set_term(a)?,
+            Action::SetView(a) => transaction.set_view(a)?,
+            Action::CommitSelection(a) => transaction.commit_selection(a)?,
+            Action::Select(a) => transaction.select(a)?,
+            Action::SaveUnit(a) => transaction.save_unit(a)?,
+            Action::DeleteUnit(a) => transaction.delete_unit(a)?,
+            Action::RenameUnit(a) => transaction.rename_unit(a)?,
+            Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),
         };
-        draft.tidy();
-        let next = draft.state;
+        transaction.prune();
+        let next = transaction.state;
         // A command that only says what it is about is nothing that a person would want to take back.
         let changed = self.state.changes_to(&next).iter().any(|c| !matches!(c, Change::Focus(_)));
         Ok((next, if changed { HistoryMove::Push } else { HistoryMove::Keep }, summary))
     }
 
-    fn taken_back(&self, steps: usize) -> Result<(EditState, HistoryMove, String), EditError> {
+    fn undone(&self, steps: usize) -> Result<(EditState, HistoryMove, String), EditError> {
         let entries: Vec<_> = self.history.undoable(steps).collect();
         let next = self.with_values(entries.iter().flat_map(|e| &e.backward));
         let summary = match entries.as_slice() {
@@ -226,7 +230,7 @@ impl Editor {
         Ok((next?, HistoryMove::Undo(entries.len()), summary))
     }
 
-    fn brought_back(&self, steps: usize) -> Result<(EditState, HistoryMove, String), EditError> {
+    fn redone(&self, steps: usize) -> Result<(EditState, HistoryMove, String), EditError> {
         let entries: Vec<_> = self.history.redoable(steps).collect();
         let next = self.with_values(entries.iter().flat_map(|e| &e.forward));
         let summary = match entries.as_slice() {
@@ -240,8 +244,9 @@ impl Editor {
     fn with_values<'a>(&self, values: impl Iterator<Item = &'a Change>) -> Result<EditState, EditError> {
         let mut next = self.state.clone();
         for value in values {
-            let misfit = |m: super::state::Misfit| EditError::Malformed { field: "history", reason: m.to_string() };
-            next.put(value.clone()).map_err(misfit)?;
+            let mismatch =
+                |m: super::state::StateMismatch| EditError::Malformed { field: "history", reason: m.to_string() };
+            next.apply_change(value.clone()).map_err(mismatch)?;
         }
         Ok(next)
     }
@@ -278,7 +283,7 @@ pub fn stored_entry(event: &Event, inverse: &[ChangeMessage], count: usize) -> R
     Ok(Entry { revision, label: event.summary.clone(), forward: decoded(&event.changes)?, backward: decoded(inverse)? })
 }
 
-/// The next id after changes that may hold fresh ones; follows from the changes alone, so that a replay makes the same ids.
+/// The next free id after changes. It follows from the changes alone, so a replay makes the same ids.
 fn next_unit(present: u64, changes: &[Change]) -> u64 {
     let ids = changes.iter().filter_map(|c| if let Change::Unit(unit) = c { Some(unit.id) } else { None });
     ids.fold(present, |next, id| next.max(id.saturating_add(1)))

@@ -1,4 +1,4 @@
-//! Why a command was refused. A refused command changes nothing and leaves no trace.
+//! Refusals of commands. A refused command changes nothing and is not stored.
 
 use sg_proto::bus::Code;
 
@@ -16,31 +16,31 @@ pub enum EditError {
         near: Vec<String>,
     },
     /// More than one unit has this name, in different capitals.
-    #[error("`{name}` may mean {}; write it in the capitals of the one that is meant", meant.join(" or "))]
+    #[error("`{name}` matches {}; write it with the exact capitals", meant.join(" or "))]
     Ambiguous {
         /// As asked for.
         name: String,
-        /// What it may mean.
+        /// The matching names.
         meant: Vec<String>,
     },
-    /// A unit to be made has the name of another.
-    #[error("there is a unit `{0}` already; choose another name or ask for it to be replaced")]
+    /// A new unit has the name of another.
+    #[error("a unit `{0}` exists already; choose another name or replace it")]
     NameTaken(String),
-    /// Only editable units can be treated so.
+    /// Base units cannot be changed like this.
     #[error("`{name}` is a base unit of the file and cannot be {verb}; {remedy}")]
     BaseUnit {
         /// Its name.
         name: String,
-        /// What cannot be done to it.
+        /// The refused change, as a participle.
         verb: &'static str,
-        /// What can.
+        /// The remedy.
         remedy: &'static str,
     },
     /// The command needs a selection.
     #[error("nothing is selected; brush or select something first")]
     NothingSelected,
     /// The target names nothing.
-    #[error("the command does not say what it is about; name units, the selection or everything")]
+    #[error("the command has no target; name units, the selection or everything")]
     NoTarget,
     /// The target has no Gaussians.
     #[error("{0} has no Gaussians; there is nothing to act on")]
@@ -54,18 +54,18 @@ pub enum EditError {
     /// There is no later state.
     #[error("there is nothing to redo")]
     NothingToRedo,
-    /// The scene is not at the revision that the sender saw.
-    #[error("the scene has moved on to revision {found} from {expected}; look again and repeat the command")]
-    Moved {
-        /// What the sender saw.
+    /// The scene is not at the sender's revision.
+    #[error("the scene is at revision {found}, not {expected}; read it again and repeat the command")]
+    RevisionConflict {
+        /// The sender's revision.
         expected: u64,
-        /// Where the scene is.
+        /// The scene's revision.
         found: u64,
     },
-    /// Another selection stands there than the one that the new one was made from.
-    #[error("the selection has changed since this one was begun; start again from the present one")]
-    SelectionMoved {
-        /// Hash of the selection that stands there.
+    /// The selection is not the one that the new one was made from.
+    #[error("the selection changed meanwhile; start again from the present one")]
+    SelectionConflict {
+        /// Hash of the present selection.
         found: String,
     },
     /// A number is NaN or infinite.
@@ -73,7 +73,7 @@ pub enum EditError {
     NotFinite {
         /// The field of the command.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         found: f64,
     },
     /// A number lies outside its range.
@@ -81,9 +81,9 @@ pub enum EditError {
     OutOfRange {
         /// The field of the command.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         found: f64,
-        /// What would be taken.
+        /// The accepted values.
         want: &'static str,
     },
     /// A viewpoint shows nothing.
@@ -94,25 +94,25 @@ pub enum EditError {
     Malformed {
         /// The field of the command.
         field: &'static str,
-        /// What is wrong and what would be taken.
+        /// The cause and the accepted values.
         reason: String,
     },
-    /// There are as many of something as there may be.
+    /// A limit on a number of things is reached.
     #[error("there would be more than {limit} {what}; {remedy}")]
     TooMany {
-        /// Of what.
+        /// The limited things, in the plural.
         what: &'static str,
-        /// How many there may be.
+        /// The limit.
         limit: usize,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
-    /// What changes, or all masks and strokes together, would not fit one message.
+    /// The change, or all masks and strokes together, would not fit one message.
     #[error(
         "{what} would take {bytes} bytes, more than the {limit} of one message; change less at a time or delete units"
     )]
     TooLarge {
-        /// Of what.
+        /// The limited things, in the plural.
         what: &'static str,
         /// Size of the event.
         bytes: usize,
@@ -134,8 +134,8 @@ impl EditError {
             | Self::NothingToSee(_)
             | Self::NothingToUndo
             | Self::NothingToRedo
-            | Self::Moved { .. }
-            | Self::SelectionMoved { .. } => Code::FailedPrecondition,
+            | Self::RevisionConflict { .. }
+            | Self::SelectionConflict { .. } => Code::FailedPrecondition,
             Self::OutOfRange { .. } | Self::View(ViewError::Distance(_) | ViewError::FieldOfView(_)) => {
                 Code::OutOfRange
             }
@@ -148,14 +148,14 @@ impl EditError {
         }
     }
 
-    /// Facts for a program: names that would have been valid, the revision or hash that stands there.
+    /// Facts for a program: valid names, or the present revision or hash.
     #[must_use]
     pub fn details(&self) -> Vec<String> {
         match self {
             Self::UnknownUnit { near, .. } => near.clone(),
             Self::Ambiguous { meant, .. } => meant.clone(),
-            Self::Moved { found, .. } => vec![found.to_string()],
-            Self::SelectionMoved { found } => vec![found.clone()],
+            Self::RevisionConflict { found, .. } => vec![found.to_string()],
+            Self::SelectionConflict { found } => vec![found.clone()],
             _ => Vec::new(),
         }
     }

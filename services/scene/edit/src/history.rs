@@ -1,13 +1,13 @@
-//! What undo takes back and redo brings back.
+//! The undo and redo stacks.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::state::Change;
 
-/// Most changes that can be taken back.
+/// Most entries of the undo stack.
 pub(super) const MAX_ENTRIES: usize = 1000;
-/// Most bytes of masks and steps that undo and redo hold on to; beyond it the oldest changes cannot be taken back.
+/// Most bytes of masks and steps in both stacks. Beyond it, the oldest entries are dropped.
 pub(super) const MAX_BYTES: usize = 256 << 20;
 
 /// One accepted command's values after and before.
@@ -15,7 +15,7 @@ pub(super) const MAX_BYTES: usize = 256 << 20;
 pub struct Entry {
     /// Revision that the command made.
     pub revision: u64,
-    /// What happened, one line.
+    /// One line for people.
     pub label: String,
     /// Values after it.
     pub forward: Vec<Change>,
@@ -35,43 +35,43 @@ impl Entry {
     }
 }
 
-/// What a command does to the history.
+/// The effect of a command on the history.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HistoryMove {
-    /// Nothing: it changed no value that could be taken back.
+    /// No entry: no value changed that undo could restore.
     Keep,
-    /// It can be taken back; what had been taken back cannot be brought back any more.
+    /// Undo reaches it; redo is cleared.
     Push,
-    /// It takes this many changes back.
+    /// It undoes this many changes.
     Undo(usize),
-    /// It brings this many changes back.
+    /// It redoes this many changes.
     Redo(usize),
 }
 
-/// The two stacks. What they hold depends on the accepted commands alone, so that a replay makes the same.
+/// The two stacks. They follow from the accepted commands alone, so a replay makes the same ones.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct History {
     /// Oldest first.
     undo: VecDeque<Arc<Entry>>,
-    /// Next to be brought back last.
+    /// The next entry is the last.
     redo: Vec<Arc<Entry>>,
     bytes: usize,
 }
 
 impl History {
-    /// Stacks as they were stored: `undo` oldest first, `redo` with the next to be brought back last.
+    /// Stored stacks: `undo` oldest first, `redo` with its next entry last.
     pub fn restored(undo: Vec<Entry>, redo: Vec<Entry>) -> Self {
         let bytes = undo.iter().chain(&redo).map(Entry::bytes).sum();
         let shared = |entries: Vec<Entry>| entries.into_iter().map(Arc::new);
         Self { undo: shared(undo).collect(), redo: shared(redo).collect(), bytes }
     }
 
-    /// The newest `n` changes that can be taken back, newest first.
+    /// The newest `n` entries that undo restores, newest first.
     pub fn undoable(&self, n: usize) -> impl Iterator<Item = &Entry> {
         self.undo.iter().rev().take(n).map(AsRef::as_ref)
     }
 
-    /// The next `n` changes that can be brought back, in the order in which that is done.
+    /// The next `n` entries that redo restores, in this order.
     pub fn redoable(&self, n: usize) -> impl Iterator<Item = &Entry> {
         self.redo.iter().rev().take(n).map(AsRef::as_ref)
     }
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_taken_back_comes_back_in_order_until_something_new_is_done() {
+    fn redo_restores_in_order_until_a_new_change() {
         let mut history = History::default();
         for revision in 1..=3 {
             history.step(HistoryMove::Push, || entry(revision, 8));

@@ -1,34 +1,59 @@
-//! Edits: the state that they change, the commands that change it, copies that follow.
+//! Edits of a scene: the editable state, the commands that change it, and copies that follow.
 //!
-//! [`EditState`] is everything that edits change, as a value. Its owner is an [`Editor`], which carries [`Command`]s out
-//! one after another and tells of each as an [`Event`] with the values after it. A [`Replica`] is a reader's copy that is
-//! kept up by events. Nothing here does input or output.
+//! [`EditState`] is the editable state of a scene, as a value. An [`Editor`] owns it. It applies [`Command`]s in order and
+//! returns an [`Event`] with the new values for each. A [`Replica`] is a reader's copy that follows the events. This crate
+//! does no input or output.
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use sg_edit::{EditState, Editor, Offered, Replica};
+//! use sg_proto::scene::{Color, Command, SetColor, Target, command::Action};
+//! use sg_scene::synthetic::test_scene;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let scene = Arc::new(test_scene(&[("bone", 5), ("skin", 7)]));
+//! let opened = EditState::of_scene(&scene, "scene.toml", scene.content_hash().to_hex().to_string());
+//! let mut editor = Editor::new(scene, opened.clone());
+//! let mut replica = Replica::new(opened);
+//!
+//! let target = Some(Target { units: vec!["bone".to_owned()], ..Target::default() });
+//! let color = Some(Color { red: 1.0, green: 0.0, blue: 0.0 });
+//! let action = Some(Action::SetColor(SetColor { target, color }));
+//! let applied = editor.apply(&Command { id: "1".to_owned(), expected_revision: 0, action })?;
+//! assert_eq!(applied.result.summary, "coloured bone #ff0000");
+//!
+//! assert_eq!(replica.offer(&applied.event)?, Offered::Accepted);
+//! assert_eq!(replica.state(), editor.state());
+//! # Ok(())
+//! # }
+//! ```
 //!
 //! [`Command`]: sg_proto::scene::Command
 //! [`Event`]: sg_proto::scene::Event
 
+mod appearance;
+mod command_number;
 mod derived;
-mod draft;
 mod editor;
+mod environment;
 mod error;
 mod history;
-mod look;
 mod membership;
 mod names;
-mod number;
 mod replica;
-mod scenery;
 mod state;
 mod target;
 #[cfg(test)]
 mod tests;
+mod transaction;
 pub mod wire;
 
 pub use editor::{Applied, Editor};
 pub use error::EditError;
 pub use history::HistoryMove;
 pub use replica::{Offered, Replica, ReplicaError};
-pub use state::{BaseLook, Change, EditState, Geometry, Misfit, Selection, Unit, UnitRef, mask_hash};
+pub use state::{BaseUnitState, Change, EditState, Geometry, Selection, StateMismatch, Unit, UnitRef, mask_hash};
 
 pub use editor::{check_id, stored_entry};
 pub use history::{Entry, History};

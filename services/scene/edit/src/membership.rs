@@ -1,4 +1,4 @@
-//! What is selected, and which Gaussians are units.
+//! The selection, and the Gaussians of units.
 
 use std::sync::Arc;
 
@@ -9,19 +9,22 @@ use sg_proto::scene::{
     StrokeKind, StrokeMode,
 };
 
-use super::draft::Draft;
+use super::command_number::malformed;
 use super::error::EditError;
-use super::names::given;
-use super::number::malformed;
+use super::names::checked_name;
 use super::state::{Selection, Unit, UnitRef};
+use super::transaction::Transaction;
 use super::wire::{decode_mask, steps_of};
 use sg_scene::mask::Mask;
 
-impl Draft<'_> {
+/// The history text of a selection that became empty.
+const CLEARED: &str = "cleared the selection";
+
+impl Transaction<'_> {
     pub(super) fn commit_selection(&mut self, command: &CommitSelection) -> Result<String, EditError> {
         let present = self.state.selection.hash();
         if !command.expected_hash.is_empty() && command.expected_hash != present {
-            return Err(EditError::SelectionMoved { found: present.to_owned() });
+            return Err(EditError::SelectionConflict { found: present.to_owned() });
         }
         const FIELD: &str = "commit_selection.mask";
         let missing = || EditError::Malformed { field: FIELD, reason: "the mask is missing; send one".to_owned() };
@@ -33,9 +36,8 @@ impl Draft<'_> {
         let strokes = steps.iter().filter(|s| matches!(s.step, Some(Step::Stroke(_)))).count();
         let operations = steps.iter().filter(|s| matches!(s.step, Some(Step::Operation(_)))).count();
         let tuned = steps.iter().rev().find_map(|s| if let Some(Step::Tuning(t)) = &s.step { Some(*t) } else { None });
-        let tuned = tuned.map_or_else(String::new, |t| {
-            format!(", the walk's leak at {:.2} % and its threshold at {:.2}", 100.0 * t.leak, t.threshold)
-        });
+        let tuned = tuned
+            .map_or_else(String::new, |t| format!(", leak at {:.2} %, strictness {:.2}", 100.0 * t.leak, t.threshold));
         self.state.selection = Selection::new(Arc::new(mask), steps.into());
         self.focus_on(Vec::new());
         let number = |n: usize, what: &str| match n {
@@ -45,6 +47,9 @@ impl Draft<'_> {
         };
         let with: Vec<_> = number(strokes, "stroke").into_iter().chain(number(operations, "operation")).collect();
         let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+        if count == 0 {
+            return Ok(CLEARED.to_owned());
+        }
         Ok(format!("selected {}{with}{tuned}", gaussians(count)))
     }
 
@@ -60,7 +65,7 @@ impl Draft<'_> {
             .is_none_or(|t| t.units.is_empty() && !t.selection && !t.everything && !t.complement);
         if empty && replaces {
             self.select_mask(Mask::empty(self.state.count()));
-            return Ok("selected nothing".to_owned());
+            return Ok(CLEARED.to_owned());
         }
         let target = self.state.resolve(command.target.as_ref())?;
         let mut mask = (**self.state.selection.mask()).clone();
@@ -77,7 +82,7 @@ impl Draft<'_> {
             SetOperation::Unspecified | SetOperation::Replace => format!("selected {phrase}: {count}"),
             SetOperation::Add => format!("added {phrase} to the selection: {count}"),
             SetOperation::Remove => format!("removed {phrase} from the selection: {count}"),
-            SetOperation::Intersect => format!("kept of the selection what is in {phrase}: {count}"),
+            SetOperation::Intersect => format!("intersected the selection with {phrase}: {count}"),
         })
     }
 
@@ -88,7 +93,7 @@ impl Draft<'_> {
 
     /// Saves the selection. The look that earlier commands gave to exactly this selection becomes the unit's own.
     pub(super) fn save_unit(&mut self, command: &SaveUnit) -> Result<String, EditError> {
-        let name = given(&command.name, "save_unit.name")?;
+        let name = checked_name(&command.name, "save_unit.name")?;
         let mask = Arc::clone(self.state.selection.mask());
         if mask.is_none() {
             return Err(EditError::NothingSelected);
@@ -109,19 +114,19 @@ impl Draft<'_> {
             let name = unit.name.clone();
             unit.mask = mask;
             self.focus_on(vec![name.clone()]);
-            return Ok(format!("saved the selection as {name} in place of what it was: {count}"));
+            return Ok(format!("replaced {name} with the selection: {count}"));
         }
         let (mut color, mut opacity, mut visible) = (None, 1.0_f32, true);
         self.state.units.retain(|_, unit| {
             let same = unit.derived && unit.mask == mask;
             if same {
                 color = unit.color.or(color);
-                opacity = (opacity * unit.opacity).min(super::number::MAX_FACTOR);
+                opacity = (opacity * unit.opacity).min(super::command_number::MAX_FACTOR);
                 visible &= unit.visible;
             }
             !same
         });
-        self.make_way(&name);
+        self.yield_name(&name);
         let id = self.fresh_id()?;
         self.insert(Unit { id, name: name.clone(), mask, color, opacity, visible, derived: false });
         self.focus_on(vec![name.clone()]);
@@ -138,10 +143,10 @@ impl Draft<'_> {
     /// Renames a unit; a derived one that is given a name is saved by that.
     pub(super) fn rename_unit(&mut self, command: &RenameUnit) -> Result<String, EditError> {
         let (id, name) = self.editable(&command.name, "renamed", "name it in the scene file")?;
-        let new = given(&command.new_name, "rename_unit.new_name")?;
+        let new = checked_name(&command.new_name, "rename_unit.new_name")?;
         match self.state.is_taken(&new, Some(UnitRef::Editable(id))) {
             Some(UnitRef::Editable(other)) if self.state.units.get(&other).is_some_and(|u| u.derived) => {
-                self.make_way(&new);
+                self.yield_name(&new);
             }
             Some(_) => return Err(EditError::NameTaken(new)),
             None => {}
@@ -154,8 +159,8 @@ impl Draft<'_> {
         Ok(format!("renamed {name} to {new}"))
     }
 
-    /// A derived unit's name was not given by a person: it yields to one that is.
-    fn make_way(&mut self, name: &str) {
+    /// Frees a name that a derived unit has: names given by people go first.
+    fn yield_name(&mut self, name: &str) {
         let Some(UnitRef::Editable(id)) = self.state.is_taken(name, None) else { return };
         let free = self.state.free_name(&format!("{name} (unsaved)"));
         if let Some(unit) = self.state.units.get_mut(&id) {
@@ -174,7 +179,7 @@ impl Draft<'_> {
     }
 }
 
-/// Steps are stored for those who made them; what they could not make sense of is refused here.
+/// Refuses steps that their readers could not use later.
 fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditError> {
     const FIELD: &str = "commit_selection.steps";
     for (i, step) in steps.iter().enumerate() {
@@ -183,7 +188,7 @@ fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditErro
             Some(Step::Operation(operation)) if operation.operation.is_some() => {}
             Some(Step::Tuning(tuning)) if tuning.leak.is_finite() && tuning.threshold.is_finite() => {}
             Some(Step::Given(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
-            _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is none") }),
+            _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is empty or malformed") }),
         }
     }
     let strokes: Vec<Stroke> = steps
@@ -207,7 +212,7 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
             return wrong("mode and kind must be set");
         }
         if kind == StrokeKind::Toggle && mode != StrokeMode::Cluster {
-            return wrong("toggle is for cluster mode");
+            return wrong("only cluster mode can toggle");
         }
         if !(stroke.radius.is_finite() && stroke.radius > 0.0) {
             return wrong("the radius must be finite and above 0");

@@ -1,4 +1,4 @@
-//! Names of units: looked up in any capitals, unique among base and editable units.
+//! Names of units: case-insensitive, unique among base and editable units.
 
 use sg_proto::limits::MAX_NAME_BYTES;
 
@@ -24,7 +24,7 @@ impl EditState {
         base.chain(self.units.values().map(|u| (u.name.as_str(), UnitRef::Editable(u.id))))
     }
 
-    /// The unit of a name: exactly so, or else the only one that differs in capitals alone.
+    /// The unit of a name: an exact match, else the only one that differs in capitals.
     ///
     /// # Errors
     /// [`EditError::UnknownUnit`] with near names, [`EditError::Ambiguous`].
@@ -78,7 +78,7 @@ impl EditState {
 ///
 /// # Errors
 /// [`EditError::Malformed`] if it is empty, too long or holds control characters.
-pub(super) fn given(name: &str, field: &'static str) -> Result<String, EditError> {
+pub(super) fn checked_name(name: &str, field: &'static str) -> Result<String, EditError> {
     let name = name.trim();
     let wrong = |reason: String| Err(EditError::Malformed { field, reason });
     if name.is_empty() {
@@ -104,7 +104,7 @@ fn shortened(name: &str) -> String {
 }
 
 /// `a`, `a and b`, `a, b and c`, `a, b and 4 more`.
-pub(super) fn listed(names: &[String]) -> String {
+pub(super) fn join_names(names: &[String]) -> String {
     match names {
         [] => "nothing".to_owned(),
         [one] => one.clone(),
@@ -153,10 +153,10 @@ mod tests {
 
     #[test]
     fn given_names_are_trimmed_and_checked() {
-        assert_eq!(given("  sac ", "name"), Ok("sac".to_owned()));
+        assert_eq!(checked_name("  sac ", "name"), Ok("sac".to_owned()));
         for bad in ["", "   ", "a\nb", "\u{0}", &"x".repeat(MAX_NAME_BYTES + 1)] {
-            assert!(given(bad, "name").is_err(), "{bad:?}");
+            assert!(checked_name(bad, "name").is_err(), "{bad:?}");
         }
-        assert!(given(&"x".repeat(MAX_NAME_BYTES), "name").is_ok());
+        assert!(checked_name(&"x".repeat(MAX_NAME_BYTES), "name").is_ok());
     }
 }

@@ -1,11 +1,11 @@
-//! A reader's copy of the state, kept up by events.
+//! A reader's copy of the state, updated by events.
 
 use sg_proto::scene::{Changes, Event, change};
 
-use super::state::{EditState, Misfit};
+use super::state::{EditState, StateMismatch};
 use super::wire::{WireError, decode_change};
 
-/// An event or snapshot that cannot be taken; the copy stays as it was. A full snapshot mends it.
+/// An event or snapshot that cannot be applied. The copy stays unchanged; a full snapshot repairs it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ReplicaError {
     /// The message is malformed.
@@ -13,18 +13,18 @@ pub enum ReplicaError {
     Message {
         /// Of the event or snapshot.
         revision: u64,
-        /// What is wrong.
+        /// The cause.
         source: WireError,
     },
-    /// It speaks of another scene.
+    /// It belongs to another scene.
     #[error("revision {revision}: {source}")]
-    Misfit {
+    StateMismatch {
         /// Of the event or snapshot.
         revision: u64,
-        /// What does not fit.
-        source: Misfit,
+        /// The mismatch.
+        source: StateMismatch,
     },
-    /// It speaks of other geometry than the copy.
+    /// It belongs to other geometry.
     #[error("revision {revision} is of geometry {found}, not {expected}")]
     Geometry {
         /// Of the snapshot.
@@ -44,7 +44,7 @@ pub enum ReplicaError {
     },
 }
 
-/// What became of an offered event.
+/// The outcome of an offered event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Offered {
     /// It was the next one; the copy is at its revision.
@@ -74,7 +74,7 @@ impl EditState {
         for change in &event.changes {
             let change =
                 decode_change(change, self.count()).map_err(|source| ReplicaError::Message { revision, source })?;
-            next.put(change).map_err(|source| ReplicaError::Misfit { revision, source })?;
+            next.apply_change(change).map_err(|source| ReplicaError::StateMismatch { revision, source })?;
         }
         next.revision = revision;
         *self = next;
@@ -84,8 +84,8 @@ impl EditState {
 
 /// A copy of the state at a known revision.
 ///
-/// A reader begins with [`Replica::new`] from the geometry it has read or from a snapshot, offers every event it hears and,
-/// on a gap, asks the scene for changes from [`Replica::revision`] until [`Replica::take`] brings nothing new.
+/// A reader starts with [`Replica::new`] from its geometry or from a snapshot. It offers every received event. After a
+/// gap, it asks the scene for changes from [`Replica::revision`] until [`Replica::take`] brings nothing new.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replica {
     state: EditState,
@@ -99,7 +99,7 @@ impl Replica {
         Self { selected_at: state.revision, state }
     }
 
-    /// The last revision known to have brought a selection: no other one has been committed since.
+    /// The last revision with a new selection.
     #[must_use]
     pub fn selected_at(&self) -> u64 {
         self.selected_at
@@ -151,7 +151,7 @@ impl Replica {
             if found != expected {
                 return Err(ReplicaError::Geometry { revision, found: found.clone(), expected: expected.clone() });
             }
-            // A snapshot that was asked for in vain must not take back events heard since.
+            // A late snapshot must not revert newer events.
             if revision > before {
                 self.selected_at = revision;
                 self.state = state;

@@ -1,4 +1,4 @@
-//! What edits change of a scene, as values; masks are shared, so that a copy is cheap.
+//! The editable state of a scene. Masks are shared, so that a copy is cheap.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -10,13 +10,14 @@ use sg_proto::scene::SelectionStep;
 
 use sg_scene::appearance::{Appearance, BaseAppearance, PixelFilter, ShadingTerm, UnitAppearance};
 use sg_scene::camera::Light;
+use sg_scene::framing::front_view;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
-use sg_scene::view::{Side, View, framed_box};
+use sg_scene::view::View;
 
 /// A base unit as edits see it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BaseLook {
+pub struct BaseUnitState {
     /// Name, unique among base and editable units.
     pub name: String,
     /// Scene-wide index of its first Gaussian.
@@ -31,7 +32,7 @@ pub struct BaseLook {
     pub visible: bool,
 }
 
-impl BaseLook {
+impl BaseUnitState {
     /// Scene-wide indices of its Gaussians.
     #[must_use]
     pub fn range(&self) -> Range<usize> {
@@ -54,7 +55,7 @@ pub struct Unit {
     pub opacity: f32,
     /// Whether its members are drawn.
     pub visible: bool,
-    /// Made by a command on what is no unit, not saved by a person.
+    /// Created by a command on unnamed Gaussians, not saved by name.
     pub derived: bool,
 }
 
@@ -75,7 +76,7 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// A selection and the steps it was made in, oldest first (none where it was made otherwise).
+    /// A selection and its steps, oldest first; no steps for a selection without a brush.
     #[must_use]
     pub fn new(mask: Arc<Mask>, steps: Arc<[SelectionStep]>) -> Self {
         let hash = mask_hash(&mask);
@@ -107,7 +108,7 @@ impl Selection {
     }
 }
 
-/// BLAKE3 of a mask's length (u64, little endian) and packed bits, hexadecimal: what names a selection on the bus.
+/// BLAKE3 of a mask's length (u64, little endian) and packed bits, hexadecimal. It names a selection on the bus.
 #[must_use]
 pub fn mask_hash(mask: &Mask) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -116,7 +117,7 @@ pub fn mask_hash(mask: &Mask) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// What names the geometry that a state speaks of; it never changes.
+/// The identity of the geometry of a state; it never changes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Geometry {
     /// File the Gaussians are read from.
@@ -134,7 +135,7 @@ pub struct Geometry {
 pub struct EditState {
     pub(crate) revision: u64,
     pub(crate) geometry: Arc<Geometry>,
-    pub(crate) base: Vec<BaseLook>,
+    pub(crate) base: Vec<BaseUnitState>,
     pub(crate) units: BTreeMap<u64, Unit>,
     pub(crate) selection: Selection,
     pub(crate) light: Light,
@@ -154,11 +155,11 @@ pub enum UnitRef {
 }
 
 impl EditState {
-    /// The state of a scene as it is opened, at revision 0: looks as the file says, nothing selected, seen from the front.
+    /// The state of an opened scene at revision 0: appearance of the file, empty selection, view from the front.
     #[must_use]
     pub fn of_scene(scene: &Scene, path: impl Into<String>, hash: impl Into<String>) -> Self {
         let look = Appearance::of(scene);
-        let base = scene.units.iter().zip(&look.base).map(|(unit, look)| BaseLook {
+        let base = scene.units.iter().zip(&look.base).map(|(unit, look)| BaseUnitState {
             name: unit.name.clone(),
             first: unit.first,
             count: unit.gaussians.len(),
@@ -174,7 +175,7 @@ impl EditState {
             selection: Selection::new(Arc::new(Mask::empty(scene.len())), Arc::new([])),
             light: look.light,
             background: look.background,
-            view: View::from_side(framed_box(scene), Side::Front, sg_scene::view::FIELD_OF_VIEW),
+            view: front_view(scene),
             term: look.term,
             focus: Vec::new(),
             geometry: Arc::new(geometry),
@@ -194,7 +195,7 @@ impl EditState {
         self
     }
 
-    /// What names the geometry.
+    /// The identity of the geometry.
     #[must_use]
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
@@ -208,7 +209,7 @@ impl EditState {
 
     /// Base units in scene order.
     #[must_use]
-    pub fn base_units(&self) -> &[BaseLook] {
+    pub fn base_units(&self) -> &[BaseUnitState] {
         &self.base
     }
 
@@ -305,7 +306,7 @@ impl EditState {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Change {
     /// A base unit.
-    Base(BaseLook),
+    Base(BaseUnitState),
     /// An editable unit, new or changed.
     Unit(Unit),
     /// Id of an editable unit that is gone.
@@ -320,17 +321,17 @@ pub enum Change {
     View(View),
     /// The shown part of the shading.
     Term(ShadingTerm),
-    /// What the last command addressed.
+    /// Names of the units that the last command addressed.
     Focus(Vec<String>),
 }
 
 /// A change that does not belong to this state.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Misfit {
+pub enum StateMismatch {
     /// The base unit is not one of this scene.
     #[error("the scene has no base unit `{0}` with these Gaussians")]
     Base(String),
-    /// A mask speaks of another number of Gaussians.
+    /// The length of a mask is not the number of Gaussians.
     #[error("a mask of {found} Gaussians does not fit a scene of {expected}")]
     Mask {
         /// Its length.
@@ -341,18 +342,18 @@ pub enum Misfit {
 }
 
 impl EditState {
-    /// Puts one changed value in place.
-    pub(crate) fn put(&mut self, change: Change) -> Result<(), Misfit> {
+    /// Applies one change.
+    pub(crate) fn apply_change(&mut self, change: Change) -> Result<(), StateMismatch> {
         let fits = |mask: &Mask| {
             let (found, expected) = (mask.len(), self.geometry.count);
-            if found == expected { Ok(()) } else { Err(Misfit::Mask { found, expected }) }
+            if found == expected { Ok(()) } else { Err(StateMismatch::Mask { found, expected }) }
         };
         match change {
             Change::Base(look) => {
-                let same = |b: &&mut BaseLook| b.name == look.name && b.range() == look.range();
+                let same = |b: &&mut BaseUnitState| b.name == look.name && b.range() == look.range();
                 match self.base.iter_mut().find(same) {
                     Some(base) => *base = look,
-                    None => return Err(Misfit::Base(look.name)),
+                    None => return Err(StateMismatch::Base(look.name)),
                 }
             }
             Change::Unit(unit) => {
@@ -375,7 +376,7 @@ impl EditState {
         Ok(())
     }
 
-    /// The values of `after` that differ from this state's: put in place here, they make it `after`.
+    /// The values of `after` that differ. [`Self::apply_change`] of each turns this state into `after`.
     pub(crate) fn changes_to(&self, after: &Self) -> Vec<Change> {
         let mut changes = Vec::new();
         let gone = self.units.keys().filter(|id| !after.units.contains_key(id));
@@ -438,12 +439,12 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_belong_is_refused() {
+    fn changes_of_another_scene_are_refused() {
         let scene = test_scene(&[("bone", 5)]);
         let mut state = EditState::of_scene(&scene, "", "");
-        let other = BaseLook { name: "skin".into(), ..state.base[0].clone() };
-        assert_eq!(state.put(Change::Base(other)), Err(Misfit::Base("skin".into())));
+        let other = BaseUnitState { name: "skin".into(), ..state.base[0].clone() };
+        assert_eq!(state.apply_change(Change::Base(other)), Err(StateMismatch::Base("skin".into())));
         let short = Selection::new(Arc::new(Mask::empty(4)), Arc::new([]));
-        assert_eq!(state.put(Change::Selection(short)), Err(Misfit::Mask { found: 4, expected: 5 }));
+        assert_eq!(state.apply_change(Change::Selection(short)), Err(StateMismatch::Mask { found: 4, expected: 5 }));
     }
 }

@@ -1,34 +1,34 @@
-//! What a command acts on.
+//! The target of a command.
 
 use sg_proto::scene::Target;
 
 use super::error::EditError;
-use super::names::listed;
+use super::names::join_names;
 use super::state::{EditState, UnitRef};
 use sg_scene::mask::Mask;
 
 /// A target looked up in a state.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Resolved {
+pub(super) struct ResolvedTarget {
     /// Every Gaussian it means.
     pub(super) members: Mask,
     /// Units it means by name.
     pub(super) named: Vec<UnitRef>,
     /// The whole scene.
     pub(super) everything: bool,
-    /// Gaussians that it means otherwise than by a unit's name: the selection, or all that is not named.
+    /// Gaussians without a unit's name: the selection, or the complement of named units.
     pub(super) unnamed: Option<Mask>,
-    /// Names of the units in it, as they are called in the scene, named or excepted: what "it" refers to afterwards.
+    /// Names of the units in it, named or excepted: the meaning of "it" afterwards.
     pub(super) names: Vec<String>,
     /// The target in words.
     pub(super) phrase: String,
-    /// Whether the Gaussians without a unit's name are the selection, not all that is left of something.
+    /// Whether the unnamed Gaussians are the selection, not a complement.
     pub(super) of_selection: bool,
 }
 
 impl EditState {
     /// Looks a target up.
-    pub(super) fn resolve(&self, target: Option<&Target>) -> Result<Resolved, EditError> {
+    pub(super) fn resolve(&self, target: Option<&Target>) -> Result<ResolvedTarget, EditError> {
         let target = target.ok_or(EditError::NoTarget)?;
         let mut members = Mask::empty(self.count());
         let mut named = Vec::new();
@@ -58,7 +58,7 @@ impl EditState {
             if target.everything && target.complement {
                 return Err(EditError::EmptyTarget("what is left of everything".to_owned()));
             }
-            return Ok(Resolved {
+            return Ok(ResolvedTarget {
                 members: Mask::full(self.count()),
                 named: Vec::new(),
                 everything: true,
@@ -68,14 +68,14 @@ impl EditState {
                 of_selection: false,
             });
         }
-        let phrase = listed(&parts);
+        let phrase = join_names(&parts);
         if target.complement {
             members.invert();
             let phrase = format!("everything but {phrase}");
             if members.is_none() {
                 return Err(EditError::EmptyTarget(phrase));
             }
-            return Ok(Resolved {
+            return Ok(ResolvedTarget {
                 unnamed: Some(members.clone()),
                 members,
                 named: Vec::new(),
@@ -87,6 +87,6 @@ impl EditState {
         }
         let unnamed = target.selection.then(|| (**self.selection.mask()).clone());
         let of_selection = target.selection;
-        Ok(Resolved { members, named, everything: false, unnamed, names, phrase, of_selection })
+        Ok(ResolvedTarget { members, named, everything: false, unnamed, names, phrase, of_selection })
     }
 }

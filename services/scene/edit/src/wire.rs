@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use sg_proto::scene as proto;
 use sg_proto::scene::selection_step::Step;
 
-use super::state::{BaseLook, Change, EditState, Geometry, Selection, Unit};
+use super::state::{BaseUnitState, Change, EditState, Geometry, Selection, Unit};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
 use sg_scene::mask::Mask;
@@ -20,15 +20,15 @@ pub enum WireError {
     #[error("`{0}` is missing")]
     Missing(&'static str),
     /// The value of an enumeration is not known or not set.
-    #[error("`{field}` is {value}, which is none of its kinds")]
+    #[error("`{field}` has the unknown value {value}")]
     Kind {
         /// The field.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         value: i32,
     },
     /// A mask's length is not the scene's.
-    #[error("`{field}` speaks of {found} Gaussians; the scene has {expected}")]
+    #[error("`{field}` has {found} Gaussians; the scene has {expected}")]
     Length {
         /// The field.
         field: &'static str,
@@ -42,15 +42,15 @@ pub enum WireError {
     Bits {
         /// The field.
         field: &'static str,
-        /// What does not fit.
-        source: sg_scene::mask::MaskBytes,
+        /// The mismatch.
+        source: sg_scene::mask::MaskBytesError,
     },
     /// A number of Gaussians that no machine can hold.
-    #[error("`{field}` is {value}, more than can be counted here")]
+    #[error("`{field}` is {value}; this machine cannot count that far")]
     Count {
         /// The field.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         value: u64,
     },
 }
@@ -144,7 +144,7 @@ pub fn decode_light(light: &proto::Light) -> Result<Light, WireError> {
     })
 }
 
-/// Where light comes from; `None` where the message leaves it as it was.
+/// The light mode; `None` if the message keeps it.
 ///
 /// # Errors
 /// [`WireError::Kind`].
@@ -210,7 +210,7 @@ pub fn decode_view(view: &proto::View) -> Result<View, WireError> {
     })
 }
 
-/// A side of the scene's box from a message; `None` for the view that the scene was opened with.
+/// A side of the scene's box from a message; `None` for the first view.
 ///
 /// # Errors
 /// [`WireError::Kind`].
@@ -227,7 +227,7 @@ pub fn decode_side(value: i32) -> Result<Option<Side>, WireError> {
     }
 }
 
-fn encode_base(base: &BaseLook) -> proto::BaseUnit {
+fn encode_base(base: &BaseUnitState) -> proto::BaseUnit {
     proto::BaseUnit {
         name: base.name.clone(),
         first: base.first as u64,
@@ -238,8 +238,8 @@ fn encode_base(base: &BaseLook) -> proto::BaseUnit {
     }
 }
 
-fn decode_base(base: &proto::BaseUnit) -> Result<BaseLook, WireError> {
-    Ok(BaseLook {
+fn decode_base(base: &proto::BaseUnit) -> Result<BaseUnitState, WireError> {
+    Ok(BaseUnitState {
         name: base.name.clone(),
         first: count(base.first, "base_unit.first")?,
         count: count(base.count, "base_unit.count")?,
@@ -295,7 +295,7 @@ fn decode_selection(selection: &proto::Selection, expected: usize) -> Result<Sel
     Ok(Selection::new(Arc::new(mask), steps_of(&selection.strokes, &selection.steps).into()))
 }
 
-/// The steps that a message tells: those, or strokes alone, as which readers know them that know no other steps.
+/// The steps of a message, or its strokes if it has no steps, as old readers send them.
 #[must_use]
 pub fn steps_of(strokes: &[proto::Stroke], steps: &[proto::SelectionStep]) -> Vec<proto::SelectionStep> {
     let stroke = |s: &proto::Stroke| proto::SelectionStep { step: Some(Step::Stroke(s.clone())) };
@@ -350,8 +350,8 @@ pub fn decode_change(change: &proto::Change, expected: usize) -> Result<Change, 
 }
 
 impl EditState {
-    /// The state as a message: with masks and strokes as a snapshot, without them as an outline. What undo and redo would
-    /// do is known to the scene's owner only and is left out.
+    /// The state as a message: with masks and strokes as a snapshot, without them as an outline. Labels of undo and
+    /// redo are left out; only the owner has them.
     #[must_use]
     pub fn state(&self, with_masks: bool) -> proto::State {
         let bounds = self.geometry.bounds;
@@ -377,7 +377,7 @@ impl EditState {
     /// The state from a snapshot.
     ///
     /// # Errors
-    /// [`WireError`] if something is missing (masks are, in an outline) or does not fit the number of Gaussians.
+    /// [`WireError`] if a field is missing (an outline has no masks) or does not fit the number of Gaussians.
     pub fn from_snapshot(state: &proto::State) -> Result<Self, WireError> {
         let expected = count(state.count, "state.count")?;
         let bounds = state.r#box.as_ref().ok_or(WireError::Missing("state.box"))?;

@@ -1,4 +1,4 @@
-//! Which files a scene is read from, for readers on other machines that have to fetch them.
+//! The files of a scene, for readers on other machines.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -10,17 +10,15 @@ use sg_scene::model::Scene;
 pub struct SceneFiles {
     /// The folder.
     pub folder: PathBuf,
-    /// What is to be opened, relative to the folder; empty for the folder itself.
+    /// The path to open, relative to the folder; empty for the folder itself.
     pub open: String,
     /// Every file, relative to the folder, `/` between parts, sorted.
     pub names: Vec<String>,
 }
 
-/// A file of a scene lies where a copy of the scene would not have it.
+/// A file of a scene lies outside its folder, so a copy would miss it.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "{file}: lies outside {folder}; put it beside the scene's file, so that other machines can have a copy of the whole"
-)]
+#[error("{file}: lies outside {folder}; put it beside the scene's file, so that other machines can copy all of it")]
 pub struct OutsideError {
     /// The file.
     pub file: PathBuf,
@@ -28,11 +26,10 @@ pub struct OutsideError {
     pub folder: PathBuf,
 }
 
-/// The files that `scene` was read from, which was opened as `path`: its scene file, its units' files, and palettes beside
-/// them.
+/// The files of `scene`, opened as `path`: its scene file, its units' files, and palettes beside them.
 ///
 /// # Errors
-/// [`OutsideError`] for a unit's file that a `scene.toml` names by an absolute path or one that leads out of its folder.
+/// [`OutsideError`] if a `scene.toml` names a unit's file outside of its folder.
 pub fn files_of(scene: &Scene, path: &Path) -> Result<SceneFiles, OutsideError> {
     let is_folder = path.is_dir();
     let path = if is_folder { real(path) } else { real_place(path) };
@@ -48,7 +45,7 @@ pub fn files_of(scene: &Scene, path: &Path) -> Result<SceneFiles, OutsideError> 
     Ok(SceneFiles { folder: folder.to_owned(), open, names })
 }
 
-/// A folder by its own name, whatever it was called: files are named from where the process was started, or by links.
+/// The canonical name of a folder. Callers may name it relative to their working folder, or by links.
 fn real(folder: &Path) -> PathBuf {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned())
@@ -103,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_found_by_whatever_name_its_folder_goes() {
+    fn a_file_is_found_under_any_name_of_its_folder() {
         let folder = tempfile::tempdir().unwrap();
         let home = folder.path().join("home");
         std::fs::create_dir(&home).unwrap();
@@ -118,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_elsewhere_is_refused() {
+    fn files_outside_the_folder_are_refused() {
         assert_eq!(below(Path::new("/a"), Path::new("/a/./b/c.ply")).unwrap(), "b/c.ply");
         for out in ["/b/c.ply", "/a/../c.ply"] {
             assert!(below(Path::new("/a"), Path::new(out)).is_err(), "{out}");

@@ -1,17 +1,18 @@
-//! Reading a scene, whatever it is stored as.
+//! Reading a scene of any format.
 
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, Vec3};
 
-use crate::census::Census;
-use crate::format::read::{Decoded, read_ply};
-use crate::format::{Format, Problem, Warning, WarningCode, ivrgs_folder, palette};
-use crate::scene_file::{SceneFile, SceneFileError, UnitEntry};
+pub use crate::splat::LoadError;
+use crate::splat::decode::decode_unit;
+use crate::splat::format::{Decoded, FolderContent, Listing, START_LENGTH, Source, UnitSource};
+use crate::splat::{Format, Problem, Warning, WarningCode, palette};
+use crate::validation::NonFiniteCounts;
 use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
 
-/// What the caller knows better than the files.
+/// Properties that override those of the files.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LoadOptions {
     /// Activation of the shading columns of every file.
@@ -22,121 +23,68 @@ pub struct LoadOptions {
     pub palette: Option<Vec3>,
 }
 
-/// A scene and what its reader took for granted.
+/// A scene, and the warnings of its reader.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// What was guessed, narrowed, passed over or not finite.
+    /// Guesses, narrowed values, ignored parts and non-finite numbers.
     pub warnings: Vec<Warning>,
-    /// How the whole was stored.
+    /// The format of the scene.
     pub format: Format,
-    /// How each unit was stored, in scene order.
+    /// The format of each unit, in scene order.
     pub unit_formats: Vec<Format>,
 }
 
-/// A scene that cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// A file could not be read.
-    #[error("{path}: {source}; give the path of a Gaussian file, a scene.toml or an iVR-GS output folder")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// A file's content cannot be used.
-    #[error("{path}: {problem}")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        problem: Problem,
-    },
-    /// A `scene.toml` cannot be used.
-    #[error(transparent)]
-    SceneFile(#[from] SceneFileError),
-}
-
-/// Reads a scene: a `scene.toml` (or a folder with one), a PLY of any kind in [`crate::format`], or iVR-GS's output folder.
+/// Reads a scene of any format in [`crate::splat`].
 ///
 /// NaN and infinite values are kept and counted in the warnings. Units follow one another in the order of the scene file,
-/// or of the folders' names; the box is the stored one, else that of the finite centres without unit transforms.
+/// or of the folders' names. The box is the stored one, else that of the finite centres without unit transforms.
 ///
 /// # Errors
-/// [`LoadError`]: one line that names the file, the place in it and what to do. Memory stays within a small multiple of the
-/// files' sizes, whatever their headers say.
+/// [`LoadError`]: one line that names the file, the place in it and the remedy. Memory stays within a small multiple of the
+/// files' sizes, even if a header announces more.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let read = |source| LoadError::Read { path: path.to_path_buf(), source };
-    if std::fs::metadata(path).map_err(read)?.is_dir() {
-        let scene_file = path.join("scene.toml");
-        return if scene_file.is_file() { load_scene_file(&scene_file, options) } else { load_folder(path, options) };
-    }
-    let mut start = Vec::new();
-    std::fs::File::open(path).map_err(read)?.take(4).read_to_end(&mut start).map_err(read)?;
-    if start.starts_with(b"ply") {
-        return load_ply(path, options);
-    }
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        return load_scene_file(path, options);
-    }
-    let problem = Problem::new(
-        "byte 0",
-        "the content is of no known format",
-        "give a PLY (3DGS, compressed, iVR-GS or Super-Gaussian), a scene.toml, or an iVR-GS output folder",
-    );
-    Err(LoadError::Content { path: path.to_path_buf(), problem })
-}
-
-fn load_ply(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let source = open_source(path)?;
+    let container =
+        Format::detect(&source).map_err(|problem| LoadError::Content { path: path.to_path_buf(), problem })?;
+    let listing = if source.is_ply() { Listing::of_file(path) } else { container.0.list(path)? };
     let mut warnings = Vec::new();
-    let unit = load_unit(path, None, None, options, &mut warnings)?;
-    Ok(finish(vec![unit.unit], unit.bounds, unit.format, vec![unit.format], warnings))
-}
-
-fn load_folder(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let found = ivrgs_folder::find(path).map_err(|problem| LoadError::Content { path: path.to_path_buf(), problem })?;
-    let mut warnings = Vec::new();
-    let (mut units, mut formats, mut bounds): (Vec<BaseUnit>, _, _) = (Vec::new(), Vec::new(), None);
-    for (name, file) in found {
-        let mut loaded = load_unit(&file, None, Some(&name), options, &mut warnings)?;
-        if units.iter().any(|u| u.name == loaded.unit.name) {
-            loaded.unit.name = name;
+    let (mut units, mut unit_formats, mut bounds): (Vec<BaseUnit>, _, _) = (Vec::new(), Vec::new(), None);
+    for file in listing.units {
+        let mut loaded = load_unit(&file, options, &mut warnings)?;
+        if let Some(folder_name) = file.name.filter(|_| units.iter().any(|u| u.name == loaded.unit.name)) {
+            loaded.unit.name = folder_name;
         }
         bounds = bounds.or(loaded.bounds);
-        formats.push(loaded.format);
+        unit_formats.push(loaded.format);
         units.push(loaded.unit);
     }
-    let format = formats.first().copied().unwrap_or(Format::IvrGs);
-    Ok(finish(units, bounds, format, formats, warnings))
-}
-
-fn load_scene_file(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let file = SceneFile::read(path)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let mut warnings = Vec::new();
-    let (mut units, mut formats) = (Vec::new(), Vec::new());
-    for entry in &file.units {
-        let loaded = load_unit(&folder.join(&entry.file), Some(entry), None, options, &mut warnings)?;
-        formats.push(loaded.format);
-        units.push(loaded.unit);
-    }
-    Ok(finish(units, file.bounds, Format::SceneToml, formats, warnings))
-}
-
-fn finish(
-    units: Vec<BaseUnit>,
-    bounds: Option<SceneBox>,
-    format: Format,
-    unit_formats: Vec<Format>,
-    mut warnings: Vec<Warning>,
-) -> Loaded {
+    let (format, bounds) =
+        listing.scene.unwrap_or_else(|| (unit_formats.first().copied().unwrap_or(container), bounds));
     let scene = Scene::compose(units, bounds);
     if scene.is_empty() {
         warnings.push(Warning::new(WarningCode::Empty, "the scene holds no Gaussian"));
     }
-    Loaded { scene, warnings, format, unit_formats }
+    Ok(Loaded { scene, warnings, format, unit_formats })
+}
+
+/// The evidence of a path: its kind, its name, and the first bytes of a file.
+fn open_source(path: &Path) -> Result<Source, LoadError> {
+    let read = |source| LoadError::Read { path: path.to_path_buf(), source };
+    let folder = std::fs::metadata(path)
+        .map_err(read)?
+        .is_dir()
+        .then(|| FolderContent { has_scene_file: path.join("scene.toml").is_file() });
+    let mut start = Vec::new();
+    if folder.is_none() {
+        std::fs::File::open(path).map_err(read)?.take(START_LENGTH).read_to_end(&mut start).map_err(read)?;
+    }
+    Ok(Source { name: lower_name(path), folder, start })
+}
+
+fn lower_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
 struct LoadedUnit {
@@ -146,43 +94,42 @@ struct LoadedUnit {
 }
 
 /// Reads one unit's file. What the scene file says goes before what the file says of itself.
-fn load_unit(
-    path: &Path,
-    entry: Option<&UnitEntry>,
-    folder_name: Option<&str>,
-    options: &LoadOptions,
-    warnings: &mut Vec<Warning>,
-) -> Result<LoadedUnit, LoadError> {
-    let content = |problem| LoadError::Content { path: path.to_path_buf(), problem };
+fn load_unit(file: &UnitSource, options: &LoadOptions, warnings: &mut Vec<Warning>) -> Result<LoadedUnit, LoadError> {
+    let UnitSource { path, entry, name: folder_name } = file;
+    let entry = entry.as_ref();
+    let content = |problem| LoadError::Content { path: path.clone(), problem };
     let bytes = std::fs::read(path).map_err(|source| LoadError::Read { path: path.to_path_buf(), source })?;
     let forced = options.convention.or(entry.and_then(|e| e.convention));
-    let mut told = Vec::new();
-    let Decoded { gaussians, format, convention, comments } = read_ply(bytes, forced, &mut told).map_err(content)?;
-    let is_ivrgs = matches!(format, Format::IvrGs | Format::IvrGsQuantised);
+    let mut found = Vec::new();
+    let start = bytes.iter().copied().take(START_LENGTH as usize).collect();
+    let source = Source { name: lower_name(path), folder: None, start };
+    let Decoded { gaussians, format, convention, comments } =
+        decode_unit(&source, bytes, forced, &mut found).map_err(content)?;
+    let is_ivrgs = format.0.is_ivrgs();
     let palette = match options.palette.or(entry.and_then(|e| e.palette)).or(comments.palette) {
         _ if gaussians.shading.is_none() => Vec3::ZERO,
         Some(palette) => palette,
         None => match palette_beside(path)? {
             Some(palette) => palette,
             None => {
-                let message = "there is no palette beside it; middle grey was taken; --palette r,g,b says otherwise";
-                told.push(Warning::new(WarningCode::Palette, message));
+                let message = "no palette file lies beside it, so middle grey is used; --palette r,g,b overrides it";
+                found.push(Warning::new(WarningCode::Palette, message));
                 Vec3::splat(0.5)
             }
         },
     };
     let shading = options.shading.or(entry.and_then(|e| e.shading)).or(comments.shading);
     if is_ivrgs && shading.is_none() {
-        let message =
-            "it is drawn with the paper's one-sided shading; iVR-GS trains two-sided, which `ivrgs-train` draws";
-        told.push(Warning::new(WarningCode::Shading, message));
+        let message = "it is drawn with one-sided shading; iVR-GS trains two-sided: --shading ivrgs-train draws that";
+        found.push(Warning::new(WarningCode::Shading, message));
     }
-    told.extend(Census::of(&gaussians).warnings());
-    warnings.extend(told.into_iter().map(|w| Warning { file: Some(path.to_path_buf()), ..w }));
+    found.extend(NonFiniteCounts::of(&gaussians).warnings());
+    warnings.extend(found.into_iter().map(|w| Warning { file: Some(path.to_path_buf()), ..w }));
     let name = entry.map(|e| e.name.clone()).or(comments.name).unwrap_or_else(|| {
         let file_name = path.file_name().unwrap_or_default().to_string_lossy();
-        let stem = file_name.strip_suffix(".ply").unwrap_or(&file_name);
-        folder_name.unwrap_or(stem.strip_suffix(".compressed").unwrap_or(stem)).to_owned()
+        let stem = format.extensions().iter().find_map(|e| file_name.strip_suffix(e)).unwrap_or(&file_name);
+        let stem = stem.strip_suffix(".compressed").unwrap_or(stem);
+        folder_name.clone().unwrap_or_else(|| stem.to_owned())
     });
     let unit = BaseUnit {
         name,

@@ -20,7 +20,7 @@ pub enum NpyError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// The file could not be written.
@@ -28,7 +28,7 @@ pub enum NpyError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// The content is not what is needed.
@@ -38,9 +38,9 @@ pub enum NpyError {
         path: PathBuf,
         /// Header, or the element's index.
         place: String,
-        /// What is wrong.
+        /// The cause.
         what: String,
-        /// What would work.
+        /// The remedy.
         remedy: String,
     },
 }

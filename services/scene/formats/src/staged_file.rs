@@ -1,4 +1,4 @@
-//! Output files that appear whole or not at all: written under a temporary name beside the target, then renamed.
+//! Atomic file replacement: files are written under a temporary name beside the target, then renamed.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -17,7 +17,7 @@ impl StagedFile {
     /// Opens a temporary file in the folder of `target`, which must exist.
     ///
     /// # Errors
-    /// What the system says where no file can be made there.
+    /// The system's error if no file can be created there.
     pub fn create(target: &Path) -> io::Result<Self> {
         let folder = match target.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -35,7 +35,7 @@ impl StagedFile {
         Ok(Self { out: BufWriter::with_capacity(1 << 18, file), target: target.to_path_buf() })
     }
 
-    /// Where the file will stand.
+    /// The final path.
     #[must_use]
     pub fn target(&self) -> &Path {
         &self.target
@@ -44,7 +44,7 @@ impl StagedFile {
     /// Flushes to the disk and takes the target's place.
     ///
     /// # Errors
-    /// What the system says, a full disk for instance; the target is then as it was before.
+    /// The system's error, for instance a full disk. The target is unchanged then.
     pub fn commit(self) -> io::Result<PathBuf> {
         let file = self.out.into_inner().map_err(io::IntoInnerError::into_error)?;
         file.as_file().sync_all()?;
@@ -66,7 +66,7 @@ impl Write for StagedFile {
 /// Replaces a file's content at once.
 ///
 /// # Errors
-/// What the system says; the file is then as it was before.
+/// The system's error. The file is unchanged then.
 pub fn replace(target: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = StagedFile::create(target)?;
     file.write_all(bytes)?;
@@ -76,7 +76,7 @@ pub fn replace(target: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Makes the folder of a file durable, so that a rename into it survives a power cut.
 ///
 /// # Errors
-/// What the system says.
+/// The system's error.
 pub fn sync_folder(of: &Path) -> io::Result<()> {
     match of.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => File::open(folder)?.sync_all(),

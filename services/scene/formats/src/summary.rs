@@ -1,11 +1,11 @@
-//! What a scene holds, for people and for reports.
+//! Summaries of scenes, for people and for reports.
 
 use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::census::Census;
-use crate::format::number::row_major;
+use crate::splat::toml_number::row_major;
+use crate::validation::NonFiniteCounts;
 use sg_scene::model::{BaseUnit, Convention, ExtraColumn, ExtraValues, Scene, SceneBox, ShadingModel};
 
 /// A scene in numbers.
@@ -54,8 +54,8 @@ pub struct UnitSummary {
     pub harmonics_degree: Option<u8>,
     /// Columns that are kept but not interpreted.
     pub extra: Vec<ExtraSummary>,
-    /// Numbers that no picture can be made of.
-    pub not_finite: Census,
+    /// Non-finite values.
+    pub not_finite: NonFiniteCounts,
     /// Bytes of the columns in memory.
     pub bytes: usize,
 }
@@ -126,7 +126,7 @@ impl UnitSummary {
             attributes,
             harmonics_degree: g.harmonics.as_ref().map(|h| h.degree),
             extra,
-            not_finite: Census::of(g),
+            not_finite: NonFiniteCounts::of(g),
             bytes: 4 * floats * g.len() + extra_bytes.iter().sum::<usize>(),
         }
     }

@@ -1,5 +1,5 @@
-//! Real files. They are found through `SUPERGAUSSIAN_DATA`; every number here has a twin on generated data in the library's
-//! own tests (`format/round_trip.rs`).
+//! Real files. `SUPERGAUSSIAN_DATA` names their folder. The library's own tests check the same numbers on generated
+//! data (`splat/tests.rs`).
 
 #![allow(
     clippy::print_stdout,
@@ -10,7 +10,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use sg_formats::format::{Format, WarningCode};
+use sg_formats::splat::{Format, WarningCode};
 use sg_formats::{LoadOptions, Loaded, SaveOptions};
 use sg_formats::{load, save};
 use sg_scene::model::Gaussians;
@@ -54,7 +54,7 @@ fn gaussians(loaded: &Loaded) -> &Gaussians {
 fn a_trained_3dgs_file_is_read_and_written_byte_for_byte() {
     let Some(path) = data("donut_fused.ply") else { return };
     let loaded = open(&path);
-    assert_eq!((loaded.format, loaded.scene.len(), loaded.warnings.len()), (Format::ThreeDgs, 45_624, 0));
+    assert_eq!((loaded.format, loaded.scene.len(), loaded.warnings.len()), (Format::THREE_DGS, 45_624, 0));
     let g = gaussians(&loaded);
     assert_eq!(g.harmonics.as_ref().unwrap().degree, 0);
     assert_eq!(g.position[0].to_array(), [0.018263085, 0.090_465_255, 0.040_593_795]);
@@ -99,7 +99,7 @@ fn a_supersplat_file_is_decoded_as_by_other_programs() {
     let loaded = open(&path);
     let g = gaussians(&loaded);
     let n = 152_746;
-    assert_eq!((loaded.format, g.len(), loaded.warnings.len()), (Format::CompressedPly, n, 0));
+    assert_eq!((loaded.format, g.len(), loaded.warnings.len()), (Format::COMPRESSED, n, 0));
     let position = mean(g.position.iter().map(|p| p.as_dvec3().to_array()), n);
     assert_near(position, [-0.04857341763548457, -1.6050461397013993, 0.002285777408419114], 1e-7);
     let scale = mean(g.log_scale.iter().map(|p| p.as_dvec3().to_array()), n);
@@ -143,10 +143,10 @@ fn a_trained_scene_goes_through_every_format() {
     };
     // Largest errors of position (absolute, the donut is 0.2 wide), colour within 0 to 1, and opacity.
     let table = [
-        (Format::Ours, 0.0, 1e-7, 0.0),
-        (Format::CompressedPly, 2e-4, 0.02, 0.0021),
-        (Format::IvrGs, 0.0, 1e-6, 0.0),
-        (Format::IvrGsQuantised, 4e-5, 0.05, 0.02),
+        (Format::OURS, 0.0, 1e-7, 0.0),
+        (Format::COMPRESSED, 2e-4, 0.02, 0.0021),
+        (Format::IVRGS, 0.0, 1e-6, 0.0),
+        (Format::IVRGS_QUANTISED, 4e-5, 0.05, 0.02),
     ];
     for (format, position, shade, opacity) in table {
         let copy = folder.path().join(format!("{format}.ply"));
@@ -171,4 +171,28 @@ fn a_trained_scene_goes_through_every_format() {
     assert_eq!(read.scene.content_hash(), loaded.scene.content_hash());
     assert_eq!(read.scene.bounds, loaded.scene.bounds);
     assert!(!read.warnings.iter().any(|w| w.code == WarningCode::NonFinite));
+}
+
+#[test]
+fn a_splat_file_of_another_program_keeps_all_bytes_but_the_scales() {
+    let Some(path) = data("fixtures/minimal.splat") else { return };
+    let loaded = open(&path);
+    assert_eq!((loaded.format, loaded.scene.len(), loaded.warnings.len()), (Format::SPLAT, 4, 0));
+    let g = gaussians(&loaded);
+    assert_eq!(g.position[0].to_array(), [-1.0, 0.0, -1.0]);
+    assert!((g.scale(0) - 0.1).abs().max_element() < 1e-7);
+    assert!((g.opacity(0) - 230.0 / 255.0).abs() < 1e-6);
+    assert_eq!(g.rotation[0], [0.0, 0.0, 0.0, 127.0 / 128.0]);
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("copy.splat");
+    save(&copy, &loaded.scene, &SaveOptions::default()).unwrap();
+    // A scale goes through its logarithm, so it keeps its value to the rounding of `f32`.
+    let (was, is) = (std::fs::read(&path).unwrap(), std::fs::read(copy).unwrap());
+    assert_eq!(was.len(), is.len());
+    for (was, is) in was.chunks(32).zip(is.chunks(32)) {
+        assert!(was[..12] == is[..12] && was[24..] == is[24..]);
+    }
+    for (was, is) in g.log_scale.iter().zip(&gaussians(&open(&folder.path().join("copy.splat"))).log_scale) {
+        assert!((*was - *is).abs().max_element() < 1e-6);
+    }
 }

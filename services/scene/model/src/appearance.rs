@@ -1,4 +1,4 @@
-//! How a scene looks at one moment: everything that edits change, nothing that they do not.
+//! The appearance of a scene: all values that edits change, and no others.
 
 use std::sync::Arc;
 
@@ -25,23 +25,23 @@ pub struct Appearance {
     pub term: ShadingTerm,
     /// A Gaussian is drawn only where every one of these keeps its centre.
     pub clips: Vec<Clip>,
-    /// Colours shown in place of the shaded ones, one a Gaussian by scene-wide index, at least 0: views of structure and of
-    /// attributes. Opacities and what is hidden stay, and the overlay is drawn over them.
+    /// Colours that replace the shaded ones, one for each Gaussian by scene-wide index, at least 0. Views of structure
+    /// and attributes use them. Opacities and what is hidden stay, and the overlay is drawn over them.
     pub colors: Option<Arc<[Vec3]>>,
-    /// What becomes of the opacity where a Gaussian is widened to the size of a pixel.
+    /// The opacity of Gaussians that are widened to the size of a pixel.
     pub filter: PixelFilter,
 }
 
-/// What becomes of the opacity of a Gaussian where it is widened to the size of a pixel.
+/// The opacity of a Gaussian that is widened to the size of a pixel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PixelFilter {
-    /// Of each base unit, what its file says that it was trained for; plain where it says nothing.
+    /// The filter that each base unit was trained for, as its file says; plain by default.
     #[default]
     FromFile,
-    /// It stays, as in 3DGS: what is thinner than a pixel gains in sum.
+    /// It stays, as in 3DGS. Gaussians thinner than a pixel gain in sum.
     Plain,
-    /// It falls by as much as the area grows, √(det S / det(S + 0.3 px²·I)), as in Mip-Splatting (Yu et al. 2024) and 3DGS'
-    /// `antialiasing`: what is thinner than a pixel fades.
+    /// It falls by as much as the area grows, √(det S / det(S + 0.3 px²·I)), as in Mip-Splatting (Yu et al. 2024) and
+    /// 3DGS' `antialiasing`. Gaussians thinner than a pixel fade.
     Compensated,
 }
 
@@ -57,7 +57,7 @@ pub struct HalfSpace {
 /// A clip plane or box: which Gaussians are drawn by where their centres lie.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
-    /// What it encloses is what all of these do: one for a plane, six for a box.
+    /// The enclosed region is their intersection: one for a plane, six for a box.
     pub sides: Vec<HalfSpace>,
     /// Whether what it encloses is drawn, or all else.
     pub keep_inside: bool,

@@ -35,7 +35,7 @@ pub struct Camera {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Light {
-    /// Where light comes from.
+    /// The light mode.
     pub mode: LightMode,
     /// For `direction`: from the surface to the light, in the scene frame, of any length.
     pub direction: [f32; 3],
@@ -55,7 +55,7 @@ impl Default for Light {
     }
 }
 
-/// Where light comes from.
+/// The light mode.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightMode {
@@ -74,7 +74,7 @@ pub enum CameraError {
     Read {
         /// The file.
         path: String,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file is not a camera.
@@ -82,7 +82,7 @@ pub enum CameraError {
     Parse {
         /// The file.
         path: String,
-        /// Where and why.
+        /// The parser's place and cause.
         source: serde_json::Error,
     },
     /// A number makes no picture.
@@ -92,9 +92,9 @@ pub enum CameraError {
         path: String,
         /// The key.
         field: &'static str,
-        /// What stands there.
+        /// The finding.
         found: String,
-        /// What would work.
+        /// The remedy.
         want: &'static str,
     },
 }
@@ -102,7 +102,7 @@ pub enum CameraError {
 impl Camera {
     /// A camera at `eye` that looks at `target`, with a vertical field of view in degrees.
     ///
-    /// `up` is the scene direction that points up in the picture; where it is parallel to the view another is taken.
+    /// `up` is the scene direction that points up in the picture. If it is parallel to the view, another is taken.
     #[must_use]
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, fov_y_degrees: f64, width: u32, height: u32) -> Self {
         let z = (target - eye).try_normalize().unwrap_or(DVec3::Z);
@@ -129,7 +129,7 @@ impl Camera {
         DMat4::from_cols_array(&self.world_to_camera).transpose()
     }
 
-    /// Where the eye is, in the scene frame.
+    /// Position of the eye in the scene frame.
     #[must_use]
     pub fn eye(&self) -> DVec3 {
         self.view().inverse().transform_point3(DVec3::ZERO)

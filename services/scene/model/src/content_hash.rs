@@ -10,7 +10,7 @@ const _: () = assert!(cfg!(target_endian = "little"), "content hashes are those 
 impl Scene {
     /// BLAKE3 over the columns, bit for bit, and over how units divide and place them.
     ///
-    /// What editing changes or people name is left out: names, paths, palettes, opacity factors, shading models, the box.
+    /// It leaves out edited values and names: paths, palettes, opacity factors, shading models, the box.
     #[must_use]
     pub fn content_hash(&self) -> blake3::Hash {
         let mut hasher = blake3::Hasher::new_derive_key("supergaussian scene content 1");

@@ -1,10 +1,34 @@
 //! The scene of editable Gaussians: columns, base units, appearance, masks, camera and framing.
 //!
-//! Pure data and pure functions: nothing here reads files, knows messages or draws.
+//! Pure data and pure functions, without messages and drawing. Only camera files are read here.
+//!
+//! ```
+//! use glam::{DVec3, Vec3};
+//! use sg_scene::model::{Gaussians, Scene};
+//! use sg_scene::synthetic::unit_of;
+//!
+//! // Two base units of one Gaussian each.
+//! let gaussian = |center: Vec3| Gaussians {
+//!     position: vec![center],
+//!     rotation: vec![[1.0, 0.0, 0.0, 0.0]],
+//!     log_scale: vec![Vec3::splat(-2.0)],
+//!     opacity_logit: vec![0.0],
+//!     ..Gaussians::default()
+//! };
+//! let units = vec![unit_of(gaussian(Vec3::ZERO)), unit_of(gaussian(Vec3::new(1.0, 2.0, 3.0)))];
+//!
+//! // The scene numbers all Gaussians one after another; its box holds all centres.
+//! let scene = Scene::compose(units, None);
+//! assert_eq!(scene.len(), 2);
+//! assert_eq!(scene.units[1].range(), 1..2);
+//! assert_eq!((scene.bounds.min, scene.bounds.max), (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0)));
+//! ```
 
 pub mod appearance;
 pub mod camera;
+pub mod camera_motion;
 mod content_hash;
+pub mod framing;
 pub mod mask;
 pub mod model;
 pub mod symmetric3;

@@ -9,8 +9,8 @@ pub struct Mask {
 
 /// Bytes that are no mask of the stated length.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("a mask of {len} Gaussians takes {expected} bytes with zero bits past the end, not these {found}")]
-pub struct MaskBytes {
+#[error("a mask of {len} Gaussians takes {expected} bytes with zero bits past the end; found {found} bytes")]
+pub struct MaskBytesError {
     /// Stated number of Gaussians.
     pub len: usize,
     /// Bytes needed.
@@ -82,7 +82,7 @@ impl Mask {
         }
     }
 
-    /// How many Gaussians are selected.
+    /// Number of selected Gaussians.
     #[must_use]
     pub fn count(&self) -> usize {
         self.words.iter().map(|w| w.count_ones() as usize).sum()
@@ -105,7 +105,7 @@ impl Mask {
         })
     }
 
-    /// Selects a range of Gaussians; what lies past the end is left out.
+    /// Selects a range of Gaussians, clamped to the mask's length.
     pub fn select_range(&mut self, range: std::ops::Range<usize>) {
         let (start, end) = (range.start, range.end.min(self.len));
         for (k, word) in self.words.iter_mut().enumerate().take(end.div_ceil(64)).skip(start / 64) {
@@ -170,9 +170,9 @@ impl Mask {
     /// The mask of packed bits.
     ///
     /// # Errors
-    /// [`MaskBytes`] if the number of bytes is not `len.div_ceil(8)` or a bit past the end is set.
-    pub fn from_bytes(len: usize, bytes: &[u8]) -> Result<Self, MaskBytes> {
-        let wrong = MaskBytes { len, expected: len.div_ceil(8), found: bytes.len() };
+    /// [`MaskBytesError`] if the number of bytes is not `len.div_ceil(8)` or a bit past the end is set.
+    pub fn from_bytes(len: usize, bytes: &[u8]) -> Result<Self, MaskBytesError> {
+        let wrong = MaskBytesError { len, expected: len.div_ceil(8), found: bytes.len() };
         if bytes.len() != len.div_ceil(8) {
             return Err(wrong);
         }

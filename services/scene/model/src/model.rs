@@ -1,7 +1,7 @@
 //! The struct-of-arrays model of an editable-Gaussian scene.
 //!
-//! Columns hold what the files hold (logit of the opacity, logarithm of the scale, quaternion of any length), so that a
-//! scene that is read and written again keeps its bits. The `…` accessors return the activated values.
+//! Columns hold the values of the files: logit of the opacity, logarithm of the scale, quaternion of any length. A
+//! scene that is read and written keeps its bits. The `…` accessors return the activated values.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -116,8 +116,8 @@ impl Gaussians {
         self.log_scale[i].exp()
     }
 
-    /// Unit rotation of Gaussian `i` (own axes to local frame) in f64; the identity where the stored quaternion is zero or
-    /// not finite. The length is taken out in f64, so that denormal and huge quaternions keep their direction.
+    /// Unit rotation of Gaussian `i` (own axes to local frame) in f64. A zero or non-finite quaternion gives the
+    /// identity. The length is taken out in f64, so that denormal and huge quaternions keep their direction.
     #[must_use]
     pub fn unit_rotation(&self, i: usize) -> DQuat {
         let [w, x, y, z] = self.rotation[i].map(f64::from);
@@ -218,7 +218,7 @@ pub struct ColumnLength {
     pub expected: usize,
 }
 
-/// How Gaussians are shaded before they are blended.
+/// The shading model of Gaussians before blending.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShadingModel {
@@ -231,7 +231,7 @@ pub enum ShadingModel {
     IvrgsViewer,
 }
 
-/// How the stored shading columns of a unit's file are to be activated.
+/// The activation of the stored shading columns of a unit's file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Convention {
@@ -291,7 +291,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Puts units one after another, setting each unit's first index, with the given stored box or else the box of all
+    /// Puts units one after another and sets each unit's first index. Without a stored box, the box is that of all
     /// finite centres without unit transforms.
     #[must_use]
     pub fn compose(mut units: Vec<BaseUnit>, bounds: Option<SceneBox>) -> Self {

@@ -1,26 +1,23 @@
-//! The shared viewpoint: framing, orbiting, zooming. Scene coordinates, angles in degrees.
+//! The viewpoint of a scene: sides, orbit, zoom. Scene coordinates, angles in degrees.
 
 use glam::{DQuat, DVec2, DVec3};
 
 use crate::camera::Camera;
-use crate::mask::Mask;
-use crate::model::{Scene, SceneBox};
+use crate::model::SceneBox;
 
-/// Vertical field of view of the first look at a scene, degrees.
+/// Vertical field of view of the first views, degrees.
 pub const FIELD_OF_VIEW: f64 = 40.0;
-/// Share of a square picture's half width that a framed box leaves free.
+/// Share of the picture's half width and height that a framed box leaves free.
 pub const MARGIN: f64 = 0.05;
-/// How near an orbit comes to the poles of the up direction, degrees.
+/// Smallest angle between an orbit and the poles of the up direction, degrees.
 const POLE_GAP: f64 = 1.0;
-/// Share of the weight that is taken for strays at either end of each axis when members are framed.
-const STRAYS: f64 = 0.01;
 
-/// From where the scene is looked at.
+/// The viewpoint of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// Where the eye is.
+    /// Position of the eye, scene coordinates.
     pub eye: DVec3,
-    /// What it looks at: the middle of the picture and the centre of orbits.
+    /// The middle of the picture and the centre of orbits.
     pub target: DVec3,
     /// Which scene direction is up in the picture, of any length.
     pub up: DVec3,
@@ -46,7 +43,8 @@ pub enum Side {
 }
 
 impl Side {
-    /// Direction from the eye to the scene, and what is up in the picture; +x is to the right from front, top and bottom.
+    /// Direction from the eye to the scene, and the direction up in the picture. From front, top and bottom, +x is to
+    /// the right.
     #[must_use]
     pub fn direction_and_up(self) -> (DVec3, DVec3) {
         match self {
@@ -60,14 +58,14 @@ impl Side {
     }
 }
 
-/// A viewpoint that shows nothing.
+/// An invalid viewpoint.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ViewError {
     /// A number is NaN or infinite.
     #[error("a view's numbers must be finite")]
     NotFinite,
     /// The eye is at the target.
-    #[error("the eye is where it looks at; put them apart")]
+    #[error("the eye and its target coincide; put them apart")]
     NoDirection,
     /// The up direction is zero or along the line of sight.
     #[error("the up direction is zero or along the line of sight; give another")]
@@ -84,8 +82,9 @@ pub enum ViewError {
 }
 
 impl View {
-    /// The nearest view along `direction` (from the eye to the scene) at the middle of a box that has all of the box in a
-    /// square picture with [`MARGIN`] to spare. A box without extent is framed as a unit cube.
+    /// The nearest view along `direction` (from the eye to the scene) that shows all of a box in a square picture. The
+    /// picture has [`MARGIN`] to spare; the view targets the middle of the box. A box without extent is framed as a
+    /// unit cube.
     #[must_use]
     pub fn framing(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64) -> Self {
         let middle = 0.5 * (bounds.min + bounds.max);
@@ -113,8 +112,8 @@ impl View {
         Self::framing(bounds, direction, up, fov_y_degrees)
     }
 
-    /// The eye carried about the target: by `azimuth` about the up direction, positive to the eye's right, and by
-    /// `elevation` upwards, stopping a degree short of the poles.
+    /// The eye rotated about the target. `azimuth` turns about the up direction, positive to the eye's right.
+    /// `elevation` turns upwards and stops a degree short of the poles.
     #[must_use]
     pub fn orbited(&self, azimuth: f64, elevation: f64) -> Self {
         let offset = self.eye - self.target;
@@ -181,77 +180,9 @@ impl View {
     }
 }
 
-/// The box that is framed when the whole scene is looked at.
-///
-/// A scene from a volume is framed by its stored box. A trained scene has strays that would make all else tiny, and the
-/// stored box knows nothing of unit transforms: there it is [`robust_bounds`] of everything.
-#[must_use]
-pub fn framed_box(scene: &Scene) -> SceneBox {
-    let placed = scene.units.iter().any(|u| u.transform != glam::DMat4::IDENTITY);
-    let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
-    if from_volume && !placed {
-        scene.bounds
-    } else {
-        robust_bounds(scene, &Mask::full(scene.len())).unwrap_or(scene.bounds)
-    }
-}
-
-/// The box that holds all but the outermost `STRAYS` of the members' visible weight (opacity × squared mean scale) on
-/// either side of each axis, widened by twice their weighted mean scale. Scene coordinates, with unit transforms; `None`
-/// where no member is visible anywhere.
-#[must_use]
-pub fn robust_bounds(scene: &Scene, members: &Mask) -> Option<SceneBox> {
-    struct Weighted {
-        position: DVec3,
-        weight: f64,
-    }
-    let mut weighted = Vec::new();
-    let (mut total, mut spread) = (0.0, 0.0);
-    for unit in &scene.units {
-        let stretch = glam::DMat3::from_mat4(unit.transform).determinant().abs().cbrt();
-        for local in (0..unit.gaussians.len()).filter(|local| members.get(unit.first + local)) {
-            let position = unit.transform.transform_point3(unit.gaussians.position[local].as_dvec3());
-            let scale = stretch * unit.gaussians.scale(local).as_dvec3().element_sum() / 3.0;
-            let weight = f64::from(unit.gaussians.opacity(local)) * scale * scale;
-            if position.is_finite() && weight.is_finite() && weight > 0.0 {
-                total += weight;
-                spread += weight * scale;
-                weighted.push(Weighted { position, weight });
-            }
-        }
-    }
-    if total <= 0.0 {
-        return None;
-    }
-    let mut bounds = SceneBox { min: DVec3::ZERO, max: DVec3::ZERO };
-    for axis in 0..3 {
-        // A stable sort: equal coordinates keep the order of the scene, so that sums are the same everywhere.
-        weighted.sort_by(|a, b| a.position[axis].total_cmp(&b.position[axis]));
-        let reach = |order: &mut dyn Iterator<Item = &Weighted>| {
-            let mut passed = 0.0;
-            let mut at = 0.0;
-            for w in order {
-                at = w.position[axis];
-                passed += w.weight;
-                if passed >= STRAYS * total {
-                    break;
-                }
-            }
-            at
-        };
-        bounds.min[axis] = reach(&mut weighted.iter());
-        bounds.max[axis] = reach(&mut weighted.iter().rev());
-    }
-    let pad = DVec3::splat(2.0 * spread / total);
-    // With one heavy member the ends can cross; its own place is then the box.
-    let (min, max) = (bounds.min.min(bounds.max) - pad, bounds.min.max(bounds.max) + pad);
-    (min.is_finite() && max.is_finite()).then_some(SceneBox { min, max })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::test_scene;
     use proptest::prelude::*;
 
     fn corners(b: SceneBox) -> impl Iterator<Item = DVec3> {
@@ -318,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn zoom_halves_the_distance_and_refuses_what_shows_nothing() {
+    fn zoom_halves_the_distance_and_invalid_views_are_refused() {
         let view = View { eye: DVec3::new(0.0, -4.0, 0.0), target: DVec3::ZERO, up: DVec3::Z, fov_y_degrees: 40.0 };
         assert_eq!(view.zoomed(2.0, 1.0).unwrap().eye, DVec3::new(0.0, -2.0, 0.0));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300, 1e-300] {
@@ -328,26 +259,5 @@ mod tests {
         assert_eq!(View { up: DVec3::Y, ..view }.check(), Err(ViewError::NoUp));
         assert_eq!(View { fov_y_degrees: 0.5, ..view }.check(), Err(ViewError::FieldOfView(0.5)));
         assert_eq!(View { up: DVec3::NAN, ..view }.check(), Err(ViewError::NotFinite));
-    }
-
-    #[test]
-    fn strays_do_not_move_the_frame() {
-        let mut scene = test_scene(&[("cloud", 400)]);
-        let all = Mask::full(scene.len());
-        let before = robust_bounds(&scene, &all).unwrap();
-        scene.units[0].gaussians.position[7] = glam::Vec3::splat(1e6);
-        scene.units[0].gaussians.position[8] = glam::Vec3::splat(f32::NAN);
-        let after = robust_bounds(&scene, &all).unwrap();
-        assert!((after.max - before.max).length() < 0.2 * before.size().length(), "{before:?} {after:?}");
-        assert_eq!(robust_bounds(&scene, &Mask::empty(400)), None);
-    }
-
-    #[test]
-    fn one_member_is_framed_by_its_own_size() {
-        let scene = test_scene(&[("cloud", 10)]);
-        let bounds = robust_bounds(&scene, &Mask::from_fn(10, |i| i == 3)).unwrap();
-        let middle = 0.5 * (bounds.min + bounds.max);
-        assert!((middle - scene.position(3).unwrap()).length() < 1e-9);
-        assert!(bounds.longest_edge() > 0.0);
     }
 }

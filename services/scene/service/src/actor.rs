@@ -1,4 +1,4 @@
-//! The process that owns the scene of a session: commands in, events out.
+//! The actor that owns the scene of a session: commands in, events out.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,9 +13,9 @@ use sg_formats::files::files_of;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, State};
-use sg_runtime::actor::{Actor, ActorError, Reply};
+use sg_runtime::actor::{Actor, Reply};
 use sg_runtime::blobs::{BlobError, Blobs};
-use sg_runtime::bus::{Bus, RetainedValue};
+use sg_runtime::bus::{Bus, Owned};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{self, Host, ServeArgs, StartError};
@@ -27,26 +27,26 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::OnceCell;
 use tokio::task::block_in_place;
 
-/// Requests that may wait: a person's edits and a burst of brush strokes.
+/// Capacity of the request queue: edits and a burst of brush strokes.
 const QUEUE: usize = 64;
 /// The project of a session that names none, in its folder.
 const DEFAULT_PROJECT: &str = "session.sgproj";
-/// How long the actor may take to change over to the role's project.
-const TAKING_OVER: Duration = Duration::from_secs(10);
+/// Time limit for the change to the role's project.
+const TAKE_OVER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Warnings of a scene file that are logged one by one.
-const WARNINGS: usize = 20;
+const MAX_LOGGED_WARNINGS: usize = 20;
 
 /// Parameters from the launch file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Params {
-    /// The scene: whatever `supergaussian scene info` reads.
+    /// The scene file or folder.
     scene: PathBuf,
     /// The project file, made where there is none.
     project: Option<PathBuf>,
 }
 
-/// Serves the scene of a session until told to stop.
+/// Serves the scene of a session until shutdown.
 pub(crate) fn serve(args: ServeArgs) -> ExitCode {
     process::run(args, env!("CARGO_PKG_VERSION"), load)
 }
@@ -55,13 +55,13 @@ async fn load(host: Host) -> Result<(), StartError> {
     if host.role() != role::SCENE {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SCENE)));
     }
-    refuse_what_finds_no_room()?;
+    turn_file_size_signal_into_error()?;
     let params: Params = host.params()?;
     let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
-    let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), told: OnceCell::new() });
-    // Who stands by works on a project of its own: the role's belongs to whoever has the role.
-    let (project, scratch) = if host.is_standby() {
+    let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), listed: OnceCell::new() });
+    // A standby process works on a temporary project: the active process holds the role's project.
+    let (project, scratch) = if host.stands_by() {
         let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
         let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
         let file = scratch.path().join(DEFAULT_PROJECT);
@@ -71,16 +71,16 @@ async fn load(host: Host) -> Result<(), StartError> {
     };
 
     let outline = project.editor().message(false);
-    let state = host.bus().retain(&keys::SCENE_STATE, outline).await?;
+    let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
     let mut owner = Owner { bus: host.bus().clone(), project, state, _scratch: scratch };
-    if !host.is_standby() {
-        owner.tell_last().await?;
+    if !host.stands_by() {
+        owner.republish_last().await?;
     }
     let (mailbox, _) = host.spawn(owner, QUEUE);
     let promoted = mailbox.clone();
     host.before_promotion(move || async move {
         let project = block_in_place(|| open(&scene, &scene_path, &path))?;
-        let deadline = Instant::now() + TAKING_OVER;
+        let deadline = Instant::now() + TAKE_OVER_TIMEOUT;
         Ok(promoted.ask(deadline, |reply| Message::TakeOver { project: Box::new(project), reply }).await?)
     });
     let commands = mailbox.clone();
@@ -97,24 +97,24 @@ async fn load(host: Host) -> Result<(), StartError> {
     let blobs = host.blobs().clone();
     host.serve(&keys::SCENE_FILES, QUEUE, move |_: FilesRequest, _| {
         let (files, blobs) = (Arc::clone(&files), blobs.clone());
-        async move { files.tell(&blobs).await }
+        async move { files.offer(&blobs).await }
     })
     .await?;
     host.serve_content(&keys::SCENE_CONTENT).await?;
     Ok(())
 }
 
-/// The files of the geometry for readers on other machines; read once, when the first of them asks.
+/// The files of the geometry for readers on other machines; listed at the first request.
 struct FileList {
     scene: Arc<Scene>,
     path: String,
-    told: OnceCell<Files>,
+    listed: OnceCell<Files>,
 }
 
 impl FileList {
-    async fn tell(&self, blobs: &Blobs) -> Result<Files, Fault> {
-        let told = self.told.get_or_try_init(|| std::future::ready(block_in_place(|| self.list(blobs))));
-        told.await.cloned()
+    async fn offer(&self, blobs: &Blobs) -> Result<Files, Fault> {
+        let listed = self.listed.get_or_try_init(|| std::future::ready(block_in_place(|| self.list(blobs))));
+        listed.await.cloned()
     }
 
     fn list(&self, blobs: &Blobs) -> Result<Files, Fault> {
@@ -128,21 +128,22 @@ impl FileList {
     }
 }
 
-/// A write over the limit on the size of files becomes an error, as on a full disk, rather than the end of the process.
-fn refuse_what_finds_no_room() -> Result<(), StartError> {
+/// Turns a write beyond the file-size limit into an error, as on a full disk, instead of a signal that ends the
+/// process.
+fn turn_file_size_signal_into_error() -> Result<(), StartError> {
     let kind = SignalKind::from_raw(Signal::SIGXFSZ as i32);
-    // What counts is that the signal is taken; nobody need hear of it.
+    // Taking the signal is enough; its arrival needs no action.
     signal(kind).map(drop).map_err(|e| StartError::Failed(format!("SIGXFSZ cannot be taken: {e}")))
 }
 
-/// The scene's Gaussians and the path of their file, for whoever has another working folder.
+/// The scene's Gaussians and the absolute path of their file.
 fn read(path: &Path) -> Result<(Arc<Scene>, String), StartError> {
     let begun = Instant::now();
     let loaded = sg_formats::load(path, &LoadOptions::default()).map_err(|e| StartError::Input(e.to_string()))?;
-    for warning in loaded.warnings.iter().take(WARNINGS) {
+    for warning in loaded.warnings.iter().take(MAX_LOGGED_WARNINGS) {
         tracing::warn!("{warning}");
     }
-    if let Some(more) = loaded.warnings.len().checked_sub(WARNINGS).filter(|n| *n > 0) {
+    if let Some(more) = loaded.warnings.len().checked_sub(MAX_LOGGED_WARNINGS).filter(|n| *n > 0) {
         tracing::warn!("{more} more warnings; `supergaussian scene info` lists them all");
     }
     let absolute = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string();
@@ -168,7 +169,7 @@ fn start_error(error: &JournalError) -> StartError {
     if error.is_input() { StartError::Input(error.to_string()) } else { StartError::Failed(error.to_string()) }
 }
 
-/// What the owner is asked.
+/// Requests to the owner.
 enum Message {
     Apply {
         command: Command,
@@ -180,7 +181,7 @@ enum Message {
         context: Context,
         reply: Reply<Changes>,
     },
-    /// The role is granted: from now on this project.
+    /// The process was promoted and takes this project.
     TakeOver {
         project: Box<Project>,
         reply: Reply<()>,
@@ -191,20 +192,20 @@ enum Message {
 struct Owner {
     bus: Bus,
     project: Project,
-    state: RetainedValue<State>,
-    /// Where the project is that it works on while it stands by.
+    state: Owned<State>,
+    /// The temporary folder of the project of a standby process.
     _scratch: Option<TempDir>,
 }
 
-/// One line on the scene for the process's health.
+/// The scene's line in the health report.
 #[derive(Debug, Clone)]
-struct Seen {
+struct SceneHealth {
     revision: u64,
     units: usize,
     selected: usize,
 }
 
-impl fmt::Display for Seen {
+impl fmt::Display for SceneHealth {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { revision, units, selected } = self;
         write!(f, "revision {revision}, {units} editable units, {selected} Gaussians selected")
@@ -212,9 +213,8 @@ impl fmt::Display for Seen {
 }
 
 impl Owner {
-    /// Tells the last event again: the last life may have ended between keeping it and telling it. Who has it passes over
-    /// it.
-    async fn tell_last(&mut self) -> Result<(), StartError> {
+    /// Republishes the last event: the process may have crashed before publishing it. Readers ignore a repeated event.
+    async fn republish_last(&mut self) -> Result<(), StartError> {
         if let Some(event) = self.project.last_event().map_err(|e| start_error(&e))? {
             self.announce(&event, &Context::root()).await;
         }
@@ -225,23 +225,23 @@ impl Owner {
         self.project = project;
         let outline = self.project.editor().message(false);
         self.state.set(outline, &Context::root()).await?;
-        self.tell_last().await.map_err(|e| Fault::internal(e.to_string()))
+        self.republish_last().await.map_err(|e| Fault::internal(e.to_string()))
     }
 
-    /// Tells readers of an event that is durable, and replaces the newest state.
+    /// Publishes a durable event and the newest state.
     async fn announce(&mut self, event: &Event, context: &Context) {
-        let told = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
-        let shown = self.state.set(self.project.editor().message(false), &context.next()).await;
-        // Readers notice a gap by the revision; what is durable is not taken back because somebody did not hear of it.
-        for fault in [told, shown].into_iter().filter_map(Result::err) {
-            tracing::warn!(revision = event.revision, %fault, "an accepted change could not be told");
+        let published = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
+        let retained = self.state.set(self.project.editor().message(false), &context.next()).await;
+        // Readers notice a gap by the revision. A durable change stays, even if its publication failed.
+        for fault in [published, retained].into_iter().filter_map(Result::err) {
+            tracing::warn!(revision = event.revision, %fault, "an accepted change could not be published");
         }
     }
 
     async fn apply(&mut self, command: &Command, context: &Context) -> Result<CommandResult, Fault> {
         let outcome = block_in_place(|| self.project.apply(command)).map_err(|error| {
             if let ProjectError::Journal(error) = &error {
-                tracing::error!(command = command.id, %error, "a command could not be kept");
+                tracing::error!(command = command.id, %error, "a command could not be stored");
             }
             fault(&error)
         })?;
@@ -268,21 +268,25 @@ fn fault(error: &ProjectError) -> Fault {
 
 impl Actor for Owner {
     type Message = Message;
-    type State = Seen;
+    type State = SceneHealth;
 
     fn name(&self) -> &'static str {
         "scene"
     }
 
-    fn state(&self) -> Seen {
+    fn state(&self) -> SceneHealth {
         let state = self.project.editor().state();
-        Seen { revision: state.revision(), units: state.units().count(), selected: state.selection().mask().count() }
+        SceneHealth {
+            revision: state.revision(),
+            units: state.units().count(),
+            selected: state.selection().mask().count(),
+        }
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
-        // A reply that nobody waits for any more is no failure: the same id asked again finds the stored result.
+    async fn handle(&mut self, message: Message) -> Result<(), String> {
+        // A lost reply is no failure: a repeated id finds the stored result.
         match message {
-            // What has waited past its deadline is not begun: its sender has given up or will ask again.
+            // An expired request is dropped: its sender has given up or will repeat it.
             Message::Apply { context, .. } | Message::Changes { context, .. } if context.remaining().is_zero() => {}
             Message::Apply { command, context, reply } => {
                 let _ = reply.send(self.apply(&command, &context).await);

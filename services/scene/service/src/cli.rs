@@ -1,4 +1,4 @@
-//! The offline subcommands: what they are asked, what they print.
+//! The offline subcommands.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -9,29 +9,27 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use glam::Vec3;
 use serde::Serialize;
-use sg_formats::format::{Format, Warning};
-use sg_formats::save::SaveError;
 use sg_formats::summary::Summary;
-use sg_formats::{LoadOptions, Loaded, SaveOptions};
+use sg_formats::{Format, LoadOptions, Loaded, SaveError, SaveOptions, Warning};
 use sg_formats::{load, save};
 use sg_scene::model::{Convention, SceneBox, ShadingModel};
 
 /// Subcommands that work on files alone.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Tells what a scene holds: counts, bounds, attributes, conventions, warnings.
+    /// Prints counts, bounds, attributes, conventions and warnings of a scene.
     ///
     /// Example: supergaussian scene info bonsai/scene.toml --json
     Info(Info),
     /// Writes a scene in another format, chosen by the output's extension.
     ///
-    /// `.toml` keeps everything, with one PLY for each base unit; `.ply` is an editable unit or 3DGS; `.compressed.ply` is
-    /// SuperSplat's; a folder with --format ivrgs is iVR-GS's. Turning an editable scene into 3DGS bakes palette + offset
-    /// colour; turning 3DGS into an editable scene makes it unlit (ka 1, kd 0, ks 0), with the shortest axes as normals.
+    /// `--format` lists the formats. `.ply` becomes an editable unit or 3DGS. A folder needs `--format ivrgs`. An
+    /// editable scene becomes 3DGS with baked colours, palette + offset. A 3DGS scene becomes an editable one that is
+    /// unlit (ka 1, kd 0, ks 0), with the shortest axes as normals.
     ///
     /// Example: supergaussian scene convert bonsai/scene.toml bonsai.compressed.ply
     Convert(Convert),
@@ -39,7 +37,7 @@ pub(crate) enum Command {
 
 #[derive(Debug, Args)]
 pub(crate) struct Info {
-    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    /// A Gaussian file (.ply, .splat), a scene.toml, or an iVR-GS output folder.
     file: PathBuf,
     #[command(flatten)]
     reading: Reading,
@@ -50,11 +48,11 @@ pub(crate) struct Info {
 
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
-    /// A Gaussian file, a scene.toml, or an iVR-GS output folder.
+    /// A Gaussian file (.ply, .splat), a scene.toml, or an iVR-GS output folder.
     input: PathBuf,
     /// The file to write, or a folder for iVR-GS.
     output: PathBuf,
-    /// The format to write; by default the extension says.
+    /// The format to write; by default the ending decides.
     #[arg(long, visible_alias = "to", value_parser = formats())]
     format: Option<Format>,
     #[command(flatten)]
@@ -70,10 +68,10 @@ pub(crate) struct Convert {
     json: bool,
 }
 
-/// What the caller knows better than the files.
+/// Properties that override those of the files.
 #[derive(Debug, Args)]
 struct Reading {
-    /// Activation of the input's shading columns; by default the file says, or it is guessed.
+    /// Activation of the input's shading columns; by default the file names it, or it is guessed.
     #[arg(long, value_parser = conventions())]
     convention: Option<Convention>,
     /// Shading model of all units.
@@ -91,7 +89,9 @@ impl Reading {
 }
 
 fn formats() -> impl TypedValueParser<Value = Format> {
-    PossibleValuesParser::new(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>())
+    let values = Format::all().filter(|f| f.is_writable());
+    let values = values.map(|f| PossibleValue::new(f.name()).help(f.description()));
+    PossibleValuesParser::new(values).try_map(|name| name.parse::<Format>())
 }
 
 fn conventions() -> impl TypedValueParser<Value = Convention> {
@@ -151,18 +151,18 @@ fn info(arguments: &Info) -> ExitCode {
     if arguments.json {
         return print_json(&report);
     }
-    tell(&report, &loaded);
+    print_info(&report, &loaded);
     ExitCode::SUCCESS
 }
 
-fn tell(report: &InfoReport<'_>, loaded: &Loaded) {
+fn print_info(report: &InfoReport<'_>, loaded: &Loaded) {
     let Summary { gaussians, bounds, content_hash, units } = &report.summary;
     eprintln!("{}: {}, {gaussians} Gaussians, {} base units", report.file.display(), report.format, units.len());
-    eprintln!("  box           {}", words(bounds));
+    eprintln!("  box           {}", format_box(bounds));
     eprintln!("  content hash  {content_hash}");
     for (unit, format) in units.iter().zip(report.unit_formats) {
         eprintln!("  unit `{}`: {format}, {} Gaussians from index {}", unit.name, unit.gaussians, unit.first);
-        eprintln!("    bounds      {}", words(&unit.bounds));
+        eprintln!("    bounds      {}", format_box(&unit.bounds));
         let harmonics = unit.harmonics_degree.map_or(String::new(), |d| format!(" (degree {d})"));
         eprintln!("    attributes  {}{harmonics}", unit.attributes.join(" "));
         if !unit.extra.is_empty() {
@@ -171,14 +171,14 @@ fn tell(report: &InfoReport<'_>, loaded: &Loaded) {
         }
         let [r, g, b] = unit.palette;
         eprintln!("    palette     {r} {g} {b}, opacity factor {}", unit.opacity);
-        let oriented = if unit.oriented_normals { "oriented normals" } else { "normals of no particular side" };
+        let oriented = if unit.oriented_normals { "oriented normals" } else { "unoriented normals" };
         eprintln!("    drawn       {:?}, stored {:?}, {oriented}", unit.shading, unit.convention);
     }
     eprintln!("  read in {:.3} s", report.read_seconds);
     warn(&loaded.warnings);
 }
 
-fn words(b: &SceneBox) -> String {
+fn format_box(b: &SceneBox) -> String {
     let corner = |p: glam::DVec3| format!("({:.6} {:.6} {:.6})", p.x, p.y, p.z);
     format!("{} to {}", corner(b.min), corner(b.max))
 }
@@ -241,7 +241,7 @@ fn convert(arguments: &Convert) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// A scene file names transfer functions relative to itself: one that is written elsewhere names them in full.
+/// Scene files name transfer functions by relative paths; in another folder these become absolute.
 fn keep_transfer_functions(loaded: &mut Loaded, input: &Path, output: &Path) {
     let folder = |path: &Path| {
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -1,9 +1,9 @@
-//! The project file: every accepted command of a scene, durable before anybody hears of it.
+//! The project file: every accepted command of a scene, stored before its event is published.
 //!
-//! SQLite in WAL mode with `synchronous = FULL`. A row of `commands` is one accepted command with its result, its event and
-//! the values before it; `snapshots` holds the state as it was opened (revision 0) and the newest checkpoint, from which
-//! start-up replays the few rows that follow. Rows carry a checksum of their content. The file is locked for as long as it
-//! is open, and freed by the system when its process dies.
+//! SQLite in WAL mode with `synchronous = FULL`. A row of `commands` is one accepted command with its result, its event
+//! and the values before it. `snapshots` holds the opened state (revision 0) and the newest checkpoint. Start-up
+//! replays the rows after the checkpoint. Rows carry a checksum of their content. The file is locked while it is open.
+//! The system frees it when its process dies.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -32,7 +32,7 @@ const SCHEMA: i64 = 1;
 const APPLICATION: i64 = 0x5347_504a;
 /// Accepted commands from one checkpoint to the next.
 const CHECKPOINT_EVERY: u64 = 64;
-/// How long another process may hold the file before opening is given up.
+/// Time limit for a lock of another process.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 const TABLES: &str = "
@@ -67,7 +67,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens a project, or makes it where there is none, and the editor as it was after the last accepted command.
+    /// Opens or creates a project, and restores the editor after the last accepted command.
     ///
     /// `opened` is the state of the scene as its files say. A project keeps the looks that the scene had when the project
     /// was made.
@@ -104,8 +104,8 @@ impl Journal {
         &self.path
     }
 
-    /// Settings of the connection. Nothing is written before the file has been recognized: the lock and the way of
-    /// journaling come first because SQLite takes them from the first access on.
+    /// Settings of the connection. Nothing is written before the file is recognized. The lock and the journal mode come
+    /// first, because SQLite fixes them at the first access.
     fn prepare(&self) -> rusqlite::Result<()> {
         self.connection.busy_timeout(PATIENCE)?;
         self.connection.pragma_update(None, "locking_mode", "EXCLUSIVE")?;
@@ -257,7 +257,7 @@ impl Journal {
         self.transaction(|t| row.insert(t))
     }
 
-    /// Stores the state if enough commands were accepted since it was stored last, so that the next start is fast.
+    /// Stores a checkpoint after enough commands, so that the next start is fast.
     ///
     /// # Errors
     /// [`JournalError`]; nothing is lost by that but the next start's speed.

@@ -19,7 +19,7 @@ struct Arguments {
 enum Command {
     #[command(flatten)]
     Offline(cli::Command),
-    /// Owns the scene of a running session: carries commands out, keeps them, tells of them
+    /// Owns the scene of a running session: applies commands, stores them and publishes events
     #[command(after_help = EXAMPLE)]
     Serve(ServeArgs),
 }

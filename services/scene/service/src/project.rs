@@ -1,4 +1,4 @@
-//! A scene with its project: commands are carried out once, durably, and readers get what they missed.
+//! A scene with its project: applies each command once, stores it, and serves missed changes.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -58,9 +58,9 @@ impl ProjectError {
 /// An accepted command.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// The answer to who asked.
+    /// The result for the sender.
     pub result: CommandResult,
-    /// What to tell readers; none where the command had been carried out before.
+    /// The event to publish; `None` for a repeated command.
     pub event: Option<Event>,
 }
 
@@ -87,7 +87,7 @@ impl Project {
         &self.journal
     }
 
-    /// Carries a command out at most once: the same id again returns the stored result, also after a restart. When this
+    /// Applies a command at most once: the same id again returns the stored result, also after a restart. When this
     /// returns an outcome, it survives a crash.
     ///
     /// # Errors
@@ -103,7 +103,8 @@ impl Project {
         Ok(Outcome { result: applied.result, event: Some(applied.event) })
     }
 
-    /// Stores the whole state now and then, so that the next start is fast. Call it after commands, when nobody waits.
+    /// Stores the whole state now and then, so that the next start is fast. Call it after commands, outside of a
+    /// request.
     ///
     /// # Errors
     /// [`JournalError`]; nothing is lost by that but the next start's speed.
@@ -111,7 +112,7 @@ impl Project {
         self.journal.checkpoint_if_due(&self.editor)
     }
 
-    /// What a reader at `request.from` has missed: all events where they fit one message, else the whole state.
+    /// The changes since revision `request.from`: all events if they fit one message, else the whole state.
     ///
     /// # Errors
     /// [`JournalError`].
@@ -132,7 +133,7 @@ impl Project {
         Ok(Changes { revision, events: Vec::new(), snapshot: Some(self.editor.message(true)) })
     }
 
-    /// The last event: told again after a start, because a crash may have come between making it durable and telling it.
+    /// The last event. Start-up republishes it: a crash may have come before its publication.
     ///
     /// # Errors
     /// [`JournalError`].

@@ -1,4 +1,4 @@
-//! The executable: exit status, what goes to which stream, what is left on disk.
+//! The executable: exit status, output streams, files on disk.
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
@@ -52,7 +52,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn info_reports_what_a_file_holds() {
+fn info_reports_the_content_of_a_file() {
     let folder = folder();
     let output = run(folder.path(), &["info", "a.ply", "--json"]);
     let (status, _, stderr) = words(&output);
@@ -97,6 +97,7 @@ fn convert_goes_by_extension_and_back() {
         ("float.ply", "ivrgs", &["--to", "ivrgs"]),
         ("half.ply", "ivrgs-quantised", &["--to", "ivrgs-quantised", "--to-convention", "legacy"]),
         ("folder", "ivrgs", &["--to", "ivrgs"]),
+        ("a.splat", "splat", &[]),
     ] {
         let report = convert(&[&["scene.toml", output], arguments].concat());
         assert_eq!(

@@ -1,4 +1,4 @@
-//! The project file under `kill -9`: whatever was acknowledged is there.
+//! The project file under `kill -9`: it has every acknowledged command.
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
@@ -39,9 +39,9 @@ fn command(n: u64) -> Command {
     Command { id: format!("command-{n}"), expected_revision: 0, action: Some(action) }
 }
 
-/// Started by the test below as a process of its own, to be killed: applies commands and tells of each that was accepted.
+/// Runs as a child process of the test below and gets killed: applies commands and prints each accepted one.
 #[test]
-#[ignore = "started by `what_was_acknowledged_survives_kill_9`"]
+#[ignore = "started by `acknowledged_commands_survive_kill_9`"]
 fn writer() {
     let (Ok(folder), Ok(first)) = (std::env::var(FOLDER), std::env::var(FIRST)) else { return };
     let mut project = open(Path::new(&folder));
@@ -55,7 +55,7 @@ fn writer() {
 }
 
 #[test]
-fn what_was_acknowledged_survives_kill_9() {
+fn acknowledged_commands_survive_kill_9() {
     let folder = tempfile::tempdir().unwrap();
     support::write_ply(&folder.path().join("spiral.ply"), 4000);
     let mut acknowledged: Vec<(u64, u64, String)> = Vec::new();
@@ -103,7 +103,7 @@ fn what_was_acknowledged_survives_kill_9() {
             assert_eq!((again.revision, &again.selection_hash), (*revision, hash), "round {round}: command {n}");
         }
         if revision > last {
-            // Durable, but killed before it was told: the next writer finds it done.
+            // Stored, but killed before publication: the next writer finds it applied.
             let next = acknowledged.last().unwrap().0 + 1;
             let done = project.apply(&command(next)).unwrap().result;
             assert!(done.repeated);

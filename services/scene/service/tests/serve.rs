@@ -111,7 +111,7 @@ async fn snapshot(bus: &Bus) -> sg_proto::scene::State {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_command_is_answered_told_and_shown_with_its_chain() {
+async fn a_command_is_answered_published_and_retained_with_its_chain() {
     let mut stack = Stack::open(500).await;
     let cli = stack.join(role::CLI).await;
     let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 64).await.unwrap();
@@ -275,7 +275,7 @@ async fn a_restarted_process_tells_its_last_event_again() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_process_told_to_stop_ends_with_0_and_frees_the_project() {
+async fn a_terminated_process_exits_with_0_and_frees_the_project() {
     let mut stack = Stack::open(100).await;
     let cli = stack.join(role::CLI).await;
     let mut scene = stack.start();
@@ -321,8 +321,8 @@ async fn wrong_input_ends_with_one_line_and_status_2() {
     drop(stack.router);
 }
 
-/// How long a scene of 150,000 Gaussians takes from the start of its process to readiness, with a new project and with one
-/// of a thousand commands: `cargo test --release -p sg-scene --test serve -- --ignored --nocapture start_up`.
+/// Measures the time to readiness of a scene of 150,000 Gaussians, with a new project and after a thousand commands:
+/// `cargo test --release -p sg-scene --test serve -- --ignored --nocapture start_up`.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "prints times"]
 async fn start_up_times() {

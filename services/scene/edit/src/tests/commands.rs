@@ -1,4 +1,4 @@
-//! What each command does and refuses.
+//! Effects and refusals of each command.
 
 use sg_proto::bus::Code;
 use sg_proto::limits::{MAX_NAME_BYTES, MAX_UNITS};
@@ -137,7 +137,7 @@ fn a_split_look_keeps_the_order_of_colours() {
 }
 
 #[test]
-fn showing_one_thing_hides_all_else_whatever_was_hidden_before() {
+fn show_only_hides_all_else_after_any_earlier_hiding() {
     let mut editor = editor();
     sac(&mut editor);
     run(&mut editor, [visible(units(&["vessel", "bone"]), false)]);
@@ -362,7 +362,7 @@ fn views() {
 }
 
 #[test]
-fn targets_are_looked_up_and_what_is_missing_is_named() {
+fn targets_are_resolved_and_unknown_ones_are_named() {
     let mut editor = editor();
     assert_eq!(refused(&mut editor, color(Target::default(), RED)), EditError::NoTarget);
     let missing = Action::SetColor(SetColor { target: None, color: Some(RED) });
@@ -400,7 +400,7 @@ fn undo_and_redo_walk_through_everything() {
     run(&mut editor, [redo(3)]);
     let again = editor.message(true);
     assert_eq!((again.units, again.selection, again.undo), (red.units, red.selection, red.undo));
-    // A command that changes nothing leaves the history alone; one that does forgets what was taken back.
+    // A command that changes nothing leaves the history alone; any other clears the redo stack.
     run(&mut editor, [undo(1), visible(everything(), true)]);
     assert_eq!(editor.message(false).redo.len(), 1);
     run(&mut editor, [opacity(everything(), 0.5)]);
@@ -444,7 +444,7 @@ fn ids_revisions_and_actions_are_checked_first() {
     assert_eq!(editor.apply(&nothing).unwrap_err().code(), Code::InvalidArgument);
     run(&mut editor, [action.clone()]);
     let late = Command { expected_revision: 7, ..command(action.clone()) };
-    assert_eq!(editor.apply(&late).unwrap_err(), EditError::Moved { expected: 7, found: 1 });
+    assert_eq!(editor.apply(&late).unwrap_err(), EditError::RevisionConflict { expected: 7, found: 1 });
     let fresh = Command { expected_revision: 1, ..command(action) };
     assert_eq!(editor.apply(&fresh).unwrap().result.revision, 2);
 }

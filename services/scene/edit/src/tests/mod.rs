@@ -1,4 +1,4 @@
-//! Commands on a small scene: what they do, what they refuse, and what holds for any sequence of them.
+//! Commands on a small scene: effects, refusals, and properties of any sequence.
 
 mod commands;
 mod properties;
@@ -91,7 +91,7 @@ fn refused(editor: &mut Editor, action: Action) -> EditError {
     error
 }
 
-/// How one Gaussian looks, worked out from the appearance as a renderer would.
+/// The appearance of one Gaussian, as a renderer derives it.
 #[derive(Debug, Clone, PartialEq)]
 struct Drawn {
     visible: bool,

@@ -1,4 +1,4 @@
-//! What holds for any sequence of commands.
+//! Properties of any sequence of commands.
 
 use proptest::prelude::*;
 use prost::Message as _;
@@ -78,7 +78,7 @@ fn hidden_by_saved(state: &EditState, i: usize) -> bool {
     state.units().any(|u| !u.derived && !u.visible && u.mask.get(i))
 }
 
-/// What commands promise, looked at Gaussian by Gaussian.
+/// The effects of commands, checked for each Gaussian.
 fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Result<(), TestCaseError> {
     match action {
         Action::ShowOnly(a) => {
@@ -179,7 +179,7 @@ proptest! {
             // The same commands make the same everything.
             prop_assert_eq!(&twin.apply(&command(action.clone())).unwrap(), &applied);
 
-            // What travels is enough for a copy, and so is a snapshot.
+            // Events suffice for a copy, and so does a snapshot.
             let event = Event::decode(applied.event.encode_to_vec().as_slice()).unwrap();
             prop_assert_eq!(replica.offer(&event), Ok(Offered::Accepted));
             prop_assert_eq!(replica.state(), editor.state());

@@ -1,4 +1,4 @@
-//! Synthetic scenes and points, made in memory for tests, benches and examples; the same for the same seed.
+//! Synthetic scenes and points for tests, benches and examples; deterministic by seed.
 
 use crate::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
 pub mod samples;

@@ -1,4 +1,4 @@
-//! Why a project file cannot be used, or a record could not be made durable.
+//! Errors of project files.
 
 use std::io;
 use std::os::unix::fs::FileExt as _;
@@ -31,7 +31,7 @@ pub enum JournalError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where and how.
+        /// Place and kind of the damage.
         reason: String,
     },
     /// The project belongs to another scene.
@@ -39,7 +39,7 @@ pub enum JournalError {
     OtherScene {
         /// The file.
         path: PathBuf,
-        /// What differs.
+        /// The difference.
         reason: String,
     },
     /// The file can be neither opened nor made.
@@ -47,7 +47,7 @@ pub enum JournalError {
     Unopenable {
         /// The file.
         path: PathBuf,
-        /// What the storage said.
+        /// The storage's error.
         reason: String,
     },
     /// Another process has the file.
@@ -67,7 +67,7 @@ pub enum JournalError {
     Storage {
         /// The file.
         path: PathBuf,
-        /// What the storage said.
+        /// The storage's error.
         reason: String,
     },
 }
@@ -100,7 +100,7 @@ impl JournalError {
     }
 }
 
-/// What SQLite's refusal means for the file.
+/// The error behind a code of SQLite.
 pub(super) fn failure(path: &Path, error: &rusqlite::Error) -> JournalError {
     let path = path.to_path_buf();
     let reason = error.to_string();

@@ -94,7 +94,7 @@ impl CommandRow {
     }
 }
 
-/// A stored state with what else an editor needs; `undo` and `redo` are revisions, little endian, one after another.
+/// A stored state with the editor's other data; `undo` and `redo` are revisions, little endian, one after another.
 pub(super) struct SnapshotRow {
     pub(super) revision: u64,
     pub(super) state: Vec<u8>,

@@ -62,7 +62,7 @@ fn everything_is_there_after_a_restart_history_and_ids_included() {
     }
     assert_eq!(project.editor().message(true), before, "a repeated command changes nothing");
     assert_eq!(project.last_event().unwrap().map(|e| e.revision), Some(4));
-    // What was taken back before the restart can still be brought back, and ids go on.
+    // Redo works across a restart, and ids continue.
     project.apply(&act("five", Action::Redo(Redo { steps: 1 }))).unwrap();
     assert_eq!(
         project.editor().state().units().map(|u| (u.id, u.derived)).collect::<Vec<_>>(),
@@ -218,7 +218,7 @@ fn damage_is_noticed() {
         let error = reopened(&good[..keep]).unwrap_err();
         assert!(error.is_input(), "{keep}: {error}");
     }
-    // A bit that flips inside a command's summary leaves the tables whole; the checksum tells.
+    // A bit that flips inside a command's summary leaves the tables whole; the checksum detects it.
     let line = b"set the background to (0";
     let mut flipped = good.clone();
     for place in (0..good.len() - line.len()).filter(|&i| good[i..].starts_with(line)) {

@@ -1,0 +1,140 @@
+//! Edits of light, background, shading term and viewpoint, and the reset.
+
+use sg_proto::scene::set_view::Change;
+use sg_proto::scene::{SetBackground, SetLight, SetTerm, SetView};
+
+use super::command_number::{self, malformed};
+use super::error::EditError;
+use super::transaction::Transaction;
+use super::wire::{decode_light_mode, decode_side, decode_term, decode_view};
+use sg_scene::appearance::ShadingTerm;
+use sg_scene::camera::LightMode;
+use sg_scene::framing::{framed_box, robust_bounds};
+use sg_scene::view::{Side, View};
+
+impl Transaction<'_> {
+    pub(super) fn set_light(&mut self, command: &SetLight) -> Result<String, EditError> {
+        let mut parts = Vec::new();
+        let mut light = self.state.light;
+        if let Some(mode) = decode_light_mode(command.mode).map_err(|e| malformed(&e))? {
+            light.mode = mode;
+            parts.push(match mode {
+                LightMode::Headlight => "from the eye".to_owned(),
+                LightMode::Direction => "from one direction".to_owned(),
+            });
+        }
+        if let Some(vector) = &command.direction {
+            light.direction = command_number::direction(vector, "set_light.direction")?.to_array();
+            let [x, y, z] = light.direction;
+            parts.push(format!("direction ({x}, {y}, {z})"));
+        }
+        for (value, field, present, word) in [
+            (command.ambient, "set_light.ambient", &mut light.ka, "ambient"),
+            (command.diffuse, "set_light.diffuse", &mut light.kd, "diffuse"),
+            (command.specular, "set_light.specular", &mut light.ks, "specular"),
+            (command.shininess, "set_light.shininess", &mut light.shininess, "shininess"),
+        ] {
+            if let Some(value) = value {
+                let value = command_number::factor(value, field)?;
+                *present = if command.relative { command_number::factor(*present * value, field)? } else { value };
+                parts.push(format!("{word} {present}"));
+            }
+        }
+        if parts.is_empty() {
+            let reason = "nothing is set; give a mode, a direction or a multiplier".to_owned();
+            return Err(EditError::Malformed { field: "set_light", reason });
+        }
+        self.state.light = light;
+        Ok(format!("set the light: {}", parts.join(", ")))
+    }
+
+    pub(super) fn set_background(&mut self, command: &SetBackground) -> Result<String, EditError> {
+        const FIELD: &str = "set_background.color";
+        let missing = || EditError::Malformed { field: FIELD, reason: "the colour is missing; send one".to_owned() };
+        let color = command_number::color(command.color.as_ref().ok_or_else(missing)?, FIELD)?;
+        self.state.background = color;
+        Ok(format!("set the background to ({}, {}, {})", color.x, color.y, color.z))
+    }
+
+    pub(super) fn set_term(&mut self, command: &SetTerm) -> Result<String, EditError> {
+        let term = decode_term(command.term).map_err(|e| malformed(&e))?;
+        self.state.term = term;
+        Ok(match term {
+            ShadingTerm::Full => "showed the full shading",
+            ShadingTerm::Normal => "showed the normals",
+            ShadingTerm::Ambient => "showed the ambient term",
+            ShadingTerm::Diffuse => "showed the diffuse term",
+            ShadingTerm::Specular => "showed the specular term",
+        }
+        .to_owned())
+    }
+
+    pub(super) fn set_view(&mut self, command: &SetView) -> Result<String, EditError> {
+        let missing = || EditError::Malformed {
+            field: "set_view.change",
+            reason: "nothing is set; give a view, a name, an orbit, a zoom or a target".to_owned(),
+        };
+        let present = self.state.view;
+        let (view, summary) = match command.change.as_ref().ok_or_else(missing)? {
+            Change::View(view) => (decode_view(view).map_err(|e| malformed(&e))?, "moved the view".to_owned()),
+            Change::Named(named) => match decode_side(*named).map_err(|e| malformed(&e))? {
+                None => (self.initial.view, "reset the view".to_owned()),
+                Some(side) => {
+                    let view = View::from_side(framed_box(self.scene), side, present.fov_y_degrees);
+                    (view, format!("looked from the {}", side_name(side)))
+                }
+            },
+            Change::Orbit(orbit) => {
+                let (azimuth, elevation) = (orbit.azimuth_degrees, orbit.elevation_degrees);
+                for (found, field) in [(azimuth, "orbit.azimuth_degrees"), (elevation, "orbit.elevation_degrees")] {
+                    if !found.is_finite() {
+                        return Err(EditError::NotFinite { field, found });
+                    }
+                }
+                (present.orbited(azimuth, elevation), format!("turned the view by {azimuth}° and {elevation}° upwards"))
+            }
+            Change::Zoom(factor) => {
+                let length = self.state.geometry().bounds.longest_edge();
+                (present.zoomed(*factor, length)?, format!("zoomed by {factor}"))
+            }
+            Change::Focus(target) => {
+                let target = self.state.resolve(Some(target))?;
+                let bounds = robust_bounds(self.scene, &target.members)
+                    .ok_or_else(|| EditError::NothingToSee(target.phrase.clone()))?;
+                if !target.names.is_empty() {
+                    self.focus_on(target.names);
+                }
+                (present.focused(bounds), format!("looked at {}", target.phrase))
+            }
+        };
+        view.check()?;
+        self.state.view = view;
+        Ok(summary)
+    }
+
+    /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays.
+    pub(super) fn reset(&mut self) -> String {
+        self.state.base.clone_from(&self.initial.base);
+        self.state.units.retain(|_, unit| !unit.derived);
+        for unit in self.state.units.values_mut() {
+            (unit.color, unit.opacity, unit.visible) = (None, 1.0, true);
+        }
+        self.state.light = self.initial.light;
+        self.state.background = self.initial.background;
+        self.state.view = self.initial.view;
+        self.state.term = self.initial.term;
+        self.focus_on(Vec::new());
+        "reset the appearance and the view".to_owned()
+    }
+}
+
+fn side_name(side: Side) -> &'static str {
+    match side {
+        Side::Front => "front",
+        Side::Back => "back",
+        Side::Left => "left",
+        Side::Right => "right",
+        Side::Top => "top",
+        Side::Bottom => "bottom",
+    }
+}

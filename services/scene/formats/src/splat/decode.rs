@@ -1,0 +1,92 @@
+//! Decoding the file of one unit: a PLY by its layout, another file by its format.
+
+use crate::splat::activation;
+use crate::splat::format::{Decoded, Format, PlyLayout, Source};
+use crate::splat::ply::PlyFile;
+use crate::splat::problem::{Problem, Warning, WarningCode};
+use crate::splat::unit_comments::{UnitComments, convention_name};
+use sg_scene::model::Convention;
+
+/// Decodes a unit's file. `forced` is the convention to use instead of the file's own.
+///
+/// # Errors
+/// The content is of no format that stores a unit, or it is damaged.
+pub(crate) fn decode_unit(
+    source: &Source,
+    bytes: Vec<u8>,
+    forced: Option<Convention>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Decoded, Problem> {
+    if source.is_ply() {
+        return decode_ply(bytes, forced, warnings);
+    }
+    let format = Format::detect(source)?;
+    let gaussians = format.0.decode(&bytes)?;
+    Ok(Decoded { gaussians, format, convention: Convention::Ours, comments: UnitComments::default() })
+}
+
+fn decode_ply(bytes: Vec<u8>, forced: Option<Convention>, warnings: &mut Vec<Warning>) -> Result<Decoded, Problem> {
+    let file = PlyFile::parse(bytes)?;
+    let comments = UnitComments::parse(&file.comments, warnings);
+    let layout = layout_of(&file)?;
+    let mut gaussians = layout.read(&file, warnings)?;
+    gaussians.antialiased = file.comments.iter().any(|c| is_antialiased_comment(c));
+    warn_of_the_rest(&file, layout.elements(), warnings);
+    let Some(stored) = &mut gaussians.shading else {
+        let convention = Convention::Ours;
+        return Ok(Decoded { gaussians, format: layout.format(convention), convention, comments });
+    };
+    let convention = match (forced, comments.convention) {
+        (Some(forced), said) => {
+            if let Some(said) = said.filter(|said| *said != forced) {
+                let (said, forced) = (convention_name(said), convention_name(forced));
+                let message = format!("the file has convention `{said}`; it is read as `{forced}` on request");
+                warnings.push(Warning::new(WarningCode::Convention, message));
+            }
+            forced
+        }
+        (None, Some(said)) => said,
+        (None, None) => {
+            let (guess, why) = activation::guess(stored, layout.is_quantised());
+            let name = convention_name(guess);
+            let message =
+                format!("the file names no convention; `{name}` is used because {why}; --convention overrides it");
+            warnings.push(Warning::new(WarningCode::Convention, message));
+            guess
+        }
+    };
+    activation::activate(stored, convention);
+    Ok(Decoded { gaussians, format: layout.format(convention), convention, comments })
+}
+
+fn layout_of(file: &PlyFile) -> Result<&'static dyn PlyLayout, Problem> {
+    let mut layouts = Format::all().filter_map(|f| f.0.ply());
+    layouts.find(|l| l.matches(file)).ok_or_else(|| {
+        let names: Vec<_> = file.element_names().collect();
+        let what = if names.iter().any(|n| n.starts_with("vertex_")) {
+            "it is a reduced 3DGS file, with Gaussians divided by harmonic degree".to_owned()
+        } else {
+            format!("there is no element `vertex` or `gaussians`, only: {}", names.join(", ").escape_debug())
+        };
+        let known: Vec<_> = Format::all().filter(|f| f.extensions().contains(&".ply")).map(Format::name).collect();
+        Problem::new("header", what, format!("give a PLY of one of the formats {}", known.join(", ")))
+    })
+}
+
+fn warn_of_the_rest(file: &PlyFile, used: &[&str], warnings: &mut Vec<Warning>) {
+    let unused: Vec<_> = file.element_names().filter(|n| !used.contains(n)).collect();
+    if !unused.is_empty() {
+        let message = format!("elements that are not kept: {}", unused.join(", ").escape_debug());
+        warnings.push(Warning::new(WarningCode::Ignored, message));
+    }
+    if file.trailing > 0 {
+        let message = format!("{} bytes after the last element are not read", file.trailing);
+        warnings.push(Warning::new(WarningCode::Ignored, message));
+    }
+}
+
+/// The comment of Brush and of our own files, or Postshot's.
+fn is_antialiased_comment(comment: &str) -> bool {
+    let words: Vec<_> = comment.split_ascii_whitespace().collect();
+    matches!(words.as_slice(), ["SplatRenderMode:", "mip"] | ["antialiased", "1"])
+}

@@ -1,0 +1,306 @@
+//! The interface of a file format: how it is recognised, read and written.
+
+use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Serialize, Serializer};
+use sg_scene::model::{Convention, Gaussians, Scene, SceneBox};
+
+use crate::splat::ply::PlyFile;
+use crate::splat::problem::{Problem, Warning};
+use crate::splat::scene_file::{SceneFileError, UnitEntry};
+use crate::splat::unit_comments::UnitComments;
+
+/// A format of Gaussian scenes: one file implements it, one row of the registry names it.
+pub(crate) trait SplatFormat: fmt::Debug + Sync {
+    /// The name on the command line and in reports.
+    fn name(&self) -> &'static str;
+
+    /// One line for help texts, without a full stop.
+    fn description(&self) -> &'static str;
+
+    /// Endings of file names, in lower case with the dot.
+    fn extensions(&self) -> &'static [&'static str];
+
+    /// Whether the content or name says that the source has this format or its container.
+    fn sniff(&self, source: &Source) -> bool;
+
+    /// The files of a scene's units. A format that stores one unit in one file keeps this default.
+    ///
+    /// # Errors
+    /// The folder or the scene file cannot be read.
+    fn list(&self, path: &Path) -> Result<Listing, LoadError> {
+        Ok(Listing::of_file(path))
+    }
+
+    /// The layout within a PLY file, for formats that use this container.
+    fn ply(&self) -> Option<&dyn PlyLayout> {
+        None
+    }
+
+    /// Decodes one unit from the bytes of a file that is no PLY.
+    ///
+    /// # Errors
+    /// The content is damaged or the format does not store single units outside of PLY files.
+    fn decode(&self, _bytes: &[u8]) -> Result<Gaussians, Problem> {
+        Err(Problem::new("byte 0", format!("a {} file has no unit of its own", self.name()), "give a splat file"))
+    }
+
+    /// Whether iVR-GS trained the units: with two-sided shading, and with normals that point outwards.
+    fn is_ivrgs(&self) -> bool {
+        false
+    }
+
+    /// The writer, for formats that can be written.
+    fn writer(&self) -> Option<&dyn SplatWriter> {
+        None
+    }
+}
+
+/// The layout of a format within a PLY file.
+pub(crate) trait PlyLayout: Sync {
+    /// Whether the elements of the file have this layout. At most one layout matches a file.
+    fn matches(&self, file: &PlyFile) -> bool;
+
+    /// The elements that the reader uses.
+    fn elements(&self) -> &'static [&'static str];
+
+    /// Reads the columns; shading columns keep the convention of the file.
+    ///
+    /// # Errors
+    /// A column is missing, has a wrong type or is damaged.
+    fn read(&self, file: &PlyFile, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem>;
+
+    /// The format that a file of this layout has in a convention.
+    fn format(&self, convention: Convention) -> Format;
+
+    /// Whether shading values come from codebooks, which store them activated.
+    fn is_quantised(&self) -> bool {
+        false
+    }
+}
+
+/// The writer of a format.
+pub(crate) trait SplatWriter: Sync {
+    /// Whether a path with this ending gets this format if the caller names none.
+    fn is_default_for(&self, extension: &str, has_shading: bool) -> bool;
+
+    /// Whether a folder can be written.
+    fn writes_folders(&self) -> bool {
+        false
+    }
+
+    /// Whether a file holds exactly one base unit.
+    fn holds_one_unit(&self) -> bool {
+        false
+    }
+
+    /// Whether [`SaveOptions::reorder`] has an effect.
+    fn can_reorder(&self) -> bool {
+        false
+    }
+
+    /// Writes the scene and returns the written files, the main one first.
+    ///
+    /// # Errors
+    /// The system refused, or the format cannot store the scene.
+    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem>;
+}
+
+/// A row of the registry. Two formats are equal if their names are.
+#[derive(Clone, Copy)]
+pub struct Format(pub(crate) &'static dyn SplatFormat);
+
+impl Format {
+    /// The name on the command line and in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.0.name()
+    }
+
+    /// One line that describes the format.
+    #[must_use]
+    pub fn description(self) -> &'static str {
+        self.0.description()
+    }
+
+    /// Endings of file names, in lower case with the dot.
+    #[must_use]
+    pub fn extensions(self) -> &'static [&'static str] {
+        self.0.extensions()
+    }
+
+    /// Whether the format can be written.
+    #[must_use]
+    pub fn is_writable(self) -> bool {
+        self.0.writer().is_some()
+    }
+}
+
+impl PartialEq for Format {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl Eq for Format {}
+
+impl Hash for Format {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.name().hash(state);
+    }
+}
+
+impl fmt::Debug for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Format({})", self.name())
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl Serialize for Format {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+/// The evidence by which formats recognise a file or folder.
+#[derive(Debug)]
+pub(crate) struct Source {
+    /// File name in lower case.
+    pub(crate) name: String,
+    /// Whether it is a folder, and whether the folder has a `scene.toml`.
+    pub(crate) folder: Option<FolderContent>,
+    /// The first bytes of a file, at most [`START_LENGTH`].
+    pub(crate) start: Vec<u8>,
+}
+
+/// The evidence in a folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct FolderContent {
+    /// Whether it has a `scene.toml`.
+    pub(crate) has_scene_file: bool,
+}
+
+/// Bytes of a file that formats may look at.
+pub(crate) const START_LENGTH: u64 = 64;
+
+impl Source {
+    /// Whether the content starts as a PLY file does.
+    pub(crate) fn is_ply(&self) -> bool {
+        self.folder.is_none() && self.start.starts_with(b"ply")
+    }
+
+    /// Whether it is a file with one of these endings.
+    pub(crate) fn has_extension(&self, extensions: &[&str]) -> bool {
+        self.folder.is_none() && extensions.iter().any(|e| self.name.ends_with(e))
+    }
+}
+
+/// The unit files of a scene.
+#[derive(Debug)]
+pub(crate) struct Listing {
+    /// In scene order.
+    pub(crate) units: Vec<UnitSource>,
+    /// Present where a scene file lists the units: its format, and the box that it stores.
+    pub(crate) scene: Option<(Format, Option<SceneBox>)>,
+}
+
+impl Listing {
+    /// One file with one unit.
+    pub(crate) fn of_file(path: &Path) -> Self {
+        Self { units: vec![UnitSource { path: path.to_path_buf(), entry: None, name: None }], scene: None }
+    }
+}
+
+/// The file of one unit.
+#[derive(Debug)]
+pub(crate) struct UnitSource {
+    /// The file.
+    pub(crate) path: PathBuf,
+    /// The unit's entry in the scene file.
+    pub(crate) entry: Option<UnitEntry>,
+    /// The name of the unit's folder.
+    pub(crate) name: Option<String>,
+}
+
+/// The Gaussians of one file, with activated shading columns.
+#[derive(Debug)]
+pub(crate) struct Decoded {
+    pub(crate) gaussians: Gaussians,
+    pub(crate) format: Format,
+    pub(crate) convention: Convention,
+    pub(crate) comments: UnitComments,
+}
+
+/// A scene that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// A file could not be read.
+    #[error("{path}: {source}; give the path of a Gaussian file, a scene.toml or an iVR-GS output folder")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// A file's content cannot be used.
+    #[error("{path}: {problem}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// Place and cause.
+        problem: Problem,
+    },
+    /// A `scene.toml` cannot be used.
+    #[error(transparent)]
+    SceneFile(#[from] SceneFileError),
+}
+
+/// Options of a save.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SaveOptions {
+    /// The format. Without it, the path's ending and the scene's columns decide.
+    pub format: Option<Format>,
+    /// For iVR-GS: the activation of the shading columns. Without it the unit's own, or `head-raw` for float and
+    /// `head-activated` for quantised files.
+    pub convention: Option<Convention>,
+    /// For the compressed PLY: Morton order, which packs better but changes every Gaussian's index.
+    pub reorder: bool,
+}
+
+/// A scene on its way to a file or folder.
+#[derive(Debug)]
+pub(crate) struct WriteJob<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) scene: &'a Scene,
+    pub(crate) options: &'a SaveOptions,
+    /// Whether the path is to become a folder.
+    pub(crate) is_folder: bool,
+}
+
+/// The reason why a file could not be written.
+#[derive(Debug)]
+pub(crate) enum WriteProblem {
+    Io(io::Error),
+    Unsuitable(Problem),
+}
+
+impl From<io::Error> for WriteProblem {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<Problem> for WriteProblem {
+    fn from(problem: Problem) -> Self {
+        Self::Unsuitable(problem)
+    }
+}

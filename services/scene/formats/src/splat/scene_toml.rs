@@ -1,0 +1,106 @@
+//! `scene.toml` with one PLY for each base unit ([`crate::splat::scene_file`]).
+
+use std::path::{Path, PathBuf};
+
+use crate::splat::editable_ply::{self, Alone, Storage};
+use crate::splat::format::{
+    Format, Listing, LoadError, Source, SplatFormat, SplatWriter, UnitSource, WriteJob, WriteProblem,
+};
+use crate::splat::problem::Warning;
+use crate::splat::scene_file::SceneFile;
+use crate::splat::three_dgs;
+use crate::staged_file::{self, StagedFile};
+use sg_scene::model::{BaseUnit, Convention};
+
+/// The format `scene`.
+#[derive(Debug)]
+pub(crate) struct SceneToml;
+
+impl Format {
+    /// `scene.toml` with one PLY for each base unit.
+    pub const SCENE: Self = Self(&SceneToml);
+}
+
+impl SplatFormat for SceneToml {
+    fn name(&self) -> &'static str {
+        "scene"
+    }
+
+    fn description(&self) -> &'static str {
+        "scene.toml with one PLY for each base unit; keeps everything"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &[".toml"]
+    }
+
+    fn sniff(&self, source: &Source) -> bool {
+        source.folder.is_some_and(|f| f.has_scene_file) || !source.is_ply() && source.has_extension(self.extensions())
+    }
+
+    fn list(&self, path: &Path) -> Result<Listing, LoadError> {
+        let file_path = if path.is_dir() { path.join("scene.toml") } else { path.to_path_buf() };
+        let file = SceneFile::read(&file_path)?;
+        let folder = file_path.parent().unwrap_or(Path::new(""));
+        let unit = |entry: crate::splat::scene_file::UnitEntry| UnitSource {
+            path: folder.join(&entry.file),
+            entry: Some(entry),
+            name: None,
+        };
+        Ok(Listing { units: file.units.into_iter().map(unit).collect(), scene: Some((Format::SCENE, file.bounds)) })
+    }
+
+    fn writer(&self) -> Option<&dyn SplatWriter> {
+        Some(self)
+    }
+}
+
+impl SplatWriter for SceneToml {
+    fn is_default_for(&self, extension: &str, _has_shading: bool) -> bool {
+        extension == ".toml"
+    }
+
+    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
+        let names = file_names(&job.scene.units);
+        let mut staged = Vec::with_capacity(names.len());
+        let paths: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
+        let mut file = SceneFile::of_scene(job.scene, &paths);
+        for ((unit, name), entry) in job.scene.units.iter().zip(&names).zip(&mut file.units) {
+            let mut out = StagedFile::create(&job.path.with_file_name(name))?;
+            if unit.gaussians.shading.is_none() && job.options.format != Some(Format::OURS) {
+                three_dgs::write_columns(&mut out, &unit.gaussians)?;
+            } else {
+                // New shading columns change the unit's palette, so the scene file stores the new one.
+                let prepared = editable_ply::prepare(unit, Convention::Ours, warnings);
+                entry.palette = Some(prepared.palette);
+                entry.shading = Some(prepared.shading);
+                entry.oriented_normals = Some(prepared.oriented_normals);
+                let convention = Convention::Ours;
+                editable_ply::write_unit(&mut out, &prepared, Storage::AsUsed, convention, Alone::No, warnings)?;
+            }
+            staged.push(out);
+        }
+        let mut files = vec![job.path.to_path_buf()];
+        for out in staged {
+            files.push(out.commit()?);
+        }
+        staged_file::replace(job.path, file.to_text().as_bytes())?;
+        staged_file::sync_folder(job.path)?;
+        Ok(files)
+    }
+}
+
+/// A file name for each unit: its name in plain letters, distinct on file systems that ignore case.
+fn file_names(units: &[BaseUnit]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::with_capacity(units.len());
+    for unit in units {
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
+        let stem: String = unit.name.chars().take(64).map(plain).collect();
+        let stem = if stem.is_empty() { "unit".to_owned() } else { stem };
+        let is_taken = |name: &str| names.iter().any(|n| n.eq_ignore_ascii_case(name));
+        let numbered = (2_usize..).map(|k| format!("{stem}-{k}.ply"));
+        let name = std::iter::once(format!("{stem}.ply")).chain(numbered).find(|n| !is_taken(n));
+        names.push(name.unwrap_or_default());
+    }
+    names
+}
