@@ -197,7 +197,7 @@ fn nan_is_transparent_and_counted() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_input_is_refused() {
     let volume = ball(Grid::unit([24; 3]).unwrap());
     let clear = function(&[(0.0, [0.5; 3], 0.0)], &[]);
     let message = start(&volume, &clear, 10).unwrap_err().to_string();

@@ -50,7 +50,7 @@ pub struct Classifier {
 /// The base unit of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BaseUnitMatch {
-    /// Index into the transfer function's base units (0 where it names none).
+    /// Index into the transfer function's base units; 0 for a function without base units.
     pub unit: usize,
     /// Whether the value lies in the range of that unit. If not, the unit is the nearest one.
     pub inside: bool,
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn units_share_borders_and_take_what_lies_between() {
+    fn units_share_borders_and_take_values_between_them() {
         let mut f = function(vec![point(0.0, 0.0, 1.0)]);
         let unit = |name: &str, low, high| BaseUnitRange { name: name.into(), range: [low, high] };
         f.base_units = vec![unit("a", 10.0, 20.0), unit("b", 20.0, 30.0), unit("c", 50.0, 60.0)];

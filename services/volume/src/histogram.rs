@@ -72,7 +72,7 @@ impl Histogram {
 /// ones are more opaque. The same values always give the same function.
 ///
 /// # Errors
-/// [`AutomaticError`] where all values are equal or none is finite.
+/// [`AutomaticError`] if all values are equal or none is finite.
 pub fn automatic_transfer_function(field: &Field, variable: Option<&str>) -> Result<TransferFunction, AutomaticError> {
     let (low, high) = robust_range(field)?;
     let histogram = Histogram::of(field, low, high);

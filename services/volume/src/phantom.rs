@@ -25,7 +25,7 @@ pub const LABEL_VESSEL: u8 = 2;
 const BACKGROUND: f32 = 20.0;
 /// Mean intensity inside.
 const BLOOD: f32 = 200.0;
-/// Radius of the rounding where tubes meet.
+/// Radius of the blend between tubes.
 const BLEND: f64 = 0.012;
 /// Width in voxels of the labelled margin outside the surface: faintly visible voxels there need a label.
 const LABEL_MARGIN: f64 = 2.0;

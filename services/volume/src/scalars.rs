@@ -194,7 +194,7 @@ impl ScalarType {
 }
 
 impl ScalarType {
-    /// The type of scaled values: float32 where it holds the stored values exactly, else float64.
+    /// The type of scaled values: float32 if it holds the stored values exactly, else float64.
     pub(crate) fn scaled(self) -> Self {
         if self.fits_f32() { Self::F32 } else { Self::F64 }
     }
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn the_range_skips_and_counts_what_is_not_finite() {
+    fn the_range_skips_and_counts_values_that_are_not_finite() {
         let s = Scalars::from(vec![f32::NAN, 2.0, -1.0, f32::INFINITY]);
         assert_eq!(s.range(), ValueRange { low: -1.0, high: 2.0, non_finite: 2 });
         let none = Scalars::from(vec![f64::NAN]);

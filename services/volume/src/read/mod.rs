@@ -67,8 +67,8 @@ pub fn formats_help() -> String {
     FORMATS.iter().map(row).collect::<Vec<_>>().join("; ")
 }
 
-/// Reads a volume. The ending of the name selects the format (see [`FORMATS`]); without a known ending the first bytes
-/// do. Spacing, origin and orientation keep the file's world frame and length unit.
+/// Reads a volume. The ending of the name selects the format (see [`FORMATS`]). Without a known ending, the first bytes
+/// select it. Spacing, origin and orientation keep the file's world frame and length unit.
 ///
 /// # Errors
 /// [`ReadError`]: one line with the file, the place in it and a remedy.
@@ -79,7 +79,7 @@ pub fn read_volume(path: &Path) -> Result<Volume, ReadError> {
 /// [`read_volume`] with given limits.
 ///
 /// # Errors
-/// [`ReadError`]; also where the volume exceeds the limits.
+/// [`ReadError`]; also if the volume exceeds the limits.
 pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadError> {
     let source = Source { path, limits };
     let name = source.file_name().to_ascii_lowercase();

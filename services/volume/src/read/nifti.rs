@@ -281,7 +281,7 @@ impl Header {
         Ok(scalar)
     }
 
-    /// Slope and intercept; nothing where the stored values are the values.
+    /// Slope and intercept; `None` for unscaled values.
     fn scaling(&self, source: Source<'_>) -> Result<Option<(f64, f64)>, ReadError> {
         let (slope, intercept) = (self.real(self.layout.scl_slope, 0), self.real(self.layout.scl_inter, 0));
         // Writers mark absent scaling with 0 or NaN.
@@ -350,7 +350,7 @@ impl Header {
 }
 
 /// The rotation of a unit quaternion from its parts b, c and d; a ≥ 0 follows from them, as in the NIfTI-1 standard.
-/// Nothing for parts that are not finite or too long.
+/// `None` for parts that are not finite or too long.
 fn rotation(bcd: DVec3) -> Option<DMat3> {
     let squares = bcd.length_squared();
     let unit =
