@@ -1,11 +1,14 @@
-//! The direct start: Gaussians placed from the volume itself, without training.
+//! The direct start: Gaussians from the volume itself, without training.
 //!
-//! For each base unit of the transfer function: voxels are weighed by the opacity that shows of them within their own unit
-//! (each unit is edited and shown alone too), more at boundaries; places are spread evenly over that importance and relaxed
-//! into its Voronoi cells; each cell becomes one Gaussian that stands for the matter in it. Its axes are the cell's
-//! principal axes, flattened along the gradient where the cell is a boundary; its opacity makes the optical depth of its
-//! footprint equal to that of the cell's matter under the transfer function; its colour is the cell's mean; its normal
-//! points towards falling values.
+//! The steps for each base unit of the transfer function:
+//!
+//! 1. Each voxel gets an importance: its visible opacity within its own unit, with more weight at boundaries. Units are
+//!    also edited and shown alone, so other units do not hide it.
+//! 2. Systematic sampling spreads the centres over the importance. Relaxation moves them to centroids of Voronoi cells.
+//! 3. Each cell becomes one Gaussian along the cell's principal axes. Boundary cells are flattened along the gradient.
+//!
+//! The optical depth of a Gaussian's footprint equals that of its cell under the transfer function. The colour is the
+//! mean of the cell. The normal points towards falling values.
 
 use std::time::Instant;
 
@@ -16,25 +19,25 @@ use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, SceneBox, ShadingC
 use sg_volume::transfer::Problem;
 use sg_volume::{Field, TransferFunction};
 
+use crate::classification::{Classification, MAX_UNITS};
 use crate::importance::candidates;
-use crate::optics::{MAX_UNITS, Optics};
-use crate::placement::{Points, place};
-use crate::shape::{Shaper, Splat};
+use crate::placement::{PlacementError, Points, place};
+use crate::shape::{GaussianBuilder, Splat};
 
-/// Most Gaussians that may be asked for.
+/// Largest allowed number of Gaussians.
 pub const MAX_GAUSSIANS: usize = 1 << 26;
 
-/// What a direct start is to make.
+/// Options of a direct start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Most Gaussians in all base units together.
     pub gaussians: usize,
-    /// Seed of the placement. One seed gives the same scene on any number of threads.
+    /// Seed of the placement. A seed gives the same scene on any number of threads.
     pub seed: u64,
-    /// Thickness of Gaussians along the gradient where the volume has a plain boundary, relative to their cell's; 1 does
-    /// not flatten.
+    /// Thickness of Gaussians along the gradient at clear boundaries, relative to the thickness of their cell, above 0. The
+    /// value 1 does not flatten.
     pub flattening: f64,
-    /// Rounds of relaxation after the places are scattered.
+    /// Rounds of relaxation after the sampling of the centres.
     pub relaxation_rounds: usize,
 }
 
@@ -44,19 +47,19 @@ impl Default for Options {
     }
 }
 
-/// Shading of a plain boundary: ambient, diffuse, specular factor and exponent.
+/// Shading of a clear boundary: ambient, diffuse, specular factor and exponent.
 pub const SURFACE_SHADING: (f32, f32, f32, f32) = (0.4, 0.6, 0.2, 20.0);
-/// Ambient factor where there is no surface and no direction counts: about as bright as a boundary on average over the
-/// directions that it is seen from (0.4 + 0.6·½), with no diffuse or specular part.
+/// Ambient factor of Gaussians without a surface; they have no diffuse or specular part. The brightness is that of a boundary
+/// on average over view directions: 0.4 + 0.6·½.
 pub const HAZE_AMBIENT: f32 = 0.7;
 
-/// Standard deviation, in voxels, of the smoothing before gradients are taken: without it normals follow single voxels' noise.
+/// Standard deviation in voxels of the smoothing before gradients. Without it normals follow the noise of single voxels.
 const GRADIENT_SMOOTHING: f32 = 1.0;
-/// Volumes whose middle lies further from the world's origin than this many diagonals keep that offset in the units'
-/// transform: f32 positions would lose the digits they need.
-const FAR_AWAY: f64 = 64.0;
+/// Distance from the world origin in volume diagonals. Beyond it the units' transform holds the centre of the volume, since
+/// f32 positions would lose digits.
+const DISTANT_DIAGONALS: f64 = 64.0;
 
-/// A scene and how it came about.
+/// A scene and the report of its creation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DirectStart {
     /// The scene; its box is the volume's.
@@ -65,12 +68,12 @@ pub struct DirectStart {
     pub report: Report,
 }
 
-/// What a direct start did.
+/// Counts, quality measures and times of a direct start.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// Gaussians made.
     pub gaussians: usize,
-    /// Gaussians asked for at most.
+    /// Largest requested number of Gaussians.
     pub budget: usize,
     /// Seed of the placement.
     pub seed: u64,
@@ -80,9 +83,9 @@ pub struct Report {
     pub visible_voxels: usize,
     /// Voxels that are NaN or infinite (NaN counts as transparent).
     pub non_finite_voxels: usize,
-    /// Visible voxels whose value lies in no base unit's range; they went to the nearest unit.
+    /// Visible voxels outside the ranges of all base units; they belong to the nearest unit.
     pub voxels_outside_base_units: usize,
-    /// Share of the importance that lies within two standard deviations of its Gaussian.
+    /// Share of the importance within two standard deviations of its Gaussian.
     pub importance_captured: f64,
     /// The base units, in order.
     pub units: Vec<UnitReport>,
@@ -105,11 +108,11 @@ pub struct UnitReport {
     pub importance_captured: f64,
     /// Mean of shortest axis / middle axis.
     pub mean_flattening: f64,
-    /// Mean of how much of a surface each Gaussian is, 0 to 1.
+    /// Mean surfaceness of the Gaussians: 0 homogeneous or noise, 1 a clear boundary.
     pub mean_surfaceness: f64,
     /// Median opacity.
     pub median_opacity: f64,
-    /// Median of the middle axis' standard deviation, in the smallest voxel spacing.
+    /// Median standard deviation of the middle axis, in units of the smallest voxel spacing.
     pub median_scale_voxels: f64,
     /// Palette colour, RGB.
     pub palette: [f32; 3],
@@ -118,39 +121,39 @@ pub struct UnitReport {
 /// Wall time by stage, all units together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Seconds {
-    /// Transfer function on every voxel, smoothing.
+    /// Transfer function on every voxel, and smoothing.
     pub classify: f64,
-    /// What hides what, and the importance from it.
+    /// Visibility and importance of the voxels.
     pub importance: f64,
-    /// Scattering and relaxation.
+    /// Sampling and relaxation of the centres.
     pub placement: f64,
-    /// Axes, opacities, colours, normals.
+    /// Axes, opacities, colours and normals.
     pub shape: f64,
-    /// All of it.
+    /// The whole direct start.
     pub total: f64,
 }
 
-/// How far a direct start is.
+/// Progress of a direct start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// What is being done.
+    /// Name of the current stage.
     pub stage: &'static str,
-    /// Stages done.
+    /// Finished stages.
     pub done: usize,
-    /// Stages in all.
+    /// Number of stages.
     pub of: usize,
 }
 
-/// Why there is no direct start.
+/// A direct start is not possible.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DirectError {
-    /// The transfer function is wrong.
+    /// The transfer function is invalid.
     #[error("the transfer function's {0}")]
     TransferFunction(#[from] Problem),
-    /// More base units than can be told apart.
-    #[error("the transfer function has {0} base units; at most {MAX_UNITS} are possible: join some")]
+    /// The transfer function has too many base units.
+    #[error("the transfer function has {0} base units; at most {MAX_UNITS} are possible; join some")]
     TooManyUnits(usize),
-    /// No voxel shows.
+    /// No voxel is visible.
     #[error(
         "nothing is visible: all {voxels} voxels (values {low} to {high}, {non_finite} not finite) have opacity 0 under the \
          transfer function; raise opacities within that range or check its `units`"
@@ -165,28 +168,28 @@ pub enum DirectError {
         /// Voxels that are NaN or infinite.
         non_finite: usize,
     },
-    /// No or too many Gaussians are asked for.
-    #[error("{0} Gaussians: ask for 1 to {MAX_GAUSSIANS}")]
+    /// The number of Gaussians is 0 or too large.
+    #[error("{0} Gaussians; give a number from 1 to {MAX_GAUSSIANS}")]
     Budget(usize),
-    /// A flattening outside its range.
-    #[error("flattening {0}: give a number above 0 and at most 1")]
+    /// The flattening is outside its range.
+    #[error("flattening {0}; give a number above 0 and at most 1")]
     Flattening(f64),
     /// The nearest-neighbour search could not be set up.
     #[error("the placement failed: {0}")]
-    Placement(String),
+    Placement(#[from] PlacementError),
 }
 
-/// Makes a scene from a volume. `watch` is told of each stage as it begins.
+/// Makes a scene from a volume. Each stage calls `progress` at its start. Positions are in the world frame of the field.
 ///
 /// # Errors
-/// [`DirectError`]; nothing is visible, or an option makes no sense.
+/// [`DirectError`]: nothing is visible, or the transfer function or an option is invalid.
 pub fn direct_start(
     field: &Field,
     function: &TransferFunction,
     options: &Options,
-    mut watch: impl FnMut(Progress),
+    mut progress: impl FnMut(Progress),
 ) -> Result<DirectStart, DirectError> {
-    let began = Instant::now();
+    let total_clock = Instant::now();
     if options.gaussians == 0 || options.gaussians > MAX_GAUSSIANS {
         return Err(DirectError::Budget(options.gaussians));
     }
@@ -201,15 +204,15 @@ pub fn direct_start(
     let of = 1 + 3 * count;
     let mut done = 0;
     let mut stage = |name: &'static str| {
-        watch(Progress { stage: name, done, of });
+        progress(Progress { stage: name, done, of });
         done += 1;
     };
     let mut seconds = Seconds::default();
 
     stage("classifying voxels");
     let clock = Instant::now();
-    let optics = Optics::new(field, &classifier);
-    let visible_voxels = optics.census.iter().map(|c| c.visible).sum();
+    let classification = Classification::new(field, &classifier);
+    let visible_voxels = classification.statistics.iter().map(|c| c.visible).sum();
     let range = field.range();
     if visible_voxels == 0 {
         return Err(DirectError::NothingVisible {
@@ -225,15 +228,15 @@ pub fn direct_start(
     let clock = Instant::now();
     let mut found = Vec::with_capacity(count);
     for unit in 0..count {
-        stage("weighing what shows");
-        found.push(optics.crop(unit).map(|crop| candidates(&crop, field.grid())));
+        stage("computing importance");
+        found.push(classification.crop(unit).map(|crop| candidates(&crop, field.grid())));
     }
     seconds.importance = clock.elapsed().as_secs_f64();
     let totals: Vec<f64> = found.iter().map(|c| c.as_ref().map_or(0.0, |c| c.total)).collect();
     let importance: f64 = totals.iter().sum();
     let budgets = apportion(&totals, options.gaussians);
 
-    let shift = far_shift(field);
+    let shift = distant_offset(field);
     let mut units = Vec::with_capacity(count);
     let mut reports = Vec::with_capacity(count);
     for (unit, (candidates, budget)) in found.into_iter().zip(budgets).enumerate() {
@@ -241,19 +244,19 @@ pub fn direct_start(
         let clock = Instant::now();
         let mut splats: Vec<Splat> = Vec::new();
         if let Some(candidates) = candidates.filter(|_| budget > 0) {
-            let points = Points::new(&candidates, &optics, budget);
-            // Units differ in their draw, so that their lattices don't coincide.
+            let points = Points::new(&candidates, &classification, budget);
+            // A seed for each unit keeps the samples of two units apart.
             let seed = options.seed.wrapping_add((unit as u64) << 32);
-            let cells = place(&candidates, &points, field, budget, options.relaxation_rounds, seed)
-                .map_err(DirectError::Placement)?;
+            let cells = place(&candidates, &points, field, budget, options.relaxation_rounds, seed)?;
             seconds.placement += clock.elapsed().as_secs_f64();
             stage("shaping Gaussians");
             let clock = Instant::now();
-            let shaper = Shaper { optics: &optics, smooth: &smooth, flattening: options.flattening };
+            let builder =
+                GaussianBuilder { classification: &classification, smooth: &smooth, flattening: options.flattening };
             splats = (0..cells.len())
                 .into_par_iter()
                 .with_min_len(64)
-                .filter_map(|i| shaper.splat(cells.points(i), &points, &candidates.list))
+                .filter_map(|i| builder.splat(cells.points(i), &points, &candidates.list))
                 .collect();
             seconds.shape += clock.elapsed().as_secs_f64();
         } else {
@@ -266,14 +269,14 @@ pub fn direct_start(
             &splats,
             field,
             totals[unit] / importance,
-            optics.census[unit].visible,
+            classification.statistics[unit].visible,
             palette,
         ));
         units.push(base_unit(name, &splats, palette, shift));
     }
     let bounds = field.grid().bounds();
     let scene = Scene::compose(units, Some(SceneBox { min: bounds.min, max: bounds.max }));
-    seconds.total = began.elapsed().as_secs_f64();
+    seconds.total = total_clock.elapsed().as_secs_f64();
     let report = Report {
         gaussians: scene.len(),
         budget: options.gaussians,
@@ -281,7 +284,7 @@ pub fn direct_start(
         voxels: field.values().len(),
         visible_voxels,
         non_finite_voxels: range.non_finite,
-        voxels_outside_base_units: optics.census.iter().map(|c| c.outside_ranges).sum(),
+        voxels_outside_base_units: classification.statistics.iter().map(|c| c.outside_ranges).sum(),
         importance_captured: reports.iter().map(|u: &UnitReport| u.importance_captured * u.importance_share).sum(),
         units: reports,
         seconds,
@@ -289,8 +292,7 @@ pub fn direct_start(
     Ok(DirectStart { scene, report })
 }
 
-/// Shares `n` out in proportion to the totals (largest remainders); whatever has a total gets at least one while there
-/// are enough.
+/// Divides `n` in proportion to the totals (largest remainders). Each total above 0 gets at least one if `n` is large enough.
 fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
     let sum: f64 = totals.iter().sum();
     let wanted = totals.iter().filter(|&&t| t > 0.0).count();
@@ -308,11 +310,11 @@ fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
     shares
 }
 
-/// The offset that goes into the units' transform: the middle of a volume that lies far from the world's origin.
-fn far_shift(field: &Field) -> DVec3 {
+/// The offset for the units' transform: the centre of a distant volume, else 0.
+fn distant_offset(field: &Field) -> DVec3 {
     let bounds = field.grid().bounds();
     let middle = 0.5 * (bounds.min + bounds.max);
-    if middle.length() > FAR_AWAY * field.grid().diagonal() { middle } else { DVec3::ZERO }
+    if middle.length() > DISTANT_DIAGONALS * field.grid().diagonal() { middle } else { DVec3::ZERO }
 }
 
 fn unit_name(function: &TransferFunction, unit: usize) -> String {
@@ -322,7 +324,7 @@ fn unit_name(function: &TransferFunction, unit: usize) -> String {
     }
 }
 
-/// Mean colour by importance; mid grey for no Gaussian.
+/// Mean colour weighted by importance; mid grey without Gaussians.
 fn mean_color(splats: &[Splat]) -> Vec3 {
     let weight: f64 = splats.iter().map(|s| s.weight).sum();
     let sum: DVec3 = splats.iter().map(|s| s.color.as_dvec3() * s.weight).sum();

@@ -1,38 +1,38 @@
-//! Which voxels deserve Gaussians: those that show, boundaries first.
+//! Importance of voxels for the placement of Gaussians.
 
 use glam::{DVec3, UVec3, Vec3};
 use rayon::prelude::*;
 use sg_volume::Grid;
 
-use crate::optics::Crop;
+use crate::classification::Crop;
 use crate::visibility::least_optical_depth;
 
-/// How much more a voxel counts where the opacity changes by all of its range from one side to the other.
+/// Additional weight of a voxel at an opacity change of 1 across it.
 const BOUNDARY_GAIN: f32 = 2.0;
-/// Voxels of less than this share of the greatest importance are left out.
+/// Least importance of a candidate, relative to the greatest importance.
 const LEAST_SHARE: f32 = 1e-3;
 
-/// A voxel that may carry Gaussians.
+/// A voxel for Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
-    /// Place in the volume.
+    /// Index of the voxel in the volume.
     pub(crate) voxel: u32,
     /// Importance, above 0.
     pub(crate) weight: f32,
 }
 
-/// The candidates of one base unit along a Morton curve, so that neighbours in the list are neighbours in space.
+/// The candidates of one base unit along a Morton curve: neighbours in the list are neighbours in space.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Candidates {
     pub(crate) list: Vec<Candidate>,
-    /// Where the curve begins in the volume.
+    /// First voxel of the curve in the volume.
     pub(crate) first: UVec3,
     /// Sum of the weights.
     pub(crate) total: f64,
 }
 
-/// Weighs the voxels of a base unit: its opacity over one voxel, seen through what of the same unit lies before it on the
-/// most open way out, more at boundaries of the opacity.
+/// Computes the importance of the voxels of a base unit. It is the opacity over one voxel, times the transmittance of the
+/// same unit along the clearest direction. Boundaries of the opacity get more weight.
 pub(crate) fn candidates(crop: &Crop, grid: &Grid) -> Candidates {
     let step = |d: [i32; 3]| grid.vector_to_world(DVec3::from_array(d.map(f64::from))).length() as f32;
     let mut weights = least_optical_depth(&crop.extinction, crop.dims, step);
@@ -72,7 +72,7 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid) -> Candidates {
     Candidates { list, first: crop.first, total }
 }
 
-/// Visits every voxel of a box along the Morton curve of the smallest power-of-two cube around it.
+/// Visits every voxel of a box along the Morton curve of the smallest enclosing power-of-two cube.
 fn in_morton_order(dims: UVec3, visit: &mut impl FnMut(u32, u32, u32)) {
     fn cell(low: UVec3, size: u32, dims: UVec3, visit: &mut impl FnMut(u32, u32, u32)) {
         if low.cmpge(dims).any() {
@@ -98,12 +98,12 @@ mod tests {
     #[test]
     fn the_curve_visits_every_voxel_once_with_short_steps() {
         let dims = UVec3::new(8, 8, 8);
-        let mut seen = Vec::new();
-        in_morton_order(dims, &mut |x, y, z| seen.push(UVec3::new(x, y, z)));
-        let mut sorted: Vec<u32> = seen.iter().map(|p| p.x + 8 * (p.y + 8 * p.z)).collect();
+        let mut visited = Vec::new();
+        in_morton_order(dims, &mut |x, y, z| visited.push(UVec3::new(x, y, z)));
+        let mut sorted: Vec<u32> = visited.iter().map(|p| p.x + 8 * (p.y + 8 * p.z)).collect();
         sorted.sort_unstable();
         assert!(sorted.iter().copied().eq(0..512));
-        let mean = seen.windows(2).map(|w| (w[1].as_vec3() - w[0].as_vec3()).length()).sum::<f32>() / 511.0;
+        let mean = visited.windows(2).map(|w| (w[1].as_vec3() - w[0].as_vec3()).length()).sum::<f32>() / 511.0;
         assert!(mean < 2.0, "{mean}");
 
         let mut count = 0;

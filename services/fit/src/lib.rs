@@ -1,11 +1,30 @@
-//! A volume becomes editable Gaussians.
+//! Conversion of scalar volumes to editable Gaussians.
+//!
+//! [`direct_start`] classifies the voxels by a transfer function. It computes their importance, places Gaussians by it, and
+//! gives each Gaussian the shape, opacity and colour of its part of the volume. [`labels`] transfers voxel labels to the
+//! Gaussians.
+//!
+//! ```
+//! use sg_fit::{Options, direct_start};
+//! use sg_volume::phantom::{VesselTree, transfer_function};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let field = VesselTree::new().rasterize(32, 0)?.volume()?.to_field();
+//! let options = Options { gaussians: 500, ..Options::default() };
+//! let start = direct_start(&field, &transfer_function(), &options, |_| {})?;
+//! assert!((450..=500).contains(&start.scene.len()));
+//! assert_eq!(start.scene.units[0].name, "vessels");
+//! # Ok(())
+//! # }
+//! ```
 
+mod classification;
 pub mod direct;
 mod importance;
-mod optics;
+pub mod labels;
 mod placement;
 mod shape;
-pub mod truth;
 mod visibility;
 
 pub use direct::{DirectError, DirectStart, Options, Progress, Report, direct_start};
+pub use placement::PlacementError;

@@ -1,4 +1,4 @@
-//! Where Gaussians go: evenly over the importance, then relaxed into its weighted Voronoi cells.
+//! Placement of Gaussians: systematic sampling of the importance, then relaxation of weighted Voronoi cells.
 
 use std::ops::Range;
 
@@ -8,24 +8,32 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sg_volume::Field;
-use sg_volume::transfer::extinction;
+use sg_volume::opacity::extinction;
 
+use crate::classification::Classification;
 use crate::importance::{Candidate, Candidates};
-use crate::optics::Optics;
 
-/// Points that stand for the candidates should be at least this many times the Gaussians …
+/// Least number of sample points for each Gaussian.
 const LEAST_POINTS: usize = 6;
-/// … and need not be more than this many times.
+/// Largest useful number of sample points for each Gaussian.
 const MOST_POINTS: usize = 96;
-/// A voxel is divided into at most this many parts along each axis.
+/// Largest number of parts of a voxel along each axis.
 const MOST_PARTS: u32 = 32;
-/// A part of a voxel weighs at most this many times its even share.
+/// Largest weight of a part of a voxel, relative to an even share.
 const MOST_DENSER: f32 = 4.0;
-/// No more points than this, whatever is asked for.
+/// Largest number of sample points.
 const POINT_LIMIT: usize = 1 << 26;
 
-/// The points that Voronoi cells are made of: groups of candidates where there are many for each Gaussian, the
-/// candidates themselves, or parts of them where there are few. In grid-local lengths: voxel ∘ spacing.
+/// The tree of the nearest-neighbour search could not be built.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the nearest-neighbour tree could not be built: {reason}")]
+pub struct PlacementError {
+    /// The reason that the tree gives.
+    pub reason: String,
+}
+
+/// The sample points of the Voronoi cells, in grid-local lengths: voxel ∘ spacing. With many candidates for each Gaussian a
+/// point is a group of candidates. Otherwise it is a candidate, or a part of one.
 pub(crate) struct Points {
     position: Vec<[f32; 3]>,
     weight: Vec<f32>,
@@ -33,15 +41,15 @@ pub(crate) struct Points {
 }
 
 enum Kind {
-    /// Point `i` stands for candidates `starts[i]..starts[i + 1]`.
+    /// Point `i` represents candidates `starts[i]..starts[i + 1]`.
     Groups { starts: Vec<u32> },
     /// Each candidate has parts³ points, in its order.
     Parts { parts: u32 },
 }
 
-/// A piece of matter within a cell.
+/// A voxel or a part of one within a cell.
 pub(crate) struct Piece {
-    /// Place in voxel coordinates.
+    /// Position in voxel coordinates.
     pub(crate) voxel: DVec3,
     /// Importance.
     pub(crate) weight: f32,
@@ -51,12 +59,12 @@ pub(crate) struct Piece {
 
 impl Points {
     /// Chooses the points for `gaussians` cells.
-    pub(crate) fn new(candidates: &Candidates, optics: &Optics<'_>, gaussians: usize) -> Self {
+    pub(crate) fn new(candidates: &Candidates, classification: &Classification<'_>, gaussians: usize) -> Self {
         let parts = parts_per_axis(candidates.list.len(), gaussians);
         if parts > 1 {
-            Self::parts(&candidates.list, optics, parts)
+            Self::parts(&candidates.list, classification, parts)
         } else {
-            Self::groups(candidates, optics.field, gaussians)
+            Self::groups(candidates, classification.field, gaussians)
         }
     }
 
@@ -86,18 +94,18 @@ impl Points {
         Self { position, weight, kind: Kind::Groups { starts } }
     }
 
-    fn parts(list: &[Candidate], optics: &Optics<'_>, parts: u32) -> Self {
+    fn parts(list: &[Candidate], classification: &Classification<'_>, parts: u32) -> Self {
         let cubed = parts.pow(3) as usize;
-        let field = optics.field;
+        let field = classification.field;
         let spacing = field.grid().spacing();
-        let extinction_at = |raw: f64| extinction(optics.classifier.opacity(raw), 1.0);
+        let extinction_at = |raw: f64| extinction(classification.classifier.opacity(raw), 1.0);
         let (position, weight) = (0..list.len() * cubed)
             .into_par_iter()
             .with_min_len(1024)
             .map(|i| {
                 let candidate = list[i / cubed];
                 let voxel = part_position(candidate, field, parts, (i % cubed) as u32);
-                // A voxel on a boundary shows more on its denser side.
+                // The denser side of a boundary voxel gets more weight.
                 let whole = extinction_at(field.raw(candidate.voxel as usize));
                 let part = field.sample(voxel).map_or(0.0, extinction_at);
                 let weight = candidate.weight / cubed as f32 * (part / whole).min(MOST_DENSER);
@@ -107,7 +115,7 @@ impl Points {
         Self { position, weight, kind: Kind::Parts { parts } }
     }
 
-    /// Side of the volume that a piece fills, in voxels.
+    /// Side length of a piece in voxels.
     pub(crate) fn piece_side(&self) -> f64 {
         match self.kind {
             Kind::Groups { .. } => 1.0,
@@ -136,7 +144,7 @@ impl Points {
     }
 }
 
-/// How finely voxels must be divided so that there are enough points.
+/// Number of parts of a voxel along each axis that gives enough points.
 fn parts_per_axis(candidates: usize, gaussians: usize) -> u32 {
     let wanted = gaussians.saturating_mul(LEAST_POINTS).min(POINT_LIMIT);
     let enough = |p: u32| candidates.saturating_mul(p.pow(3) as usize) >= wanted;
@@ -152,8 +160,8 @@ fn part_position(candidate: Candidate, field: &Field, parts: u32, k: u32) -> DVe
     field.grid().voxel(candidate.voxel as usize).as_dvec3() + within
 }
 
-/// Where groups of candidates begin that share a cube of 2^level voxels, aligned to the curve they are ordered along: a
-/// cube's candidates stand together.
+/// Start indices of the groups of candidates in one cube of 2^level voxels. The cubes are aligned to the Morton curve, so
+/// the candidates of a cube are adjacent in the list.
 fn group_starts(candidates: &Candidates, field: &Field, level: u32) -> Vec<u32> {
     let list = &candidates.list;
     let cube = |c: &Candidate| {
@@ -174,9 +182,8 @@ fn group_starts(candidates: &Candidates, field: &Field, level: u32) -> Vec<u32> 
     starts
 }
 
-/// `n` places drawn from the importance by systematic sampling along the candidates' curve: every stretch of the curve,
-/// and so every octant of space, gets its share to within one. Each place is jittered within its voxel. Grid-local
-/// lengths.
+/// Draws `n` positions in grid-local lengths from the importance, by systematic sampling along the Morton curve. Each part
+/// of the curve, and so each octant, gets its share to within one. Each position is jittered within its voxel.
 pub(crate) fn scatter(candidates: &Candidates, field: &Field, n: usize, random: &mut ChaCha8Rng) -> Vec<[f32; 3]> {
     let spacing = field.grid().spacing();
     let step = candidates.total / n as f64;
@@ -188,7 +195,7 @@ pub(crate) fn scatter(candidates: &Candidates, field: &Field, n: usize, random: 
     for k in 0..n {
         let at = (k as f64 + start) * step;
         while reached <= at {
-            // Rounding may leave the last place a hair behind the last candidate's end.
+            // Rounding may put the last position just after the end of the last candidate.
             let Some(c) = list.next() else { break };
             reached += f64::from(c.weight);
             current = Some(c);
@@ -202,18 +209,19 @@ pub(crate) fn scatter(candidates: &Candidates, field: &Field, n: usize, random: 
     places
 }
 
-/// Voronoi cells: which points are nearest to which place.
+/// Voronoi cells: the sample points nearest to each centre.
 pub(crate) struct Cells {
-    /// Points, cell by cell.
+    /// Points in the order of their cells.
     order: Vec<u32>,
-    /// Where each cell begins in `order`; one more than there are cells.
+    /// Start of each cell in `order`, then the end of the last one.
     starts: Vec<u32>,
 }
 
 impl Cells {
-    /// Assigns every point to its nearest place.
-    pub(crate) fn new(points: &Points, places: &[[f32; 3]]) -> Result<Self, String> {
-        let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(places).map_err(|e| e.to_string())?;
+    /// Assigns every point to its nearest centre.
+    pub(crate) fn new(points: &Points, places: &[[f32; 3]]) -> Result<Self, PlacementError> {
+        let tree: ImmutableKdTree<f32, 3> =
+            ImmutableKdTree::new_from_slice(places).map_err(|e| PlacementError { reason: e.to_string() })?;
         let nearest: Vec<u32> = points
             .position
             .par_iter()
@@ -249,8 +257,8 @@ impl Cells {
     }
 }
 
-/// Places `n` Gaussians' centres and returns the cells of matter they stand for: scattered over the importance, then
-/// `rounds` times moved to the weighted centroids of their cells (Lloyd 1982). Places without a cell stay where they are.
+/// Places the centres of `n` Gaussians and returns their cells. The centres are samples of the importance. They move
+/// `rounds` times to the weighted centroids of their cells (Lloyd 1982). Centres of empty cells do not move.
 pub(crate) fn place(
     candidates: &Candidates,
     points: &Points,
@@ -258,7 +266,7 @@ pub(crate) fn place(
     n: usize,
     rounds: usize,
     seed: u64,
-) -> Result<Cells, String> {
+) -> Result<Cells, PlacementError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut places = scatter(candidates, field, n, &mut random);
     for _ in 0..rounds {

@@ -1,25 +1,25 @@
-//! From a cell of matter to one Gaussian: where, how long along which axes, how opaque, facing where.
+//! The Gaussian of a cell: position, axes, opacity, colour and normal.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use sg_volume::Field;
-use sg_volume::transfer::extinction;
+use sg_volume::opacity::extinction;
 
+use crate::classification::Classification;
 use crate::importance::Candidate;
-use crate::optics::Optics;
 use crate::placement::Points;
 
-/// Standard deviations of a Gaussian in units of those of its cell, where the cell is nearly clear. A cell of a regular
-/// tiling has h/√12: this makes about 0.42 h.
+/// Standard deviation of a Gaussian relative to that of its cell, for a nearly clear cell. A cell of a regular tiling has
+/// h/√12, so the Gaussian has about 0.42 h.
 const OVERLAP_CLEAR: f64 = 1.45;
-/// The same where the cell is opaque: an opaque Gaussian covers well beyond one standard deviation.
+/// The ratio for an opaque cell: an opaque Gaussian covers more than one standard deviation.
 const OVERLAP_OPAQUE: f64 = 1.25;
-/// No axis is shorter than this share of the longest but one.
+/// Least length of an axis, relative to the middle one.
 const LEAST_RATIO: f64 = 0.2;
-/// No axis is longer than this many times the next one.
+/// Largest length of an axis, relative to the next one.
 const MOST_RATIO: f64 = 3.0;
-/// Greatest opacity of a Gaussian: 1 has no logit.
+/// Largest opacity of a Gaussian: 1 has no logit.
 pub(crate) const MAX_OPACITY: f64 = 0.995;
 
 /// One Gaussian, in world space.
@@ -33,20 +33,20 @@ pub(crate) struct Splat {
     pub(crate) color: Vec3,
     /// Unit normal towards falling values, or zero.
     pub(crate) normal: Vec3,
-    /// How much of a surface it is: 0 homogeneous or noise, 1 a plain boundary.
+    /// Surfaceness: 0 homogeneous or noise, 1 a clear boundary.
     pub(crate) surfaceness: f32,
-    /// Importance it stands for.
+    /// Importance of its cell.
     pub(crate) weight: f64,
     /// Share of that importance within two standard deviations.
     pub(crate) captured: f64,
 }
 
-/// What shapes depend on besides the cell.
-pub(crate) struct Shaper<'a> {
-    pub(crate) optics: &'a Optics<'a>,
-    /// The field that gradients are taken of: smoothed a little.
+/// Builds the Gaussians of cells.
+pub(crate) struct GaussianBuilder<'a> {
+    pub(crate) classification: &'a Classification<'a>,
+    /// The smoothed field for gradients.
     pub(crate) smooth: &'a Field,
-    /// Thickness along the gradient of a plain boundary, relative to a cell's own.
+    /// Thickness along the gradient at a clear boundary, relative to that of the cell.
     pub(crate) flattening: f64,
 }
 
@@ -55,17 +55,17 @@ pub(crate) struct Shaper<'a> {
 struct Moments {
     weight: f64,
     /// ∫ extinction dV.
-    matter: f64,
+    integrated_extinction: f64,
     position: DVec3,
     color: DVec3,
     gradient: DVec3,
     gradient_length: f64,
 }
 
-impl Shaper<'_> {
-    /// The Gaussian of the cell of `members` among `points`; nothing where it holds no matter.
+impl GaussianBuilder<'_> {
+    /// The Gaussian of the cell with the points `members`; `None` for a transparent cell.
     pub(crate) fn splat(&self, members: &[u32], points: &Points, list: &[Candidate]) -> Option<Splat> {
-        let field = self.optics.field;
+        let field = self.classification.field;
         let grid = field.grid();
         let reference = grid.reference_length();
         let whole = points.piece_side() == 1.0;
@@ -79,31 +79,32 @@ impl Shaper<'_> {
                 } else {
                     (field.sample(v).unwrap_or(f64::NAN), self.smooth.gradient(v))
                 };
-                let (color, opacity) = self.optics.classifier.evaluate(raw);
+                let (color, opacity) = self.classification.classifier.evaluate(raw);
                 let w = f64::from(piece.weight);
                 sums.weight += w;
-                sums.matter += f64::from(extinction(opacity, reference)) * piece.share * grid.voxel_volume();
+                sums.integrated_extinction +=
+                    f64::from(extinction(opacity, reference)) * piece.share * grid.voxel_volume();
                 sums.position += w * v;
                 sums.color += w * color.as_dvec3();
                 sums.gradient += w * gradient.as_dvec3();
                 sums.gradient_length += w * f64::from(gradient.length());
             });
         }
-        if !(sums.weight > 0.0 && sums.matter > 0.0) {
+        if !(sums.weight > 0.0 && sums.integrated_extinction > 0.0) {
             return None;
         }
         let mean = sums.position / sums.weight;
         let covariance = self.covariance(members, points, list, mean, sums.weight);
-        let (normal, surfaceness) = self.facing(&sums);
+        let (normal, surfaceness) = self.normal_and_surfaceness(&sums);
         let flat = 1.0 - surfaceness * (1.0 - self.flattening);
         let squeeze = DMat3::IDENTITY - outer(normal) * (1.0 - flat);
         let (lengths, axes) = principal_axes(squeeze * covariance * squeeze);
         let lengths = limited(lengths.map(|l| l.max(0.0).sqrt()));
-        let density = sums.matter / (TAU * lengths.x * lengths.y);
+        let density = sums.integrated_extinction / (TAU * lengths.x * lengths.y);
         let scale = lengths * (OVERLAP_CLEAR + (OVERLAP_OPAQUE - OVERLAP_CLEAR) * smoothstep(1.0, 5.0, density));
-        // Seen along its shortest axis a Gaussian of opacity o has an optical depth that integrates to 2π·s₁·s₂·Li₂(o)
-        // over the picture: that must be the matter it stands for.
-        let opacity = opacity_of(sums.matter / (TAU * scale.x * scale.y));
+        // Along its shortest axis, the optical depth of a Gaussian of opacity o integrates to 2π·s₁·s₂·Li₂(o) over the
+        // image. This integral must equal the integrated extinction of the cell.
+        let opacity = opacity_of(sums.integrated_extinction / (TAU * scale.x * scale.y));
         let rotation = DQuat::from_mat3(&oriented(axes, normal));
         let captured = self.captured(members, points, list, mean, rotation, scale) / sums.weight;
         Some(Splat {
@@ -119,12 +120,12 @@ impl Shaper<'_> {
         })
     }
 
-    /// Covariance of a cell's importance in world space, the extent of its pieces included.
+    /// Covariance of a cell's importance in world space, with the extent of its pieces.
     fn covariance(&self, members: &[u32], points: &Points, list: &[Candidate], mean: DVec3, weight: f64) -> DMat3 {
-        let grid = self.optics.field.grid();
+        let grid = self.classification.field.grid();
         let mut sum = DMat3::ZERO;
         for &i in members {
-            points.for_each_piece(i as usize, list, self.optics.field, |piece| {
+            points.for_each_piece(i as usize, list, self.classification.field, |piece| {
                 sum += outer(piece.voxel - mean) * f64::from(piece.weight);
             });
         }
@@ -144,10 +145,10 @@ impl Shaper<'_> {
         rotation: DQuat,
         scale: DVec3,
     ) -> f64 {
-        let grid = self.optics.field.grid();
+        let grid = self.classification.field.grid();
         let mut inside = 0.0;
         for &i in members {
-            points.for_each_piece(i as usize, list, self.optics.field, |piece| {
+            points.for_each_piece(i as usize, list, self.classification.field, |piece| {
                 let local = rotation.inverse() * grid.vector_to_world(piece.voxel - mean);
                 if (local / scale).length_squared() <= 4.0 {
                     inside += f64::from(piece.weight);
@@ -157,14 +158,14 @@ impl Shaper<'_> {
         inside
     }
 
-    /// The direction of falling values and how much of a surface the cell is: gradients that agree and are strong against
-    /// the range of values.
-    fn facing(&self, sums: &Moments) -> (DVec3, f64) {
-        let grid = self.optics.field.grid();
-        let range = self.optics.field.range();
+    /// The unit normal towards falling values, and the surfaceness of the cell. A surface has consistent gradients that are
+    /// strong relative to the value range.
+    fn normal_and_surfaceness(&self, sums: &Moments) -> (DVec3, f64) {
+        let grid = self.classification.field.grid();
+        let range = self.classification.field.range();
         let length = sums.gradient.length();
         let normal = (-sums.gradient).normalize_or_zero();
-        // Where all values are equal the gradient is the rounding of the smoothing.
+        // For a constant field the gradient is rounding noise of the smoothing.
         if normal == DVec3::ZERO || range.high <= range.low {
             return (DVec3::ZERO, 0.0);
         }
@@ -183,14 +184,14 @@ fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// Keeps the axes' lengths (longest first) within [`LEAST_RATIO`] and [`MOST_RATIO`] of each other.
+/// Limits the ratios of axis lengths, longest first, by [`LEAST_RATIO`] and [`MOST_RATIO`].
 fn limited(lengths: [f64; 3]) -> DVec3 {
     let middle = lengths[1].max(lengths[0] / (MOST_RATIO * MOST_RATIO));
     DVec3::new(lengths[0].min(MOST_RATIO * middle), middle, lengths[2].max(LEAST_RATIO * middle))
 }
 
-/// A right-handed rotation whose columns are the axes, the last one on the normal's side and the first one with its
-/// largest component positive, so that alike cells get alike rotations.
+/// A right-handed rotation with the axes as columns. The last axis is on the side of the normal, and the largest component of
+/// the first axis is positive. Similar cells therefore get similar rotations.
 fn oriented(axes: DMat3, normal: DVec3) -> DMat3 {
     let mut last = axes.z_axis;
     let side = if normal == DVec3::ZERO { largest(last) } else { last.dot(normal) };
@@ -205,7 +206,7 @@ fn largest(v: DVec3) -> f64 {
     v.to_array().into_iter().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a })
 }
 
-/// Eigenvalues, largest first, and unit eigenvectors (columns) of a symmetric matrix, by cyclic Jacobi rotations in f64.
+/// Eigenvalues, largest first, and unit eigenvectors (columns) of a symmetric matrix: cyclic Jacobi rotations in f64.
 fn principal_axes(m: DMat3) -> ([f64; 3], DMat3) {
     let mut a = m.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();
@@ -247,7 +248,7 @@ fn opacity_of(x: f64) -> f64 {
     if x >= dilogarithm(MAX_OPACITY) {
         return MAX_OPACITY;
     }
-    // Li₂ is convex and above the identity on [0, 1], so Newton's steps from the right end never leave it.
+    // Li₂ is convex and above the identity on [0, 1], so Newton steps from the right end stay inside.
     let mut o = x.min(MAX_OPACITY);
     for _ in 0..32 {
         let step = (dilogarithm(o) - x) / (-(-o).ln_1p() / o.max(1e-300));
@@ -260,7 +261,7 @@ fn opacity_of(x: f64) -> f64 {
     o
 }
 
-/// Li₂(x) = Σ xᵏ/k² for 0 ≤ x < 1: the optical depth −ln(1 − x·e^−u), integrated over u from 0 to ∞.
+/// Li₂(x) = Σ xᵏ/k² for 0 ≤ x < 1: the integral of the optical depth −ln(1 − x·e^−u) over u from 0 to ∞.
 fn dilogarithm(x: f64) -> f64 {
     if x > 0.5 {
         return PI * PI / 6.0 - x.ln() * (-x).ln_1p() - dilogarithm(1.0 - x);
@@ -285,7 +286,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_dilogarithm_is_the_integral_it_stands_for() {
+    fn the_dilogarithm_is_the_integral_of_the_optical_depth() {
         for o in [0.0, 0.1, 0.5, 0.9, 0.995] {
             let (mut sum, h) = (0.0, 1e-4);
             for i in 0..400_000 {

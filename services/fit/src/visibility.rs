@@ -1,16 +1,16 @@
-//! How hidden each voxel is: the optical depth on the most open of fourteen straight ways out of the volume.
+//! Occlusion of voxels: the least optical depth over fourteen straight directions out of the volume.
 
 use glam::UVec3;
 use rayon::prelude::*;
 
-/// Optical depth of what lies before each voxel of a box, the least over the six face and the eight corner directions.
-/// `extinction` is per length, x fastest, `dims` voxels; `step` gives the length of one step along a voxel direction.
-/// A voxel does not hide itself: however opaque, its near side shows.
+/// Least optical depth in front of each voxel of a box, over the six face and the eight corner directions. `extinction` is
+/// per length, x fastest, for `dims` voxels. `step` gives the length of one step along a voxel direction. A voxel does
+/// not hide itself: the near side of an opaque voxel is visible.
 pub(crate) fn least_optical_depth(extinction: &[f32], dims: UVec3, step: impl Fn([i32; 3]) -> f32 + Sync) -> Vec<f32> {
     let (nx, ny, nz) = (dims.x as usize, dims.y as usize, dims.z as usize);
     let plane = nx * ny;
     let mut least = vec![f32::INFINITY; extinction.len()];
-    // Within a slice: along ±x and ±y. Slices don't depend on each other.
+    // Within a slice: along ±x and ±y. Slices are independent.
     let (step_x, step_y) = (step([1, 0, 0]), step([0, 1, 0]));
     least.par_chunks_mut(plane).zip(extinction.par_chunks(plane)).for_each(|(least, sigma)| {
         for (least, sigma) in least.chunks_mut(nx).zip(sigma.chunks(nx)) {
@@ -20,7 +20,7 @@ pub(crate) fn least_optical_depth(extinction: &[f32], dims: UVec3, step: impl Fn
         along_rows(least, sigma, nx, step_y, 0..ny);
         along_rows(least, sigma, nx, step_y, (0..ny).rev());
     });
-    // Across slices: ±z and the corners, five directions in each sense at once.
+    // Across slices: ±z and the corners, five directions for each sign of z.
     for dz in [1, -1] {
         let directions = [[0, 0, dz], [1, 1, dz], [-1, 1, dz], [1, -1, dz], [-1, -1, dz]];
         let steps = directions.map(&step);
@@ -51,7 +51,7 @@ pub(crate) fn least_optical_depth(extinction: &[f32], dims: UVec3, step: impl Fn
     least
 }
 
-/// One row of a sweep across slices: what lies before a voxel is what lies before its upstream neighbour, and that one.
+/// One row of a sweep across slices. The depth at a voxel is the depth at its upstream neighbour plus that neighbour.
 fn across_row(out: &mut [f32], least: &mut [f32], upstream: Option<(&[f32], &[f32])>, shift: i32, step: f32) {
     for (x, (out, least)) in out.iter_mut().zip(least).enumerate() {
         let from = x as i32 - shift;
@@ -96,7 +96,7 @@ mod tests {
         (0..3).map(|k| (d[k] as f32 * spacing[k]).powi(2)).sum::<f32>().sqrt()
     }
 
-    /// The same by walking each of the fourteen rays to the border.
+    /// The reference: walks each of the fourteen rays to the border.
     fn by_walking(extinction: &[f32], dims: UVec3) -> Vec<f32> {
         let n = dims.as_ivec3().to_array();
         let at = |p: [i32; 3]| {

@@ -1,4 +1,4 @@
-//! What a direct start promises: a budget, one scene for a seed, matter and colours of the volume, answers for odd volumes.
+//! Properties of a direct start: budget, determinism, optical depth and colours, and unusual volumes.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
 use std::collections::HashSet;
@@ -118,8 +118,8 @@ fn the_optical_depth_of_a_haze_is_kept() {
     let f = function(&[(100.0, [0.5; 3], 0.01)], &[]);
     let s = start(&haze, &f, 1500).unwrap();
     let g = &s.scene.units[0].gaussians;
-    // A Gaussian's matter is 2π·s₁·s₂·Li₂(o), Li₂(o) = o + o²/4 + o³/9 + …; the volume's is extinction · volume.
-    let matter: f64 = (0..g.len())
+    // The integrated extinction of a Gaussian is 2π·s₁·s₂·Li₂(o), Li₂(o) = o + o²/4 + o³/9 + …; the volume's is extinction · volume.
+    let total: f64 = (0..g.len())
         .map(|i| {
             let scale = g.scale(i).as_dvec3();
             let o = f64::from(g.opacity(i));
@@ -127,7 +127,7 @@ fn the_optical_depth_of_a_haze_is_kept() {
         })
         .sum();
     let want = -(-0.01_f64).ln_1p() / haze.grid().reference_length() * 24.0_f64.powi(3);
-    assert!((matter / want - 1.0).abs() < 2e-3, "{matter} {want}");
+    assert!((total / want - 1.0).abs() < 2e-3, "{total} {want}");
 }
 
 #[test]
@@ -232,7 +232,7 @@ fn physical_space_is_kept_far_from_the_origin_too() {
 }
 
 #[test]
-fn progress_is_told_in_order() {
+fn progress_is_reported_in_order() {
     let mut seen = Vec::new();
     direct_start(&ball(Grid::unit([24; 3]).unwrap()), &ball_function(), &Options::default(), |p| seen.push(p)).unwrap();
     assert_eq!(seen.len(), seen[0].of);

@@ -1,13 +1,14 @@
-//! Direct volume rendering: the picture a transfer function means, by marching rays (Levoy 1988; Max 1995).
+//! Direct volume rendering by ray marching (Levoy 1988; Max 1995).
 //!
-//! The reference for the Gaussians made from the same volume: front to back, post-classified, opacities corrected for the
-//! step, no early stop before a transmittance of 1e-5.
+//! The image is the reference for Gaussians of the same volume. Rays run front to back with post-classification. The step
+//! length corrects the opacities. A ray stops at a transmittance of 1e-5.
 
 use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 
+use crate::classifier::Classifier;
 use crate::field::Field;
-use crate::transfer::{Classifier, correct_opacity};
+use crate::opacity::correct_opacity;
 
 /// A pinhole camera: x right, y down, z forward; the first pixel's centre at (0.5, 0.5).
 #[derive(Debug, Clone, PartialEq)]
@@ -24,14 +25,14 @@ pub struct Pinhole {
     pub world_to_camera: DMat4,
 }
 
-/// How samples are lit.
+/// Lighting of samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Lighting {
-    /// The transfer function's colour as it is.
+    /// The unchanged colour of the transfer function.
     #[default]
     Unlit,
-    /// Blinn–Phong with a white light at the eye and the normal −∇v/|∇v|:
-    /// c = ka·c + kd·max(n·l,0)·c + ks·max(n·h,0)^β, clamped to `[0, 1]`.
+    /// Blinn–Phong with a white light at the eye and the normal −∇v/|∇v|.
+    /// `c = ka·c + kd·max(n·l,0)·c + ks·max(n·h,0)^β`, clamped to `[0, 1]`.
     Headlight {
         /// Ambient factor.
         ambient: f32,
@@ -44,9 +45,9 @@ pub enum Lighting {
     },
 }
 
-/// A picture in linear memory, row by row: RGB composited over the background, A = 1 − transmittance.
+/// An image, row by row: RGB composited over the background, A = 1 − transmittance.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct Image {
     /// Pixels across.
     pub width: usize,
     /// Pixels down.
@@ -55,7 +56,7 @@ pub struct Picture {
     pub pixels: Vec<[f32; 4]>,
 }
 
-/// Renders a volume. `step` is the sampling distance in units of the smallest voxel spacing (½ is a good one).
+/// Renders a volume. `step` is the sampling distance in units of the smallest voxel spacing; ½ is a good value.
 #[must_use]
 pub fn render(
     field: &Field,
@@ -64,8 +65,8 @@ pub fn render(
     lighting: Lighting,
     background: Vec3,
     step: f64,
-) -> Picture {
-    let march = March {
+) -> Image {
+    let marcher = RayMarcher {
         field,
         classifier,
         lighting,
@@ -80,15 +81,15 @@ pub fn render(
             let x = ((i % camera.width) as f64 + 0.5 - camera.center[0]) / camera.focal[0];
             let y = ((i / camera.width) as f64 + 0.5 - camera.center[1]) / camera.focal[1];
             let direction = camera_to_world.transform_vector3(DVec3::new(x, y, 1.0)).normalize();
-            let (color, transmittance) = march.ray(eye, direction);
+            let (color, transmittance) = marcher.ray(eye, direction);
             let c = color + background * transmittance as f32;
             [c.x, c.y, c.z, 1.0 - transmittance as f32]
         })
         .collect();
-    Picture { width: camera.width, height: camera.height, pixels }
+    Image { width: camera.width, height: camera.height, pixels }
 }
 
-struct March<'a> {
+struct RayMarcher<'a> {
     field: &'a Field,
     classifier: &'a Classifier,
     lighting: Lighting,
@@ -96,13 +97,13 @@ struct March<'a> {
     reference: f64,
 }
 
-impl March<'_> {
+impl RayMarcher<'_> {
     /// Premultiplied colour and transmittance along a ray of unit direction.
     fn ray(&self, eye: DVec3, direction: DVec3) -> (Vec3, f64) {
         let grid = self.field.grid();
         let (start, along) = (grid.to_voxel(eye), grid.vector_to_voxel(direction));
         let high = DVec3::from_array(grid.dims().map(|d| d as f64 - 0.5));
-        let Some((near, far)) = enter_and_leave(start, along, DVec3::splat(-0.5), high) else {
+        let Some((near, far)) = intersect_box(start, along, DVec3::splat(-0.5), high) else {
             return (Vec3::ZERO, 1.0);
         };
         let steps = ((far - near) / self.step).ceil();
@@ -118,7 +119,7 @@ impl March<'_> {
                 continue;
             }
             let alpha = correct_opacity(f64::from(opacity), length, self.reference);
-            color += (transmittance * alpha) as f32 * self.lit(sample, at, direction);
+            color += (transmittance * alpha) as f32 * self.shade(sample, at, direction);
             transmittance *= 1.0 - alpha;
             if transmittance < 1e-5 {
                 break;
@@ -127,18 +128,18 @@ impl March<'_> {
         (color, transmittance)
     }
 
-    fn lit(&self, color: Vec3, at: DVec3, direction: DVec3) -> Vec3 {
+    fn shade(&self, color: Vec3, at: DVec3, direction: DVec3) -> Vec3 {
         let Lighting::Headlight { ambient, diffuse, specular, shininess } = self.lighting else { return color };
         let normal = -self.field.gradient(at).normalize_or_zero();
-        // A light at the eye: l, v and h are one.
+        // The light is at the eye, so l, v and h are equal.
         let facing = normal.dot(-direction.as_vec3()).max(0.0);
         let shine = if facing > 0.0 { specular * facing.powf(shininess) } else { 0.0 };
         (color * (ambient + diffuse * facing) + shine).clamp(Vec3::ZERO, Vec3::ONE)
     }
 }
 
-/// Where a ray is inside an axis-aligned box, in front of its start.
-fn enter_and_leave(start: DVec3, along: DVec3, low: DVec3, high: DVec3) -> Option<(f64, f64)> {
+/// The interval of a ray inside an axis-aligned box, in front of its start.
+fn intersect_box(start: DVec3, along: DVec3, low: DVec3, high: DVec3) -> Option<(f64, f64)> {
     let (mut near, mut far) = (0.0_f64, f64::INFINITY);
     for k in 0..3 {
         if along[k] == 0.0 {

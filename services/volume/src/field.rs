@@ -1,4 +1,4 @@
-//! A volume's values in f32: sampling, gradients, smoothing.
+//! The values of a volume in f32: sampling, gradients, smoothing.
 
 use glam::{DVec3, Mat3, Vec3};
 use rayon::prelude::*;
@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::grid::Grid;
 use crate::scalars::ValueRange;
 
-/// The values of a volume in f32 on its grid. `raw value = offset + stored value`.
+/// The values of a volume in f32 on its grid: `raw value = offset + stored value`.
 #[derive(Debug, Clone)]
 pub struct Field {
     grid: Grid,
@@ -24,7 +24,7 @@ impl Field {
         Self { grid, values, offset, range, gradient_to_world }
     }
 
-    /// Where the voxels lie.
+    /// The grid of the voxels.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
@@ -36,13 +36,13 @@ impl Field {
         &self.values
     }
 
-    /// What stored values are relative to.
+    /// The raw value of a stored 0.
     #[must_use]
     pub fn offset(&self) -> f64 {
         self.offset
     }
 
-    /// Range of the finite raw values, and how many are not finite.
+    /// Range of the finite raw values, and the number of other values.
     #[must_use]
     pub fn range(&self) -> ValueRange {
         self.range
@@ -54,8 +54,8 @@ impl Field {
         self.values.get(index).map_or(f64::NAN, |&v| self.offset + f64::from(v))
     }
 
-    /// Raw value at a point in voxel coordinates, trilinear between centres and constant over the outer half voxel;
-    /// nothing outside the volume. NaN where a voxel that takes part is NaN.
+    /// Raw value at a point in voxel coordinates: trilinear between centres, constant over the outer half voxel. `None`
+    /// outside the volume. NaN if a contributing voxel is NaN.
     #[must_use]
     pub fn sample(&self, voxel: DVec3) -> Option<f64> {
         self.stored(voxel).map(|v| self.offset + f64::from(v))
@@ -72,7 +72,7 @@ impl Field {
             let x = x.clamp(0.0, last);
             let low = x as usize;
             let t = (x - low as f64) as f32;
-            // Without a share the neighbour is not read: 0 · NaN would spoil a sample right on a voxel.
+            // With weight 0 the neighbour is not read: 0 · NaN would spoil a sample on a voxel centre.
             Some((low, if t > 0.0 { (low + 1).min(n - 1) } else { low }, t))
         };
         let (x0, x1, tx) = axis(voxel.x, dims[0])?;
@@ -91,8 +91,8 @@ impl Field {
         Some(if z1 == z0 { a } else { a + tz * (plane(z1) - a) })
     }
 
-    /// Gradient at voxel (x, y, z) by central differences, one-sided at the border and beside NaN, in raw units per world
-    /// length, in world axes. An axis of one voxel adds nothing.
+    /// Gradient at voxel (x, y, z) by central differences, in raw units per world length, in world axes. Differences are
+    /// one-sided at the border and beside NaN. An axis of one voxel adds nothing.
     #[must_use]
     pub fn gradient_at(&self, x: usize, y: usize, z: usize) -> Vec3 {
         let dims = self.grid.dims();
@@ -113,8 +113,8 @@ impl Field {
         self.gradient_to_world * per_voxel
     }
 
-    /// Gradient at a point in voxel coordinates: central differences over one voxel each way of the trilinear
-    /// interpolant, in raw units per world length, in world axes; zero outside the volume and beside NaN.
+    /// Gradient at a point in voxel coordinates, in raw units per world length, in world axes. It takes central differences
+    /// of the trilinear interpolant over one voxel each way. It is zero outside the volume and beside NaN.
     #[must_use]
     pub fn gradient(&self, voxel: DVec3) -> Vec3 {
         let dims = self.grid.dims();
@@ -135,8 +135,8 @@ impl Field {
         self.gradient_to_world * Vec3::new(axis(0), axis(1), axis(2))
     }
 
-    /// The field convolved with a Gaussian of `sigma` voxels along each axis (support ±3σ). Borders and NaN are left out
-    /// of the weights; NaN voxels stay NaN.
+    /// The field convolved with a Gaussian of `sigma` voxels along each axis (support ±3σ). The weights leave out NaN and
+    /// voxels outside the volume. NaN voxels stay NaN.
     #[must_use]
     pub fn smoothed(&self, sigma: f32) -> Self {
         let radius = (3.0 * sigma).ceil() as usize;
@@ -228,7 +228,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::volume::Volume;
+    use crate::scalars::Scalars;
 
     fn field(dims: [usize; 3], f: impl Fn(f64, f64, f64) -> f32) -> Field {
         let grid = Grid::unit(dims).unwrap();
@@ -238,7 +238,12 @@ mod tests {
                 f(v.x as f64, v.y as f64, v.z as f64)
             })
             .collect();
-        Volume::new(grid, values.into(), None).unwrap().to_field()
+        on_grid(grid, values)
+    }
+
+    fn on_grid(grid: Grid, values: Vec<f32>) -> Field {
+        let range = Scalars::from(values.clone()).range();
+        Field::from_parts(grid, values, 0.0, range)
     }
 
     #[test]
@@ -266,8 +271,8 @@ mod tests {
         // x of the voxels points along world −y with spacing 2, so a rise of 1 per voxel is −½ along y.
         let direction = DMat3::from_cols(DVec3::NEG_Y, DVec3::X, DVec3::Z);
         let grid = Grid::new([4, 4, 4], DVec3::new(2.0, 1.0, 1.0), DVec3::ZERO, direction).unwrap();
-        let values: Vec<u8> = (0..grid.len()).map(|i| grid.voxel(i).x as u8).collect();
-        let f = Volume::new(grid, values.into(), None).unwrap().to_field();
+        let values: Vec<f32> = (0..grid.len()).map(|i| grid.voxel(i).x as f32).collect();
+        let f = on_grid(grid, values);
         assert!((f.gradient_at(1, 1, 1) - Vec3::new(0.0, -0.5, 0.0)).length() < 1e-6);
         assert!((f.gradient(DVec3::new(1.3, 2.0, 0.7)) - Vec3::new(0.0, -0.5, 0.0)).length() < 1e-6);
     }

@@ -1,4 +1,4 @@
-//! Where the voxels of a volume lie in space.
+//! The grid of a volume in world space.
 
 use glam::{DMat3, DVec3, Mat3, USizeVec3};
 
@@ -9,9 +9,9 @@ pub const MAX_VOXELS: u64 = u32::MAX as u64;
 
 /// A regular grid of voxels in world space.
 ///
-/// Voxel coordinates put the centre of the first voxel at (0, 0, 0) and the centre of the last at `dims − 1`; x varies
-/// fastest in memory. `world = origin + direction · (spacing ∘ voxel)`, in the file's physical length unit. A voxel is a
-/// cell of one spacing around its centre, so the volume reaches from −½ to `dims − ½` in voxel coordinates.
+/// In voxel coordinates the centre of the first voxel is (0, 0, 0) and the centre of the last one is `dims − 1`. In memory x
+/// varies fastest. `world = origin + direction · (spacing ∘ voxel)`, in the world frame and length unit of the file. A voxel
+/// is a cell of one spacing around its centre, so the volume reaches from −½ to `dims − ½` in voxel coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
     dims: [usize; 3],
@@ -22,22 +22,22 @@ pub struct Grid {
     world_to_voxel: DMat3,
 }
 
-/// Numbers that make no grid.
+/// The numbers do not form a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GridError {
-    /// An axis of no voxels, or of too many.
+    /// An axis has no voxels, or too many.
     #[error("dimensions {dims:?}: each axis takes 1 to {MAX_DIM} voxels and the whole at most {MAX_VOXELS}")]
     Dims {
-        /// Voxels asked for along x, y and z.
+        /// Requested voxels along x, y and z.
         dims: [usize; 3],
     },
-    /// A spacing that is zero, negative or not finite.
+    /// A spacing is zero, negative or not finite.
     #[error("spacing {0}: three finite lengths above 0 are needed")]
     Spacing(DVec3),
-    /// An origin that is not finite.
+    /// The origin is not finite.
     #[error("origin {0}: three finite numbers are needed")]
     Origin(DVec3),
-    /// Axes that are not finite or lie in one plane.
+    /// The axes are not finite or lie in one plane.
     #[error("axis directions {0}: three finite axes that do not lie in one plane are needed")]
     Direction(DMat3),
 }
@@ -52,11 +52,11 @@ pub struct Bounds {
 }
 
 impl Grid {
-    /// A grid of `dims` voxels with `spacing` (lengths between centres), `origin` (centre of the first voxel) and
-    /// `direction` (columns: world directions of the x, y and z axes; their lengths are taken out).
+    /// A grid of `dims` voxels. `spacing` holds the lengths between centres, and `origin` is the centre of the first voxel.
+    /// The columns of `direction` are the world directions of the x, y and z axes; [`Grid::new`] normalizes them.
     ///
     /// # Errors
-    /// [`GridError`] where a number is out of its range.
+    /// [`GridError`] if a number is out of its range.
     pub fn new(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self, GridError> {
         let voxels = dims.iter().try_fold(1_u64, |n, &d| n.checked_mul(d as u64));
         let fits = voxels.is_some_and(|n| n <= MAX_VOXELS);
@@ -124,7 +124,7 @@ impl Grid {
         self.dims.iter().product()
     }
 
-    /// Whether there is no voxel: never, for a grid that was made by [`Grid::new`].
+    /// Whether the grid has no voxel. [`Grid::new`] refuses such a grid.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -167,13 +167,13 @@ impl Grid {
         self.voxel_to_world * voxel
     }
 
-    /// The matrix that takes a gradient per voxel to a gradient per world length (inverse transpose of voxel → world).
+    /// The matrix from a gradient per voxel to a gradient per world length: the inverse transpose of voxel → world.
     #[must_use]
     pub fn gradient_to_world(&self) -> Mat3 {
         self.world_to_voxel.transpose().as_mat3()
     }
 
-    /// The index of the voxel whose cell holds a world position, or the nearest one for a position outside.
+    /// The index of the voxel at a world position; for a position outside, the nearest voxel.
     #[must_use]
     pub fn nearest(&self, world: DVec3) -> usize {
         let v = self.to_voxel(world);

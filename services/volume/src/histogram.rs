@@ -1,4 +1,4 @@
-//! A transfer function from nothing but the values: multi-level Otsu thresholds on the histogram.
+//! Histograms, and automatic transfer functions by multi-level Otsu thresholds.
 
 use rayon::prelude::*;
 
@@ -7,17 +7,17 @@ use crate::transfer::{BaseUnitRange, ControlPoint, Scale, TransferFunction, Unit
 
 /// Bins of the histogram.
 pub const BINS: usize = 256;
-/// A material needs this share of the voxels: fewer are noise.
+/// Least share of the voxels in a material; fewer are noise.
 const LEAST_SHARE: f64 = 2e-4;
 
-/// Why no transfer function can be made.
+/// An automatic transfer function is not possible.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AutomaticError {
     /// There is no finite value.
     #[error("no voxel has a finite value")]
     NoValues,
     /// All values are the same.
-    #[error("every voxel has the value {0}: nothing can be told apart; give a transfer function")]
+    #[error("every voxel has the value {0}, so no materials can be separated; give a transfer function")]
     Constant(f64),
 }
 
@@ -65,18 +65,19 @@ impl Histogram {
     }
 }
 
-/// A transfer function for a volume nobody has looked at yet: up to three materials found by multi-level Otsu thresholds
-/// (Liao, Chen and Chung 2001), the class of the volume's outer faces transparent, the others in colours that
-/// colour-blind people can tell apart (Okabe and Ito 2008), denser ones more opaque, one base unit each. The same
-/// values always give the same function.
+/// A transfer function from the histogram of a volume.
+///
+/// Multi-level Otsu thresholds (Liao, Chen and Chung 2001) separate up to three materials, one base unit each. The class
+/// of the outer faces is transparent. The materials get colours for colour-blind readers (Okabe and Ito 2008); denser
+/// ones are more opaque. The same values always give the same function.
 ///
 /// # Errors
 /// [`AutomaticError`] where all values are equal or none is finite.
-pub fn automatic(field: &Field, variable: Option<&str>) -> Result<TransferFunction, AutomaticError> {
+pub fn automatic_transfer_function(field: &Field, variable: Option<&str>) -> Result<TransferFunction, AutomaticError> {
     let (low, high) = robust_range(field)?;
     let histogram = Histogram::of(field, low, high);
     let background = background_bin(field, &histogram);
-    // Air or vacuum fills most volumes: square roots keep its peak from swallowing the thresholds of small structures.
+    // Air fills most volumes. Square roots keep its peak from hiding the thresholds of small structures.
     let weights: Vec<f64> = histogram.counts.iter().map(|&c| (c as f64).sqrt()).collect();
     let total: u64 = histogram.counts.iter().sum();
     let distinct = histogram.counts.iter().filter(|&&c| c > 0).count();
@@ -100,8 +101,8 @@ pub fn automatic(field: &Field, variable: Option<&str>) -> Result<TransferFuncti
     Ok(from_borders(&histogram, &borders, empty, variable))
 }
 
-/// The range of values worth telling apart: everything for integers and well-spread floats; without the outermost
-/// 1/10,000 at an end where that tail is longer than all the rest.
+/// The value range of the histogram. An end loses its outermost 1/10,000 of the values if that tail is longer than the
+/// rest of the range.
 fn robust_range(field: &Field) -> Result<(f64, f64), AutomaticError> {
     let range = field.range();
     if range.non_finite == field.values().len() {
@@ -133,7 +134,7 @@ fn robust_range(field: &Field) -> Result<(f64, f64), AutomaticError> {
     Ok((low, high))
 }
 
-/// The bin that is most frequent on the outer faces of the volume (all voxels, where the volume is thin).
+/// The most frequent bin on the outer faces of the volume. In a thin volume all voxels count.
 fn background_bin(field: &Field, histogram: &Histogram) -> usize {
     let grid = field.grid();
     let [nx, ny, nz] = grid.dims();
@@ -155,19 +156,19 @@ fn background_bin(field: &Field, histogram: &Histogram) -> usize {
     (0..BINS).rev().max_by_key(|&i| counts[i]).unwrap_or(0)
 }
 
-/// Whether the histogram rises from both borders of a class to a peak inside it. Without one the class is no material but
-/// the partial volumes between two others. The ends of the histogram count as empty: values may saturate there.
+/// Whether the histogram rises from both borders of a class to a peak inside it. A class without a peak holds the partial
+/// volumes between two materials. The ends of the histogram count as empty: values may saturate there.
 fn has_peak(smooth: &[f64], from: usize, to: usize) -> bool {
     let inside = &smooth[from..to];
     let peak = inside.iter().copied().fold(0.0, f64::max);
     let border = |at: Option<&f64>, end: bool| if end { 0.0 } else { at.copied().unwrap_or(0.0) };
     let higher = border(inside.first(), from == 0).max(border(inside.last(), to == smooth.len()));
-    // Three standard deviations of a mean over five bins of counted voxels are chance.
+    // Three standard deviations of the mean count over five bins are noise.
     peak > 1.15 * higher + 3.0 * (higher / 5.0).sqrt()
 }
 
-/// Borders `0 = b₀ < b₁ < … < b_k = BINS` of the `classes` classes with the greatest between-class variance, by dynamic
-/// programming over all placements.
+/// Borders `0 = b₀ < b₁ < … < b_k = BINS` of `classes` classes with the greatest between-class variance. Dynamic programming
+/// covers all placements.
 fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
     let n = weights.len();
     let mut mass = vec![0.0; n + 1];
@@ -204,7 +205,7 @@ fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
     }
     borders.push(0);
     borders.reverse();
-    // Between two peaks any border in the empty gap is as good as another: the middle leaves both the most room.
+    // Any border in the empty gap between two peaks has the same variance; the middle leaves both the most room.
     for b in &mut borders[1..classes] {
         let empty_before = weights[..*b].iter().rev().take_while(|&&w| w == 0.0).count();
         let empty_after = weights[*b..].iter().take_while(|&&w| w == 0.0).count();
@@ -215,7 +216,7 @@ fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
 
 /// Colours from the Okabe–Ito set: orange, sky blue, reddish purple.
 const COLORS: [[f32; 3]; 3] = [[0.902, 0.624, 0.0], [0.337, 0.706, 0.914], [0.8, 0.475, 0.655]];
-/// Opacities by number of materials: an outer, less dense one must not hide what it holds.
+/// Opacities by number of materials. An outer, less dense material must not hide the inner ones.
 const OPACITIES: [&[f32]; 4] = [&[], &[0.5], &[0.08, 0.6], &[0.05, 0.25, 0.8]];
 const NAMES: [&[&str]; 4] = [&[], &["material"], &["low", "high"], &["low", "middle", "high"]];
 
@@ -233,7 +234,7 @@ fn from_borders(histogram: &Histogram, borders: &[usize], empty: usize, variable
         .collect();
     let sample = |class: usize, other: usize| match (looks[class], looks[other]) {
         (Some(m), _) => (COLORS[m % 3], OPACITIES[materials.min(3)][m]),
-        // Ramps into the background fade; they don't change colour.
+        // Ramps into the background fade without a change of colour.
         (None, Some(m)) => (COLORS[m % 3], 0.0),
         (None, None) => ([0.0; 3], 0.0),
     };
@@ -247,7 +248,7 @@ fn from_borders(histogram: &Histogram, borders: &[usize], empty: usize, variable
         let at = histogram.border(borders[c]);
         push(at - half, sample(c - 1, c));
         push(at + half, sample(c, c - 1));
-        // Where a ramp leaves the background, everything that shows belongs to the material.
+        // All visible values of a ramp out of the background belong to the material.
         starts.push(match (looks[c - 1], looks[c]) {
             (None, _) => at - half,
             (_, None) => at + half,
@@ -296,9 +297,9 @@ mod tests {
     #[test]
     fn nested_boxes_become_their_materials() {
         let field = nested();
-        let f = automatic(&field, Some("density")).unwrap();
+        let f = automatic_transfer_function(&field, Some("density")).unwrap();
         f.check().unwrap();
-        assert_eq!(f, automatic(&field, Some("density")).unwrap());
+        assert_eq!(f, automatic_transfer_function(&field, Some("density")).unwrap());
         assert_eq!(f.base_units.len(), 3);
         let c = f.classifier(field.range()).unwrap();
         assert_eq!(c.opacity(5.0), 0.0, "the outer faces are background");
@@ -316,7 +317,7 @@ mod tests {
             let inside = |x: usize| (6..14).contains(&x);
             if inside(i % 20) && inside(i / 20 % 20) && inside(i / 400) { 10.0 } else { 200.0 }
         });
-        let f = automatic(&field, None).unwrap();
+        let f = automatic_transfer_function(&field, None).unwrap();
         let c = f.classifier(field.range()).unwrap();
         assert_eq!(c.opacity(200.0), 0.0);
         assert!(c.opacity(10.0) > 0.2);
@@ -331,7 +332,7 @@ mod tests {
             let r = (d(i % 48, 23.13).powi(2) + d(i / 48 % 48, 23.71).powi(2) + d(i / 2304, 24.37).powi(2)).sqrt();
             10.0 + 190.0 * ((18.0 - r) / 6.0).clamp(0.0, 1.0)
         });
-        let f = automatic(&field, None).unwrap();
+        let f = automatic_transfer_function(&field, None).unwrap();
         assert_eq!(f.base_units.len(), 1, "{f:?}");
     }
 
@@ -341,14 +342,20 @@ mod tests {
         let mut values = field.values().to_vec();
         values[20_000] = 1e9;
         let wild = Volume::new(field.grid().clone(), values.into(), None).unwrap().to_field();
-        let f = automatic(&wild, None).unwrap();
+        let f = automatic_transfer_function(&wild, None).unwrap();
         assert!(f.domain[1] < 300.0, "{:?}", f.domain);
     }
 
     #[test]
     fn nothing_to_tell_apart_is_an_error() {
-        assert_eq!(automatic(&field_of([3, 3, 3], |_| 7.0), None), Err(AutomaticError::Constant(7.0)));
-        assert_eq!(automatic(&field_of([3, 3, 3], |_| f32::NAN), None), Err(AutomaticError::NoValues));
+        assert_eq!(
+            automatic_transfer_function(&field_of([3, 3, 3], |_| 7.0), None),
+            Err(AutomaticError::Constant(7.0))
+        );
+        assert_eq!(
+            automatic_transfer_function(&field_of([3, 3, 3], |_| f32::NAN), None),
+            Err(AutomaticError::NoValues)
+        );
     }
 
     #[test]

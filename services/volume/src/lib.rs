@@ -1,23 +1,49 @@
-//! Volumes and transfer functions: readers, gradients, the made vessel tree.
+//! Scalar volumes, transfer functions and direct volume rendering.
 //!
-//! A [`Volume`] is what a file holds: values in their own type on a [`Grid`] in physical space. Its [`Field`] is what
-//! sampling, gradients and ray marching work on. A [`TransferFunction`] says what values look like; bound to a volume's
-//! range it becomes a [`Classifier`].
+//! A [`Volume`] holds the values of a file in their own type, on a [`Grid`] in world space. A [`Field`] holds them in f32 for
+//! sampling, gradients and ray marching. A [`TransferFunction`] maps values to colours and opacities. Bound to a value
+//! range, it becomes a [`Classifier`].
+//!
+//! ```
+//! use glam::{DMat4, DVec3, Vec3};
+//! use sg_volume::automatic_transfer_function;
+//! use sg_volume::dvr::{self, Lighting, Pinhole};
+//! use sg_volume::phantom::VesselTree;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let field = VesselTree::new().rasterize(32, 0)?.volume()?.to_field();
+//! let function = automatic_transfer_function(&field, Some("intensity"))?;
+//! let classifier = function.classifier(field.range())?;
+//!
+//! // One ray along z through a vessel at the centre of the volume.
+//! let world_to_camera = DMat4::from_translation(DVec3::new(-16.0, -16.0, 100.0));
+//! let camera = Pinhole { width: 1, height: 1, focal: [1.0; 2], center: [0.5; 2], world_to_camera };
+//! let image = dvr::render(&field, &classifier, &camera, Lighting::Unlit, Vec3::ZERO, 0.5);
+//! assert!(image.pixels[0][3] > 0.5, "the vessel is visible");
+//! # Ok(())
+//! # }
+//! ```
 
+pub mod classifier;
 pub mod dvr;
 pub mod field;
 pub mod grid;
 pub mod histogram;
+pub mod opacity;
 pub mod phantom;
 pub mod read;
 pub mod scalars;
 pub mod transfer;
 pub mod volume;
 
+pub use classifier::{BaseUnitMatch, Classifier};
 pub use field::Field;
 pub use grid::{Bounds, Grid};
-pub use histogram::automatic;
-pub use read::{ENDINGS, Limits, ReadError, raw_file_name, read_volume, read_volume_within, write_raw};
+pub use histogram::automatic_transfer_function;
+pub use read::{
+    ENDINGS, Limits, ReadError, WriteError, formats_help, raw_file_name, read_volume, read_volume_within, write_raw,
+    write_volume,
+};
 pub use scalars::{ScalarType, Scalars, ValueRange};
-pub use transfer::{Classifier, TransferFunction};
+pub use transfer::TransferFunction;
 pub use volume::Volume;

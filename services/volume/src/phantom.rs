@@ -1,8 +1,8 @@
-//! A made volume with exact truth: a vessel tree that carries a saccular aneurysm.
+//! A synthetic volume with exact ground truth: a vessel tree with a saccular aneurysm.
 //!
-//! The shape is an analytic union of tapered tubes, a neck and a sphere in the unit cube; resolution and noise are chosen
-//! when it is rasterised. Points of the unit cube are the volume's normalized box coordinates, so a stroke that hits the
-//! sac hits it at every resolution and seed.
+//! The shape is an analytic union of tapered tubes, a neck and a sphere in the unit cube. The rasterizer sets resolution
+//! and noise. Points of the unit cube are the normalized box coordinates of the volume. A stroke therefore hits the sac
+//! at every resolution and seed.
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -27,7 +27,7 @@ const BACKGROUND: f32 = 20.0;
 const BLOOD: f32 = 200.0;
 /// Radius of the rounding where tubes meet.
 const BLEND: f64 = 0.012;
-/// Labels reach this many voxels outside the surface, so that whatever is faintly visible there has its label.
+/// Width in voxels of the labelled margin outside the surface: faintly visible voxels there need a label.
 const LABEL_MARGIN: f64 = 2.0;
 
 /// Centre of the sac.
@@ -68,8 +68,8 @@ struct Capsule {
 }
 
 impl Capsule {
-    /// Distance to the surface, negative inside (exact on the axis' normal plane; a lower bound of little error elsewhere,
-    /// since the radii change slowly).
+    /// Distance to the surface, negative inside. It is exact on the axis' normal plane. Elsewhere it is a close lower bound,
+    /// since the radii change slowly.
     fn distance(&self, p: DVec3) -> f64 {
         let axis = self.b - self.a;
         let t = ((p - self.a).dot(axis) / axis.length_squared().max(1e-30)).clamp(0.0, 1.0);
@@ -83,9 +83,9 @@ pub struct VesselTree {
     /// The pieces of each tube; the first tube is the parent vessel.
     vessels: Vec<Vec<Capsule>>,
     neck: Capsule,
-    /// Where the neck leaves the parent's axis.
+    /// Start of the neck on the axis of the parent vessel.
     parent_point: DVec3,
-    /// Unit vector from there to the sac's centre.
+    /// Unit vector from `parent_point` to the sac's centre.
     neck_axis: DVec3,
     parent_radius: f64,
 }
@@ -97,7 +97,7 @@ impl Default for VesselTree {
 }
 
 impl VesselTree {
-    /// The tree. It is always the same one.
+    /// The tree; every call returns the same one.
     #[must_use]
     pub fn new() -> Self {
         let vessels: Vec<Vec<Capsule>> = TUBES.iter().map(|(points, start, end)| tube(points, *start, *end)).collect();
@@ -113,10 +113,10 @@ impl VesselTree {
         Self { vessels, neck, parent_point, neck_axis, parent_radius }
     }
 
-    /// Distance to the surface in unit-cube lengths, negative inside (the blend at joints makes it an estimate there).
+    /// Distance to the surface in unit-cube lengths, negative inside. Near joints it is an estimate because of the blend.
     #[must_use]
     pub fn distance(&self, p: DVec3) -> f64 {
-        // Pieces of one tube meet end to end: rounding between them would make beads.
+        // Pieces of one tube meet end to end; a blend between them would make beads.
         let vessels = self.vessels.iter().map(|tube| tube_distance(tube, p)).fold(f64::INFINITY, smooth_min);
         smooth_min(vessels, self.sac_distance(p))
     }
@@ -132,15 +132,15 @@ impl VesselTree {
         self.distance(p) <= 0.0
     }
 
-    /// Whether a point, if it belongs to the tree at all, is on the sac's side: beyond the plane where the neck leaves the
-    /// parent's wall, and nearer to the sac than to any vessel.
+    /// Whether a point of the tree is on the side of the sac. Such a point lies beyond the plane of the neck at the
+    /// parent's wall, and is nearer to the sac than to any vessel.
     #[must_use]
     pub fn on_sac_side(&self, p: DVec3) -> bool {
         let beyond_wall = (p - self.parent_point).dot(self.neck_axis) > self.parent_radius;
         beyond_wall && self.vessels.iter().all(|tube| tube_distance(tube, p) > self.sac_distance(p))
     }
 
-    /// Whether a point lies in the sac (its neck included).
+    /// Whether a point lies in the sac, including its neck.
     #[must_use]
     pub fn sac_contains(&self, p: DVec3) -> bool {
         self.contains(p) && self.on_sac_side(p)
@@ -158,13 +158,13 @@ impl VesselTree {
         SAC_RADIUS
     }
 
-    /// The point of the parent vessel's axis where the neck begins.
+    /// Start of the neck on the axis of the parent vessel.
     #[must_use]
     pub fn parent_point(&self) -> DVec3 {
         self.parent_point
     }
 
-    /// Radius of the parent vessel there.
+    /// Radius of the parent vessel at [`VesselTree::parent_point`].
     #[must_use]
     pub fn parent_radius(&self) -> f64 {
         self.parent_radius
@@ -177,16 +177,16 @@ impl VesselTree {
         pieces.iter().map(|c| c.a).chain(pieces.last().map(|c| c.b)).collect()
     }
 
-    /// Rasterises the tree on `size`³ voxels of unit spacing: anti-aliased uint8 intensities with noise drawn from `seed`,
-    /// and a uint8 label volume ([`LABEL_BACKGROUND`], [`LABEL_SAC`], [`LABEL_VESSEL`]; labels reach two voxels outside the
-    /// surface). The same for any number of threads.
+    /// Rasterizes the tree on `size`³ voxels of unit spacing. The intensities are anti-aliased uint8 with noise from `seed`.
+    /// The uint8 labels are [`LABEL_BACKGROUND`], [`LABEL_SAC`] and [`LABEL_VESSEL`]; they reach two voxels outside the
+    /// surface. The result is the same for any number of threads.
     ///
     /// # Errors
-    /// [`GridError::Dims`] where `size` is 0 or too large.
-    pub fn rasterize(&self, size: usize, seed: u64) -> Result<Rasterized, GridError> {
+    /// [`GridError::Dims`] if `size` is 0 or too large.
+    pub fn rasterize(&self, size: usize, seed: u64) -> Result<PhantomRaster, GridError> {
         let grid = Grid::unit([size; 3])?;
         let voxel = 1.0 / size as f64;
-        // A capsule further away than this changes neither intensities nor labels.
+        // Capsules at a larger distance change neither intensities nor labels.
         let reach = 2.0 * BLEND + (LABEL_MARGIN + 1.0) * voxel;
         let slices: Vec<(Vec<u8>, Vec<u8>)> = (0..size)
             .into_par_iter()
@@ -202,7 +202,7 @@ impl VesselTree {
                         let p = DVec3::new(center(x), center(y), center(z));
                         let distance = near.distance(p);
                         let coverage = (0.5 - distance / (1.5 * voxel)).clamp(0.0, 1.0) as f32;
-                        // The sum of four uniform numbers is near enough to a normal one (σ = 2.3 grey levels).
+                        // The sum of four uniform numbers is almost normal (σ = 2.3 grey levels).
                         let noise = (0..4).map(|_| random.random::<f32>() - 0.5).sum::<f32>() * 4.0;
                         let value = BACKGROUND + coverage * (BLOOD - BACKGROUND) + noise;
                         intensities.push(value.round().clamp(0.0, 255.0) as u8);
@@ -224,7 +224,7 @@ impl VesselTree {
             intensities.extend(i);
             labels.extend(l);
         }
-        Ok(Rasterized { grid, intensities, labels })
+        Ok(PhantomRaster { grid, intensities, labels })
     }
 
     /// The part of the tree within `reach` of a row of voxels along x.
@@ -239,19 +239,19 @@ impl VesselTree {
     }
 }
 
-/// A rasterised tree.
+/// The intensities and labels of a rasterized tree.
 #[derive(Debug, Clone)]
-pub struct Rasterized {
+pub struct PhantomRaster {
     grid: Grid,
     intensities: Vec<u8>,
     labels: Vec<u8>,
 }
 
-impl Rasterized {
-    /// The intensity volume (uint8: about 20 outside, about 200 inside).
+impl PhantomRaster {
+    /// The intensity volume: uint8, about 20 outside and about 200 inside.
     ///
     /// # Errors
-    /// Never for what [`VesselTree::rasterize`] returns.
+    /// Never for a result of [`VesselTree::rasterize`].
     pub fn volume(&self) -> Result<Volume, ValueCount> {
         Volume::new(self.grid.clone(), Scalars::from(self.intensities.clone()), Some("intensity".to_owned()))
     }
@@ -259,13 +259,13 @@ impl Rasterized {
     /// The label volume.
     ///
     /// # Errors
-    /// Never for what [`VesselTree::rasterize`] returns.
+    /// Never for a result of [`VesselTree::rasterize`].
     pub fn labels(&self) -> Result<Volume, ValueCount> {
         Volume::new(self.grid.clone(), Scalars::from(self.labels.clone()), Some("label".to_owned()))
     }
 }
 
-/// The transfer function that shows the tree: one base unit "vessels" of one pale colour, the background transparent.
+/// The transfer function of the tree: one pale base unit "vessels" and a transparent background.
 #[must_use]
 pub fn transfer_function() -> TransferFunction {
     let color = [0.93, 0.80, 0.62];
@@ -310,7 +310,7 @@ fn tube_distance(tube: &[Capsule], p: DVec3) -> f64 {
     tube.iter().map(|c| c.distance(p)).fold(f64::INFINITY, f64::min)
 }
 
-/// The minimum, rounded by a quadratic where the two are within [`BLEND`] (Quilez's polynomial smooth minimum).
+/// The minimum, with a quadratic blend if the two are within [`BLEND`] (Quilez's polynomial smooth minimum).
 fn smooth_min(a: f64, b: f64) -> f64 {
     let h = (BLEND - (a - b).abs()).max(0.0) / BLEND;
     a.min(b) - 0.25 * h * h * BLEND
@@ -392,7 +392,7 @@ mod tests {
                 assert!(volume.raw(i) > 180.0);
             }
             if transfer_function().classifier(volume.range()).unwrap().opacity(volume.raw(i)) > 0.0 {
-                assert!(labels.raw(i) > 0.0, "whatever shows has a label");
+                assert!(labels.raw(i) > 0.0, "a visible voxel has a label");
             }
         }
         // The sphere alone has 4/3·π·0.135³·64³ = 2,702 voxels.

@@ -4,29 +4,29 @@ use std::str::FromStr;
 
 use rayon::prelude::*;
 
-/// A type that voxels can have.
+/// A voxel type.
 pub(crate) trait Scalar: bytemuck::Pod + FromStr {
     /// The same bytes in the opposite order.
     fn swapped(self) -> Self;
 }
 
-/// Something that makes values of any scalar type: a reader of bytes, a parser of numbers.
+/// A source of values of any scalar type: a reader of bytes or a parser of numbers.
 pub(crate) trait Decode {
-    /// What can go wrong.
+    /// The error of the source.
     type Error;
 
     /// All values.
     fn decode<T: Scalar>(&mut self) -> Result<Vec<T>, Self::Error>;
 }
 
-/// The finite values' range.
+/// Range of the finite values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ValueRange {
-    /// Least finite value (0 where there is none).
+    /// Least finite value; 0 without finite values.
     pub low: f64,
-    /// Greatest finite value (0 where there is none).
+    /// Greatest finite value; 0 without finite values.
     pub high: f64,
-    /// How many values are NaN or infinite.
+    /// Number of values that are NaN or infinite.
     pub non_finite: usize,
 }
 
@@ -44,7 +44,7 @@ fn range_of<T: Copy + Sync>(values: &[T], to_f64: impl Fn(T) -> f64 + Sync) -> V
     if low <= high { ValueRange { low, high, non_finite } } else { ValueRange { low: 0.0, high: 0.0, non_finite } }
 }
 
-/// Defines the scalar types once: the type tags, the typed vectors and what is the same for all of them.
+/// Defines the scalar types once: the type tags, the typed vectors and their shared methods.
 macro_rules! scalar_types {
     ($($variant:ident, $ty:ty, $name:literal, $vtk:literal, [$($synonym:literal),*];)*) => {
         /// The type of a volume's values.
@@ -75,7 +75,7 @@ macro_rules! scalar_types {
                 match self { $(Self::$variant => size_of::<$ty>(),)* }
             }
 
-            /// The type of that name, or of one of the synonyms of the NRRD specification.
+            /// The type of a name; synonyms of the NRRD specification count too.
             #[must_use]
             pub fn from_name(name: &str) -> Option<Self> {
                 match name { $($name $(| $synonym)* => Some(Self::$variant),)* _ => None }
@@ -101,7 +101,7 @@ macro_rules! scalar_types {
                 match self { $(Self::$variant(v) => v.len(),)* }
             }
 
-            /// Value `i` as f64 (exact up to 53 bits), or nothing past the end.
+            /// Value `i` as f64, exact up to 53 bits; `None` past the end.
             #[must_use]
             pub fn get(&self, i: usize) -> Option<f64> {
                 match self { $(Self::$variant(v) => v.get(i).map(|&x| x as f64),)* }
@@ -130,6 +130,15 @@ macro_rules! scalar_types {
                 match self { $(Self::$variant(v) => range_of(v, |x| x as f64),)* }
             }
 
+            /// Every value times `slope` plus `intercept`, computed in f64. The result has type [`ScalarType::scaled`].
+            pub(crate) fn scaled(&self, slope: f64, intercept: f64) -> Self {
+                let scale = |x: f64| x * slope + intercept;
+                match self { $(Self::$variant(v) => match ScalarType::$variant.scaled() {
+                    ScalarType::F32 => Self::F32(v.par_iter().map(|&x| scale(x as f64) as f32).collect()),
+                    _ => Self::F64(v.par_iter().map(|&x| scale(x as f64)).collect()),
+                },)* }
+            }
+
             /// Every value less `offset`, subtracted in f64 and then narrowed to f32.
             pub(crate) fn to_f32(&self, offset: f64) -> Vec<f32> {
                 match self { $(Self::$variant(v) => v.par_iter().map(|&x| (x as f64 - offset) as f32).collect(),)* }
@@ -141,7 +150,7 @@ macro_rules! scalar_types {
         })*
 
         impl Scalars {
-            /// Values of type `kind` from whatever makes them.
+            /// Values of type `kind` from a decoder.
             pub(crate) fn decode<D: Decode>(kind: ScalarType, mut decoder: D) -> Result<Self, D::Error> {
                 match kind { $(ScalarType::$variant => decoder.decode::<$ty>().map(Self::$variant),)* }
             }
@@ -171,7 +180,7 @@ scalar_types! {
 }
 
 impl ScalarType {
-    /// The type of that name in VTK's XML files.
+    /// The type of a name in VTK's XML files.
     #[must_use]
     pub fn from_vtk_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|t| t.vtk_name() == name)
@@ -181,6 +190,13 @@ impl ScalarType {
     #[must_use]
     pub fn fits_f32(self) -> bool {
         matches!(self, Self::U8 | Self::I8 | Self::U16 | Self::I16 | Self::F32)
+    }
+}
+
+impl ScalarType {
+    /// The type of scaled values: float32 where it holds the stored values exactly, else float64.
+    pub(crate) fn scaled(self) -> Self {
+        if self.fits_f32() { Self::F32 } else { Self::F64 }
     }
 }
 

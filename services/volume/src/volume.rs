@@ -12,21 +12,21 @@ pub struct Volume {
     variable: Option<String>,
 }
 
-/// A volume whose values do not fill its grid.
+/// The number of values does not match the grid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{values} values do not fill {} x {} x {} voxels", .dims[0], .dims[1], .dims[2])]
 pub struct ValueCount {
-    /// Values given.
+    /// Number of values.
     pub values: usize,
     /// Voxels of the grid.
     pub dims: [usize; 3],
 }
 
 impl Volume {
-    /// A volume of `scalars` on `grid`; `variable` names the quantity where the file does.
+    /// A volume of `scalars` on `grid`. `variable` is the name of the quantity, if the file has one.
     ///
     /// # Errors
-    /// [`ValueCount`] where the lengths differ.
+    /// [`ValueCount`] if the lengths differ.
     pub fn new(grid: Grid, scalars: Scalars, variable: Option<String>) -> Result<Self, ValueCount> {
         if scalars.len() == grid.len() {
             Ok(Self { grid, scalars, variable })
@@ -35,7 +35,7 @@ impl Volume {
         }
     }
 
-    /// Where the voxels lie.
+    /// The grid of the voxels.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
@@ -47,14 +47,14 @@ impl Volume {
         &self.scalars
     }
 
-    /// Name of the quantity, where the file tells it.
+    /// Name of the quantity, if the file has one.
     #[must_use]
     pub fn variable(&self) -> Option<&str> {
         self.variable.as_deref()
     }
 
-    /// The values in f32, ready for sampling. Types that f32 can't hold exactly are stored relative to their least
-    /// value, subtracted in f64, so that small differences on a large offset survive.
+    /// The values in f32, ready for sampling. For types that f32 cannot hold exactly, the field stores the difference from
+    /// the least value. The subtraction is in f64, so small differences on a large offset survive.
     #[must_use]
     pub fn to_field(&self) -> Field {
         let range = self.scalars.range();
@@ -71,7 +71,7 @@ mod tests {
     fn small_differences_on_a_large_offset_survive_the_narrowing() {
         let values: Vec<u32> = (0..8).map(|i| 4_000_000_000 + i).collect();
         let naive: Vec<f32> = values.iter().map(|&x| x as f32).collect();
-        assert!(naive.iter().all(|x| *x == naive[0]), "f32 alone can't tell them apart");
+        assert!(naive.iter().all(|x| *x == naive[0]), "f32 alone cannot separate them");
         let volume = Volume::new(Grid::unit([2, 2, 2]).unwrap(), values.into(), None).unwrap();
         let field = volume.to_field();
         for i in 0..8 {

@@ -1,4 +1,4 @@
-//! Every way to store a volume is read alike, and every broken file gets one clear line.
+//! Every encoding of a volume gives the same values, and every broken file gives one clear line.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
 use std::fmt::Write as _;
@@ -297,7 +297,7 @@ proptest! {
         prop_assert_eq!(read_volume(&path).unwrap(), volume);
     }
 
-    /// Whatever happens to a file, a reader answers: with the volume or with an error, never with a panic.
+    /// A damaged file gives a volume or an error, never a panic.
     #[test]
     fn damaged_files_are_answered(
         which in 0..4_usize,

@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 
 use sg_volume::histogram::Histogram;
-use sg_volume::{Volume, automatic, read_volume, write_raw};
+use sg_volume::{Volume, automatic_transfer_function, read_volume, write_raw};
 
 /// A file below the data folder, or nothing, loudly.
 fn data(relative: &str) -> Option<PathBuf> {
@@ -82,7 +82,7 @@ fn automatic_functions_find_the_materials_that_are_there() {
     ] {
         let Some(path) = data(name) else { return };
         let field = read_volume(&path).unwrap().to_field();
-        let function = automatic(&field, None).unwrap();
+        let function = automatic_transfer_function(&field, None).unwrap();
         function.check().unwrap();
         assert_eq!(function.base_units.len(), materials, "{name}: {function:?}");
         let classifier = function.classifier(field.range()).unwrap();

@@ -71,11 +71,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         conversations: LruCache::new(CACHED_CONVERSATIONS),
     };
     let (mailbox, _) = host.spawn(agent, QUEUE);
-    host.serve(&keys::UTTER, QUEUE, move |utterance, context| {
-        let mailbox = mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Utter { utterance, context, reply }).await }
-    })
-    .await?;
+    host.route(&keys::UTTER, QUEUE, &mailbox, |utterance, context, reply| Message::Utter { utterance, context, reply })
+        .await?;
     Ok(())
 }
 

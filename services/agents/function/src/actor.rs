@@ -55,11 +55,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         faults: LruCache::new(CACHED_RESULTS),
     };
     let (mailbox, _) = host.spawn(agent, QUEUE);
-    host.serve(&keys::EXECUTE, QUEUE, move |plan, context| {
-        let mailbox = mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Execute { plan, context, reply }).await }
-    })
-    .await?;
+    host.route(&keys::EXECUTE, QUEUE, &mailbox, |plan, context, reply| Message::Execute { plan, context, reply })
+        .await?;
     Ok(())
 }
 

@@ -35,11 +35,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let intents = LruCache::new(CACHED_INTENTS);
     let agent = IntentAgent { bus: host.bus().clone(), interpreter, agent_state, published_state, intents };
     let (mailbox, _) = host.spawn(agent, QUEUE);
-    host.serve(&keys::PARSE, QUEUE, move |request, context| {
-        let mailbox = mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Parse { request, context, reply }).await }
-    })
-    .await?;
+    host.route(&keys::PARSE, QUEUE, &mailbox, |request, context, reply| Message::Parse { request, context, reply })
+        .await?;
     Ok(())
 }
 

@@ -1,5 +1,5 @@
-//! The command: a volume becomes a scene folder; the made volume.
-#![allow(clippy::print_stdout, reason = "a command's output and its one line of error")]
+//! The command: conversion of a volume to a scene folder, and the synthetic volume.
+#![allow(clippy::print_stdout, reason = "the output of a command and its error line")]
 
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -11,17 +11,19 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use sg_fit::direct::MAX_GAUSSIANS;
-use sg_fit::truth::labels_of;
+use sg_fit::labels::labels_of;
 use sg_fit::{Options, Progress, Report, direct_start};
 use sg_formats::{npy, staged_file};
 use sg_scene::model::Scene;
 use sg_volume::phantom::{self, VesselTree};
-use sg_volume::{TransferFunction, Volume, automatic, raw_file_name, read_volume, write_raw};
+use sg_volume::{
+    TransferFunction, Volume, automatic_transfer_function, formats_help, raw_file_name, read_volume, write_volume,
+};
 
 const EXAMPLE: &str = "Example:
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai";
 
-/// A volume becomes an editable scene of Gaussians: `DIR/scene.toml` and one PLY per base unit.
+/// Converts a volume to an editable scene of Gaussians: `DIR/scene.toml` and one PLY file per base unit.
 #[derive(Parser)]
 #[command(
     name = "supergaussian-fit",
@@ -42,47 +44,46 @@ struct Cli {
 
 #[derive(Args)]
 struct FitArgs {
-    /// The volume: .raw[.gz|.zst] with _XxYxZ_type in its name, .nrrd, .nhdr or .vti.
-    #[arg(required = true)]
+    #[arg(required = true, help = volume_help())]
     volume: Option<PathBuf>,
-    /// Transfer function; without one a sensible one is made from the histogram.
+    /// Transfer function. Default: an automatic one from the histogram.
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
-    /// Folder for scene.toml, the PLY files and the transfer function; made if absent.
+    /// Folder for scene.toml, the PLY files and the transfer function. The command creates it.
     #[arg(long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
-    /// Place Gaussians from the volume itself, without training.
+    /// Place Gaussians directly from the volume, without training.
     #[arg(long)]
     initial_only: bool,
-    /// Most Gaussians in all base units together.
+    /// Largest number of Gaussians in all base units.
     #[arg(long, value_name = "N", default_value_t = Options::default().gaussians, value_parser = gaussians)]
     gaussians: usize,
-    /// Seed of the placement; one seed gives one scene on any number of threads.
+    /// Seed of the placement. A seed gives the same scene on any number of threads.
     #[arg(long, value_name = "K", default_value_t = 0)]
     seed: u64,
-    /// Thickness along the gradient at plain boundaries, relative to the Gaussian's cell (1: as thick as wide).
+    /// Thickness of Gaussians along the gradient at clear boundaries, relative to their cell. 1 does not flatten.
     #[arg(long, value_name = "F", default_value_t = Options::default().flattening, value_parser = flattening)]
     flattening: f64,
-    /// Where to write the report as JSON.
+    /// JSON file for the report.
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
-    /// A label volume of the same place: the label under each Gaussian's centre goes to --out-truth.
+    /// Label volume of the same place. --out-truth gets the label at each Gaussian's centre.
     #[arg(long, value_name = "LABELVOLUME", requires = "out_truth")]
     labels: Option<PathBuf>,
-    /// Labels of the Gaussians in scene order, int32 (n,), or uint8 0/1 with --truth-value.
+    /// File for the labels of the Gaussians in scene order: int32 (n,), or uint8 0/1 with --truth-value.
     #[arg(long, value_name = "labels.npy", requires = "labels")]
     out_truth: Option<PathBuf>,
-    /// Write 1 where the label is K and 0 elsewhere.
+    /// Write 1 for the label K and 0 for other labels.
     #[arg(long, value_name = "K", requires = "labels", allow_negative_numbers = true)]
     truth_value: Option<i32>,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    /// Make a volume with exact truth: a vessel tree that carries an aneurysm.
+    /// Make a synthetic volume with exact ground truth: a vessel tree with an aneurysm.
     #[command(after_help = "Example:\n  supergaussian fit phantom --out phantom --size 128")]
     Phantom {
-        /// Folder for the volume, its labels, its transfer function and truth.json; made if absent.
+        /// Folder for the volume, its labels, its transfer function and truth.json. The command creates it.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
         /// Voxels along each edge.
@@ -92,6 +93,10 @@ enum Command {
         #[arg(long, value_name = "K", default_value_t = 0)]
         seed: u64,
     },
+}
+
+fn volume_help() -> String {
+    format!("The volume. Formats: {}", formats_help())
 }
 
 fn gaussians(text: &str) -> Result<usize, String> {
@@ -105,7 +110,7 @@ fn flattening(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|&f| f > 0.0 && f <= 1.0).ok_or_else(|| "give a number above 0 and at most 1".to_owned())
 }
 
-/// A failure with its exit status: 1 the work failed, 2 the input is wrong.
+/// A failure with its exit status: 1 for failed work, 2 for wrong input.
 struct Failure {
     status: u8,
     message: String,
@@ -121,7 +126,7 @@ fn work(e: impl ToString) -> Failure {
     Failure { status: 1, message: e.to_string() }
 }
 
-/// Runs the command of this process's arguments.
+/// Runs the command with the arguments of this process.
 pub(crate) fn run() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
@@ -131,14 +136,14 @@ pub(crate) fn run() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            tell(&format!("error: {}", failure.message));
+            print_line(&format!("error: {}", failure.message));
             ExitCode::from(failure.status)
         }
     }
 }
 
-/// Says a line to a person. Nobody to read it is no reason to stop.
-fn tell(line: &str) {
+/// Prints a line to standard error. A closed standard error is ignored.
+fn print_line(line: &str) {
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
@@ -147,7 +152,7 @@ struct FitReport<'a> {
     volume: &'a Path,
     dims: [usize; 3],
     scalar_type: &'static str,
-    /// The file, or nothing where it was made from the histogram.
+    /// The file; `None` for an automatic transfer function.
     transfer_function: Option<&'a Path>,
     files: Vec<PathBuf>,
     read_seconds: f64,
@@ -158,10 +163,10 @@ struct FitReport<'a> {
 
 fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let (Some(path), Some(out)) = (&args.volume, &args.out) else {
-        return Err(input("a volume and --out DIR are needed; see --help"));
+        return Err(input("a volume and --out DIR are required; see --help"));
     };
     if !args.initial_only {
-        return Err(input("training is not available yet, only the direct start: add --initial-only"));
+        return Err(input("training is not available; add --initial-only for the direct start"));
     }
     let clock = Instant::now();
     let volume = read_volume(path).map_err(input)?;
@@ -172,11 +177,12 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         Some(file) => {
             let loaded = TransferFunction::load(file).map_err(input)?;
             for key in &loaded.ignored_keys {
-                tell(&format!("note: {}: the key `{key}` means nothing here and is ignored", file.display()));
+                print_line(&format!("note: {}: the unknown key `{key}` is ignored", file.display()));
             }
             loaded.function
         }
-        None => automatic(&field, volume.variable()).map_err(|e| input(format!("{}: {e}", path.display())))?,
+        None => automatic_transfer_function(&field, volume.variable())
+            .map_err(|e| input(format!("{}: {e}", path.display())))?,
     };
     let bar = progress_bar();
     let options =
@@ -185,13 +191,15 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     bar.finish_and_clear();
     let mut start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
     for unit in start.report.units.iter().filter(|u| u.gaussians == 0) {
-        tell(&format!("note: base unit `{}` shows nowhere in the volume; its file holds no Gaussian", unit.name));
+        print_line(&format!("note: base unit `{}` has no visible voxel; its file contains no Gaussian", unit.name));
     }
     let outside = start.report.voxels_outside_base_units;
     if outside > 0 {
-        tell(&format!("note: {outside} visible voxels lie in no base unit's range and went to the nearest one"));
+        print_line(&format!(
+            "note: {outside} visible voxels are outside the ranges of all base units; they went to the nearest unit"
+        ));
     }
-    // Looked up before anything is written, so that a wrong label volume leaves no half result.
+    // Labels come before any output, so a wrong label volume leaves no partial result.
     let truth = labels
         .map(|l| labels_of(&start.scene, &l))
         .transpose()
@@ -221,7 +229,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         print!("{text}");
     } else {
         let r = &start.report;
-        tell(&format!(
+        print_line(&format!(
             "{}: {} Gaussians in {} base unit{} in {:.1} s",
             out.join("scene.toml").display(),
             r.gaussians,
@@ -233,7 +241,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes the transfer function, then the scene that names it.
+/// Writes the transfer function and then the scene with its name.
 fn write_scene(
     out: &Path,
     scene: &mut Scene,
@@ -244,7 +252,7 @@ fn write_scene(
     let name = given.and_then(Path::file_name).map_or_else(|| "automatic.tf.json".into(), PathBuf::from);
     let target = out.join(&name);
     match given {
-        // The file as it was given, unknown keys and all.
+        // The unchanged file, with unknown keys.
         Some(file) => write(&target, &std::fs::read(file).map_err(|e| input(format!("{}: {e}", file.display())))?)?,
         None => write(&target, function.to_json().map_err(work)?.as_bytes())?,
     }
@@ -253,7 +261,7 @@ fn write_scene(
     }
     let saved = sg_formats::save(&out.join("scene.toml"), scene, &sg_formats::SaveOptions::default()).map_err(work)?;
     for warning in &saved.warnings {
-        tell(&format!("note: {}", warning.message));
+        print_line(&format!("note: {}", warning.message));
     }
     Ok(saved.files.into_iter().chain([target]).collect())
 }
@@ -269,9 +277,9 @@ fn write_truth(file: &Path, labels: &[i32], value: Option<i32>) -> Result<(), Fa
     .map_err(work)
 }
 
-/// What the made volume's truth is, in the normalized coordinates of its box and in voxels.
+/// Ground truth of the synthetic volume, in normalized coordinates of its box and in voxels.
 #[derive(Serialize)]
-struct PhantomTruth {
+struct PhantomGroundTruth {
     volume: String,
     labels: String,
     transfer_function: String,
@@ -288,10 +296,10 @@ struct PhantomTruth {
 
 fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Failure> {
     let tree = VesselTree::new();
-    let made = tree.rasterize(size, seed).map_err(input)?;
-    let (volume, labels) = (made.volume().map_err(work)?, made.labels().map_err(work)?);
+    let raster = tree.rasterize(size, seed).map_err(input)?;
+    let (volume, labels) = (raster.volume().map_err(work)?, raster.labels().map_err(work)?);
     make_folder(out)?;
-    let truth = PhantomTruth {
+    let truth = PhantomGroundTruth {
         volume: raw_file_name("phantom", &volume),
         labels: raw_file_name("phantom_labels", &labels),
         transfer_function: "phantom.tf.json".to_owned(),
@@ -305,8 +313,8 @@ fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Fa
         sac_center_voxels: (tree.sac_center() * size as f64 - 0.5).to_array(),
         sac_radius_voxels: tree.sac_radius() * size as f64,
     };
-    write_volume(&out.join(&truth.volume), &volume)?;
-    write_volume(&out.join(&truth.labels), &labels)?;
+    save_volume(&out.join(&truth.volume), &volume)?;
+    save_volume(&out.join(&truth.labels), &labels)?;
     let function = phantom::transfer_function().to_json().map_err(work)?;
     write(&out.join(&truth.transfer_function), function.as_bytes())?;
     let text = serde_json::to_string_pretty(&truth).map_err(work)? + "\n";
@@ -314,15 +322,15 @@ fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Fa
     if json {
         print!("{text}");
     } else {
-        tell(&format!("{}: {size} x {size} x {size} voxels", out.join(&truth.volume).display()));
+        print_line(&format!("{}: {size} x {size} x {size} voxels", out.join(&truth.volume).display()));
     }
     Ok(())
 }
 
-fn write_volume(target: &Path, volume: &Volume) -> Result<(), Failure> {
+fn save_volume(target: &Path, volume: &Volume) -> Result<(), Failure> {
     let failed = |e: io::Error| work(format!("{}: {e}; nothing was written", target.display()));
     let mut file = staged_file::StagedFile::create(target).map_err(failed)?;
-    write_raw(volume.scalars(), &mut file).map_err(failed)?;
+    write_volume(target, volume, &mut file).map_err(|e| work(format!("{e}; nothing was written")))?;
     file.commit().map_err(failed).map(|_| ())
 }
 
@@ -331,10 +339,10 @@ fn write(target: &Path, bytes: &[u8]) -> Result<(), Failure> {
 }
 
 fn make_folder(out: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(out).map_err(|e| work(format!("{}: {e}; give a folder that can be written", out.display())))
+    std::fs::create_dir_all(out).map_err(|e| work(format!("{}: {e}; give a writable folder", out.display())))
 }
 
-/// A bar on standard error; it draws nothing where that is no terminal.
+/// A progress bar on standard error; it draws only to a terminal.
 fn progress_bar() -> ProgressBar {
     let bar = ProgressBar::new(0);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {

@@ -1,4 +1,4 @@
-//! `supergaussian-fit`: a volume becomes editable Gaussians.
+//! `supergaussian-fit`: conversion of a volume to editable Gaussians.
 
 mod cli;
 

@@ -1,6 +1,7 @@
-//! The command on the made volume: files, reports, exit statuses, and one clear line for what is wrong.
+//! The command on the synthetic volume: files, reports, exit statuses and one-line errors.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
+use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -93,6 +94,51 @@ fn a_volume_becomes_a_scene_folder_with_its_truth() {
     assert!(mask.iter().zip(&labels).all(|(&m, &l)| (m == 1) == (l == 1)));
 }
 
+/// A gzipped NIfTI-1 file of uint8 voxels whose sform gives the spacing and the origin.
+fn nifti(size: usize, spacing: f32, origin: f32, voxels: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0; 352];
+    let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
+    put(0, &348_i32.to_le_bytes());
+    for (k, n) in [3, size as i16, size as i16, size as i16].into_iter().enumerate() {
+        put(40 + 2 * k, &n.to_le_bytes());
+    }
+    put(70, &2_i16.to_le_bytes());
+    put(72, &8_i16.to_le_bytes());
+    put(108, &352_f32.to_le_bytes());
+    put(254, &1_i16.to_le_bytes());
+    for row in 0..3 {
+        put(280 + 20 * row, &spacing.to_le_bytes());
+        put(292 + 16 * row, &origin.to_le_bytes());
+    }
+    put(344, b"n+1\0");
+    bytes.extend(voxels);
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    encoder.write_all(&bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn a_gzipped_nifti_file_becomes_a_scene_in_its_world_frame() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    ok(d, &["phantom", "--out", "made", "--size", "24"]);
+    let voxels = std::fs::read(d.join("made/phantom_24x24x24_uint8.raw")).unwrap();
+    std::fs::write(d.join("x.nii.gz"), nifti(24, 2.0, -10.0, &voxels)).unwrap();
+    let report = ok(d, &["x.nii.gz", "--initial-only", "--gaussians", "500", "--out", "scene", "--json"]).stdout;
+    let report = json(&report);
+    assert_eq!((&report["dims"], &report["scalar_type"]), (&serde_json::json!([24, 24, 24]), &"uint8".into()));
+    let scene = sg_formats::load(&d.join("scene/scene.toml"), &sg_formats::LoadOptions::default()).unwrap().scene;
+    assert_eq!(scene.bounds.min, glam::DVec3::splat(-11.0));
+    assert_eq!(scene.bounds.max, glam::DVec3::splat(37.0));
+    assert!((400..=500).contains(&scene.len()), "{}", scene.len());
+
+    std::fs::write(d.join("cut.nii.gz"), nifti(24, 2.0, -10.0, &voxels[1..])).unwrap();
+    let output = fit(d, &["cut.nii.gz", "--initial-only", "--out", "out"]);
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(error.contains("cut.nii.gz") && error.contains("expected 13824 bytes"), "{error}");
+}
+
 #[test]
 fn the_same_seed_gives_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
@@ -109,7 +155,7 @@ fn the_same_seed_gives_the_same_bytes() {
     };
     assert_eq!(same("phantom_24x24x24_uint8.raw"), (true, false));
     assert_eq!(same("phantom_labels_24x24x24_uint8.raw"), (true, true));
-    // Without a transfer function one is made and stored, and its unit is "material".
+    // Without a transfer function the command stores an automatic one with the unit "material".
     assert_eq!(same("scene/material.ply"), (true, false));
     let made = sg_volume::TransferFunction::load(&d.join("a/scene/automatic.tf.json")).unwrap();
     assert!(made.ignored_keys.is_empty());
@@ -157,7 +203,7 @@ fn wrong_input_ends_with_status_2_and_one_line() {
         assert!(output.stdout.is_empty());
         assert!(!d.join("out").exists(), "{arguments:?}: a failed run leaves nothing");
     }
-    // What the argument parser refuses has the same status.
+    // Errors of the argument parser have the same status.
     for arguments in [
         vec![],
         vec!["--initial-only"],
@@ -168,7 +214,7 @@ fn wrong_input_ends_with_status_2_and_one_line() {
     ] {
         assert_eq!(fit(d, &arguments).status.code(), Some(2), "{arguments:?}");
     }
-    // A place that can't be written is a failure of the work.
+    // An output folder that cannot be written is failed work.
     write("file", b"");
     let output = fit(d, &[volume, "--initial-only", "--out", "file/scene"]);
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
@@ -180,4 +226,6 @@ fn help_shows_an_example() {
         let output = ok(Path::new("."), &arguments);
         assert!(String::from_utf8_lossy(&output.stdout).contains("Example:\n  supergaussian fit "));
     }
+    let help = String::from_utf8_lossy(&ok(Path::new("."), &["--help"]).stdout).into_owned();
+    assert!(sg_volume::ENDINGS.iter().all(|ending| help.contains(ending)), "{help}");
 }

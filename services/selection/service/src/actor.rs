@@ -102,26 +102,21 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     };
     let (mailbox, _) = host.spawn(selector, QUEUE);
     let sample_mailbox = mailbox.clone();
-    host.serve(&keys::SELECTION_SAMPLE, QUEUE, move |request, context: Context| {
-        let mailbox = sample_mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Sample { request, reply }).await }
-    })
-    .await?;
+    host.route(&keys::SELECTION_SAMPLE, QUEUE, &sample_mailbox, |request, _, reply| Message::Sample { request, reply })
+        .await?;
     let tune_mailbox = mailbox.clone();
-    host.serve(&keys::SELECTION_TUNE, QUEUE, move |request, context: Context| {
-        let mailbox = tune_mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Tune { request, reply }).await }
-    })
-    .await?;
+    host.route(&keys::SELECTION_TUNE, QUEUE, &tune_mailbox, |request, _, reply| Message::Tune { request, reply })
+        .await?;
     let proposals_mailbox = mailbox.clone();
-    host.serve(&keys::SELECTION_PROPOSALS, QUEUE, move |request, context: Context| {
-        let mailbox = proposals_mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Propose { request, reply }).await }
+    host.route(&keys::SELECTION_PROPOSALS, QUEUE, &proposals_mailbox, |request, _, reply| Message::Propose {
+        request,
+        reply,
     })
     .await?;
-    host.serve(&keys::SELECTION_STROKES, QUEUE, move |request, context: Context| {
-        let mailbox = mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Draw { request, context, reply }).await }
+    host.route(&keys::SELECTION_STROKES, QUEUE, &mailbox, |request, context, reply| Message::Draw {
+        request,
+        context,
+        reply,
     })
     .await?;
     Ok(())

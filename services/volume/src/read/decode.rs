@@ -1,15 +1,16 @@
-//! Bytes and text to typed voxels, with memory that grows only with what is really there.
+//! Decoding of bytes and text to typed voxels. Memory grows only with the decoded data.
 
 use std::io::{self, Read};
 
 use crate::scalars::{Decode, Scalar, ScalarType, Scalars};
 
-use super::{Found, ReadError, Source};
+use super::error::{ActualSize, ReadError};
+use super::source::Source;
 
-/// How voxels are packed in a stream.
+/// Compression of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Packing {
-    /// As they are.
+    /// None.
     Plain,
     /// gzip.
     Gzip,
@@ -18,8 +19,8 @@ pub(super) enum Packing {
 }
 
 impl Packing {
-    /// The most bytes that can come out of one compressed byte: deflate's bound, and a zstd block of one repeated byte
-    /// (128 KiB from 4 bytes).
+    /// The largest number of bytes from one compressed byte: deflate's bound, and 128 KiB from 4 bytes for a zstd block of
+    /// one repeated byte.
     fn largest_ratio(self) -> u64 {
         match self {
             Self::Plain => 1,
@@ -29,7 +30,7 @@ impl Packing {
     }
 }
 
-/// A stretch of a file that should hold all voxels.
+/// Layout of the voxels in a part of a file.
 pub(super) struct Voxels {
     pub(super) dims: [usize; 3],
     pub(super) scalar: ScalarType,
@@ -39,33 +40,44 @@ pub(super) struct Voxels {
 }
 
 impl Voxels {
-    /// Reads all voxels from `reader`, of which `available` stored bytes remain; the stream must end with them.
+    /// Reads all voxels from `reader`, which has `available` stored bytes left. The stream must end with the voxels.
     pub(super) fn read(&self, source: Source<'_>, reader: impl Read, available: u64) -> Result<Scalars, ReadError> {
+        self.read_after(0, source, reader, available)
+    }
+
+    /// [`Voxels::read`] of a stream with `skip` decoded bytes before the first voxel.
+    pub(super) fn read_after(
+        &self,
+        skip: u64,
+        source: Source<'_>,
+        reader: impl Read,
+        available: u64,
+    ) -> Result<Scalars, ReadError> {
         let expected = source.voxel_bytes(self.dims, self.scalar)?;
         let wrong = |found| self.wrong_size(source, expected, found);
-        let most = available.saturating_mul(self.packing.largest_ratio());
+        let most = available.saturating_mul(self.packing.largest_ratio()).saturating_sub(skip);
         match self.packing {
-            Packing::Plain if available != expected => return Err(wrong(Found::Bytes(available))),
-            Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(Found::AtMost(most))),
+            Packing::Plain if available != expected.saturating_add(skip) => return Err(wrong(ActualSize::Bytes(most))),
+            Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(ActualSize::AtMost(most))),
             _ => {}
         }
         let result = match self.packing {
-            Packing::Plain => self.decode(reader, expected),
-            Packing::Gzip => self.decode(flate2::read::MultiGzDecoder::new(reader), expected),
+            Packing::Plain => self.decode(reader, skip, expected),
+            Packing::Gzip => self.decode(flate2::read::MultiGzDecoder::new(reader), skip, expected),
             Packing::Zstd => match zstd::stream::read::Decoder::new(reader) {
-                Ok(decoder) => self.decode(decoder, expected),
+                Ok(decoder) => self.decode(decoder, skip, expected),
                 Err(e) => Err(Failure::Io(e)),
             },
         };
         result.map_err(|failure| match failure {
-            Failure::Short(n) => wrong(Found::Bytes(n)),
-            Failure::Long => wrong(Found::MoreThan(expected)),
+            Failure::Short(n) => wrong(ActualSize::Bytes(n)),
+            Failure::Long => wrong(ActualSize::MoreThan(expected)),
             Failure::Io(e) => source.io(e),
         })
     }
 
     /// The typed error for a wrong size.
-    pub(super) fn wrong_size(&self, source: Source<'_>, expected: u64, found: Found) -> ReadError {
+    pub(super) fn wrong_size(&self, source: Source<'_>, expected: u64, found: ActualSize) -> ReadError {
         ReadError::Size {
             path: source.path.to_owned(),
             dims: self.dims,
@@ -76,7 +88,16 @@ impl Voxels {
         }
     }
 
-    fn decode(&self, reader: impl Read, expected: u64) -> Result<Scalars, Failure> {
+    fn decode(&self, mut reader: impl Read, skip: u64, expected: u64) -> Result<Scalars, Failure> {
+        let mut unread = skip;
+        let mut scratch = [0; 4096];
+        while unread > 0 {
+            let piece = unread.min(scratch.len() as u64) as usize;
+            if read_full(&mut reader, &mut scratch[..piece])? < piece {
+                return Err(Failure::Short(0));
+            }
+            unread -= piece as u64;
+        }
         let count = (expected / self.scalar.bytes() as u64) as usize;
         Scalars::decode(self.scalar, Binary { reader, count, swap: self.big_endian != cfg!(target_endian = "big") })
     }
@@ -86,6 +107,12 @@ enum Failure {
     Short(u64),
     Long,
     Io(io::Error),
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
 }
 
 struct Binary<R> {
@@ -98,7 +125,7 @@ impl<R: Read> Decode for Binary<R> {
     type Error = Failure;
 
     fn decode<T: Scalar>(&mut self) -> Result<Vec<T>, Failure> {
-        /// Values that are read at once: memory never runs further ahead of the data than this.
+        /// Values of one read. Memory is never further ahead of the data.
         const PIECE: usize = 1 << 22;
         let mut values: Vec<T> = Vec::new();
         while values.len() < self.count {
@@ -124,8 +151,8 @@ impl<R: Read> Decode for Binary<R> {
     }
 }
 
-/// Fills `buffer` as far as the stream goes. A compressed stream that breaks off counts as one that ends.
-fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> Result<usize, Failure> {
+/// Fills `buffer` up to the end of the stream, and returns the filled length. A truncated compressed stream ends there.
+pub(super) fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
         match reader.read(&mut buffer[filled..]) {
@@ -133,7 +160,7 @@ fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> Result<usize, Failure
             Ok(n) => filled += n,
             Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
             Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => break,
-            Err(e) => return Err(Failure::Io(e)),
+            Err(e) => return Err(e),
         }
     }
     Ok(filled)
@@ -145,11 +172,11 @@ pub(super) struct Text<'a> {
     pub(super) count: usize,
 }
 
-/// What is wrong with a text of numbers.
+/// An error in a text of numbers.
 pub(super) enum TextFailure {
-    /// A word that is no number of the type: its place (from 1) and the word.
+    /// A word is not a number of the type: its position from 1, and the word.
     Word(usize, String),
-    /// So many numbers instead of the expected ones (at least, where more).
+    /// The text has this many numbers; at least, if there are too many.
     Count(usize),
 }
 
@@ -157,7 +184,7 @@ impl Decode for Text<'_> {
     type Error = TextFailure;
 
     fn decode<T: Scalar>(&mut self) -> Result<Vec<T>, TextFailure> {
-        // A number takes at least a digit and a separator, which bounds the allocation by the text's length.
+        // A number takes at least a digit and a separator, so the length of the text bounds the allocation.
         let mut values = Vec::with_capacity(self.count.min(self.text.len() / 2 + 1));
         let words = self.text.split(|c: char| c.is_ascii_whitespace() || c == ',').filter(|w| !w.is_empty());
         for (i, word) in words.enumerate() {
@@ -182,7 +209,7 @@ pub(super) fn read_text(
     Scalars::decode(scalar, Text { text, count }).map_err(|failure| match failure {
         TextFailure::Word(at, word) => source.format(
             format!("value {at} of the data"),
-            format!("`{word}` is no {}", scalar.name()),
+            format!("`{word}` is not a value of type {}", scalar.name()),
             "correct the number or the type",
         ),
         TextFailure::Count(found) => source.format(

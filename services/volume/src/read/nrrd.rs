@@ -1,7 +1,7 @@
 //! NRRD, attached (`.nrrd`) and detached (`.nhdr`): <https://teem.sourceforge.net/nrrd/format.html>.
 //!
-//! Read are scalar 3-D volumes in the encodings raw, gzip and ascii. Axes of one sample without a direction are dropped.
-//! Coordinates stay in the file's own space (`left-posterior-superior` and so on): nothing is flipped.
+//! The reader takes scalar 3-D volumes in the encodings raw, gzip and ascii. It drops axes of one sample without a
+//! direction. The grid keeps the file's own world frame, for example `left-posterior-superior`: nothing is flipped.
 
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::PathBuf;
@@ -13,13 +13,33 @@ use crate::scalars::ScalarType;
 use crate::volume::Volume;
 
 use super::decode::{Packing, Voxels, read_text};
-use super::{ReadError, Source};
+use super::error::{ActualSize, ReadError};
+use super::format::VolumeFormat;
+use super::source::Source;
 
+/// Start of every NRRD file; the version follows.
+const MAGIC: &str = "NRRD000";
 /// Longest header.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 const REMEDY: &str = "correct `sizes` or `type` in the header, or fetch the file again";
 
-pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+/// NRRD.
+pub(super) struct Nrrd;
+
+impl VolumeFormat for Nrrd {
+    const NAME: &'static str = "NRRD";
+    const ENDINGS: &'static [&'static str] = &[".nrrd", ".nhdr"];
+
+    fn sniff(_name: &str, first: &[u8]) -> bool {
+        first.starts_with(MAGIC.as_bytes())
+    }
+
+    fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+        read(source)
+    }
+}
+
+fn read(source: Source<'_>) -> Result<Volume, ReadError> {
     let (file, length) = source.open()?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let header = Header::read(source, &mut reader)?;
@@ -40,7 +60,7 @@ pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
         Encoding::Ascii => {
             header.skip_lines(data_source, &mut reader)?;
             let mut text = String::new();
-            // The limit on voxels bounds the text too: a number takes a few dozen characters at most.
+            // The limit of the voxels bounds the text too: a number takes a few dozen characters at most.
             let most = data_source.voxel_bytes(dims, header.scalar)?.saturating_mul(32);
             reader.take(most.saturating_add(1)).read_to_string(&mut text).map_err(|e| data_source.io(e))?;
             read_text(data_source, &text, dims, header.scalar)?
@@ -60,7 +80,7 @@ pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
                 _ => Some(start),
             };
             let Some(at) = at.filter(|&at| at <= length) else {
-                let found = super::Found::Bytes(length.saturating_sub(start));
+                let found = ActualSize::Bytes(length.saturating_sub(start));
                 return Err(voxels.wrong_size(data_source, bytes, found));
             };
             reader.seek(SeekFrom::Start(at)).map_err(|e| data_source.io(e))?;
@@ -97,7 +117,7 @@ struct Header {
     content: Option<String>,
 }
 
-/// The fields as they stand, with their line for messages.
+/// The fields of the header: line number, name and value.
 #[derive(Default)]
 struct Fields(Vec<(usize, String, String)>);
 
@@ -116,7 +136,7 @@ impl Header {
             })
         };
         let wrong = |line: usize, name: &str, value: &str, remedy: &str| {
-            source.format(format!("line {line}"), format!("`{name}: {value}` is not understood"), remedy)
+            source.format(format!("line {line}"), format!("`{name}: {value}` is not supported"), remedy)
         };
 
         let (line, name) = need(&["type"])?;
@@ -273,7 +293,7 @@ fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, 
         let line = String::from_utf8_lossy(&bytes);
         let line = line.trim_end_matches(['\r', '\n']);
         if number == 1 {
-            if !line.starts_with("NRRD000") {
+            if !line.starts_with(MAGIC) {
                 return Err(source.format("line 1", "no NRRD000x magic", "give an NRRD file"));
             }
             continue;
@@ -285,7 +305,7 @@ fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, 
         if line.starts_with('#') {
             continue;
         }
-        // `key:=value` pairs are for other programs; their values may hold ": " too.
+        // `key:=value` pairs belong to other programs. Their values may contain ": ".
         let field = line.find(": ").or_else(|| line.strip_suffix(':').map(str::len));
         match (line.find(":="), field) {
             (Some(pair), Some(at)) if pair < at => {}
@@ -301,7 +321,7 @@ fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, 
                 }
             }
             (None, None) => {
-                let what = format!("`{}` is no `field: value`", line.chars().take(60).collect::<String>());
+                let what = format!("`{}` is not `field: value`", line.chars().take(60).collect::<String>());
                 return Err(source.format(format!("line {number}"), what, "correct or remove the line"));
             }
         }
@@ -309,7 +329,7 @@ fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, 
     Ok(fields)
 }
 
-/// `(1,0,0) none (0,0,2)`; nothing where it can't be understood.
+/// Parses vectors such as `(1,0,0) none (0,0,2)`; `None` for malformed text.
 fn parse_vectors(text: &str) -> Option<Vec<Option<DVec3>>> {
     let mut rest = text.trim();
     let mut vectors = Vec::new();

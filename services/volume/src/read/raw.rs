@@ -1,19 +1,50 @@
-//! Raw volumes whose file name carries their size: `name_XxYxZ_type[_le|_be].raw[.gz|.zst]`.
+//! Raw volumes with size and type in the file name: `name_XxYxZ_type[_le|_be].raw[.gz|.zst]`.
 
 use std::io::{self, BufReader, Write};
+use std::path::Path;
 
 use crate::grid::Grid;
 use crate::scalars::{ScalarType, Scalars};
 use crate::volume::Volume;
 
 use super::decode::{Packing, Voxels};
-use super::{ReadError, Source};
+use super::error::{ReadError, WriteError};
+use super::format::VolumeFormat;
+use super::source::Source;
 
 const REMEDY: &str = "correct the dimensions or the type in the file name, or fetch the file again";
 
-pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
-    let name = source.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let lower = name.to_ascii_lowercase();
+/// Raw voxels.
+pub(super) struct Raw;
+
+impl VolumeFormat for Raw {
+    const NAME: &'static str = "raw voxels with _XxYxZ_type in the name";
+    const ENDINGS: &'static [&'static str] = &[".raw", ".raw.gz", ".raw.zst"];
+
+    /// Never: only the name describes the voxels.
+    fn sniff(_name: &str, _first: &[u8]) -> bool {
+        false
+    }
+
+    fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+        read(source)
+    }
+
+    fn write(path: &Path, volume: &Volume, mut writer: &mut dyn Write) -> Result<(), WriteError> {
+        let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        let Some(stem) = name.strip_suffix(".raw") else {
+            return Err(WriteError::Ending { path: path.to_owned() });
+        };
+        let wanted = Layout { dims: volume.grid().dims(), scalar: volume.scalars().scalar_type(), big_endian: false };
+        if Layout::from_stem(stem) != Some(wanted) {
+            return Err(WriteError::Name { path: path.to_owned(), ending: raw_file_name("", volume) });
+        }
+        write_raw(volume.scalars(), &mut writer).map_err(|source| WriteError::Io { path: path.to_owned(), source })
+    }
+}
+
+fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+    let lower = source.file_name().to_ascii_lowercase();
     let (stem, packing) = if let Some(s) = lower.strip_suffix(".raw.gz") {
         (s, Packing::Gzip)
     } else if let Some(s) = lower.strip_suffix(".raw.zst") {
@@ -60,17 +91,17 @@ impl Layout {
     }
 }
 
-/// The file name that lets a raw volume be read again: `stem_XxYxZ_type.raw`.
+/// The file name of a raw volume with its size and type: `stem_XxYxZ_type.raw`.
 #[must_use]
 pub fn raw_file_name(stem: &str, volume: &Volume) -> String {
     let [x, y, z] = volume.grid().dims();
     format!("{stem}_{x}x{y}x{z}_{}.raw", volume.scalars().scalar_type().name())
 }
 
-/// Writes the values as a raw little-endian volume, x fastest. Spacing, origin and orientation are not stored.
+/// Writes the values as a raw little-endian volume, x fastest. The file does not store spacing, origin and orientation.
 ///
 /// # Errors
-/// What the writer reports.
+/// The error of the writer.
 pub fn write_raw(scalars: &Scalars, writer: &mut impl Write) -> io::Result<()> {
     scalars.for_each_piece(1 << 16, |bytes| writer.write_all(bytes))
 }
@@ -80,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_name_tells_the_layout() {
+    fn the_name_gives_the_layout() {
         let layout = |dims, scalar, big_endian| Some(Layout { dims, scalar, big_endian });
         assert_eq!(Layout::from_stem("bonsai_256x256x256_uint8"), layout([256; 3], ScalarType::U8, false));
         assert_eq!(Layout::from_stem("a_b_2x3x4_int16_be"), layout([2, 3, 4], ScalarType::I16, true));

@@ -1,8 +1,8 @@
 //! VTK image data (`.vti`): <https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html#xml-file-formats>.
 //!
-//! Read are one-component arrays in the formats `ascii`, `binary` (base64) and `appended` (raw or base64), plain or in
-//! zlib blocks, with 32- or 64-bit headers. The active scalars are taken, else the first one-component array; point data
-//! before cell data.
+//! The reader takes one-component arrays in the formats `ascii`, `binary` (base64) and `appended` (raw or base64). The data
+//! are plain or in zlib blocks, with 32- or 64-bit headers. The active scalars go before the first one-component array,
+//! and point data before cell data.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -19,13 +19,32 @@ use crate::scalars::{ScalarType, Scalars};
 use crate::volume::Volume;
 
 use super::decode::{Packing, Voxels, read_text};
-use super::{ReadError, Source};
+use super::error::{ActualSize, ReadError};
+use super::format::VolumeFormat;
+use super::source::Source;
 
 const REMEDY: &str = "correct the extents or the type, or fetch the file again";
 
-pub(super) fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+/// VTK image data.
+pub(super) struct VtkImageData;
+
+impl VolumeFormat for VtkImageData {
+    const NAME: &'static str = "VTK image data";
+    const ENDINGS: &'static [&'static str] = &[".vti"];
+
+    fn sniff(_name: &str, first: &[u8]) -> bool {
+        let holds = |text: &str| first.windows(text.len()).any(|w| w == text.as_bytes());
+        holds("<VTKFile") && holds("\"ImageData\"")
+    }
+
+    fn read(source: Source<'_>) -> Result<Volume, ReadError> {
+        read(source)
+    }
+}
+
+fn read(source: Source<'_>) -> Result<Volume, ReadError> {
     let (file, length) = source.open()?;
-    // The stored file is never larger than a few times the voxels it may hold.
+    // A file is never larger than twice its voxels and a header.
     let limit = source.limits.voxel_bytes.saturating_mul(2).saturating_add(1 << 20);
     if length > limit {
         return Err(ReadError::TooLarge { path: source.path.to_owned(), bytes: length, limit });
@@ -51,7 +70,7 @@ struct Document {
     point_scalars: Option<String>,
     cell_scalars: Option<String>,
     arrays: Vec<Array>,
-    /// Encoding of the appended section and where its first byte after `_` lies.
+    /// Encoding of the appended section, and the offset of its first byte after `_`.
     appended: Option<(String, usize)>,
 }
 
@@ -155,7 +174,7 @@ impl Document {
                     }
                 }
                 "AppendedData" => {
-                    // What follows the underscore may be binary: the XML ends here.
+                    // The data after the underscore may be binary: the XML ends here.
                     let encoding = text("encoding")?.unwrap_or_default();
                     let underscore = bytes[after..].iter().take(4096).position(|&b| b == b'_').ok_or_else(|| {
                         source.format("AppendedData", "no `_` before the data", "fetch the file again")
@@ -256,7 +275,7 @@ impl Array {
         match document.compressor.as_deref() {
             None => {
                 let (size, data) = blocks.number(&data)?;
-                let stored = data.get(..size as usize).ok_or_else(|| short(super::Found::Bytes(data.len() as u64)))?;
+                let stored = data.get(..size as usize).ok_or_else(|| short(ActualSize::Bytes(data.len() as u64)))?;
                 voxels.read(source, stored, size)
             }
             Some("vtkZLibDataCompressor") => {
@@ -293,8 +312,8 @@ impl Blocks<'_> {
         }
     }
 
-    /// Joins zlib blocks: `[blocks][block size][last block size][compressed sizes…]`, then the blocks. Stops with one
-    /// byte more than `expected`, which is enough to see that there is too much.
+    /// Joins zlib blocks: `[blocks][block size][last block size][compressed sizes…]`, then the blocks. Stops one byte after
+    /// `expected`: that byte shows that the data are too long.
     fn inflate(&self, data: &[u8], expected: u64) -> Result<Vec<u8>, ReadError> {
         let (count, rest) = self.number(data)?;
         let (_, rest) = self.number(rest)?;
@@ -322,7 +341,7 @@ impl Blocks<'_> {
     }
 }
 
-/// Decodes base64 that may consist of several padded stretches (VTK pads the header and the data apart).
+/// Decodes base64 of one or more padded parts: VTK pads the header and the data separately.
 fn decode_base64(source: Source<'_>, place: &str, text: &[u8]) -> Result<Vec<u8>, ReadError> {
     let clean: Vec<u8> = text.iter().copied().filter(|b| !b.is_ascii_whitespace()).collect();
     let mut out = Vec::with_capacity(clean.len() / 4 * 3);
@@ -358,7 +377,7 @@ fn numbers_attribute(
 ) -> Result<Option<Vec<f64>>, ReadError> {
     let Some(text) = attribute(source, e, key, at)? else { return Ok(None) };
     text.split_whitespace()
-        .map(|w| w.parse::<f64>().map_err(|_| source.format(key, format!("`{w}` is no number"), "correct it")))
+        .map(|w| w.parse::<f64>().map_err(|_| source.format(key, format!("`{w}` is not a number"), "correct it")))
         .collect::<Result<_, _>>()
         .map(Some)
 }

@@ -1,38 +1,38 @@
-//! What each voxel looks like: its extinction and the base unit it belongs to.
+//! Classification of voxels by the transfer function: extinction and base unit.
 
 use glam::UVec3;
 use rayon::prelude::*;
-use sg_volume::transfer::extinction;
+use sg_volume::opacity::extinction;
 use sg_volume::{Classifier, Field};
 
-/// Most base units of one transfer function.
+/// Largest number of base units of a transfer function.
 pub(crate) const MAX_UNITS: usize = 255;
 
 /// Extinction and base unit of every voxel.
-pub(crate) struct Optics<'a> {
+pub(crate) struct Classification<'a> {
     pub(crate) field: &'a Field,
     pub(crate) classifier: &'a Classifier,
-    /// Extinction per world length, 0 where transparent.
+    /// Extinction per world length, 0 for transparent voxels.
     extinction: Vec<f32>,
     /// Base unit of each voxel.
     unit: Vec<u8>,
-    /// What was seen on the way, by base unit.
-    pub(crate) census: Vec<Census>,
+    /// Statistics by base unit.
+    pub(crate) statistics: Vec<UnitStatistics>,
 }
 
-/// What one base unit's voxels are.
+/// Counts and extent of the visible voxels of a base unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Census {
+pub(crate) struct UnitStatistics {
     /// Voxels with an opacity above 0.
     pub(crate) visible: usize,
-    /// Those of them whose value lies in no base unit's range (they went to the nearest one).
+    /// Visible voxels outside the ranges of all base units; they belong to the nearest one.
     pub(crate) outside_ranges: usize,
-    /// Least and greatest visible voxel along each axis; `low > high` where none is.
+    /// Least and greatest visible voxel along each axis; `low > high` without visible voxels.
     low: UVec3,
     high: UVec3,
 }
 
-impl Census {
+impl UnitStatistics {
     const NONE: Self = Self { visible: 0, outside_ranges: 0, low: UVec3::MAX, high: UVec3::ZERO };
 
     fn merged(self, other: Self) -> Self {
@@ -45,8 +45,8 @@ impl Census {
     }
 }
 
-/// The visible part of one base unit: its extinction on the smallest box that holds it, one transparent voxel around
-/// where the volume has one.
+/// Extinction of one base unit in the bounding box of its visible voxels. The box has a margin of one transparent voxel,
+/// except at the border of the volume.
 pub(crate) struct Crop {
     /// The box's first voxel in the volume.
     pub(crate) first: UVec3,
@@ -56,8 +56,8 @@ pub(crate) struct Crop {
     pub(crate) extinction: Vec<f32>,
 }
 
-impl<'a> Optics<'a> {
-    /// Classifies every voxel. The classifier has at most [`MAX_UNITS`] base units.
+impl<'a> Classification<'a> {
+    /// Classifies every voxel. The classifier must have at most [`MAX_UNITS`] base units.
     pub(crate) fn new(field: &'a Field, classifier: &'a Classifier) -> Self {
         let grid = field.grid();
         let reference = grid.reference_length();
@@ -65,15 +65,15 @@ impl<'a> Optics<'a> {
         let units = classifier.unit_count();
         let mut extinctions = vec![0.0_f32; grid.len()];
         let mut unit_of = vec![0_u8; grid.len()];
-        let census = extinctions
+        let statistics = extinctions
             .par_chunks_mut(nx)
             .zip(unit_of.par_chunks_mut(nx))
             .zip(field.values().par_chunks(nx))
             .enumerate()
             .map(|(row, ((extinctions, unit_of), values))| {
-                let mut census = vec![Census::NONE; units];
+                let mut statistics = vec![UnitStatistics::NONE; units];
                 let (y, z) = (row % ny, row / ny);
-                // Neighbours are often equal: the last answer is kept.
+                // Neighbours are often equal, so the last result is cached.
                 let mut last = (f32::NAN, 0.0_f32, 0_usize, true);
                 for (x, &value) in values.iter().enumerate() {
                     if value != last.0 {
@@ -87,21 +87,25 @@ impl<'a> Optics<'a> {
                         unit_of[x] = unit as u8;
                         let at = UVec3::new(x as u32, y as u32, z as u32);
                         let outside_ranges = usize::from(!inside);
-                        census[unit] = census[unit].merged(Census { visible: 1, outside_ranges, low: at, high: at });
+                        statistics[unit] =
+                            statistics[unit].merged(UnitStatistics { visible: 1, outside_ranges, low: at, high: at });
                     }
                 }
-                census
+                statistics
             })
-            .reduce(|| vec![Census::NONE; units], |a, b| a.into_iter().zip(b).map(|(a, b)| a.merged(b)).collect());
-        Self { field, classifier, extinction: extinctions, unit: unit_of, census }
+            .reduce(
+                || vec![UnitStatistics::NONE; units],
+                |a, b| a.into_iter().zip(b).map(|(a, b)| a.merged(b)).collect(),
+            );
+        Self { field, classifier, extinction: extinctions, unit: unit_of, statistics }
     }
 
-    /// The visible part of one base unit, or nothing where no voxel of it is visible.
+    /// The visible part of one base unit; `None` if no voxel is visible.
     pub(crate) fn crop(&self, unit: usize) -> Option<Crop> {
-        let census = self.census.get(unit).filter(|c| c.visible > 0)?;
+        let statistics = self.statistics.get(unit).filter(|c| c.visible > 0)?;
         let all = UVec3::from_array(self.field.grid().dims().map(|d| d as u32));
-        let first = census.low.saturating_sub(UVec3::ONE);
-        let dims = (census.high + UVec3::splat(2)).min(all) - first;
+        let first = statistics.low.saturating_sub(UVec3::ONE);
+        let dims = (statistics.high + UVec3::splat(2)).min(all) - first;
         let (bx, by) = (dims.x as usize, dims.y as usize);
         let mut extinction = vec![0.0_f32; bx * by * dims.z as usize];
         extinction.par_chunks_mut(bx).enumerate().for_each(|(row, out)| {

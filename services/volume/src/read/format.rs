@@ -1,0 +1,78 @@
+//! The interface of a volume format, and its row in the table of formats.
+
+use std::io::Write;
+use std::path::Path;
+
+use crate::volume::Volume;
+
+use super::error::{ReadError, WriteError};
+use super::source::Source;
+
+/// A file format of volumes. A format is a type without values; [`Format::of`] turns it into a row of the table.
+pub(super) trait VolumeFormat {
+    /// Name in help and messages.
+    const NAME: &'static str;
+    /// Endings of file names with their dot, in lower case.
+    const ENDINGS: &'static [&'static str];
+
+    /// Whether a file is of this format although its name has no known ending. `name` is the file name in lower case;
+    /// `first` holds the first bytes of the file, at most [`SNIFFED_BYTES`].
+    fn sniff(name: &str, first: &[u8]) -> bool;
+
+    /// Reads a volume within the limits of `source`.
+    fn read(source: Source<'_>) -> Result<Volume, ReadError>;
+
+    /// Writes a volume to `writer`. The name of `path` may be part of the format. The default refuses.
+    fn write(path: &Path, _volume: &Volume, _writer: &mut dyn Write) -> Result<(), WriteError> {
+        Err(WriteError::Ending { path: path.to_owned() })
+    }
+}
+
+/// Bytes from the start of a file that [`VolumeFormat::sniff`] gets.
+pub(super) const SNIFFED_BYTES: u64 = 1024;
+
+/// A row in the table of volume formats.
+#[derive(Debug, Clone, Copy)]
+pub struct Format {
+    name: &'static str,
+    endings: &'static [&'static str],
+    sniff: fn(&str, &[u8]) -> bool,
+    read: fn(Source<'_>) -> Result<Volume, ReadError>,
+    write: fn(&Path, &Volume, &mut dyn Write) -> Result<(), WriteError>,
+}
+
+impl Format {
+    /// The row of a format.
+    pub(super) const fn of<F: VolumeFormat>() -> Self {
+        Self { name: F::NAME, endings: F::ENDINGS, sniff: F::sniff, read: F::read, write: F::write }
+    }
+
+    /// Name of the format.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Endings of file names with their dot, in lower case.
+    #[must_use]
+    pub const fn endings(&self) -> &'static [&'static str] {
+        self.endings
+    }
+
+    /// Whether a file name in lower case has an ending of this format.
+    pub(super) fn has_ending(&self, name: &str) -> bool {
+        self.endings.iter().any(|ending| name.ends_with(ending))
+    }
+
+    pub(super) fn sniff(&self, name: &str, first: &[u8]) -> bool {
+        (self.sniff)(name, first)
+    }
+
+    pub(super) fn read(&self, source: Source<'_>) -> Result<Volume, ReadError> {
+        (self.read)(source)
+    }
+
+    pub(super) fn write(&self, path: &Path, volume: &Volume, writer: &mut dyn Write) -> Result<(), WriteError> {
+        (self.write)(path, volume, writer)
+    }
+}

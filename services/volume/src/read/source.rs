@@ -1,0 +1,71 @@
+//! The input file of a reader and its memory limit.
+
+use std::io;
+use std::path::Path;
+
+use crate::grid::GridError;
+use crate::scalars::ScalarType;
+
+use super::error::ReadError;
+
+/// Memory limit of a reader.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Largest size of the decoded voxels in bytes.
+    pub voxel_bytes: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { voxel_bytes: 8 << 30 }
+    }
+}
+
+/// The file that a reader works on, and its limits. It builds the errors.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) path: &'a Path,
+    pub(super) limits: Limits,
+}
+
+impl Source<'_> {
+    /// The last component of the path; empty if there is none.
+    pub(super) fn file_name(&self) -> String {
+        self.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    pub(super) fn io(&self, source: io::Error) -> ReadError {
+        ReadError::Io { path: self.path.to_owned(), source }
+    }
+
+    pub(super) fn format(
+        &self,
+        place: impl Into<String>,
+        what: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> ReadError {
+        ReadError::Format { path: self.path.to_owned(), place: place.into(), what: what.into(), remedy: remedy.into() }
+    }
+
+    pub(super) fn grid(&self, source: GridError) -> ReadError {
+        ReadError::Grid { path: self.path.to_owned(), source }
+    }
+
+    /// Opens the file and returns its size in bytes. Only a regular file has a size to check against.
+    pub(super) fn open(&self) -> Result<(std::fs::File, u64), ReadError> {
+        let file = std::fs::File::open(self.path).map_err(|e| self.io(e))?;
+        let meta = file.metadata().map_err(|e| self.io(e))?;
+        if meta.is_file() {
+            Ok((file, meta.len()))
+        } else {
+            Err(self.io(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file")))
+        }
+    }
+
+    /// Bytes of `dims` voxels of a type, within the limit.
+    pub(super) fn voxel_bytes(&self, dims: [usize; 3], scalar: ScalarType) -> Result<u64, ReadError> {
+        let bytes = dims.iter().try_fold(scalar.bytes() as u64, |n, &d| n.checked_mul(d as u64)).unwrap_or(u64::MAX);
+        let limit = self.limits.voxel_bytes;
+        if bytes > limit { Err(ReadError::TooLarge { path: self.path.to_owned(), bytes, limit }) } else { Ok(bytes) }
+    }
+}
