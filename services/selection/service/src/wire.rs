@@ -40,6 +40,7 @@ impl From<DecodeError> for Fault {
     }
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "map_err hands its error over")]
 fn invalid(problem: impl ToString) -> DecodeError {
     DecodeError::Invalid(problem.to_string())
 }

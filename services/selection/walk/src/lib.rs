@@ -31,6 +31,8 @@
 //! # Ok::<(), WalkError>(())
 //! ```
 
+#![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
+
 pub mod cg;
 pub mod cholesky;
 pub mod conductance;
