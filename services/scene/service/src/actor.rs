@@ -13,9 +13,9 @@ use sg_formats::files::files_of;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, State};
-use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::blobs::{BlobError, Blobs};
-use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{self, Host, ServeArgs, StartError};
@@ -61,7 +61,7 @@ async fn load(host: Host) -> Result<(), StartError> {
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
     let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), listed: OnceCell::new() });
     // A standby process works on a temporary project: the active process holds the role's project.
-    let (project, scratch) = if host.stands_by() {
+    let (project, scratch) = if host.is_standby() {
         let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
         let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
         let file = scratch.path().join(DEFAULT_PROJECT);
@@ -71,9 +71,9 @@ async fn load(host: Host) -> Result<(), StartError> {
     };
 
     let outline = project.editor().message(false);
-    let state = host.bus().own(&keys::SCENE_STATE, outline).await?;
+    let state = host.bus().retain(&keys::SCENE_STATE, outline).await?;
     let mut owner = Owner { bus: host.bus().clone(), project, state, _scratch: scratch };
-    if !host.stands_by() {
+    if !host.is_standby() {
         owner.republish_last().await?;
     }
     let (mailbox, _) = host.spawn(owner, QUEUE);
@@ -84,14 +84,16 @@ async fn load(host: Host) -> Result<(), StartError> {
         Ok(promoted.ask(deadline, |reply| Message::TakeOver { project: Box::new(project), reply }).await?)
     });
     let commands = mailbox.clone();
-    host.serve(&keys::SCENE_APPLY, QUEUE, move |command: Command, context: Context| {
-        let mailbox = commands.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Apply { command, context, reply }).await }
+    host.route(&keys::SCENE_APPLY, QUEUE, &commands, |command, context, reply| Message::Apply {
+        command,
+        context,
+        reply,
     })
     .await?;
-    host.serve(&keys::SCENE_CHANGES, QUEUE, move |request: ChangesRequest, context: Context| {
-        let mailbox = mailbox.clone();
-        async move { mailbox.ask(context.deadline, |reply| Message::Changes { request, context, reply }).await }
+    host.route(&keys::SCENE_CHANGES, QUEUE, &mailbox, |request, context, reply| Message::Changes {
+        request,
+        context,
+        reply,
     })
     .await?;
     let blobs = host.blobs().clone();
@@ -192,7 +194,7 @@ enum Message {
 struct Owner {
     bus: Bus,
     project: Project,
-    state: Owned<State>,
+    state: RetainedValue<State>,
     /// The temporary folder of the project of a standby process.
     _scratch: Option<TempDir>,
 }
@@ -283,7 +285,7 @@ impl Actor for Owner {
         }
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), String> {
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
         // A lost reply is no failure: a repeated id finds the stored result.
         match message {
             // An expired request is dropped: its sender has given up or will repeat it.
