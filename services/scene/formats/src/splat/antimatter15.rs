@@ -7,8 +7,8 @@
 //! | 24..28 | colour and opacity, RGBA, 0 to 255; colour = ½ + C₀·dc |
 //! | 28..32 | rotation, w x y z, each (byte − 128)/128 |
 //!
-//! The file stores neither view-dependent harmonics nor extra columns. The scene holds logarithms of the scales. Opacities of exactly 0 and 1 become logits of ±16,
-//! so that they stay finite.
+//! The file stores neither view-dependent harmonics nor extra columns. The scene holds logarithms of the scales. Opacities
+//! of exactly 0 and 1 become logits of ±16, so that they stay finite.
 
 use std::io::Write;
 use std::path::PathBuf;
