@@ -22,10 +22,10 @@ use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm};
 use sg_scene::camera::Camera;
 use sg_scene::model::{Convention, Scene, ShadingModel};
 
+mod failure;
 mod show;
 
-/// Exit status for arguments or input that are wrong.
-const WRONG_INPUT: u8 = 2;
+use failure::Failure;
 
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;
@@ -214,22 +214,6 @@ struct PictureReport<'a> {
     report: Report,
 }
 
-/// An error line and the exit status that goes with it.
-struct Failure {
-    status: u8,
-    line: String,
-}
-
-impl Failure {
-    fn input(error: impl std::fmt::Display) -> Self {
-        Self { status: WRONG_INPUT, line: error.to_string() }
-    }
-
-    fn work(error: impl std::fmt::Display) -> Self {
-        Self { status: 1, line: error.to_string() }
-    }
-}
-
 /// Draws one picture and says what went wrong.
 pub(crate) fn run(picture: &Picture) -> ExitCode {
     match draw(picture) {
@@ -267,7 +251,13 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         TermName::Specular => ShadingTerm::Specular,
     };
     let labels = picture.clusters.as_deref().map(|path| show::read_labels(path, &scene)).transpose()?;
-    let legend = show::colors(picture, &scene, labels.as_deref(), &mut appearance)?;
+    let legend = match picture.show {
+        Some(shown) => {
+            let options = show::ColorOptions { map: picture.color_map, range: picture.range, seed: picture.seed };
+            show::colors(shown, &options, (&scene, labels.as_deref()), &mut appearance)?
+        }
+        None => None,
+    };
     let projection = match picture.projection {
         ProjectionName::Affine => Projection::Affine,
         ProjectionName::PerRay => Projection::PerRay,

@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 use std::sync::mpsc::Receiver;
 
-use super::{REQUESTS, Request};
+use super::channel::REQUESTS;
+use super::request::Request;
 
 /// Requests in their order. Of numbers that a hand tries, one that a newer one has passed by is left out.
 #[derive(Debug)]

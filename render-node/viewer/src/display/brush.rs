@@ -15,7 +15,8 @@ use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_selection::brush::{Brush, OpenStroke};
 
-use super::{BrushMode, Request, Tools};
+use super::request::Request;
+use super::tools::{BrushMode, Tools};
 use sg_raster::structure::NO_CLUSTER;
 
 /// Least way between two samples, as a share of the brush's radius: closer ones hit nothing new.

@@ -8,7 +8,7 @@ use sg_scene::appearance::{Appearance, Overlay};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
-use super::{Showing, Tools};
+use super::tools::{Showing, Tools};
 use sg_raster::attributes::{AttributeColors, AttributeError, Legend, attribute_colors};
 use sg_raster::color_map::ColorMap;
 use sg_raster::structure::{ClusterColoring, cluster_colors};

@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 use sg_proto::scene::{SelectionStep, WalkTuning, selection_step::Step};
 use sg_proto::selection::StrokesRequest;
 
-use super::{Request, Shown};
+use super::request::Request;
+use super::view_state::Shown;
 
 /// The least and the greatest leak that a hand reaches; equal ways are equal factors.
 pub const LEAKS: (f64, f64) = (1e-4, 1.0);

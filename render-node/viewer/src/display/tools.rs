@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::Scrubs;
+use super::scrub::Scrubs;
 use sg_raster::attributes::Attribute;
 use sg_raster::render::{Projection, Quality};
 

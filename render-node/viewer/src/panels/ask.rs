@@ -6,7 +6,9 @@ use sg_edit::wire::encode_color;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{SetColor, SetOpacity, SetVisibility, ShowOnly, Target};
 
-use super::{Draft, Output, Panel, Panels};
+use super::output::{Draft, Output};
+use super::panel::Panel;
+use super::state::{Held, Panels};
 
 /// One unit by its name.
 pub(super) fn unit(name: &str) -> Target {
@@ -36,17 +38,6 @@ pub(super) fn set_visibility(target: Target, visible: bool) -> Action {
 /// Shows one unit and hides all else.
 pub(super) fn show_only(name: &str) -> Action {
     Action::ShowOnly(ShowOnly { target: Some(unit(name)) })
-}
-
-/// A change under a hand.
-#[derive(Debug)]
-pub(super) struct Held {
-    /// Where the hand is.
-    pub(super) panel: Panel,
-    /// The change.
-    pub(super) action: Action,
-    /// Whether the display knows of it.
-    said: bool,
 }
 
 impl Panels {

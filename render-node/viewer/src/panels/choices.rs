@@ -4,7 +4,8 @@ use egui::{Checkbox, Ui};
 
 use super::control::{Number, choice, count, percent};
 use super::legend::color_numbers;
-use super::{Panels, Place};
+use super::output::Place;
+use super::state::Panels;
 use crate::display::{Showing, Shown, Tools, Turns};
 use sg_raster::attributes::Attribute;
 use sg_raster::render::Quality;

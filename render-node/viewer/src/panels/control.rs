@@ -3,11 +3,12 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Align, Button, CollapsingHeader, Color32, Label, Layout, Response, RichText, Role, Sense, Separator, Slider,
-    SliderClamping, TextStyle, Ui, Vec2, WidgetInfo, vec2,
+    Align, Button, CollapsingHeader, Color32, Label, Layout, Response, RichText, Role, ScrollArea, Sense, Separator,
+    Slider, SliderClamping, TextStyle, Ui, Vec2, WidgetInfo, vec2,
 };
 
 use super::icon::{Icon, draw};
+use super::theme;
 
 /// How many times the usual size everything has.
 pub(super) fn scale(ui: &Ui) -> f32 {
@@ -186,4 +187,21 @@ pub(super) fn count(n: usize) -> String {
         text.push(digit);
     }
     text
+}
+
+/// Room with the panel's margins; what is too high for it scrolls.
+pub(super) fn scrolling<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
+    theme::frame(ui)
+        .show(ui, |ui| {
+            ui.set_min_size(ui.available_size());
+            ScrollArea::vertical()
+                .id_salt(name)
+                .auto_shrink(false)
+                .show(ui, |ui| {
+                    ui.set_max_width(ui.available_width());
+                    content(ui)
+                })
+                .inner
+        })
+        .inner
 }

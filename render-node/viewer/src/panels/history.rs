@@ -4,7 +4,8 @@ use egui::{Align, Button, Label, Layout, RichText, Ui};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Redo, Reset, Undo};
 
-use super::{Output, Panels};
+use super::output::Output;
+use super::state::Panels;
 use crate::display::Shown;
 
 /// Lines of the history that are shown.

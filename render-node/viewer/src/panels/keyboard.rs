@@ -3,8 +3,9 @@
 use egui::{Align, Button, Key, RichText, TextWrapMode, Ui, vec2};
 
 use super::control::{cell, scale};
+use super::state::Panels;
+use super::theme;
 use super::typing::Typing;
-use super::{Panels, theme};
 
 /// Letters and signs of each row, as they are and with shift.
 const ROWS: [(&str, &str); 4] = [

@@ -4,8 +4,11 @@ use egui::{Button, Id, Label, Rect, RichText, ScrollArea, Ui, vec2};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 
 use super::control::{button_width, scale};
+use super::output::Output;
+use super::panel::Panel;
+use super::state::Panels;
+use super::theme;
 use super::typing::{Field, Typed};
-use super::{Output, Panel, Panels, theme};
 use crate::display::{Entry, Request, Shown, Turn};
 
 impl Panels {

@@ -1,12 +1,11 @@
 //! What buttons do now, and lines for a person to read.
 
-use std::collections::BTreeMap;
-
 use egui::{Align, Grid, Label, Mesh, RichText, Sense, Stroke, Ui, vec2};
 
 use super::control::{cell, scale};
+use super::state::Panels;
+use super::theme;
 use super::transfer::{number, to_color32};
-use super::{Panels, theme};
 use crate::display::Shown;
 use sg_raster::attributes::Legend;
 
@@ -18,10 +17,6 @@ const FADES: f64 = 1.0;
 
 /// Most points that a line is wide at the usual size of text, and that it leaves to both sides.
 const WIDTH: (f32, f32) = (560.0, 32.0);
-
-/// When each line was first seen, seconds of the context's clock.
-#[derive(Debug, Default)]
-pub(super) struct Seen(BTreeMap<u64, f64>);
 
 /// The tool legend: what each button or key does now, one pair a line.
 pub fn legend(ui: &mut Ui, does: &[(&str, &str)]) {

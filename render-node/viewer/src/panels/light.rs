@@ -9,8 +9,10 @@ use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
 
 use super::control::{Number, choice};
+use super::output::{Output, Wish};
+use super::panel::Panel;
 use super::pick_color::{Picked, color_button};
-use super::{Output, Panel, Panels, Wish};
+use super::state::Panels;
 use crate::display::Shown;
 
 /// Backgrounds that are often wanted.

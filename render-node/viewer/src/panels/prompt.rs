@@ -11,39 +11,21 @@ use sg_proto::scene::{
 };
 use sg_proto::selection::StrokesRequest;
 
-use super::control::{Number, button_width, by_number, count, fine_percent, percent, section, section_that};
+use super::control::{Number, button_width, by_number, count, fine_percent, percent, scrolling, section, section_that};
+use super::output::{Output, Place};
+use super::panel::Panel;
 use super::pick_color::{Picked, color_button};
+use super::state::Panels;
+use super::theme;
 use super::typing::{Field, Typed};
-use super::{Output, Panel, Panels, Place, scrolling, theme};
-use crate::display::{Request, Scrub, Shown, Tools};
-
-/// What the panel remembers.
-#[derive(Debug)]
-pub(super) struct Prompt {
-    /// How far the selection grows or shrinks, a fraction of the box's longest edge.
-    distance: f64,
-    /// Gaussians of the largest hole that is filled.
-    hole: f64,
-    /// How far from the selection's mean feature what is similar may be, in units of its spread.
-    likeness: f64,
-    /// The unit that would be replaced, while that is asked.
-    replaces: Option<String>,
-    /// The last walk under the hand.
-    pub(super) scrub: Scrub,
-}
-
-impl Default for Prompt {
-    fn default() -> Self {
-        Self { distance: 0.005, hole: 100.0, likeness: 2.0, replaces: None, scrub: Scrub::default() }
-    }
-}
+use crate::display::{Request, Shown, Tools};
 
 impl Panels {
     /// Brush, selection, and the unit that becomes of it.
     pub(super) fn prompt(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
         let mut asked = Output::default();
         ui.push_id(Panel::Prompt.name(), |ui| {
-            scrolling(ui, Panel::Prompt, |ui| self.prompt_sections(ui, shown, tools, &mut asked));
+            scrolling(ui, Panel::Prompt.name(), |ui| self.prompt_sections(ui, shown, tools, &mut asked));
         });
         self.settle(Panel::Prompt, ui, &mut asked);
         asked

@@ -2,8 +2,11 @@
 
 use egui::{RichText, Ui};
 
-use super::control::section;
-use super::{Output, Panel, Panels, ask, scrolling};
+use super::ask;
+use super::control::{scrolling, section};
+use super::output::Output;
+use super::panel::Panel;
+use super::state::Panels;
 use crate::display::{Shown, Tools};
 
 impl Panels {
@@ -11,7 +14,7 @@ impl Panels {
     pub(super) fn scene_control(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
         let mut asked = Output::default();
         ui.push_id(Panel::Scene.name(), |ui| {
-            scrolling(ui, Panel::Scene, |ui| self.scene_sections(ui, shown, tools, &mut asked));
+            scrolling(ui, Panel::Scene.name(), |ui| self.scene_sections(ui, shown, tools, &mut asked));
         });
         self.settle(Panel::Scene, ui, &mut asked);
         asked

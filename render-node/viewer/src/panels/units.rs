@@ -1,7 +1,5 @@
 //! Base units and editable units: a row each, and more about the chosen one.
 
-use std::sync::Arc;
-
 use egui::{Align, Button, Rect, RichText, Ui, vec2};
 use glam::Vec3;
 use sg_edit::UnitRef;
@@ -11,11 +9,13 @@ use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation, SetView, set
 
 use super::control::{Number, bare_slider, button_width, cell, count, icon, percent, scale};
 use super::icon::Icon;
+use super::output::Output;
+use super::panel::Panel;
 use super::pick_color::{Picked, color_button};
+use super::state::Panels;
 use super::typing::{Field, Typed};
-use super::{Output, Panel, Panels, ask, theme};
+use super::{ask, theme};
 use crate::display::Shown;
-use sg_raster::structure::NO_CLUSTER;
 
 /// One unit as its row shows it.
 struct Row {
@@ -24,25 +24,6 @@ struct Row {
     color: Option<Vec3>,
     opacity: f32,
     visible: bool,
-}
-
-/// How many Super-Gaussians there are, counted once for each clustering.
-#[derive(Debug, Default)]
-pub(super) struct Clusters(Option<(Arc<[u32]>, usize)>);
-
-impl Clusters {
-    /// Number of Super-Gaussians.
-    pub(super) fn count(&mut self, clusters: &Arc<[u32]>) -> usize {
-        match &self.0 {
-            Some((of, count)) if Arc::ptr_eq(of, clusters) => *count,
-            _ => {
-                let most = clusters.iter().filter(|c| **c != NO_CLUSTER).max();
-                let count = most.map_or(0, |c| *c as usize + 1);
-                self.0 = Some((Arc::clone(clusters), count));
-                count
-            }
-        }
-    }
 }
 
 impl Panels {

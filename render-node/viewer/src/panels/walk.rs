@@ -3,7 +3,8 @@
 use egui::{Button, RichText, Ui};
 
 use super::control::{Number, choice, count, percent};
-use super::{Output, Panels, Place, Wish};
+use super::output::{Output, Place, Wish};
+use super::state::Panels;
 use crate::display::{LEAKS, Request, Scrubs, Shown, THRESHOLDS, Tools};
 
 /// Places that are asked for at once.

@@ -2,7 +2,9 @@
 
 use egui::Ui;
 
-use super::{Output, Panels, Wish, theme};
+use super::output::{Output, Wish};
+use super::state::Panels;
+use super::theme;
 use crate::display::{Shown, Tools};
 
 impl Panels {

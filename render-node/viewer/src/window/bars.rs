@@ -3,6 +3,7 @@
 use egui::{Align2, RichText, Ui};
 
 use super::desk::Desk;
+use super::navigation::Manner;
 use super::shortcuts::{Action, MOUSE, SHORTCUTS};
 use super::viewport::Pointer;
 use crate::display::{BrushMode, Request, Sense, Shown};
@@ -35,7 +36,7 @@ impl Desk {
                 }
             }
             ui.separator();
-            for manner in super::Manner::ALL {
+            for manner in Manner::ALL {
                 ui.selectable_value(&mut self.viewport.navigator.manner, manner, manner.name());
             }
             ui.separator();

@@ -17,13 +17,14 @@ use sg_scene::view::{View, framed_box};
 use sg_selection::brush::Brush;
 
 use super::bookmarks::Bookmarks;
+use super::drawing;
 use super::dropped::{self, Dropped};
+use super::error::WindowError;
 use super::keep::{Keep, Keeper};
 use super::memory::Memory;
 use super::navigation::Navigator;
 use super::shortcuts::{self, Action};
 use super::viewport::{Pointer, Viewport};
-use super::{WindowError, drawing};
 use crate::display::{BrushMode, Drafts, Dressing, Hand, Pace, Request, Scrub, Seat, Showing, Shown, Tools};
 use crate::panels::{NARROWEST, Output, Panel, Panels, Place, Wish, theme};
 use sg_gpu::Gpu;

@@ -6,7 +6,7 @@ use egui::{ClippedPrimitive, TextureId, TexturesDelta};
 use winit::dpi::PhysicalSize;
 use winit::window::Window;
 
-use super::WindowError;
+use super::error::WindowError;
 use super::handover::empty;
 use sg_gpu::Gpu;
 

@@ -9,6 +9,7 @@ mod bookmarks;
 mod desk;
 mod drawing;
 mod dropped;
+mod error;
 mod ffmpeg;
 mod glass;
 mod handover;
@@ -39,26 +40,13 @@ use sg_raster::render::Quality;
 
 pub use desk::Desk;
 pub use drawing::threads;
+pub use error::WindowError;
 pub use memory::Memory;
 pub use navigation::{Manner, Navigator};
 pub use shortcuts::{MOUSE, SHORTCUTS, Shortcut};
 pub use viewport::Pointer;
 
 use glass::{Glass, Painted};
-
-/// Why there is no window, or no more.
-#[derive(Debug, thiserror::Error)]
-pub enum WindowError {
-    /// No display to open it on.
-    #[error("no window can be opened: {0}; set DISPLAY, or start with `display = \"none\"`")]
-    Display(String),
-    /// No device to show anything with.
-    #[error("nothing can be shown in the window: {0}; install a Vulkan driver, or start with `display = \"none\"`")]
-    Surface(String),
-    /// No threads to draw with.
-    #[error("no threads to draw with: {0}")]
-    Threads(String),
-}
 
 /// How often news from elsewhere is looked for while nothing is drawn.
 const GLANCE: Duration = Duration::from_millis(16);

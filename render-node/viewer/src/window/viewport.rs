@@ -10,10 +10,10 @@ use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
-use super::drawing::{Drawn, Front, Picture, Wish};
+use super::drawing::{self, Drawn, Front, Picture, Wish};
+use super::error::WindowError;
 use super::navigation::{Manner, Navigator};
 use crate::display::{Beside, Hand, Level, Pacing, Request, Sense, Showing, Shown, Tip, Tools};
-use crate::window::drawing;
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 
@@ -144,8 +144,8 @@ impl Viewport {
         hand: Hand,
         pool: Arc<rayon::ThreadPool>,
         told: impl Fn() + Clone + Send + 'static,
-    ) -> Result<Self, super::WindowError> {
-        let threads = |e: std::io::Error| super::WindowError::Threads(e.to_string());
+    ) -> Result<Self, WindowError> {
+        let threads = |e: std::io::Error| WindowError::Threads(e.to_string());
         let drawn_by = engine.gpu().cloned();
         Ok(Self {
             navigator,

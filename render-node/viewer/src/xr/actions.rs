@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 use openxr as xr;
 
-use super::XrError;
 use super::bindings::{Deed, Of, PROFILES};
+use super::error::XrError;
 use super::space::pose;
 use crate::hands::{HandInput, Side};
 

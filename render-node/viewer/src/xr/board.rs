@@ -7,8 +7,9 @@ use egui::{
     Event, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, RawInput, Rect, TouchPhase, Ui, Vec2,
 };
 
-use super::XrError;
-use super::frame::{Frame, PanelId, Quad};
+use super::error::XrError;
+use super::frame::Frame;
+use super::quad::{PanelId, Quad};
 use crate::hands::{HandInput, Pointed, Rectangle};
 use sg_gpu::Gpu;
 

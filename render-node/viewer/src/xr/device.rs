@@ -14,8 +14,7 @@ use openxr::sys::CompositionLayerDepthInfoKHR as DepthInfo;
 use wgpu::hal::api::Vulkan;
 use wgpu::hal::{self, vulkan};
 
-use super::XrError;
-use super::target::Target;
+use super::error::XrError;
 use sg_gpu::{Gpu, USEFUL};
 
 /// wgpu takes functions of 1.3 for granted where the device has them, so the instance has to be of 1.3 as well.
@@ -242,12 +241,12 @@ pub(super) fn textures(
     wrapped.collect()
 }
 
-/// How far away what a view shows is: one layer of `depths`, stored between two planes so many metres ahead.
-pub(super) fn depth_of(depths: &Target, layer: u32, [near_z, far_z]: [f32; 2]) -> DepthInfo {
+/// Depth information of a view: `depths` between a near and a far plane, in metres.
+pub(super) fn depth_of(depths: xr::SwapchainSubImage<'_, xr::Vulkan>, [near_z, far_z]: [f32; 2]) -> DepthInfo {
     DepthInfo {
         ty: DepthInfo::TYPE,
         next: std::ptr::null(),
-        sub_image: depths.sub_image(layer).into_raw(),
+        sub_image: depths.into_raw(),
         min_depth: 0.0,
         max_depth: 1.0,
         near_z,

@@ -5,29 +5,15 @@ use std::time::Duration;
 use glam::DVec2;
 use openxr as xr;
 
-use super::live::{Live, Looking};
+use super::error::XrError;
+use super::live::Live;
 use super::mask::Triangle;
+use super::quad::{PanelId, Quad};
+use super::space::Views;
 use super::target::Target;
-use super::{XrError, device, space};
-use crate::hands::{Eye, HandInput, Pose, Rectangle, Side};
+use super::{device, space};
+use crate::hands::{Eye, HandInput, Pose, Side};
 use sg_gpu::{FARTHEST, Gpu, NEAREST};
-
-/// A panel's images, made by [`super::Headset::panel`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct PanelId {
-    pub(super) at: usize,
-    /// Which session it was made in.
-    pub(super) session: u64,
-}
-
-/// A panel as it hangs in the room.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quad {
-    /// What is on it.
-    pub panel: PanelId,
-    /// Where it hangs and how large it is.
-    pub place: Rectangle,
-}
 
 /// One frame: where eyes and hands will be when it is shown, and what it is drawn to.
 pub struct Frame<'a> {
@@ -56,7 +42,7 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     pub(super) fn new(
         live: &'a mut Live,
-        looking: Looking,
+        looking: Views,
         hands: [HandInput; 2],
         (session, time, period): (u64, xr::Time, xr::Duration),
     ) -> Self {
@@ -202,7 +188,8 @@ impl<'a> Frame<'a> {
         });
         let live = &mut *self.live;
         let depths = live.depths.as_ref().filter(|_| self.depths_drawn);
-        let depths = depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target, k, [NEAREST, FARTHEST])));
+        let depths =
+            depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target.sub_image(k), [NEAREST, FARTHEST])));
         let views = [0, 1].map(|k| {
             let (pose, fov) = self.raw[k];
             let view = xr::CompositionLayerProjectionView::new().pose(pose).fov(fov);

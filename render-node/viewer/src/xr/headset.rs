@@ -5,44 +5,17 @@ use std::time::{Duration, Instant};
 
 use openxr as xr;
 
-use super::frame::{Frame, PanelId};
+use super::error::XrError;
+use super::frame::Frame;
+use super::held::Held;
 use super::live::{Happened, Live};
-use super::{Held, XrError};
-use crate::hands::{Origin, Stance};
+use super::options::Options;
+use super::quad::PanelId;
+use crate::hands::Origin;
 use sg_gpu::Gpu;
 
 /// How long the loop may rest before it asks again when [`Headset::frame`] had nothing to wait for.
 pub const PAUSE: Duration = Duration::from_millis(10);
-
-/// How a headset is used.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
-    /// Factor on the width and height that the runtime recommends, 0.1 to 4.
-    pub resolution: f64,
-    /// Frames in a second, where the runtime lets one choose; the nearest that it offers.
-    pub refresh_rate: Option<f32>,
-    /// Standing, the room's floor is at y = 0 where the runtime knows it; seated, the eyes are.
-    pub stance: Stance,
-    /// Pause before a runtime that went away is looked for again.
-    pub retry_pause: Duration,
-    /// How often it is looked for.
-    pub tries: u32,
-    /// How long a runtime may take to answer when it is looked for, before it is taken for one that hangs.
-    pub patience: Duration,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            resolution: 1.0,
-            refresh_rate: None,
-            stance: Stance::Standing,
-            retry_pause: Duration::from_secs(1),
-            tries: 300,
-            patience: Duration::from_secs(20),
-        }
-    }
-}
 
 /// What became of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,17 +4,16 @@ use openxr as xr;
 
 use super::actions::Actions;
 use super::device::{self, Shared};
+use super::error::XrError;
 use super::fingers::Fingers;
-use super::frame::PanelId;
-use super::headset::Options;
+use super::held::Held;
 use super::life::{Do, Life};
 use super::mask::Mask;
+use super::options::Options;
+use super::quad::PanelId;
+use super::space::{self, STEREO, Views};
 use super::target::{Format, Target};
-use super::{Held, XrError, space};
 use crate::hands::{BareHand, HandInput, Origin, Side, Stance};
-
-/// Two eyes.
-pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
 /// What happened since it was last asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -246,7 +245,7 @@ impl Live {
     }
 
     /// Both eyes and the head at `time`; `None` while the runtime does not know where they are.
-    pub(super) fn look(&self, time: xr::Time) -> xr::Result<Option<Looking>> {
+    pub(super) fn look(&self, time: xr::Time) -> xr::Result<Option<Views>> {
         let (flags, views) = self.session.locate_views(STEREO, time, &self.room)?;
         let known = xr::ViewStateFlags::ORIENTATION_VALID | xr::ViewStateFlags::POSITION_VALID;
         let [Some(left), Some(right)] = [0, 1].map(|k| views.get(k).and_then(space::eye)) else { return Ok(None) };
@@ -256,16 +255,8 @@ impl Live {
         let head = space::pose(&self.head.locate(&self.room, time)?);
         // What is handed back with the picture is what it was drawn for, to the last bit.
         let raw = [0, 1].map(|k| views.get(k).map_or((xr::Posef::IDENTITY, xr::Fovf::default()), |v| (v.pose, v.fov)));
-        Ok(Some(Looking { eyes: [left, right], head: head.unwrap_or(left.pose), raw }))
+        Ok(Some(Views { eyes: [left, right], head: head.unwrap_or(left.pose), raw }))
     }
-}
-
-/// Where a person looks from.
-#[derive(Clone, Copy)]
-pub(super) struct Looking {
-    pub(super) eyes: [crate::hands::Eye; 2],
-    pub(super) head: crate::hands::Pose,
-    pub(super) raw: [(xr::Posef, xr::Fovf); 2],
 }
 
 /// Of what the runtime offers, what is used.

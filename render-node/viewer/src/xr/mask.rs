@@ -3,7 +3,7 @@
 use glam::DVec2;
 use openxr as xr;
 
-use super::live::STEREO;
+use super::space::STEREO;
 
 /// A triangle in the plane one unit ahead of an eye: right and up.
 pub type Triangle = [DVec2; 3];

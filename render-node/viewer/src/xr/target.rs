@@ -2,7 +2,9 @@
 
 use openxr as xr;
 
-use super::{Held, XrError, device};
+use super::device;
+use super::error::XrError;
+use super::held::Held;
 use sg_gpu::Gpu;
 
 /// Longest wait for an image that the compositor still reads.
