@@ -4,7 +4,7 @@ pub mod display;
 pub mod hands;
 pub mod panels;
 #[cfg(feature = "xr")]
-pub mod room;
+pub mod vr;
 pub mod window;
 #[cfg(feature = "xr")]
 pub mod xr;

@@ -5,14 +5,14 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::request::Request;
-use super::view_state::{NOTICES, Notice, Shown};
+use super::view_state::{NOTICES, Notice, ViewState};
 
 /// Requests that may wait to be carried out; more are dropped and counted.
 pub const REQUESTS: usize = 64;
 
 /// How a display keeps up.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Pace {
+pub struct FrameStats {
     /// Frames that it has shown.
     pub frames: u64,
     /// Pictures of the scene in them.
@@ -29,70 +29,70 @@ pub struct Pace {
 
 /// What both sides of a seat have in common.
 #[derive(Debug)]
-struct Common {
+struct SharedState {
     /// The newest, and how often it was replaced.
-    shown: Mutex<(u64, Arc<Shown>)>,
-    pace: Mutex<Pace>,
-    over: AtomicBool,
+    state: Mutex<(u64, Arc<ViewState>)>,
+    frame_stats: Mutex<FrameStats>,
+    closed: AtomicBool,
 }
 
 /// A display's side: newest value in, requests out, neither ever waited for.
 #[derive(Debug)]
-pub struct Seat {
-    common: Arc<Common>,
+pub struct ViewPort {
+    shared: Arc<SharedState>,
     /// Which of the newest was taken last.
-    taken: u64,
+    taken_version: u64,
     requests: SyncSender<Request>,
     dropped: u64,
 }
 
-/// The other side of a [`Seat`].
+/// The other side of a [`ViewPort`].
 #[derive(Debug)]
-pub struct Service {
+pub struct Backend {
     /// Where the newest goes.
-    pub news: News,
-    /// What was asked for; it ends with the display. [`super::Asked`] takes it in order.
+    pub writer: StateWriter,
+    /// What was asked for; it ends with the display. [`super::RequestQueue`] takes it in order.
     pub requests: Receiver<Request>,
 }
 
 /// Changes what a display shows. Clones change the same.
 #[derive(Debug, Clone)]
-pub struct News(Arc<Common>);
+pub struct StateWriter(Arc<SharedState>);
 
-impl News {
+impl StateWriter {
     /// The newest.
     #[must_use]
-    pub fn newest(&self) -> Arc<Shown> {
-        Arc::clone(&lock(&self.0.shown).1)
+    pub fn newest(&self) -> Arc<ViewState> {
+        Arc::clone(&lock(&self.0.state).1)
     }
 
     /// Changes what is shown.
-    pub fn change(&self, what: impl FnOnce(&mut Shown)) {
-        let mut shown = lock(&self.0.shown);
-        what(Arc::make_mut(&mut shown.1));
-        shown.0 += 1;
+    pub fn update(&self, what: impl FnOnce(&mut ViewState)) {
+        let mut state = lock(&self.0.state);
+        what(Arc::make_mut(&mut state.1));
+        state.0 += 1;
     }
 
     /// Tells the person something; the oldest line goes where there are too many.
     pub fn notice(&self, text: impl Into<String>, refused: bool) {
         let text = text.into();
-        self.change(|shown| {
-            let number = shown.notices.last().map_or(1, |n| n.number + 1);
-            let passed = (shown.notices.len() + 1).saturating_sub(NOTICES);
+        self.update(|state| {
+            let number = state.notices.last().map_or(1, |n| n.number + 1);
+            let passed = (state.notices.len() + 1).saturating_sub(NOTICES);
             let line = Notice { number, text, refused };
-            shown.notices = shown.notices.iter().skip(passed).cloned().chain([line]).collect();
+            state.notices = state.notices.iter().skip(passed).cloned().chain([line]).collect();
         });
     }
 
     /// Has the display close.
-    pub fn end(&self) {
-        self.0.over.store(true, Ordering::Relaxed);
+    pub fn close(&self) {
+        self.0.closed.store(true, Ordering::Relaxed);
     }
 
     /// How the display keeps up.
     #[must_use]
-    pub fn pace(&self) -> Pace {
-        lock(&self.0.pace).clone()
+    pub fn frame_stats(&self) -> FrameStats {
+        lock(&self.0.frame_stats).clone()
     }
 }
 
@@ -100,50 +100,50 @@ fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
     what.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Seat {
+impl ViewPort {
     /// A seat and its other side.
     #[must_use]
-    pub fn new(first: Shown) -> (Self, Service) {
-        let common = Arc::new(Common {
-            shown: Mutex::new((0, Arc::new(first))),
-            pace: Mutex::default(),
-            over: AtomicBool::new(false),
+    pub fn new(first: ViewState) -> (Self, Backend) {
+        let shared = Arc::new(SharedState {
+            state: Mutex::new((0, Arc::new(first))),
+            frame_stats: Mutex::default(),
+            closed: AtomicBool::new(false),
         });
-        let (requests, asked) = sync_channel(REQUESTS);
-        let news = News(Arc::clone(&common));
-        (Self { common, taken: 0, requests, dropped: 0 }, Service { news, requests: asked })
+        let (requests, queue) = sync_channel(REQUESTS);
+        let writer = StateWriter(Arc::clone(&shared));
+        (Self { shared, taken_version: 0, requests, dropped: 0 }, Backend { writer, requests: queue })
     }
 
     /// The newest.
     #[must_use]
-    pub fn newest(&mut self) -> Arc<Shown> {
-        let shown = lock(&self.common.shown);
-        self.taken = shown.0;
-        Arc::clone(&shown.1)
+    pub fn newest(&mut self) -> Arc<ViewState> {
+        let state = lock(&self.shared.state);
+        self.taken_version = state.0;
+        Arc::clone(&state.1)
     }
 
     /// Whether there is something newer than what was taken last.
     #[must_use]
-    pub fn has_news(&self) -> bool {
-        lock(&self.common.shown).0 != self.taken
+    pub fn has_update(&self) -> bool {
+        lock(&self.shared.state).0 != self.taken_version
     }
 
     /// Whether the display has to close.
     #[must_use]
-    pub fn is_over(&self) -> bool {
-        self.common.over.load(Ordering::Relaxed)
+    pub fn is_closed(&self) -> bool {
+        self.shared.closed.load(Ordering::Relaxed)
     }
 
     /// Hands a request in; whether there was room for it.
-    pub fn ask(&mut self, request: Request) -> bool {
-        let taken = self.requests.try_send(request).is_ok();
-        self.dropped += u64::from(!taken);
-        taken
+    pub fn send(&mut self, request: Request) -> bool {
+        let taken_version = self.requests.try_send(request).is_ok();
+        self.dropped += u64::from(!taken_version);
+        taken_version
     }
 
     /// Says how the display keeps up.
-    pub fn tell(&self, pace: Pace) {
-        *lock(&self.common.pace) = pace;
+    pub fn report(&self, frame_stats: FrameStats) {
+        *lock(&self.shared.frame_stats) = frame_stats;
     }
 
     /// Requests for which there was no room.

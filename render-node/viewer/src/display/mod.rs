@@ -1,30 +1,30 @@
 //! What a display shows and what the person before it asks for.
 //!
 //! A display (a window, a headset) has a loop that draws. Between that loop and everything that answers in its own time lies
-//! a [`Seat`]: the loop takes the newest [`Shown`] and hands [`Request`]s in, and neither waits. Nothing here knows the bus.
+//! a [`ViewPort`]: the loop takes the newest [`ViewState`] and hands [`Request`]s in, and neither waits. Nothing here knows the bus.
 
-mod asked;
-mod beside;
+mod adaptive_quality;
+mod appearance_builder;
 mod brush;
 mod channel;
 mod conversation;
 mod draft;
-mod dressing;
-mod pacing;
+mod latest_worker;
+mod parameter_drag;
 mod request;
-mod scrub;
+mod request_queue;
 mod tools;
 mod view_state;
 
-pub use asked::Asked;
-pub use beside::Beside;
-pub use brush::{Hand, Sense, Tip};
-pub use channel::{News, Pace, REQUESTS, Seat, Service};
+pub use adaptive_quality::{AdaptiveQuality, Level};
+pub use appearance_builder::{AppearanceBuilder, Colors, colors_of};
+pub use brush::{BrushController, BrushSample, BrushSign};
+pub use channel::{Backend, FrameStats, REQUESTS, StateWriter, ViewPort};
 pub use conversation::{Conversation, Entry, Turn};
 pub use draft::Drafts;
-pub use dressing::{Colors, Dressing, colors_of};
-pub use pacing::{Level, Pacing};
+pub use latest_worker::LatestWorker;
+pub use parameter_drag::{LEAK_RANGE, ParameterDrag, THRESHOLD_RANGE, WalkParameter};
 pub use request::Request;
-pub use scrub::{LEAKS, Scrub, Scrubs, THRESHOLDS};
-pub use tools::{BrushMode, Showing, Tools, Turns};
-pub use view_state::{NOTICES, Notice, Offered, Shown, Walks};
+pub use request_queue::RequestQueue;
+pub use tools::{BrushMode, DisplayMode, Tools, TurnStyle};
+pub use view_state::{NOTICES, Notice, ServiceAvailability, ViewState, WalkCapabilities};

@@ -30,7 +30,7 @@ pub enum Request {
 
 impl Request {
     /// Whether nobody need look at it once `later` has been asked for.
-    pub(super) fn gives_way_to(&self, later: &Self) -> bool {
+    pub(super) fn is_superseded_by(&self, later: &Self) -> bool {
         matches!((self, later), (Self::Tune(_), Self::Tune(_) | Self::Select(_) | Self::Forget))
     }
 }

@@ -17,7 +17,7 @@ pub const NOTICES: usize = 8;
 
 /// The newest of everything that a display shows, each part by itself as new as it is known. Cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Shown {
+pub struct ViewState {
     /// The scene at its newest revision.
     pub scene: Arc<EditState>,
     /// What undo would take back, newest first.
@@ -27,11 +27,11 @@ pub struct Shown {
     /// What is selected, or will be as soon as it is durable, or would be if the stroke under way ended now.
     pub selected: Arc<Mask>,
     /// Whether `selected` is more than the scene has committed.
-    pub tentative: bool,
+    pub uncommitted: bool,
     /// What `selected` is the walk's with, while a hand tries that.
-    pub tried: Option<WalkTuning>,
+    pub trial_tuning: Option<WalkTuning>,
     /// What the selection's process does with walks; absent while it is away.
-    pub walks: Option<Walks>,
+    pub walk_capabilities: Option<WalkCapabilities>,
     /// Where a next stroke would tell most, as it was told last.
     pub proposals: Option<Arc<ProposalsReply>>,
     /// Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none; absent until clusters are known.
@@ -39,12 +39,12 @@ pub struct Shown {
     /// What was said and answered.
     pub conversation: Arc<Conversation>,
     /// Which services answer.
-    pub offered: Offered,
+    pub services: ServiceAvailability,
     /// What went wrong or is worth knowing, newest last, at most [`NOTICES`] lines.
     pub notices: Arc<[Notice]>,
 }
 
-impl Shown {
+impl ViewState {
     /// A scene of which nothing else is known.
     #[must_use]
     pub fn of(scene: Arc<EditState>) -> Self {
@@ -53,13 +53,13 @@ impl Shown {
             scene,
             undo: Arc::default(),
             redo: Arc::default(),
-            tentative: false,
-            tried: None,
-            walks: None,
+            uncommitted: false,
+            trial_tuning: None,
+            walk_capabilities: None,
             proposals: None,
             clusters: None,
             conversation: Arc::default(),
-            offered: Offered::default(),
+            services: ServiceAvailability::default(),
             notices: Arc::default(),
         }
     }
@@ -68,20 +68,20 @@ impl Shown {
     /// again with something else.
     #[must_use]
     pub fn tuning(&self) -> Option<WalkTuning> {
-        let first = self.walks.filter(|_| self.offered.selection)?.tuning?;
+        let first = self.walk_capabilities.filter(|_| self.services.selection)?.tuning?;
         let steps = self.scene.selection().steps();
-        let walks = |step: &Option<Step>| matches!(step, Some(Step::Stroke(s)) if s.mode() == StrokeMode::Walk);
-        if !steps.iter().any(|s| walks(&s.step)) {
+        let is_walk = |step: &Option<Step>| matches!(step, Some(Step::Stroke(s)) if s.mode() == StrokeMode::Walk);
+        if !steps.iter().any(|s| is_walk(&s.step)) {
             return None;
         }
         let tuned = |step: &Option<Step>| if let Some(Step::Tuning(t)) = step { Some(*t) } else { None };
-        Some(self.tried.or_else(|| steps.iter().rev().find_map(|s| tuned(&s.step))).unwrap_or(first))
+        Some(self.trial_tuning.or_else(|| steps.iter().rev().find_map(|s| tuned(&s.step))).unwrap_or(first))
     }
 
     /// How many places for a next stroke can be asked for; 0 where there is no walk that could go on.
     #[must_use]
     pub fn most_proposals(&self) -> u32 {
-        self.tuning().and(self.walks).map_or(0, |w| w.most_proposals)
+        self.tuning().and(self.walk_capabilities).map_or(0, |w| w.most_proposals)
     }
 
     /// Where a next stroke would tell most, best first, as far as that is about the selection that is there.
@@ -101,7 +101,7 @@ impl Shown {
 
 /// What a selection's process does with walks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Walks {
+pub struct WalkCapabilities {
     /// What they are done with where no step says otherwise; `None` where nothing else can be asked for.
     pub tuning: Option<WalkTuning>,
     /// Most places for a next stroke that it tells of at once.
@@ -110,7 +110,7 @@ pub struct Walks {
 
 /// Which services answer: a control whose service is away is not drawn.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Offered {
+pub struct ServiceAvailability {
     /// The scene takes changes.
     pub scene: bool,
     /// Strokes become selections.

@@ -97,10 +97,10 @@ pub(super) fn by_number(
                 pressed = Some(i);
             }
         }
-        let shown = 86.0 * scale(ui);
-        let width = ui.available_width() - shown - ui.spacing().item_spacing.x;
+        let text_width = 86.0 * scale(ui);
+        let width = ui.available_width() - text_width - ui.spacing().item_spacing.x;
         slider_of(ui, number.name, value, number.range, width.max(40.0), number.logarithmic);
-        cell(ui, shown, Align::Max, RichText::new((number.text)(*value)).weak());
+        cell(ui, text_width, Align::Max, RichText::new((number.text)(*value)).weak());
         pressed
     })
     .inner
@@ -146,11 +146,11 @@ impl Number<'_> {
         let scale = scale(ui);
         ui.horizontal(|ui| {
             let label = cell(ui, 112.0 * scale, Align::Min, RichText::new(self.name));
-            let shown = 68.0 * scale;
-            let width = ui.available_width() - shown - ui.spacing().item_spacing.x;
+            let text_width = 68.0 * scale;
+            let width = ui.available_width() - text_width - ui.spacing().item_spacing.x;
             let slider = slider_of(ui, self.name, value, self.range, width.max(40.0), self.logarithmic);
             let moved = slider.labelled_by(label.id).changed();
-            cell(ui, shown, Align::Max, RichText::new((self.text)(*value)).weak());
+            cell(ui, text_width, Align::Max, RichText::new((self.text)(*value)).weak());
             moved
         })
         .inner

@@ -6,7 +6,7 @@ use super::control::{cell, scale};
 use super::state::Panels;
 use super::theme;
 use super::transfer::{number, to_color32};
-use crate::display::Shown;
+use crate::display::ViewState;
 use sg_raster::attributes::Legend;
 
 /// Seconds that a line stays, and one that says what was not done.
@@ -34,14 +34,14 @@ pub fn legend(ui: &mut Ui, does: &[(&str, &str)]) {
 impl Panels {
     /// Lines that are worth knowing, newest last, each for some seconds; nothing of them can be pressed, and nothing waits for
     /// them. The clock is that of the context: call it of one context only.
-    pub fn notices(&mut self, ui: &mut Ui, shown: &Shown) {
+    pub fn notices(&mut self, ui: &mut Ui, state: &ViewState) {
         // Its area is as wide as what it showed last, be that nothing.
         ui.set_max_width((WIDTH.0 * scale(ui)).min(ui.ctx().content_rect().width() - WIDTH.1));
         let now = ui.input(|i| i.time);
         let seen = &mut self.shown_notices.0;
-        let oldest = shown.notices.first().map_or(u64::MAX, |n| n.number);
+        let oldest = state.notices.first().map_or(u64::MAX, |n| n.number);
         seen.retain(|number, _| *number >= oldest);
-        for notice in shown.notices.iter() {
+        for notice in state.notices.iter() {
             let since = now - *seen.entry(notice.number).or_insert(now);
             let left = STAYS[usize::from(notice.refused)] - since;
             if left <= 0.0 {

@@ -21,17 +21,17 @@
 //! # }
 //! ```
 //!
-//! `shown.scene` is the state with the display's draft on it ([`crate::display::Drafts::over`]), so that a control shows what
+//! `state.scene` is the state with the display's draft on it ([`crate::display::Drafts::over`]), so that a control shows what
 //! the hand has made of it. Panels may be drawn only when something changed: when what is shown or set is new, when something
 //! points at them, when their context asks for another frame, and when [`Panels::wants_drawing`] says so.
 //! [`Panels::is_typing`] says when the keyboard's panel has to be shown.
 //!
-//! A control whose service is not offered ([`Shown::offered`]) is not drawn, and neither is a [`Wish`] that the display has not
+//! A control whose service is not offered ([`ViewState::services`]) is not drawn, and neither is a [`DisplayAction`] that the display has not
 //! said it fulfils.
 
-mod ask;
-mod choices;
+mod commands;
 mod control;
+mod display_options;
 mod history;
 mod icon;
 mod keyboard;
@@ -41,12 +41,12 @@ mod light;
 mod output;
 mod panel;
 mod pick_color;
-mod prompt;
 mod scene_control;
+mod select;
 mod state;
+mod text_input;
 pub mod theme;
 pub mod transfer;
-mod typing;
 mod units;
 mod walk;
 mod wrist;
@@ -56,10 +56,10 @@ use std::path::Path;
 use egui::Ui;
 use sg_scene::model::Scene;
 
-use crate::display::{Shown, Tools};
+use crate::display::{Tools, ViewState};
 
 pub use legend::legend;
-pub use output::{Draft, Output, Place, Wish};
+pub use output::{DisplayAction, Draft, Output, PanelHost};
 pub use panel::Panel;
 pub use state::Panels;
 
@@ -69,8 +69,8 @@ pub const NARROWEST: f32 = 310.0;
 impl Panels {
     /// Panels of a display.
     #[must_use]
-    pub fn new(place: Place) -> Self {
-        Self { place, ..Self::default() }
+    pub fn new(host: PanelHost) -> Self {
+        Self { host, ..Self::default() }
     }
 
     /// Reads the transfer functions behind a scene's base units, for plots beside them; `path` is what the scene was opened
@@ -84,40 +84,40 @@ impl Panels {
     /// Whether a text field waits for letters.
     #[must_use]
     pub fn is_typing(&self) -> bool {
-        self.typing.field().is_some()
+        self.text_input.field().is_some()
     }
 
     /// Has letters go to the name of a new unit as soon as that is drawn.
     pub fn name_selection(&mut self) {
-        self.typing.turn_to(typing::Field::SaveName);
+        self.text_input.turn_to(text_input::Field::SaveName);
     }
 
     /// Has letters go to what is said to the agents as soon as that is drawn.
     pub fn say_something(&mut self) {
-        self.typing.turn_to(typing::Field::Say);
+        self.text_input.turn_to(text_input::Field::Say);
     }
 
     /// Whether a panel would look other than it was drawn last, or do something, because of what was done in another one: letters
     /// that wait for their field, a field that was left for another. What is shown and what is pointed at the display knows.
     #[must_use]
     pub fn wants_drawing(&self, panel: Panel) -> bool {
-        self.drawn[panel as usize] != self.typing.version()
+        self.drawn[panel as usize] != self.text_input.version()
     }
 
     /// Draws a panel into all that is left of a [`Ui`] and says what was asked for.
-    pub fn show(&mut self, panel: Panel, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
-        self.revision = shown.scene.revision();
-        let asked = match panel {
-            Panel::Scene => self.scene_control(ui, shown, tools),
-            Panel::Prompt => self.prompt(ui, shown, tools),
-            Panel::Language => self.language(ui, shown),
+    pub fn show(&mut self, panel: Panel, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
+        self.revision = state.scene.revision();
+        let output = match panel {
+            Panel::Scene => self.scene_control(ui, state, tools),
+            Panel::Select => self.select_panel(ui, state, tools),
+            Panel::Language => self.language(ui, state),
             Panel::Keyboard => {
                 self.keyboard(ui);
                 Output::default()
             }
-            Panel::Wrist => self.wrist(ui, shown, tools),
+            Panel::Wrist => self.wrist(ui, state, tools),
         };
-        self.drawn[panel as usize] = self.typing.version();
-        asked
+        self.drawn[panel as usize] = self.text_input.version();
+        output
     }
 }

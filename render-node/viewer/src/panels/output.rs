@@ -2,11 +2,11 @@
 
 use sg_proto::scene::command::Action;
 
-use crate::display::{Drafts, Request, Shown};
+use crate::display::{Drafts, Request, ViewState};
 
 /// Where panels are shown.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Place {
+pub enum PanelHost {
     /// In a window, with a mouse and a keyboard.
     #[default]
     Window,
@@ -16,7 +16,7 @@ pub enum Place {
 
 /// What a display does by itself when a panel asks for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
+pub enum DisplayAction {
     /// Bring all that is drawn into view.
     Fit,
     /// Keep the present place under the next free number.
@@ -27,7 +27,7 @@ pub enum Wish {
     Panels,
     /// Keep a picture of the view.
     Screenshot,
-    /// Look at the place of this number, from 0, where a next stroke would tell most ([`Shown::proposals`]); before the eyes of
+    /// Look at the place of this number, from 0, where a next stroke would tell most ([`ViewState::proposals`]); before the eyes of
     /// a person, who turns by themselves, have it stand out.
     Proposal(u8),
 }
@@ -49,7 +49,7 @@ pub struct Output {
     /// What is under the hand.
     pub draft: Option<Draft>,
     /// What the display does itself.
-    pub wishes: Vec<Wish>,
+    pub actions: Vec<DisplayAction>,
 }
 
 impl Output {
@@ -58,10 +58,10 @@ impl Output {
     }
 
     /// Has the change under the hand seen over the scene that the panels have shown.
-    pub fn show_draft(&mut self, drafts: &mut Drafts, shown: &Shown) {
+    pub fn show_draft(&mut self, drafts: &mut Drafts, state: &ViewState) {
         match self.draft.take() {
             Some(Draft::Hold(action)) => drafts.hold(action),
-            Some(Draft::Release(action)) => drafts.release(action, shown.scene.revision()),
+            Some(Draft::Release(action)) => drafts.release(action, state.scene.revision()),
             None => (),
         }
     }
@@ -70,6 +70,6 @@ impl Output {
     pub fn join(&mut self, other: Self) {
         self.requests.extend(other.requests);
         self.draft = other.draft.or(self.draft.take());
-        self.wishes.extend(other.wishes);
+        self.actions.extend(other.actions);
     }
 }

@@ -3,7 +3,7 @@
 use egui::Vec2;
 
 use super::theme;
-use crate::display::Shown;
+use crate::display::ViewState;
 
 /// One of the panels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,7 +11,7 @@ pub enum Panel {
     /// Units, light, viewpoint, history, what is shown.
     Scene,
     /// Brush and selection ("3D prompt").
-    Prompt,
+    Select,
     /// What was said and answered.
     Language,
     /// The virtual keyboard.
@@ -22,14 +22,14 @@ pub enum Panel {
 
 impl Panel {
     /// All.
-    pub const ALL: [Self; 5] = [Self::Scene, Self::Prompt, Self::Language, Self::Keyboard, Self::Wrist];
+    pub const ALL: [Self; 5] = [Self::Scene, Self::Select, Self::Language, Self::Keyboard, Self::Wrist];
 
     /// What it is called.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Scene => "Scene control",
-            Self::Prompt => "3D prompt",
+            Self::Select => "3D prompt",
             Self::Language => "Language",
             Self::Keyboard => "Keyboard",
             Self::Wrist => "Wrist menu",
@@ -42,7 +42,7 @@ impl Panel {
     pub fn size(self) -> Vec2 {
         match self {
             Self::Scene => Vec2::new(460.0, 760.0),
-            Self::Prompt => Vec2::new(420.0, 700.0),
+            Self::Select => Vec2::new(420.0, 700.0),
             Self::Language => Vec2::new(560.0, 640.0),
             Self::Keyboard => Vec2::new(760.0, 320.0),
             Self::Wrist => Vec2::new(340.0, 136.0),
@@ -59,11 +59,11 @@ impl Panel {
 
     /// Whether there is anything to show in it now.
     #[must_use]
-    pub fn has_content(self, shown: &Shown) -> bool {
+    pub fn has_content(self, state: &ViewState) -> bool {
         match self {
             Self::Scene | Self::Keyboard | Self::Wrist => true,
-            Self::Prompt => shown.offered.selection || shown.offered.scene,
-            Self::Language => shown.offered.agents,
+            Self::Select => state.services.selection || state.services.scene,
+            Self::Language => state.services.agents,
         }
     }
 }

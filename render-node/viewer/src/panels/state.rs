@@ -8,40 +8,40 @@ use sg_proto::scene::command::Action;
 use sg_raster::attributes;
 use sg_raster::structure::NO_CLUSTER;
 
-use super::output::{Place, Wish};
+use super::output::{DisplayAction, PanelHost};
 use super::panel::Panel;
+use super::text_input::TextInput;
 use super::transfer::Curve;
-use super::typing::Typing;
-use crate::display::Scrub;
+use crate::display::ParameterDrag;
 
 /// What panels remember from frame to frame.
 #[derive(Debug, Default)]
 pub struct Panels {
     /// Where they are shown: decides what needs a trigger, a ray or a mouse.
-    pub place: Place,
+    pub host: PanelHost,
     /// What the display does when it is wished for; nothing else is drawn.
-    pub fulfils: Vec<Wish>,
+    pub supported_actions: Vec<DisplayAction>,
     /// What the colours mean that are shown now, where they stand for a number.
     pub numbers: Option<attributes::Legend>,
     pub(super) curves: Vec<Option<Curve>>,
     pub(super) chosen: Option<UnitRef>,
     pub(super) locked: Vec<UnitRef>,
-    pub(super) held: Option<Held>,
-    pub(super) typing: Typing,
+    pub(super) held: Option<ActiveEdit>,
+    pub(super) text_input: TextInput,
     /// What each panel has been drawn of that, in the order of [`Panel::ALL`].
     pub(super) drawn: [u64; Panel::ALL.len()],
     pub(super) shift: bool,
     pub(super) renaming: Option<u64>,
-    pub(super) prompt: Prompt,
+    pub(super) select: SelectState,
     /// Revision of the scene that was shown last.
     pub(super) revision: u64,
-    pub(super) shown_notices: Seen,
-    pub(super) clusters: Clusters,
+    pub(super) shown_notices: NoticeTimes,
+    pub(super) clusters: ClusterCount,
 }
 
 /// A change under a hand.
 #[derive(Debug)]
-pub(super) struct Held {
+pub(super) struct ActiveEdit {
     /// Where the hand is.
     pub(super) panel: Panel,
     /// The change.
@@ -52,7 +52,7 @@ pub(super) struct Held {
 
 /// What the panel remembers.
 #[derive(Debug)]
-pub(super) struct Prompt {
+pub(super) struct SelectState {
     /// How far the selection grows or shrinks, a fraction of the box's longest edge.
     pub(super) distance: f64,
     /// Gaussians of the largest hole that is filled.
@@ -62,24 +62,24 @@ pub(super) struct Prompt {
     /// The unit that would be replaced, while that is asked.
     pub(super) replaces: Option<String>,
     /// The last walk under the hand.
-    pub(super) scrub: Scrub,
+    pub(super) drag: ParameterDrag,
 }
 
-impl Default for Prompt {
+impl Default for SelectState {
     fn default() -> Self {
-        Self { distance: 0.005, hole: 100.0, likeness: 2.0, replaces: None, scrub: Scrub::default() }
+        Self { distance: 0.005, hole: 100.0, likeness: 2.0, replaces: None, drag: ParameterDrag::default() }
     }
 }
 
 /// When each line was first seen, seconds of the context's clock.
 #[derive(Debug, Default)]
-pub(super) struct Seen(pub(super) BTreeMap<u64, f64>);
+pub(super) struct NoticeTimes(pub(super) BTreeMap<u64, f64>);
 
 /// How many Super-Gaussians there are, counted once for each clustering.
 #[derive(Debug, Default)]
-pub(super) struct Clusters(Option<(Arc<[u32]>, usize)>);
+pub(super) struct ClusterCount(Option<(Arc<[u32]>, usize)>);
 
-impl Clusters {
+impl ClusterCount {
     /// Number of Super-Gaussians.
     pub(super) fn count(&mut self, clusters: &Arc<[u32]>) -> usize {
         match &self.0 {

@@ -32,7 +32,7 @@ pub enum Action {
     /// More of it.
     More,
     /// The other one of the two.
-    Scrubs,
+    NextParameter,
     /// Takes back.
     Undo,
     /// Brings back.
@@ -48,7 +48,7 @@ pub enum Action {
     /// Frames the scene.
     Fit,
     /// The next manner of moving the eye.
-    Manner,
+    NavigationMode,
     /// Keeps a picture.
     Picture,
     /// Keeps a turn around the scene as pictures.
@@ -60,7 +60,7 @@ pub enum Action {
     /// Dark or light panels.
     Theme,
     /// The next view of the structure.
-    Showing,
+    NextDisplayMode,
     /// Gives up what is being drawn.
     Abandon,
     /// Closes the window.
@@ -104,7 +104,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::OpenBracket, "[", Action::Narrower, "a narrower brush"),
     plain(Key::Comma, ",", Action::Less, "less leak (or threshold) of the last walk: more is selected"),
     plain(Key::Period, ".", Action::More, "more of it: less is selected"),
-    plain(Key::G, "G", Action::Scrubs, "these keys change the leak, or the threshold"),
+    plain(Key::G, "G", Action::NextParameter, "these keys change the leak, or the threshold"),
     with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "bring back"),
     with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "take back"),
     plain(Key::Z, "Z", Action::Depth, "brush and lasso only what is in front, or what is behind it too"),
@@ -114,8 +114,8 @@ pub const SHORTCUTS: &[Shortcut] = &[
     with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name what is selected and save it"),
     plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
     plain(Key::F, "F", Action::Fit, "see the whole scene"),
-    plain(Key::M, "M", Action::Manner, "orbit, trackball, fly"),
-    plain(Key::V, "V", Action::Showing, "the next view of the structure"),
+    plain(Key::M, "M", Action::NavigationMode, "orbit, trackball, fly"),
+    plain(Key::V, "V", Action::NextDisplayMode, "the next view of the structure"),
     plain(Key::P, "P", Action::Picture, "keep a picture"),
     plain(Key::T, "T", Action::Turntable, "keep a turn around the scene"),
     plain(Key::X, "X", Action::Stereo, "two eyes side by side"),

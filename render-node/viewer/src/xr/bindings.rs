@@ -2,7 +2,7 @@
 
 /// What hands can do; each is an action of both hands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Deed {
+pub(super) enum HandAction {
     Grip,
     Aim,
     Squeeze,
@@ -18,7 +18,7 @@ pub(super) enum Deed {
 
 /// Which hands have it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Of {
+pub(super) enum HandSet {
     Both,
     Left,
     Right,
@@ -27,13 +27,13 @@ pub(super) enum Of {
 /// A kind of controller: its profile's path, and what its inputs do.
 pub(super) struct Profile {
     pub(super) path: &'static str,
-    pub(super) inputs: &'static [(Deed, Of, &'static str)],
+    pub(super) inputs: &'static [(HandAction, HandSet, &'static str)],
 }
 
-use Deed::{Aim, Click, Grip, Menu, Primary, Pulse, Secondary, Squeeze, Stick, StickClick, Trigger};
-use Of::{Both, Left, Right};
+use HandAction::{Aim, Click, Grip, Menu, Primary, Pulse, Secondary, Squeeze, Stick, StickClick, Trigger};
+use HandSet::{Both, Left, Right};
 
-const TOUCH: &[(Deed, Of, &str)] = &[
+const TOUCH: &[(HandAction, HandSet, &str)] = &[
     (Grip, Both, "input/grip/pose"),
     (Aim, Both, "input/aim/pose"),
     (Squeeze, Both, "input/squeeze/value"),

@@ -24,13 +24,13 @@ const VERSION: u32 = vk::API_VERSION_1_3;
 const FAMILY: u32 = 0;
 
 /// A session and the two things that its frames are paced and handed in with.
-pub(super) type Opened = (xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>);
+pub(super) type SessionParts = (xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>);
 
 /// The device, and the raw handles that a session is made with.
-pub(super) struct Shared {
+pub(super) struct VulkanDevice {
     pub(super) gpu: Gpu,
     /// Where the device comes from.
-    pub(super) made_of: (wgpu::Instance, wgpu::Adapter),
+    pub(super) instance_and_adapter: (wgpu::Instance, wgpu::Adapter),
     instance: u64,
     physical: u64,
     device: u64,
@@ -56,7 +56,7 @@ fn vulkan_result(
         .map_err(|code| refused(what, vk::Result::from_raw(code)))
 }
 
-impl Shared {
+impl VulkanDevice {
     /// Opens the device that the runtime wants for `system`.
     pub(super) fn open(instance: &xr::Instance, system: xr::SystemId) -> Result<Self, XrError> {
         // The runtime insists on being asked.
@@ -148,7 +148,7 @@ impl Shared {
         }
         .map_err(|e| refused("Vulkan device", e))?;
         // SAFETY: the three were made from one another, in this order, by wgpu's own layer.
-        let (opened, made_of) = unsafe {
+        let (opened, instance_and_adapter) = unsafe {
             let instance = wgpu::Instance::from_hal::<Vulkan>(hal_instance);
             let adapter = instance.create_adapter_from_hal::<Vulkan>(exposed);
             let opened = adapter.create_device_from_hal::<Vulkan>(
@@ -164,11 +164,11 @@ impl Shared {
         };
         let (device, queue) = opened.map_err(|e| refused("graphics device", e))?;
         let gpu = Gpu::of_device(device, queue, info);
-        Ok(Self { gpu, made_of, instance: raw_instance, physical, device: raw_device })
+        Ok(Self { gpu, instance_and_adapter, instance: raw_instance, physical, device: raw_device })
     }
 
     /// A session on this device.
-    pub(super) fn session(&self, instance: &xr::Instance, system: xr::SystemId) -> Result<Opened, XrError> {
+    pub(super) fn session(&self, instance: &xr::Instance, system: xr::SystemId) -> Result<SessionParts, XrError> {
         let info = xr::vulkan::SessionCreateInfo {
             instance: self.instance as _,
             physical_device: self.physical as _,

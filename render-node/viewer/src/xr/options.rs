@@ -18,7 +18,7 @@ pub struct Options {
     /// How often it is looked for.
     pub tries: u32,
     /// How long a runtime may take to answer when it is looked for, before it is taken for one that hangs.
-    pub patience: Duration,
+    pub timeout: Duration,
 }
 
 impl Default for Options {
@@ -29,7 +29,7 @@ impl Default for Options {
             stance: Stance::Standing,
             retry_pause: Duration::from_secs(1),
             tries: 300,
-            patience: Duration::from_secs(20),
+            timeout: Duration::from_secs(20),
         }
     }
 }
