@@ -470,14 +470,14 @@ fn camera_of(state: &EditState, request: &proto::CaptureRequest) -> Result<Camer
 /// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one
 /// that hides the rest.
 fn alone(state: &EditState, names: &[String]) -> Result<Appearance, Fault> {
-    let mut preview_feed = Mask::empty(state.count());
+    let mut hidden = Mask::empty(state.count());
     for name in names {
         let unit = state.find(name).map_err(|e| Fault::new(e.code(), e.to_string()).with_details(e.details()))?;
-        preview_feed.union_with(&state.members(unit));
+        hidden.union_with(&state.members(unit));
     }
-    preview_feed.invert();
+    hidden.invert();
     let mut look = state.appearance();
-    look.units.push(UnitAppearance { mask: Arc::new(preview_feed), color: None, opacity: 1.0, visible: false });
+    look.units.push(UnitAppearance { mask: Arc::new(hidden), color: None, opacity: 1.0, visible: false });
     Ok(look)
 }
 

@@ -275,7 +275,7 @@ async fn tell(
 ) {
     loop {
         tokio::time::sleep(REPORT_PERIOD).await;
-        if let Some(reason) = loop_watchdog.look() {
+        if let Some(reason) = loop_watchdog.check() {
             host.fail(reason);
         }
         let now = ending.writer.frame_stats();

@@ -23,7 +23,7 @@ pub use channel::{Backend, FrameStats, REQUESTS, StateWriter, ViewPort};
 pub use conversation::{Conversation, Entry, Turn};
 pub use draft::Drafts;
 pub use latest_worker::LatestWorker;
-pub use parameter_drag::{LEAK_RANGE, ParameterDrag, THRESHOLD_RANGE, WalkParameter};
+pub use parameter_drag::{LEAK_RANGE, ParameterDrag, THRESHOLD_RANGE, WalkParameter, leak_of, reach_of};
 pub use request::Request;
 pub use request_queue::RequestQueue;
 pub use tools::{BrushMode, DisplayMode, Tools, TurnStyle};

@@ -17,6 +17,20 @@ pub const THRESHOLD_RANGE: (f64, f64) = (-0.95, 0.95);
 /// Longest time that what was let go shows before the scene tells of it.
 const SETTLES: Duration = Duration::from_secs(1);
 
+/// The reach of a leak, 0 to 1: the greater, the more is selected. Equal differences are equal factors of the leak.
+#[must_use]
+pub fn reach_of(leak: f64) -> f64 {
+    let (least, greatest) = LEAK_RANGE;
+    1.0 - (leak.clamp(least, greatest) / least).ln() / (greatest / least).ln()
+}
+
+/// The leak of a reach from 0 to 1, the inverse of [`reach_of`].
+#[must_use]
+pub fn leak_of(reach: f64) -> f64 {
+    let (least, greatest) = LEAK_RANGE;
+    (least * (greatest / least).powf(1.0 - reach)).clamp(least, greatest)
+}
+
 /// Which number of a walk a stick, a key or the wheel changes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WalkParameter {
@@ -35,8 +49,8 @@ impl WalkParameter {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Leak => "leak",
-            Self::Threshold => "threshold",
+            Self::Leak => "Reach",
+            Self::Threshold => "Strictness",
         }
     }
 
@@ -53,7 +67,7 @@ impl WalkParameter {
     #[must_use]
     pub fn written(self, tuning: WalkTuning) -> String {
         match self {
-            Self::Leak => format!("{:.2} %", 100.0 * tuning.leak),
+            Self::Leak => format!("{:.0} %", 100.0 * reach_of(tuning.leak)),
             // Minus nothing reads oddly.
             Self::Threshold => format!("{:.2}", if tuning.threshold.abs() < 0.005 { 0.0 } else { tuning.threshold }),
         }

@@ -27,9 +27,19 @@ impl BrushMode {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Walk => "walk",
-            Self::Cluster => "cluster",
-            Self::Point => "point",
+            Self::Walk => "Region",
+            Self::Cluster => "Patch",
+            Self::Point => "Single",
+        }
+    }
+
+    /// One line on the effect of a stroke.
+    #[must_use]
+    pub fn hint(self) -> &'static str {
+        match self {
+            Self::Walk => "Brush grows to the whole structure.",
+            Self::Cluster => "Brush changes whole Super-Gaussians.",
+            Self::Point => "Brush changes single Gaussians.",
         }
     }
 

@@ -97,7 +97,8 @@ pub(super) fn by_number(
                 pressed = Some(i);
             }
         }
-        let text_width = 86.0 * scale(ui);
+        // As wide as the longest number, so that the slider keeps its width.
+        let text_width = button_width(ui, &(number.text)(*number.range.end()));
         let width = ui.available_width() - text_width - ui.spacing().item_spacing.x;
         slider_of(ui, number.name, value, number.range, width.max(40.0), number.logarithmic);
         cell(ui, text_width, Align::Max, RichText::new((number.text)(*value)).weak());
@@ -177,7 +178,7 @@ pub(super) fn fine_percent(x: f64) -> String {
 }
 
 /// A count with its thousands apart.
-pub(super) fn count(n: usize) -> String {
+pub(crate) fn count(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {

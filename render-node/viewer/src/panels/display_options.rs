@@ -1,6 +1,6 @@
 //! What is shown of the scene in this display, and how.
 
-use egui::{Checkbox, Ui};
+use egui::{Button, Checkbox, Ui};
 
 use super::control::{Number, choice, count, percent};
 use super::legend::color_numbers;
@@ -89,12 +89,12 @@ impl Panels {
         }
     }
 
-    /// The brush: what a stroke means and how wide it is.
-    /// What a stroke means.
+    /// The brush modes.
     pub(super) fn modes(&self, ui: &mut Ui, tools: &mut Tools) {
         ui.horizontal_wrapped(|ui| {
             for mode in crate::display::BrushMode::ALL {
-                if choice(ui, tools.mode == mode, mode.name()) {
+                let button = Button::new(mode.name()).selected(tools.mode == mode);
+                if ui.add(button).on_hover_text(mode.hint()).clicked() {
                     tools.mode = mode;
                 }
             }

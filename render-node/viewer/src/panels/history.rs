@@ -60,14 +60,14 @@ impl Panels {
             }
             steps
         };
-        if let Some(steps) = list(ui, "brought back by redo, next first", "bring back", &state.redo) {
+        if let Some(steps) = list(ui, "Undone, next first", "redo", &state.redo) {
             output.change(Action::Redo(Redo { steps }));
         }
-        if let Some(steps) = list(ui, "taken back by undo, newest first", "take back", &state.undo) {
+        if let Some(steps) = list(ui, "Done, newest first", "undo", &state.undo) {
             output.change(Action::Undo(Undo { steps }));
         }
         let reset = ui.button("reset all looks");
-        if reset.on_hover_text("colours, opacities, light and viewpoint as they were opened; units stay").clicked() {
+        if reset.on_hover_text("restores the initial colours, opacities, light and viewpoint; units stay").clicked() {
             output.change(Action::Reset(Reset {}));
         }
     }

@@ -34,7 +34,7 @@ impl Panels {
                     .stick_to_bottom(true)
                     .show(ui, |ui| {
                         if state.conversation.turns.is_empty() {
-                            let hint = "Say what is to be changed, such as \"make the sac red\", or ask what is there.";
+                            let hint = "Type a change, such as \"make the sac red\", or ask a question.";
                             ui.label(RichText::new(hint).weak());
                         }
                         for turn in &state.conversation.turns {
@@ -126,7 +126,7 @@ fn show_turn(ui: &mut Ui, turn: &Turn) -> f32 {
         }
         match &turn.answer {
             Some((answer, done)) => {
-                let (over, color) = if *done { ("Answer", accent) } else { ("Answer: not all was done", error) };
+                let (over, color) = if *done { ("Answer", accent) } else { ("Couldn't do this:", error) };
                 ui.label(RichText::new(over).small().color(color));
                 ui.add(Label::new(RichText::new(answer)).wrap());
             }

@@ -58,6 +58,7 @@ use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
+pub(crate) use control::count;
 pub use legend::legend;
 pub use output::{DisplayAction, Draft, Output, PanelHost};
 pub use panel::Panel;

@@ -10,7 +10,7 @@ use crate::display::ViewState;
 pub enum Panel {
     /// Units, light, viewpoint, history, what is shown.
     Scene,
-    /// Brush and selection ("3D prompt").
+    /// Brush and selection ("Select").
     Select,
     /// What was said and answered.
     Language,
@@ -29,7 +29,7 @@ impl Panel {
     pub fn name(self) -> &'static str {
         match self {
             Self::Scene => "Scene control",
-            Self::Select => "3D prompt",
+            Self::Select => "Select",
             Self::Language => "Language",
             Self::Keyboard => "Keyboard",
             Self::Wrist => "Wrist menu",

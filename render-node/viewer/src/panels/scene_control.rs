@@ -25,7 +25,10 @@ impl Panels {
         if state.services.scene {
             self.steps_back(ui, state, output);
         } else {
-            ui.label(RichText::new("The scene takes no changes now; what is shown can still be chosen.").weak());
+            ui.label(
+                RichText::new("The scene service does not answer: no changes now. \"What is shown\" still works.")
+                    .weak(),
+            );
         }
         section(ui, "Base units", true, |ui| self.base_units(ui, state, output));
         if state.scene.units().any(|u| !u.derived) {

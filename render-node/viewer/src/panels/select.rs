@@ -1,4 +1,4 @@
-//! The panel "3D prompt": brush, selection, and the unit that becomes of it.
+//! The panel "Select": brush, selection, and the unit that becomes of it.
 
 use egui::{Align, Button, Response, RichText, Ui};
 use sg_edit::UnitRef;
@@ -41,7 +41,9 @@ impl Panels {
         }
         if state.tuning().is_some() {
             // In a room the stick changes a walk, and what is below has to be in reach without scrolling.
-            section(ui, "Walk", self.host == PanelHost::Window, |ui| self.walk(ui, state, tools, output));
+            section(ui, "Reach and Strictness", self.host == PanelHost::Window, |ui| {
+                self.walk(ui, state, tools, output);
+            });
         }
         section(ui, "Selection", true, |ui| {
             how_many(ui, state);
@@ -88,13 +90,13 @@ impl Panels {
             ui.add_enabled(on, Button::new(text)).on_hover_text(does).clicked()
         };
         ui.horizontal_wrapped(|ui| {
-            if button(ui, some, "clear", "forget all strokes and select nothing") {
+            if button(ui, some, "clear", "forgets all strokes and selects nothing") {
                 output.requests.push(Request::Select(StrokesRequest { restart: true, ..StrokesRequest::default() }));
             }
             if button(ui, true, "invert", "within the base units in which something is selected") {
                 output.requests.push(step(Operation::Invert(Invert {}), own));
             }
-            if button(ui, some, "largest piece", "keep only the largest connected piece") {
+            if button(ui, some, "largest piece", "keeps only the largest connected piece") {
                 output.requests.push(step(Operation::LargestPieces(LargestPieces { keep: 1 }), own));
             }
         });
@@ -109,14 +111,15 @@ impl Panels {
             Some(_) => output.requests.push(step(Operation::Shrink(Shrink { distance }), own)),
             None => {}
         }
-        let does = "unselected pieces of at most so many Gaussians that touch the selection";
-        let most = number("largest hole", 1.0..=10_000.0, true, |x| format!("to {}", count(x.round() as usize)));
+        let does = "adds unselected pieces of at most this many Gaussians that touch the selection";
+        let most =
+            number("largest hole", 1.0..=10_000.0, true, |x| format!("up to {} splats", count(x.round() as usize)));
         if by_number(ui, some, &[("fill holes", does)], most, &mut select.hole).is_some() {
             let most = select.hole.round() as u64;
             output.requests.push(step(Operation::FillHoles(FillHoles { most }), own));
         }
-        let does = "whatever lies this close to the selection's mean features";
-        let within = number("likeness", 0.5..=5.0, false, |x| format!("within {x:.1} σ"));
+        let does = "adds Gaussians this close to the mean features of the selection";
+        let within = number("likeness", 0.5..=5.0, false, |x| format!("similarity {x:.1} σ"));
         if by_number(ui, some, &[("add similar", does)], within, &mut select.likeness).is_some() {
             let threshold = select.likeness;
             output.requests.push(step(Operation::Similar(Similar { threshold }), Combine::Add));
@@ -165,7 +168,9 @@ impl Panels {
 
     fn confirm(&mut self, ui: &mut Ui, taken: &str, output: &mut Output) -> Response {
         let card = theme::card(ui).show(ui, |ui| {
-            ui.label(format!("There is a unit {taken}. Its colour and opacity stay, its Gaussians would be these."));
+            ui.label(format!(
+                "A unit {taken} exists. Replace its Gaussians by the selection? Its colour and opacity stay."
+            ));
             ui.horizontal(|ui| {
                 if ui.button("replace it").clicked() {
                     let name = taken.to_owned();
@@ -185,12 +190,12 @@ impl Panels {
 fn how_many(ui: &mut Ui, state: &ViewState) {
     let (selected, all) = (state.selected.count(), state.scene.count());
     if selected == 0 {
-        ui.label(format!("nothing selected of {} Gaussians", count(all)));
+        ui.label(format!("0 of {} Gaussians selected", count(all)));
     } else {
         let share = fine_percent(selected as f64 / all.max(1) as f64);
         ui.label(RichText::new(format!("{} of {} Gaussians ({share})", count(selected), count(all))).strong());
     }
     if state.uncommitted {
-        ui.label(RichText::new("tentative: not yet kept by the scene").color(ui.visuals().warn_fg_color));
+        ui.label(RichText::new("Updating…").color(ui.visuals().warn_fg_color));
     }
 }

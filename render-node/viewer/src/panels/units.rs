@@ -129,7 +129,7 @@ impl Panels {
     fn unit_color(&mut self, ui: &mut Ui, row: &Row, output: &mut Output) {
         let own = match row.unit {
             UnitRef::Base(_) => "palette of the file",
-            UnitRef::Editable(_) => "its own colours",
+            UnitRef::Editable(_) => "Original colours",
         };
         match color_button(ui, &format!("colour of {}", row.name), row.color, Some(own)) {
             Some(Picked::Color(rgb)) => self.hold(Panel::Scene, commands::set_color(&row.name, Some(rgb))),
@@ -185,7 +185,7 @@ impl Panels {
                     output.change(select(operation));
                 }
             }
-            if ui.button("solo").on_hover_text("show this and hide all else").clicked() {
+            if ui.button("solo").on_hover_text("shows this unit and hides all others").clicked() {
                 output.change(commands::show_only(&row.name));
             }
             if ui.button("look at it").clicked() {
@@ -218,7 +218,7 @@ impl Panels {
                 self.text_input.set(Field::NewName, row.name.clone());
                 self.text_input.turn_to(Field::NewName);
             }
-            if ui.button("delete").on_hover_text("its Gaussians stay; undo brings the unit back").clicked() {
+            if ui.button("Remove name (keeps splats)").on_hover_text("undo brings the unit back").clicked() {
                 output.change(Action::DeleteUnit(DeleteUnit { name: row.name.clone() }));
             }
         });

@@ -2,10 +2,10 @@
 
 use egui::{Button, RichText, Ui};
 
-use super::control::{Number, choice, count, percent};
+use super::control::{Number, count, percent};
 use super::output::{DisplayAction, Output, PanelHost};
 use super::state::Panels;
-use crate::display::{LEAK_RANGE, Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter};
+use crate::display::{Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter, leak_of, reach_of};
 
 /// Places that are asked for at once.
 pub(super) const PLACES: u32 = 5;
@@ -15,10 +15,14 @@ impl Panels {
     pub(super) fn walk(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
         let Some(mut tuning) = self.select.drag.tuning(state) else { return };
         let number = |name, range, logarithmic, text| Number { name, range, logarithmic, text };
-        let leak = |x: f64| format!("{:.2} %", 100.0 * x);
         let threshold = |x: f64| format!("{:.2}", if x.abs() < 0.005 { 0.0 } else { x });
-        let mut moved = number("leak", LEAK_RANGE.0..=LEAK_RANGE.1, true, leak).show(ui, &mut tuning.leak);
-        moved |= number("threshold", THRESHOLD_RANGE.0..=THRESHOLD_RANGE.1, false, threshold)
+        // To the right selects more: less leak reaches farther.
+        let mut reach = reach_of(tuning.leak);
+        let mut moved = number("Reach", 0.0..=1.0, false, percent).show(ui, &mut reach);
+        if moved {
+            tuning.leak = leak_of(reach);
+        }
+        moved |= number("Strictness", THRESHOLD_RANGE.0..=THRESHOLD_RANGE.1, false, threshold)
             .show(ui, &mut tuning.threshold);
         if moved {
             output.requests.extend(self.select.drag.set(tuning, state));
@@ -29,7 +33,11 @@ impl Panels {
                 PanelHost::Headset => "the stick changes",
             });
             for walk_parameter in WalkParameter::ALL {
-                if choice(ui, tools.walk_parameter == walk_parameter, &format!("the {}", walk_parameter.name())) {
+                let button = Button::new(walk_parameter.name()).selected(tools.walk_parameter == walk_parameter);
+                let response = ui.add(button);
+                let hears = format!("tune {}", walk_parameter.name());
+                ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(hears.as_str()));
+                if response.clicked() {
                     tools.walk_parameter = walk_parameter;
                 }
             }
@@ -43,7 +51,7 @@ impl Panels {
         if most == 0 {
             return;
         }
-        let does = "asks where another stroke of the walk, of either kind, would decide most";
+        let does = "finds the places where another Region stroke would be most informative";
         if ui.button("where to brush next?").on_hover_text(does).clicked() {
             output.requests.push(Request::Propose(most));
         }
@@ -51,11 +59,11 @@ impl Panels {
             let change = count(place.expected_change.max(0.0).round() as usize);
             let text = format!("{}: about {change} Gaussians would change", k + 1);
             let unsure =
-                format!("{} unsure, {} Gaussians", percent(place.uncertainty), count(place.gaussians as usize));
+                format!("uncertainty {}, {} Gaussians", percent(place.uncertainty), count(place.gaussians as usize));
             let action = DisplayAction::Proposal(k);
             let does = match self.host {
                 PanelHost::Window => "look there",
-                PanelHost::Headset => "light up its mark, or no longer",
+                PanelHost::Headset => "highlight its mark, or stop that",
             };
             if !self.supported_actions.contains(&action) {
                 ui.label(text);

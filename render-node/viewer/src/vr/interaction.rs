@@ -346,7 +346,7 @@ impl Interaction {
         if !adds {
             lines.push(("stick", "up and down: width".to_owned()));
             if Self::tunes_walk(tools, state) {
-                lines.push(("stick aside", "left: leak, right: threshold".to_owned()));
+                lines.push(("stick aside", "left: Reach, right: Strictness".to_owned()));
             }
             lines.push((two_or_menu, "panels".to_owned()));
             lines.push(("palm to the eyes", "a menu".to_owned()));

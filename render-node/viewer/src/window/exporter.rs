@@ -64,7 +64,7 @@ impl Exporter {
         let work = move |job| {
             let exported = pool.install(|| exported(&scene, &folder, job, (&counted, &stop)));
             let exported = exported.map(|exported| match exported {
-                Exported::Picture(path) => format!("kept {}", path.display()),
+                Exported::Picture(path) => format!("saved {}", path.display()),
                 Exported::Turn(turn) => film(&turn, &pool, (&in_video, &stop)),
             });
             counted.store(0, Ordering::Relaxed);
@@ -104,7 +104,7 @@ enum Exported {
 
 /// Makes a video of a turn beside its pictures, which stay whatever comes of it. A line for a person.
 fn film(turn: &Path, pool: &rayon::ThreadPool, watched: (&AtomicU32, &AtomicBool)) -> String {
-    let pictures = format!("kept {TURN} pictures in {}", turn.display());
+    let pictures = format!("saved {TURN} pictures in {}", turn.display());
     let Some(program) = ffmpeg::found(std::env::var_os("PATH").as_deref()) else {
         return format!("{pictures}; no video, since ffmpeg is not installed");
     };

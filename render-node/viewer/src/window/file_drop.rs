@@ -33,8 +33,11 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
     if path.is_dir() || SCENES.into_iter().chain(ENDINGS).any(|ending| name.ends_with(ending)) {
         return Ok(DroppedFile::Other);
     }
+    if [".nii", ".nii.gz"].iter().any(|ending| name.ends_with(ending)) {
+        return Err(format!("{}: NIfTI cannot be read yet; save as .nrrd from 3D Slicer", path.display()));
+    }
     Err(format!(
-        "{}: a scene ({}, or a folder of iVR-GS), a volume ({}) or a camera (.json) can be dropped here",
+        "{}: drop a scene ({}, or a folder of iVR-GS), a volume ({}) or a camera (.json)",
         path.display(),
         SCENES.join(", "),
         ENDINGS.join(", ")
@@ -75,6 +78,8 @@ mod tests {
         for name in ["a.compressed.PLY", "skull/scene.toml", "skull.nrrd", "tooth_103x94x161_uint8.raw.zst", "."] {
             assert_eq!(read(Path::new(name), DVec3::ZERO), Ok(DroppedFile::Other), "{name}");
         }
+        let nifti = read(Path::new("brain.nii.gz"), DVec3::ZERO).unwrap_err();
+        assert!(nifti.contains("NIfTI") && nifti.contains(".nrrd"), "{nifti}");
         for name in ["notes.pdf", "nrrd", "no-such-folder"] {
             let said = read(Path::new(name), DVec3::ZERO).unwrap_err();
             assert!(

@@ -7,7 +7,7 @@ use super::scene_view::MouseTool;
 use super::shortcuts::{Action, MOUSE, SHORTCUTS};
 use super::window_ui::WindowUi;
 use crate::display::{BrushMode, BrushSign, Request, ViewState};
-use crate::panels::theme;
+use crate::panels::{count, theme};
 use sg_raster::render::Quality;
 
 /// Points of the window's width from which shortcuts stand in two columns, at the usual size of text.
@@ -28,9 +28,9 @@ impl WindowUi {
             if state.services.selection {
                 ui.separator();
                 for mode in BrushMode::ALL {
-                    ui.selectable_value(&mut self.tools.mode, mode, mode.name());
+                    ui.selectable_value(&mut self.tools.mode, mode, mode.name()).on_hover_text(mode.hint());
                 }
-                let does = "brush, lasso and rectangle reach only so far behind the surface (Z)";
+                let does = "limits the depth of brush, lasso and rectangle (Z)";
                 if ui.selectable_label(self.tools.front_only, "in front").on_hover_text(does).clicked() {
                     self.tools.front_only = !self.tools.front_only;
                 }
@@ -48,7 +48,7 @@ impl WindowUi {
                 (Action::Undo, "undo", state.services.scene, !state.undo.is_empty()),
                 (Action::Redo, "redo", state.services.scene, !state.redo.is_empty()),
                 (Action::Fit, "fit", true, true),
-                (Action::Stereo, "two eyes", true, true),
+                (Action::Stereo, "stereo", true, true),
                 (Action::Picture, "picture", true, true),
                 (Action::Turntable, "turntable", true, true),
                 (Action::Panels, "panels", true, true),
@@ -80,13 +80,22 @@ impl WindowUi {
                 };
                 format!("{quality}{scale}, {:.0} ms, {} late", 1e3 * newest.seconds, self.scene_view.late())
             });
-            ui.label(format!("{}: {level}", if newest.engine.is_empty() { "drawing" } else { &newest.engine }));
+            let short = match newest.level {
+                None => "Drawing…",
+                Some(level) if level.scale < 1.0 || level.quality == Quality::Fast => "Preview",
+                Some(_) => "Full quality",
+            };
+            ui.label(short).on_hover_text(format!("{}: {level}", newest.engine));
             ui.separator();
-            let uncommitted = if state.uncommitted { ", not settled yet" } else { "" };
-            ui.label(format!("{} of {} Gaussians selected{uncommitted}", state.selected.count(), state.scene.count()));
+            let uncommitted = if state.uncommitted { ", Updating…" } else { "" };
+            ui.label(format!(
+                "{} of {} Gaussians selected{uncommitted}",
+                count(state.selected.count()),
+                count(state.scene.count())
+            ));
             if self.view_port.dropped() > 0 {
                 ui.separator();
-                ui.label(format!("{} requests not taken", self.view_port.dropped()));
+                ui.label(format!("{} requests refused", self.view_port.dropped()));
             }
             if let Some(trouble) = &newest.trouble {
                 ui.separator();
@@ -109,7 +118,7 @@ impl WindowUi {
         let room = ui.ctx().content_rect().size();
         let scale = self.tools.scale;
         let columns = if room.x < TWO_COLUMNS * scale { 1 } else { 2 };
-        let help = egui::Window::new("What keys and the mouse do").id(egui::Id::unique("help"));
+        let help = egui::Window::new("Keys and mouse").id(egui::Id::unique("help"));
         let help = help.anchor(Align2::CENTER_CENTER, [0.0, 0.0]);
         help.open(&mut self.help).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
             let height = (room.y - AROUND_HELP * scale).max(AROUND_HELP * scale);

@@ -192,7 +192,7 @@ impl WindowUi {
         }
         self.take_dropped_files(ui, &mut requests);
         if let Some(kept) = self.exporter.take_result() {
-            self.line = kept.unwrap_or_else(|error| format!("nothing was kept: {error}"));
+            self.line = kept.unwrap_or_else(|error| format!("nothing was saved: {error}"));
         }
         egui::Panel::top("tools").show(ui, |ui| self.toolbar(ui, &state, &mut requests));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui, &state));
@@ -265,8 +265,8 @@ impl WindowUi {
                 DisplayAction::Bookmark => {
                     let number = self.bookmarks.keep(self.scene_view.navigator.view);
                     self.line = number.map_or_else(
-                        || "all places are taken".to_owned(),
-                        |number| format!("this is place {number} now"),
+                        || "all nine places are taken".to_owned(),
+                        |number| format!("saved as place {number}"),
                     );
                 }
                 // Not among what is fulfilled.
@@ -295,7 +295,7 @@ impl WindowUi {
         let output = self.drag.0.turn(which, by, state);
         match self.drag.0.tuning(state) {
             Some(tuning) => self.line = format!("{} {}", which.name(), which.written(tuning)),
-            None => self.line = format!("there is no walk whose {} could be changed", which.name()),
+            None => self.line = format!("brush a Region first: {} belongs to its last stroke", which.name()),
         }
         if output.is_some() {
             self.drag.1 = Instant::now();
@@ -322,7 +322,7 @@ impl WindowUi {
                 self.view_port.send(Request::Change(Box::new(command::Action::SetView(SetView { change }))));
             }
             if !self.view_port.send(request) {
-                self.line = "too much at once: the last request was not taken".to_owned();
+                self.line = "too many requests at once: the last one was refused".to_owned();
             }
         }
     }
@@ -343,14 +343,14 @@ impl WindowUi {
             Action::Narrower => self.tools.widen(1.0 / WIDER),
             Action::Depth => {
                 self.tools.front_only = !self.tools.front_only;
-                let reach = if self.tools.front_only { "only what is in front" } else { "what is behind it too" };
+                let reach = if self.tools.front_only { "only the front" } else { "the back too" };
                 self.line = format!("brush, lasso and rectangle reach {reach}");
             }
-            Action::Less => self.drag_parameter(-PARAMETER_STEPS.0, state, requests),
-            Action::More => self.drag_parameter(PARAMETER_STEPS.0, state, requests),
+            Action::Less => self.drag_parameter(PARAMETER_STEPS.0, state, requests),
+            Action::More => self.drag_parameter(-PARAMETER_STEPS.0, state, requests),
             Action::NextParameter => {
                 self.tools.walk_parameter = self.tools.walk_parameter.other();
-                self.line = format!("keys and the wheel change the {}", self.tools.walk_parameter.name());
+                self.line = format!("keys and the wheel change {}", self.tools.walk_parameter.name());
             }
             Action::Undo if scene => requests.push(change(command::Action::Undo(Undo { steps: 1 }))),
             Action::Redo if scene => requests.push(change(command::Action::Redo(Redo { steps: 1 }))),
@@ -366,7 +366,7 @@ impl WindowUi {
                 requests.push(Request::Select(StrokesRequest { steps: vec![step], ..StrokesRequest::default() }));
             }
             Action::Undo | Action::Redo | Action::Clear | Action::Invert => {
-                self.line = "the service that does this is away".to_owned();
+                self.line = "the service for this does not answer".to_owned();
             }
             Action::Name => {
                 self.panels_shown = true;
@@ -422,10 +422,10 @@ impl WindowUi {
             self.line = match file_drop::read(&path, view.target) {
                 Ok(DroppedFile::View(seen)) => {
                     *view = seen;
-                    format!("seen as {} says", path.display())
+                    format!("view from {}", path.display())
                 }
                 Ok(DroppedFile::Other) => {
-                    let line = format!("{} is to be opened", path.display());
+                    let line = format!("opening {}", path.display());
                     requests.push(Request::Open(path));
                     line
                 }

@@ -377,9 +377,9 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
         assert!(mark.0.pose.position.distance(want) < 1e-9 && !mark.1, "{mark:?}, not at {want}");
     }
     let tools = person.room.tools().clone();
-    person.press(Panel::Select, place_of(Panel::Select, &proposed, &tools, false, "Walk"));
+    person.press(Panel::Select, place_of(Panel::Select, &proposed, &tools, false, "Reach and Strictness"));
     let second = "2: about 40 Gaussians would change";
-    let row = place_under(Panel::Select, &proposed, &tools, (false, Some("Walk")), second);
+    let row = place_under(Panel::Select, &proposed, &tools, (false, Some("Reach and Strictness")), second);
     let unfolded = Instant::now();
     person.until("an unfolded section", |_| unfolded.elapsed() > Duration::from_millis(300));
     person.press(Panel::Select, row);

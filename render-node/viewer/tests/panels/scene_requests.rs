@@ -85,10 +85,13 @@ fn units_are_hidden_shown_selected_and_looked_at() {
     assert_eq!(asks(&mut panel, "solo"), Action::ShowOnly(ShowOnly { target: named("sac") }));
     let focus = set_view::Change::Focus(named("sac").unwrap());
     assert_eq!(asks(&mut panel, "look at it"), Action::SetView(SetView { change: Some(focus) }));
-    assert_eq!(asks(&mut panel, "delete"), Action::DeleteUnit(DeleteUnit { name: "sac".to_owned() }));
+    assert_eq!(
+        asks(&mut panel, "Remove name (keeps splats)"),
+        Action::DeleteUnit(DeleteUnit { name: "sac".to_owned() })
+    );
     // A base unit can be neither renamed nor deleted, so that there is nothing to press for it.
     press(&mut panel, "vessel");
-    assert!(panel.query_by_label("delete").is_none() && panel.query_by_label("rename").is_none());
+    assert!(panel.query_by_label("Remove name (keeps splats)").is_none() && panel.query_by_label("rename").is_none());
     assert!(panel.query_by_label_contains("transfer function of vessel, 70 to 255").is_some());
 }
 
@@ -145,7 +148,7 @@ fn colours_are_chosen_from_swatches_and_sliders() {
     let frames = drag(&mut panel, "brightness", 0.3);
     assert!(frames.iter().filter(|o| matches!(o.draft, Some(Draft::Hold(_)))).count() >= 3);
     assert_eq!(changes(&frames).len(), 1);
-    assert_eq!(asks(&mut panel, "its own colours"), set(None));
+    assert_eq!(asks(&mut panel, "Original colours"), set(None));
     press(&mut panel, "Scene control");
     press(&mut panel, "colour of vessel");
     assert_eq!(
@@ -165,7 +168,7 @@ fn a_locked_unit_is_left_alone() {
     let frames = drag(&mut panel, "opacity of sac", 0.1);
     assert_eq!(frames, []);
     press(&mut panel, "sac");
-    press(&mut panel, "delete");
+    press(&mut panel, "Remove name (keeps splats)");
     press(&mut panel, "rename");
     assert_eq!(panel.state().asked, []);
     // What does not change it still works, as does another unit.
@@ -303,7 +306,7 @@ fn without_the_scenes_owner_nothing_can_be_changed() {
         "select",
         "solo",
         "rename",
-        "delete",
+        "Remove name (keeps splats)",
         "show everything",
         "Light and background",
         "Viewpoint",

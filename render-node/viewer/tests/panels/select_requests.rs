@@ -62,10 +62,10 @@ fn the_brush_is_set_for_this_display() {
 fn the_selection_is_counted_and_highlighted() {
     let mut panel = prompt();
     assert!(panel.query_by_label("80 of 1\u{a0}000 Gaussians (8.0 %)").is_some());
-    assert!(panel.query_by_label_contains("tentative").is_none());
+    assert!(panel.query_by_label_contains("Updating").is_none());
     panel.state_mut().shown.uncommitted = true;
     panel.run();
-    assert!(panel.query_by_label_contains("tentative").is_some());
+    assert!(panel.query_by_label_contains("Updating").is_some());
     press(&mut panel, "colour of the selection");
     press(&mut panel, "yellow");
     let tools = &panel.state().tools;
@@ -160,7 +160,7 @@ fn without_the_services_their_controls_are_not_there() {
     let mut stage = Stage::new(Panel::Select);
     stage.shown.services = ServiceAvailability { scene: true, ..ServiceAvailability::default() };
     let mut panel = harness(stage);
-    for label in ["walk", "brush width", "clear", "invert", "grow", "add similar"] {
+    for label in ["Region", "brush width", "clear", "invert", "grow", "add similar"] {
         assert!(panel.query_by_label(label).is_none(), "{label}");
     }
     assert!(panel.query_by_label("save").is_some());
@@ -179,12 +179,12 @@ fn the_wrist_menu_has_modes_steps_back_and_what_its_room_does() {
     for label in ["panels", "fit all"] {
         assert!(menu.query_by_label(label).is_none(), "{label} is nobody's");
     }
-    press(&mut menu, "cluster");
+    press(&mut menu, "Patch");
     assert_eq!(menu.state().tools.mode, BrushMode::Cluster);
     stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
     stage.shown.services = ServiceAvailability { scene: true, ..ServiceAvailability::default() };
     let mut menu = harness(stage);
-    assert!(menu.query_by_label("walk").is_none(), "no selection process");
+    assert!(menu.query_by_label("Region").is_none(), "no selection process");
     for label in ["undo", "redo", "panels", "fit all", "keep this place"] {
         press(&mut menu, label);
     }
@@ -214,15 +214,15 @@ fn slide(panel: &mut Harness<'_, Stage>, label: &str, shares: &[f32]) {
 #[test]
 fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
     let mut panel = prompt();
-    for label in ["leak", "threshold", "where to brush next?"] {
+    for label in ["Reach", "Strictness", "where to brush next?"] {
         assert!(panel.query_by_label(label).is_none(), "{label} without a walk");
     }
     panel.state_mut().walk();
     panel.run();
     // In a room the section is folded until somebody wants it.
-    assert!(panel.query_by_label("leak").is_none());
-    press(&mut panel, "Walk");
-    for (label, leak) in [("leak", true), ("threshold", false)] {
+    assert!(panel.query_by_label("Reach").is_none());
+    press(&mut panel, "Reach and Strictness");
+    for (label, leak) in [("Reach", true), ("Strictness", false)] {
         panel.state_mut().asked.clear();
         slide(&mut panel, label, &[0.5, 0.7, 0.8]);
         let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
@@ -231,11 +231,19 @@ fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
         let Some(Step::Tuning(tuning)) = step.step else { panic!("{step:?}") };
         assert!(trial_tuning.len() >= 2 && trial_tuning.last() == Some(&Request::Tune(tuning)), "{label}: {asked:?}");
         match leak {
-            true => assert!((0.1..0.3).contains(&tuning.leak) && tuning.threshold == 1e-12, "{tuning:?}"),
+            true => {
+                // To the right selects more, and less leak reaches farther.
+                assert!((3e-4..1.5e-3).contains(&tuning.leak) && tuning.threshold == 1e-12, "{tuning:?}");
+                let leaks: Vec<f64> = trial_tuning
+                    .iter()
+                    .filter_map(|r| if let Request::Tune(t) = r { Some(t.leak) } else { None })
+                    .collect();
+                assert!(leaks.windows(2).all(|pair| pair[1] < pair[0]), "{leaks:?}");
+            }
             false => assert!((0.4..0.7).contains(&tuning.threshold), "{tuning:?}"),
         }
     }
-    press(&mut panel, "the threshold");
+    press(&mut panel, "tune Strictness");
     assert_eq!(panel.state().tools.walk_parameter, WalkParameter::Threshold);
 }
 
@@ -245,9 +253,9 @@ fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
     panel.state_mut().walk();
     panel.run();
     // In a room the section is folded until somebody wants it.
-    assert!(panel.query_by_label("leak").is_none());
-    press(&mut panel, "Walk");
-    let slider = panel.get_by_label("leak").rect();
+    assert!(panel.query_by_label("Reach").is_none());
+    press(&mut panel, "Reach and Strictness");
+    let slider = panel.get_by_label("Reach").rect();
     panel.drag_at(slider.center());
     panel.run();
     let left = panel.state_mut().panels.put_away(Panel::Select);
@@ -260,8 +268,8 @@ fn places_for_a_next_stroke_are_asked_for_and_looked_at() {
     panel.state_mut().walk();
     panel.run();
     // In a room the section is folded until somebody wants it.
-    assert!(panel.query_by_label("leak").is_none());
-    press(&mut panel, "Walk");
+    assert!(panel.query_by_label("Reach").is_none());
+    press(&mut panel, "Reach and Strictness");
     press(&mut panel, "where to brush next?");
     let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
     assert_eq!(asked, [Request::Propose(5)]);

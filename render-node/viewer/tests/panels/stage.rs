@@ -185,8 +185,8 @@ impl Stage {
         if self.beside {
             ui.reset_style();
             let does = [
-                ("right trigger", "brush: walk, adds"),
-                ("left trigger", "brush: walk, removes"),
+                ("right trigger", "brush: Region, adds"),
+                ("left trigger", "brush: Region, removes"),
                 ("grip", "take hold of the scene"),
             ];
             legend(ui, &does);
