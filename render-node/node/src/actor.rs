@@ -185,7 +185,7 @@ impl RedrawTimer {
 enum Message {
     /// Draw the shared viewpoint as it is now.
     View { context: Context, done: tokio::sync::oneshot::Sender<()> },
-    /// Say what is in front.
+    /// Pick the front Gaussian.
     Pick { request: proto::PickRequest, context: Context, reply: Reply<proto::PickReply> },
     /// Draw a picture on request.
     Capture { request: proto::CaptureRequest, context: Context, reply: Reply<proto::Frame> },
@@ -202,12 +202,12 @@ struct RenderActor {
     owned: Owned<proto::State>,
     status: proto::State,
     clusters: ClusterLabels,
-    /// What will be selected as soon as it is durable.
+    /// The newest preview of the selection.
     preview_feed: watch::Receiver<Option<Preview>>,
     params: Params,
 }
 
-/// What may be seen of the painter.
+/// The actor's state for logs.
 #[derive(Clone)]
 struct RenderStatus(proto::State);
 
@@ -304,7 +304,7 @@ impl RenderActor {
         Ok(frame)
     }
 
-    /// What is in front at a place or along a ray.
+    /// Picks the front Gaussian at a pixel or along a ray.
     async fn pick(&mut self, request: &proto::PickRequest, context: &Context) -> Result<proto::PickReply, Fault> {
         let state = self.at_least(request.at_least_revision, context).await?;
         let hit = self.work(|actor| pick::pick(actor.engine.scene(), &state, request))?;

@@ -21,7 +21,7 @@ pub(super) fn projection(asked: proto::Projection) -> Projection {
     }
 }
 
-/// What is to be shown.
+/// The requested display mode.
 pub(super) fn display_mode(request: &proto::CaptureRequest) -> DisplayMode {
     match request.showing() {
         proto::Showing::Unspecified | proto::Showing::Scene => DisplayMode::Scene,
@@ -37,7 +37,7 @@ pub(super) fn display_mode(request: &proto::CaptureRequest) -> DisplayMode {
     }
 }
 
-/// What the colours of a picture mean.
+/// The legend of a picture.
 pub(super) fn legend(display_mode: DisplayMode, legend: &Legend) -> proto::Legend {
     let attribute = if let DisplayMode::Attribute(attribute) = display_mode { attribute.name() } else { "" };
     let Legend { low, high, logarithmic, .. } = *legend;

@@ -82,14 +82,14 @@ pub(super) async fn open(
     Ok(())
 }
 
-/// What a display's thread begins with.
+/// Input of the display's thread.
 struct DisplaySetup {
     scene: Arc<Scene>,
     view_port: ViewPort,
     params: Params,
     /// Folder of the session.
     run_dir: PathBuf,
-    /// Who waits for what was opened.
+    /// Receives the opened display.
     opened_sender: oneshot::Sender<OpenDisplay>,
 }
 
@@ -188,7 +188,7 @@ fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartErr
     let tools = Tools { seated, left_handed, ..tools(&params) };
     let view = VrView::new(vr::Setup { scene, view_port, tools, opened, mirror }, &headset);
     let watchdog = headset.watchdog();
-    // Nobody waits any more once that was given up.
+    // After a timeout the receiver is gone.
     let _ = opened_sender
         .send(OpenDisplay { display: Display::Headset, blocked_call: Box::new(move || watchdog.blocked_call()) });
     view.serve(&mut headset).map_err(|e| StartError::Failed(e.to_string()))

@@ -12,7 +12,7 @@ use sg_scene::model::Scene;
 
 use super::decode;
 
-/// What the place or the ray of a request meets first.
+/// Picks the first Gaussian at the pixel or along the ray of a request.
 pub(super) fn pick(scene: &Scene, state: &EditState, request: &proto::PickRequest) -> Result<Option<Hit>, Fault> {
     let look = Appearance { clips: decode::clips(&request.clips)?, ..state.appearance() };
     let level = if request.level == 0.0 { SURFACE } else { request.level };
@@ -34,7 +34,7 @@ pub(super) fn pick(scene: &Scene, state: &EditState, request: &proto::PickReques
     hit.map_err(|e| Fault::invalid(e.to_string()))
 }
 
-/// What is told of a hit.
+/// The reply for a hit.
 pub(super) fn reply(state: &EditState, hit: Option<Hit>, labels: Option<&[u32]>) -> proto::PickReply {
     let Some(Hit { gaussian, depth, point }) = hit else {
         return proto::PickReply { revision: state.revision(), cluster: -1, ..proto::PickReply::default() };

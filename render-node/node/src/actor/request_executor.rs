@@ -48,13 +48,13 @@ pub(super) fn run(bus: Bus, requests: Receiver<Request>, writer: StateWriter) ->
     std::thread::Builder::new().name("errands".to_owned()).spawn(body).map(drop)
 }
 
-/// What lasts from one request to the next.
+/// State from one request to the next.
 struct RequestExecutor {
     bus: Bus,
     writer: StateWriter,
-    /// What the stroke under way would select, as it was told last.
+    /// The newest preview of the stroke under way.
     preview: Arc<Mask>,
-    /// Id of what was said last.
+    /// Id of the last sentence.
     utterance_id: Option<String>,
 }
 
@@ -101,7 +101,7 @@ impl RequestExecutor {
     }
 }
 
-/// Tells the person of what was not done.
+/// Shows a failed request as a notice.
 fn report_failure(writer: &StateWriter, outcome: Result<(), Fault>) {
     if let Err(fault) = outcome {
         writer.notice(fault.message, true);
@@ -129,7 +129,7 @@ async fn tune(bus: &Bus, tuning: WalkTuning) -> Result<TuneReply, Fault> {
     bus.ask(&keys::SELECTION_TUNE, &request, &Context::root().deadline_in(SAMPLE_TIMEOUT)).await
 }
 
-/// Shows what the walk would select with other numbers.
+/// Shows the trial selection of other walk parameters.
 fn show_trial(writer: &StateWriter, tuning: WalkTuning, reply: &TuneReply) {
     writer.update(|state| {
         let committed = state.scene.selection();
@@ -141,7 +141,7 @@ fn show_trial(writer: &StateWriter, tuning: WalkTuning, reply: &TuneReply) {
     });
 }
 
-/// Shows what the scene has selected, and nothing that was tried or drawn over it.
+/// Shows the committed selection without trial or stroke.
 fn forget(writer: &StateWriter) {
     writer.update(|state| {
         state.selected = Arc::clone(state.scene.selection().mask());
@@ -181,7 +181,7 @@ async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
     bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(OPEN_TIMEOUT)).await
 }
 
-/// What is being opened, for a person.
+/// The notice for an opened file.
 fn opens(path: &Path, reply: &OpenReply) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str()).display();
     let first = if reply.volume { "as soon as Gaussians are made of it, " } else { "" };

@@ -18,7 +18,7 @@ pub(super) struct SceneReplica {
     pub(super) state: Arc<EditState>,
     /// No other selection than the present one has been committed since this revision.
     pub(super) selected_at: u64,
-    /// What the newest change belongs to.
+    /// Context of the newest change.
     pub(super) context: Context,
 }
 

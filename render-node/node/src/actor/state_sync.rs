@@ -22,7 +22,7 @@ use super::scene_replica::SceneReplica;
 /// Messages of a conversation that may wait.
 const QUEUE: usize = 64;
 
-/// How long a question about what is there may take.
+/// Timeout of a state query.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How often a service that is there, but has not told its state, is asked again.
@@ -51,7 +51,7 @@ pub(super) async fn follow(
     Ok(())
 }
 
-/// The scene as it is told of, and what is selected in it.
+/// The scene and its selection.
 async fn scene(
     mut state: watch::Receiver<SceneReplica>,
     mut previews: watch::Receiver<Option<Preview>>,
@@ -91,7 +91,7 @@ async fn history(bus: Bus, mut state: watch::Receiver<SceneReplica>, writer: Sta
     }
 }
 
-/// Who is there, and the clusters once the selection is.
+/// The available services, and the clusters once the selection service answers.
 async fn services(
     bus: Bus,
     blobs: Blobs,
@@ -148,7 +148,7 @@ async fn services(
     }
 }
 
-/// What was opened from here and failed.
+/// Files that failed to open.
 async fn opened(mut failed: Following<OpenFailed>, writer: StateWriter) {
     while let Some((OpenFailed { path, session, reason }, _)) = failed.next().await {
         writer.notice(format!("{path} (session {session}): {reason}"), true);
@@ -163,7 +163,7 @@ struct ConversationFeeds {
     replies: Following<Reply>,
 }
 
-/// What is said and answered, whoever says it.
+/// The conversation of all users.
 async fn conversation(mut feeds: ConversationFeeds, writer: StateWriter) {
     loop {
         tokio::select! {

@@ -14,7 +14,7 @@ use sg_scene::model::Scene;
 
 use super::failure::Failure;
 
-/// What colours say.
+/// Attributes that `--show` draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum Shown {
     /// Super-Gaussians in random colours, neighbours in different ones
@@ -50,7 +50,7 @@ impl From<MapName> for ColorMap {
     }
 }
 
-/// What the colours of numbers mean.
+/// Legend of the colours.
 #[derive(Debug, Serialize)]
 pub(super) struct LegendReport {
     attribute: &'static str,
@@ -67,7 +67,7 @@ impl fmt::Display for LegendReport {
     }
 }
 
-/// What is in front at a pixel.
+/// The front Gaussian at a pixel.
 #[derive(Debug, Serialize)]
 pub(super) struct HitReport {
     gaussian: u32,
@@ -82,7 +82,7 @@ impl From<Hit> for HitReport {
 }
 
 impl HitReport {
-    /// What a person is told.
+    /// The line on standard error.
     pub(super) fn line(hit: Option<&Hit>) -> String {
         match hit {
             Some(Hit { gaussian, depth, point }) => {

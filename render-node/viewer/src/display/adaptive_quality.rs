@@ -27,7 +27,7 @@ const AGES: f64 = 0.97;
 /// Weight of the newest measurement.
 const NEWEST: f64 = 0.5;
 
-/// Keeps count of what levels cost.
+/// Chooses the quality level by the measured cost of each level.
 #[derive(Debug, Clone)]
 pub struct AdaptiveQuality {
     budget: f64,
@@ -72,7 +72,7 @@ impl AdaptiveQuality {
                 self.at += 1;
             }
         } else if let Some(above) = self.at.checked_sub(1) {
-            // What the level above once took grows out of date.
+            // The remembered cost of the level above ages.
             self.cost[above] = self.cost[above].map(|before| AGES * before);
             let grown = self.by_pixels(self.at, above);
             let predicted = self.cost[above].map_or(grown, |before| grown.max(before));

@@ -53,7 +53,7 @@ impl AppearanceBuilder {
         }
         let known = |k: &CachedColors| k.display_mode == tools.display_mode && same(k.clusters.as_ref(), clusters);
         if !self.cached.as_ref().is_some_and(known) {
-            // What a scene does not carry is shown as the scene is.
+            // A scene without the attribute keeps its own colours.
             let colors = colors_of(scene, clusters.map(AsRef::as_ref), tools.display_mode).unwrap_or_default();
             self.cached = Some(CachedColors { display_mode: tools.display_mode, clusters: clusters.cloned(), colors });
         }

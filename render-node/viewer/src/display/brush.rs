@@ -47,7 +47,7 @@ pub struct BrushController {
     bounds: SceneBox,
     gaussians: usize,
     strokes: u64,
-    /// What tells this hand's strokes from those of others.
+    /// Prefix of this brush's stroke ids.
     name: String,
     active: Option<ActiveStroke>,
     /// Where the surface under the brush is seen from, where it is brushed over from somewhere.
@@ -85,7 +85,7 @@ impl BrushController {
         tools.radius * self.bounds.longest_edge()
     }
 
-    /// What a brush over a surface does not reach, where that is limited.
+    /// Depth limit behind the surface, if one is set.
     fn behind(&self, tools: &Tools) -> Option<Behind> {
         let most = tools.brush_depth.clamp(0.0, 1.0) * self.radius(tools);
         self.eye.filter(|_| tools.front_only).map(|eye| Behind { eye, most })
@@ -103,7 +103,7 @@ impl BrushController {
         self.active.as_ref().map_or(0, |s| s.open.hits().len())
     }
 
-    /// What would be selected if the brush were pressed at `sample`: with `selected` as it is, for whoever shows it.
+    /// The selection if the brush were pressed at `sample`.
     #[must_use]
     pub fn would_select(
         &self,

@@ -21,13 +21,13 @@ pub struct FrameStats {
     pub late: u64,
     /// Seconds that the newest one took.
     pub seconds: f64,
-    /// What drew it.
+    /// The renderer.
     pub engine: String,
     /// Revision of the scene that the newest frame shows.
     pub revision: u64,
 }
 
-/// What both sides of a seat have in common.
+/// State that both ends of the channel share.
 #[derive(Debug)]
 struct SharedState {
     /// The newest, and how often it was replaced.
@@ -51,11 +51,11 @@ pub struct ViewPort {
 pub struct Backend {
     /// Where the newest goes.
     pub writer: StateWriter,
-    /// What was asked for; it ends with the display. [`super::RequestQueue`] takes it in order.
+    /// Requests; the channel ends with the display. Read it with [`super::RequestQueue`].
     pub requests: Receiver<Request>,
 }
 
-/// Changes what a display shows. Clones change the same.
+/// Writes the view state of a display. Clones write the same state.
 #[derive(Debug, Clone)]
 pub struct StateWriter(Arc<SharedState>);
 
@@ -66,7 +66,7 @@ impl StateWriter {
         Arc::clone(&lock(&self.0.state).1)
     }
 
-    /// Changes what is shown.
+    /// Updates the view state.
     pub fn update(&self, what: impl FnOnce(&mut ViewState)) {
         let mut state = lock(&self.0.state);
         what(Arc::make_mut(&mut state.1));
@@ -122,7 +122,7 @@ impl ViewPort {
         Arc::clone(&state.1)
     }
 
-    /// Whether there is something newer than what was taken last.
+    /// Whether the state has changed since the last read.
     #[must_use]
     pub fn has_update(&self) -> bool {
         lock(&self.shared.state).0 != self.taken_version

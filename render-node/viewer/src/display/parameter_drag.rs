@@ -45,7 +45,7 @@ impl WalkParameter {
     /// Both.
     pub const ALL: [Self; 2] = [Self::Leak, Self::Threshold];
 
-    /// What panels and the legend call it.
+    /// Name on panels and in the legend.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -92,7 +92,7 @@ impl WalkParameter {
     }
 }
 
-/// What one hand makes of the last walk.
+/// A drag of the parameters of the last walk.
 #[derive(Debug, Clone, Default)]
 pub struct ParameterDrag {
     held: Option<WalkTuning>,
@@ -143,7 +143,7 @@ impl ParameterDrag {
         Some(Request::Select(StrokesRequest { steps, ..StrokesRequest::default() }))
     }
 
-    /// Gives up what the hand made.
+    /// Cancels the drag.
     #[must_use]
     pub fn abandon(&mut self) -> Option<Request> {
         self.held.take().map(|_| Request::Forget)

@@ -16,13 +16,13 @@ pub enum Request {
     Select(StrokesRequest),
     /// The last walk is tried with other numbers. One that is passed by a newer one is never looked at.
     Tune(WalkTuning),
-    /// What was tried, or was being drawn, is not wanted any more.
+    /// Discards the stroke or trial under way.
     Forget,
     /// At most so many places where a next stroke would tell most.
     Propose(u32),
     /// Something said to the agents.
     Say(String),
-    /// What was said last is withdrawn.
+    /// Withdraws the last sentence.
     Withdraw,
     /// A scene or volume is opened in a window of its own.
     Open(PathBuf),

@@ -6,7 +6,7 @@ use super::parameter_drag::WalkParameter;
 use sg_raster::attributes::Attribute;
 use sg_raster::render::{Projection, Quality};
 
-/// What a stroke of the brush means.
+/// Brush mode: the effect of a stroke.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BrushMode {
@@ -23,7 +23,7 @@ impl BrushMode {
     /// All, in the order in which a button goes through them.
     pub const ALL: [Self; 3] = [Self::Walk, Self::Cluster, Self::Point];
 
-    /// What panels and the legend call it.
+    /// Name on panels and in the legend.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -70,7 +70,7 @@ impl TurnStyle {
     /// All, in the order of the panel.
     pub const ALL: [Self; 3] = [Self::Snap, Self::Smooth, Self::Off];
 
-    /// What the panel calls it.
+    /// Name on the panel.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -81,7 +81,7 @@ impl TurnStyle {
     }
 }
 
-/// What is shown of the scene in this display.
+/// What colours show in this display.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DisplayMode {
     /// The scene as it is edited.
@@ -100,7 +100,7 @@ pub enum DisplayMode {
 /// The settings of one display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tools {
-    /// What a stroke means.
+    /// Brush mode.
     pub mode: BrushMode,
     /// The brush's radius as a fraction of the longest edge of the scene's box.
     pub radius: f64,
@@ -120,7 +120,7 @@ pub struct Tools {
     pub highlight_mix: f32,
     /// Factor on the opacity of what is selected.
     pub highlight_opacity: f32,
-    /// What is shown.
+    /// Display mode.
     pub display_mode: DisplayMode,
     /// The best quality that is drawn; a display goes below while it could not keep its pace otherwise.
     pub quality: Quality,

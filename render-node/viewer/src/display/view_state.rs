@@ -20,9 +20,9 @@ pub const NOTICES: usize = 8;
 pub struct ViewState {
     /// The scene at its newest revision.
     pub scene: Arc<EditState>,
-    /// What undo would take back, newest first.
+    /// Steps of undo, newest first.
     pub undo: Arc<[String]>,
-    /// What redo would bring back, next first.
+    /// Steps of redo, next first.
     pub redo: Arc<[String]>,
     /// What is selected, or will be as soon as it is durable, or would be if the stroke under way ended now.
     pub selected: Arc<Mask>,
@@ -36,7 +36,7 @@ pub struct ViewState {
     pub proposals: Option<Arc<ProposalsReply>>,
     /// Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none; absent until clusters are known.
     pub clusters: Option<Arc<[u32]>>,
-    /// What was said and answered.
+    /// The conversation with the agents.
     pub conversation: Arc<Conversation>,
     /// Which services answer.
     pub services: ServiceAvailability,
@@ -99,7 +99,7 @@ impl ViewState {
     }
 }
 
-/// What a selection's process does with walks.
+/// Walk capabilities of the selection service.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WalkCapabilities {
     /// What they are done with where no step says otherwise; `None` where nothing else can be asked for.
@@ -124,7 +124,7 @@ pub struct ServiceAvailability {
 pub struct Notice {
     /// Counts up, so that a display can tell a new line from one it has shown.
     pub number: u64,
-    /// What happened and what to do about it.
+    /// The event and a remedy.
     pub text: String,
     /// Whether something asked for was not done.
     pub refused: bool,

@@ -44,7 +44,7 @@ enum GrabState {
     Two([DVec3; 2]),
 }
 
-/// A scene in somebody's hands.
+/// A scene held by hands.
 ///
 /// A hand that grabs holds the scene's point under it: one hand moves and turns the scene, two scale and turn it about the
 /// point between them. A hand whose tracking is lost lets go, and takes hold anew where it comes back, so that the scene
@@ -86,7 +86,7 @@ impl Grab {
         self.held != GrabState::Nothing
     }
 
-    /// Whether that hand's grip is closed, whatever it holds.
+    /// Whether the grip of that hand is closed.
     #[must_use]
     pub fn is_squeezed(&self, side: Side) -> bool {
         self.squeezed[side.index()].is_on()
@@ -139,7 +139,7 @@ impl Grab {
         scale.clamp(self.home.scale * SCALES[0], self.home.scale * SCALES[1])
     }
 
-    /// Moves the scene with what holds it now.
+    /// Moves the scene with the hands that hold it.
     fn hold(&mut self, [left, right]: [Option<Pose>; 2]) {
         match (left, right) {
             (None, None) => self.held = GrabState::Nothing,

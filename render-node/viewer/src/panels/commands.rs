@@ -57,7 +57,7 @@ impl Panels {
         }
     }
 
-    /// What was under a hand when a panel was put away, asked for now.
+    /// Ends the edit of a closed panel and returns its request.
     #[must_use]
     pub fn put_away(&mut self, panel: Panel) -> Output {
         let mut output = Output::default();

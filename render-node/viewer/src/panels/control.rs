@@ -34,7 +34,7 @@ pub(super) fn section_that<R>(
     header.show_unindented(ui, content).body_returned
 }
 
-/// A button that says what is on.
+/// A button with a selected state.
 pub(super) fn choice(ui: &mut Ui, chosen: bool, text: &str) -> bool {
     ui.add(Button::new(text).selected(chosen)).clicked()
 }
@@ -71,7 +71,7 @@ pub(super) fn cell(ui: &mut Ui, width: f32, align: Align, text: RichText) -> Res
     .inner
 }
 
-/// A slider alone, of a width; `name` is for who hears it.
+/// A slider of a width without text; `name` is its accessible label.
 pub(super) fn bare_slider(
     ui: &mut Ui,
     name: &str,
@@ -131,7 +131,7 @@ fn slider_of(
 
 /// A number with its name, a slider and the number in words.
 pub(super) struct Number<'a> {
-    /// What it is called on the panel.
+    /// Label on the panel.
     pub(super) name: &'a str,
     /// Least and greatest that the slider reaches.
     pub(super) range: RangeInclusive<f64>,

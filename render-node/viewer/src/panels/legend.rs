@@ -65,7 +65,7 @@ impl Panels {
     }
 }
 
-/// What the ends of a colour map stand for.
+/// Draws a colour map with the values at its ends.
 pub(super) fn color_numbers(ui: &mut Ui, legend: &Legend) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 16.0 * scale(ui)), Sense::hover());
     let mut mesh = Mesh::default();

@@ -14,7 +14,7 @@ pub enum PanelHost {
     Headset,
 }
 
-/// What a display does by itself when a panel asks for it.
+/// An action of the display itself, on request of a panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DisplayAction {
     /// Bring all that is drawn into view.
@@ -41,14 +41,14 @@ pub enum Draft {
     Release(Action),
 }
 
-/// What a person asked for in one frame.
+/// Output of the panels in one frame.
 #[derive(Debug, Default, PartialEq)]
 pub struct Output {
     /// To be handed to the seat, in this order.
     pub requests: Vec<Request>,
-    /// What is under the hand.
+    /// The draft under the hand.
     pub draft: Option<Draft>,
-    /// What the display does itself.
+    /// Actions of the display itself.
     pub actions: Vec<DisplayAction>,
 }
 
@@ -66,7 +66,7 @@ impl Output {
         }
     }
 
-    /// Adds what was asked for in another panel of the same frame.
+    /// Adds the output of another panel of the same frame.
     pub fn join(&mut self, other: Self) {
         self.requests.extend(other.requests);
         self.draft = other.draft.or(self.draft.take());

@@ -12,7 +12,7 @@ pub enum Panel {
     Scene,
     /// Brush and selection ("Select").
     Select,
-    /// What was said and answered.
+    /// The conversation with the agents.
     Language,
     /// The virtual keyboard.
     Keyboard,
@@ -24,7 +24,7 @@ impl Panel {
     /// All.
     pub const ALL: [Self; 5] = [Self::Scene, Self::Select, Self::Language, Self::Keyboard, Self::Wrist];
 
-    /// What it is called.
+    /// Name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

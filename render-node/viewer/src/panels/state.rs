@@ -14,12 +14,12 @@ use super::text_input::TextInput;
 use super::transfer::Curve;
 use crate::display::ParameterDrag;
 
-/// What panels remember from frame to frame.
+/// State of the panels from frame to frame.
 #[derive(Debug, Default)]
 pub struct Panels {
     /// Where they are shown: decides what needs a trigger, a ray or a mouse.
     pub host: PanelHost,
-    /// What the display does when it is wished for; nothing else is drawn.
+    /// Actions that the display supports; others are not drawn.
     pub supported_actions: Vec<DisplayAction>,
     /// What the colours mean that are shown now, where they stand for a number.
     pub numbers: Option<attributes::Legend>,
@@ -50,7 +50,7 @@ pub(super) struct ActiveEdit {
     pub(super) said: bool,
 }
 
-/// What the panel remembers.
+/// State of the Select panel.
 #[derive(Debug)]
 pub(super) struct SelectState {
     /// How far the selection grows or shrinks, a fraction of the box's longest edge.

@@ -15,12 +15,12 @@ pub(super) enum Field {
     SaveName,
     /// The new name of a unit.
     NewName,
-    /// What is said to the agents.
+    /// The sentence for the agents.
     Say,
 }
 
 impl Field {
-    /// What it is for.
+    /// Label of the field.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::SaveName => "name of the new unit",
@@ -30,14 +30,14 @@ impl Field {
     }
 }
 
-/// What came of a field in one frame.
+/// Outcome of a field in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum FieldEvent {
     /// Nothing, or some letters.
     Going,
     /// Enter was pressed.
     Entered,
-    /// Somebody turned to something else.
+    /// The field lost the focus.
     Left,
     /// Escape was pressed.
     GivenUp,
@@ -65,12 +65,12 @@ impl TextInput {
         self.field
     }
 
-    /// Counts changes of what is typed and where.
+    /// Counts changes of text and focus.
     pub(super) fn version(&self) -> u64 {
         self.version
     }
 
-    /// What stands in a field.
+    /// Text of a field.
     pub(super) fn text(&self, field: Field) -> &str {
         &self.texts[field as usize]
     }
@@ -147,7 +147,7 @@ impl TextInput {
         } else if mine && std::mem::take(&mut self.leave) {
             ui.memory_mut(|m| m.surrender_focus(id));
         } else if ousted {
-            // Somebody types into a field of another context.
+            // A field of another context has the focus.
             ui.memory_mut(|m| m.surrender_focus(id));
         }
         let had = ui.input(|i| i.events.len());

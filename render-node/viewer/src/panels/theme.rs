@@ -119,7 +119,7 @@ pub(super) fn frame(ui: &Ui) -> Frame {
     Frame::new().fill(ui.visuals().panel_fill).inner_margin(ui.spacing().window_margin)
 }
 
-/// A card on a panel: what belongs together.
+/// A card on a panel: a group of controls.
 pub(super) fn card(ui: &Ui) -> Frame {
     Frame::new()
         .fill(ui.visuals().faint_bg_color)
@@ -223,7 +223,7 @@ fn visuals(light: bool) -> Visuals {
     }
 }
 
-/// Every colour of text with what it stands on, and what they are.
+/// Every text colour with its background, by name.
 #[must_use]
 pub fn text_colors(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
     let (panel, card) = (visuals.panel_fill, visuals.faint_bg_color);

@@ -11,7 +11,7 @@ use crate::display::{Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter, 
 pub(super) const PLACES: u32 = 5;
 
 impl Panels {
-    /// What the last walk is done with, and what to brush next.
+    /// Reach and Strictness of the last Region stroke, and places to brush next.
     pub(super) fn walk(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
         let Some(mut tuning) = self.select.drag.tuning(state) else { return };
         let number = |name, range, logarithmic, text| Number { name, range, logarithmic, text };

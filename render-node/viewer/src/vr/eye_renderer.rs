@@ -16,7 +16,7 @@ use sg_raster::render::Quality;
 /// Share of a frame's time that the scene may take.
 const SHARE: f64 = 0.8;
 
-/// What draws both eyes on one session's device.
+/// Renderer of both eyes on the device of one session.
 pub(super) struct EyeRenderer {
     renderer: Renderer,
     present: Present,

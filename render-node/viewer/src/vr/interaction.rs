@@ -32,10 +32,10 @@ const REST: f64 = 0.3;
 /// Degrees that a scene turns evenly in a second of a stick at its end.
 const SMOOTH_TURN: f64 = 45.0;
 
-/// Strength of what a hand feels when its stroke hits more.
+/// Strength of the haptic pulse for a new hit.
 const TICK: f32 = 0.3;
 
-/// What hands did in one frame.
+/// Output of both hands in one frame.
 #[derive(Debug, Default)]
 pub struct InteractionOutput {
     /// To be handed to the seat, in this order.
@@ -59,7 +59,7 @@ pub struct BrushMarker {
     pub sign: BrushSign,
 }
 
-/// What of the hands belongs to panels in this frame.
+/// Inputs that panels have captured in this frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PanelCapture {
     /// Triggers, left and right.
@@ -159,7 +159,7 @@ impl Interaction {
             TurnStyle::Off => TurnMode::Off,
         };
         self.grab.step(hands, may_grab, (head, turning, adds), seconds);
-        // What no hand holds moves by the stick alone.
+        // A scene that no hand holds moves by the stick alone.
         output.jumped = tools.turn_style == TurnStyle::Snap && !self.grab.is_held() && before != self.placement();
         if seconds.is_finite() {
             self.sticks(hands, captured, seconds.clamp(0.0, 0.1), tools, state, &mut output);
@@ -316,7 +316,7 @@ impl Interaction {
         })
     }
 
-    /// What each control does now, for the legend of one hand.
+    /// The present function of each control, for the legend of one hand.
     #[must_use]
     pub fn legend(side: Side, tools: &Tools, state: &ViewState) -> Vec<(&'static str, String)> {
         let adds = side == Self::adds(tools);

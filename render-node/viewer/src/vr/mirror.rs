@@ -17,7 +17,7 @@ use winit::window::{Window, WindowId};
 use crate::xr::Headset;
 use sg_gpu::{Gpu, Present};
 
-/// What stands at its top.
+/// Title of the window.
 const TITLE: &str = "Super-Gaussian: what the headset shows";
 
 /// Its first width and height, points.
@@ -26,12 +26,12 @@ const SIZE: LogicalSize<u32> = LogicalSize::new(640, 640);
 /// Least time between two pictures in it: people beside need no headset's rate.
 const PERIOD: Duration = Duration::from_millis(33);
 
-/// Ways to show a picture that nobody has to wait for.
+/// Present modes that do not block.
 const NON_BLOCKING: [wgpu::PresentMode; 2] = [wgpu::PresentMode::Mailbox, wgpu::PresentMode::Immediate];
 
 /// The window. Fields are dropped in this order: what was made from something before it.
 pub(super) struct Mirror {
-    /// What shows pictures in it, on the headset's device of now.
+    /// Its surface on the headset's present device.
     surface_state: Option<MirrorSurface>,
     events_target: MirrorWindow,
     events: EventLoop<()>,
@@ -82,13 +82,13 @@ impl Mirror {
         }
     }
 
-    /// Takes in what was done to it; whether it is still there.
+    /// Handles its events; returns whether it is still open.
     pub(super) fn attend(&mut self) -> bool {
         self.events.pump_app_events(Some(Duration::ZERO), &mut self.events_target);
         !self.events_target.closed
     }
 
-    /// The headset's device is gone, and what was made with it goes too.
+    /// Drops the surface of a lost device.
     pub(super) fn put_away(&mut self) {
         self.surface_state = None;
     }
@@ -143,7 +143,7 @@ impl MirrorSurface {
         self.gpu.configure(&self.surface, &self.config).map_err(|e| e.to_string())
     }
 
-    /// Shows a picture in this shape, whatever it was drawn at.
+    /// Shows a picture in this shape, at any resolution.
     fn show(&mut self, picture: &wgpu::Texture, shape: [u32; 2]) -> Result<(), String> {
         let frame = match self.surface.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => frame,

@@ -31,7 +31,7 @@ use panel_layers::PanelLayers;
 /// Seconds of one frame before the headset has said how long one is.
 const FIRST_PERIOD: f64 = 1.0 / 90.0;
 
-/// What a person steps into.
+/// Parts that a headset view is made of.
 pub struct Setup {
     /// The geometry.
     pub scene: Arc<Scene>,
@@ -39,7 +39,7 @@ pub struct Setup {
     pub view_port: ViewPort,
     /// The settings of hands and panels.
     pub tools: Tools,
-    /// What the scene was opened from: transfer functions are found beside it.
+    /// Path of the opened scene; transfer functions are read from its folder.
     pub opened: PathBuf,
     /// Whether a window on the desk shows what the left eye sees, while [`VrView::serve`] serves it.
     pub mirror: bool,
@@ -63,10 +63,10 @@ pub struct VrView {
     /// Why the device is to be opened anew.
     lost: Option<String>,
     eyes: Option<EyeRenderer>,
-    /// What the device would not do, told once.
+    /// The last device error; each is logged once.
     trouble: Option<String>,
     frames: u64,
-    /// What is at y = 0 of the room.
+    /// The origin of the room frame, at y = 0.
     origin: Origin,
     /// Whether the scene stands where it does for somebody who sits.
     seated: bool,
@@ -117,7 +117,7 @@ impl VrView {
         self.interaction.placement()
     }
 
-    /// What hands and panels have set.
+    /// The present settings of hands and panels.
     #[must_use]
     pub fn tools(&self) -> &Tools {
         &self.tools
@@ -129,7 +129,7 @@ impl VrView {
         self.panel_layers.place(panel)
     }
 
-    /// What a panel has cost so far.
+    /// Layout and draw counts of a panel.
     #[must_use]
     pub fn counts(&self, panel: Panel) -> Option<Counts> {
         self.panel_layers.counts(panel)
@@ -194,7 +194,7 @@ impl VrView {
         }
     }
 
-    /// One frame that somebody sees.
+    /// One visible frame.
     ///
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
@@ -273,7 +273,7 @@ impl VrView {
         self.trouble = trouble;
     }
 
-    /// Takes in what was asked for on panels.
+    /// Handles the output of panels.
     fn take(&mut self, mut output: Output, state: &ViewState, requests: &mut Vec<Request>) {
         output.show_draft(&mut self.drafts, state);
         requests.extend(output.requests);
@@ -298,7 +298,7 @@ impl VrView {
                     self.take(left, state, requests);
                 }
                 DisplayAction::Proposal(number) => self.markers.light_up(number.into(), state),
-                // Not among what is fulfilled.
+                // Not among the supported actions.
                 DisplayAction::Screenshot => (),
             }
         }

@@ -38,7 +38,7 @@ const RING: f32 = 64.0;
 pub(super) struct PanelLayers {
     panels: Vec<PlacedPanel>,
     legend: PanelLayer,
-    /// What the legend said last, and in which frame it was laid out.
+    /// The newest content of the legend and the frame of its layout.
     legend_shown: (Option<LegendContent>, u64),
     rings: [PanelLayer; 2],
     ring_signs: [Option<BrushSign>; 2],
@@ -50,7 +50,7 @@ pub(super) struct PanelLayers {
     state: bool,
     /// Whether the wrist menu is there.
     wrist: bool,
-    /// What there was to show in the newest frame.
+    /// State and tools of the newest frame.
     newest: Option<(ViewState, Tools)>,
     frames: u64,
 }
@@ -62,7 +62,7 @@ type LegendContent = (Side, [Vec<(&'static str, String)>; 2], bool, f32);
 struct PlacedPanel {
     panel: Panel,
     layer: PanelLayer,
-    /// Whether what it shows may have changed since it was laid out.
+    /// Whether its content may have changed since its layout.
     stale: bool,
     /// In which frame it was.
     since: u64,
@@ -135,7 +135,7 @@ impl PanelLayers {
         }
     }
 
-    /// What a panel has cost so far.
+    /// Layout and draw counts of a panel.
     pub(super) fn counts(&self, panel: Panel) -> Option<Counts> {
         self.panels.iter().find(|placed| placed.panel == panel).map(|placed| placed.layer.counts())
     }
@@ -214,7 +214,7 @@ impl PanelLayers {
                 }
             }
         }
-        // What is pointed at is known by its place among all of them from here on.
+        // From here on the index counts all panels, not only visible ones.
         if let Some(pointed) = &mut self.pointed {
             pointed.rectangle = visible[pointed.rectangle];
         }
@@ -248,7 +248,7 @@ impl PanelLayers {
         panels.chain(legend).min_by_key(|(_, since)| *since).map(|(k, _)| k)
     }
 
-    /// Draws and hangs everything; what was asked for on it.
+    /// Draws and shows all layers; returns the output of the panels.
     pub(super) fn show(
         &mut self,
         frame: &mut Frame<'_>,
@@ -280,7 +280,7 @@ impl PanelLayers {
                 theme::apply(ui.ctx(), tools);
                 output.join(panels.show(panel, ui, state, tools));
                 if panel == Panel::Scene {
-                    // What was not done is told on one panel alone.
+                    // One panel alone shows notices.
                     let notices =
                         egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -16.0]);
                     notices.interactable(false).show(ui.ctx(), |ui| panels.notices(ui, state));
@@ -308,7 +308,7 @@ impl PanelLayers {
         Some((adds, lines, tools.light_panels, tools.scale))
     }
 
-    /// Shows it as it was, or with what it says now.
+    /// Shows the legend, laid out anew on request.
     fn show_legend(
         &mut self,
         frame: &mut Frame<'_>,
@@ -350,7 +350,7 @@ impl PanelLayers {
     }
 }
 
-/// Turned so that what lies in it is upright and seen from `eye`.
+/// Orientation that faces `eye`, upright.
 pub(super) fn facing(at: DVec3, eye: DVec3) -> DQuat {
     let back = (eye - at).normalize_or(DVec3::Z);
     let right = DVec3::Y.cross(back).normalize_or(DVec3::X);

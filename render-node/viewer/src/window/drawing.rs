@@ -56,13 +56,13 @@ pub(super) struct DrawnPicture {
     pub(super) level: Level,
     pub(super) moving: bool,
     pub(super) seconds: f64,
-    /// What drew it, and whether a device's picture came through memory.
+    /// The renderer, and whether its picture was copied through memory.
     pub(super) engine: String,
     /// The device that draws, if one does.
     pub(super) drawn_by: Option<Gpu>,
 }
 
-/// What is in front at every place of a picture.
+/// The front surface at every pixel of a picture.
 #[derive(Debug, Clone)]
 pub(super) struct FrontSurface {
     /// The window's camera, not that of the ids.
@@ -135,7 +135,7 @@ fn side_by_side(images: &[Image]) -> ColorImage {
     ColorImage::new([width, height], pixels)
 }
 
-/// Finds what is in front for cameras and looks, on `pool`; `wake` after each.
+/// Finds the front surface for cameras and appearances on `pool`; calls `wake` after each.
 pub(super) fn fronts(
     scene: Arc<Scene>,
     pool: Arc<rayon::ThreadPool>,
@@ -156,7 +156,7 @@ impl FrontSurface {
         self.camera == *camera
     }
 
-    /// What is in front at a place of the window's picture, pixels.
+    /// The front surface at a pixel of the window's picture.
     pub(super) fn at(&self, scene: &Scene, at: DVec2) -> Option<Hit> {
         let scale = DVec2::new(
             f64::from(self.ids.width) / f64::from(self.camera.width),

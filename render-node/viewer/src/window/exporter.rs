@@ -21,7 +21,7 @@ const TURN: u32 = 360;
 /// Longest edge of a picture of a turn, pixels.
 const TURN_EDGE: f64 = 1280.0;
 
-/// What is to be kept.
+/// A picture or turn to export.
 #[derive(Debug, Clone)]
 pub(super) enum ExportJob {
     /// One picture with this camera.
@@ -38,7 +38,7 @@ pub(super) struct Exporter {
     done: Arc<AtomicU32>,
     /// Pictures that are in its video.
     in_video_count: Arc<AtomicU32>,
-    /// Whether nobody waits for pictures any more.
+    /// Whether the export is cancelled.
     stopped: Arc<AtomicBool>,
 }
 
@@ -95,7 +95,7 @@ impl Exporter {
     }
 }
 
-/// What is there.
+/// The exported files.
 enum Exported {
     Picture(PathBuf),
     /// The folder of a turn's pictures.

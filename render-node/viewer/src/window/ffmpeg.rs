@@ -31,7 +31,7 @@ pub(super) enum VideoError {
     /// It took too long and was ended.
     #[error("ffmpeg was ended after {} s", .0.as_secs())]
     Late(Duration),
-    /// Nobody waits for it any more.
+    /// The window was closed.
     #[error("the window was closed")]
     Over,
     /// The video could not be put in its place.
@@ -65,7 +65,7 @@ pub(super) fn video(
     command.args(["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p", "-color_range", "tv"]);
     command.args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]);
     command.args(["-movflags", "+faststart", "-f", "mp4"]).arg(&part);
-    // A group of its own, so that whatever it starts ends with it.
+    // Its own process group, so that its children end with it.
     command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(VideoError::Start)?;
     let (progress, errors) = (child.stdout.take(), child.stderr.take());
@@ -73,7 +73,7 @@ pub(super) fn video(
         scope.spawn(move || follow(progress, done));
         let error_text = scope.spawn(move || {
             let mut said = String::new();
-            // What cannot be read of them is not there to be told.
+            // An unreadable error text is dropped.
             let _ = errors.map(|from| from.take(ERROR_BYTES).read_to_string(&mut said));
             said
         });

@@ -7,10 +7,10 @@ use sg_scene::camera::Camera;
 use sg_scene::view::View;
 use sg_volume::ENDINGS;
 
-/// What names of scenes end with.
+/// File name endings of scenes.
 const SCENES: [&str; 2] = [".ply", ".toml"];
 
-/// What a dropped file is.
+/// Kinds of dropped files.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum DroppedFile {
     /// A camera, and the view that it has.

@@ -54,15 +54,15 @@ const POLL_PERIOD: Duration = Duration::from_millis(16);
 /// Frames in a row whose device or surface may be lost, each opened anew.
 const MOST_LOSSES: u32 = 5;
 
-/// What a window shows.
+/// Parts that a window is made of.
 pub struct Setup {
     /// The geometry.
     pub scene: Arc<Scene>,
-    /// What draws it.
+    /// The renderer.
     pub engine: Engine,
     /// Where the newest comes from and requests go.
     pub view_port: ViewPort,
-    /// What stands at its top.
+    /// Title of the window.
     pub title: String,
     /// The settings of tools at first; what is remembered of an earlier time comes before them.
     pub tools: Tools,
@@ -199,7 +199,7 @@ impl OpenWindow {
             Some(surface) => surface,
             None => WindowSurface::open(&self.window, None)?,
         };
-        // What another device held, fonts among it, is told again by a new context alone.
+        // Only a new context uploads all textures, fonts among them, to the new device.
         self.input = fresh_input(&self.window, Some(&surface));
         self.window_ui.show_by(surface.shows());
         self.surface = Some(surface);
@@ -209,7 +209,7 @@ impl OpenWindow {
 
     /// Paints a frame and finds out when the next one is due.
     fn frame(&mut self) -> Result<(), WindowError> {
-        // Whoever draws has opened a lost device anew.
+        // The renderer has opened a lost device again.
         if self.untried().is_some() {
             self.open_surface()?;
         }
@@ -309,7 +309,7 @@ impl ApplicationHandler<()> for App {
                 opened.save_settings();
                 event_loop.exit();
             }
-            // Somebody else took it away; there is nothing left to ask how large it was.
+            // The window is destroyed: its size cannot be read.
             WindowEvent::Destroyed => event_loop.exit(),
             WindowEvent::Resized(PhysicalSize { width, height }) => {
                 if let Some(surface) = &mut opened.surface {

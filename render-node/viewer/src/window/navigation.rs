@@ -4,7 +4,7 @@ use glam::{DQuat, DVec2, DVec3};
 use sg_scene::model::SceneBox;
 use sg_scene::view::View;
 
-/// What a drag turns.
+/// Effect of a drag.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NavigationMode {
@@ -21,7 +21,7 @@ impl NavigationMode {
     /// All, in the order in which a key goes through them.
     pub const ALL: [Self; 3] = [Self::Orbit, Self::Trackball, Self::Fly];
 
-    /// What the window calls it.
+    /// Name in the window.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -53,7 +53,7 @@ const POLE_GAP: f64 = 1.0;
 pub struct Navigator {
     /// Where it is.
     pub view: View,
-    /// What a drag turns.
+    /// Effect of a drag.
     pub navigation_mode: NavigationMode,
     /// The scene's length, the longest edge of its box.
     length: f64,

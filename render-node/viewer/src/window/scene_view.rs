@@ -20,16 +20,16 @@ use crate::display::{
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 
-/// What the left button does.
+/// Tool of the left button.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MouseTool {
     /// It moves the eye.
     #[default]
     Navigate,
-    /// It brushes over what is in front.
+    /// Brushes over the front surface.
     Brush,
-    /// It draws around what is to be selected.
+    /// Draws a lasso.
     Lasso,
     /// It draws a rectangle around it.
     Rectangle,
@@ -39,7 +39,7 @@ impl MouseTool {
     /// All, in the order of the toolbar.
     pub const ALL: [Self; 4] = [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle];
 
-    /// What the window calls it.
+    /// Name in the window.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -69,7 +69,7 @@ const NOTCH: f64 = 1.0015;
 /// Way that keys fly in a second, as a share of the scene's length.
 const SPEED: f64 = 0.4;
 
-/// What a picture was wished for.
+/// The input of a requested picture.
 struct PictureRequest {
     cameras: Vec<Camera>,
     appearance: Appearance,
@@ -105,30 +105,30 @@ pub(super) struct SceneView {
     requested_front: Option<(Camera, Appearance)>,
     /// The newest picture, where it came through memory.
     pixels: Option<TextureHandle>,
-    /// What the newest picture is called among the panels.
+    /// Texture id of the newest picture.
     picture: Option<TextureId>,
     /// The newest picture, where it lies on the device that shows the window and that has not been told of it.
     on_device: Option<wgpu::Texture>,
-    /// The device that pictures may stay on, and what they are called then.
+    /// The device that pictures may stay on, and their texture id there.
     shown_by: Option<(Gpu, TextureId)>,
     /// The device that draws, if one does.
     drawn_by: Option<Gpu>,
     requested: Option<PictureRequest>,
     changed: Instant,
-    /// Whether what is shown is the best picture of what was wished last.
+    /// Whether the best picture of the last request is shown.
     settled: bool,
     adaptive_quality: AdaptiveQuality,
     pub(super) lasso: Vec<Pos2>,
     /// Notches of the wheel for the last walk.
     pub(super) notches: f64,
-    /// What was pressed when the wheel was turned last.
+    /// Modifiers of the last turn of the wheel.
     wheel: egui::Modifiers,
     /// Where the brush is and which way it would act.
     pub(super) hover: Option<(BrushSample, BrushSign)>,
     pub(super) newest: PictureStats,
 }
 
-/// What the newest picture was like.
+/// Statistics of the newest picture.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PictureStats {
     pub(super) engine: String,
@@ -182,7 +182,7 @@ impl SceneView {
         self.adaptive_quality.late()
     }
 
-    /// Whether the best picture of what is shown is there and nothing is on its way.
+    /// Whether the best picture is shown and no work is pending.
     pub(super) fn is_settled(&self) -> bool {
         self.settled && self.picture_worker.is_idle() && self.front_worker.is_idle()
     }
@@ -398,7 +398,7 @@ impl SceneView {
                 outlines,
                 shown_by,
             });
-            // A picture of what still moves is followed by another.
+            // A picture in motion is followed by another.
             self.settled = !moving;
         }
         if moving || !best {

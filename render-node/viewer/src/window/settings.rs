@@ -23,13 +23,13 @@ pub struct Settings {
     pub maximized: bool,
     /// Whether panels are shown.
     pub panels: bool,
-    /// What the left button does.
+    /// Tool of the left button.
     #[serde(rename = "pointer")]
     pub mouse_tool: MouseTool,
     /// How the eye moves.
     #[serde(rename = "manner")]
     pub navigation_mode: NavigationMode,
-    /// What strokes mean.
+    /// Brush mode.
     pub mode: BrushMode,
     /// Radius of the brush, a fraction of the box's longest edge.
     pub radius: f64,
@@ -69,7 +69,7 @@ impl Settings {
         Some(folder.join("supergaussian/window.toml"))
     }
 
-    /// What is kept there; `None` where there is nothing.
+    /// The saved settings; `None` without a file.
     ///
     /// # Errors
     /// What there is and cannot be read or understood, a line for a person.

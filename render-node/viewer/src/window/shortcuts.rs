@@ -2,7 +2,7 @@
 
 use egui::{InputState, Key, Modifiers};
 
-/// What a key does.
+/// The action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// Shows or hides the list of shortcuts.
@@ -25,7 +25,7 @@ pub enum Action {
     Wider,
     /// A narrower brush.
     Narrower,
-    /// Only what is in front, or whatever lies behind it too.
+    /// Limits the brush to the front, or not.
     Depth,
     /// Selects less, by the tuning of the last walk.
     Less,
@@ -39,11 +39,11 @@ pub enum Action {
     Redo,
     /// Selects nothing.
     Clear,
-    /// Selects what is not selected.
+    /// Inverts the selection.
     Invert,
     /// Letters go to the name of a new unit.
     Name,
-    /// Letters go to what is said to the agents.
+    /// Moves the focus to the sentence for the agents.
     Say,
     /// Frames the scene.
     Fit,
@@ -61,24 +61,24 @@ pub enum Action {
     Theme,
     /// The next view of the structure.
     NextDisplayMode,
-    /// Gives up what is being drawn.
+    /// Cancels the stroke or lasso under way.
     Abandon,
     /// Closes the window.
     Close,
 }
 
-/// A key and what it does.
+/// A key and its action.
 #[derive(Debug, Clone, Copy)]
 pub struct Shortcut {
-    /// With what else it is pressed.
+    /// Its modifiers.
     pub modifiers: Modifiers,
     /// The key.
     pub key: Key,
-    /// What is written on it.
+    /// Its label.
     pub written: &'static str,
-    /// What it does.
+    /// Its action.
     pub action: Action,
-    /// What it does, in words.
+    /// Its description.
     pub does: &'static str,
 }
 
@@ -125,7 +125,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke or lasso under way"),
 ];
 
-/// What the mouse does beside the keys, for the list.
+/// Mouse functions, for the list.
 pub const MOUSE: &[(&str, &str)] = &[
     ("left drag", "uses the tool; with Shift a brush or lasso takes away"),
     ("middle drag, Alt + left drag", "turn"),

@@ -23,7 +23,7 @@ pub(super) struct WindowSurface {
     picture: TextureId,
 }
 
-/// What came of painting a frame.
+/// Outcome of presenting a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PresentResult {
     /// It is on the screen.

@@ -63,7 +63,7 @@ impl WindowUi {
         });
     }
 
-    /// What draws and how, what is selected, and what there is to say.
+    /// The status line: renderer, selection, messages.
     pub(super) fn status(&mut self, ui: &mut Ui, state: &ViewState) {
         ui.horizontal_wrapped(|ui| {
             let newest = &self.scene_view.newest;

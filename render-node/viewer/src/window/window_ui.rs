@@ -38,7 +38,7 @@ use sg_raster::attributes::Attribute;
 const LEFT: f32 = 340.0;
 const RIGHT: f32 = 360.0;
 
-/// Points from the lower edge to lines that tell what was not done.
+/// Points from the lower edge to the notices.
 const NOTICES: f32 = 48.0;
 
 /// One step of the keys that widen and narrow the brush.
@@ -69,7 +69,7 @@ pub struct WindowUi {
     pub(super) help: bool,
     closes: bool,
     frames: u64,
-    /// What this window itself has to say.
+    /// The window's own message.
     pub(super) line: String,
 }
 
@@ -123,7 +123,7 @@ impl WindowUi {
         })
     }
 
-    /// What is remembered of it; the size is the window's own.
+    /// Its settings without the size of the window.
     #[must_use]
     pub fn settings(&self) -> Settings {
         let Tools { mode, radius, quality, light_panels, scale, .. } = self.tools;
@@ -152,7 +152,7 @@ impl WindowUi {
         self.closes || self.view_port.is_closed()
     }
 
-    /// Whether the best picture of what is shown is there.
+    /// Whether the best picture of the present state is shown.
     #[must_use]
     pub fn is_settled(&self) -> bool {
         self.scene_view.is_settled()
@@ -174,7 +174,7 @@ impl WindowUi {
         self.scene_view.take_picture()
     }
 
-    /// Shows a frame and takes in what was done in it.
+    /// Shows a frame and handles its input.
     pub fn show(&mut self, ui: &mut Ui) {
         let newest = self.view_port.newest();
         if newest.scene.view() != self.shared {
@@ -269,7 +269,7 @@ impl WindowUi {
                         |number| format!("saved as place {number}"),
                     );
                 }
-                // Not among what is fulfilled.
+                // Not among the supported actions.
                 DisplayAction::Panels => (),
                 DisplayAction::Proposal(k) => {
                     if let Some(at) = state.proposal_at(self.scene.bounds, k.into()) {

@@ -1,6 +1,6 @@
 //! Which button of which controller does what.
 
-/// What hands can do; each is an action of both hands.
+/// OpenXR actions; each exists for both hands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum HandAction {
     Grip,
@@ -24,7 +24,7 @@ pub(super) enum HandSet {
     Right,
 }
 
-/// A kind of controller: its profile's path, and what its inputs do.
+/// An interaction profile: its path and its bindings.
 pub(super) struct Profile {
     pub(super) path: &'static str,
     pub(super) inputs: &'static [(HandAction, HandSet, &'static str)],

@@ -2,7 +2,7 @@
 
 use openxr::sys::Result as Code;
 
-/// What stands between a person and the headset.
+/// Errors of a headset session.
 #[derive(Debug, thiserror::Error)]
 pub enum XrError {
     /// Nothing of OpenXR is installed.
@@ -10,21 +10,21 @@ pub enum XrError {
         "no OpenXR loader was found ({reason}); install one and the headset's runtime (Debian: libopenxr-loader1), or use the window"
     )]
     NoLoader {
-        /// What the system said.
+        /// The system's message.
         reason: String,
     },
-    /// There is a loader and nobody behind it.
+    /// A loader without a runtime.
     #[error(
         "no OpenXR runtime answers ({code}); start the headset's own, SteamVR or Monado (XR_RUNTIME_JSON names a runtime's manifest), or use the window"
     )]
     NoRuntime {
-        /// What the loader said.
+        /// The loader's error.
         code: Code,
     },
-    /// Somebody is there who does not answer.
+    /// The runtime timed out.
     #[error("the OpenXR runtime does not answer ({reason}): it hangs or is stopped; start it anew, or use the window")]
     Silent {
-        /// What was waited for in vain.
+        /// The call that timed out.
         reason: String,
     },
     /// There is a runtime without a headset.
@@ -32,7 +32,7 @@ pub enum XrError {
     NoHeadset {
         /// The runtime's name.
         runtime: String,
-        /// What it said.
+        /// Its error code.
         code: Code,
     },
     /// The runtime cannot do something that is needed.
@@ -40,21 +40,21 @@ pub enum XrError {
     Lacks {
         /// The runtime's name.
         runtime: String,
-        /// What is missing.
+        /// The missing feature.
         what: &'static str,
     },
     /// The graphics device that the runtime wants.
     #[error("the headset's graphics device: {reason}")]
     Device {
-        /// What the driver or wgpu said.
+        /// The message of the driver or of wgpu.
         reason: String,
     },
     /// A call that the runtime refused.
     #[error("the OpenXR runtime refused: {what}: {code}")]
     Call {
-        /// What was asked for.
+        /// The refused call.
         what: &'static str,
-        /// What it said.
+        /// Its error code.
         code: Code,
     },
     /// It went away and did not come back.
@@ -62,7 +62,7 @@ pub enum XrError {
     Gone {
         /// How often it was looked for.
         tries: u32,
-        /// What was in the way at last.
+        /// The last error.
         reason: Box<XrError>,
     },
     /// A panel that was not made, or made before the runtime came back.

@@ -15,7 +15,7 @@ use super::{device, space};
 use crate::hands::{Eye, HandInput, Pose, Side};
 use sg_gpu::{FARTHEST, Gpu, NEAREST};
 
-/// One frame: where eyes and hands will be when it is shown, and what it is drawn to.
+/// One frame: predicted eyes and hands, and the targets to draw to.
 pub struct Frame<'a> {
     /// Left and right.
     pub eyes: [Eye; 2],
@@ -35,7 +35,7 @@ pub struct Frame<'a> {
     pub(super) quads: Vec<Quad>,
     pub(super) eyes_drawn: bool,
     pub(super) depths_drawn: bool,
-    /// The call that failed, so that the loss of the runtime is not mistaken for a mistake of who draws.
+    /// The failed call: a lost runtime is not the error of `draw`.
     pub(super) failed: Option<XrError>,
 }
 
@@ -76,7 +76,7 @@ impl<'a> Frame<'a> {
         self.xr_session.eyes.size
     }
 
-    /// The format of what eyes and panels are drawn to, as [`super::Headset::format`].
+    /// Texture format of eyes and panels, as [`super::Headset::format`].
     #[must_use]
     pub fn format(&self) -> wgpu::TextureFormat {
         self.xr_session.format.wgpu

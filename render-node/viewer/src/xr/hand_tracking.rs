@@ -5,7 +5,7 @@ use openxr as xr;
 use super::space;
 use crate::hands::{JOINTS, Joints};
 
-/// What follows the joints of both hands.
+/// Hand trackers, left and right.
 pub(super) struct HandTrackers([xr::HandTracker; 2]);
 
 impl HandTrackers {

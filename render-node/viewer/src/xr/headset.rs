@@ -17,12 +17,12 @@ use sg_gpu::Gpu;
 /// How long the loop may rest before it asks again when [`Headset::frame`] had nothing to wait for.
 pub const PAUSE: Duration = Duration::from_millis(10);
 
-/// What became of a frame.
+/// Outcome of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameOutcome {
     /// It was drawn and handed in.
     Shown,
-    /// Nobody would see it: handed in without being drawn.
+    /// Not visible: submitted without drawing.
     Hidden,
     /// The session is not running; nothing was waited for, see [`PAUSE`].
     Idle,
@@ -67,7 +67,7 @@ impl PendingSession {
         // The loop does not wait here: nothing holds it.
         let watchdog = watchdog.clone();
         let ask = move || {
-            // Whoever has given up meanwhile wants no session: it ends here.
+            // After a timeout the receiver is gone and the session ends here.
             let _ = says.send(XrSession::open(&options, &watchdog).map(Box::new));
         };
         let thread = std::thread::Builder::new().name("headset".to_owned()).spawn(ask);
@@ -127,7 +127,7 @@ impl Headset {
         })
     }
 
-    /// Whether the runtime holds the loop, for somebody beside it.
+    /// The watchdog of the loop, for another thread.
     #[must_use]
     pub fn watchdog(&self) -> Watchdog {
         self.watchdog.clone()
@@ -166,7 +166,7 @@ impl Headset {
         self.xr_session().map(|l| l.eyes.size)
     }
 
-    /// What is at y = 0 of the room.
+    /// The origin of the room frame, at y = 0.
     #[must_use]
     pub fn origin(&self) -> Origin {
         self.xr_session().map_or(Origin::Floor, |l| l.origin)

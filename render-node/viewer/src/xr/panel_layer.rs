@@ -37,12 +37,12 @@ pub struct PanelLayer {
     due: Option<Instant>,
     /// Where the pointer is on it, and whether it presses.
     pointer: Option<(Pos2, bool)>,
-    /// What stands on it.
+    /// Shapes of the newest layout.
     shapes: Vec<ClippedShape>,
     counts: Counts,
 }
 
-/// What a board has cost.
+/// Layout and draw counts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Times that it was laid out.
@@ -51,7 +51,7 @@ pub struct Counts {
     pub drawn: u64,
 }
 
-/// What one session's device draws it with.
+/// Its panel and renderer in one session.
 struct LayerRenderer {
     panel: PanelId,
     renderer: egui_wgpu::Renderer,
@@ -76,7 +76,7 @@ impl PanelLayer {
         }
     }
 
-    /// What it has cost so far.
+    /// Layout and draw counts so far.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
@@ -155,7 +155,7 @@ impl PanelLayer {
         };
         let at = Pos2::new(pointed.at.x as f32 * self.size.x, pointed.at.y as f32 * self.size.y);
         let (before, pressed) = self.pointer.map_or((None, false), |(at, pressed)| (Some(at), pressed));
-        // A hand is never quite still; what is less than half a pixel is not worth drawing.
+        // A hand trembles: motion below half a pixel is ignored.
         let moved = before.is_none_or(|b| b.distance(at) * self.pixels_per_point > 0.5);
         if moved {
             events.push(Event::PointerMoved(at));

@@ -13,7 +13,7 @@ pub struct PanelId {
 /// A panel as it hangs in the room.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quad {
-    /// What is on it.
+    /// The panel.
     pub panel: PanelId,
     /// Where it hangs and how large it is.
     pub place: Rectangle,

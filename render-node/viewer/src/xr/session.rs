@@ -15,7 +15,7 @@ use super::visibility_mask::VisibilityMask;
 use super::watchdog::Watchdog;
 use crate::hands::{BareHand, HandInput, Origin, Side, Stance};
 
-/// What happened since it was last asked.
+/// Session events since the last poll.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SessionEvent {
     Nothing,
@@ -50,7 +50,7 @@ pub(super) struct XrSession {
     pub(super) system: String,
     has_rates: bool,
     pub(super) watchdog: Watchdog,
-    /// What lenses hide; nothing where the runtime does not tell.
+    /// Pixels that the lenses hide; empty without a visibility mask.
     pub(super) mask: VisibilityMask,
 }
 
@@ -255,13 +255,13 @@ impl XrSession {
             return Ok(None);
         }
         let head = space::pose(&self.head.locate(&self.room, time)?);
-        // What is handed back with the picture is what it was drawn for, to the last bit.
+        // The runtime gets the exact poses back that the picture was drawn for.
         let raw = [0, 1].map(|k| views.get(k).map_or((xr::Posef::IDENTITY, xr::Fovf::default()), |v| (v.pose, v.fov)));
         Ok(Some(Views { eyes: [left, right], head: head.unwrap_or(left.pose), raw }))
     }
 }
 
-/// Of what the runtime offers, what is used.
+/// The used extensions among the offered ones.
 fn extensions(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     let mut wanted = xr::ExtensionSet::default();
     wanted.khr_vulkan_enable2 = offered.khr_vulkan_enable2;

@@ -2,7 +2,7 @@
 
 use openxr::SessionState;
 
-/// What an event asks for.
+/// A transition of the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Transition {
     Nothing,
@@ -10,7 +10,7 @@ pub(super) enum Transition {
     Begin,
     /// Frames end; the session may begin anew.
     End,
-    /// The session is over because somebody wants it to be.
+    /// The session ends on request.
     Leave,
     /// The session is over because the runtime goes away.
     Lose,

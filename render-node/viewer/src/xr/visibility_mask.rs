@@ -8,7 +8,7 @@ use super::space::STEREO;
 /// A triangle in the plane one unit ahead of an eye: right and up.
 pub type Triangle = [DVec2; 3];
 
-/// What is hidden of both eyes.
+/// Hidden triangles of both eyes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct VisibilityMask {
     /// Counts the changes.
