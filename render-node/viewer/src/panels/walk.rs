@@ -17,9 +17,11 @@ impl Panels {
         let number = |name, range, logarithmic, text| Number { name, range, logarithmic, text };
         let threshold = |x: f64| format!("{:.2}", if x.abs() < 0.005 { 0.0 } else { x });
         // To the right selects more: less leak reaches farther.
-        let mut reach = reach_of(tuning.leak);
+        let before = reach_of(tuning.leak);
+        let mut reach = before;
         let mut moved = number("Reach", 0.0..=1.0, false, percent).show(ui, &mut reach);
-        if moved {
+        // Rounding on the way from leak to reach and back is no motion.
+        if moved && (reach - before).abs() > 1e-9 {
             tuning.leak = leak_of(reach);
         }
         moved |= number("Strictness", THRESHOLD_RANGE.0..=THRESHOLD_RANGE.1, false, threshold)
