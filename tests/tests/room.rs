@@ -23,10 +23,10 @@ use sg_tests::screen::Screen;
 use sg_tests::stack::Stack;
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
 use sg_tests::{executable, small_scene};
-use sg_viewer::display::{Offered, Shown, Tools, Walks};
+use sg_viewer::display::{ServiceAvailability, ViewState, Tools, WalkCapabilities};
 use sg_viewer::hands::{Origin, Placement, Rectangle, Side, Stance};
-use sg_viewer::panels::{Panel, Panels, Place, theme};
-use sg_viewer::room::first_place;
+use sg_viewer::panels::{Panel, Panels, PanelHost, theme};
+use sg_viewer::vr::first_place;
 
 use monado::{Controller, Display, Puppet, Runtime};
 
@@ -152,21 +152,21 @@ impl Person {
 }
 
 /// What the room shows of the scene.
-async fn shown(bus: &Bus) -> Shown {
+async fn shown(bus: &Bus) -> ViewState {
     let request = ChangesRequest { from: 0, snapshot: true };
     let snapshot = bus.ask(&keys::SCENE_CHANGES, &request, &soon()).await.unwrap().snapshot.unwrap();
     let told = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-    let offered = Offered { scene: true, selection: true, agents: true };
-    let walks = bus.newest(&keys::SELECTION_STATE, &soon()).await.unwrap();
-    let walks = Some(Walks { tuning: walks.tuning, most_proposals: walks.most_proposals });
+    let services = ServiceAvailability { scene: true, selection: true, agents: true };
+    let walk_capabilities = bus.newest(&keys::SELECTION_STATE, &soon()).await.unwrap();
+    let walk_capabilities = Some(WalkCapabilities { tuning: walk_capabilities.tuning, most_proposals: walk_capabilities.most_proposals });
     let edited = Arc::new(EditState::from_snapshot(&snapshot).unwrap());
-    Shown { offered, walks, undo: told.undo.into(), redo: told.redo.into(), ..Shown::of(edited) }
+    ViewState { services, walk_capabilities, undo: told.undo.into(), redo: told.redo.into(), ..ViewState::of(edited) }
 }
 
 /// Where a control of a panel is, in points, as a headset has it.
-fn place_of(shown: &Shown, panel: Panel, typing: bool, label: &str) -> egui::Pos2 {
+fn place_of(shown: &ViewState, panel: Panel, typing: bool, label: &str) -> egui::Pos2 {
     use egui_kittest::kittest::Queryable as _;
-    let mut panels = Panels::new(Place::Headset);
+    let mut panels = Panels::new(PanelHost::Headset);
     if typing {
         panels.name_selection();
     }
@@ -184,7 +184,7 @@ fn place_of(shown: &Shown, panel: Panel, typing: bool, label: &str) -> egui::Pos
 }
 
 /// Where a place of the scene's box, normalized, is in the room at first.
-fn at_first(shown: &Shown, place: [f64; 3]) -> DVec3 {
+fn at_first(shown: &ViewState, place: [f64; 3]) -> DVec3 {
     let (bounds, view) = (shown.scene.geometry().bounds, shown.scene.view());
     let placement = Placement::fit(bounds, view.up, view.target - view.eye, Stance::Standing, Origin::Floor);
     placement.to_room(bounds.denormalize(DVec3::from_array(place)))
@@ -222,15 +222,15 @@ fn a_person_brushes_names_and_saves_and_the_runtime_dies() {
         scene(&bus, "a stroke brought back", |s| selected(s) == selected(&walked)).await;
 
         // Panels: everything but the selection, and once more; a name, key by key; saved.
-        person.press(&bus, Panel::Prompt, false, "invert").await;
+        person.press(&bus, Panel::Select, false, "invert").await;
         scene(&bus, "an inversion", |s| selected(s) > 0 && selected(s) != selected(&walked)).await;
-        person.press(&bus, Panel::Prompt, false, "invert").await;
+        person.press(&bus, Panel::Select, false, "invert").await;
         scene(&bus, "the selection again", |s| selected(s) == selected(&walked)).await;
-        person.press(&bus, Panel::Prompt, false, "name of the new unit").await;
+        person.press(&bus, Panel::Select, false, "name of the new unit").await;
         for key in ["s", "1"] {
             person.press(&bus, Panel::Keyboard, true, key).await;
         }
-        person.press(&bus, Panel::Prompt, false, "save").await;
+        person.press(&bus, Panel::Select, false, "save").await;
         let saved = scene(&bus, "a saved unit", |s| !s.units.is_empty()).await;
         assert_eq!(units(&saved), ["s1"]);
         person.reach(Side::Right, away).await;

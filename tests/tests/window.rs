@@ -27,7 +27,7 @@ use sg_tests::screen::{SIZE, Screen};
 use sg_tests::small_scene;
 use sg_tests::stack::{SESSION, Stack};
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
-use sg_viewer::display::{Seat, Shown, Tools};
+use sg_viewer::display::{ViewPort, ViewState, Tools};
 use sg_viewer::window::{self, Setup};
 
 /// The middle of the picture where no panels are beside it.
@@ -89,7 +89,7 @@ fn a_person_brushes_names_speaks_and_closes() {
 
         // Less leak, and the region grows: tried at once, one step of the history when the keys rest.
         let steps = back.undo.len();
-        (0..12).for_each(|_| key("comma"));
+        (0..12).for_each(|_| key("period"));
         let wider = scene(&bus, "a walk with less leak", |s| selected(s) > selected(&back)).await;
         assert!(wider.undo.first().is_some_and(|line| line.contains("leak at")), "{:?}", wider.undo);
         assert_eq!(wider.undo.len(), steps + 1, "{:?}", wider.undo);
@@ -360,7 +360,7 @@ fn shows_a_scene_until_it_is_killed() {
     let scene = load(Path::new(&path), &LoadOptions::default()).unwrap().scene;
     let engine = Engine::new(scene.clone(), Backend::Gpu, Some(Rasterizer::Quads)).unwrap();
     let gpu = engine.gpu().unwrap().clone();
-    let (seat, _service) = Seat::new(Shown::of(Arc::new(EditState::of_scene(&scene, &path, "hash"))));
+    let (view_port, _service) = ViewPort::new(ViewState::of(Arc::new(EditState::of_scene(&scene, &path, "hash"))));
     std::thread::spawn(move || {
         let mut line = String::new();
         std::io::stdin().read_line(&mut line).unwrap();
@@ -369,12 +369,12 @@ fn shows_a_scene_until_it_is_killed() {
     let setup = Setup {
         scene: Arc::new(scene),
         engine,
-        seat,
+        view_port,
         title: "shown".to_owned(),
         tools: Tools::default(),
         quality: None,
         copies: Some(copies == "true"),
-        memory: None,
+        settings: None,
         pictures: PathBuf::from(path).with_file_name("kept"),
         opened: Box::new(|| ()),
     };

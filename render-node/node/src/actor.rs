@@ -32,26 +32,26 @@ use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::camera_motion::scaled;
 use sg_scene::mask::Mask;
-use sg_viewer::display::{Showing, colors_of};
+use sg_viewer::display::{DisplayMode, colors_of};
 use sg_viewer::window::threads;
 use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior};
 
-mod asked;
 mod clusters;
+mod decode;
 mod display;
-mod errands;
-mod following;
-mod news;
 mod params;
-mod patience;
-mod picked;
+mod pick;
 mod preview;
+mod request_executor;
+mod scene_replica;
+mod state_sync;
+mod watchdog;
 
-use asked::{clips, projection, showing};
-use clusters::Clusters;
-use following::Followed;
+use clusters::ClusterLabels;
+use decode::{clips, display_mode, projection};
 use params::{Display, Params};
+use scene_replica::SceneReplica;
 
 /// Pictures that may be asked for while one is drawn.
 const QUEUE: usize = 8;
@@ -87,7 +87,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         if host.role() != role::RENDER_VIEW {
             return Err(StartError::Input(format!("`display` is for the role `{}` alone", role::RENDER_VIEW)));
         }
-        return display::open(&host, scene, following::follow(feed, state), &params).await;
+        return display::open(&host, scene, scene_replica::follow(feed, state), &params).await;
     }
     let (backend, rasterizer) = (params.backend, params.rasterizer);
     let mut engine = tokio::task::block_in_place(|| Engine::new(scene, backend, rasterizer))
@@ -97,7 +97,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     }
     tracing::info!(gaussians, engine = engine.name(), "scene read");
 
-    let state = following::follow(feed, state);
+    let state = scene_replica::follow(feed, state);
     let (row, content) = match host.role() {
         role::RENDER_VIEW => (&keys::VIEW_STATE, &keys::VIEW_CONTENT),
         role::RENDER_CAPTURE => (&keys::CAPTURE_STATE, &keys::CAPTURE_CONTENT),
@@ -110,23 +110,23 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         }
     };
     let display = params.display.name().to_owned();
-    let told = proto::State { gaussians, engine: engine.name(), display, ..proto::State::default() };
-    let painter = Painter {
+    let status = proto::State { gaussians, engine: engine.name(), display, ..proto::State::default() };
+    let actor = RenderActor {
         bus: host.bus().clone(),
         blobs: host.blobs().clone(),
         engine,
-        clusters: Clusters::default(),
+        clusters: ClusterLabels::default(),
         state: state.clone(),
         pool: threads().map_err(|e| StartError::Failed(format!("threads to draw with: {e}")))?,
-        owned: host.bus().own(row, told.clone()).await?,
-        told,
-        shown: preview::follow(host.bus()).await?,
+        owned: host.bus().own(row, status.clone()).await?,
+        status,
+        preview_feed: preview::follow(host.bus()).await?,
         params,
     };
-    let mut shown = painter.shown.clone();
+    let mut preview_feed = actor.preview_feed.clone();
     host.serve_content(content).await?;
-    let mut pace = Pace::new(painter.params.frames_per_second);
-    let (mailbox, _) = host.spawn(painter, QUEUE);
+    let mut redraw_timer = RedrawTimer::new(actor.params.frames_per_second);
+    let (mailbox, _) = host.spawn(actor, QUEUE);
     if host.role() == role::RENDER_VIEW {
         tokio::spawn(async move {
             let mut state = state;
@@ -135,8 +135,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
                 // Newest value: revisions that pass while a picture is drawn are skipped, and counted.
                 tokio::select! {
                     changed = state.changed() => if changed.is_err() { break },
-                    changed = shown.changed() => if changed.is_err() { break },
-                    () = pace.due() => {}
+                    changed = preview_feed.changed() => if changed.is_err() { break },
+                    () = redraw_timer.due() => {}
                 }
                 let context = state.borrow_and_update().context.clone();
                 let (done, drawn) = tokio::sync::oneshot::channel();
@@ -162,9 +162,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
 }
 
 /// When the view draws although nothing changed.
-struct Pace(Option<Interval>);
+struct RedrawTimer(Option<Interval>);
 
-impl Pace {
+impl RedrawTimer {
     fn new(per_second: f64) -> Self {
         Self((per_second > 0.0).then(|| {
             let mut interval = tokio::time::interval(Duration::from_secs_f64(1.0 / per_second));
@@ -185,33 +185,33 @@ impl Pace {
 enum Message {
     /// Draw the shared viewpoint as it is now.
     View { context: Context, done: tokio::sync::oneshot::Sender<()> },
-    /// Say what is in front.
+    /// Pick the front Gaussian.
     Pick { request: proto::PickRequest, context: Context, reply: Reply<proto::PickReply> },
     /// Draw a picture on request.
     Capture { request: proto::CaptureRequest, context: Context, reply: Reply<proto::Frame> },
 }
 
 /// Draws, one picture at a time.
-struct Painter {
+struct RenderActor {
     bus: Bus,
     blobs: Blobs,
     engine: Engine,
-    state: watch::Receiver<Followed>,
+    state: watch::Receiver<SceneReplica>,
     /// All of a picture is made in it, so that none of that work keeps a hand waiting.
     pool: Arc<rayon::ThreadPool>,
     owned: Owned<proto::State>,
-    told: proto::State,
-    clusters: Clusters,
-    /// What will be selected as soon as it is durable.
-    shown: watch::Receiver<Option<Preview>>,
+    status: proto::State,
+    clusters: ClusterLabels,
+    /// The newest preview of the selection.
+    preview_feed: watch::Receiver<Option<Preview>>,
     params: Params,
 }
 
-/// What may be seen of the painter.
+/// The actor's state for logs.
 #[derive(Clone)]
-struct Seen(proto::State);
+struct RenderStatus(proto::State);
 
-impl fmt::Display for Seen {
+impl fmt::Display for RenderStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let proto::State { revision, frames, skipped_revisions, render_ms, engine, .. } = &self.0;
         write!(
@@ -221,16 +221,16 @@ impl fmt::Display for Seen {
     }
 }
 
-impl Actor for Painter {
+impl Actor for RenderActor {
     type Message = Message;
-    type State = Seen;
+    type State = RenderStatus;
 
     fn name(&self) -> &'static str {
         "painter"
     }
 
-    fn state(&self) -> Seen {
-        Seen(self.told.clone())
+    fn state(&self) -> RenderStatus {
+        RenderStatus(self.status.clone())
     }
 
     async fn handle(&mut self, message: Message) -> Result<(), String> {
@@ -253,7 +253,7 @@ impl Actor for Painter {
     }
 }
 
-impl Painter {
+impl RenderActor {
     /// Draws the shared viewpoint and tells of it; a picture that cannot be drawn or kept is logged, the next may succeed.
     async fn draw_view(&mut self, context: &Context) {
         let request = proto::CaptureRequest {
@@ -275,13 +275,13 @@ impl Painter {
         };
         let (state, highlighted) = {
             let newest = self.state.borrow();
-            (Arc::clone(&newest.state), newest.highlighted(self.shown.borrow_and_update().as_ref()))
+            (Arc::clone(&newest.state), newest.highlighted(self.preview_feed.borrow_and_update().as_ref()))
         };
-        let frame = match self.work(|painter| painter.draw(&state, &request, highlighted, None)) {
+        let frame = match self.work(|actor| actor.draw(&state, &request, highlighted, None)) {
             Ok(frame) => frame,
             Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
         };
-        self.tell(&frame, context).await;
+        self.publish_status(&frame, context).await;
         if let Err(fault) = self.bus.publish(&keys::VIEW_FRAME, &frame, &context.next()).await {
             tracing::warn!(%fault, "a picture could not be announced");
         }
@@ -289,26 +289,28 @@ impl Painter {
 
     async fn capture(&mut self, request: &proto::CaptureRequest, context: &Context) -> Result<proto::Frame, Fault> {
         let state = self.at_least(request.at_least_revision, context).await?;
-        let labels = match showing(request) {
-            Showing::Clusters | Showing::FirstComponent | Showing::Outlines => Some(self.labels(context).await?),
+        let labels = match display_mode(request) {
+            DisplayMode::Clusters | DisplayMode::FirstComponent | DisplayMode::Outlines => {
+                Some(self.labels(context).await?)
+            }
             _ => None,
         };
         let selected = Arc::clone(state.selection().mask());
-        let mut frame = self.work(|painter| painter.draw(&state, request, selected, labels.as_deref()))?;
+        let mut frame = self.work(|actor| actor.draw(&state, request, selected, labels.as_deref()))?;
         if request.measure_units {
-            frame.units = self.work(|painter| painter.measure(&state, request))?;
+            frame.units = self.work(|actor| actor.measure(&state, request))?;
         }
-        self.tell(&frame, context).await;
+        self.publish_status(&frame, context).await;
         Ok(frame)
     }
 
-    /// What is in front at a place or along a ray.
+    /// Picks the front Gaussian at a pixel or along a ray.
     async fn pick(&mut self, request: &proto::PickRequest, context: &Context) -> Result<proto::PickReply, Fault> {
         let state = self.at_least(request.at_least_revision, context).await?;
-        let hit = self.work(|painter| picked::pick(painter.engine.scene(), &state, request))?;
+        let hit = self.work(|actor| pick::pick(actor.engine.scene(), &state, request))?;
         // A scene without a selection process has no clusters, and is picked in all the same.
         let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
-        Ok(picked::reply(&state, hit, labels.as_deref()))
+        Ok(pick::reply(&state, hit, labels.as_deref()))
     }
 
     /// The newest state, once it is at least of this revision.
@@ -326,15 +328,15 @@ impl Painter {
         self.clusters.newest(&self.bus, &self.blobs, gaussians, context).await
     }
 
-    async fn tell(&mut self, frame: &proto::Frame, context: &Context) {
-        let passed = frame.revision.saturating_sub(self.told.revision + 1);
-        if self.told.frames > 0 {
-            self.told.skipped_revisions += passed;
+    async fn publish_status(&mut self, frame: &proto::Frame, context: &Context) {
+        let passed = frame.revision.saturating_sub(self.status.revision + 1);
+        if self.status.frames > 0 {
+            self.status.skipped_revisions += passed;
         }
-        self.told.revision = frame.revision;
-        self.told.frames += 1;
-        self.told.render_ms = frame.render_ms;
-        if let Err(fault) = self.owned.set(self.told.clone(), &context.next()).await {
+        self.status.revision = frame.revision;
+        self.status.frames += 1;
+        self.status.render_ms = frame.render_ms;
+        if let Err(fault) = self.owned.set(self.status.clone(), &context.next()).await {
             tracing::warn!(%fault, "the state could not be published");
         }
     }
@@ -379,12 +381,12 @@ impl Painter {
             proto::Quality::Unspecified | proto::Quality::Standard => Quality::Standard,
             proto::Quality::Fast => Quality::Fast,
         };
-        let showing = showing(request);
+        let display_mode = display_mode(request);
         let (colors, legend) =
-            colors_of(self.engine.scene(), labels, showing).map_err(|e| Fault::invalid(e.to_string()))?;
+            colors_of(self.engine.scene(), labels, display_mode).map_err(|e| Fault::invalid(e.to_string()))?;
         look.colors = colors;
         let Rendered { mut image, .. } = self.render(&look, &camera, Options { quality, projection })?;
-        if let (Showing::Outlines, Some(labels)) = (showing, labels) {
+        if let (DisplayMode::Outlines, Some(labels)) = (display_mode, labels) {
             let front = front_ids(self.engine.scene(), &look, &camera, projection, SURFACE);
             let (ids, _) = front.map_err(|e| Fault::invalid(e.to_string()))?;
             let drawn = draw_outlines(&mut image, &ids, labels, OutlineStyle::default());
@@ -414,7 +416,7 @@ impl Painter {
             coverage: covered(&image, look.background).0,
             units: Vec::new(),
             png_hash,
-            legend: legend.map(|l| asked::legend(showing, &l)),
+            legend: legend.map(|l| decode::legend(display_mode, &l)),
         })
     }
 
@@ -425,7 +427,7 @@ impl Painter {
         })?;
         if let Some(trouble) = self.engine.take_trouble() {
             tracing::warn!("{trouble}; the cores draw");
-            self.told.engine = self.engine.name();
+            self.status.engine = self.engine.name();
         }
         let StageSeconds { preprocess, sort, bin, raster, .. } = drawn.report.seconds;
         for (pass, seconds) in [("preprocess", preprocess), ("sort", sort), ("bin", bin), ("raster", raster)] {
@@ -462,20 +464,20 @@ impl Painter {
 
 /// The camera that a request is drawn with.
 fn camera_of(state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
-    asked::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))
+    decode::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))
 }
 
 /// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one
 /// that hides the rest.
 fn alone(state: &EditState, names: &[String]) -> Result<Appearance, Fault> {
-    let mut shown = Mask::empty(state.count());
+    let mut hidden = Mask::empty(state.count());
     for name in names {
         let unit = state.find(name).map_err(|e| Fault::new(e.code(), e.to_string()).with_details(e.details()))?;
-        shown.union_with(&state.members(unit));
+        hidden.union_with(&state.members(unit));
     }
-    shown.invert();
+    hidden.invert();
     let mut look = state.appearance();
-    look.units.push(UnitAppearance { mask: Arc::new(shown), color: None, opacity: 1.0, visible: false });
+    look.units.push(UnitAppearance { mask: Arc::new(hidden), color: None, opacity: 1.0, visible: false });
     Ok(look)
 }
 

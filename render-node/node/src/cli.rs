@@ -22,15 +22,15 @@ use sg_scene::camera::Camera;
 use sg_scene::framing;
 use sg_scene::model::{Convention, Scene, ShadingModel};
 
+mod failure;
 mod show;
 
-/// Exit status for arguments or input that are wrong.
-const WRONG_INPUT: u8 = 2;
+use failure::Failure;
 
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;
 
-/// What to draw, how, and where to.
+/// Arguments of the render command.
 // One flat list: clap's derive takes an optional group of arguments for absent where it has another group within.
 #[derive(Debug, Args)]
 pub(crate) struct Picture {
@@ -49,7 +49,7 @@ pub(crate) struct Picture {
     /// Height in pixels of a framed view [default: 1024].
     #[arg(long, conflicts_with = "camera", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     height: Option<u32>,
-    /// What draws.
+    /// The renderer.
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
     /// How a graphics device blends.
@@ -122,7 +122,7 @@ pub(crate) struct Picture {
     /// Share of the highlight colour, 0 to 1.
     #[arg(long, requires = "mask", default_value_t = 0.5, value_parser = share)]
     mask_mix: f32,
-    /// Factor on the opacity of what is highlighted.
+    /// Factor on the opacity of the highlighted Gaussians.
     #[arg(long, requires = "mask", default_value_t = 1.0, value_parser = factor)]
     mask_opacity: f32,
     /// Print a report as JSON on standard output.
@@ -196,7 +196,7 @@ enum ConventionName {
     HeadActivated,
 }
 
-/// What `--json` prints.
+/// The JSON report.
 #[derive(Debug, Serialize)]
 struct PictureReport<'a> {
     out: &'a Path,
@@ -214,23 +214,7 @@ struct PictureReport<'a> {
     report: Report,
 }
 
-/// An error line and the exit status that goes with it.
-struct Failure {
-    status: u8,
-    line: String,
-}
-
-impl Failure {
-    fn input(error: impl std::fmt::Display) -> Self {
-        Self { status: WRONG_INPUT, line: error.to_string() }
-    }
-
-    fn work(error: impl std::fmt::Display) -> Self {
-        Self { status: 1, line: error.to_string() }
-    }
-}
-
-/// Draws one picture and says what went wrong.
+/// Draws one picture; prints errors.
 pub(crate) fn run(picture: &Picture) -> ExitCode {
     match draw(picture) {
         Ok(()) => ExitCode::SUCCESS,
@@ -267,7 +251,13 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         TermName::Specular => ShadingTerm::Specular,
     };
     let labels = picture.clusters.as_deref().map(|path| show::read_labels(path, &scene)).transpose()?;
-    let legend = show::colors(picture, &scene, labels.as_deref(), &mut appearance)?;
+    let legend = match picture.show {
+        Some(shown) => {
+            let options = show::ColorOptions { map: picture.color_map, range: picture.range, seed: picture.seed };
+            show::colors(shown, &options, (&scene, labels.as_deref()), &mut appearance)?
+        }
+        None => None,
+    };
     let projection = match picture.projection {
         ProjectionName::Affine => Projection::Affine,
         ProjectionName::PerRay => Projection::PerRay,
@@ -279,7 +269,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     };
     let options = Options { quality, projection };
     let backend = match picture.backend {
-        // No device has to be opened for what it does not draw.
+        // No device is opened for options that it cannot draw.
         _ if !options.drawn_by_devices() => Backend::Cpu,
         BackendName::Auto => Backend::Auto,
         BackendName::Cpu => Backend::Cpu,

@@ -17,12 +17,12 @@ const SELECTION_WAIT: Duration = Duration::from_millis(500);
 
 /// The newest clusters that are known.
 #[derive(Default)]
-pub(super) struct Clusters {
+pub(super) struct ClusterLabels {
     hash: String,
     labels: Option<Arc<[u32]>>,
 }
 
-impl Clusters {
+impl ClusterLabels {
     /// The Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none; read again only where the selection has others.
     ///
     /// # Errors

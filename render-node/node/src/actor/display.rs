@@ -13,35 +13,35 @@ use sg_runtime::bus::Owned;
 use sg_runtime::context::Context;
 use sg_runtime::process::{Host, StartError};
 use sg_scene::model::Scene;
-use sg_viewer::display::{News, Seat, Service, Shown, Tools};
+use sg_viewer::display::{Backend, StateWriter, Tools, ViewPort, ViewState};
 #[cfg(feature = "xr")]
 use sg_viewer::hands::Stance;
-use sg_viewer::room::{self, Room};
-use sg_viewer::window::{self, Memory, Setup};
+use sg_viewer::vr::{self, VrView};
+use sg_viewer::window::{self, Settings, Setup};
 use sg_viewer::xr::{Headset, Options, XrError};
 use tokio::sync::{oneshot, watch};
 
-use super::following::Followed;
 use super::params::{Display, Params};
-use super::patience::{Holds, Watch};
-use super::{errands, news};
+use super::scene_replica::SceneReplica;
+use super::watchdog::{BlockedCall, LoopWatchdog};
+use super::{request_executor, state_sync};
 
 /// How long a window may take to open: a software device compiles its shaders.
-const OPENS: Duration = Duration::from_secs(60);
+const OPEN_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// How long a display may take to close.
-const CLOSES: Duration = Duration::from_secs(2);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// How often the state of the display is told.
-const TELLS: Duration = Duration::from_secs(1);
+const REPORT_PERIOD: Duration = Duration::from_secs(1);
 
 /// How long a headset is looked for that an earlier process of this stack had, before a window takes its place.
 #[cfg(feature = "xr")]
-const COMES_BACK: Duration = Duration::from_secs(20);
+const HEADSET_RETRY_TIME: Duration = Duration::from_secs(20);
 
 /// File of the session's folder that says which stack has had a headset.
 #[cfg(feature = "xr")]
-const STOOD: &str = "headset";
+const HEADSET_MARKER: &str = "headset";
 
 /// Opens a headset or a window over the scene and serves it until it is closed, which ends the process.
 ///
@@ -50,65 +50,66 @@ const STOOD: &str = "headset";
 pub(super) async fn open(
     host: &Host,
     scene: Scene,
-    state: watch::Receiver<Followed>,
+    state: watch::Receiver<SceneReplica>,
     params: &Params,
 ) -> Result<(), StartError> {
-    let first = Shown::of(Arc::clone(&state.borrow().state));
-    let told = State { gaussians: scene.len() as u64, display: params.display.name().to_owned(), ..State::default() };
-    let owned = host.bus().own(&keys::VIEW_STATE, told.clone()).await?;
-    let (seat, service) = Seat::new(first);
-    let Service { news, requests } = service;
-    let (there, is_there) = oneshot::channel();
+    let first = ViewState::of(Arc::clone(&state.borrow().state));
+    let state_message =
+        State { gaussians: scene.len() as u64, display: params.display.name().to_owned(), ..State::default() };
+    let owned = host.bus().own(&keys::VIEW_STATE, state_message.clone()).await?;
+    let (view_port, service) = ViewPort::new(first);
+    let Backend { writer, requests } = service;
+    let (opened_sender, opened_receiver) = oneshot::channel();
     let run_dir = host.run_dir().to_owned();
-    let before = Before { scene: Arc::new(scene), seat, params: params.clone(), run_dir, there };
-    let (ended, thread) = run(host.clone(), before, &news)?;
-    let Opened { display, holds } = tokio::select! {
-        opened = is_there => match opened {
+    let setup = DisplaySetup { scene: Arc::new(scene), view_port, params: params.clone(), run_dir, opened_sender };
+    let (ended, thread) = run(host.clone(), setup, &writer)?;
+    let OpenDisplay { display, blocked_call } = tokio::select! {
+        opened = opened_receiver => match opened {
             Ok(opened) => opened,
-            Err(_) => return Err(why(ended.await)),
+            Err(_) => return Err(open_error(ended.await)),
         },
-        () = tokio::time::sleep(OPENS) => {
-            return Err(StartError::Failed(format!("nothing was there to look at within {} s", OPENS.as_secs())));
+        () = tokio::time::sleep(OPEN_TIMEOUT) => {
+            return Err(StartError::Failed(format!("nothing was there to look at within {} s", OPEN_TIMEOUT.as_secs())));
         }
     };
     drop(ended);
-    let told = State { display: display.name().to_owned(), ..told };
-    news::follow(host, state, &news).await?;
-    errands::run(host.bus().clone(), requests, news.clone())
+    let state_message = State { display: display.name().to_owned(), ..state_message };
+    state_sync::follow(host, state, &writer).await?;
+    request_executor::run(host.bus().clone(), requests, writer.clone())
         .map_err(|e| StartError::Failed(format!("no thread for what is asked for: {e}")))?;
-    let watch = Watch::new(holds, Duration::from_secs_f64(params.patience));
-    tokio::spawn(tell(host.clone(), owned, told, Ending { news, thread }, watch));
+    let loop_watchdog = LoopWatchdog::new(blocked_call, Duration::from_secs_f64(params.patience));
+    tokio::spawn(tell(host.clone(), owned, state_message, CloseOnDrop { writer, thread }, loop_watchdog));
     Ok(())
 }
 
-/// What a display's thread begins with.
-struct Before {
+/// Input of the display's thread.
+struct DisplaySetup {
     scene: Arc<Scene>,
-    seat: Seat,
+    view_port: ViewPort,
     params: Params,
     /// Folder of the session.
     run_dir: PathBuf,
-    /// Who waits for what was opened.
-    there: oneshot::Sender<Opened>,
+    /// Receives the opened display.
+    opened_sender: oneshot::Sender<OpenDisplay>,
 }
 
 /// A display that is there.
-struct Opened {
+struct OpenDisplay {
     display: Display,
-    holds: Holds,
+    blocked_call: BlockedCall,
 }
 
 /// Starts the display's thread; why it did not open, while somebody waits for that.
 fn run(
     host: Host,
-    before: Before,
-    news: &News,
+    setup: DisplaySetup,
+    writer: &StateWriter,
 ) -> Result<(oneshot::Receiver<Option<StartError>>, JoinHandle<()>), StartError> {
     let (ending, ended) = oneshot::channel();
-    let news = news.clone();
+    let writer = writer.clone();
     let body = move || {
-        let _broken = Broken(host.clone());
-        let outcome = see(before, &news).err();
+        let _broken = PanicGuard(host.clone());
+        let outcome = run_display(setup, &writer).err();
         // Who waits for it to open ends the process as a failure if it did not; nobody waits once it has opened.
         match ending.send(outcome) {
             Ok(()) => (),
@@ -125,9 +126,9 @@ fn run(
 }
 
 /// Ends the process as failed where the display's thread breaks off: what it was there for is gone.
-struct Broken(Host);
+struct PanicGuard(Host);
 
-impl Drop for Broken {
+impl Drop for PanicGuard {
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.0.fail("the display broke off; what it said stands before this".to_owned());
@@ -136,28 +137,28 @@ impl Drop for Broken {
 }
 
 /// Serves the headset, or the window where that was asked for or there is none.
-fn see(before: Before, news: &News) -> Result<(), StartError> {
-    if before.params.display == Display::Headset {
-        match find(&before)? {
-            Ok(headset) => return stand(before, headset),
+fn run_display(setup: DisplaySetup, writer: &StateWriter) -> Result<(), StartError> {
+    if setup.params.display == Display::Headset {
+        match open_headset(&setup)? {
+            Ok(headset) => return run_headset(setup, headset),
             Err(why) => {
                 tracing::warn!("the window takes the headset's place: {why}");
-                news.notice(why, false);
+                writer.notice(why, false);
             }
         }
     }
-    window(before)
+    run_window(setup)
 }
 
 /// The headset, if there is one; else why not. A headset that an earlier process of this stack has had is waited for.
 #[cfg(feature = "xr")]
-fn find(before: &Before) -> Result<Result<Headset, String>, StartError> {
-    let params = &before.params;
+fn open_headset(setup: &DisplaySetup) -> Result<Result<Headset, String>, StartError> {
+    let params = &setup.params;
     let stance = if params.seated { Stance::Seated } else { Stance::Standing };
     let options = Options { resolution: params.resolution, stance, ..Options::default() };
     let stack = std::os::unix::process::parent_id().to_string();
-    let marker = before.run_dir.join(STOOD);
-    let stood = std::fs::read_to_string(&marker).is_ok_and(|said| said == stack);
+    let marker = setup.run_dir.join(HEADSET_MARKER);
+    let had_headset = std::fs::read_to_string(&marker).is_ok_and(|said| said == stack);
     let begun = Instant::now();
     loop {
         match Headset::open(options) {
@@ -171,8 +172,8 @@ fn find(before: &Before) -> Result<Result<Headset, String>, StartError> {
                 return Ok(Ok(headset));
             }
             // It is still there and may go on: the next process asks it anew.
-            Err(error @ XrError::Silent { .. }) if stood => return Err(StartError::Failed(error.to_string())),
-            Err(error) if !stood || begun.elapsed() > COMES_BACK => return Ok(Err(error.to_string())),
+            Err(error @ XrError::Silent { .. }) if had_headset => return Err(StartError::Failed(error.to_string())),
+            Err(error) if !had_headset || begun.elapsed() > HEADSET_RETRY_TIME => return Ok(Err(error.to_string())),
             Err(_) => std::thread::sleep(options.retry_pause),
         }
     }
@@ -180,49 +181,50 @@ fn find(before: &Before) -> Result<Result<Headset, String>, StartError> {
 
 /// Lets a person stand in the room with the scene until they leave.
 #[cfg(feature = "xr")]
-fn stand(before: Before, mut headset: Headset) -> Result<(), StartError> {
-    let Before { scene, mut seat, params, there, .. } = before;
-    let opened = PathBuf::from(&seat.newest().scene.geometry().path);
+fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartError> {
+    let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
+    let opened = PathBuf::from(&view_port.newest().scene.geometry().path);
     let Params { seated, left_handed, mirror, .. } = params;
     let tools = Tools { seated, left_handed, ..tools(&params) };
-    let room = Room::new(room::Setup { scene, seat, tools, opened, mirror }, &headset);
-    let held = headset.held();
-    // Nobody waits any more once that was given up.
-    let _ = there.send(Opened { display: Display::Headset, holds: Box::new(move || held.now()) });
-    room.serve(&mut headset).map_err(|e| StartError::Failed(e.to_string()))
+    let view = VrView::new(vr::Setup { scene, view_port, tools, opened, mirror }, &headset);
+    let watchdog = headset.watchdog();
+    // After a timeout the receiver is gone.
+    let _ = opened_sender
+        .send(OpenDisplay { display: Display::Headset, blocked_call: Box::new(move || watchdog.blocked_call()) });
+    view.serve(&mut headset).map_err(|e| StartError::Failed(e.to_string()))
 }
 
 /// This executable was built without OpenXR.
 #[cfg(not(feature = "xr"))]
-fn find(_: &Before) -> Result<Result<std::convert::Infallible, String>, StartError> {
+fn open_headset(_: &DisplaySetup) -> Result<Result<std::convert::Infallible, String>, StartError> {
     Ok(Err("this executable was built without the feature `xr`".to_owned()))
 }
 
 #[cfg(not(feature = "xr"))]
-fn stand(_: Before, headset: std::convert::Infallible) -> Result<(), StartError> {
+fn run_headset(_: DisplaySetup, headset: std::convert::Infallible) -> Result<(), StartError> {
     match headset {}
 }
 
-fn window(before: Before) -> Result<(), StartError> {
-    let Before { scene, mut seat, params, there, .. } = before;
-    let title = format!("Super-Gaussian: {}", seat.newest().scene.geometry().path);
+fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
+    let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
+    let title = format!("Super-Gaussian: {}", view_port.newest().scene.geometry().path);
     let engine = Engine::new(Scene::clone(&scene), params.backend, params.rasterizer)
         .map_err(|e| StartError::Input(e.to_string()))?;
-    let setup = Setup {
+    let window_setup = Setup {
         scene,
         engine,
-        seat,
+        view_port,
         title,
         tools: tools(&params),
         quality: params.quality,
         copies: params.copies,
-        memory: Memory::place(),
+        settings: Settings::default_path(),
         pictures: params.pictures.unwrap_or_else(pictures),
         opened: Box::new(move || {
-            let _ = there.send(Opened { display: Display::Window, holds: Box::new(|| None) });
+            let _ = opened_sender.send(OpenDisplay { display: Display::Window, blocked_call: Box::new(|| None) });
         }),
     };
-    window::run(setup).map_err(|e| StartError::Input(e.to_string()))
+    window::run(window_setup).map_err(|e| StartError::Input(e.to_string()))
 }
 
 /// The settings of a display as the launch file has them.
@@ -237,7 +239,7 @@ fn tools(params: &Params) -> Tools {
     }
 }
 
-fn why(ended: Result<Option<StartError>, oneshot::error::RecvError>) -> StartError {
+fn open_error(ended: Result<Option<StartError>, oneshot::error::RecvError>) -> StartError {
     ended.ok().flatten().unwrap_or_else(|| StartError::Failed("the display did not open".to_owned()))
 }
 
@@ -248,36 +250,42 @@ fn pictures() -> PathBuf {
 }
 
 /// Closes the display with the process: one that went on to draw while its driver is taken away would crash.
-struct Ending {
-    news: News,
+struct CloseOnDrop {
+    writer: StateWriter,
     thread: JoinHandle<()>,
 }
 
-impl Drop for Ending {
+impl Drop for CloseOnDrop {
     fn drop(&mut self) {
-        self.news.end();
+        self.writer.close();
         let begun = Instant::now();
-        while !self.thread.is_finished() && begun.elapsed() < CLOSES {
+        while !self.thread.is_finished() && begun.elapsed() < CLOSE_TIMEOUT {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
 }
 
 /// Tells how the display keeps up and whether it goes on, for as long as it is there.
-async fn tell(host: Host, owned: Owned<State>, mut told: State, ending: Ending, mut watch: Watch) {
+async fn tell(
+    host: Host,
+    owned: Owned<State>,
+    mut state_message: State,
+    ending: CloseOnDrop,
+    mut loop_watchdog: LoopWatchdog,
+) {
     loop {
-        tokio::time::sleep(TELLS).await;
-        if let Some(reason) = watch.look() {
+        tokio::time::sleep(REPORT_PERIOD).await;
+        if let Some(reason) = loop_watchdog.check() {
             host.fail(reason);
         }
-        let now = ending.news.pace();
-        told.revision = now.revision;
-        (told.frames, told.shown, told.late) = (now.pictures, now.frames, now.late);
-        told.render_ms = 1e3 * now.seconds;
+        let now = ending.writer.frame_stats();
+        state_message.revision = now.revision;
+        (state_message.frames, state_message.shown, state_message.late) = (now.pictures, now.frames, now.late);
+        state_message.render_ms = 1e3 * now.seconds;
         if !now.engine.is_empty() {
-            told.engine = now.engine;
+            state_message.engine = now.engine;
         }
-        if let Err(fault) = owned.set(told.clone(), &Context::root()).await {
+        if let Err(fault) = owned.set(state_message.clone(), &Context::root()).await {
             tracing::warn!(%fault, "{} could not be published", keys::VIEW_STATE.name);
         }
     }

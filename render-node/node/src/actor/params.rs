@@ -104,7 +104,7 @@ impl Default for Params {
 }
 
 impl Params {
-    /// In words, what cannot be.
+    /// The first invalid parameter, as text.
     pub(super) fn check(&self) -> Result<(), String> {
         let side = 1..=limits::MAX_PICTURE_PIXELS;
         if !side.contains(&self.width) || !side.contains(&self.height) {

@@ -47,7 +47,7 @@ mod tests {
         let got = changed(&mask, &[3, 4, 9, 2]);
         assert_eq!(got.ones().collect::<Vec<_>>(), [0, 1, 2, 5, 6, 16, 17]);
         assert_eq!(changed(&mask, &[]), mask);
-        // What reaches past the end, or has no length, does no harm.
+        // Runs past the end or without length are ignored.
         assert_eq!(changed(&mask, &[18, 40, 3]).ones().count(), 7);
         assert_eq!(changed(&mask, &[u32::MAX, u32::MAX]), mask);
     }

@@ -12,9 +12,9 @@ use sg_raster::structure::{ClusterColoring, cluster_colors, labels_of};
 use sg_scene::appearance::Appearance;
 use sg_scene::model::Scene;
 
-use super::{Failure, Picture};
+use super::failure::Failure;
 
-/// What colours say.
+/// Attributes that `--show` draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum Shown {
     /// Super-Gaussians in random colours, neighbours in different ones
@@ -50,7 +50,7 @@ impl From<MapName> for ColorMap {
     }
 }
 
-/// What the colours of numbers mean.
+/// Legend of the colours.
 #[derive(Debug, Serialize)]
 pub(super) struct LegendReport {
     attribute: &'static str,
@@ -67,7 +67,7 @@ impl fmt::Display for LegendReport {
     }
 }
 
-/// What is in front at a pixel.
+/// The front Gaussian at a pixel.
 #[derive(Debug, Serialize)]
 pub(super) struct HitReport {
     gaussian: u32,
@@ -82,7 +82,7 @@ impl From<Hit> for HitReport {
 }
 
 impl HitReport {
-    /// What a person is told.
+    /// The line on standard error.
     pub(super) fn line(hit: Option<&Hit>) -> String {
         match hit {
             Some(Hit { gaussian, depth, point }) => {
@@ -102,15 +102,23 @@ pub(super) fn read_labels(path: &Path, scene: &Scene) -> Result<Vec<u32>, Failur
     labels_of(labels, scene.len()).map_err(|e| Failure::input(format!("{}: {e}", path.display())))
 }
 
+/// Options of `--show`.
+pub(super) struct ColorOptions {
+    pub(super) map: MapName,
+    /// Numbers at the ends of the colour map.
+    pub(super) range: Option<[f64; 2]>,
+    /// Seed of random colours.
+    pub(super) seed: u64,
+}
+
 /// Puts the colours asked for into the look of the scene.
 pub(super) fn colors(
-    picture: &Picture,
-    scene: &Scene,
-    labels: Option<&[u32]>,
+    shown: Shown,
+    options: &ColorOptions,
+    (scene, labels): (&Scene, Option<&[u32]>),
     appearance: &mut Appearance,
 ) -> Result<Option<LegendReport>, Failure> {
-    let Some(shown) = picture.show else { return Ok(None) };
-    let map = ColorMap::from(picture.color_map);
+    let map = ColorMap::from(options.map);
     let attribute = match shown {
         Shown::Clusters | Shown::FirstComponent => {
             let labels = labels.ok_or_else(|| {
@@ -118,12 +126,12 @@ pub(super) fn colors(
                     "--show of Super-Gaussians needs --clusters LABELS.npy, from `supergaussian selection cluster`",
                 )
             })?;
-            if picture.range.is_some() {
+            if options.range.is_some() {
                 return Err(Failure::input("--range goes with numbers; Super-Gaussians have none"));
             }
             let coloring = match shown {
                 Shown::FirstComponent => ClusterColoring::FirstComponent(map),
-                _ => ClusterColoring::Random { seed: picture.seed },
+                _ => ClusterColoring::Random { seed: options.seed },
             };
             appearance.colors = Some(cluster_colors(scene, labels, coloring).map_err(Failure::input)?);
             return Ok(None);
@@ -135,7 +143,7 @@ pub(super) fn colors(
         Shown::Normal => Attribute::Normal,
         Shown::PrincipalAxis => Attribute::PrincipalAxis,
     };
-    let range = picture.range.map(|[low, high]| (low, high));
+    let range = options.range.map(|[low, high]| (low, high));
     let AttributeColors { colors, legend } = attribute_colors(scene, attribute, map, range).map_err(Failure::input)?;
     appearance.colors = Some(colors);
     let report =

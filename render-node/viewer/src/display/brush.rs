@@ -3,7 +3,7 @@
 //!
 //! Hits are found here, so that what is seen follows the hand in the same frame: for single Gaussians and whole
 //! Super-Gaussians that is all there is to it, for a walk it is what the stroke seeds, and the region follows with the
-//! selection's own answer ([`super::Shown::selected`]).
+//! selection's own answer ([`super::ViewState::selected`]).
 
 use std::sync::Arc;
 
@@ -15,7 +15,8 @@ use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_selection::brush::{Brush, OpenStroke};
 
-use super::{BrushMode, Request, Tools};
+use super::request::Request;
+use super::tools::{BrushMode, Tools};
 use sg_raster::structure::NO_CLUSTER;
 
 /// Least way between two samples, as a share of the brush's radius: closer ones hit nothing new.
@@ -23,7 +24,7 @@ const STEP: f64 = 0.25;
 
 /// Which way a stroke acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sense {
+pub enum BrushSign {
     /// It adds to the selection.
     Add,
     /// It takes away.
@@ -32,7 +33,7 @@ pub enum Sense {
 
 /// Where a brush is, in the scene frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tip {
+pub struct BrushSample {
     /// Its middle, scene coordinates.
     pub at: DVec3,
     /// Factor on its radius, such as from a trigger's pressure; 1 without.
@@ -41,23 +42,23 @@ pub struct Tip {
 
 /// A brush over one scene.
 #[derive(Debug)]
-pub struct Hand {
+pub struct BrushController {
     brush: Arc<Brush>,
     bounds: SceneBox,
     gaussians: usize,
     strokes: u64,
-    /// What tells this hand's strokes from those of others.
+    /// Prefix of this brush's stroke ids.
     name: String,
-    under_way: Option<UnderWay>,
+    active: Option<ActiveStroke>,
     /// Where the surface under the brush is seen from, where it is brushed over from somewhere.
     pub eye: Option<DVec3>,
 }
 
 #[derive(Debug)]
-struct UnderWay {
+struct ActiveStroke {
     id: String,
     mode: BrushMode,
-    sense: Sense,
+    sign: BrushSign,
     /// Fraction of the box's longest edge.
     radius: f64,
     pressed: bool,
@@ -66,16 +67,16 @@ struct UnderWay {
     pressure: Vec<f64>,
     depth: Option<StrokeDepth>,
     /// Samples that have been told.
-    told: usize,
+    sent: usize,
     last: Option<DVec3>,
 }
 
-impl Hand {
+impl BrushController {
     /// A hand over a scene; `name` tells it from other hands of the session.
     #[must_use]
     pub fn new(scene: &Scene, brush: Arc<Brush>, name: impl Into<String>) -> Self {
         let (bounds, gaussians) = (scene.bounds, scene.len());
-        Self { brush, bounds, gaussians, strokes: 0, name: name.into(), under_way: None, eye: None }
+        Self { brush, bounds, gaussians, strokes: 0, name: name.into(), active: None, eye: None }
     }
 
     /// The radius in the scene's length unit.
@@ -84,91 +85,91 @@ impl Hand {
         tools.radius * self.bounds.longest_edge()
     }
 
-    /// What a brush over a surface does not reach, where that is limited.
+    /// Depth limit behind the surface, if one is set.
     fn behind(&self, tools: &Tools) -> Option<Behind> {
-        let most = tools.depth.clamp(0.0, 1.0) * self.radius(tools);
-        self.eye.filter(|_| tools.limited).map(|eye| Behind { eye, most })
+        let most = tools.brush_depth.clamp(0.0, 1.0) * self.radius(tools);
+        self.eye.filter(|_| tools.front_only).map(|eye| Behind { eye, most })
     }
 
     /// Whether a stroke is being drawn.
     #[must_use]
-    pub fn draws(&self) -> bool {
-        self.under_way.is_some()
+    pub fn is_drawing(&self) -> bool {
+        self.active.is_some()
     }
 
     /// Gaussians that the stroke under way has hit.
     #[must_use]
     pub fn hits(&self) -> usize {
-        self.under_way.as_ref().map_or(0, |s| s.open.hits().len())
+        self.active.as_ref().map_or(0, |s| s.open.hits().len())
     }
 
-    /// What would be selected if the brush were pressed at `tip`: with `selected` as it is, for whoever shows it.
+    /// The selection if the brush were pressed at `sample`.
     #[must_use]
     pub fn would_select(
         &self,
         tools: &Tools,
-        tip: Tip,
-        sense: Sense,
+        sample: BrushSample,
+        sign: BrushSign,
         selected: &Mask,
         clusters: Option<&[u32]>,
     ) -> Mask {
-        let radius = self.radius(tools) * tip.pressure.max(0.0);
-        let hits = self.brush.hits_seen(&[tip.at], radius, &[], self.behind(tools));
-        changed(selected, &hits, tools.mode, sense, clusters)
+        let radius = self.radius(tools) * sample.pressure.max(0.0);
+        let hits = self.brush.hits_seen(&[sample.at], radius, &[], self.behind(tools));
+        changed(selected, &hits, tools.mode, sign, clusters)
     }
 
     /// Presses the brush and gives the first sample.
-    pub fn press(&mut self, tools: &Tools, tip: Tip, sense: Sense) {
+    pub fn press(&mut self, tools: &Tools, sample: BrushSample, sign: BrushSign) {
         self.strokes += 1;
         let behind = self.behind(tools);
         let depth = behind.map(|Behind { eye, .. }| StrokeDepth {
             eye: self.bounds.normalize(eye).to_array().to_vec(),
-            behind: tools.depth.clamp(0.0, 1.0) * tools.radius,
+            behind: tools.brush_depth.clamp(0.0, 1.0) * tools.radius,
         });
-        self.under_way = Some(UnderWay {
+        self.active = Some(ActiveStroke {
             id: format!("{}-{}", self.name, self.strokes),
             mode: tools.mode,
-            sense,
+            sign,
             radius: tools.radius,
             pressed: tools.pressure,
             open: OpenStroke::new(self.gaussians, self.radius(tools)).seen(behind),
             points: Vec::new(),
             pressure: Vec::new(),
             depth,
-            told: 0,
+            sent: 0,
             last: None,
         });
-        self.sample(tip);
+        self.sample(sample);
     }
 
-    /// Goes on to `tip`. A sample that is hardly away from the last one, or is nowhere, is left out.
-    pub fn sample(&mut self, tip: Tip) {
-        let Some(stroke) = &mut self.under_way else { return };
+    /// Goes on to `sample`. A sample that is hardly away from the last one, or is nowhere, is left out.
+    pub fn sample(&mut self, sample: BrushSample) {
+        let Some(stroke) = &mut self.active else { return };
         let step = STEP * stroke.radius * self.bounds.longest_edge();
-        let near = stroke.last.is_some_and(|last| last.distance(tip.at) < step);
-        if near || !tip.at.is_finite() || stroke.points.len() / 3 >= sg_proto::limits::MAX_STROKE_POINTS {
+        let near = stroke.last.is_some_and(|last| last.distance(sample.at) < step);
+        if near || !sample.at.is_finite() || stroke.points.len() / 3 >= sg_proto::limits::MAX_STROKE_POINTS {
             return;
         }
-        stroke.last = Some(tip.at);
-        stroke.points.extend(self.bounds.normalize(tip.at).to_array());
+        stroke.last = Some(sample.at);
+        stroke.points.extend(self.bounds.normalize(sample.at).to_array());
         if stroke.pressed {
-            let factor = if tip.pressure.is_finite() { tip.pressure.max(0.0) } else { 1.0 };
+            let factor = if sample.pressure.is_finite() { sample.pressure.max(0.0) } else { 1.0 };
             stroke.pressure.push(factor);
-            stroke.open.extend_pressed(&self.brush, tip.at, factor);
+            stroke.open.extend_pressed(&self.brush, sample.at, factor);
         } else {
-            stroke.open.extend(&self.brush, tip.at);
+            stroke.open.extend(&self.brush, sample.at);
         }
     }
 
     /// The samples that have not been told yet, for the selection's preview; each is told once.
     #[must_use]
-    pub fn news(&mut self) -> Option<Request> {
-        let stroke = self.under_way.as_mut()?;
+    pub fn pending_samples(&mut self) -> Option<Request> {
+        let stroke = self.active.as_mut()?;
         let samples = stroke.points.len() / 3;
-        if samples == stroke.told {
+        if samples == stroke.sent {
             return None;
         }
-        let from = std::mem::replace(&mut stroke.told, samples);
+        let from = std::mem::replace(&mut stroke.sent, samples);
         let samples = stroke.message(from);
         Some(Request::Sample(SampleRequest { stroke: stroke.id.clone(), samples: Some(samples) }))
     }
@@ -177,9 +178,9 @@ impl Hand {
     /// told of the stroke already.
     #[must_use]
     pub fn selects(&self, selected: &Arc<Mask>, clusters: Option<&[u32]>) -> Arc<Mask> {
-        match &self.under_way {
+        match &self.active {
             Some(stroke) if !stroke.open.hits().is_empty() => {
-                Arc::new(changed(selected, stroke.open.hits(), stroke.mode, stroke.sense, clusters))
+                Arc::new(changed(selected, stroke.open.hits(), stroke.mode, stroke.sign, clusters))
             }
             _ => Arc::clone(selected),
         }
@@ -188,17 +189,17 @@ impl Hand {
     /// Lifts the brush: the whole stroke, to be selected with.
     #[must_use]
     pub fn release(&mut self) -> Option<Request> {
-        let stroke = self.under_way.take().filter(|s| !s.points.is_empty())?;
+        let stroke = self.active.take().filter(|s| !s.points.is_empty())?;
         Some(Request::Select(StrokesRequest { strokes: vec![stroke.message(0)], ..StrokesRequest::default() }))
     }
 
     /// Lets go of the stroke as if it had not been begun.
     pub fn abandon(&mut self) {
-        self.under_way = None;
+        self.active = None;
     }
 }
 
-impl UnderWay {
+impl ActiveStroke {
     /// The samples from this one on.
     fn message(&self, from: usize) -> Stroke {
         let mode = match self.mode {
@@ -206,9 +207,9 @@ impl UnderWay {
             BrushMode::Cluster => StrokeMode::Cluster,
             BrushMode::Point => StrokeMode::Point,
         };
-        let kind = match self.sense {
-            Sense::Add => StrokeKind::Foreground,
-            Sense::Remove => StrokeKind::Background,
+        let kind = match self.sign {
+            BrushSign::Add => StrokeKind::Foreground,
+            BrushSign::Remove => StrokeKind::Background,
         };
         Stroke {
             mode: mode.into(),
@@ -222,9 +223,9 @@ impl UnderWay {
 }
 
 /// A mask with what a brush hit added or taken away: whole clusters in cluster mode, where they are known.
-fn changed(selected: &Mask, hits: &[u32], mode: BrushMode, sense: Sense, clusters: Option<&[u32]>) -> Mask {
+fn changed(selected: &Mask, hits: &[u32], mode: BrushMode, sign: BrushSign, clusters: Option<&[u32]>) -> Mask {
     let mut mask = selected.clone();
-    let on = sense == Sense::Add;
+    let on = sign == BrushSign::Add;
     let mut set = |i: usize| {
         if i < mask.len() {
             mask.set(i, on);

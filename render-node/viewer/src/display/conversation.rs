@@ -13,25 +13,25 @@ pub struct Conversation {
     pub turns: Vec<Turn>,
 }
 
-/// One thing said and what came of it.
+/// One sentence, its plan, results and answer.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Turn {
     /// Id of the conversation's request, as every stage of it carries it.
     pub id: String,
     /// The words.
     pub said: String,
-    /// What was understood and done, as it happened.
+    /// Plan and results, in order of arrival.
     pub entries: Vec<Entry>,
     /// The answer, when there is one, and whether everything was done.
     pub answer: Option<(String, bool)>,
 }
 
-/// What happened within a turn.
+/// One entry of a turn.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Entry {
-    /// What an agent understood or decided to do.
+    /// A planned command of an agent.
     Command(String),
-    /// What came of a command or a question, and whether it was done.
+    /// Result of a command or question, and whether it succeeded.
     Result(String, bool),
 }
 

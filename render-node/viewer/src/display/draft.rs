@@ -24,7 +24,7 @@ struct Draft {
     action: Action,
     /// Revision of the scene at which the change was asked for, and until when it is waited for.
     asked: Option<(u64, Instant)>,
-    /// What was made of which state.
+    /// The cached result and the state that it was made from.
     made: Option<(Arc<EditState>, Arc<EditState>)>,
 }
 

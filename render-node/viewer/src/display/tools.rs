@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
-use super::Scrubs;
+use super::parameter_drag::WalkParameter;
 use sg_raster::attributes::Attribute;
 use sg_raster::render::{Projection, Quality};
 
-/// What a stroke of the brush means.
+/// Brush mode: the effect of a stroke.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BrushMode {
@@ -23,13 +23,23 @@ impl BrushMode {
     /// All, in the order in which a button goes through them.
     pub const ALL: [Self; 3] = [Self::Walk, Self::Cluster, Self::Point];
 
-    /// What panels and the legend call it.
+    /// Name on panels and in the legend.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Walk => "walk",
-            Self::Cluster => "cluster",
-            Self::Point => "point",
+            Self::Walk => "Region",
+            Self::Cluster => "Patch",
+            Self::Point => "Single",
+        }
+    }
+
+    /// One line on the effect of a stroke.
+    #[must_use]
+    pub fn hint(self) -> &'static str {
+        match self {
+            Self::Walk => "Brush grows to the whole structure.",
+            Self::Cluster => "Brush changes whole Super-Gaussians.",
+            Self::Point => "Brush changes single Gaussians.",
         }
     }
 
@@ -46,34 +56,34 @@ impl BrushMode {
 
 /// How a stick pushed aside turns the scene in a room.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Turns {
+pub enum TurnStyle {
     /// By 30° at once, as if the person turned.
     #[default]
-    AtOnce,
+    Snap,
     /// Evenly about the scene's middle.
-    Evenly,
+    Smooth,
     /// Not at all.
-    Never,
+    Off,
 }
 
-impl Turns {
+impl TurnStyle {
     /// All, in the order of the panel.
-    pub const ALL: [Self; 3] = [Self::AtOnce, Self::Evenly, Self::Never];
+    pub const ALL: [Self; 3] = [Self::Snap, Self::Smooth, Self::Off];
 
-    /// What the panel calls it.
+    /// Name on the panel.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::AtOnce => "at once",
-            Self::Evenly => "evenly",
-            Self::Never => "not at all",
+            Self::Snap => "at once",
+            Self::Smooth => "evenly",
+            Self::Off => "not at all",
         }
     }
 }
 
-/// What is shown of the scene in this display.
+/// What colours show in this display.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Showing {
+pub enum DisplayMode {
     /// The scene as it is edited.
     #[default]
     Scene,
@@ -90,18 +100,18 @@ pub enum Showing {
 /// The settings of one display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tools {
-    /// What a stroke means.
+    /// Brush mode.
     pub mode: BrushMode,
     /// The brush's radius as a fraction of the longest edge of the scene's box.
     pub radius: f64,
     /// Whether strokes, lassos and rectangles over a surface reach only so far behind it.
-    pub limited: bool,
+    pub front_only: bool,
     /// How far a brush reaches behind the surface then, as a share of its radius, 0 to 1.
-    pub depth: f64,
+    pub brush_depth: f64,
     /// How far lassos and rectangles do, as a fraction of the longest edge of the scene's box.
-    pub around: f64,
+    pub lasso_depth: f64,
     /// Which number of the last walk the stick, keys and the wheel change.
-    pub scrubs: Scrubs,
+    pub walk_parameter: WalkParameter,
     /// Whether the trigger's pressure narrows the brush.
     pub pressure: bool,
     /// Colour of the highlighted selection.
@@ -110,8 +120,8 @@ pub struct Tools {
     pub highlight_mix: f32,
     /// Factor on the opacity of what is selected.
     pub highlight_opacity: f32,
-    /// What is shown.
-    pub showing: Showing,
+    /// Display mode.
+    pub display_mode: DisplayMode,
     /// The best quality that is drawn; a display goes below while it could not keep its pace otherwise.
     pub quality: Quality,
     /// How Gaussians are projected and ordered.
@@ -125,15 +135,15 @@ pub struct Tools {
     /// Whether the eyes' height is that of somebody who sits.
     pub seated: bool,
     /// How a stick turns the scene.
-    pub turns: Turns,
+    pub turn_style: TurnStyle,
 }
 
 impl Tools {
     /// The narrowest and the widest brush, fractions of the box's longest edge.
     pub const RADII: (f64, f64) = (0.001, 0.25);
 
-    /// The least and the greatest [`Self::around`].
-    pub const AROUND: (f64, f64) = (0.002, 0.5);
+    /// The least and the greatest [`Self::lasso_depth`].
+    pub const LASSO_DEPTHS: (f64, f64) = (0.002, 0.5);
 
     /// Multiplies the brush's radius, within [`Self::RADII`].
     pub fn widen(&mut self, factor: f64) {
@@ -146,23 +156,23 @@ impl Default for Tools {
         Self {
             mode: BrushMode::default(),
             radius: 0.02,
-            limited: false,
-            depth: 0.3,
-            around: 0.05,
-            scrubs: Scrubs::default(),
+            front_only: false,
+            brush_depth: 0.3,
+            lasso_depth: 0.05,
+            walk_parameter: WalkParameter::default(),
             pressure: false,
             // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
             highlight: Vec3::new(0.337, 0.706, 0.914),
             highlight_mix: 0.6,
             highlight_opacity: 1.0,
-            showing: Showing::default(),
+            display_mode: DisplayMode::default(),
             quality: Quality::Standard,
             projection: Projection::default(),
             light_panels: false,
             scale: 1.0,
             left_handed: false,
             seated: false,
-            turns: Turns::default(),
+            turn_style: TurnStyle::default(),
         }
     }
 }

@@ -8,7 +8,7 @@ pub const MOST_BOOKMARKS: usize = 32;
 /// A placement with a name.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Bookmark {
-    /// What it is called.
+    /// Name.
     pub name: String,
     /// Where the scene stands.
     pub placement: Placement,

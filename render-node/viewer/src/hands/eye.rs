@@ -35,7 +35,7 @@ impl Fov {
 pub struct Eye {
     /// In the room; it looks along its −z.
     pub pose: Pose,
-    /// What it sees.
+    /// Field of view.
     pub fov: Fov,
 }
 

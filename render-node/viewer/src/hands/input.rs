@@ -44,7 +44,7 @@ pub struct HandInput {
     pub grip: Option<Pose>,
     /// Which way the open palm looks, a unit vector in the room.
     pub palm: Option<DVec3>,
-    /// What the hand points with: its −z.
+    /// Pointing pose: the ray goes along −z.
     pub aim: Option<Pose>,
     /// How far the grip is squeezed, 0 to 1.
     pub squeeze: f64,

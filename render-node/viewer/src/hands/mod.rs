@@ -4,18 +4,18 @@
 //! it); its floor or the eyes are at y = 0.
 
 mod bookmark;
-mod comfort;
+mod comfort_vignette;
 mod eye;
-mod handling;
+mod grab;
 mod input;
 mod joints;
 mod placement;
 mod pointing;
 
 pub use bookmark::{Bookmark, Bookmarks, MOST_BOOKMARKS};
-pub use comfort::Comfort;
+pub use comfort_vignette::ComfortVignette;
 pub use eye::{Eye, Fov};
-pub use handling::{Handling, MIN_APART, SCALES, Turning};
+pub use grab::{Grab, MIN_APART, SCALES, TurnMode};
 pub use input::{HandInput, Side, Switch};
 pub use joints::{BareHand, JOINTS, Joints};
 pub use placement::{Origin, Placement, Pose, Stance};

@@ -37,7 +37,7 @@ impl Pose {
     }
 }
 
-/// What is at y = 0 in the room.
+/// The origin of the room frame, at y = 0.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Origin {
     /// The floor.

@@ -52,7 +52,7 @@ pub fn nearest(rectangles: &[Rectangle], hand: &Pose) -> Option<(usize, DVec2, f
     hits.min_by(|a, b| a.2.total_cmp(&b.2))
 }
 
-/// What the pointing hand points at.
+/// The pointed place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pointed {
     /// Which hand.

@@ -3,11 +3,12 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Align, Button, CollapsingHeader, Color32, Label, Layout, Response, RichText, Role, Sense, Separator, Slider,
-    SliderClamping, TextStyle, Ui, Vec2, WidgetInfo, vec2,
+    Align, Button, CollapsingHeader, Color32, Label, Layout, Response, RichText, Role, ScrollArea, Sense, Separator,
+    Slider, SliderClamping, TextStyle, Ui, Vec2, WidgetInfo, vec2,
 };
 
 use super::icon::{Icon, draw};
+use super::theme;
 
 /// How many times the usual size everything has.
 pub(super) fn scale(ui: &Ui) -> f32 {
@@ -33,7 +34,7 @@ pub(super) fn section_that<R>(
     header.show_unindented(ui, content).body_returned
 }
 
-/// A button that says what is on.
+/// A button with a selected state.
 pub(super) fn choice(ui: &mut Ui, chosen: bool, text: &str) -> bool {
     ui.add(Button::new(text).selected(chosen)).clicked()
 }
@@ -70,7 +71,7 @@ pub(super) fn cell(ui: &mut Ui, width: f32, align: Align, text: RichText) -> Res
     .inner
 }
 
-/// A slider alone, of a width; `name` is for who hears it.
+/// A slider of a width without text; `name` is its accessible label.
 pub(super) fn bare_slider(
     ui: &mut Ui,
     name: &str,
@@ -96,10 +97,11 @@ pub(super) fn by_number(
                 pressed = Some(i);
             }
         }
-        let shown = 86.0 * scale(ui);
-        let width = ui.available_width() - shown - ui.spacing().item_spacing.x;
+        // As wide as the longest number, so that the slider keeps its width.
+        let text_width = button_width(ui, &(number.text)(*number.range.end()));
+        let width = ui.available_width() - text_width - ui.spacing().item_spacing.x;
         slider_of(ui, number.name, value, number.range, width.max(40.0), number.logarithmic);
-        cell(ui, shown, Align::Max, RichText::new((number.text)(*value)).weak());
+        cell(ui, text_width, Align::Max, RichText::new((number.text)(*value)).weak());
         pressed
     })
     .inner
@@ -129,7 +131,7 @@ fn slider_of(
 
 /// A number with its name, a slider and the number in words.
 pub(super) struct Number<'a> {
-    /// What it is called on the panel.
+    /// Label on the panel.
     pub(super) name: &'a str,
     /// Least and greatest that the slider reaches.
     pub(super) range: RangeInclusive<f64>,
@@ -145,11 +147,11 @@ impl Number<'_> {
         let scale = scale(ui);
         ui.horizontal(|ui| {
             let label = cell(ui, 112.0 * scale, Align::Min, RichText::new(self.name));
-            let shown = 68.0 * scale;
-            let width = ui.available_width() - shown - ui.spacing().item_spacing.x;
+            let text_width = 68.0 * scale;
+            let width = ui.available_width() - text_width - ui.spacing().item_spacing.x;
             let slider = slider_of(ui, self.name, value, self.range, width.max(40.0), self.logarithmic);
             let moved = slider.labelled_by(label.id).changed();
-            cell(ui, shown, Align::Max, RichText::new((self.text)(*value)).weak());
+            cell(ui, text_width, Align::Max, RichText::new((self.text)(*value)).weak());
             moved
         })
         .inner
@@ -176,7 +178,7 @@ pub(super) fn fine_percent(x: f64) -> String {
 }
 
 /// A count with its thousands apart.
-pub(super) fn count(n: usize) -> String {
+pub(crate) fn count(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -186,4 +188,21 @@ pub(super) fn count(n: usize) -> String {
         text.push(digit);
     }
     text
+}
+
+/// Room with the panel's margins; what is too high for it scrolls.
+pub(super) fn scrolling<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
+    theme::frame(ui)
+        .show(ui, |ui| {
+            ui.set_min_size(ui.available_size());
+            ScrollArea::vertical()
+                .id_salt(name)
+                .auto_shrink(false)
+                .show(ui, |ui| {
+                    ui.set_max_width(ui.available_width());
+                    content(ui)
+                })
+                .inner
+        })
+        .inner
 }

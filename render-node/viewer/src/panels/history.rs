@@ -4,15 +4,16 @@ use egui::{Align, Button, Label, Layout, RichText, Ui};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Redo, Reset, Undo};
 
-use super::{Output, Panels};
-use crate::display::Shown;
+use super::output::Output;
+use super::state::Panels;
+use crate::display::ViewState;
 
 /// Lines of the history that are shown.
 const LINES: usize = 12;
 
 impl Panels {
     /// Undo and redo by one step, with what they would do.
-    pub(super) fn steps_back(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+    pub(super) fn steps_back(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         ui.horizontal(|ui| {
             let step = |ui: &mut Ui, text: &str, lines: &[String]| {
                 let response = ui.add_enabled(!lines.is_empty(), Button::new(text));
@@ -21,21 +22,21 @@ impl Panels {
                     None => false,
                 }
             };
-            if step(ui, "undo", &shown.undo) {
-                asked.change(Action::Undo(Undo { steps: 1 }));
+            if step(ui, "undo", &state.undo) {
+                output.change(Action::Undo(Undo { steps: 1 }));
             }
-            if step(ui, "redo", &shown.redo) {
-                asked.change(Action::Redo(Redo { steps: 1 }));
+            if step(ui, "redo", &state.redo) {
+                output.change(Action::Redo(Redo { steps: 1 }));
             }
-            if let Some(last) = shown.undo.first() {
+            if let Some(last) = state.undo.first() {
                 ui.add(Label::new(RichText::new(last).weak()).truncate());
             }
         });
     }
 
     /// Both lists, newest first: a line takes back or brings back all down to itself.
-    pub(super) fn history(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
-        if shown.undo.is_empty() && shown.redo.is_empty() {
+    pub(super) fn history(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        if state.undo.is_empty() && state.redo.is_empty() {
             ui.label(RichText::new("Nothing has been changed yet.").weak());
         }
         let list = |ui: &mut Ui, title: &str, verb: &str, lines: &[String]| {
@@ -59,15 +60,15 @@ impl Panels {
             }
             steps
         };
-        if let Some(steps) = list(ui, "brought back by redo, next first", "bring back", &shown.redo) {
-            asked.change(Action::Redo(Redo { steps }));
+        if let Some(steps) = list(ui, "Undone, next first", "redo", &state.redo) {
+            output.change(Action::Redo(Redo { steps }));
         }
-        if let Some(steps) = list(ui, "taken back by undo, newest first", "take back", &shown.undo) {
-            asked.change(Action::Undo(Undo { steps }));
+        if let Some(steps) = list(ui, "Done, newest first", "undo", &state.undo) {
+            output.change(Action::Undo(Undo { steps }));
         }
         let reset = ui.button("reset all looks");
-        if reset.on_hover_text("colours, opacities, light and viewpoint as they were opened; units stay").clicked() {
-            asked.change(Action::Reset(Reset {}));
+        if reset.on_hover_text("restores the initial colours, opacities, light and viewpoint; units stay").clicked() {
+            output.change(Action::Reset(Reset {}));
         }
     }
 }

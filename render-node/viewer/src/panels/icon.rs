@@ -3,7 +3,7 @@
 use egui::epaint::CubicBezierShape;
 use egui::{Painter, Rect, Shape, Stroke, pos2, vec2};
 
-/// What a button without words shows.
+/// Icon of a button.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Icon {
     /// An eye; crossed out when off.

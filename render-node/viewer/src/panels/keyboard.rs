@@ -3,8 +3,9 @@
 use egui::{Align, Button, Key, RichText, TextWrapMode, Ui, vec2};
 
 use super::control::{cell, scale};
-use super::typing::Typing;
-use super::{Panels, theme};
+use super::state::Panels;
+use super::text_input::TextInput;
+use super::theme;
 
 /// Letters and signs of each row, as they are and with shift.
 const ROWS: [(&str, &str); 4] = [
@@ -20,20 +21,20 @@ impl Panels {
         let drawn = theme::frame(ui).show(ui, |ui| {
             ui.set_min_size(ui.available_size());
             self.typed_line(ui);
-            let waits = self.typing.field().is_some();
+            let waits = self.text_input.field().is_some();
             ui.add_enabled_ui(waits, |ui| self.keys(ui));
         });
-        Typing::keyboard_at(ui, drawn.response.rect);
+        TextInput::keyboard_at(ui, drawn.response.rect);
     }
 
     /// What is being typed, where the eyes of who types are.
     fn typed_line(&self, ui: &mut Ui) {
         let width = ui.available_width();
-        match self.typing.field() {
+        match self.text_input.field() {
             Some(field) => {
                 ui.horizontal(|ui| {
                     cell(ui, 0.28 * width, Align::Min, RichText::new(field.name()).weak());
-                    cell(ui, ui.available_width(), Align::Min, RichText::new(self.typing.text(field)).strong());
+                    cell(ui, ui.available_width(), Align::Min, RichText::new(self.text_input.text(field)).strong());
                 });
             }
             None => {
@@ -64,15 +65,15 @@ impl Panels {
                 for letter in if shift { shifted } else { plain }.chars() {
                     let text = letter.to_string();
                     if key(ui, &text, 1.0, false) {
-                        self.typing.letters(&text);
+                        self.text_input.letters(&text);
                         // One capital at a time, as on a telephone.
                         self.shift = false;
                     }
                 }
                 let rest = |ui: &Ui| (ui.available_width() + gap) / unit;
                 match row {
-                    0 if key(ui, "back", rest(ui), false) => self.typing.key(Key::Backspace),
-                    2 if key(ui, "enter", rest(ui), false) => self.typing.key(Key::Enter),
+                    0 if key(ui, "back", rest(ui), false) => self.text_input.key(Key::Backspace),
+                    2 if key(ui, "enter", rest(ui), false) => self.text_input.key(Key::Enter),
                     _ => {}
                 }
             });
@@ -80,15 +81,15 @@ impl Panels {
         ui.horizontal(|ui| {
             ui.add_space(2.0 * unit);
             if key(ui, "space", 5.5, false) {
-                self.typing.letters(" ");
+                self.text_input.letters(" ");
             }
             for (text, arrow) in [("left", Key::ArrowLeft), ("right", Key::ArrowRight)] {
                 if key(ui, text, 1.25, false) {
-                    self.typing.key(arrow);
+                    self.text_input.key(arrow);
                 }
             }
             if key(ui, "done", (ui.available_width() + gap) / unit, false) {
-                self.typing.leave();
+                self.text_input.leave();
             }
         });
     }

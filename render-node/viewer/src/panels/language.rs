@@ -4,17 +4,20 @@ use egui::{Button, Id, Label, Rect, RichText, ScrollArea, Ui, vec2};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 
 use super::control::{button_width, scale};
-use super::typing::{Field, Typed};
-use super::{Output, Panel, Panels, theme};
-use crate::display::{Entry, Request, Shown, Turn};
+use super::output::Output;
+use super::panel::Panel;
+use super::state::Panels;
+use super::text_input::{Field, FieldEvent};
+use super::theme;
+use crate::display::{Entry, Request, Turn, ViewState};
 
 impl Panels {
     /// The conversation, with a field to go on with it. Empty where no agents take part.
-    pub(super) fn language(&mut self, ui: &mut Ui, shown: &Shown) -> Output {
-        let mut asked = Output::default();
-        if !shown.offered.agents {
-            self.typing.forget(Field::Say);
-            return asked;
+    pub(super) fn language(&mut self, ui: &mut Ui, state: &ViewState) -> Output {
+        let mut output = Output::default();
+        if !state.services.agents {
+            self.text_input.forget(Field::Say);
+            return output;
         }
         ui.push_id(Panel::Language.name(), |ui| {
             theme::frame(ui).show(ui, |ui| {
@@ -30,40 +33,40 @@ impl Panels {
                     .auto_shrink(false)
                     .stick_to_bottom(true)
                     .show(ui, |ui| {
-                        if shown.conversation.turns.is_empty() {
-                            let hint = "Say what is to be changed, such as \"make the sac red\", or ask what is there.";
+                        if state.conversation.turns.is_empty() {
+                            let hint = "Type a change, such as \"make the sac red\", or ask a question.";
                             ui.label(RichText::new(hint).weak());
                         }
-                        for turn in &shown.conversation.turns {
+                        for turn in &state.conversation.turns {
                             show_turn_in_sight(ui, turn);
                         }
                     });
-                self.say(ui, shown, &mut asked);
+                self.say(ui, state, &mut output);
             });
         });
-        asked
+        output
     }
 
-    fn say(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
+    fn say(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         ui.horizontal(|ui| {
-            let waiting = shown.conversation.is_waiting();
+            let waiting = state.conversation.is_waiting();
             let mut width = ui.available_width() - button_width(ui, "send") - ui.spacing().item_spacing.x;
             if waiting {
                 width -= button_width(ui, "stop") + ui.spacing().item_spacing.x;
             }
-            let came = self.typing.edit(ui, Field::Say, "say something to the agents", width, MAX_UTTERANCE_BYTES);
-            let text = self.typing.text(Field::Say).trim().to_owned();
-            let sends = ui.add_enabled(!text.is_empty(), Button::new("send")).clicked() || came == Typed::Entered;
+            let came = self.text_input.edit(ui, Field::Say, "say something to the agents", width, MAX_UTTERANCE_BYTES);
+            let text = self.text_input.text(Field::Say).trim().to_owned();
+            let sends = ui.add_enabled(!text.is_empty(), Button::new("send")).clicked() || came == FieldEvent::Entered;
             if sends && !text.is_empty() {
-                asked.requests.push(Request::Say(text));
-                self.typing.set(Field::Say, "");
+                output.requests.push(Request::Say(text));
+                self.text_input.set(Field::Say, "");
             }
-            if came == Typed::Entered {
+            if came == FieldEvent::Entered {
                 // Whoever has said one thing goes on with the next.
-                self.typing.turn_to(Field::Say);
+                self.text_input.turn_to(Field::Say);
             }
             if waiting && ui.button("stop").clicked() {
-                asked.requests.push(Request::Withdraw);
+                output.requests.push(Request::Withdraw);
             }
         });
     }
@@ -123,7 +126,7 @@ fn show_turn(ui: &mut Ui, turn: &Turn) -> f32 {
         }
         match &turn.answer {
             Some((answer, done)) => {
-                let (over, color) = if *done { ("Answer", accent) } else { ("Answer: not all was done", error) };
+                let (over, color) = if *done { ("Answer", accent) } else { ("Couldn't do this:", error) };
                 ui.label(RichText::new(over).small().color(color));
                 ui.add(Label::new(RichText::new(answer)).wrap());
             }

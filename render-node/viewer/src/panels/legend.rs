@@ -1,13 +1,12 @@
 //! What buttons do now, and lines for a person to read.
 
-use std::collections::BTreeMap;
-
 use egui::{Align, Grid, Label, Mesh, RichText, Sense, Stroke, Ui, vec2};
 
 use super::control::{cell, scale};
+use super::state::Panels;
+use super::theme;
 use super::transfer::{number, to_color32};
-use super::{Panels, theme};
-use crate::display::Shown;
+use crate::display::ViewState;
 use sg_raster::attributes::Legend;
 
 /// Seconds that a line stays, and one that says what was not done.
@@ -18,10 +17,6 @@ const FADES: f64 = 1.0;
 
 /// Most points that a line is wide at the usual size of text, and that it leaves to both sides.
 const WIDTH: (f32, f32) = (560.0, 32.0);
-
-/// When each line was first seen, seconds of the context's clock.
-#[derive(Debug, Default)]
-pub(super) struct Seen(BTreeMap<u64, f64>);
 
 /// The tool legend: what each button or key does now, one pair a line.
 pub fn legend(ui: &mut Ui, does: &[(&str, &str)]) {
@@ -39,14 +34,14 @@ pub fn legend(ui: &mut Ui, does: &[(&str, &str)]) {
 impl Panels {
     /// Lines that are worth knowing, newest last, each for some seconds; nothing of them can be pressed, and nothing waits for
     /// them. The clock is that of the context: call it of one context only.
-    pub fn notices(&mut self, ui: &mut Ui, shown: &Shown) {
+    pub fn notices(&mut self, ui: &mut Ui, state: &ViewState) {
         // Its area is as wide as what it showed last, be that nothing.
         ui.set_max_width((WIDTH.0 * scale(ui)).min(ui.ctx().content_rect().width() - WIDTH.1));
         let now = ui.input(|i| i.time);
         let seen = &mut self.shown_notices.0;
-        let oldest = shown.notices.first().map_or(u64::MAX, |n| n.number);
+        let oldest = state.notices.first().map_or(u64::MAX, |n| n.number);
         seen.retain(|number, _| *number >= oldest);
-        for notice in shown.notices.iter() {
+        for notice in state.notices.iter() {
             let since = now - *seen.entry(notice.number).or_insert(now);
             let left = STAYS[usize::from(notice.refused)] - since;
             if left <= 0.0 {
@@ -70,7 +65,7 @@ impl Panels {
     }
 }
 
-/// What the ends of a colour map stand for.
+/// Draws a colour map with the values at its ends.
 pub(super) fn color_numbers(ui: &mut Ui, legend: &Legend) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 16.0 * scale(ui)), Sense::hover());
     let mut mesh = Mesh::default();

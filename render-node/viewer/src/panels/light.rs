@@ -9,9 +9,11 @@ use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
 
 use super::control::{Number, choice};
+use super::output::{DisplayAction, Output};
+use super::panel::Panel;
 use super::pick_color::{Picked, color_button};
-use super::{Output, Panel, Panels, Wish};
-use crate::display::Shown;
+use super::state::Panels;
+use crate::display::ViewState;
 
 /// Backgrounds that are often wanted.
 const BACKGROUNDS: [(&str, Vec3); 3] = [("black", Vec3::ZERO), ("grey", Vec3::splat(0.5)), ("white", Vec3::ONE)];
@@ -37,8 +39,8 @@ const VIEWS: [(&str, NamedView); 7] = [
 ];
 
 impl Panels {
-    pub(super) fn light(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
-        let light = shown.scene.light();
+    pub(super) fn light(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        let light = state.scene.light();
         let from = |mode: proto::LightMode, direction: Option<DVec3>| {
             let direction = direction.map(encode_vector);
             Action::SetLight(SetLight { mode: mode.into(), direction, ..SetLight::default() })
@@ -46,10 +48,10 @@ impl Panels {
         ui.horizontal_wrapped(|ui| {
             ui.label("light from");
             if choice(ui, light.mode == LightMode::Headlight, "the eye") {
-                asked.change(from(proto::LightMode::Headlight, None));
+                output.change(from(proto::LightMode::Headlight, None));
             }
             if choice(ui, light.mode == LightMode::Direction, "one direction") {
-                asked.change(from(proto::LightMode::Direction, None));
+                output.change(from(proto::LightMode::Direction, None));
             }
         });
         if light.mode == LightMode::Direction {
@@ -59,9 +61,9 @@ impl Panels {
             if moved | number("height", -90.0..=90.0).show(ui, &mut height) {
                 self.hold(Panel::Scene, from(proto::LightMode::Unspecified, Some(direction(around, height))));
             }
-            let view = shown.scene.view();
+            let view = state.scene.view();
             if ui.button("from the present viewpoint").clicked() {
-                asked
+                output
                     .change(from(proto::LightMode::Unspecified, Some((view.eye - view.target).normalize_or(DVec3::Z))));
             }
         }
@@ -79,20 +81,20 @@ impl Panels {
         ui.label("part of the shading");
         ui.horizontal_wrapped(|ui| {
             for (name, term) in TERMS {
-                let button = egui::Button::new(name).selected(shown.scene.term() == term);
+                let button = egui::Button::new(name).selected(state.scene.term() == term);
                 let response = ui.add(button);
                 let hears = format!("shading: {name}");
                 ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(hears.as_str()));
                 if response.clicked() {
-                    asked.change(Action::SetTerm(SetTerm { term: encode_term(term).into() }));
+                    output.change(Action::SetTerm(SetTerm { term: encode_term(term).into() }));
                 }
             }
         });
-        self.background(ui, shown, asked);
+        self.background(ui, state, output);
     }
 
-    fn background(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
-        let present = shown.scene.background();
+    fn background(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        let present = state.scene.background();
         let set = |rgb: Vec3| Action::SetBackground(SetBackground { color: Some(encode_color(rgb)) });
         ui.horizontal_wrapped(|ui| {
             ui.label("background");
@@ -101,35 +103,35 @@ impl Panels {
             }
             for (name, rgb) in BACKGROUNDS {
                 if choice(ui, present == rgb, name) {
-                    asked.change(set(rgb));
+                    output.change(set(rgb));
                 }
             }
         });
     }
 
-    pub(super) fn viewpoint(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
-        if shown.offered.scene {
+    pub(super) fn viewpoint(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        if state.services.scene {
             ui.horizontal_wrapped(|ui| {
                 for (name, view) in VIEWS {
                     if ui.button(name).clicked() {
                         let change = Some(set_view::Change::Named(view.into()));
-                        asked.change(Action::SetView(SetView { change }));
+                        output.change(Action::SetView(SetView { change }));
                     }
                 }
             });
         }
         ui.horizontal_wrapped(|ui| {
-            for wish in &self.fulfils {
-                let text = match wish {
-                    Wish::Fit => "fit all".to_owned(),
-                    Wish::Bookmark => "keep this place".to_owned(),
-                    Wish::Place(n) => format!("place {n}"),
-                    Wish::Screenshot => "screenshot".to_owned(),
+            for action in &self.supported_actions {
+                let text = match action {
+                    DisplayAction::Fit => "fit all".to_owned(),
+                    DisplayAction::Bookmark => "keep this place".to_owned(),
+                    DisplayAction::Place(n) => format!("place {n}"),
+                    DisplayAction::Screenshot => "screenshot".to_owned(),
                     // Stand with the walk that it is about, and at the wrist.
-                    Wish::Proposal(_) | Wish::Panels => continue,
+                    DisplayAction::Proposal(_) | DisplayAction::Panels => continue,
                 };
                 if ui.button(text).clicked() {
-                    asked.wishes.push(*wish);
+                    output.actions.push(*action);
                 }
             }
         });

@@ -10,12 +10,12 @@ use super::control::{Number, percent, scale};
 use super::theme::COLORS;
 use super::transfer::to_color32;
 
-/// What was chosen.
+/// The picked colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Picked {
     /// A colour, RGB 0 to 1, perhaps still under the hand.
     Color(Vec3),
-    /// None: what it has by itself.
+    /// No colour: the original ones.
     Own,
 }
 

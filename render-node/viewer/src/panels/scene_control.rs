@@ -2,47 +2,53 @@
 
 use egui::{RichText, Ui};
 
-use super::control::section;
-use super::{Output, Panel, Panels, ask, scrolling};
-use crate::display::{Shown, Tools};
+use super::commands;
+use super::control::{scrolling, section};
+use super::output::Output;
+use super::panel::Panel;
+use super::state::Panels;
+use crate::display::{Tools, ViewState};
 
 impl Panels {
     /// Units, light, viewpoint, history, and what is shown.
-    pub(super) fn scene_control(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
-        let mut asked = Output::default();
+    pub(super) fn scene_control(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
+        let mut output = Output::default();
         ui.push_id(Panel::Scene.name(), |ui| {
-            scrolling(ui, Panel::Scene, |ui| self.scene_sections(ui, shown, tools, &mut asked));
+            scrolling(ui, Panel::Scene.name(), |ui| self.scene_sections(ui, state, tools, &mut output));
         });
-        self.settle(Panel::Scene, ui, &mut asked);
-        asked
+        self.settle(Panel::Scene, ui, &mut output);
+        output
     }
 
-    fn scene_sections(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools, asked: &mut Output) {
+    fn scene_sections(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
         ui.heading(Panel::Scene.name());
-        if shown.offered.scene {
-            self.steps_back(ui, shown, asked);
+        if state.services.scene {
+            self.steps_back(ui, state, output);
         } else {
-            ui.label(RichText::new("The scene takes no changes now; what is shown can still be chosen.").weak());
+            ui.label(
+                RichText::new("The scene service does not answer: no changes now. \"What is shown\" still works.")
+                    .weak(),
+            );
         }
-        section(ui, "Base units", true, |ui| self.base_units(ui, shown, asked));
-        if shown.scene.units().any(|u| !u.derived) {
-            section(ui, "Units", true, |ui| self.editable_units(ui, shown, false, asked));
+        section(ui, "Base units", true, |ui| self.base_units(ui, state, output));
+        if state.scene.units().any(|u| !u.derived) {
+            section(ui, "Units", true, |ui| self.editable_units(ui, state, false, output));
         }
-        if shown.scene.units().any(|u| u.derived) {
-            section(ui, "Made by commands", false, |ui| self.editable_units(ui, shown, true, asked));
+        if state.scene.units().any(|u| u.derived) {
+            section(ui, "Made by commands", false, |ui| self.editable_units(ui, state, true, output));
         }
-        if shown.offered.scene && ui.button("show everything").clicked() {
-            asked.change(ask::set_visibility(ask::everything(), true));
+        if state.services.scene && ui.button("show everything").clicked() {
+            output.change(commands::set_visibility(commands::everything(), true));
         }
-        section(ui, "What is shown", false, |ui| self.what_is_shown(ui, shown, tools));
-        if shown.offered.scene {
-            section(ui, "Light and background", false, |ui| self.light(ui, shown, asked));
+        section(ui, "What is shown", false, |ui| self.what_is_shown(ui, state, tools));
+        if state.services.scene {
+            section(ui, "Light and background", false, |ui| self.light(ui, state, output));
         }
-        if shown.offered.scene || !self.fulfils.is_empty() {
-            section(ui, "Viewpoint", false, |ui| self.viewpoint(ui, shown, asked));
+        if state.services.scene || !self.supported_actions.is_empty() {
+            section(ui, "Viewpoint", false, |ui| self.viewpoint(ui, state, output));
         }
-        if shown.offered.scene {
-            section(ui, "History", false, |ui| self.history(ui, shown, asked));
+        if state.services.scene {
+            section(ui, "History", false, |ui| self.history(ui, state, output));
         }
         section(ui, "This display", false, |ui| self.this_display(ui, tools));
     }

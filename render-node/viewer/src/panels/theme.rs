@@ -8,7 +8,7 @@ use egui::{
 use egui::{Ui, Vec2, Visuals};
 use glam::Vec3;
 
-use crate::display::{Sense, Tools};
+use crate::display::{BrushSign, Tools};
 
 /// Least angle that a line of text takes before the eyes, degrees.
 pub const LINE_DEGREES: f64 = 1.3;
@@ -47,10 +47,10 @@ pub fn points_across(width: f64, distance: f64) -> f64 {
 
 /// The colour of a brush: Okabe and Ito's bluish green where it adds, their vermilion where it takes away.
 #[must_use]
-pub fn color_of(sense: Sense) -> Color32 {
-    match sense {
-        Sense::Add => Color32::from_rgb(0, 158, 115),
-        Sense::Remove => Color32::from_rgb(213, 94, 0),
+pub fn color_of(sign: BrushSign) -> Color32 {
+    match sign {
+        BrushSign::Add => Color32::from_rgb(0, 158, 115),
+        BrushSign::Remove => Color32::from_rgb(213, 94, 0),
     }
 }
 
@@ -119,7 +119,7 @@ pub(super) fn frame(ui: &Ui) -> Frame {
     Frame::new().fill(ui.visuals().panel_fill).inner_margin(ui.spacing().window_margin)
 }
 
-/// A card on a panel: what belongs together.
+/// A card on a panel: a group of controls.
 pub(super) fn card(ui: &Ui) -> Frame {
     Frame::new()
         .fill(ui.visuals().faint_bg_color)
@@ -223,7 +223,7 @@ fn visuals(light: bool) -> Visuals {
     }
 }
 
-/// Every colour of text with what it stands on, and what they are.
+/// Every text colour with its background, by name.
 #[must_use]
 pub fn text_colors(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
     let (panel, card) = (visuals.panel_fill, visuals.faint_bg_color);

@@ -110,7 +110,7 @@ impl Curve {
         below(Align2::RIGHT_TOP, plot.right(), number(self.domain[1]));
         let quantity = self.quantity.as_deref().unwrap_or("value");
         let middle = match self.range {
-            Some([low, high]) => format!("{quantity} {} to {}", number(low), number(high)),
+            Some([low, high]) => format!("Visible: {}–{}", number(low), number(high)),
             None => quantity.to_owned(),
         };
         below(Align2::CENTER_TOP, plot.center().x, middle);
@@ -132,7 +132,7 @@ pub(super) fn number(x: f64) -> String {
     if size != 0.0 && !(1e-3..1e6).contains(&size) {
         return format!("{x:.1e}");
     }
-    let digits = if size >= 100.0 || x.fract() == 0.0 { 0 } else { 3 };
+    let digits = if size >= 10.0 || x.fract() == 0.0 { 0 } else { 3 };
     let text = format!("{x:.digits$}");
     if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
 }

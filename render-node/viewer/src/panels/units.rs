@@ -1,7 +1,5 @@
 //! Base units and editable units: a row each, and more about the chosen one.
 
-use std::sync::Arc;
-
 use egui::{Align, Button, Rect, RichText, Ui, vec2};
 use glam::Vec3;
 use sg_edit::UnitRef;
@@ -11,11 +9,13 @@ use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation, SetView, set
 
 use super::control::{Number, bare_slider, button_width, cell, count, icon, percent, scale};
 use super::icon::Icon;
+use super::output::Output;
+use super::panel::Panel;
 use super::pick_color::{Picked, color_button};
-use super::typing::{Field, Typed};
-use super::{Output, Panel, Panels, ask, theme};
-use crate::display::Shown;
-use sg_raster::structure::NO_CLUSTER;
+use super::state::Panels;
+use super::text_input::{Field, FieldEvent};
+use super::{commands, theme};
+use crate::display::ViewState;
 
 /// One unit as its row shows it.
 struct Row {
@@ -26,28 +26,9 @@ struct Row {
     visible: bool,
 }
 
-/// How many Super-Gaussians there are, counted once for each clustering.
-#[derive(Debug, Default)]
-pub(super) struct Clusters(Option<(Arc<[u32]>, usize)>);
-
-impl Clusters {
-    /// Number of Super-Gaussians.
-    pub(super) fn count(&mut self, clusters: &Arc<[u32]>) -> usize {
-        match &self.0 {
-            Some((of, count)) if Arc::ptr_eq(of, clusters) => *count,
-            _ => {
-                let most = clusters.iter().filter(|c| **c != NO_CLUSTER).max();
-                let count = most.map_or(0, |c| *c as usize + 1);
-                self.0 = Some((Arc::clone(clusters), count));
-                count
-            }
-        }
-    }
-}
-
 impl Panels {
-    pub(super) fn base_units(&mut self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
-        for (i, base) in shown.scene.base_units().iter().enumerate() {
+    pub(super) fn base_units(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        for (i, base) in state.scene.base_units().iter().enumerate() {
             let row = Row {
                 unit: UnitRef::Base(i),
                 name: base.name.clone(),
@@ -55,13 +36,13 @@ impl Panels {
                 opacity: base.opacity,
                 visible: base.visible,
             };
-            self.row(ui, shown, &row, asked);
+            self.row(ui, state, &row, output);
         }
     }
 
     /// Editable units: those that a person saved, or those that commands made.
-    pub(super) fn editable_units(&mut self, ui: &mut Ui, shown: &Shown, derived: bool, asked: &mut Output) {
-        for unit in shown.scene.units().filter(|u| u.derived == derived) {
+    pub(super) fn editable_units(&mut self, ui: &mut Ui, state: &ViewState, derived: bool, output: &mut Output) {
+        for unit in state.scene.units().filter(|u| u.derived == derived) {
             let row = Row {
                 unit: UnitRef::Editable(unit.id),
                 name: unit.name.clone(),
@@ -69,11 +50,11 @@ impl Panels {
                 opacity: unit.opacity,
                 visible: unit.visible,
             };
-            self.row(ui, shown, &row, asked);
+            self.row(ui, state, &row, output);
         }
     }
 
-    fn row(&mut self, ui: &mut Ui, shown: &Shown, row: &Row, asked: &mut Output) {
+    fn row(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, output: &mut Output) {
         let chosen = self.chosen == Some(row.unit);
         let free = !self.locked.contains(&row.unit);
         // A scene may have a thousand units, of which a panel shows twenty.
@@ -84,28 +65,28 @@ impl Panels {
         }
         ui.push_id(&row.name, |ui| {
             if !chosen {
-                ui.horizontal(|ui| self.line(ui, shown, row, free, asked));
+                ui.horizontal(|ui| self.line(ui, state, row, free, output));
                 return;
             }
             theme::card(ui).show(ui, |ui| {
-                ui.horizontal(|ui| self.line(ui, shown, row, free, asked));
-                self.details(ui, shown, row, free, asked);
+                ui.horizontal(|ui| self.line(ui, state, row, free, output));
+                self.details(ui, state, row, free, output);
             });
         });
     }
 
-    fn line(&mut self, ui: &mut Ui, shown: &Shown, row: &Row, free: bool, asked: &mut Output) {
+    fn line(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, free: bool, output: &mut Output) {
         let (scale, gap, side) = (scale(ui), ui.spacing().item_spacing.x, ui.spacing().interact_size.y);
         let name = &row.name;
         let chosen = self.chosen == Some(row.unit);
-        if shown.offered.scene {
+        if state.services.scene {
             ui.add_enabled_ui(free, |ui| {
                 let does = if row.visible { format!("hide {name}") } else { format!("show {name}") };
                 if icon(ui, Icon::Eye, row.visible, &does) {
-                    asked.change(ask::set_visibility(ask::unit(name), !row.visible));
+                    output.change(commands::set_visibility(commands::unit(name), !row.visible));
                 }
             });
-            ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, asked));
+            ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, output));
         }
         // What is to the right of the name: a slider, its number, the lock.
         // In a narrow dock the slider gives way to the name; the chosen unit has another.
@@ -113,7 +94,7 @@ impl Panels {
         let room = ui.available_width() - number - side - 3.0 * gap;
         let slider = (room - 100.0 * scale).min(96.0 * scale);
         let slider = if slider < 36.0 * scale { 0.0 } else { slider };
-        let name_width = if shown.offered.scene { room - slider } else { ui.available_width() };
+        let name_width = if state.services.scene { room - slider } else { ui.available_width() };
         let size = vec2(name_width.max(40.0 * scale), side);
         let text = if row.visible { RichText::new(name) } else { RichText::new(name).weak() };
         let button = Button::new(text).selected(chosen).truncate().min_size(size).frame_when_inactive(chosen);
@@ -122,16 +103,16 @@ impl Panels {
         if pressed {
             self.chosen = if chosen { None } else { Some(row.unit) };
             self.renaming = None;
-            self.typing.forget(Field::NewName);
+            self.text_input.forget(Field::NewName);
         }
-        if !shown.offered.scene {
+        if !state.services.scene {
             return;
         }
         ui.add_enabled_ui(free, |ui| {
             let mut opacity = f64::from(row.opacity);
             let what = format!("opacity of {name}");
             if slider > 0.0 && bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
-                self.hold(Panel::Scene, ask::set_opacity(name, opacity as f32));
+                self.hold(Panel::Scene, commands::set_opacity(name, opacity as f32));
             }
             cell(ui, number, Align::Max, RichText::new(percent(opacity)).weak());
         });
@@ -145,24 +126,24 @@ impl Panels {
         }
     }
 
-    fn unit_color(&mut self, ui: &mut Ui, row: &Row, asked: &mut Output) {
+    fn unit_color(&mut self, ui: &mut Ui, row: &Row, output: &mut Output) {
         let own = match row.unit {
             UnitRef::Base(_) => "palette of the file",
-            UnitRef::Editable(_) => "its own colours",
+            UnitRef::Editable(_) => "Original colours",
         };
         match color_button(ui, &format!("colour of {}", row.name), row.color, Some(own)) {
-            Some(Picked::Color(rgb)) => self.hold(Panel::Scene, ask::set_color(&row.name, Some(rgb))),
-            Some(Picked::Own) => asked.change(ask::set_color(&row.name, None)),
+            Some(Picked::Color(rgb)) => self.hold(Panel::Scene, commands::set_color(&row.name, Some(rgb))),
+            Some(Picked::Own) => output.change(commands::set_color(&row.name, None)),
             None => {}
         }
     }
 
-    fn details(&mut self, ui: &mut Ui, shown: &Shown, row: &Row, free: bool, asked: &mut Output) {
+    fn details(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, free: bool, output: &mut Output) {
         let members = match row.unit {
-            UnitRef::Base(i) => shown.scene.base_units().get(i).map_or(0, |b| b.count),
-            UnitRef::Editable(id) => shown.scene.units().find(|u| u.id == id).map_or(0, |u| u.mask.count()),
+            UnitRef::Base(i) => state.scene.base_units().get(i).map_or(0, |b| b.count),
+            UnitRef::Editable(id) => state.scene.units().find(|u| u.id == id).map_or(0, |u| u.mask.count()),
         };
-        let share = members as f64 / shown.scene.count().max(1) as f64;
+        let share = members as f64 / state.scene.count().max(1) as f64;
         let what = match row.unit {
             UnitRef::Base(_) => "base unit",
             UnitRef::Editable(_) => "unit",
@@ -173,26 +154,26 @@ impl Panels {
         {
             curve.show(ui, &row.name);
         }
-        if !shown.offered.scene {
+        if !state.services.scene {
             return;
         }
-        self.pick(ui, row, asked);
+        self.pick(ui, row, output);
         ui.add_enabled_ui(free, |ui| {
             let mut opacity = f64::from(row.opacity);
             let number = Number { name: "opacity factor", range: 0.0..=2.0, logarithmic: false, text: percent };
             if number.show(ui, &mut opacity) {
-                self.hold(Panel::Scene, ask::set_opacity(&row.name, opacity as f32));
+                self.hold(Panel::Scene, commands::set_opacity(&row.name, opacity as f32));
             }
             if let UnitRef::Editable(id) = row.unit {
-                self.name_or_delete(ui, row, id, asked);
+                self.name_or_delete(ui, row, id, output);
             }
         });
     }
 
     /// What concerns the selection and the view rather than the unit, and is free whatever is locked.
-    fn pick(&mut self, ui: &mut Ui, row: &Row, asked: &mut Output) {
+    fn pick(&mut self, ui: &mut Ui, row: &Row, output: &mut Output) {
         let select = |operation: SetOperation| {
-            Action::Select(Select { target: Some(ask::unit(&row.name)), operation: operation.into() })
+            Action::Select(Select { target: Some(commands::unit(&row.name)), operation: operation.into() })
         };
         ui.horizontal_wrapped(|ui| {
             for (text, operation) in [
@@ -201,32 +182,32 @@ impl Panels {
                 ("take from selection", SetOperation::Remove),
             ] {
                 if ui.button(text).clicked() {
-                    asked.change(select(operation));
+                    output.change(select(operation));
                 }
             }
-            if ui.button("solo").on_hover_text("show this and hide all else").clicked() {
-                asked.change(ask::show_only(&row.name));
+            if ui.button("solo").on_hover_text("shows this unit and hides all others").clicked() {
+                output.change(commands::show_only(&row.name));
             }
             if ui.button("look at it").clicked() {
-                let change = Some(set_view::Change::Focus(ask::unit(&row.name)));
-                asked.change(Action::SetView(SetView { change }));
+                let change = Some(set_view::Change::Focus(commands::unit(&row.name)));
+                output.change(Action::SetView(SetView { change }));
             }
         });
     }
 
-    fn name_or_delete(&mut self, ui: &mut Ui, row: &Row, id: u64, asked: &mut Output) {
+    fn name_or_delete(&mut self, ui: &mut Ui, row: &Row, id: u64, output: &mut Output) {
         if self.renaming == Some(id) {
             ui.horizontal(|ui| {
                 let width = ui.available_width() - button_width(ui, "rename") - ui.spacing().item_spacing.x;
-                let came = self.typing.edit(ui, Field::NewName, "new name", width, MAX_NAME_BYTES);
+                let came = self.text_input.edit(ui, Field::NewName, "new name", width, MAX_NAME_BYTES);
                 let renamed = ui.button("rename").clicked();
-                if came == Typed::Going && !renamed {
+                if came == FieldEvent::Going && !renamed {
                     return;
                 }
                 self.renaming = None;
-                let new_name = self.typing.text(Field::NewName).trim().to_owned();
-                if came != Typed::GivenUp && !new_name.is_empty() && new_name != row.name {
-                    asked.change(Action::RenameUnit(RenameUnit { name: row.name.clone(), new_name }));
+                let new_name = self.text_input.text(Field::NewName).trim().to_owned();
+                if came != FieldEvent::GivenUp && !new_name.is_empty() && new_name != row.name {
+                    output.change(Action::RenameUnit(RenameUnit { name: row.name.clone(), new_name }));
                 }
             });
             return;
@@ -234,11 +215,11 @@ impl Panels {
         ui.horizontal(|ui| {
             if ui.button("rename").clicked() {
                 self.renaming = Some(id);
-                self.typing.set(Field::NewName, row.name.clone());
-                self.typing.turn_to(Field::NewName);
+                self.text_input.set(Field::NewName, row.name.clone());
+                self.text_input.turn_to(Field::NewName);
             }
-            if ui.button("delete").on_hover_text("its Gaussians stay; undo brings the unit back").clicked() {
-                asked.change(Action::DeleteUnit(DeleteUnit { name: row.name.clone() }));
+            if ui.button("Remove name (keeps splats)").on_hover_text("undo brings the unit back").clicked() {
+                output.change(Action::DeleteUnit(DeleteUnit { name: row.name.clone() }));
             }
         });
     }

@@ -2,64 +2,76 @@
 
 use egui::{Button, RichText, Ui};
 
-use super::control::{Number, choice, count, percent};
-use super::{Output, Panels, Place, Wish};
-use crate::display::{LEAKS, Request, Scrubs, Shown, THRESHOLDS, Tools};
+use super::control::{Number, count, percent};
+use super::output::{DisplayAction, Output, PanelHost};
+use super::state::Panels;
+use crate::display::{Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter, leak_of, reach_of};
 
 /// Places that are asked for at once.
 pub(super) const PLACES: u32 = 5;
 
 impl Panels {
-    /// What the last walk is done with, and what to brush next.
-    pub(super) fn walk(&mut self, ui: &mut Ui, shown: &Shown, tools: &mut Tools, asked: &mut Output) {
-        let Some(mut tuning) = self.prompt.scrub.tuning(shown) else { return };
+    /// Reach and Strictness of the last Region stroke, and places to brush next.
+    pub(super) fn walk(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
+        let Some(mut tuning) = self.select.drag.tuning(state) else { return };
         let number = |name, range, logarithmic, text| Number { name, range, logarithmic, text };
-        let leak = |x: f64| format!("{:.2} %", 100.0 * x);
         let threshold = |x: f64| format!("{:.2}", if x.abs() < 0.005 { 0.0 } else { x });
-        let mut moved = number("leak", LEAKS.0..=LEAKS.1, true, leak).show(ui, &mut tuning.leak);
-        moved |= number("threshold", THRESHOLDS.0..=THRESHOLDS.1, false, threshold).show(ui, &mut tuning.threshold);
+        // To the right selects more: less leak reaches farther.
+        let before = reach_of(tuning.leak);
+        let mut reach = before;
+        let mut moved = number("Reach", 0.0..=1.0, false, percent).show(ui, &mut reach);
+        // Rounding on the way from leak to reach and back is no motion.
+        if moved && (reach - before).abs() > 1e-9 {
+            tuning.leak = leak_of(reach);
+        }
+        moved |= number("Strictness", THRESHOLD_RANGE.0..=THRESHOLD_RANGE.1, false, threshold)
+            .show(ui, &mut tuning.threshold);
         if moved {
-            asked.requests.extend(self.prompt.scrub.set(tuning, shown));
+            output.requests.extend(self.select.drag.set(tuning, state));
         }
         ui.horizontal_wrapped(|ui| {
-            ui.label(match self.place {
-                Place::Window => "keys , and . change",
-                Place::Headset => "the stick changes",
+            ui.label(match self.host {
+                PanelHost::Window => "keys , and . change",
+                PanelHost::Headset => "the stick changes",
             });
-            for scrubs in Scrubs::ALL {
-                if choice(ui, tools.scrubs == scrubs, &format!("the {}", scrubs.name())) {
-                    tools.scrubs = scrubs;
+            for walk_parameter in WalkParameter::ALL {
+                let button = Button::new(walk_parameter.name()).selected(tools.walk_parameter == walk_parameter);
+                let response = ui.add(button);
+                let hears = format!("tune {}", walk_parameter.name());
+                ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(hears.as_str()));
+                if response.clicked() {
+                    tools.walk_parameter = walk_parameter;
                 }
             }
         });
-        self.proposals(ui, shown, asked);
+        self.proposals(ui, state, output);
     }
 
     /// Where a next stroke would tell most, as rows to be looked at or lit up where the display can.
-    fn proposals(&self, ui: &mut Ui, shown: &Shown, asked: &mut Output) {
-        let most = shown.most_proposals().min(PLACES);
+    fn proposals(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        let most = state.most_proposals().min(PLACES);
         if most == 0 {
             return;
         }
-        let does = "asks where another stroke of the walk, of either kind, would decide most";
+        let does = "finds the places where another Region stroke would be most informative";
         if ui.button("where to brush next?").on_hover_text(does).clicked() {
-            asked.requests.push(Request::Propose(most));
+            output.requests.push(Request::Propose(most));
         }
-        for (k, place) in (0_u8..).zip(shown.proposals()) {
+        for (k, place) in (0_u8..).zip(state.proposals()) {
             let change = count(place.expected_change.max(0.0).round() as usize);
             let text = format!("{}: about {change} Gaussians would change", k + 1);
             let unsure =
-                format!("{} unsure, {} Gaussians", percent(place.uncertainty), count(place.gaussians as usize));
-            let wish = Wish::Proposal(k);
-            let does = match self.place {
-                Place::Window => "look there",
-                Place::Headset => "light up its mark, or no longer",
+                format!("uncertainty {}, {} Gaussians", percent(place.uncertainty), count(place.gaussians as usize));
+            let action = DisplayAction::Proposal(k);
+            let does = match self.host {
+                PanelHost::Window => "look there",
+                PanelHost::Headset => "highlight its mark, or stop that",
             };
-            if !self.fulfils.contains(&wish) {
+            if !self.supported_actions.contains(&action) {
                 ui.label(text);
                 ui.label(RichText::new(unsure).weak());
             } else if ui.add(Button::new(text).wrap()).on_hover_text(format!("{does} ({unsure})")).clicked() {
-                asked.wishes.push(wish);
+                output.actions.push(action);
             }
         }
     }

@@ -2,31 +2,35 @@
 
 use egui::Ui;
 
-use super::{Output, Panels, Wish, theme};
-use crate::display::{Shown, Tools};
+use super::output::{DisplayAction, Output};
+use super::state::Panels;
+use super::theme;
+use crate::display::{Tools, ViewState};
 
 impl Panels {
     /// What strokes mean, one step back and forth, the panels, the scene's place.
-    pub(super) fn wrist(&self, ui: &mut Ui, shown: &Shown, tools: &mut Tools) -> Output {
-        let mut asked = Output::default();
+    pub(super) fn wrist(&self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
+        let mut output = Output::default();
         theme::frame(ui).show(ui, |ui| {
             ui.set_min_size(ui.available_size());
-            if shown.offered.selection {
+            if state.services.selection {
                 self.modes(ui, tools);
             }
-            if shown.offered.scene {
-                self.steps_back(ui, shown, &mut asked);
+            if state.services.scene {
+                self.steps_back(ui, state, &mut output);
             }
             ui.horizontal(|ui| {
-                for (wish, text) in
-                    [(Wish::Panels, "panels"), (Wish::Fit, "fit all"), (Wish::Bookmark, "keep this place")]
-                {
-                    if self.fulfils.contains(&wish) && ui.button(text).clicked() {
-                        asked.wishes.push(wish);
+                for (action, text) in [
+                    (DisplayAction::Panels, "panels"),
+                    (DisplayAction::Fit, "fit all"),
+                    (DisplayAction::Bookmark, "keep this place"),
+                ] {
+                    if self.supported_actions.contains(&action) && ui.button(text).clicked() {
+                        output.actions.push(action);
                     }
                 }
             });
         });
-        asked
+        output
     }
 }

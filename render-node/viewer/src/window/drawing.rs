@@ -9,7 +9,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::display::{Beside, Level};
+use crate::display::{LatestWorker, Level};
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::image::Image;
@@ -18,7 +18,7 @@ use sg_raster::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
 use sg_raster::render::{Options, Projection};
 use sg_scene::camera_motion::scaled;
 
-use super::handover::Handover;
+use super::shared_texture::SharedTexture;
 
 /// Edge of the picture that ids are found in, over that of the window's.
 const FRONT_SCALE: f64 = 0.5;
@@ -28,10 +28,10 @@ const NICE: i32 = 10;
 
 /// A picture that is wanted.
 #[derive(Debug, Clone)]
-pub(super) struct Wish {
+pub(super) struct PictureJob {
     /// One camera, or two whose pictures stand side by side.
     pub(super) cameras: Vec<Camera>,
-    pub(super) look: Appearance,
+    pub(super) appearance: Appearance,
     pub(super) level: Level,
     pub(super) projection: Projection,
     /// Whether something moves, so that it has to be there soon.
@@ -51,66 +51,66 @@ pub(super) enum Picture {
 }
 
 /// A picture that is there.
-pub(super) struct Drawn {
+pub(super) struct DrawnPicture {
     pub(super) picture: Result<Picture, String>,
     pub(super) level: Level,
     pub(super) moving: bool,
     pub(super) seconds: f64,
-    /// What drew it, and whether a device's picture came through memory.
+    /// The renderer, and whether its picture was copied through memory.
     pub(super) engine: String,
     /// The device that draws, if one does.
     pub(super) drawn_by: Option<Gpu>,
 }
 
-/// What is in front at every place of a picture.
+/// The front surface at every pixel of a picture.
 #[derive(Debug, Clone)]
-pub(super) struct Front {
+pub(super) struct FrontSurface {
     /// The window's camera, not that of the ids.
     camera: Camera,
-    look: Appearance,
+    appearance: Appearance,
     ids: FrontIds,
 }
 
-/// Draws wishes with an engine, on `pool`; `told` after each.
+/// Draws wishes with an engine, on `pool`; `wake` after each.
 pub(super) fn pictures(
     mut engine: Engine,
     pool: Arc<rayon::ThreadPool>,
-    told: impl Fn() + Send + 'static,
-) -> std::io::Result<Beside<Wish, Drawn>> {
-    let mut handover = None;
-    let work = move |wish: Wish| {
+    wake: impl Fn() + Send + 'static,
+) -> std::io::Result<LatestWorker<PictureJob, DrawnPicture>> {
+    let mut shared_texture = None;
+    let work = move |job: PictureJob| {
         let began = Instant::now();
-        let picture = pool.install(|| draw(&mut engine, &mut handover, &wish));
-        let Wish { level, moving, .. } = wish;
+        let picture = pool.install(|| draw(&mut engine, &mut shared_texture, &job));
+        let PictureJob { level, moving, .. } = job;
         let seconds = began.elapsed().as_secs_f64();
         let drawn_by = engine.gpu().cloned();
         let copied = drawn_by.is_some() && matches!(picture, Ok(Picture::Pixels(_)));
         let name = engine.name() + if copied { ", copied" } else { "" };
-        Drawn { picture, level, moving, seconds, engine: name, drawn_by }
+        DrawnPicture { picture, level, moving, seconds, engine: name, drawn_by }
     };
-    Beside::new("draws", work, told)
+    LatestWorker::new("draws", work, wake)
 }
 
-fn draw(engine: &mut Engine, handover: &mut Option<Handover>, wish: &Wish) -> Result<Picture, String> {
-    let cameras: Vec<_> = wish.cameras.iter().map(|camera| scaled(camera, wish.level.scale)).collect();
-    let options = Options { quality: wish.level.quality, projection: wish.projection };
+fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &PictureJob) -> Result<Picture, String> {
+    let cameras: Vec<_> = job.cameras.iter().map(|camera| scaled(camera, job.level.scale)).collect();
+    let options = Options { quality: job.level.quality, projection: job.projection };
     // Outlines are drawn by the cores.
-    if let Some(shown_by) = wish.shown_by.as_ref().filter(|_| wish.outlines.is_none()) {
-        let left = engine.leave(&wish.look, &cameras, options).map_err(|e| e.to_string())?;
+    if let Some(shown_by) = job.shown_by.as_ref().filter(|_| job.outlines.is_none()) {
+        let left = engine.leave(&job.appearance, &cameras, options).map_err(|e| e.to_string())?;
         // A device opened anew does not show the window yet.
         if let Some((gpu, pictures)) = left.filter(|(gpu, _)| gpu.is(shown_by)) {
-            if !handover.as_ref().is_some_and(|h| h.is_on(gpu)) {
-                *handover = None;
+            if !shared_texture.as_ref().is_some_and(|h| h.is_on(gpu)) {
+                *shared_texture = None;
             }
-            let picture = handover.get_or_insert_with(|| Handover::new(gpu)).put(pictures);
+            let picture = shared_texture.get_or_insert_with(|| SharedTexture::new(gpu)).put(pictures);
             return Ok(Picture::OnDevice(shown_by.clone(), picture));
         }
     }
     let mut eyes = Vec::with_capacity(cameras.len());
     for camera in &cameras {
-        let mut image = engine.draw(&wish.look, camera, options).map_err(|e| e.to_string())?.image;
-        if let Some(labels) = &wish.outlines {
-            let front = front_ids(engine.scene(), &wish.look, camera, wish.projection, SURFACE);
+        let mut image = engine.draw(&job.appearance, camera, options).map_err(|e| e.to_string())?.image;
+        if let Some(labels) = &job.outlines {
+            let front = front_ids(engine.scene(), &job.appearance, camera, job.projection, SURFACE);
             let (ids, _) = front.map_err(|e| e.to_string())?;
             draw_outlines(&mut image, &ids, labels, OutlineStyle::default()).map_err(|e| e.to_string())?;
         }
@@ -135,28 +135,28 @@ fn side_by_side(images: &[Image]) -> ColorImage {
     ColorImage::new([width, height], pixels)
 }
 
-/// Finds what is in front for cameras and looks, on `pool`; `told` after each.
+/// Finds the front surface for cameras and appearances on `pool`; calls `wake` after each.
 pub(super) fn fronts(
     scene: Arc<Scene>,
     pool: Arc<rayon::ThreadPool>,
-    told: impl Fn() + Send + 'static,
-) -> std::io::Result<Beside<(Camera, Appearance), Option<Front>>> {
-    let work = move |(camera, look): (Camera, Appearance)| {
+    wake: impl Fn() + Send + 'static,
+) -> std::io::Result<LatestWorker<(Camera, Appearance), Option<FrontSurface>>> {
+    let work = move |(camera, appearance): (Camera, Appearance)| {
         let small = scaled(&camera, FRONT_SCALE);
-        let found = pool.install(|| front_ids(&scene, &look, &small, Projection::Affine, SURFACE));
+        let found = pool.install(|| front_ids(&scene, &appearance, &small, Projection::Affine, SURFACE));
         // A picture that cannot be drawn says so itself.
-        found.ok().map(|(ids, _)| Front { camera, look, ids })
+        found.ok().map(|(ids, _)| FrontSurface { camera, appearance, ids })
     };
-    Beside::new("finds-front", work, told)
+    LatestWorker::new("finds-front", work, wake)
 }
 
-impl Front {
+impl FrontSurface {
     /// Whether it is that of this camera.
     pub(super) fn is_of(&self, camera: &Camera) -> bool {
         self.camera == *camera
     }
 
-    /// What is in front at a place of the window's picture, pixels.
+    /// The front surface at a pixel of the window's picture.
     pub(super) fn at(&self, scene: &Scene, at: DVec2) -> Option<Hit> {
         let scale = DVec2::new(
             f64::from(self.ids.width) / f64::from(self.camera.width),
@@ -167,7 +167,7 @@ impl Front {
             return None;
         }
         let id = self.ids.at(place.x as u32, place.y as u32)?;
-        hit_of(scene, &self.look, &self.camera, id, at)
+        hit_of(scene, &self.appearance, &self.camera, id, at)
     }
 }
 

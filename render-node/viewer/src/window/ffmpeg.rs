@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process_group};
 
 /// Longest time that a video may take.
-pub(super) const PATIENCE: Duration = Duration::from_secs(300);
+pub(super) const VIDEO_TIMEOUT: Duration = Duration::from_secs(300);
 
 /// How often it is looked whether the program has ended.
-const LOOKS: Duration = Duration::from_millis(20);
+const POLL_PERIOD: Duration = Duration::from_millis(20);
 
 /// Bytes of the program's complaints that are read.
-const COMPLAINTS: u64 = 4096;
+const ERROR_BYTES: u64 = 4096;
 
 /// Why there is no video.
 #[derive(Debug, thiserror::Error)]
@@ -31,7 +31,7 @@ pub(super) enum VideoError {
     /// It took too long and was ended.
     #[error("ffmpeg was ended after {} s", .0.as_secs())]
     Late(Duration),
-    /// Nobody waits for it any more.
+    /// The window was closed.
     #[error("the window was closed")]
     Over,
     /// The video could not be put in its place.
@@ -46,7 +46,7 @@ pub(super) fn found(path: Option<&OsStr>) -> Option<PathBuf> {
 }
 
 /// Makes the video `to` of `0000.png`, `0001.png`, … in a folder, 30 a second. Counts pictures that are in it as it goes; ends
-/// when `stop` is set or `patience` is over. There is a whole video at the end or none.
+/// when `stop` is set or `timeout` is over. There is a whole video at the end or none.
 ///
 /// # Errors
 /// [`VideoError`].
@@ -54,7 +54,7 @@ pub(super) fn video(
     program: &Path,
     (pictures, to): (&Path, &Path),
     (done, stop): (&AtomicU32, &AtomicBool),
-    patience: Duration,
+    timeout: Duration,
 ) -> Result<(), VideoError> {
     let part = to.with_extension("part");
     let mut command = Command::new(program);
@@ -65,20 +65,20 @@ pub(super) fn video(
     command.args(["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p", "-color_range", "tv"]);
     command.args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]);
     command.args(["-movflags", "+faststart", "-f", "mp4"]).arg(&part);
-    // A group of its own, so that whatever it starts ends with it.
+    // Its own process group, so that its children end with it.
     command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(VideoError::Start)?;
-    let (told, complained) = (child.stdout.take(), child.stderr.take());
+    let (progress, errors) = (child.stdout.take(), child.stderr.take());
     let outcome = std::thread::scope(|scope| {
-        scope.spawn(move || follow(told, done));
-        let complaints = scope.spawn(move || {
+        scope.spawn(move || follow(progress, done));
+        let error_text = scope.spawn(move || {
             let mut said = String::new();
-            // What cannot be read of them is not there to be told.
-            let _ = complained.map(|from| from.take(COMPLAINTS).read_to_string(&mut said));
+            // An unreadable error text is dropped.
+            let _ = errors.map(|from| from.take(ERROR_BYTES).read_to_string(&mut said));
             said
         });
-        let ended = wait(&mut child, stop, patience);
-        let said = complaints.join().unwrap_or_default();
+        let ended = wait(&mut child, stop, timeout);
+        let said = error_text.join().unwrap_or_default();
         match ended {
             Ok(status) if status.success() => Ok(()),
             Ok(status) => {
@@ -98,14 +98,14 @@ pub(super) fn video(
 }
 
 /// Waits for the program's end, and brings it about where it is due.
-fn wait(child: &mut Child, stop: &AtomicBool, patience: Duration) -> Result<std::process::ExitStatus, VideoError> {
+fn wait(child: &mut Child, stop: &AtomicBool, timeout: Duration) -> Result<std::process::ExitStatus, VideoError> {
     let begun = Instant::now();
     let due = loop {
         match child.try_wait() {
             Ok(Some(status)) => return Ok(status),
             Ok(None) if stop.load(Ordering::Relaxed) => break VideoError::Over,
-            Ok(None) if begun.elapsed() > patience => break VideoError::Late(patience),
-            Ok(None) => std::thread::sleep(LOOKS),
+            Ok(None) if begun.elapsed() > timeout => break VideoError::Late(timeout),
+            Ok(None) => std::thread::sleep(POLL_PERIOD),
             Err(error) => break VideoError::Start(error),
         }
     };
@@ -118,8 +118,8 @@ fn wait(child: &mut Child, stop: &AtomicBool, patience: Duration) -> Result<std:
 }
 
 /// Takes in how far the program says it is.
-fn follow(told: Option<impl Read>, done: &AtomicU32) {
-    for line in told.into_iter().flat_map(|told| BufReader::new(told).lines().map_while(Result::ok)) {
+fn follow(progress: Option<impl Read>, done: &AtomicU32) {
+    for line in progress.into_iter().flat_map(|progress| BufReader::new(progress).lines().map_while(Result::ok)) {
         if let Some(frames) = line.strip_prefix("frame=").and_then(|n| n.trim().parse().ok()) {
             done.store(frames, Ordering::Relaxed);
         }
@@ -142,12 +142,12 @@ mod tests {
         path
     }
 
-    fn made(does: &str, patience: Duration, stop: bool) -> (Result<(), String>, u32, Option<String>) {
+    fn made(does: &str, timeout: Duration, stop: bool) -> (Result<(), String>, u32, Option<String>) {
         let folder = tempfile::tempdir().unwrap();
         let program = program(folder.path(), does);
         let to = folder.path().join("turn.mp4");
         let (done, stop) = (AtomicU32::new(0), AtomicBool::new(stop));
-        let outcome = video(&program, (folder.path(), &to), (&done, &stop), patience).map_err(|e| e.to_string());
+        let outcome = video(&program, (folder.path(), &to), (&done, &stop), timeout).map_err(|e| e.to_string());
         assert!(!folder.path().join("turn.part").exists(), "a part is left");
         (outcome, done.into_inner(), std::fs::read_to_string(to).ok())
     }
@@ -199,9 +199,12 @@ mod tests {
         read.args(["-nostdin", "-v", "info", "-i"]).arg(&to);
         read.args(["-vf", "scale=in_color_matrix=bt709:in_range=tv", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]);
         let read = read.output().unwrap();
-        let told = String::from_utf8_lossy(&read.stderr);
-        assert!(told.contains("yuv420p(tv, bt709") && told.contains("1280x720") && told.contains("30 fps"), "{told}");
-        assert_eq!(read.stdout.len(), 12 * 3 * (width * height) as usize, "{told}");
+        let progress = String::from_utf8_lossy(&read.stderr);
+        assert!(
+            progress.contains("yuv420p(tv, bt709") && progress.contains("1280x720") && progress.contains("30 fps"),
+            "{progress}"
+        );
+        assert_eq!(read.stdout.len(), 12 * 3 * (width * height) as usize, "{progress}");
         let seen = read.stdout.chunks_exact(3).step_by(997);
         let off = seen.map(|p| p.iter().zip(color).map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0)).max();
         assert!(off <= Some(3), "a colour is off by {off:?} of 255");

@@ -1,23 +1,24 @@
 //! A window: the scene with its panels, a mouse and a keyboard.
 //!
-//! The loop draws what is newest and never waits: pictures are made beside it ([`crate::display::Beside`]), and what a person
-//! asks for is handed to a [`Seat`].
+//! The loop draws what is newest and never waits: pictures are made beside it ([`crate::display::LatestWorker`]), and what a person
+//! asks for is handed to a [`ViewPort`].
 
-mod around;
-mod bars;
 mod bookmarks;
-mod desk;
 mod drawing;
-mod dropped;
+mod error;
+mod exporter;
 mod ffmpeg;
-mod glass;
-mod handover;
-mod keep;
-mod marks;
-mod memory;
+mod file_drop;
+mod lasso;
 mod navigation;
+mod overlay;
+mod scene_view;
+mod settings;
+mod shared_texture;
 mod shortcuts;
-mod viewport;
+mod surface;
+mod toolbar;
+mod window_ui;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -32,49 +33,36 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::platform::x11::EventLoopBuilderExtX11 as _;
 use winit::window::{Window, WindowId};
 
-use crate::display::{Seat, Tools};
+use crate::display::{Tools, ViewPort};
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::render::Quality;
 
-pub use desk::Desk;
 pub use drawing::threads;
-pub use memory::Memory;
-pub use navigation::{Manner, Navigator};
+pub use error::WindowError;
+pub use navigation::{NavigationMode, Navigator};
+pub use scene_view::MouseTool;
+pub use settings::Settings;
 pub use shortcuts::{MOUSE, SHORTCUTS, Shortcut};
-pub use viewport::Pointer;
+pub use window_ui::WindowUi;
 
-use glass::{Glass, Painted};
-
-/// Why there is no window, or no more.
-#[derive(Debug, thiserror::Error)]
-pub enum WindowError {
-    /// No display to open it on.
-    #[error("no window can be opened: {0}; set DISPLAY, or start with `display = \"none\"`")]
-    Display(String),
-    /// No device to show anything with.
-    #[error("nothing can be shown in the window: {0}; install a Vulkan driver, or start with `display = \"none\"`")]
-    Surface(String),
-    /// No threads to draw with.
-    #[error("no threads to draw with: {0}")]
-    Threads(String),
-}
+use surface::{PresentResult, WindowSurface};
 
 /// How often news from elsewhere is looked for while nothing is drawn.
-const GLANCE: Duration = Duration::from_millis(16);
+const POLL_PERIOD: Duration = Duration::from_millis(16);
 
 /// Frames in a row whose device or surface may be lost, each opened anew.
 const MOST_LOSSES: u32 = 5;
 
-/// What a window shows.
+/// Parts that a window is made of.
 pub struct Setup {
     /// The geometry.
     pub scene: Arc<Scene>,
-    /// What draws it.
+    /// The renderer.
     pub engine: Engine,
     /// Where the newest comes from and requests go.
-    pub seat: Seat,
-    /// What stands at its top.
+    pub view_port: ViewPort,
+    /// Title of the window.
     pub title: String,
     /// The settings of tools at first; what is remembered of an earlier time comes before them.
     pub tools: Tools,
@@ -84,7 +72,7 @@ pub struct Setup {
     /// the former is made of cores: it does one thing after the other, and the loop would wait for its pictures.
     pub copies: Option<bool>,
     /// Where its layout is remembered; `None`: nowhere.
-    pub memory: Option<PathBuf>,
+    pub settings: Option<PathBuf>,
     /// Where kept pictures go.
     pub pictures: PathBuf,
     /// Called when it is there.
@@ -104,10 +92,10 @@ pub fn run(setup: Setup) -> Result<(), WindowError> {
     // Not the process's first thread, which serves the bus.
     let event_loop = EventLoop::<()>::with_user_event().with_any_thread(true).build().map_err(|e| display(&e))?;
     let wake = event_loop.create_proxy();
-    let mut app = App { setup: Some(setup), wake, opened: None, trouble: None };
+    let mut app = App { setup: Some(setup), wake, opened: None, error: None };
     event_loop.run_app(&mut app).map_err(|e| display(&e))?;
-    match app.trouble {
-        Some(trouble) => Err(trouble),
+    match app.error {
+        Some(error) => Err(error),
         None => Ok(()),
     }
 }
@@ -116,77 +104,88 @@ pub fn run(setup: Setup) -> Result<(), WindowError> {
 struct App {
     setup: Option<Setup>,
     wake: EventLoopProxy<()>,
-    opened: Option<Opened>,
-    trouble: Option<WindowError>,
+    opened: Option<OpenWindow>,
+    error: Option<WindowError>,
 }
 
 /// The open window.
-struct Opened {
+struct OpenWindow {
     window: Arc<Window>,
     /// Taken away before another is opened: a window has one at a time.
-    glass: Option<Glass>,
+    surface: Option<WindowSurface>,
     input: egui_winit::State,
-    desk: Desk,
+    window_ui: WindowUi,
     copies: Option<bool>,
     /// The newest device that draws which was tried for showing as well.
-    tried: Option<Gpu>,
+    tried_device: Option<Gpu>,
     /// Frames since one was shown whose device or surface was lost.
     losses: u32,
-    memory: Option<PathBuf>,
+    settings: Option<PathBuf>,
     /// What was remembered when it opened, and the quality that was given for this time.
-    before: (Memory, Option<Quality>),
+    before: (Settings, Option<Quality>),
     /// When the next frame is due, if one is.
     due: Option<Instant>,
 }
 
-impl Opened {
+impl OpenWindow {
     fn new(event_loop: &ActiveEventLoop, setup: Setup, wake: &EventLoopProxy<()>) -> Result<Self, WindowError> {
-        let Setup { scene, engine, seat, title, tools, quality, copies, memory, pictures, opened } = setup;
-        let read = memory.as_deref().map_or(Ok(None), Memory::read).unwrap_or_else(|why| {
+        let Setup { scene, engine, view_port, title, tools, quality, copies, settings, pictures, opened } = setup;
+        let read = settings.as_deref().map_or(Ok(None), Settings::load).unwrap_or_else(|why| {
             tracing::warn!("the window's layout is as it is at first: {why}");
             None
         });
         let mut tools = tools;
-        if let Some(remembered) = &read {
-            remembered.apply(&mut tools, quality);
+        if let Some(loaded) = &read {
+            loaded.apply(&mut tools, quality);
         }
-        let remembered = read.unwrap_or_default();
+        let loaded = read.unwrap_or_default();
         let attributes = Window::default_attributes()
             .with_title(title)
-            .with_maximized(remembered.maximized)
-            .with_inner_size(LogicalSize::new(remembered.width, remembered.height));
+            .with_maximized(loaded.maximized)
+            .with_inner_size(LogicalSize::new(loaded.width, loaded.height));
         let window = event_loop.create_window(attributes).map_err(|e| WindowError::Display(e.to_string()))?;
         let window = Arc::new(window);
         let wake = wake.clone();
-        let told = move || {
+        let waker = move || {
             // A loop that has ended needs no waking.
             let _ = wake.send_event(());
         };
-        let desk = Desk::new(scene, engine, (seat, tools), pictures, &remembered, told)?;
+        let window_ui = WindowUi::new(scene, engine, (view_port, tools), pictures, &loaded, waker)?;
         let input = fresh_input(&window, None);
-        let (before, due) = ((remembered, quality), Some(Instant::now()));
-        let mut this = Self { window, glass: None, input, desk, copies, tried: None, losses: 0, memory, before, due };
-        this.open_glass()?;
+        let (before, due) = ((loaded, quality), Some(Instant::now()));
+        let mut this = Self {
+            window,
+            surface: None,
+            input,
+            window_ui,
+            copies,
+            tried_device: None,
+            losses: 0,
+            settings,
+            before,
+            due,
+        };
+        this.open_surface()?;
         opened();
         Ok(this)
     }
 
     /// The device that draws pictures, where they are to stay on it and that has not been tried.
     fn untried(&self) -> Option<Gpu> {
-        let tried = |gpu: &Gpu| self.tried.as_ref().is_some_and(|tried| tried.is(gpu));
-        let stays = |gpu: &&Gpu| !self.copies.unwrap_or(gpu.is_software()) && !gpu.is_lost() && !tried(gpu);
-        self.desk.drawn_by().filter(stays).cloned()
+        let tried_device = |gpu: &Gpu| self.tried_device.as_ref().is_some_and(|tried_device| tried_device.is(gpu));
+        let stays = |gpu: &&Gpu| !self.copies.unwrap_or(gpu.is_software()) && !gpu.is_lost() && !tried_device(gpu);
+        self.window_ui.drawn_by().filter(stays).cloned()
     }
 
     /// Has the window shown anew: by the device that draws its pictures if they are to stay on it and it can show them, else by
     /// one of its own.
-    fn open_glass(&mut self) -> Result<(), WindowError> {
-        self.glass = None;
+    fn open_surface(&mut self) -> Result<(), WindowError> {
+        self.surface = None;
         let drawn_by = self.untried();
-        let opened = drawn_by.as_ref().and_then(|gpu| match Glass::open(&self.window, Some(gpu)) {
-            Ok(glass) => {
+        let opened = drawn_by.as_ref().and_then(|gpu| match WindowSurface::open(&self.window, Some(gpu)) {
+            Ok(surface) => {
                 tracing::info!("pictures stay on {}, which draws them and shows the window", gpu.name());
-                Some(glass)
+                Some(surface)
             }
             Err(error) => {
                 tracing::info!("pictures are copied from {}, which draws them: {error}", gpu.name());
@@ -194,70 +193,70 @@ impl Opened {
             }
         });
         if drawn_by.is_some() {
-            self.tried = drawn_by;
+            self.tried_device = drawn_by;
         }
-        let glass = match opened {
-            Some(glass) => glass,
-            None => Glass::open(&self.window, None)?,
+        let surface = match opened {
+            Some(surface) => surface,
+            None => WindowSurface::open(&self.window, None)?,
         };
-        // What another device held, fonts among it, is told again by a new context alone.
-        self.input = fresh_input(&self.window, Some(&glass));
-        self.desk.show_by(glass.shows());
-        self.glass = Some(glass);
+        // Only a new context uploads all textures, fonts among them, to the new device.
+        self.input = fresh_input(&self.window, Some(&surface));
+        self.window_ui.show_by(surface.shows());
+        self.surface = Some(surface);
         self.due = Some(Instant::now());
         Ok(())
     }
 
     /// Paints a frame and finds out when the next one is due.
     fn frame(&mut self) -> Result<(), WindowError> {
-        // Whoever draws has opened a lost device anew.
+        // The renderer has opened a lost device again.
         if self.untried().is_some() {
-            self.open_glass()?;
+            self.open_surface()?;
         }
         let raw = self.input.take_egui_input(&self.window);
         let ctx = self.input.egui_ctx().clone();
-        let output = ctx.run_ui(raw, |ui| self.desk.show(ui));
+        let output = ctx.run_ui(raw, |ui| self.window_ui.show(ui));
         self.input.handle_platform_output(&self.window, output.platform_output);
         let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
         let delay = output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
         self.due = Instant::now().checked_add(delay);
-        let Some(glass) = &mut self.glass else { return Ok(()) };
-        if let Some(picture) = self.desk.take_picture() {
-            glass.take(&picture);
+        let Some(surface) = &mut self.surface else { return Ok(()) };
+        if let Some(picture) = self.window_ui.take_picture() {
+            surface.take(&picture);
         }
-        match glass.paint(&primitives, output.textures_delta, output.pixels_per_point) {
-            Painted::Shown => self.losses = 0,
-            Painted::Passed => (),
-            Painted::Lost if self.losses >= MOST_LOSSES => {
+        match surface.paint(&primitives, output.textures_delta, output.pixels_per_point) {
+            PresentResult::Shown => self.losses = 0,
+            PresentResult::Passed => (),
+            PresentResult::Lost if self.losses >= MOST_LOSSES => {
                 return Err(WindowError::Surface(format!("its device was lost {MOST_LOSSES} times in a row")));
             }
-            Painted::Lost => {
+            PresentResult::Lost => {
                 self.losses += 1;
                 // Not by the same device again: the loss of a surface may be the first that is heard of a lost device.
-                self.open_glass()?;
+                self.open_surface()?;
             }
         }
         Ok(())
     }
 
     /// Keeps the layout for the next time; that it could not be kept is told and does no harm.
-    fn remember(&self) {
-        let Some(path) = &self.memory else { return };
+    fn save_settings(&self) {
+        let Some(path) = &self.settings else { return };
         let size: LogicalSize<f64> = self.window.inner_size().to_logical(self.window.scale_factor());
-        let memory = Memory {
+        let settings = Settings {
             width: size.width,
             height: size.height,
             maximized: self.window.is_maximized(),
-            ..self.desk.remembers()
+            ..self.window_ui.settings()
         };
-        let memory = memory.after(&self.before.0, self.before.1);
-        if let Err(error) = memory.keep(path) {
+        let settings = settings.without_override(&self.before.0, self.before.1);
+        if let Err(error) = settings.save(path) {
             tracing::warn!("the window's layout is not kept: {error}");
         }
     }
 }
 
-fn fresh_input(window: &Window, glass: Option<&Glass>) -> egui_winit::State {
+fn fresh_input(window: &Window, surface: Option<&WindowSurface>) -> egui_winit::State {
     let scale = Some(window.scale_factor() as f32);
     egui_winit::State::new(
         egui::Context::default(),
@@ -265,20 +264,20 @@ fn fresh_input(window: &Window, glass: Option<&Glass>) -> egui_winit::State {
         window,
         scale,
         window.theme(),
-        glass.map(Glass::largest),
+        surface.map(WindowSurface::largest),
     )
 }
 
 impl ApplicationHandler<()> for App {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
         let Some(setup) = self.setup.take() else { return };
-        match Opened::new(event_loop, setup, &self.wake) {
+        match OpenWindow::new(event_loop, setup, &self.wake) {
             Ok(opened) => {
                 opened.window.request_redraw();
                 self.opened = Some(opened);
             }
             Err(error) => {
-                self.trouble = Some(error);
+                self.error = Some(error);
                 event_loop.exit();
             }
         }
@@ -292,9 +291,9 @@ impl ApplicationHandler<()> for App {
 
     fn new_events(&mut self, event_loop: &ActiveEventLoop, _: StartCause) {
         if let Some(opened) = &mut self.opened
-            && opened.desk.is_over()
+            && opened.window_ui.is_closed()
         {
-            opened.remember();
+            opened.save_settings();
             event_loop.exit();
         }
     }
@@ -307,20 +306,20 @@ impl ApplicationHandler<()> for App {
         }
         match event {
             WindowEvent::CloseRequested => {
-                opened.remember();
+                opened.save_settings();
                 event_loop.exit();
             }
-            // Somebody else took it away; there is nothing left to ask how large it was.
+            // The window is destroyed: its size cannot be read.
             WindowEvent::Destroyed => event_loop.exit(),
             WindowEvent::Resized(PhysicalSize { width, height }) => {
-                if let Some(glass) = &mut opened.glass {
-                    glass.resize(width, height);
+                if let Some(surface) = &mut opened.surface {
+                    surface.resize(width, height);
                 }
                 opened.window.request_redraw();
             }
             WindowEvent::RedrawRequested => {
                 if let Err(error) = opened.frame() {
-                    self.trouble = Some(error);
+                    self.error = Some(error);
                     event_loop.exit();
                 }
             }
@@ -331,11 +330,11 @@ impl ApplicationHandler<()> for App {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let Some(opened) = &mut self.opened else { return };
         let now = Instant::now();
-        if opened.desk.has_news() || opened.due.is_some_and(|due| due <= now) {
+        if opened.window_ui.has_update() || opened.due.is_some_and(|due| due <= now) {
             opened.due = None;
             opened.window.request_redraw();
         }
-        let next = now + GLANCE;
+        let next = now + POLL_PERIOD;
         event_loop.set_control_flow(ControlFlow::WaitUntil(opened.due.map_or(next, |due| due.min(next))));
     }
 }

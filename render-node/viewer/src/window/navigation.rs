@@ -4,10 +4,10 @@ use glam::{DQuat, DVec2, DVec3};
 use sg_scene::model::SceneBox;
 use sg_scene::view::View;
 
-/// What a drag turns.
+/// Effect of a drag.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Manner {
+pub enum NavigationMode {
     /// The eye goes about the target; up stays up.
     #[default]
     Orbit,
@@ -17,11 +17,11 @@ pub enum Manner {
     Fly,
 }
 
-impl Manner {
+impl NavigationMode {
     /// All, in the order in which a key goes through them.
     pub const ALL: [Self; 3] = [Self::Orbit, Self::Trackball, Self::Fly];
 
-    /// What the window calls it.
+    /// Name in the window.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -53,8 +53,8 @@ const POLE_GAP: f64 = 1.0;
 pub struct Navigator {
     /// Where it is.
     pub view: View,
-    /// What a drag turns.
-    pub manner: Manner,
+    /// Effect of a drag.
+    pub navigation_mode: NavigationMode,
     /// The scene's length, the longest edge of its box.
     length: f64,
 }
@@ -63,7 +63,7 @@ impl Navigator {
     /// An eye before a scene.
     #[must_use]
     pub fn new(view: View, bounds: SceneBox) -> Self {
-        Self { view, manner: Manner::default(), length: bounds.longest_edge().max(f64::MIN_POSITIVE) }
+        Self { view, navigation_mode: NavigationMode::default(), length: bounds.longest_edge().max(f64::MIN_POSITIVE) }
     }
 
     /// A drag by `delta`, in heights of the picture, x to the right and y down: what is seen goes with the hand.
@@ -72,9 +72,9 @@ impl Navigator {
             return;
         }
         let view = self.view;
-        let after = match self.manner {
-            Manner::Orbit => view.orbited(-TURN * delta.x, TURN * delta.y),
-            Manner::Trackball => {
+        let after = match self.navigation_mode {
+            NavigationMode::Orbit => view.orbited(-TURN * delta.x, TURN * delta.y),
+            NavigationMode::Trackball => {
                 let Some((right, up, forward)) = axes(&view) else { return };
                 let axis = up * -delta.x + right * -delta.y;
                 let Some(axis) = axis.try_normalize() else { return };
@@ -82,7 +82,7 @@ impl Navigator {
                 let distance = view.eye.distance(view.target);
                 View { eye: view.target - turn * forward * distance, up: turn * up, ..view }
             }
-            Manner::Fly => {
+            NavigationMode::Fly => {
                 let Some((right, _, forward)) = axes(&view) else { return };
                 let up = view.up.normalize_or(DVec3::Z);
                 let from_up = forward.angle_between(up).to_degrees();
@@ -111,8 +111,8 @@ impl Navigator {
         if !(factor.is_finite() && factor > 0.0) {
             return;
         }
-        match self.manner {
-            Manner::Fly => self.fly(DVec3::new(0.0, 0.0, 0.25 * self.length * factor.ln())),
+        match self.navigation_mode {
+            NavigationMode::Fly => self.fly(DVec3::new(0.0, 0.0, 0.25 * self.length * factor.ln())),
             _ => {
                 if let Ok(view) = self.view.zoomed(factor, self.length) {
                     self.put(view);
@@ -165,9 +165,9 @@ mod tests {
         SceneBox { min: DVec3::new(-1.0, -2.0, 0.0), max: DVec3::new(3.0, 2.0, 1.0) }
     }
 
-    fn navigator(manner: Manner) -> Navigator {
+    fn navigator(navigation_mode: NavigationMode) -> Navigator {
         let view = View::framing(bounds(), DVec3::new(0.2, 1.0, -0.3), DVec3::Z, 40.0);
-        Navigator { manner, ..Navigator::new(view, bounds()) }
+        Navigator { navigation_mode, ..Navigator::new(view, bounds()) }
     }
 
     /// Where a point of the scene is in the picture, heights from its middle, x right, y down.
@@ -180,47 +180,47 @@ mod tests {
 
     #[test]
     fn what_is_at_the_target_goes_with_the_hand() {
-        for manner in Manner::ALL {
-            let mut n = navigator(manner);
+        for navigation_mode in NavigationMode::ALL {
+            let mut n = navigator(navigation_mode);
             let before = n.view;
             let delta = DVec2::new(0.1, -0.05);
             n.slide(delta);
-            assert!((seen(&n.view, before.target) - delta).length() < 1e-12, "{manner:?}");
+            assert!((seen(&n.view, before.target) - delta).length() < 1e-12, "{navigation_mode:?}");
         }
-        let mut n = navigator(Manner::Fly);
+        let mut n = navigator(NavigationMode::Fly);
         let before = n.view;
         n.turn(DVec2::new(0.02, 0.0));
         assert!((seen(&n.view, before.target) - DVec2::new(0.02, 0.0)).length() < 2e-3);
-        n = navigator(Manner::Fly);
+        n = navigator(NavigationMode::Fly);
         n.turn(DVec2::new(0.0, 0.02));
         assert!((seen(&n.view, before.target) - DVec2::new(0.0, 0.02)).length() < 2e-3);
     }
 
     #[test]
     fn what_is_before_the_target_goes_with_the_hand_that_turns() {
-        for manner in [Manner::Orbit, Manner::Trackball] {
+        for navigation_mode in [NavigationMode::Orbit, NavigationMode::Trackball] {
             for delta in [DVec2::new(0.02, 0.0), DVec2::new(0.0, 0.02)] {
-                let mut n = navigator(manner);
+                let mut n = navigator(navigation_mode);
                 let (right, up, forward) = axes(&n.view).unwrap();
                 let near = n.view.target - 0.3 * forward;
                 assert!(seen(&n.view, near).length() < 1e-12);
                 n.turn(delta);
-                assert!(seen(&n.view, near).dot(delta) > 0.0, "{manner:?} {delta} {right} {up}");
+                assert!(seen(&n.view, near).dot(delta) > 0.0, "{navigation_mode:?} {delta} {right} {up}");
             }
         }
     }
 
     #[test]
     fn an_orbit_keeps_up_and_a_trackball_goes_over_the_pole() {
-        let mut orbit = navigator(Manner::Orbit);
-        let mut ball = navigator(Manner::Trackball);
+        let mut orbit = navigator(NavigationMode::Orbit);
+        let mut ball = navigator(NavigationMode::Trackball);
         for _ in 0..30 {
             orbit.turn(DVec2::new(0.0, 0.1));
             ball.turn(DVec2::new(0.0, 0.1));
         }
         assert_eq!(orbit.view.up, DVec3::Z);
         // Thirty times 18° are one and a half turns.
-        let before = navigator(Manner::Trackball).view;
+        let before = navigator(NavigationMode::Trackball).view;
         let turned = (ball.view.eye - ball.view.target).dot(before.eye - before.target);
         assert!(turned < 0.0, "half a turn further");
     }
@@ -229,9 +229,9 @@ mod tests {
         #[test]
         fn no_drag_leaves_a_view_that_nobody_can_look_from(
             moves in prop::collection::vec((0_u8..4, -3.0_f64..3.0, -3.0_f64..3.0), 1..60),
-            manner in 0_usize..3,
+            navigation_mode in 0_usize..3,
         ) {
-            let mut n = navigator(Manner::ALL[manner]);
+            let mut n = navigator(NavigationMode::ALL[navigation_mode]);
             let distance = n.view.eye.distance(n.view.target);
             for (what, x, y) in moves {
                 match what {
@@ -247,7 +247,7 @@ mod tests {
 
         #[test]
         fn an_approach_and_its_inverse_cancel(factor in 0.2_f64..5.0) {
-            let mut n = navigator(Manner::Orbit);
+            let mut n = navigator(NavigationMode::Orbit);
             let before = n.view;
             n.approach(factor);
             n.approach(1.0 / factor);

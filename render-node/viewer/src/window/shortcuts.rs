@@ -2,7 +2,7 @@
 
 use egui::{InputState, Key, Modifiers};
 
-/// What a key does.
+/// The action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// Shows or hides the list of shortcuts.
@@ -25,30 +25,30 @@ pub enum Action {
     Wider,
     /// A narrower brush.
     Narrower,
-    /// Only what is in front, or whatever lies behind it too.
+    /// Limits the brush to the front, or not.
     Depth,
-    /// Less of the last walk's leak or threshold.
+    /// Selects less, by the tuning of the last walk.
     Less,
-    /// More of it.
+    /// Selects more.
     More,
     /// The other one of the two.
-    Scrubs,
+    NextParameter,
     /// Takes back.
     Undo,
     /// Brings back.
     Redo,
     /// Selects nothing.
     Clear,
-    /// Selects what is not selected.
+    /// Inverts the selection.
     Invert,
     /// Letters go to the name of a new unit.
     Name,
-    /// Letters go to what is said to the agents.
+    /// Moves the focus to the sentence for the agents.
     Say,
     /// Frames the scene.
     Fit,
     /// The next manner of moving the eye.
-    Manner,
+    NavigationMode,
     /// Keeps a picture.
     Picture,
     /// Keeps a turn around the scene as pictures.
@@ -60,25 +60,25 @@ pub enum Action {
     /// Dark or light panels.
     Theme,
     /// The next view of the structure.
-    Showing,
-    /// Gives up what is being drawn.
+    NextDisplayMode,
+    /// Cancels the stroke or lasso under way.
     Abandon,
     /// Closes the window.
     Close,
 }
 
-/// A key and what it does.
+/// A key and its action.
 #[derive(Debug, Clone, Copy)]
 pub struct Shortcut {
-    /// With what else it is pressed.
+    /// Its modifiers.
     pub modifiers: Modifiers,
     /// The key.
     pub key: Key,
-    /// What is written on it.
+    /// Its label.
     pub written: &'static str,
-    /// What it does.
+    /// Its action.
     pub action: Action,
-    /// What it does, in words.
+    /// Its description.
     pub does: &'static str,
 }
 
@@ -97,40 +97,40 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::B, "B", Action::Brush, "the mouse brushes"),
     plain(Key::L, "L", Action::Lasso, "the mouse draws a lasso"),
     plain(Key::R, "R", Action::Rectangle, "the mouse draws a rectangle"),
-    plain(Key::Num1, "1", Action::Walk, "strokes seed a walk"),
-    plain(Key::Num2, "2", Action::Cluster, "strokes change whole Super-Gaussians"),
-    plain(Key::Num3, "3", Action::Point, "strokes change single Gaussians"),
+    plain(Key::Num1, "1", Action::Walk, "Region: strokes grow to the whole structure"),
+    plain(Key::Num2, "2", Action::Cluster, "Patch: strokes change whole Super-Gaussians"),
+    plain(Key::Num3, "3", Action::Point, "Single: strokes change single Gaussians"),
     plain(Key::CloseBracket, "]", Action::Wider, "a wider brush"),
     plain(Key::OpenBracket, "[", Action::Narrower, "a narrower brush"),
-    plain(Key::Comma, ",", Action::Less, "less leak (or threshold) of the last walk: more is selected"),
-    plain(Key::Period, ".", Action::More, "more of it: less is selected"),
-    plain(Key::G, "G", Action::Scrubs, "these keys change the leak, or the threshold"),
-    with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "bring back"),
-    with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "take back"),
-    plain(Key::Z, "Z", Action::Depth, "brush and lasso only what is in front, or what is behind it too"),
-    with(Modifiers::COMMAND, Key::Y, "Ctrl+Y", Action::Redo, "bring back"),
+    plain(Key::Comma, ",", Action::Less, "select less, by the Reach (or Strictness) of the last Region stroke"),
+    plain(Key::Period, ".", Action::More, "select more, by the same"),
+    plain(Key::G, "G", Action::NextParameter, "these keys and the wheel change Reach, or Strictness"),
+    with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "redo"),
+    with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "undo"),
+    plain(Key::Z, "Z", Action::Depth, "brush and lasso only the front, or the back too"),
+    with(Modifiers::COMMAND, Key::Y, "Ctrl+Y", Action::Redo, "redo"),
     with(Modifiers::COMMAND, Key::D, "Ctrl+D", Action::Clear, "select nothing"),
-    with(Modifiers::COMMAND, Key::I, "Ctrl+I", Action::Invert, "select what is not selected"),
-    with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name what is selected and save it"),
+    with(Modifiers::COMMAND, Key::I, "Ctrl+I", Action::Invert, "invert the selection"),
+    with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name the selection and save it"),
     plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
     plain(Key::F, "F", Action::Fit, "see the whole scene"),
-    plain(Key::M, "M", Action::Manner, "orbit, trackball, fly"),
-    plain(Key::V, "V", Action::Showing, "the next view of the structure"),
-    plain(Key::P, "P", Action::Picture, "keep a picture"),
-    plain(Key::T, "T", Action::Turntable, "keep a turn around the scene"),
-    plain(Key::X, "X", Action::Stereo, "two eyes side by side"),
+    plain(Key::M, "M", Action::NavigationMode, "orbit, trackball, fly"),
+    plain(Key::V, "V", Action::NextDisplayMode, "the next view of the structure"),
+    plain(Key::P, "P", Action::Picture, "save a picture"),
+    plain(Key::T, "T", Action::Turntable, "save a turn around the scene"),
+    plain(Key::X, "X", Action::Stereo, "stereo: two eyes side by side"),
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),
     with(Modifiers::COMMAND, Key::Q, "Ctrl+Q", Action::Close, "close the window"),
-    plain(Key::Escape, "Esc", Action::Abandon, "give up what is being drawn"),
+    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke or lasso under way"),
 ];
 
-/// What the mouse does beside the keys, for the list.
+/// Mouse functions, for the list.
 pub const MOUSE: &[(&str, &str)] = &[
-    ("left drag", "what the tool says; with Shift a brush or lasso takes away"),
+    ("left drag", "uses the tool; with Shift a brush or lasso takes away"),
     ("middle drag, Alt + left drag", "turn"),
     ("right drag", "slide"),
-    ("wheel", "nearer, further; with Shift a wider or narrower brush; with Alt the last walk's leak or threshold"),
+    ("wheel", "nearer, further; with Shift a wider or narrower brush; with Alt Reach or Strictness"),
     ("double click, to navigate", "look at that place"),
     ("W A S D, Q E", "fly, in that manner"),
 ];

@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 use openxr as xr;
 
-use super::XrError;
-use super::bindings::{Deed, Of, PROFILES};
+use super::bindings::{HandAction, HandSet, PROFILES};
+use super::error::XrError;
 use super::space::pose;
 use crate::hands::{HandInput, Side};
 
@@ -80,15 +80,15 @@ impl Actions {
         let mut unknown = Vec::new();
         for profile in PROFILES {
             let mut bindings = Vec::new();
-            for (deed, of, input) in profile.inputs {
+            for (action, of, input) in profile.inputs {
                 let hands: &[&str] = match of {
-                    Of::Both => &["left", "right"],
-                    Of::Left => &["left"],
-                    Of::Right => &["right"],
+                    HandSet::Both => &["left", "right"],
+                    HandSet::Left => &["left"],
+                    HandSet::Right => &["right"],
                 };
                 for hand in hands {
                     let path = instance.string_to_path(&format!("/user/hand/{hand}/{input}"))?;
-                    bindings.push(self.binding(*deed, path));
+                    bindings.push(self.binding(*action, path));
                 }
             }
             let path = instance.string_to_path(profile.path)?;
@@ -100,19 +100,19 @@ impl Actions {
         Ok(unknown)
     }
 
-    fn binding(&self, deed: Deed, path: xr::Path) -> xr::Binding<'_> {
-        match deed {
-            Deed::Grip => xr::Binding::new(&self.grip, path),
-            Deed::Aim => xr::Binding::new(&self.aim, path),
-            Deed::Squeeze => xr::Binding::new(&self.squeeze, path),
-            Deed::Trigger => xr::Binding::new(&self.trigger, path),
-            Deed::Click => xr::Binding::new(&self.click, path),
-            Deed::Stick => xr::Binding::new(&self.stick, path),
-            Deed::StickClick => xr::Binding::new(&self.stick_click, path),
-            Deed::Primary => xr::Binding::new(&self.primary, path),
-            Deed::Secondary => xr::Binding::new(&self.secondary, path),
-            Deed::Menu => xr::Binding::new(&self.menu, path),
-            Deed::Pulse => xr::Binding::new(&self.pulse, path),
+    fn binding(&self, action: HandAction, path: xr::Path) -> xr::Binding<'_> {
+        match action {
+            HandAction::Grip => xr::Binding::new(&self.grip, path),
+            HandAction::Aim => xr::Binding::new(&self.aim, path),
+            HandAction::Squeeze => xr::Binding::new(&self.squeeze, path),
+            HandAction::Trigger => xr::Binding::new(&self.trigger, path),
+            HandAction::Click => xr::Binding::new(&self.click, path),
+            HandAction::Stick => xr::Binding::new(&self.stick, path),
+            HandAction::StickClick => xr::Binding::new(&self.stick_click, path),
+            HandAction::Primary => xr::Binding::new(&self.primary, path),
+            HandAction::Secondary => xr::Binding::new(&self.secondary, path),
+            HandAction::Menu => xr::Binding::new(&self.menu, path),
+            HandAction::Pulse => xr::Binding::new(&self.pulse, path),
         }
     }
 

@@ -1,8 +1,8 @@
 //! Which button of which controller does what.
 
-/// What hands can do; each is an action of both hands.
+/// OpenXR actions; each exists for both hands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Deed {
+pub(super) enum HandAction {
     Grip,
     Aim,
     Squeeze,
@@ -18,22 +18,22 @@ pub(super) enum Deed {
 
 /// Which hands have it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Of {
+pub(super) enum HandSet {
     Both,
     Left,
     Right,
 }
 
-/// A kind of controller: its profile's path, and what its inputs do.
+/// An interaction profile: its path and its bindings.
 pub(super) struct Profile {
     pub(super) path: &'static str,
-    pub(super) inputs: &'static [(Deed, Of, &'static str)],
+    pub(super) inputs: &'static [(HandAction, HandSet, &'static str)],
 }
 
-use Deed::{Aim, Click, Grip, Menu, Primary, Pulse, Secondary, Squeeze, Stick, StickClick, Trigger};
-use Of::{Both, Left, Right};
+use HandAction::{Aim, Click, Grip, Menu, Primary, Pulse, Secondary, Squeeze, Stick, StickClick, Trigger};
+use HandSet::{Both, Left, Right};
 
-const TOUCH: &[(Deed, Of, &str)] = &[
+const TOUCH: &[(HandAction, HandSet, &str)] = &[
     (Grip, Both, "input/grip/pose"),
     (Aim, Both, "input/aim/pose"),
     (Squeeze, Both, "input/squeeze/value"),

@@ -14,8 +14,7 @@ use openxr::sys::CompositionLayerDepthInfoKHR as DepthInfo;
 use wgpu::hal::api::Vulkan;
 use wgpu::hal::{self, vulkan};
 
-use super::XrError;
-use super::target::Target;
+use super::error::XrError;
 use sg_gpu::{Gpu, USEFUL};
 
 /// wgpu takes functions of 1.3 for granted where the device has them, so the instance has to be of 1.3 as well.
@@ -25,13 +24,13 @@ const VERSION: u32 = vk::API_VERSION_1_3;
 const FAMILY: u32 = 0;
 
 /// A session and the two things that its frames are paced and handed in with.
-pub(super) type Opened = (xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>);
+pub(super) type SessionParts = (xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>);
 
 /// The device, and the raw handles that a session is made with.
-pub(super) struct Shared {
+pub(super) struct VulkanDevice {
     pub(super) gpu: Gpu,
     /// Where the device comes from.
-    pub(super) made_of: (wgpu::Instance, wgpu::Adapter),
+    pub(super) instance_and_adapter: (wgpu::Instance, wgpu::Adapter),
     instance: u64,
     physical: u64,
     device: u64,
@@ -57,7 +56,7 @@ fn vulkan_result(
         .map_err(|code| refused(what, vk::Result::from_raw(code)))
 }
 
-impl Shared {
+impl VulkanDevice {
     /// Opens the device that the runtime wants for `system`.
     pub(super) fn open(instance: &xr::Instance, system: xr::SystemId) -> Result<Self, XrError> {
         // The runtime insists on being asked.
@@ -149,7 +148,7 @@ impl Shared {
         }
         .map_err(|e| refused("Vulkan device", e))?;
         // SAFETY: the three were made from one another, in this order, by wgpu's own layer.
-        let (opened, made_of) = unsafe {
+        let (opened, instance_and_adapter) = unsafe {
             let instance = wgpu::Instance::from_hal::<Vulkan>(hal_instance);
             let adapter = instance.create_adapter_from_hal::<Vulkan>(exposed);
             let opened = adapter.create_device_from_hal::<Vulkan>(
@@ -165,11 +164,11 @@ impl Shared {
         };
         let (device, queue) = opened.map_err(|e| refused("graphics device", e))?;
         let gpu = Gpu::of_device(device, queue, info);
-        Ok(Self { gpu, made_of, instance: raw_instance, physical, device: raw_device })
+        Ok(Self { gpu, instance_and_adapter, instance: raw_instance, physical, device: raw_device })
     }
 
     /// A session on this device.
-    pub(super) fn session(&self, instance: &xr::Instance, system: xr::SystemId) -> Result<Opened, XrError> {
+    pub(super) fn session(&self, instance: &xr::Instance, system: xr::SystemId) -> Result<SessionParts, XrError> {
         let info = xr::vulkan::SessionCreateInfo {
             instance: self.instance as _,
             physical_device: self.physical as _,
@@ -242,12 +241,12 @@ pub(super) fn textures(
     wrapped.collect()
 }
 
-/// How far away what a view shows is: one layer of `depths`, stored between two planes so many metres ahead.
-pub(super) fn depth_of(depths: &Target, layer: u32, [near_z, far_z]: [f32; 2]) -> DepthInfo {
+/// Depth information of a view: `depths` between a near and a far plane, in metres.
+pub(super) fn depth_of(depths: xr::SwapchainSubImage<'_, xr::Vulkan>, [near_z, far_z]: [f32; 2]) -> DepthInfo {
     DepthInfo {
         ty: DepthInfo::TYPE,
         next: std::ptr::null(),
-        sub_image: depths.sub_image(layer).into_raw(),
+        sub_image: depths.into_raw(),
         min_depth: 0.0,
         max_depth: 1.0,
         near_z,

@@ -5,31 +5,17 @@ use std::time::Duration;
 use glam::DVec2;
 use openxr as xr;
 
-use super::live::{Live, Looking};
-use super::mask::Triangle;
-use super::target::Target;
-use super::{XrError, device, space};
-use crate::hands::{Eye, HandInput, Pose, Rectangle, Side};
+use super::error::XrError;
+use super::quad::{PanelId, Quad};
+use super::session::XrSession;
+use super::space::Views;
+use super::swapchain::SwapchainTarget;
+use super::visibility_mask::Triangle;
+use super::{device, space};
+use crate::hands::{Eye, HandInput, Pose, Side};
 use sg_gpu::{FARTHEST, Gpu, NEAREST};
 
-/// A panel's images, made by [`super::Headset::panel`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct PanelId {
-    pub(super) at: usize,
-    /// Which session it was made in.
-    pub(super) session: u64,
-}
-
-/// A panel as it hangs in the room.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quad {
-    /// What is on it.
-    pub panel: PanelId,
-    /// Where it hangs and how large it is.
-    pub place: Rectangle,
-}
-
-/// One frame: where eyes and hands will be when it is shown, and what it is drawn to.
+/// One frame: predicted eyes and hands, and the targets to draw to.
 pub struct Frame<'a> {
     /// Left and right.
     pub eyes: [Eye; 2],
@@ -43,34 +29,34 @@ pub struct Frame<'a> {
     pub period: f64,
     /// Whether the person has centred the room anew since the last frame: all of it may have moved.
     pub recentred: bool,
-    pub(super) live: &'a mut Live,
+    pub(super) xr_session: &'a mut XrSession,
     pub(super) session: u64,
     pub(super) raw: [(xr::Posef, xr::Fovf); 2],
     pub(super) quads: Vec<Quad>,
     pub(super) eyes_drawn: bool,
     pub(super) depths_drawn: bool,
-    /// The call that failed, so that the loss of the runtime is not mistaken for a mistake of who draws.
+    /// The failed call: a lost runtime is not the error of `draw`.
     pub(super) failed: Option<XrError>,
 }
 
 impl<'a> Frame<'a> {
     pub(super) fn new(
-        live: &'a mut Live,
-        looking: Looking,
+        xr_session: &'a mut XrSession,
+        eye_views: Views,
         hands: [HandInput; 2],
         (session, time, period): (u64, xr::Time, xr::Duration),
     ) -> Self {
         let seconds = |nanoseconds: i64| nanoseconds as f64 * 1e-9;
         Self {
-            eyes: looking.eyes,
-            head: looking.head,
+            eyes: eye_views.eyes,
+            head: eye_views.head,
             hands,
             seconds: seconds(time.as_nanos()),
             period: seconds(period.as_nanos()),
-            recentred: std::mem::take(&mut live.recentred),
-            live,
+            recentred: std::mem::take(&mut xr_session.recentred),
+            xr_session,
             session,
-            raw: looking.raw,
+            raw: eye_views.raw,
             quads: Vec::new(),
             eyes_drawn: false,
             depths_drawn: false,
@@ -81,33 +67,33 @@ impl<'a> Frame<'a> {
     /// The device that everything is drawn with.
     #[must_use]
     pub fn gpu(&self) -> &Gpu {
-        &self.live.shared.gpu
+        &self.xr_session.shared.gpu
     }
 
     /// Width and height of each eye's picture, pixels.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
-        self.live.eyes.size
+        self.xr_session.eyes.size
     }
 
-    /// The format of what eyes and panels are drawn to, as [`super::Headset::format`].
+    /// Texture format of eyes and panels, as [`super::Headset::format`].
     #[must_use]
     pub fn format(&self) -> wgpu::TextureFormat {
-        self.live.format.wgpu
+        self.xr_session.format.wgpu
     }
 
     /// The format of the images that both eyes' depths are stored in, one of depths and of the size of their pictures; `None`
     /// where the runtime takes none.
     #[must_use]
     pub fn depth_format(&self) -> Option<wgpu::TextureFormat> {
-        self.live.depths.as_ref().map(|(_, format)| format.wgpu)
+        self.xr_session.depths.as_ref().map(|(_, format)| format.wgpu)
     }
 
     /// What of the left and the right eye's picture lenses hide, and how often that has changed: nothing that is drawn there is
     /// seen. Empty where the runtime does not tell.
     #[must_use]
     pub fn hidden(&self) -> (u64, &[Vec<Triangle>; 2]) {
-        (self.live.mask.version, &self.live.mask.eyes)
+        (self.xr_session.mask.version, &self.xr_session.mask.eyes)
     }
 
     /// Makes images for a panel of so many pixels, as [`super::Headset::panel`] does between frames.
@@ -115,7 +101,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
     pub fn panel(&mut self, size: [u32; 2]) -> Result<PanelId, XrError> {
-        let made = self.live.panel(size, self.session);
+        let made = self.xr_session.panel(size, self.session);
         self.keep(made)
     }
 
@@ -125,7 +111,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
     pub fn draw_eyes<T>(&mut self, draw: impl FnOnce(&[wgpu::TextureView]) -> T) -> Result<T, XrError> {
-        let done = self.live.eyes.draw(draw);
+        let done = self.xr_session.eyes.draw(draw);
         self.eyes_drawn |= done.is_ok();
         self.keep(done)
     }
@@ -139,13 +125,13 @@ impl<'a> Frame<'a> {
         &mut self,
         draw: impl FnOnce(&[wgpu::TextureView], &[wgpu::TextureView]) -> T,
     ) -> Result<T, XrError> {
-        let Live { eyes, depths, .. } = &mut *self.live;
+        let XrSession { eyes, depths, .. } = &mut *self.xr_session;
         let done = match depths {
             Some((depths, _)) => depths.draw(|depths| eyes.draw(|eyes| draw(eyes, depths))).flatten(),
             None => eyes.draw(|eyes| draw(eyes, &[])),
         };
         self.eyes_drawn |= done.is_ok();
-        self.depths_drawn |= done.is_ok() && self.live.depths.is_some();
+        self.depths_drawn |= done.is_ok() && self.xr_session.depths.is_some();
         self.keep(done)
     }
 
@@ -161,7 +147,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// [`XrError::NoPanel`], [`XrError::Call`].
     pub fn draw_panel<T>(&mut self, panel: PanelId, draw: impl FnOnce(&wgpu::TextureView) -> T) -> Result<T, XrError> {
-        let target = find(&mut self.live.panels, self.session, panel)?;
+        let target = find(&mut self.xr_session.panels, self.session, panel)?;
         let done = target.draw(|layers| layers.first().map(draw));
         self.keep(done)?.ok_or(XrError::NoPanel)
     }
@@ -177,8 +163,8 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
     pub fn pulse(&mut self, side: Side, strength: f32, length: Duration) -> Result<(), XrError> {
-        let Live { actions, session, held, .. } = &*self.live;
-        let done = held.during("a pulse", || actions.pulse(session, side, strength, length));
+        let XrSession { actions, session, watchdog, .. } = &*self.xr_session;
+        let done = watchdog.watch("a pulse", || actions.pulse(session, side, strength, length));
         self.keep(done.map_err(|e| XrError::call("pulse", e)))
     }
 
@@ -200,25 +186,26 @@ impl<'a> Frame<'a> {
             let far = |q: &Quad| q.place.pose.position.distance_squared(head);
             far(b).total_cmp(&far(a))
         });
-        let live = &mut *self.live;
-        let depths = live.depths.as_ref().filter(|_| self.depths_drawn);
-        let depths = depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target, k, [NEAREST, FARTHEST])));
+        let xr_session = &mut *self.xr_session;
+        let depths = xr_session.depths.as_ref().filter(|_| self.depths_drawn);
+        let depths =
+            depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target.sub_image(k), [NEAREST, FARTHEST])));
         let views = [0, 1].map(|k| {
             let (pose, fov) = self.raw[k];
             let view = xr::CompositionLayerProjectionView::new().pose(pose).fov(fov);
-            let view = view.sub_image(live.eyes.sub_image(k as u32));
+            let view = view.sub_image(xr_session.eyes.sub_image(k as u32));
             match &depths {
                 Some(depths) => device::with_depth(view, &depths[k]),
                 None => view,
             }
         });
-        let projection = xr::CompositionLayerProjection::new().space(&live.room).views(&views);
-        let room_for = live.most_layers - usize::from(self.eyes_drawn);
-        let hung: Vec<(&Target, &Quad)> = self
+        let projection = xr::CompositionLayerProjection::new().space(&xr_session.room).views(&views);
+        let room_for = xr_session.most_layers - usize::from(self.eyes_drawn);
+        let hung: Vec<(&SwapchainTarget, &Quad)> = self
             .quads
             .iter()
             .filter_map(|quad| {
-                let target = live.panels.get(quad.panel.at).and_then(Option::as_ref);
+                let target = xr_session.panels.get(quad.panel.at).and_then(Option::as_ref);
                 target.filter(|t| t.drawn && quad.panel.session == self.session).map(|t| (t, quad))
             })
             .collect();
@@ -229,7 +216,7 @@ impl<'a> Frame<'a> {
             .map(|(target, quad)| {
                 let DVec2 { x, y } = quad.place.size;
                 xr::CompositionLayerQuad::new()
-                    .space(&live.room)
+                    .space(&xr_session.room)
                     .eye_visibility(xr::EyeVisibility::BOTH)
                     .layer_flags(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA)
                     .sub_image(target.sub_image(0))
@@ -242,13 +229,20 @@ impl<'a> Frame<'a> {
             layers.push(&projection);
         }
         layers.extend(quads.iter().map(|quad| -> &xr::CompositionLayerBase<'_, xr::Vulkan> { quad }));
-        let (stream, blend) = (&mut live.stream, live.blend);
-        live.held.during("taking a frame", || stream.end(time, blend, &layers)).map_err(|e| XrError::call("frame", e))
+        let (stream, blend) = (&mut xr_session.stream, xr_session.blend);
+        xr_session
+            .watchdog
+            .watch("taking a frame", || stream.end(time, blend, &layers))
+            .map_err(|e| XrError::call("frame", e))
     }
 }
 
 /// The panel of that name, if it was made in this session.
-pub(super) fn find(panels: &mut [Option<Target>], session: u64, panel: PanelId) -> Result<&mut Target, XrError> {
+pub(super) fn find(
+    panels: &mut [Option<SwapchainTarget>],
+    session: u64,
+    panel: PanelId,
+) -> Result<&mut SwapchainTarget, XrError> {
     if panel.session != session {
         return Err(XrError::NoPanel);
     }

@@ -5,51 +5,24 @@ use std::time::{Duration, Instant};
 
 use openxr as xr;
 
-use super::frame::{Frame, PanelId};
-use super::live::{Happened, Live};
-use super::{Held, XrError};
-use crate::hands::{Origin, Stance};
+use super::error::XrError;
+use super::frame::Frame;
+use super::options::Options;
+use super::quad::PanelId;
+use super::session::{SessionEvent, XrSession};
+use super::watchdog::Watchdog;
+use crate::hands::Origin;
 use sg_gpu::Gpu;
 
 /// How long the loop may rest before it asks again when [`Headset::frame`] had nothing to wait for.
 pub const PAUSE: Duration = Duration::from_millis(10);
 
-/// How a headset is used.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
-    /// Factor on the width and height that the runtime recommends, 0.1 to 4.
-    pub resolution: f64,
-    /// Frames in a second, where the runtime lets one choose; the nearest that it offers.
-    pub refresh_rate: Option<f32>,
-    /// Standing, the room's floor is at y = 0 where the runtime knows it; seated, the eyes are.
-    pub stance: Stance,
-    /// Pause before a runtime that went away is looked for again.
-    pub retry_pause: Duration,
-    /// How often it is looked for.
-    pub tries: u32,
-    /// How long a runtime may take to answer when it is looked for, before it is taken for one that hangs.
-    pub patience: Duration,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            resolution: 1.0,
-            refresh_rate: None,
-            stance: Stance::Standing,
-            retry_pause: Duration::from_secs(1),
-            tries: 300,
-            patience: Duration::from_secs(20),
-        }
-    }
-}
-
-/// What became of a frame.
+/// Outcome of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
+pub enum FrameOutcome {
     /// It was drawn and handed in.
     Shown,
-    /// Nobody would see it: handed in without being drawn.
+    /// Not visible: submitted without drawing.
     Hidden,
     /// The session is not running; nothing was waited for, see [`PAUSE`].
     Idle,
@@ -63,7 +36,7 @@ pub enum Step {
 
 /// How frames keep up.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Paced {
+pub struct FrameTiming {
     /// Frames drawn and handed in.
     pub shown: u64,
     /// Frames of the display for which nothing new was there in time.
@@ -75,45 +48,45 @@ pub struct Paced {
 }
 
 enum State {
-    Open(Box<Live>),
-    Away { since: XrError, next: Instant, asked: Option<Asked> },
+    Open(Box<XrSession>),
+    Away { since: XrError, next: Instant, pending: Option<PendingSession> },
     Ended,
 }
 
 /// A runtime that was asked for a session, on a thread of its own: one that is stopped does not answer, and nobody can be
 /// taken back from it. While it has not answered it is not asked again, since a process has one session.
-struct Asked {
-    answer: Receiver<Result<Box<Live>, XrError>>,
+struct PendingSession {
+    answer: Receiver<Result<Box<XrSession>, XrError>>,
     /// When it is taken for one that hangs.
     until: Instant,
 }
 
-impl Asked {
-    fn begin(options: Options, held: &Held) -> Result<Self, XrError> {
+impl PendingSession {
+    fn begin(options: Options, watchdog: &Watchdog) -> Result<Self, XrError> {
         let (says, answer) = mpsc::sync_channel(1);
         // The loop does not wait here: nothing holds it.
-        let held = held.clone();
+        let watchdog = watchdog.clone();
         let ask = move || {
-            // Whoever has given up meanwhile wants no session: it ends here.
-            let _ = says.send(Live::open(&options, &held).map(Box::new));
+            // After a timeout the receiver is gone and the session ends here.
+            let _ = says.send(XrSession::open(&options, &watchdog).map(Box::new));
         };
         let thread = std::thread::Builder::new().name("headset".to_owned()).spawn(ask);
         thread.map_err(|e| XrError::Silent { reason: format!("no thread to ask on: {e}") })?;
-        Ok(Self { answer, until: Instant::now() + options.patience })
+        Ok(Self { answer, until: Instant::now() + options.timeout })
     }
 
     /// The answer, waited for no longer than until the runtime is taken for one that hangs.
-    fn wait(&self, patience: Duration) -> Result<Box<Live>, XrError> {
+    fn wait(&self, timeout: Duration) -> Result<Box<XrSession>, XrError> {
         match self.answer.recv_timeout(self.until.saturating_duration_since(Instant::now())) {
             Ok(answer) => answer,
-            Err(RecvTimeoutError::Timeout) => Err(silent(patience)),
+            Err(RecvTimeoutError::Timeout) => Err(silent(timeout)),
             Err(RecvTimeoutError::Disconnected) => Err(broken()),
         }
     }
 }
 
-fn silent(patience: Duration) -> XrError {
-    XrError::Silent { reason: format!("for {:.0} s", patience.as_secs_f64()) }
+fn silent(timeout: Duration) -> XrError {
+    XrError::Silent { reason: format!("for {:.0} s", timeout.as_secs_f64()) }
 }
 
 fn broken() -> XrError {
@@ -122,17 +95,17 @@ fn broken() -> XrError {
 
 /// A headset.
 ///
-/// All of its frames, and all work for its device, belong to one thread. When [`Step::Away`] is told, whoever drew drops
-/// what was made with [`Self::gpu`]; when [`Step::Back`] is, it is made anew.
+/// All of its frames, and all work for its device, belong to one thread. When [`FrameOutcome::Away`] is told, whoever drew drops
+/// what was made with [`Self::gpu`]; when [`FrameOutcome::Back`] is, it is made anew.
 pub struct Headset {
     state: State,
     options: Options,
     /// How often the runtime was looked for since a frame was last shown.
     tries: u32,
     session: u64,
-    paced: Paced,
+    timing: FrameTiming,
     last_shown: Option<xr::Time>,
-    held: Held,
+    watchdog: Watchdog,
 }
 
 impl Headset {
@@ -141,28 +114,28 @@ impl Headset {
     /// # Errors
     /// [`XrError`]: what is missing, and what to do.
     pub fn open(options: Options) -> Result<Self, XrError> {
-        let held = Held::default();
-        let live = Asked::begin(options, &held)?.wait(options.patience)?;
+        let watchdog = Watchdog::default();
+        let xr_session = PendingSession::begin(options, &watchdog)?.wait(options.timeout)?;
         Ok(Self {
-            state: State::Open(live),
+            state: State::Open(xr_session),
             options,
             tries: 0,
             session: 0,
-            paced: Paced::default(),
+            timing: FrameTiming::default(),
             last_shown: None,
-            held,
+            watchdog,
         })
     }
 
-    /// Whether the runtime holds the loop, for somebody beside it.
+    /// The watchdog of the loop, for another thread.
     #[must_use]
-    pub fn held(&self) -> Held {
-        self.held.clone()
+    pub fn watchdog(&self) -> Watchdog {
+        self.watchdog.clone()
     }
 
-    fn live(&self) -> Option<&Live> {
+    fn xr_session(&self) -> Option<&XrSession> {
         match &self.state {
-            State::Open(live) => Some(live),
+            State::Open(xr_session) => Some(xr_session),
             State::Away { .. } | State::Ended => None,
         }
     }
@@ -170,77 +143,77 @@ impl Headset {
     /// The device; `None` while the runtime is away.
     #[must_use]
     pub fn gpu(&self) -> Option<&Gpu> {
-        self.live().map(|l| &l.shared.gpu)
+        self.xr_session().map(|l| &l.shared.gpu)
     }
 
     /// Where the device comes from: a window whose surface this instance made, and which suits this adapter, can show on the
     /// same device what the headset does. `None` while the runtime is away.
     #[must_use]
-    pub fn made_of(&self) -> Option<(&wgpu::Instance, &wgpu::Adapter)> {
-        self.live().map(|l| (&l.shared.made_of.0, &l.shared.made_of.1))
+    pub fn instance_and_adapter(&self) -> Option<(&wgpu::Instance, &wgpu::Adapter)> {
+        self.xr_session().map(|l| (&l.shared.instance_and_adapter.0, &l.shared.instance_and_adapter.1))
     }
 
     /// Format of what eyes and panels are drawn to, one that stores by the sRGB curve: what [`sg_gpu::Present`] and
     /// egui's renderer are made for. `None` while the runtime is away.
     #[must_use]
     pub fn format(&self) -> Option<wgpu::TextureFormat> {
-        self.live().map(|l| l.format.wgpu)
+        self.xr_session().map(|l| l.format.wgpu)
     }
 
     /// Width and height of each eye's picture; `None` while the runtime is away.
     #[must_use]
     pub fn size(&self) -> Option<[u32; 2]> {
-        self.live().map(|l| l.eyes.size)
+        self.xr_session().map(|l| l.eyes.size)
     }
 
-    /// What is at y = 0 of the room.
+    /// The origin of the room frame, at y = 0.
     #[must_use]
     pub fn origin(&self) -> Origin {
-        self.live().map_or(Origin::Floor, |l| l.origin)
+        self.xr_session().map_or(Origin::Floor, |l| l.origin)
     }
 
     /// The runtime and the headset, for people to read; `None` while it is away.
     #[must_use]
     pub fn names(&self) -> Option<[&str; 2]> {
-        self.live().map(|l| [l.runtime.as_str(), l.system.as_str()])
+        self.xr_session().map(|l| [l.runtime.as_str(), l.system.as_str()])
     }
 
     /// The controllers in use, left and right, as paths of OpenXR's interaction profiles.
     #[must_use]
     pub fn controllers(&self) -> [Option<String>; 2] {
-        self.live().map(Live::controllers).unwrap_or_default()
+        self.xr_session().map(XrSession::controllers).unwrap_or_default()
     }
 
     /// Controllers that would be understood but that the runtime does not know.
     #[must_use]
     pub fn unknown_controllers(&self) -> &[&'static str] {
-        self.live().map_or(&[], |l| &l.actions.unknown)
+        self.xr_session().map_or(&[], |l| &l.actions.unknown)
     }
 
     /// Whether the person's hands are given to this session and not to the runtime's own menu.
     #[must_use]
     pub fn is_focused(&self) -> bool {
-        self.live().is_some_and(|l| l.life.is_focused())
+        self.xr_session().is_some_and(|l| l.state_machine.is_focused())
     }
 
     /// Refresh rates that can be chosen; empty where the runtime chooses.
     #[must_use]
     pub fn refresh_rates(&self) -> Vec<f32> {
-        self.live().map(Live::rates).unwrap_or_default()
+        self.xr_session().map(XrSession::rates).unwrap_or_default()
     }
 
     /// Asks for the refresh rate nearest to this one, now and whenever the runtime comes back.
     pub fn set_refresh_rate(&mut self, rate: f32) {
         self.options.refresh_rate = Some(rate);
-        if let Some(live) = self.live() {
-            live.ask_for_rate(Some(rate));
+        if let Some(xr_session) = self.xr_session() {
+            xr_session.ask_for_rate(Some(rate));
         }
     }
 
     /// How frames keep up.
     #[must_use]
-    pub fn paced(&self) -> Paced {
-        self.paced
+    pub fn timing(&self) -> FrameTiming {
+        self.timing
     }
 
     /// Why the runtime is away, while it is.
@@ -257,27 +230,27 @@ impl Headset {
     /// # Errors
     /// [`XrError::NoPanel`] while the runtime is away, [`XrError::Call`] when it fails.
     pub fn panel(&mut self, size: [u32; 2]) -> Result<PanelId, XrError> {
-        let State::Open(live) = &mut self.state else { return Err(XrError::NoPanel) };
-        live.panel(size, self.session)
+        let State::Open(xr_session) = &mut self.state else { return Err(XrError::NoPanel) };
+        xr_session.panel(size, self.session)
     }
 
     /// Gives a panel's images back; one that is not there changes nothing.
     pub fn drop_panel(&mut self, panel: PanelId) {
         let session = self.session;
-        if let State::Open(live) = &mut self.state
+        if let State::Open(xr_session) = &mut self.state
             && panel.session == session
-            && let Some(slot) = live.panels.get_mut(panel.at)
+            && let Some(slot) = xr_session.panels.get_mut(panel.at)
         {
-            let _ = live.shared.gpu.wait();
-            self.held.during("a panel's end", || *slot = None);
+            let _ = xr_session.shared.gpu.wait();
+            self.watchdog.watch("a panel's end", || *slot = None);
         }
     }
 
-    /// Asks the runtime to end the session: [`Step::Ended`] comes when it has. While it is away the session ends at once.
+    /// Asks the runtime to end the session: [`FrameOutcome::Ended`] comes when it has. While it is away the session ends at once.
     pub fn leave(&mut self) {
-        if let State::Open(live) = &self.state
-            && live.life.is_running()
-            && self.held.during("the session's end", || live.session.request_exit()).is_ok()
+        if let State::Open(xr_session) = &self.state
+            && xr_session.state_machine.is_running()
+            && self.watchdog.watch("the session's end", || xr_session.session.request_exit()).is_ok()
         {
             return;
         }
@@ -285,42 +258,45 @@ impl Headset {
     }
 
     /// Gives runtime and device up and looks for them anew at once, as when the device was lost
-    /// ([`sg_gpu::GpuError::Lost`]): [`Step::Away`] until [`Step::Back`]. While the runtime is away or the session has ended,
+    /// ([`sg_gpu::GpuError::Lost`]): [`FrameOutcome::Away`] until [`FrameOutcome::Back`]. While the runtime is away or the session has ended,
     /// nothing changes.
     pub fn restart(&mut self, reason: String) {
-        if self.live().is_some() {
+        if self.xr_session().is_some() {
             let lost = XrError::Device { reason };
             tracing::warn!(reason = %lost, "the headset is opened anew");
-            self.put(State::Away { since: lost, next: Instant::now(), asked: None });
+            self.put(State::Away { since: lost, next: Instant::now(), pending: None });
         }
     }
 
     /// Makes one frame: takes in what the runtime tells, waits for the frame's time, has it drawn and hands it in.
     ///
     /// `draw` is called where there is something to see, after the wait. A runtime that goes away on the way is no error but
-    /// [`Step::Away`], whatever `draw` returned.
+    /// [`FrameOutcome::Away`], whatever `draw` returned.
     ///
     /// # Errors
     /// What `draw` returned; [`XrError::Gone`] when the runtime has been looked for as often as [`Options::tries`] says.
-    pub fn frame<E: From<XrError>>(&mut self, draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>) -> Result<Step, E> {
-        let live = match &mut self.state {
-            State::Open(live) => live,
+    pub fn frame<E: From<XrError>>(
+        &mut self,
+        draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>,
+    ) -> Result<FrameOutcome, E> {
+        let xr_session = match &mut self.state {
+            State::Open(xr_session) => xr_session,
             State::Away { .. } => return Ok(self.look_again()?),
-            State::Ended => return Ok(Step::Ended),
+            State::Ended => return Ok(FrameOutcome::Ended),
         };
-        match made(live, self.session, &mut self.paced, &mut self.last_shown, draw) {
+        match run_frame(xr_session, self.session, &mut self.timing, &mut self.last_shown, draw) {
             Ok((step, drawn)) => {
                 match step {
-                    Step::Shown => self.tries = 0,
-                    Step::Ended => self.put(State::Ended),
-                    Step::Hidden | Step::Idle | Step::Away | Step::Back => {}
+                    FrameOutcome::Shown => self.tries = 0,
+                    FrameOutcome::Ended => self.put(State::Ended),
+                    FrameOutcome::Hidden | FrameOutcome::Idle | FrameOutcome::Away | FrameOutcome::Back => {}
                 }
                 drawn.map(|()| step)
             }
             Err(lost) => {
                 tracing::warn!(reason = %lost, "the headset's runtime is gone; it is looked for again");
                 self.away_for(lost);
-                Ok(Step::Away)
+                Ok(FrameOutcome::Away)
             }
         }
     }
@@ -331,103 +307,104 @@ impl Headset {
             self.last_shown = None;
         }
         let before = std::mem::replace(&mut self.state, state);
-        self.held.during("the session's end", || drop(before));
+        self.watchdog.watch("the session's end", || drop(before));
     }
 
     fn away_for(&mut self, since: XrError) {
-        self.put(State::Away { since, next: Instant::now() + self.options.retry_pause, asked: None });
+        self.put(State::Away { since, next: Instant::now() + self.options.retry_pause, pending: None });
     }
 
     /// Looks for the runtime, as often as it may be looked for, without waiting for its answer.
-    fn look_again(&mut self) -> Result<Step, XrError> {
+    fn look_again(&mut self) -> Result<FrameOutcome, XrError> {
         let (options, now) = (self.options, Instant::now());
-        let State::Away { since, next, asked } = &mut self.state else { return Ok(Step::Away) };
-        let reason = match asked.as_ref().map(|waits| (waits.until, waits.answer.try_recv())) {
-            None if now < *next => return Ok(Step::Away),
-            None => {
-                self.tries += 1;
-                match Asked::begin(options, &self.held) {
-                    Ok(waits) => {
-                        *asked = Some(waits);
-                        return Ok(Step::Away);
+        let State::Away { since, next, pending } = &mut self.state else { return Ok(FrameOutcome::Away) };
+        let reason =
+            match pending.as_ref().map(|pending_session| (pending_session.until, pending_session.answer.try_recv())) {
+                None if now < *next => return Ok(FrameOutcome::Away),
+                None => {
+                    self.tries += 1;
+                    match PendingSession::begin(options, &self.watchdog) {
+                        Ok(pending_session) => {
+                            *pending = Some(pending_session);
+                            return Ok(FrameOutcome::Away);
+                        }
+                        Err(reason) => reason,
                     }
-                    Err(reason) => reason,
                 }
-            }
-            Some((_, Ok(Ok(live)))) => {
-                tracing::info!(tries = self.tries, "the headset is back");
-                self.put(State::Open(live));
-                self.session += 1;
-                return Ok(Step::Back);
-            }
-            Some((_, Ok(Err(reason)))) => reason,
-            Some((_, Err(TryRecvError::Disconnected))) => broken(),
-            Some((until, Err(TryRecvError::Empty))) if now < until => return Ok(Step::Away),
-            Some((_, Err(TryRecvError::Empty))) => {
-                // It is asked already, and only its answer can tell more; that it is waited for still counts as a try.
-                self.tries += 1;
-                if self.tries < options.tries {
-                    *since = silent(options.patience);
-                    if let Some(waits) = asked {
-                        waits.until = now + options.patience;
+                Some((_, Ok(Ok(xr_session)))) => {
+                    tracing::info!(tries = self.tries, "the headset is back");
+                    self.put(State::Open(xr_session));
+                    self.session += 1;
+                    return Ok(FrameOutcome::Back);
+                }
+                Some((_, Ok(Err(reason)))) => reason,
+                Some((_, Err(TryRecvError::Disconnected))) => broken(),
+                Some((until, Err(TryRecvError::Empty))) if now < until => return Ok(FrameOutcome::Away),
+                Some((_, Err(TryRecvError::Empty))) => {
+                    // It is asked already, and only its answer can tell more; that it is waited for still counts as a try.
+                    self.tries += 1;
+                    if self.tries < options.tries {
+                        *since = silent(options.timeout);
+                        if let Some(pending_session) = pending {
+                            pending_session.until = now + options.timeout;
+                        }
+                        return Ok(FrameOutcome::Away);
                     }
-                    return Ok(Step::Away);
+                    silent(options.timeout)
                 }
-                silent(options.patience)
-            }
-        };
+            };
         if self.tries >= options.tries {
             self.put(State::Ended);
             return Err(XrError::Gone { tries: self.tries, reason: Box::new(reason) });
         }
         self.away_for(reason);
-        Ok(Step::Away)
+        Ok(FrameOutcome::Away)
     }
 }
 
 /// A frame of a session that is there: what became of it and what `draw` returned, or how the runtime was lost.
-fn made<E>(
-    live: &mut Live,
+fn run_frame<E>(
+    xr_session: &mut XrSession,
     session: u64,
-    paced: &mut Paced,
+    timing: &mut FrameTiming,
     last_shown: &mut Option<xr::Time>,
     draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>,
-) -> Result<(Step, Result<(), E>), XrError> {
-    let held = live.held.clone();
-    match held.during("what happened", || live.events())? {
-        Happened::Nothing => {}
-        Happened::Left => return Ok((Step::Ended, Ok(()))),
-        Happened::Lost => return Err(XrError::call("session", xr::sys::Result::ERROR_SESSION_LOST)),
+) -> Result<(FrameOutcome, Result<(), E>), XrError> {
+    let watchdog = xr_session.watchdog.clone();
+    match watchdog.watch("what happened", || xr_session.events())? {
+        SessionEvent::Nothing => {}
+        SessionEvent::Left => return Ok((FrameOutcome::Ended, Ok(()))),
+        SessionEvent::Lost => return Err(XrError::call("session", xr::sys::Result::ERROR_SESSION_LOST)),
     }
-    if !live.life.is_running() {
+    if !xr_session.state_machine.is_running() {
         *last_shown = None;
-        return Ok((Step::Idle, Ok(())));
+        return Ok((FrameOutcome::Idle, Ok(())));
     }
     let call = |e| XrError::call("frame", e);
-    let waited = held.during("a frame's time", || live.waiter.wait()).map_err(call)?;
+    let waited = watchdog.watch("a frame's time", || xr_session.waiter.wait()).map_err(call)?;
     let begun = Instant::now();
-    held.during("a frame's begin", || live.stream.begin()).map_err(call)?;
+    watchdog.watch("a frame's begin", || xr_session.stream.begin()).map_err(call)?;
     // What the device has to say of earlier frames, its own loss above all; nothing is waited for.
-    let _ = live.shared.gpu.device().poll(wgpu::PollType::Poll);
+    let _ = xr_session.shared.gpu.device().poll(wgpu::PollType::Poll);
     let time = waited.predicted_display_time;
     let period = waited.predicted_display_period;
     let seen = waited.should_render;
-    let looking = if seen { held.during("where eyes are", || live.look(time)).map_err(call)? } else { None };
-    let hands = held.during("what hands do", || live.hands(time)).map_err(call)?;
-    let Some(looking) = looking else {
+    let eye_views = if seen { watchdog.watch("where eyes are", || xr_session.look(time)).map_err(call)? } else { None };
+    let hands = watchdog.watch("what hands do", || xr_session.hands(time)).map_err(call)?;
+    let Some(eye_views) = eye_views else {
         *last_shown = None;
-        held.during("taking a frame", || live.stream.end(time, live.blend, &[])).map_err(call)?;
-        return Ok((Step::Hidden, Ok(())));
+        watchdog.watch("taking a frame", || xr_session.stream.end(time, xr_session.blend, &[])).map_err(call)?;
+        return Ok((FrameOutcome::Hidden, Ok(())));
     };
-    let mut frame = Frame::new(live, looking, hands, (session, time, period));
+    let mut frame = Frame::new(xr_session, eye_views, hands, (session, time, period));
     let drawn = draw(&mut frame);
     frame.end(time)?;
-    paced.shown += 1;
-    paced.period = period.as_nanos() as f64 * 1e-9;
-    paced.work = begun.elapsed().as_secs_f64();
+    timing.shown += 1;
+    timing.period = period.as_nanos() as f64 * 1e-9;
+    timing.work = begun.elapsed().as_secs_f64();
     if let Some(last) = last_shown.replace(time) {
         let periods = (time.as_nanos() - last.as_nanos()) as f64 / (period.as_nanos().max(1)) as f64;
-        paced.missed += (periods.round() as u64).saturating_sub(1);
+        timing.missed += (periods.round() as u64).saturating_sub(1);
     }
-    Ok((Step::Shown, drawn))
+    Ok((FrameOutcome::Shown, drawn))
 }

@@ -5,6 +5,9 @@ use openxr as xr;
 
 use crate::hands::{Eye, Fov, Pose};
 
+/// View configuration with one view per eye.
+pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
+
 /// A pose as the runtime gives it.
 fn of(pose: xr::Posef) -> Option<Pose> {
     let xr::Posef { orientation: q, position: p } = pose;
@@ -44,4 +47,12 @@ pub(super) fn raw(pose: &Pose) -> xr::Posef {
         position: xr::Vector3f { x: p.x, y: p.y, z: p.z },
         orientation: xr::Quaternionf { x: q.x, y: q.y, z: q.z, w: q.w },
     }
+}
+
+/// Poses of both eyes and of the head, and the views as the runtime gave them.
+#[derive(Clone, Copy)]
+pub(super) struct Views {
+    pub(super) eyes: [Eye; 2],
+    pub(super) head: Pose,
+    pub(super) raw: [(xr::Posef, xr::Fovf); 2],
 }

@@ -4,6 +4,6 @@
 
 mod brush;
 mod drafts;
-mod scrubbing;
+mod parameter_drag;
 #[cfg(feature = "xr")]
 mod sticks;

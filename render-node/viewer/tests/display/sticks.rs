@@ -5,33 +5,36 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use sg_proto::scene::{StrokeMode, selection_step::Step};
 use sg_scene::model::Scene;
-use sg_viewer::display::{BrushMode, Request, Scrubs, Shown, Tools, Turns};
+use sg_viewer::display::{BrushMode, Request, Tools, TurnStyle, ViewState, WalkParameter};
 use sg_viewer::hands::{HandInput, Origin, Placement, Side, Stance};
-use sg_viewer::room::{Acts, Did, Taken};
+use sg_viewer::vr::{Interaction, InteractionOutput, PanelCapture};
 
 use crate::brush::row_of_gaussians;
-use crate::scrubbing::{FIRST, after_steps, stroke};
+use crate::parameter_drag::{FIRST, after_steps, stroke};
 
 struct Room {
-    acts: Acts,
+    acts: Interaction,
     tools: Tools,
-    shown: Shown,
+    shown: ViewState,
 }
 
 impl Room {
-    fn new(scene: &Arc<Scene>, shown: Shown) -> Self {
+    fn new(scene: &Arc<Scene>, shown: ViewState) -> Self {
         let home = Placement::fit(scene.bounds, DVec3::Z, DVec3::Y, Stance::Standing, Origin::Floor);
-        Self { acts: Acts::new(scene, home), tools: Tools::default(), shown }
+        Self { acts: Interaction::new(scene, home), tools: Tools::default(), shown }
     }
 
     /// A frame of a hundredth of a second with these sticks, left and right.
-    fn frame(&mut self, left: DVec2, right: DVec2, taken: Taken) -> Did {
+    fn frame(&mut self, left: DVec2, right: DVec2, taken: PanelCapture) -> InteractionOutput {
         let hands = [left, right].map(|stick| HandInput { stick, ..HandInput::default() });
         self.acts.step(&hands, taken, (DVec3::ZERO, 0.01), &mut self.tools, &self.shown)
     }
 
     fn legend(&self, side: Side) -> String {
-        Acts::legend(side, &self.tools, &self.shown).iter().map(|(what, does)| format!("{what}: {does}\n")).collect()
+        Interaction::legend(side, &self.tools, &self.shown)
+            .iter()
+            .map(|(what, does)| format!("{what}: {does}\n"))
+            .collect()
     }
 }
 
@@ -40,16 +43,17 @@ const UP: DVec2 = DVec2::Y;
 #[test]
 fn a_stick_turns_at_once_evenly_or_not_at_all() {
     let scene = Arc::new(row_of_gaussians(6));
-    for (turns, degrees, jumps) in [(Turns::AtOnce, 30.0, 1), (Turns::Evenly, 45.0, 0), (Turns::Never, 0.0, 0)] {
+    for (turns, degrees, jumps) in [(TurnStyle::Snap, 30.0, 1), (TurnStyle::Smooth, 45.0, 0), (TurnStyle::Off, 0.0, 0)]
+    {
         let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
-        room.tools.turns = turns;
+        room.tools.turn_style = turns;
         let before = room.acts.placement();
         // A second at the end, and back.
-        let jumped = (0..100).filter(|_| room.frame(DVec2::ZERO, DVec2::X, Taken::default()).jumped).count();
-        room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default());
+        let jumped = (0..100).filter(|_| room.frame(DVec2::ZERO, DVec2::X, PanelCapture::default()).jumped).count();
+        room.frame(DVec2::ZERO, DVec2::ZERO, PanelCapture::default());
         let turned = before.rotation.angle_between(room.acts.placement().rotation).to_degrees();
         assert!((turned - degrees).abs() < 1e-6 && jumped == jumps, "{turns:?}: {turned}°, {jumped} jumps");
-        assert_eq!(room.legend(Side::Right).contains("turns"), turns != Turns::Never);
+        assert_eq!(room.legend(Side::Right).contains("turns"), turns != TurnStyle::Off);
     }
 }
 
@@ -58,12 +62,12 @@ fn before_a_walk_sticks_say_how_wide_the_brush_is() {
     let scene = Arc::new(row_of_gaussians(6));
     let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
     let radius = room.tools.radius;
-    assert_eq!(room.frame(DVec2::ZERO, UP, Taken::default()).requests, []);
+    assert_eq!(room.frame(DVec2::ZERO, UP, PanelCapture::default()).requests, []);
     let wider = room.tools.radius;
     assert!(wider > radius);
-    assert_eq!(room.frame(UP, DVec2::ZERO, Taken::default()).requests, []);
+    assert_eq!(room.frame(UP, DVec2::ZERO, PanelCapture::default()).requests, []);
     assert!(room.tools.radius > wider);
-    assert!(room.legend(Side::Right).contains("up and down: width") && !room.legend(Side::Left).contains("leak"));
+    assert!(room.legend(Side::Right).contains("up and down: width") && !room.legend(Side::Left).contains("Reach"));
 }
 
 #[test]
@@ -73,7 +77,7 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     let radius = room.tools.radius;
     let mut newest = FIRST;
     for _ in 0..10 {
-        let did = room.frame(DVec2::ZERO, UP, Taken::default());
+        let did = room.frame(DVec2::ZERO, UP, PanelCapture::default());
         let [Request::Tune(tuning)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
         assert!(tuning.leak > newest.leak && tuning.threshold == FIRST.threshold);
         newest = *tuning;
@@ -81,21 +85,21 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     assert!((newest.leak / FIRST.leak).log10() > 0.13, "a tenth of a second at the end: {newest:?}");
     assert_eq!(room.tools.radius, radius);
     // At rest again, it is one step.
-    let did = room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default());
+    let did = room.frame(DVec2::ZERO, DVec2::ZERO, PanelCapture::default());
     let [Request::Select(asked)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
     assert_eq!(asked.steps.first().and_then(|s| s.step.clone()), Some(Step::Tuning(newest)));
-    assert_eq!(room.frame(DVec2::ZERO, DVec2::ZERO, Taken::default()).requests, []);
+    assert_eq!(room.frame(DVec2::ZERO, DVec2::ZERO, PanelCapture::default()).requests, []);
     // The other hand has the width, and says aside which of the two numbers it is.
-    room.frame(UP, DVec2::ZERO, Taken::default());
+    room.frame(UP, DVec2::ZERO, PanelCapture::default());
     assert!(room.tools.radius > radius);
-    room.frame(DVec2::X, DVec2::ZERO, Taken::default());
-    assert_eq!(room.tools.scrubs, Scrubs::Threshold);
-    assert!(room.legend(Side::Right).contains("up and down: threshold 0.00"), "{}", room.legend(Side::Right));
-    assert!(room.legend(Side::Left).contains("left: leak"), "{}", room.legend(Side::Left));
-    let did = room.frame(DVec2::ZERO, -UP, Taken::default());
+    room.frame(DVec2::X, DVec2::ZERO, PanelCapture::default());
+    assert_eq!(room.tools.walk_parameter, WalkParameter::Threshold);
+    assert!(room.legend(Side::Right).contains("up and down: Strictness 0.00"), "{}", room.legend(Side::Right));
+    assert!(room.legend(Side::Left).contains("left: Reach"), "{}", room.legend(Side::Left));
+    let did = room.frame(DVec2::ZERO, -UP, PanelCapture::default());
     assert!(matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold < 0.0 && t.leak == newest.leak));
-    room.frame(-DVec2::X, DVec2::ZERO, Taken::default());
-    assert_eq!(room.tools.scrubs, Scrubs::Leak);
+    room.frame(-DVec2::X, DVec2::ZERO, PanelCapture::default());
+    assert_eq!(room.tools.walk_parameter, WalkParameter::Leak);
 }
 
 #[test]
@@ -103,17 +107,18 @@ fn a_stick_that_belongs_to_a_panel_or_to_another_mode_scrubs_nothing() {
     let scene = Arc::new(row_of_gaussians(6));
     let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Walk)]));
     let radius = room.tools.radius;
-    for taken in
-        [Taken { triggers: [false, true], ..Taken::default() }, Taken { grips: [false, true], ..Taken::default() }]
-    {
+    for taken in [
+        PanelCapture { triggers: [false, true], ..PanelCapture::default() },
+        PanelCapture { grips: [false, true], ..PanelCapture::default() },
+    ] {
         assert_eq!(room.frame(DVec2::ZERO, UP, taken).requests, []);
     }
     assert_eq!(room.tools.radius, radius);
     room.tools.mode = BrushMode::Point;
-    assert_eq!(room.frame(DVec2::ZERO, UP, Taken::default()).requests, []);
+    assert_eq!(room.frame(DVec2::ZERO, UP, PanelCapture::default()).requests, []);
     assert!(room.tools.radius > radius);
     // With the hands changed, the left one scrubs.
     room.tools = Tools { left_handed: true, ..Tools::default() };
-    let did = room.frame(UP, DVec2::ZERO, Taken::default());
+    let did = room.frame(UP, DVec2::ZERO, PanelCapture::default());
     assert!(matches!(did.requests.as_slice(), [Request::Tune(_)]));
 }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use sg_viewer::hands::HandInput;
-use sg_viewer::xr::{Headset, Options, PAUSE, Step, XrError};
+use sg_viewer::xr::{FrameOutcome, Headset, Options, PAUSE, XrError};
 
 use crate::monado::{Display, Puppet, Runtime, is_inside, run_inside};
 
@@ -20,8 +20,8 @@ fn until(headset: &mut Headset, what: &str, holds: impl Fn(&[HandInput; 2]) -> b
             Ok::<(), XrError>(())
         });
         match step.unwrap() {
-            Step::Shown | Step::Hidden if holds(&hands) => return hands,
-            Step::Shown | Step::Hidden => (),
+            FrameOutcome::Shown | FrameOutcome::Hidden if holds(&hands) => return hands,
+            FrameOutcome::Shown | FrameOutcome::Hidden => (),
             _ => std::thread::sleep(PAUSE),
         }
         assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}: {hands:?}");

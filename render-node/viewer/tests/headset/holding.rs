@@ -4,11 +4,11 @@ use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 use sg_scene::model::SceneBox;
 use sg_viewer::hands::{
-    Bookmarks, Comfort, HandInput, Handling, MIN_APART, MOST_BOOKMARKS, Origin, Placement, Pose, SCALES, Side, Stance,
-    Turning,
+    Bookmarks, ComfortVignette, Grab, HandInput, MIN_APART, MOST_BOOKMARKS, Origin, Placement, Pose, SCALES, Side,
+    Stance, TurnMode,
 };
 
-const STILL: (DVec3, Turning, Side) = (DVec3::ZERO, Turning::Off, Side::Right);
+const STILL: (DVec3, TurnMode, Side) = (DVec3::ZERO, TurnMode::Off, Side::Right);
 
 fn at(position: DVec3, turn: DVec3, squeeze: f64) -> HandInput {
     let grip = Some(Pose { position, orientation: DQuat::from_scaled_axis(turn) });
@@ -28,8 +28,8 @@ fn home() -> Placement {
     Placement::fit(bounds, DVec3::Z, DVec3::Y, Stance::Standing, Origin::Floor)
 }
 
-fn scene() -> Handling {
-    Handling::new(home(), DVec3::new(10.0, 10.0, 15.0))
+fn scene() -> Grab {
+    Grab::new(home(), DVec3::new(10.0, 10.0, 15.0))
 }
 
 /// How far a scene's points within its box stand apart in two placements, metres.
@@ -145,7 +145,7 @@ proptest! {
         let mut scene = scene();
         for (left, right, stick) in hands {
             let right = HandInput { stick: DVec2::new(stick, 0.0), ..right };
-            scene.step(&[left, right], [true; 2], (DVec3::Y, Turning::Smooth(90.0), Side::Right), 0.02);
+            scene.step(&[left, right], [true; 2], (DVec3::Y, TurnMode::Smooth(90.0), Side::Right), 0.02);
             let scale = scene.placement().scale / home().scale;
             prop_assert!((SCALES[0] * (1.0 - 1e-12)..=SCALES[1] * (1.0 + 1e-12)).contains(&scale));
             prop_assert!(scene.placement().checked().is_some());
@@ -175,20 +175,20 @@ fn the_stick_turns_about_the_head_at_once_or_about_the_middle_evenly() {
     let mut snapped = scene();
     // One turn for each tilt, however long it is held.
     for x in [0.5, 0.8, 1.0, 0.9, 0.5, 1.0, 0.0, 1.0, 0.0] {
-        snapped.step(&tilt(x), [true; 2], (head, Turning::Snap(30.0), Side::Right), 0.01);
+        snapped.step(&tilt(x), [true; 2], (head, TurnMode::Snap(30.0), Side::Right), 0.01);
     }
     assert!(moved(&snapped.placement(), &home().turned(head, DVec3::Y, 60_f64.to_radians())) < 1e-12);
     let mut smooth = scene();
     for x in [1.0, 1.0, 0.1, -1.0, f64::NAN] {
-        smooth.step(&tilt(x), [true; 2], (head, Turning::Smooth(90.0), Side::Right), 0.05);
+        smooth.step(&tilt(x), [true; 2], (head, TurnMode::Smooth(90.0), Side::Right), 0.05);
     }
     let middle = home().to_room(DVec3::new(10.0, 10.0, 15.0));
     assert!(moved(&smooth.placement(), &home().turned(middle, DVec3::Y, 4.5_f64.to_radians())) < 1e-12);
     // The other hand's stick, and one while the scene is held, do nothing.
     let before = smooth.placement();
-    smooth.step(&tilt(1.0), [true; 2], (head, Turning::Snap(30.0), Side::Left), 0.05);
+    smooth.step(&tilt(1.0), [true; 2], (head, TurnMode::Snap(30.0), Side::Left), 0.05);
     let held = [at(DVec3::Y, DVec3::ZERO, 1.0), tilt(1.0)[1]];
-    smooth.step(&held, [true; 2], (head, Turning::Smooth(30.0), Side::Right), 0.05);
+    smooth.step(&held, [true; 2], (head, TurnMode::Smooth(30.0), Side::Right), 0.05);
     assert!(moved(&smooth.placement(), &before) < 1e-12);
 }
 
@@ -236,7 +236,7 @@ fn bookmarks_are_kept_replaced_and_bounded() {
 #[test]
 fn the_vignette_comes_with_motion_around_the_head_and_goes_with_it() {
     let head = Pose { position: DVec3::new(0.0, 1.6, 0.0), orientation: DQuat::IDENTITY };
-    let mut comfort = Comfort::default();
+    let mut comfort = ComfortVignette::default();
     let mut placement = home();
     let mut strengths = Vec::new();
     // Turned about the head by 90° in a second, then left alone.

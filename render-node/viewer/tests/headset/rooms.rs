@@ -15,11 +15,13 @@ use sg_proto::selection::{Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_selection::brush::Brush;
-use sg_viewer::display::{BrushMode, Offered, Request, Seat, Service, Shown, Tools, Walks};
+use sg_viewer::display::{
+    Backend, BrushMode, Request, ServiceAvailability, Tools, ViewPort, ViewState, WalkCapabilities,
+};
 use sg_viewer::hands::{Pose, Side};
-use sg_viewer::panels::{Panel, Panels, Place, Wish, theme};
-use sg_viewer::room::{Room, Setup};
-use sg_viewer::xr::{Frame, Headset, Options, PAUSE, Step, XrError};
+use sg_viewer::panels::{DisplayAction, Panel, PanelHost, Panels, theme};
+use sg_viewer::vr::{Setup, VrView};
+use sg_viewer::xr::{Frame, FrameOutcome, Headset, Options, PAUSE, XrError};
 
 use crate::monado::{Controller, Display, Puppet, Runtime, Screen, is_inside, run_inside};
 use crate::{scenes, seen};
@@ -29,8 +31,8 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// A person with everything around them.
 struct Person {
     headset: Headset,
-    room: Room,
-    service: Service,
+    room: VrView,
+    service: Backend,
     puppet: Puppet,
     asked: Vec<Request>,
     /// What the hands did in the newest frame.
@@ -56,8 +58,8 @@ impl Person {
                 self.asked.push(request);
             }
             match step.unwrap() {
-                Step::Shown if done(self) => return,
-                Step::Shown | Step::Hidden => (),
+                FrameOutcome::Shown if done(self) => return,
+                FrameOutcome::Shown | FrameOutcome::Hidden => (),
                 _ => std::thread::sleep(PAUSE),
             }
         }
@@ -137,22 +139,22 @@ impl Person {
 }
 
 /// Where a control of a panel is, in points, as it is drawn in a headset.
-fn place_of(panel: Panel, shown: &Shown, tools: &Tools, typing: bool, label: &str) -> egui::Pos2 {
+fn place_of(panel: Panel, shown: &ViewState, tools: &Tools, typing: bool, label: &str) -> egui::Pos2 {
     place_under(panel, shown, tools, (typing, None), label)
 }
 
 /// The same once what is folded under another label was unfolded.
 fn place_under(
     panel: Panel,
-    shown: &Shown,
+    shown: &ViewState,
     tools: &Tools,
     (typing, folded): (bool, Option<&str>),
     label: &str,
 ) -> egui::Pos2 {
     use egui_kittest::kittest::Queryable as _;
-    let mut panels = Panels::new(Place::Headset);
-    panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Panels];
-    panels.fulfils.extend((0_u8..).zip(shown.proposals()).map(|(k, _)| Wish::Proposal(k)));
+    let mut panels = Panels::new(PanelHost::Headset);
+    panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
+    panels.supported_actions.extend((0_u8..).zip(shown.proposals()).map(|(k, _)| DisplayAction::Proposal(k)));
     if typing {
         panels.name_selection();
     }
@@ -168,14 +170,14 @@ fn place_under(
     harness.get_by_label(label).rect().center()
 }
 
-fn shown_of(scene: &Scene) -> Shown {
+fn shown_of(scene: &Scene) -> ViewState {
     let state = Arc::new(EditState::of_scene(scene, "scene.ply", "hash"));
-    let offered = Offered { scene: true, selection: true, agents: false };
-    Shown { offered, undo: Arc::from(["a stroke".to_owned()]), ..Shown::of(state) }
+    let services = ServiceAvailability { scene: true, selection: true, agents: false };
+    ViewState { services, undo: Arc::from(["a stroke".to_owned()]), ..ViewState::of(state) }
 }
 
 /// The same after a walk, with places of the scene's box where a next stroke would tell most.
-fn with_proposals(shown: &Shown, scene: &Arc<Scene>, places: &[[f64; 3]]) -> Shown {
+fn with_proposals(shown: &ViewState, scene: &Arc<Scene>, places: &[[f64; 3]]) -> ViewState {
     let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
     let stroke = Stroke { mode, kind, radius: 0.1, points: vec![0.5; 3], pressure: Vec::new(), depth: None };
     let steps = vec![SelectionStep { step: Some(Done::Stroke(stroke)) }];
@@ -186,8 +188,8 @@ fn with_proposals(shown: &Shown, scene: &Arc<Scene>, places: &[[f64; 3]]) -> Sho
     let selection_hash = walked.selection().hash().to_owned();
     let proposals = ProposalsReply { proposals: proposals.collect(), selection_hash, proposals_ms: 1.0 };
     let tuning = Some(WalkTuning { leak: 0.03, threshold: 0.0 });
-    Shown {
-        walks: Some(Walks { tuning, most_proposals: 16 }),
+    ViewState {
+        walk_capabilities: Some(WalkCapabilities { tuning, most_proposals: 16 }),
         proposals: Some(Arc::new(proposals)),
         selected: Arc::clone(walked.selection().mask()),
         scene: walked,
@@ -218,10 +220,10 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     let puppet = Puppet::connect();
     let headset = Headset::open(Options { resolution: 0.4, ..Options::default() }).unwrap();
     let shown = with_proposals(&shown_of(&scene), &scene, &[[0.6, 0.7, 0.9], [0.8, 0.5, 0.6]]);
-    let (seat, service) = Seat::new(shown);
+    let (view_port, service) = ViewPort::new(shown);
     let tools = Tools { radius: 0.06, ..Tools::default() };
-    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: path, mirror: false };
-    let room = Room::new(setup, &headset);
+    let setup = Setup { scene: Arc::clone(&scene), view_port, tools, opened: path, mirror: false };
+    let room = VrView::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
     person.reach(Side::Right, DVec3::new(0.12, 1.25, -0.6));
@@ -273,10 +275,10 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     let headset = Headset::open(Options { resolution: 0.3, ..Options::default() }).unwrap();
     let scene = Arc::new(scenes::scene(&scenes::surface(400, 7)));
     let shown = shown_of(&scene);
-    let (seat, service) = Seat::new(shown.clone());
+    let (view_port, service) = ViewPort::new(shown.clone());
     let tools = Tools { radius: 0.1, ..Tools::default() };
-    let setup = Setup { scene: Arc::clone(&scene), seat, tools, opened: "scene.ply".into(), mirror: false };
-    let room = Room::new(setup, &headset);
+    let setup = Setup { scene: Arc::clone(&scene), view_port, tools, opened: "scene.ply".into(), mirror: false };
+    let room = VrView::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
 
@@ -327,9 +329,9 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     menu(&mut person, "undo");
     person.until("undo from the wrist", |p| p.asked.iter().any(undone));
     menu(&mut person, "panels");
-    person.until("hidden panels", |p| p.room.panel(Panel::Prompt).is_none() && p.room.panel(Panel::Wrist).is_some());
+    person.until("hidden panels", |p| p.room.panel(Panel::Select).is_none() && p.room.panel(Panel::Wrist).is_some());
     menu(&mut person, "panels");
-    person.until("shown panels", |p| p.room.panel(Panel::Prompt).is_some());
+    person.until("shown panels", |p| p.room.panel(Panel::Select).is_some());
     assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "brushed nothing: {:?}", person.asked);
     person.reach(Side::Left, middle + DVec3::new(-0.4, 0.6, 0.5));
     person.until("no menu", |p| p.room.panel(Panel::Wrist).is_none());
@@ -357,43 +359,43 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
 
     // On a panel the trigger presses, and brushes nothing.
     let mask = Arc::new(Mask::from_fn(scene.len(), |i| i < 10));
-    let selected = Shown { selected: mask, ..shown };
-    person.service.news.change(|shown| *shown = selected.clone());
+    let selected = ViewState { selected: mask, ..shown };
+    person.service.writer.update(|shown| *shown = selected.clone());
     person.asked.clear();
     let tools = person.room.tools().clone();
-    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "invert"));
+    person.press(Panel::Select, place_of(Panel::Select, &selected, &tools, false, "invert"));
     person.until("an inversion", |p| p.asked.iter().any(|r| matches!(r, Request::Select(s) if !s.steps.is_empty())));
     assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "{:?}", person.asked);
 
     // Places for a next stroke hang as discs where they are, and one that is chosen stands out; the scene stays where it is.
     let stands = person.room.placement();
     let proposed = with_proposals(&selected, &scene, &[[0.2, 0.5, 0.5], [0.9, 0.1, 0.4]]);
-    person.service.news.change(|shown| *shown = proposed.clone());
-    person.until("marks", |p| p.room.marks().len() == 2);
-    for (mark, place) in person.room.marks().iter().zip(&proposed.proposals().to_vec()) {
+    person.service.writer.update(|shown| *shown = proposed.clone());
+    person.until("marks", |p| p.room.markers().len() == 2);
+    for (mark, place) in person.room.markers().iter().zip(&proposed.proposals().to_vec()) {
         let want = stands.to_room(scene.bounds.denormalize(DVec3::from_slice(&place.point)));
         assert!(mark.0.pose.position.distance(want) < 1e-9 && !mark.1, "{mark:?}, not at {want}");
     }
     let tools = person.room.tools().clone();
-    person.press(Panel::Prompt, place_of(Panel::Prompt, &proposed, &tools, false, "Walk"));
+    person.press(Panel::Select, place_of(Panel::Select, &proposed, &tools, false, "Reach and Strictness"));
     let second = "2: about 40 Gaussians would change";
-    let row = place_under(Panel::Prompt, &proposed, &tools, (false, Some("Walk")), second);
+    let row = place_under(Panel::Select, &proposed, &tools, (false, Some("Reach and Strictness")), second);
     let unfolded = Instant::now();
     person.until("an unfolded section", |_| unfolded.elapsed() > Duration::from_millis(300));
-    person.press(Panel::Prompt, row);
-    person.until("a mark that stands out", |p| p.room.marks()[1].1);
-    let [one, two] = person.room.marks().try_into().unwrap();
+    person.press(Panel::Select, row);
+    person.until("a mark that stands out", |p| p.room.markers()[1].1);
+    let [one, two] = person.room.markers().try_into().unwrap();
     assert!(!one.1 && two.0.size.x > 1.3 * one.0.size.x, "{one:?} {two:?}");
     assert_eq!(person.room.placement(), stands);
-    person.press(Panel::Prompt, row);
-    person.until("none that stands out", |p| !p.room.marks()[1].1);
-    person.service.news.change(|shown| *shown = selected.clone());
-    person.until("no marks", |p| p.room.marks().is_empty());
+    person.press(Panel::Select, row);
+    person.until("none that stands out", |p| !p.room.markers()[1].1);
+    person.service.writer.update(|shown| *shown = selected.clone());
+    person.until("no marks", |p| p.room.markers().is_empty());
 
     // A scene that changes in every frame has one panel laid out in a frame, each in its turn, and what changed nothing that it
     // shows draws none; at rest all are as they are.
     person.aim(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5), DVec3::Y);
-    let counts = |p: &Person| [Panel::Scene, Panel::Prompt].map(|panel| p.room.counts(panel).unwrap());
+    let counts = |p: &Person| [Panel::Scene, Panel::Select].map(|panel| p.room.counts(panel).unwrap());
     let mut frames = 0_u64;
     let mut begun = counts(&person);
     person.until("changes", |p| {
@@ -402,7 +404,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
         }
         frames += 1;
         // Another scene in which nothing is different, as far as anybody sees.
-        p.service.news.change(|shown| shown.scene = Arc::new(EditState::clone(&shown.scene)));
+        p.service.writer.update(|shown| shown.scene = Arc::new(EditState::clone(&shown.scene)));
         frames == 34
     });
     let now = counts(&person);
@@ -421,11 +423,11 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     assert_eq!(rest(&mut person), rest(&mut person));
 
     // A name on the keyboard that hangs there as long as it is needed, and the unit is saved.
-    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "name of the new unit"));
+    person.press(Panel::Select, place_of(Panel::Select, &selected, &tools, false, "name of the new unit"));
     for key in ["s", "a", "c"] {
         person.press(Panel::Keyboard, place_of(Panel::Keyboard, &selected, &tools, true, key));
     }
-    person.press(Panel::Prompt, place_of(Panel::Prompt, &selected, &tools, false, "save"));
+    person.press(Panel::Select, place_of(Panel::Select, &selected, &tools, false, "save"));
     let saved = |r: &Request| matches!(r, Request::Change(a) if matches!(&**a, Action::SaveUnit(s) if s.name == "sac"));
     person.until("a saved unit", |p| p.asked.iter().any(saved));
 }

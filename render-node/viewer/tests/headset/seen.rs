@@ -11,7 +11,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Light;
 use sg_scene::framing;
 use sg_viewer::hands::{Placement, Pose, Rectangle, Stance};
-use sg_viewer::xr::{Board, Headset, Options, PAUSE, Step, XrError};
+use sg_viewer::xr::{FrameOutcome, Headset, Options, PAUSE, PanelLayer, XrError};
 
 use winit::event_loop::EventLoop;
 use winit::platform::x11::EventLoopBuilderExtX11;
@@ -66,7 +66,7 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
     );
     let settings = Settings { quality: Quality::Standard, rasterizer: Rasterizer::Quads, ..Settings::default() };
     let pose = Pose { position: DVec3::new(0.3, 1.72, -0.8), orientation: DQuat::from_rotation_y(-0.3) };
-    let mut board = Board::new(egui::vec2(240.0, 160.0), 1.5, Rectangle { pose, size: DVec2::new(0.6, 0.4) });
+    let mut board = PanelLayer::new(egui::vec2(240.0, 160.0), 1.5, Rectangle { pose, size: DVec2::new(0.6, 0.4) });
     let mut opacity = 0.7;
 
     let begun = Instant::now();
@@ -99,11 +99,11 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
             Ok::<(), XrError>(())
         });
         match step.unwrap() {
-            Step::Shown => shown += 1,
+            FrameOutcome::Shown => shown += 1,
             _ => std::thread::sleep(PAUSE),
         }
     }
-    println!("{shown} frames in {:?}; {:?}", begun.elapsed(), headset.paced());
+    println!("{shown} frames in {:?}; {:?}", begun.elapsed(), headset.timing());
     std::thread::sleep(std::time::Duration::from_millis(200));
     let (width, height, rgb) = screen.picture();
     assert_eq!([width, height], SIZE);
@@ -138,7 +138,7 @@ fn inside_a_window_mirrors_the_headset() {
     let events = EventLoop::builder().with_any_thread(true).build().unwrap();
     let size = winit::dpi::PhysicalSize::new(320, 240);
     let window = events.create_window(winit::window::Window::default_attributes().with_inner_size(size)).unwrap();
-    let (instance, adapter) = headset.made_of().unwrap();
+    let (instance, adapter) = headset.instance_and_adapter().unwrap();
     let surface = instance.create_surface(std::sync::Arc::new(window)).unwrap();
     let mut config = surface.get_default_config(adapter, 320, 240).unwrap();
     config.usage |= wgpu::TextureUsages::COPY_SRC;
@@ -184,7 +184,7 @@ fn inside_a_window_mirrors_the_headset() {
             shown = Some(pixel);
             Ok::<(), XrError>(())
         });
-        if step.unwrap() != Step::Shown {
+        if step.unwrap() != FrameOutcome::Shown {
             std::thread::sleep(PAUSE);
         }
     }

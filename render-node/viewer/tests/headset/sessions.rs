@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use glam::{DVec2, DVec3};
 use sg_scene::model::SceneBox;
-use sg_viewer::hands::{HandInput, Handling, Origin, Placement, Pointer, Pose, Rectangle, Side, Stance, Turning};
-use sg_viewer::xr::{Board, Frame, Headset, Options, PAUSE, Step, XrError};
+use sg_viewer::hands::{Grab, HandInput, Origin, Placement, Pointer, Pose, Rectangle, Side, Stance, TurnMode};
+use sg_viewer::xr::{Frame, FrameOutcome, Headset, Options, PAUSE, PanelLayer, XrError};
 
 use crate::monado::{Display, Puppet, Runtime, is_inside, run_inside};
 
@@ -21,7 +21,7 @@ fn until(headset: &mut Headset, what: &str, mut done: impl FnMut(&mut Frame<'_>)
             finished = done(frame);
             Ok::<(), XrError>(())
         });
-        if !matches!(step.unwrap(), Step::Shown | Step::Hidden) {
+        if !matches!(step.unwrap(), FrameOutcome::Shown | FrameOutcome::Hidden) {
             std::thread::sleep(PAUSE);
         }
     }
@@ -104,10 +104,10 @@ fn inside_a_scene_is_seen_held_and_scaled() {
     // Both hands close on the scene and part to twice the distance; then one carries it.
     let cube = SceneBox { min: DVec3::splat(-2.0), max: DVec3::splat(2.0) };
     let home = Placement::fit(cube, DVec3::Y, DVec3::NEG_Z, Stance::Standing, headset.origin());
-    let mut scene = Handling::new(home, DVec3::ZERO);
+    let mut scene = Grab::new(home, DVec3::ZERO);
     let mut hold = |headset: &mut Headset, what: &str, hands: [[f32; 3]; 2], squeezes: [f64; 2]| {
         until(headset, what, |f| {
-            scene.step(&f.hands, [true; 2], (f.head.position, Turning::Off, Side::Right), f.period);
+            scene.step(&f.hands, [true; 2], (f.head.position, TurnMode::Off, Side::Right), f.period);
             let squeezed = f.hands.iter().zip(squeezes).all(|(h, s)| (h.squeeze - s).abs() < 1e-3);
             squeezed && near(&f.hands[0], hands[0]) && near(&f.hands[1], hands[1])
         });
@@ -141,10 +141,10 @@ fn inside_a_scene_is_seen_held_and_scaled() {
     // It ends when it is asked to.
     headset.leave();
     let begun = Instant::now();
-    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != Step::Ended {
+    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != FrameOutcome::Ended {
         assert!(begun.elapsed() < PATIENCE, "the session does not end");
     }
-    assert!(headset.gpu().is_none() && headset.frame(|_| Ok::<(), XrError>(())).unwrap() == Step::Ended);
+    assert!(headset.gpu().is_none() && headset.frame(|_| Ok::<(), XrError>(())).unwrap() == FrameOutcome::Ended);
 }
 
 #[test]
@@ -164,7 +164,7 @@ fn inside_a_board_is_pointed_at_pressed_and_scrolled() {
     let mut headset = Headset::open(options).unwrap();
     let pose = Pose { position: DVec3::new(0.0, 1.2, -1.4), orientation: glam::DQuat::IDENTITY };
     let place = Rectangle { pose, size: DVec2::new(1.0, 0.5) };
-    let mut board = Board::new(egui::vec2(400.0, 200.0), 1.0, place);
+    let mut board = PanelLayer::new(egui::vec2(400.0, 200.0), 1.0, place);
     let mut pointer = Pointer::default();
     let (mut presses, mut draws, mut scrolled) = (0, 0, 0.0_f32);
     let mut rings = |headset: &mut Headset, what: &str, wanted: (i32, bool)| {
@@ -241,7 +241,7 @@ fn inside_a_board_is_pointed_at_pressed_and_scrolled() {
 
     // Another runtime: the board is there again by itself.
     runtime.kill();
-    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != Step::Away {}
+    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != FrameOutcome::Away {}
     let _runtime = Runtime::start(&Display::None);
     let mut puppet = Puppet::connect();
     puppet.right.position = at(0.25, 0.5);
@@ -288,7 +288,7 @@ fn inside_a_runtime_that_is_killed_is_found_again() {
     });
     runtime.kill();
     let killed = Instant::now();
-    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != Step::Away {
+    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != FrameOutcome::Away {
         assert!(killed.elapsed() < PATIENCE, "nobody notices that the runtime is gone");
     }
     println!("gone: {}, noticed after {:?}", headset.away().unwrap(), killed.elapsed());
@@ -296,14 +296,14 @@ fn inside_a_runtime_that_is_killed_is_found_again() {
     // The loop goes on meanwhile, without waiting.
     let asked = Instant::now();
     for _ in 0..20 {
-        assert_eq!(headset.frame(|_| Ok::<(), XrError>(())).unwrap(), Step::Away);
+        assert_eq!(headset.frame(|_| Ok::<(), XrError>(())).unwrap(), FrameOutcome::Away);
         std::thread::sleep(PAUSE);
     }
     println!("20 steps without a runtime in {:?}", asked.elapsed());
 
     let _runtime = Runtime::start(&Display::None);
     let started = Instant::now();
-    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != Step::Back {
+    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != FrameOutcome::Back {
         assert!(started.elapsed() < PATIENCE, "the runtime is not found again");
         std::thread::sleep(PAUSE);
     }
@@ -314,7 +314,7 @@ fn inside_a_runtime_that_is_killed_is_found_again() {
         frames += 1;
         frames == 10
     });
-    println!("{:?}", headset.paced());
+    println!("{:?}", headset.timing());
 }
 
 #[test]
@@ -344,7 +344,7 @@ fn inside_a_runtime_that_stays_away_is_given_up() {
     };
     println!("{error}");
     assert!(matches!(error, XrError::Gone { tries: 3, .. }));
-    assert_eq!(headset.frame(|_| Ok::<(), XrError>(())).unwrap(), Step::Ended);
+    assert_eq!(headset.frame(|_| Ok::<(), XrError>(())).unwrap(), FrameOutcome::Ended);
 }
 
 #[test]
@@ -378,7 +378,7 @@ fn inside_a_lost_device_is_opened_again_with_its_session() {
     println!("{error}");
     headset.restart(error.to_string());
     assert!(headset.away().unwrap().to_string().contains("lost"));
-    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != Step::Back {
+    while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != FrameOutcome::Back {
         assert!(begun.elapsed() < PATIENCE, "the headset does not come back");
     }
     until(&mut headset, "a frame on the new device", |frame| {

@@ -10,8 +10,8 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{LightMode, SetLight};
 use sg_raster::attributes::{Attribute, Legend};
 use sg_raster::color_map::ColorMap;
-use sg_viewer::display::{Conversation, Entry, Showing, Tools};
-use sg_viewer::panels::{NARROWEST, Panel, Place, Wish, theme};
+use sg_viewer::display::{Conversation, DisplayMode, Entry, Tools};
+use sg_viewer::panels::{DisplayAction, NARROWEST, Panel, PanelHost, theme};
 
 use crate::picture::{Canvas, Picture};
 use crate::stage::{Stage, after, harness, press, save, scene, select};
@@ -62,19 +62,19 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
     stage.tools.light_panels = light;
     stage.pixels_per_point = pixels_per_point;
     if panel == Panel::Keyboard {
-        stage.show.insert(0, Panel::Prompt);
+        stage.show.insert(0, Panel::Select);
     }
-    if panel == Panel::Prompt {
+    if panel == Panel::Select {
         stage.walk();
-        stage.panels.fulfils = (0..3).map(Wish::Proposal).collect();
+        stage.panels.supported_actions = (0..3).map(DisplayAction::Proposal).collect();
     }
     if panel == Panel::Wrist {
-        stage.panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Panels];
+        stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
     }
     let mut harness = harness(stage);
     match panel {
         Panel::Scene => press(&mut harness, "vessel"),
-        Panel::Prompt | Panel::Keyboard => press(&mut harness, "name of the new unit"),
+        Panel::Select | Panel::Keyboard => press(&mut harness, "name of the new unit"),
         Panel::Language | Panel::Wrist => {}
     }
     if panel == Panel::Keyboard {
@@ -94,9 +94,10 @@ fn all_open(light: bool, scale: f32, width: f32) -> Harness<'static, Stage> {
     stage.width = Some(width);
     stage.tools.light_panels = light;
     stage.tools.scale = scale;
-    stage.tools.showing = Showing::Attribute(Attribute::Scale);
+    stage.tools.display_mode = DisplayMode::Attribute(Attribute::Scale);
     stage.panels.numbers = Some(Legend { low: 0.013, high: 4.5, logarithmic: true, map: ColorMap::default() });
-    stage.panels.fulfils = vec![Wish::Fit, Wish::Bookmark, Wish::Place(1), Wish::Screenshot];
+    stage.panels.supported_actions =
+        vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Place(1), DisplayAction::Screenshot];
     let lit = SetLight { mode: LightMode::Direction.into(), ..SetLight::default() };
     stage.shown.scene = Arc::new(stage.shown.scene.after(&scene(), Action::SetLight(lit)).unwrap());
     stage.height = Some(1900.0);
@@ -181,7 +182,7 @@ fn beyond(harness: &Harness<'_, Stage>) -> Vec<String> {
 fn the_longest_names_and_words_have_room() {
     let scene = scene();
     let long = "Aneurysma".repeat(14);
-    for panel in [Panel::Scene, Panel::Prompt, Panel::Language] {
+    for panel in [Panel::Scene, Panel::Select, Panel::Language] {
         let mut stage = Stage::new(panel);
         stage.shown.scene = after(&scene, [select(&scene, 10..70), save(&long)]);
         stage.shown.selected = Arc::clone(stage.shown.scene.selection().mask());
@@ -200,7 +201,7 @@ fn the_longest_names_and_words_have_room() {
                 press(&mut harness, "History");
                 press(&mut harness, "rename");
             }
-            Panel::Prompt => {
+            Panel::Select => {
                 press(&mut harness, "name of the new unit");
                 harness.get_by_label("name of the new unit").type_text(&long);
                 press(&mut harness, "save");
@@ -220,11 +221,11 @@ fn the_longest_names_and_words_have_room() {
 
 #[test]
 fn a_narrow_dock_has_room_for_everything() {
-    for panel in [Panel::Scene, Panel::Prompt, Panel::Language] {
+    for panel in [Panel::Scene, Panel::Select, Panel::Language] {
         let mut stage = Stage::new(panel);
-        stage.panels.place = Place::Window;
+        stage.panels.host = PanelHost::Window;
         (stage.width, stage.height) = (Some(NARROWEST), Some(1000.0));
-        if panel == Panel::Prompt {
+        if panel == Panel::Select {
             stage.walk();
         }
         let mut harness = harness(stage);
@@ -232,7 +233,7 @@ fn a_narrow_dock_has_room_for_everything() {
         harness.run();
         match panel {
             Panel::Scene => press(&mut harness, "sac"),
-            Panel::Prompt => press(&mut harness, "name of the new unit"),
+            Panel::Select => press(&mut harness, "name of the new unit"),
             _ => {}
         }
         assert_eq!(cut_text(&harness), Vec::<String>::new(), "{panel:?}");
@@ -280,7 +281,7 @@ fn pictures_for_the_documents() {
     for (panel, light, name) in [
         (Panel::Scene, false, "scene"),
         (Panel::Scene, true, "scene-light"),
-        (Panel::Prompt, false, "prompt"),
+        (Panel::Select, false, "prompt"),
         (Panel::Language, false, "language"),
         (Panel::Keyboard, false, "keyboard"),
         (Panel::Wrist, false, "wrist"),

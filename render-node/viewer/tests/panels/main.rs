@@ -8,13 +8,13 @@
 )]
 
 mod appearance;
-mod asking;
 mod curves;
-mod desk;
+mod frame_rate;
 mod legends;
 mod monkey;
-mod pace;
 mod picture;
-mod prompting;
+mod scene_requests;
+mod select_requests;
 mod stage;
 mod typing;
+mod window_ui;

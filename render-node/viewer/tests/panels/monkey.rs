@@ -10,8 +10,8 @@ use rand_chacha::ChaCha8Rng;
 use sg_edit::EditError;
 use sg_proto::scene::command::Action;
 use sg_scene::model::Scene;
-use sg_viewer::display::{Drafts, Offered, Request};
-use sg_viewer::panels::{Draft, Output, Panel, Wish};
+use sg_viewer::display::{Drafts, Request, ServiceAvailability};
+use sg_viewer::panels::{DisplayAction, Draft, Output, Panel};
 
 use crate::stage::{Stage, harness, press, scene};
 
@@ -78,15 +78,15 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let (mut changes, mut held, mut selects, mut said, mut wished, mut tuned) = (0, 0, 0, 0, 0, 0);
     for round in 0..12 {
-        let panel = [Panel::Scene, Panel::Prompt, Panel::Language][round % 3];
-        let offered = if round < 6 {
-            Offered { scene: true, selection: true, agents: true }
+        let panel = [Panel::Scene, Panel::Select, Panel::Language][round % 3];
+        let services = if round < 6 {
+            ServiceAvailability { scene: true, selection: true, agents: true }
         } else {
-            Offered { scene: random.random(), selection: random.random(), agents: random.random() }
+            ServiceAvailability { scene: random.random(), selection: random.random(), agents: random.random() }
         };
         let mut stage = Stage::new(panel);
-        stage.shown.offered = offered;
-        stage.panels.fulfils = vec![Wish::Fit, Wish::Screenshot];
+        stage.shown.services = services;
+        stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Screenshot];
         if round % 4 < 2 {
             stage.walk();
         }
@@ -103,22 +103,22 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
         }
         for _ in 0..250 {
             for output in play(&mut harness, &mut random) {
-                assert!(!matches!(output.draft, Some(Draft::Hold(_))) || offered.scene);
+                assert!(!matches!(output.draft, Some(Draft::Hold(_))) || services.scene);
                 held += u32::from(matches!(output.draft, Some(Draft::Hold(_))));
-                wished += output.wishes.len();
+                wished += output.actions.len();
                 for request in output.requests {
                     match request {
                         Request::Change(action) => {
-                            assert!(offered.scene, "{action:?}");
+                            assert!(services.scene, "{action:?}");
                             changes += 1;
                             take(&mut harness, &scene, &action);
                         }
                         Request::Select(_) => {
-                            assert!(offered.selection);
+                            assert!(services.selection);
                             selects += 1;
                         }
                         Request::Say(_) | Request::Withdraw => {
-                            assert!(offered.agents);
+                            assert!(services.agents);
                             said += 1;
                         }
                         Request::Tune(_) | Request::Propose(_) => {

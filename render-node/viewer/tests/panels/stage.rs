@@ -12,8 +12,8 @@ use sg_proto::scene::{Color, CommitSelection, SaveUnit, SetColor, Stroke, Stroke
 use sg_proto::selection::{Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
-use sg_viewer::display::{Conversation, Entry, Notice, Offered, Shown, Tools, Walks};
-use sg_viewer::panels::{Output, Panel, Panels, Place, legend, theme};
+use sg_viewer::display::{Conversation, Entry, Notice, ServiceAvailability, Tools, ViewState, WalkCapabilities};
+use sg_viewer::panels::{Output, Panel, PanelHost, Panels, legend, theme};
 use sg_volume::phantom;
 
 use crate::picture::Textures;
@@ -69,7 +69,7 @@ pub(crate) fn save(name: &str) -> Action {
 }
 
 /// A scene in the middle of work: a saved unit "sac" with a colour, a selection, a history, a conversation.
-pub(crate) fn shown() -> Shown {
+pub(crate) fn shown() -> ViewState {
     let scene = scene();
     let target = Some(Target { units: vec!["sac".to_owned()], ..Target::default() });
     let red = Action::SetColor(SetColor { target, color: Some(Color { red: 0.0, green: 0.447, blue: 0.698 }) });
@@ -84,26 +84,26 @@ pub(crate) fn shown() -> Shown {
     turn.answer = Some(("The sac is blue now, and everything else shows through at 20 %.".to_owned(), true));
     talk.say("2", "how large is the neck?");
     talk.turn("2").unwrap().add(Entry::Command("measure neck".to_owned()));
-    Shown {
+    ViewState {
         selected: Arc::clone(state.selection().mask()),
         undo: ["saved the selection as neck: 80 Gaussians", "coloured sac #0072b2"].map(str::to_owned).into(),
         redo: ["hid tissue".to_owned()].into(),
         clusters: Some((0..scene.len()).map(|i| (i / 50) as u32).collect()),
         conversation: Arc::new(talk),
-        offered: Offered { scene: true, selection: true, agents: true },
+        services: ServiceAvailability { scene: true, selection: true, agents: true },
         notices: [
             Notice { number: 1, text: "reading the scene took 1.2 s".to_owned(), refused: false },
             Notice { number: 2, text: "there is no unit `sack`; did you mean `sac`?".to_owned(), refused: true },
         ]
         .into(),
-        ..Shown::of(state)
+        ..ViewState::of(state)
     }
 }
 
 /// What a test's panel works on.
 pub(crate) struct Stage {
     pub(crate) panels: Panels,
-    pub(crate) shown: Shown,
+    pub(crate) shown: ViewState,
     pub(crate) tools: Tools,
     /// All that was asked for, oldest first.
     pub(crate) asked: Vec<Output>,
@@ -120,7 +120,7 @@ pub(crate) struct Stage {
 
 impl Stage {
     pub(crate) fn new(panel: Panel) -> Self {
-        let mut panels = Panels::new(Place::Headset);
+        let mut panels = Panels::new(PanelHost::Headset);
         let scene = scene();
         let folder = tempfile::tempdir().unwrap();
         let mut function = phantom::transfer_function();
@@ -153,7 +153,7 @@ impl Stage {
         let commit = CommitSelection { mask, strokes: vec![stroke], ..CommitSelection::default() };
         self.shown.scene = Arc::new(self.shown.scene.after(&scene(), Action::CommitSelection(commit)).unwrap());
         let tuning = Some(WalkTuning { leak: 0.03, threshold: 1e-12 });
-        self.shown.walks = Some(Walks { tuning, most_proposals: 16 });
+        self.shown.walk_capabilities = Some(WalkCapabilities { tuning, most_proposals: 16 });
         let place = |gaussians, uncertainty, expected_change| Proposal {
             point: vec![0.5; 3],
             gaussians,
@@ -185,8 +185,8 @@ impl Stage {
         if self.beside {
             ui.reset_style();
             let does = [
-                ("right trigger", "brush: walk, adds"),
-                ("left trigger", "brush: walk, removes"),
+                ("right trigger", "brush: Region, adds"),
+                ("left trigger", "brush: Region, removes"),
                 ("grip", "take hold of the scene"),
             ];
             legend(ui, &does);

@@ -3,15 +3,15 @@
 use egui_kittest::kittest::Queryable;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{RenameUnit, SaveUnit};
-use sg_viewer::display::{Offered, Request};
+use sg_viewer::display::{Request, ServiceAvailability};
 use sg_viewer::panels::Panel;
 
-use crate::asking::changes;
+use crate::scene_requests::changes;
 use crate::stage::{Stage, harness, press};
 
 #[test]
 fn a_name_typed_by_pointing_saves_a_unit() {
-    let mut stage = Stage::new(Panel::Prompt);
+    let mut stage = Stage::new(Panel::Select);
     stage.show.push(Panel::Keyboard);
     let mut panels = harness(stage);
     assert!(!panels.state().panels.is_typing());
@@ -29,7 +29,7 @@ fn a_name_typed_by_pointing_saves_a_unit() {
 
 #[test]
 fn the_keyboard_types_into_another_context() {
-    let mut field = harness(Stage::new(Panel::Prompt));
+    let mut field = harness(Stage::new(Panel::Select));
     let mut keys = harness(Stage::new(Panel::Keyboard));
     press(&mut field, "name of the new unit");
     // One set of panels, drawn by turns in two contexts, as a headset does.
@@ -40,9 +40,9 @@ fn the_keyboard_types_into_another_context() {
         assert!(!keys.state().panels.wants_drawing(Panel::Keyboard));
         press(&mut keys, key);
         std::mem::swap(&mut field.state_mut().panels, &mut keys.state_mut().panels);
-        assert!(field.state().panels.wants_drawing(Panel::Prompt), "a letter waits for it");
+        assert!(field.state().panels.wants_drawing(Panel::Select), "a letter waits for it");
         field.run();
-        assert!(!field.state().panels.wants_drawing(Panel::Prompt));
+        assert!(!field.state().panels.wants_drawing(Panel::Select));
     };
     for key in ["n", "e", "w"] {
         type_one(&mut field, key);
@@ -121,7 +121,7 @@ fn a_conversation_is_read_gone_on_with_and_stopped() {
     panel.state_mut().shown.conversation = std::sync::Arc::new(talk);
     panel.run();
     assert!(panel.query_by_label("stop").is_none(), "nothing is under way");
-    panel.state_mut().shown.offered = Offered { scene: true, selection: true, agents: false };
+    panel.state_mut().shown.services = ServiceAvailability { scene: true, selection: true, agents: false };
     panel.run();
     assert!(panel.query_by_label("say").is_none() && panel.query_by_label("Language").is_none());
 }

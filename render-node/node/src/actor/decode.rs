@@ -1,0 +1,81 @@
+//! What a request for a picture says, in the renderer's words.
+
+use glam::DVec3;
+use sg_proto::bus::Code;
+use sg_proto::{limits, render as proto};
+use sg_raster::attributes::{Attribute, Legend};
+use sg_raster::render::Projection;
+use sg_runtime::fault::Fault;
+use sg_scene::appearance::{Clip, HalfSpace};
+use sg_scene::camera::Camera;
+use sg_viewer::display::DisplayMode;
+
+/// Most clips of a request, and most sides of each.
+const MAX_CLIPS: usize = 64;
+
+/// How Gaussians are to be projected.
+pub(super) fn projection(asked: proto::Projection) -> Projection {
+    match asked {
+        proto::Projection::Unspecified | proto::Projection::Affine => Projection::Affine,
+        proto::Projection::PerRay => Projection::PerRay,
+    }
+}
+
+/// The requested display mode.
+pub(super) fn display_mode(request: &proto::CaptureRequest) -> DisplayMode {
+    match request.showing() {
+        proto::Showing::Unspecified | proto::Showing::Scene => DisplayMode::Scene,
+        proto::Showing::Clusters => DisplayMode::Clusters,
+        proto::Showing::FirstComponent => DisplayMode::FirstComponent,
+        proto::Showing::Outlines => DisplayMode::Outlines,
+        proto::Showing::Scale => DisplayMode::Attribute(Attribute::Scale),
+        proto::Showing::Anisotropy => DisplayMode::Attribute(Attribute::Anisotropy),
+        proto::Showing::Opacity => DisplayMode::Attribute(Attribute::Opacity),
+        proto::Showing::OffsetColor => DisplayMode::Attribute(Attribute::OffsetColor),
+        proto::Showing::Normal => DisplayMode::Attribute(Attribute::Normal),
+        proto::Showing::PrincipalAxis => DisplayMode::Attribute(Attribute::PrincipalAxis),
+    }
+}
+
+/// The legend of a picture.
+pub(super) fn legend(display_mode: DisplayMode, legend: &Legend) -> proto::Legend {
+    let attribute = if let DisplayMode::Attribute(attribute) = display_mode { attribute.name() } else { "" };
+    let Legend { low, high, logarithmic, .. } = *legend;
+    proto::Legend { attribute: attribute.to_owned(), low, high, logarithmic }
+}
+
+/// A camera of a picture of this size; `otherwise` where none is given.
+pub(super) fn camera(asked: Option<&proto::Camera>, otherwise: Camera) -> Result<Camera, Fault> {
+    let side = 1..=limits::MAX_PICTURE_PIXELS;
+    let Camera { width, height, .. } = otherwise;
+    if !side.contains(&width) || !side.contains(&height) {
+        return Err(Fault::new(
+            Code::OutOfRange,
+            format!("a picture of {width} x {height} pixels was asked for; 1 to {} are drawn each way", side.end()),
+        ));
+    }
+    let Some(asked) = asked else { return Ok(otherwise) };
+    let world_to_camera = asked.world_to_camera.as_slice().try_into().map_err(|_| {
+        Fault::invalid(format!("a camera takes 16 numbers, row major, not {}", asked.world_to_camera.len()))
+    })?;
+    let proto::Camera { fx, fy, cx, cy, .. } = *asked;
+    let camera = Camera { fx, fy, cx, cy, world_to_camera, ..otherwise };
+    camera.check("camera").map_err(|e| Fault::invalid(e.to_string()))?;
+    Ok(camera)
+}
+
+/// The clips of a request; whether their numbers make sense is the renderer's to say.
+pub(super) fn clips(clips: &[proto::Clip]) -> Result<Vec<Clip>, Fault> {
+    if clips.len() > MAX_CLIPS || clips.iter().any(|clip| clip.sides.len() > MAX_CLIPS) {
+        return Err(Fault::invalid(format!("at most {MAX_CLIPS} clips of at most {MAX_CLIPS} sides each")));
+    }
+    let side = |side: &proto::HalfSpace| match side.normal.as_slice() {
+        &[x, y, z] => Ok(HalfSpace { normal: DVec3::new(x, y, z), offset: side.offset }),
+        other => Err(Fault::invalid(format!("a clip's normal takes three numbers, not {}", other.len()))),
+    };
+    let clip = |clip: &proto::Clip| {
+        let sides = clip.sides.iter().map(side).collect::<Result<_, _>>()?;
+        Ok(Clip { sides, keep_inside: !clip.cut })
+    };
+    clips.iter().map(clip).collect()
+}

@@ -1,0 +1,202 @@
+//! Carries out what a person asks for at a display, one thing after another; what is said to the agents takes its own time.
+
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
+
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::language::{Source, Utterance};
+use sg_proto::launch::{OpenReply, OpenRequest};
+use sg_proto::scene::{Command, WalkTuning, command};
+use sg_proto::selection::{ProposalsRequest, SampleReply, SampleRequest, StrokesRequest, TuneReply, TuneRequest};
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_scene::mask::Mask;
+use sg_viewer::display::{Request, RequestQueue, StateWriter};
+use tokio::runtime::Handle;
+
+use super::preview;
+
+/// How long a change or a stroke may take; a service that is being started again is waited for.
+const TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How long a sample of a stroke may take: after that the hand is elsewhere.
+const SAMPLE_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// How long the supervisor may take to begin to open something.
+const OPEN_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// How long the agents may think.
+const AGENT_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Carries requests out, on a thread of their own, for as long as there is a display.
+///
+/// # Errors
+/// What the system says where it gives no thread.
+pub(super) fn run(bus: Bus, requests: Receiver<Request>, writer: StateWriter) -> io::Result<()> {
+    let runtime = Handle::current();
+    let body = move || {
+        let mut executor = RequestExecutor { bus, writer, preview: Arc::new(Mask::empty(0)), utterance_id: None };
+        for request in RequestQueue::new(requests) {
+            runtime.block_on(executor.carry_out(request));
+        }
+    };
+    std::thread::Builder::new().name("errands".to_owned()).spawn(body).map(drop)
+}
+
+/// State from one request to the next.
+struct RequestExecutor {
+    bus: Bus,
+    writer: StateWriter,
+    /// The newest preview of the stroke under way.
+    preview: Arc<Mask>,
+    /// Id of the last sentence.
+    utterance_id: Option<String>,
+}
+
+impl RequestExecutor {
+    async fn carry_out(&mut self, request: Request) {
+        let Self { bus, writer, preview, utterance_id } = self;
+        match request {
+            Request::Change(action) => report_failure(writer, apply(bus, *action).await),
+            Request::Sample(sample) => {
+                // A preview that did not come is followed by another, or by the stroke itself.
+                if let Ok(reply) = self::sample(bus, &sample).await {
+                    show(writer, preview, &reply);
+                }
+            }
+            Request::Select(strokes) => {
+                let outcome = select(bus, &strokes).await;
+                if outcome.is_err() {
+                    forget(writer);
+                }
+                report_failure(writer, outcome);
+            }
+            Request::Tune(tuning) => match tune(bus, tuning).await {
+                Ok(reply) => show_trial(writer, tuning, &reply),
+                // As with samples.
+                Err(fault) if matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded) => (),
+                Err(fault) => report_failure(writer, Err(fault)),
+            },
+            Request::Forget => forget(writer),
+            Request::Propose(count) => report_failure(writer, propose(bus, writer, count).await),
+            Request::Say(text) => *utterance_id = Some(say(bus, writer, text)),
+            Request::Open(path) => match open(bus, &path).await {
+                Ok(reply) => writer.notice(opens(&path, &reply), false),
+                Err(fault) => report_failure(writer, Err(fault)),
+            },
+            Request::Withdraw => {
+                if let Some(id) = utterance_id.take() {
+                    let outcome = bus.cancel(role::AGENT_CORE, &id).await;
+                    if !outcome.unwrap_or(false) {
+                        writer.notice("it was answered already; nothing was withdrawn", false);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Shows a failed request as a notice.
+fn report_failure(writer: &StateWriter, outcome: Result<(), Fault>) {
+    if let Err(fault) = outcome {
+        writer.notice(fault.message, true);
+    }
+}
+
+async fn apply(bus: &Bus, action: command::Action) -> Result<(), Fault> {
+    let context = Context::root().deadline_in(TIMEOUT);
+    // The same id however often the question is put: it takes effect once.
+    let id = format!("display-{}", context.id);
+    let command = Command { id: id.clone(), expected_revision: 0, action: Some(action) };
+    bus.ask(&keys::SCENE_APPLY, &command, &context.with_id(id)).await.map(drop)
+}
+
+async fn select(bus: &Bus, strokes: &StrokesRequest) -> Result<(), Fault> {
+    bus.ask(&keys::SELECTION_STROKES, strokes, &Context::root().deadline_in(TIMEOUT)).await.map(drop)
+}
+
+async fn sample(bus: &Bus, sample: &SampleRequest) -> Result<SampleReply, Fault> {
+    bus.ask(&keys::SELECTION_SAMPLE, sample, &Context::root().deadline_in(SAMPLE_TIMEOUT)).await
+}
+
+async fn tune(bus: &Bus, tuning: WalkTuning) -> Result<TuneReply, Fault> {
+    let request = TuneRequest { tuning: Some(tuning) };
+    bus.ask(&keys::SELECTION_TUNE, &request, &Context::root().deadline_in(SAMPLE_TIMEOUT)).await
+}
+
+/// Shows the trial selection of other walk parameters.
+fn show_trial(writer: &StateWriter, tuning: WalkTuning, reply: &TuneReply) {
+    writer.update(|state| {
+        let committed = state.scene.selection();
+        if reply.selection_hash == committed.hash() {
+            state.selected = Arc::new(preview::changed(committed.mask(), &reply.changed));
+            state.uncommitted = true;
+            state.trial_tuning = Some(tuning);
+        }
+    });
+}
+
+/// Shows the committed selection without trial or stroke.
+fn forget(writer: &StateWriter) {
+    writer.update(|state| {
+        state.selected = Arc::clone(state.scene.selection().mask());
+        (state.uncommitted, state.trial_tuning) = (false, None);
+    });
+}
+
+/// Has places told where a next stroke would tell most.
+async fn propose(bus: &Bus, writer: &StateWriter, count: u32) -> Result<(), Fault> {
+    let request = ProposalsRequest { count };
+    let reply = bus.ask(&keys::SELECTION_PROPOSALS, &request, &Context::root().deadline_in(TIMEOUT)).await?;
+    if reply.proposals.is_empty() {
+        writer.notice("the walk leaves nothing open: no place would tell much", false);
+    }
+    writer.update(|state| state.proposals = Some(Arc::new(reply)));
+    Ok(())
+}
+
+/// Shows what a stroke under way would select. Each answer says what differs from the one before.
+fn show(writer: &StateWriter, before: &mut Arc<Mask>, reply: &SampleReply) {
+    writer.update(|state| {
+        let committed = state.scene.selection();
+        if reply.selection_hash != committed.hash() {
+            return;
+        }
+        let from = if reply.anew || before.len() != committed.mask().len() { committed.mask() } else { &*before };
+        let after = Arc::new(preview::changed(from, &reply.changed));
+        *before = Arc::clone(&after);
+        state.selected = after;
+        (state.uncommitted, state.trial_tuning) = (true, None);
+    });
+}
+
+/// Has a scene or volume opened in a window of its own.
+async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
+    let request = OpenRequest { path: path.display().to_string() };
+    bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(OPEN_TIMEOUT)).await
+}
+
+/// The notice for an opened file.
+fn opens(path: &Path, reply: &OpenReply) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str()).display();
+    let first = if reply.volume { "as soon as Gaussians are made of it, " } else { "" };
+    format!("{name}: {first}a window of its own opens (session {})", reply.session)
+}
+
+/// Says something to the agents, beside everything else; the id by which it can be withdrawn.
+fn say(bus: &Bus, writer: &StateWriter, text: String) -> String {
+    let context = Context::root().deadline_in(AGENT_TIMEOUT);
+    let id = context.id.clone();
+    let (bus, writer) = (bus.clone(), writer.clone());
+    tokio::spawn(async move {
+        let utterance = Utterance { text, source: Source::Text.into() };
+        // The answer comes as every stage of the conversation does.
+        report_failure(&writer, bus.ask(&keys::UTTER, &utterance, &context).await.map(drop));
+    });
+    id
+}

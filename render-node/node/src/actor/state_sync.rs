@@ -1,0 +1,199 @@
+//! Keeps what a display shows up to date: the scene, the selection, clusters, the conversation, who is there.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sg_proto::keys::{self, role};
+use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
+use sg_proto::launch::OpenFailed;
+use sg_proto::selection::Preview;
+use sg_runtime::blobs::Blobs;
+use sg_runtime::bus::{Bus, BusError, Following};
+use sg_runtime::context::Context;
+use sg_runtime::process::Host;
+use sg_viewer::display::{Conversation, Entry, ServiceAvailability, StateWriter, WalkCapabilities};
+use tokio::sync::watch;
+
+use super::clusters::ClusterLabels;
+use super::preview;
+use super::scene_replica::SceneReplica;
+
+/// Messages of a conversation that may wait.
+const QUEUE: usize = 64;
+
+/// Timeout of a state query.
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// How often a service that is there, but has not told its state, is asked again.
+const RETRY_AFTER: Duration = Duration::from_secs(1);
+
+/// Begins to follow everything.
+pub(super) async fn follow(
+    host: &Host,
+    state: watch::Receiver<SceneReplica>,
+    writer: &StateWriter,
+) -> Result<(), BusError> {
+    let bus = host.bus();
+    let previews = preview::follow(bus).await?;
+    tokio::spawn(history(bus.clone(), state.clone(), writer.clone()));
+    tokio::spawn(scene(state, previews, writer.clone()));
+    let liveliness = bus.watch_alive(QUEUE).await?;
+    tokio::spawn(services(bus.clone(), host.blobs().clone(), liveliness, writer.clone()));
+    let feeds = ConversationFeeds {
+        utterances: bus.follow(&keys::UTTERANCE, role::AGENT_CORE, QUEUE).await?,
+        intents: bus.follow(&keys::INTENT, role::AGENT_INTENT, QUEUE).await?,
+        actions: bus.follow(&keys::ACTION, role::AGENT_FUNCTION, QUEUE).await?,
+        replies: bus.follow(&keys::REPLY, role::AGENT_CORE, QUEUE).await?,
+    };
+    tokio::spawn(conversation(feeds, writer.clone()));
+    tokio::spawn(opened(bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, QUEUE).await?, writer.clone()));
+    Ok(())
+}
+
+/// The scene and its selection.
+async fn scene(
+    mut state: watch::Receiver<SceneReplica>,
+    mut previews: watch::Receiver<Option<Preview>>,
+    writer: StateWriter,
+) {
+    loop {
+        let (now, selected) = {
+            let replica_state = state.borrow_and_update();
+            (Arc::clone(&replica_state.state), replica_state.highlighted(previews.borrow_and_update().as_ref()))
+        };
+        writer.update(|state| {
+            state.uncommitted = !Arc::ptr_eq(&selected, now.selection().mask());
+            state.selected = selected;
+            state.trial_tuning = None;
+            state.scene = now;
+        });
+        tokio::select! {
+            changed = state.changed() => if changed.is_err() { return },
+            changed = previews.changed() => if changed.is_err() { return },
+        }
+    }
+}
+
+/// What can be taken back and brought back, which is told with the scene's state alone; beside the rest, since a scene that
+/// does not answer is not to hold a preview up.
+async fn history(bus: Bus, mut state: watch::Receiver<SceneReplica>, writer: StateWriter) {
+    loop {
+        let revision = state.borrow_and_update().state.revision();
+        if let Ok(told) = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(TIMEOUT)).await
+            && told.revision >= revision
+        {
+            writer.update(|state| (state.undo, state.redo) = (told.undo.into(), told.redo.into()));
+        }
+        if state.changed().await.is_err() {
+            return;
+        }
+    }
+}
+
+/// The available services, and the clusters once the selection service answers.
+async fn services(
+    bus: Bus,
+    blobs: Blobs,
+    mut liveliness: tokio::sync::mpsc::Receiver<sg_runtime::bus::Liveliness>,
+    writer: StateWriter,
+) {
+    let mut instances: HashMap<String, Vec<String>> = HashMap::new();
+    let mut clusters = ClusterLabels::default();
+    let gaussians = writer.newest().scene.count();
+    loop {
+        let is_there = |role: &str| instances.get(role).is_some_and(|all| !all.is_empty());
+        let services = ServiceAvailability {
+            scene: is_there(role::SCENE),
+            selection: is_there(role::SELECTION),
+            agents: is_there(role::AGENT_CORE) && is_there(role::AGENT_INTENT) && is_there(role::AGENT_FUNCTION),
+        };
+        writer.update(|state| {
+            state.services = services;
+            state.walk_capabilities = state.walk_capabilities.filter(|_| services.selection);
+        });
+        let mut retry = false;
+        if services.selection {
+            let context = Context::root().deadline_in(TIMEOUT);
+            match clusters.newest(&bus, &blobs, gaussians, &context).await {
+                Ok(labels) => {
+                    let told = bus.newest(&keys::SELECTION_STATE, &context.next()).await;
+                    retry = told.is_err();
+                    writer.update(|state| {
+                        state.clusters = Some(labels);
+                        state.walk_capabilities =
+                            told.ok().map(|t| WalkCapabilities { tuning: t.tuning, most_proposals: t.most_proposals });
+                    });
+                }
+                Err(fault) => {
+                    tracing::warn!(%fault, "the clusters are not known yet");
+                    retry = true;
+                }
+            }
+        }
+        let next = if retry {
+            match tokio::time::timeout(RETRY_AFTER, liveliness.recv()).await {
+                Ok(next) => next,
+                Err(_) => continue,
+            }
+        } else {
+            liveliness.recv().await
+        };
+        let Some(seen) = next else { return };
+        let all = instances.entry(seen.role).or_default();
+        all.retain(|i| *i != seen.instance);
+        if seen.alive {
+            all.push(seen.instance);
+        }
+    }
+}
+
+/// Files that failed to open.
+async fn opened(mut failed: Following<OpenFailed>, writer: StateWriter) {
+    while let Some((OpenFailed { path, session, reason }, _)) = failed.next().await {
+        writer.notice(format!("{path} (session {session}): {reason}"), true);
+    }
+}
+
+/// The stages of a conversation.
+struct ConversationFeeds {
+    utterances: Following<Utterance>,
+    intents: Following<Intent>,
+    actions: Following<ActionResult>,
+    replies: Following<Reply>,
+}
+
+/// The conversation of all users.
+async fn conversation(mut feeds: ConversationFeeds, writer: StateWriter) {
+    loop {
+        tokio::select! {
+            // An answer that overtakes what led to it is put with it all the same: turns are known by their id.
+            Some((utterance, context)) = feeds.utterances.next() => on(&writer, &context, |c, id| c.say(id, utterance.text)),
+            Some((intent, context)) = feeds.intents.next() => on(&writer, &context, |c, id| {
+                let Some(turn) = c.turn(id) else { return };
+                intent.clauses.into_iter().for_each(|clause| turn.add(Entry::Command(clause.words)));
+                for words in intent.not_understood {
+                    turn.add(Entry::Result(format!("not understood: {words}"), false));
+                }
+            }),
+            Some((action, context)) = feeds.actions.next() => on(&writer, &context, |c, id| {
+                if let Some(turn) = c.turn(id) {
+                    turn.add(Entry::Result(action.text, action.ok));
+                }
+            }),
+            Some((reply, context)) = feeds.replies.next() => on(&writer, &context, |c, id| {
+                if let Some(turn) = c.turn(id) {
+                    turn.answer = Some((reply.text, reply.ok));
+                }
+            }),
+            else => return,
+        }
+    }
+}
+
+fn on(writer: &StateWriter, context: &Context, what: impl FnOnce(&mut Conversation, &str)) {
+    if context.conversation.is_empty() {
+        return;
+    }
+    writer.update(|state| what(Arc::make_mut(&mut state.conversation), &context.conversation));
+}

@@ -1,0 +1,155 @@
+//! Which quality keeps a display's pace.
+//!
+//! While the view or the scene changes, a picture has to be there within a budget of time: quality goes down a level as soon
+//! as one was late, and up again when the level above would have been in time, by what it cost before or by its pixels. What
+//! stands still is drawn at its best.
+
+use sg_raster::render::Quality;
+
+/// How a picture is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Level {
+    /// Error against the reference.
+    pub quality: Quality,
+    /// Edge of the picture over that of the display, above 0 and at most 1.
+    pub scale: f64,
+}
+
+/// Edges of the pictures below the level of the best quality, from the finest.
+const SCALES: [f64; 6] = [1.0, 0.75, 0.5, 0.35, 0.25, 0.18];
+
+/// Share of the budget that a level has to keep free before it is gone back to.
+const ROOM: f64 = 0.3;
+
+/// Factor on what a level is remembered to have taken, for each picture that was drawn below it in time.
+const AGES: f64 = 0.97;
+
+/// Weight of the newest measurement.
+const NEWEST: f64 = 0.5;
+
+/// Chooses the quality level by the measured cost of each level.
+#[derive(Debug, Clone)]
+pub struct AdaptiveQuality {
+    budget: f64,
+    at: usize,
+    /// Seconds that each level took, where it has been drawn.
+    cost: [Option<f64>; SCALES.len() + 1],
+    late: u64,
+}
+
+impl AdaptiveQuality {
+    /// Pictures that may take `budget` seconds each while something moves.
+    #[must_use]
+    pub fn new(budget: f64) -> Self {
+        Self { budget, at: 0, cost: [None; SCALES.len() + 1], late: 0 }
+    }
+
+    /// How the next picture is drawn.
+    #[must_use]
+    pub fn level(&self, best: Quality, moving: bool) -> Level {
+        match if moving { self.at } else { 0 } {
+            0 => Level { quality: best, scale: 1.0 },
+            k => Level { quality: Quality::Fast, scale: SCALES[k - 1] },
+        }
+    }
+
+    /// A picture took so many seconds while something moved, or while all stood still.
+    pub fn record(&mut self, seconds: f64, moving: bool) {
+        let at = if moving { self.at } else { 0 };
+        if !(seconds.is_finite() && seconds >= 0.0) {
+            return;
+        }
+        let known = self.cost[at].get_or_insert(seconds);
+        *known += NEWEST * (seconds - *known);
+        if !moving {
+            return;
+        }
+        if seconds > self.budget {
+            self.late += 1;
+            let here = self.at;
+            self.at = (here + 1).min(SCALES.len());
+            while self.at < SCALES.len() && self.by_pixels(here, self.at) > self.budget {
+                self.at += 1;
+            }
+        } else if let Some(above) = self.at.checked_sub(1) {
+            // The remembered cost of the level above ages.
+            self.cost[above] = self.cost[above].map(|before| AGES * before);
+            let grown = self.by_pixels(self.at, above);
+            let predicted = self.cost[above].map_or(grown, |before| grown.max(before));
+            if predicted < (1.0 - ROOM) * self.budget {
+                self.at = above;
+            }
+        }
+    }
+
+    /// Pictures that took longer than their budget while something moved.
+    #[must_use]
+    pub fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// What a level would take if all work grew with pixels, from what another one takes.
+    fn by_pixels(&self, from: usize, level: usize) -> f64 {
+        let pixels = |k: usize| SCALES[k.saturating_sub(1)].powi(2);
+        self.cost[from].unwrap_or(f64::INFINITY) * pixels(level) / pixels(from)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Draws pictures that take `seconds(level)` until the level stays.
+    fn settled(adaptive_quality: &mut AdaptiveQuality, seconds: impl Fn(Level) -> f64) -> Level {
+        for _ in 0..120 {
+            let level = adaptive_quality.level(Quality::Standard, true);
+            adaptive_quality.record(seconds(level), true);
+        }
+        adaptive_quality.level(Quality::Standard, true)
+    }
+
+    #[test]
+    fn a_slow_device_goes_down_until_it_keeps_pace_and_what_stands_still_is_at_its_best() {
+        let mut adaptive_quality = AdaptiveQuality::new(0.05);
+        let cost = |l: Level| 0.4 * l.scale * l.scale;
+        let level = settled(&mut adaptive_quality, cost);
+        assert!(cost(level) <= 0.05 && level.scale < 0.5, "{level:?}");
+        assert_eq!(adaptive_quality.level(Quality::Standard, false), Level { quality: Quality::Standard, scale: 1.0 });
+        assert!(adaptive_quality.late() > 0);
+    }
+
+    #[test]
+    fn a_fast_one_stays_at_its_best() {
+        let mut adaptive_quality = AdaptiveQuality::new(0.05);
+        let level = settled(&mut adaptive_quality, |_| 0.004);
+        assert_eq!(level, Level { quality: Quality::Standard, scale: 1.0 });
+        assert_eq!(adaptive_quality.late(), 0);
+    }
+
+    #[test]
+    fn it_comes_back_up_when_there_is_room_again() {
+        let mut adaptive_quality = AdaptiveQuality::new(0.05);
+        settled(&mut adaptive_quality, |l| 0.4 * l.scale * l.scale);
+        let level = settled(&mut adaptive_quality, |_| 0.002);
+        assert!((level.scale, level.quality) == (1.0, Quality::Standard), "{level:?}");
+    }
+
+    #[test]
+    fn a_level_between_is_kept_rather_than_gone_up_and_down() {
+        let mut adaptive_quality = AdaptiveQuality::new(0.05);
+        // Half the edge takes 0.04 s: the level above would take 0.09.
+        let cost = |l: Level| if l.quality == Quality::Fast { 0.16 * l.scale * l.scale } else { 0.3 };
+        let level = settled(&mut adaptive_quality, cost);
+        let late = adaptive_quality.late();
+        assert_eq!(settled(&mut adaptive_quality, cost), level);
+        assert_eq!(adaptive_quality.late(), late, "late again and again");
+    }
+
+    #[test]
+    fn nonsense_changes_nothing() {
+        let mut adaptive_quality = AdaptiveQuality::new(0.05);
+        adaptive_quality.record(f64::NAN, true);
+        adaptive_quality.record(-1.0, true);
+        assert_eq!(adaptive_quality.level(Quality::Fast, true), Level { quality: Quality::Fast, scale: 1.0 });
+    }
+}

@@ -1,0 +1,154 @@
+//! The channel between a display and its backend: the newest view state in, requests out.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::request::Request;
+use super::view_state::{NOTICES, Notice, ViewState};
+
+/// Requests that may wait to be carried out; more are dropped and counted.
+pub const REQUESTS: usize = 64;
+
+/// How a display keeps up.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameStats {
+    /// Frames that it has shown.
+    pub frames: u64,
+    /// Pictures of the scene in them.
+    pub pictures: u64,
+    /// Pictures that were there later than they should have been.
+    pub late: u64,
+    /// Seconds that the newest one took.
+    pub seconds: f64,
+    /// The renderer.
+    pub engine: String,
+    /// Revision of the scene that the newest frame shows.
+    pub revision: u64,
+}
+
+/// State that both ends of the channel share.
+#[derive(Debug)]
+struct SharedState {
+    /// The newest, and how often it was replaced.
+    state: Mutex<(u64, Arc<ViewState>)>,
+    frame_stats: Mutex<FrameStats>,
+    closed: AtomicBool,
+}
+
+/// A display's side: newest value in, requests out, neither ever waited for.
+#[derive(Debug)]
+pub struct ViewPort {
+    shared: Arc<SharedState>,
+    /// Which of the newest was taken last.
+    taken_version: u64,
+    requests: SyncSender<Request>,
+    dropped: u64,
+}
+
+/// The other side of a [`ViewPort`].
+#[derive(Debug)]
+pub struct Backend {
+    /// Where the newest goes.
+    pub writer: StateWriter,
+    /// Requests; the channel ends with the display. Read it with [`super::RequestQueue`].
+    pub requests: Receiver<Request>,
+}
+
+/// Writes the view state of a display. Clones write the same state.
+#[derive(Debug, Clone)]
+pub struct StateWriter(Arc<SharedState>);
+
+impl StateWriter {
+    /// The newest.
+    #[must_use]
+    pub fn newest(&self) -> Arc<ViewState> {
+        Arc::clone(&lock(&self.0.state).1)
+    }
+
+    /// Updates the view state.
+    pub fn update(&self, what: impl FnOnce(&mut ViewState)) {
+        let mut state = lock(&self.0.state);
+        what(Arc::make_mut(&mut state.1));
+        state.0 += 1;
+    }
+
+    /// Tells the person something; the oldest line goes where there are too many.
+    pub fn notice(&self, text: impl Into<String>, refused: bool) {
+        let text = text.into();
+        self.update(|state| {
+            let number = state.notices.last().map_or(1, |n| n.number + 1);
+            let passed = (state.notices.len() + 1).saturating_sub(NOTICES);
+            let line = Notice { number, text, refused };
+            state.notices = state.notices.iter().skip(passed).cloned().chain([line]).collect();
+        });
+    }
+
+    /// Has the display close.
+    pub fn close(&self) {
+        self.0.closed.store(true, Ordering::Relaxed);
+    }
+
+    /// How the display keeps up.
+    #[must_use]
+    pub fn frame_stats(&self) -> FrameStats {
+        lock(&self.0.frame_stats).clone()
+    }
+}
+
+fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
+    what.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl ViewPort {
+    /// A seat and its other side.
+    #[must_use]
+    pub fn new(first: ViewState) -> (Self, Backend) {
+        let shared = Arc::new(SharedState {
+            state: Mutex::new((0, Arc::new(first))),
+            frame_stats: Mutex::default(),
+            closed: AtomicBool::new(false),
+        });
+        let (requests, queue) = sync_channel(REQUESTS);
+        let writer = StateWriter(Arc::clone(&shared));
+        (Self { shared, taken_version: 0, requests, dropped: 0 }, Backend { writer, requests: queue })
+    }
+
+    /// The newest.
+    #[must_use]
+    pub fn newest(&mut self) -> Arc<ViewState> {
+        let state = lock(&self.shared.state);
+        self.taken_version = state.0;
+        Arc::clone(&state.1)
+    }
+
+    /// Whether the state has changed since the last read.
+    #[must_use]
+    pub fn has_update(&self) -> bool {
+        lock(&self.shared.state).0 != self.taken_version
+    }
+
+    /// Whether the display has to close.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.shared.closed.load(Ordering::Relaxed)
+    }
+
+    /// Hands a request in; whether there was room for it.
+    pub fn send(&mut self, request: Request) -> bool {
+        let taken_version = self.requests.try_send(request).is_ok();
+        self.dropped += u64::from(!taken_version);
+        taken_version
+    }
+
+    /// Says how the display keeps up.
+    pub fn report(&self, frame_stats: FrameStats) {
+        *lock(&self.shared.frame_stats) = frame_stats;
+    }
+
+    /// Requests for which there was no room.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+}

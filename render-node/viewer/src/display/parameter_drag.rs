@@ -1,0 +1,151 @@
+//! The leak or the threshold of the last walk under a hand: tried as it moves, taken as one step when the hand lets go.
+
+use std::time::{Duration, Instant};
+
+use sg_proto::scene::{SelectionStep, WalkTuning, selection_step::Step};
+use sg_proto::selection::StrokesRequest;
+
+use super::request::Request;
+use super::view_state::ViewState;
+
+/// The least and the greatest leak that a hand reaches; equal ways are equal factors.
+pub const LEAK_RANGE: (f64, f64) = (1e-4, 1.0);
+
+/// The least and the greatest threshold that a hand reaches.
+pub const THRESHOLD_RANGE: (f64, f64) = (-0.95, 0.95);
+
+/// Longest time that what was let go shows before the scene tells of it.
+const SETTLES: Duration = Duration::from_secs(1);
+
+/// The reach of a leak, 0 to 1: the greater, the more is selected. Equal differences are equal factors of the leak.
+#[must_use]
+pub fn reach_of(leak: f64) -> f64 {
+    let (least, greatest) = LEAK_RANGE;
+    1.0 - (leak.clamp(least, greatest) / least).ln() / (greatest / least).ln()
+}
+
+/// The leak of a reach from 0 to 1, the inverse of [`reach_of`].
+#[must_use]
+pub fn leak_of(reach: f64) -> f64 {
+    let (least, greatest) = LEAK_RANGE;
+    (least * (greatest / least).powf(1.0 - reach)).clamp(least, greatest)
+}
+
+/// Which number of a walk a stick, a key or the wheel changes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum WalkParameter {
+    /// How much leaks to the background: the more, the less is selected.
+    #[default]
+    Leak,
+    /// How far foreground has to lead.
+    Threshold,
+}
+
+impl WalkParameter {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Leak, Self::Threshold];
+
+    /// Name on panels and in the legend.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Leak => "Reach",
+            Self::Threshold => "Strictness",
+        }
+    }
+
+    /// The other one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Leak => Self::Threshold,
+            Self::Threshold => Self::Leak,
+        }
+    }
+
+    /// This number of a walk, for a person.
+    #[must_use]
+    pub fn written(self, tuning: WalkTuning) -> String {
+        match self {
+            Self::Leak => format!("{:.0} %", 100.0 * reach_of(tuning.leak)),
+            // Minus nothing reads oddly.
+            Self::Threshold => format!("{:.2}", if tuning.threshold.abs() < 0.005 { 0.0 } else { tuning.threshold }),
+        }
+    }
+
+    /// A walk with this number so much further along its range, of which the whole is 1.
+    #[must_use]
+    pub fn moved(self, tuning: WalkTuning, by: f64) -> WalkTuning {
+        let by = if by.is_finite() { by } else { 0.0 };
+        match self {
+            Self::Leak => {
+                let (least, greatest) = LEAK_RANGE;
+                let leak = tuning.leak.max(least) * (greatest / least).powf(by);
+                WalkTuning { leak: leak.clamp(least, greatest), ..tuning }
+            }
+            Self::Threshold => {
+                let (least, greatest) = THRESHOLD_RANGE;
+                let threshold = tuning.threshold + by * (greatest - least);
+                WalkTuning { threshold: threshold.clamp(least, greatest), ..tuning }
+            }
+        }
+    }
+}
+
+/// A drag of the parameters of the last walk.
+#[derive(Debug, Clone, Default)]
+pub struct ParameterDrag {
+    held: Option<WalkTuning>,
+    /// What was let go at which revision of the scene, and until when it is waited for.
+    asked: Option<(WalkTuning, u64, Instant)>,
+}
+
+impl ParameterDrag {
+    /// Whether a hand holds it.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.held.is_some()
+    }
+
+    /// What the walk is done with as this hand has it; `None` where there is no walk, or nobody who would do it again.
+    #[must_use]
+    pub fn tuning(&self, state: &ViewState) -> Option<WalkTuning> {
+        let told = state.tuning()?;
+        let waits = |asked: &(WalkTuning, u64, Instant)| {
+            let (_, at, until) = *asked;
+            state.scene.revision() <= at && Instant::now() < until
+        };
+        Some(self.held.or_else(|| self.asked.filter(waits).map(|(tuning, ..)| tuning)).unwrap_or(told))
+    }
+
+    /// Goes on to these numbers; what is asked for that, if it is news.
+    #[must_use]
+    pub fn set(&mut self, tuning: WalkTuning, state: &ViewState) -> Option<Request> {
+        if self.tuning(state)? == tuning {
+            return None;
+        }
+        self.held = Some(tuning);
+        Some(Request::Tune(tuning))
+    }
+
+    /// Moves one of the numbers along its range, of which the whole is 1; what is asked for that.
+    #[must_use]
+    pub fn turn(&mut self, which: WalkParameter, by: f64, state: &ViewState) -> Option<Request> {
+        self.set(which.moved(self.tuning(state)?, by), state)
+    }
+
+    /// The hand lets go at this revision of the scene: what it made becomes a step.
+    #[must_use]
+    pub fn release(&mut self, revision: u64) -> Option<Request> {
+        let tuning = self.held.take()?;
+        self.asked = Some((tuning, revision, Instant::now() + SETTLES));
+        let steps = vec![SelectionStep { step: Some(Step::Tuning(tuning)) }];
+        Some(Request::Select(StrokesRequest { steps, ..StrokesRequest::default() }))
+    }
+
+    /// Cancels the drag.
+    #[must_use]
+    pub fn abandon(&mut self) -> Option<Request> {
+        self.held.take().map(|_| Request::Forget)
+    }
+}

@@ -1,0 +1,53 @@
+//! What was asked for at a display, taken one after another by whoever carries it out.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::Receiver;
+
+use super::channel::REQUESTS;
+use super::request::Request;
+
+/// Requests in their order. Of numbers that a hand tries, one that a newer one has passed by is left out.
+#[derive(Debug)]
+pub struct RequestQueue {
+    requests: Receiver<Request>,
+    waiting: VecDeque<Request>,
+    superseded: u64,
+}
+
+impl RequestQueue {
+    /// Takes requests from a [`super::Backend`].
+    #[must_use]
+    pub fn new(requests: Receiver<Request>) -> Self {
+        Self { requests, waiting: VecDeque::new(), superseded: 0 }
+    }
+
+    /// Requests that newer ones have passed by.
+    #[must_use]
+    pub fn superseded(&self) -> u64 {
+        self.superseded
+    }
+}
+
+impl Iterator for RequestQueue {
+    type Item = Request;
+
+    /// The next one, waited for; `None` once the display is gone.
+    fn next(&mut self) -> Option<Request> {
+        if self.waiting.is_empty() {
+            self.waiting.push_back(self.requests.recv().ok()?);
+        }
+        loop {
+            while self.waiting.len() < REQUESTS
+                && let Ok(request) = self.requests.try_recv()
+            {
+                self.waiting.push_back(request);
+            }
+            let request = self.waiting.pop_front()?;
+            if self.waiting.iter().any(|later| request.is_superseded_by(later)) {
+                self.superseded += 1;
+            } else {
+                return Some(request);
+            }
+        }
+    }
+}

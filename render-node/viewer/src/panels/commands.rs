@@ -1,0 +1,73 @@
+//! Changes as commands of the scene, and what a hand holds.
+
+use egui::Ui;
+use glam::Vec3;
+use sg_edit::wire::encode_color;
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{SetColor, SetOpacity, SetVisibility, ShowOnly, Target};
+
+use super::output::{Draft, Output};
+use super::panel::Panel;
+use super::state::{ActiveEdit, Panels};
+
+/// One unit by its name.
+pub(super) fn unit(name: &str) -> Target {
+    Target { units: vec![name.to_owned()], ..Target::default() }
+}
+
+/// The whole scene.
+pub(super) fn everything() -> Target {
+    Target { everything: true, ..Target::default() }
+}
+
+/// A unit's colour; `None` gives its own back.
+pub(super) fn set_color(name: &str, rgb: Option<Vec3>) -> Action {
+    Action::SetColor(SetColor { target: Some(unit(name)), color: rgb.map(encode_color) })
+}
+
+/// A unit's factor on the opacity.
+pub(super) fn set_opacity(name: &str, factor: f32) -> Action {
+    Action::SetOpacity(SetOpacity { target: Some(unit(name)), factor, relative: false })
+}
+
+/// Shows or hides.
+pub(super) fn set_visibility(target: Target, visible: bool) -> Action {
+    Action::SetVisibility(SetVisibility { target: Some(target), visible })
+}
+
+/// Shows one unit and hides all else.
+pub(super) fn show_only(name: &str) -> Action {
+    Action::ShowOnly(ShowOnly { target: Some(unit(name)) })
+}
+
+impl Panels {
+    /// A control is being moved: the change is a draft until the hand lets go.
+    pub(super) fn hold(&mut self, panel: Panel, action: Action) {
+        let said = self.held.as_ref().is_some_and(|held| held.action == action && held.said);
+        self.held = Some(ActiveEdit { panel, action, said });
+    }
+
+    /// Called at the end of a panel: what is under the hand goes on, or is asked for once if there is no hand any more.
+    pub(super) fn settle(&mut self, panel: Panel, ui: &Ui, output: &mut Output) {
+        if !ui.input(|i| i.pointer.any_down()) {
+            output.join(self.put_away(panel));
+        } else if let Some(held) = self.held.as_mut().filter(|held| held.panel == panel && !held.said) {
+            held.said = true;
+            output.draft = Some(Draft::Hold(held.action.clone()));
+        }
+    }
+
+    /// Ends the edit of a closed panel and returns its request.
+    #[must_use]
+    pub fn put_away(&mut self, panel: Panel) -> Output {
+        let mut output = Output::default();
+        if let Some(held) = self.held.take_if(|held| held.panel == panel) {
+            output.change(held.action.clone());
+            output.draft = Some(Draft::Release(held.action));
+        }
+        if panel == Panel::Select {
+            output.requests.extend(self.select.drag.release(self.revision));
+        }
+        output
+    }
+}

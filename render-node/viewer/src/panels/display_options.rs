@@ -1,0 +1,129 @@
+//! What is shown of the scene in this display, and how.
+
+use egui::{Button, Checkbox, Ui};
+
+use super::control::{Number, choice, count, percent};
+use super::legend::color_numbers;
+use super::output::PanelHost;
+use super::state::Panels;
+use crate::display::{DisplayMode, Tools, TurnStyle, ViewState};
+use sg_raster::attributes::Attribute;
+use sg_raster::render::Quality;
+
+const ATTRIBUTES: [Attribute; 6] = [
+    Attribute::Opacity,
+    Attribute::Scale,
+    Attribute::Anisotropy,
+    Attribute::OffsetColor,
+    Attribute::Normal,
+    Attribute::PrincipalAxis,
+];
+
+impl Panels {
+    pub(super) fn what_is_shown(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) {
+        let offer = |ui: &mut Ui, tools: &mut Tools, text: &str, display_mode: DisplayMode| {
+            if choice(ui, tools.display_mode == display_mode, text) {
+                tools.display_mode = display_mode;
+            }
+        };
+        ui.horizontal_wrapped(|ui| {
+            offer(ui, tools, "scene", DisplayMode::Scene);
+            if let Some(clusters) = &state.clusters {
+                offer(ui, tools, "Super-Gaussians", DisplayMode::Clusters);
+                // Lines are drawn into pictures that cores have made, which a headset's are not.
+                if self.host == PanelHost::Window {
+                    offer(ui, tools, "outlines of Super-Gaussians", DisplayMode::Outlines);
+                }
+                offer(ui, tools, "along the first component", DisplayMode::FirstComponent);
+                ui.label(format!("{} Super-Gaussians", count(self.clusters.count(clusters))));
+            }
+        });
+        ui.label("attributes of Gaussians");
+        ui.horizontal_wrapped(|ui| {
+            for attribute in ATTRIBUTES {
+                offer(ui, tools, attribute.name(), DisplayMode::Attribute(attribute));
+            }
+        });
+        if let (DisplayMode::Attribute(attribute), Some(numbers)) = (tools.display_mode, &self.numbers) {
+            ui.label(attribute.name());
+            color_numbers(ui, numbers);
+        }
+    }
+
+    pub(super) fn this_display(&self, ui: &mut Ui, tools: &mut Tools) {
+        ui.horizontal_wrapped(|ui| {
+            ui.label("quality at best");
+            for (text, quality) in [("standard", Quality::Standard), ("fast", Quality::Fast)] {
+                if choice(ui, tools.quality == quality, text) {
+                    tools.quality = quality;
+                }
+            }
+        });
+        ui.horizontal_wrapped(|ui| {
+            ui.label("panels");
+            for (text, light) in [("dark", false), ("light", true)] {
+                if choice(ui, tools.light_panels == light, text) {
+                    tools.light_panels = light;
+                }
+            }
+        });
+        ui.horizontal_wrapped(|ui| {
+            ui.label("size of text");
+            for scale in [1.0_f32, 1.25, 1.5, 2.0] {
+                if choice(ui, tools.scale == scale, &percent(f64::from(scale))) {
+                    tools.scale = scale;
+                }
+            }
+        });
+        if self.host == PanelHost::Headset {
+            ui.horizontal_wrapped(|ui| {
+                ui.label("a stick turns");
+                for turns in TurnStyle::ALL {
+                    if choice(ui, tools.turn_style == turns, turns.name()) {
+                        tools.turn_style = turns;
+                    }
+                }
+            });
+            ui.add(Checkbox::new(&mut tools.left_handed, "left-handed"));
+            ui.add(Checkbox::new(&mut tools.seated, "seated"));
+        }
+    }
+
+    /// The brush modes.
+    pub(super) fn modes(&self, ui: &mut Ui, tools: &mut Tools) {
+        ui.horizontal_wrapped(|ui| {
+            for mode in crate::display::BrushMode::ALL {
+                let button = Button::new(mode.name()).selected(tools.mode == mode);
+                if ui.add(button).on_hover_text(mode.hint()).clicked() {
+                    tools.mode = mode;
+                }
+            }
+        });
+    }
+
+    pub(super) fn brush(&self, ui: &mut Ui, tools: &mut Tools) {
+        self.modes(ui, tools);
+        let (least, most) = Tools::RADII;
+        // A person thinks of a brush's width, the stroke carries its radius.
+        let mut width = 2.0 * tools.radius;
+        let text = super::control::fine_percent;
+        if (Number { name: "brush width", range: 2.0 * least..=2.0 * most, logarithmic: true, text })
+            .show(ui, &mut width)
+        {
+            tools.radius = (0.5 * width).clamp(least, most);
+        }
+        if self.host == PanelHost::Headset {
+            ui.add(Checkbox::new(&mut tools.pressure, "pressure of the trigger narrows the brush"));
+            return;
+        }
+        ui.add(Checkbox::new(&mut tools.front_only, "only what is in front"));
+        if tools.front_only {
+            let text = percent;
+            Number { name: "brush depth", range: 0.0..=1.0, logarithmic: false, text }.show(ui, &mut tools.brush_depth);
+            let (least, most) = Tools::LASSO_DEPTHS;
+            let text = super::control::fine_percent;
+            Number { name: "lasso depth", range: least..=most, logarithmic: true, text }
+                .show(ui, &mut tools.lasso_depth);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Requests and wishes that a panel returns.
+
+use sg_proto::scene::command::Action;
+
+use crate::display::{Drafts, Request, ViewState};
+
+/// Where panels are shown.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum PanelHost {
+    /// In a window, with a mouse and a keyboard.
+    #[default]
+    Window,
+    /// Before the eyes, pointed at with a ray; there is a trigger with pressure and no keyboard.
+    Headset,
+}
+
+/// An action of the display itself, on request of a panel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DisplayAction {
+    /// Bring all that is drawn into view.
+    Fit,
+    /// Keep the present place under the next free number.
+    Bookmark,
+    /// Go to the place kept under this number, from 1.
+    Place(u8),
+    /// Show the panels that hang around a person where they were hidden, and the other way round.
+    Panels,
+    /// Keep a picture of the view.
+    Screenshot,
+    /// Look at the place of this number, from 0, where a next stroke would tell most ([`ViewState::proposals`]); before the eyes of
+    /// a person, who turns by themselves, have it stand out.
+    Proposal(u8),
+}
+
+/// A change under a hand.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Draft {
+    /// Still being made: to be shown, not told. Said once for each change under the hand.
+    Hold(Action),
+    /// Just let go; the same change is among the requests.
+    Release(Action),
+}
+
+/// Output of the panels in one frame.
+#[derive(Debug, Default, PartialEq)]
+pub struct Output {
+    /// To be handed to the seat, in this order.
+    pub requests: Vec<Request>,
+    /// The draft under the hand.
+    pub draft: Option<Draft>,
+    /// Actions of the display itself.
+    pub actions: Vec<DisplayAction>,
+}
+
+impl Output {
+    pub(super) fn change(&mut self, action: Action) {
+        self.requests.push(Request::Change(Box::new(action)));
+    }
+
+    /// Has the change under the hand seen over the scene that the panels have shown.
+    pub fn show_draft(&mut self, drafts: &mut Drafts, state: &ViewState) {
+        match self.draft.take() {
+            Some(Draft::Hold(action)) => drafts.hold(action),
+            Some(Draft::Release(action)) => drafts.release(action, state.scene.revision()),
+            None => (),
+        }
+    }
+
+    /// Adds the output of another panel of the same frame.
+    pub fn join(&mut self, other: Self) {
+        self.requests.extend(other.requests);
+        self.draft = other.draft.or(self.draft.take());
+        self.actions.extend(other.actions);
+    }
+}

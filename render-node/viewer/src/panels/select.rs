@@ -1,0 +1,201 @@
+//! The panel "Select": brush, selection, and the unit that becomes of it.
+
+use egui::{Align, Button, Response, RichText, Ui};
+use sg_edit::UnitRef;
+use sg_proto::limits::MAX_NAME_BYTES;
+use sg_proto::scene::command::Action;
+use sg_proto::scene::selection_operation::Operation;
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{
+    Combine, FillHoles, Grow, Invert, LargestPieces, SaveUnit, SelectionOperation, SelectionStep, Shrink, Similar,
+};
+use sg_proto::selection::StrokesRequest;
+
+use super::control::{Number, button_width, by_number, count, fine_percent, percent, scrolling, section, section_that};
+use super::output::{Output, PanelHost};
+use super::panel::Panel;
+use super::pick_color::{Picked, color_button};
+use super::state::Panels;
+use super::text_input::{Field, FieldEvent};
+use super::theme;
+use crate::display::{Request, Tools, ViewState};
+
+impl Panels {
+    /// Brush, selection, and the unit that becomes of it.
+    pub(super) fn select_panel(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
+        let mut output = Output::default();
+        ui.push_id(Panel::Select.name(), |ui| {
+            scrolling(ui, Panel::Select.name(), |ui| self.select_sections(ui, state, tools, &mut output));
+        });
+        self.settle(Panel::Select, ui, &mut output);
+        output
+    }
+
+    fn select_sections(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
+        ui.heading(Panel::Select.name());
+        if state.services.scene {
+            self.steps_back(ui, state, output);
+        }
+        if state.services.selection {
+            section(ui, "Brush", true, |ui| self.brush(ui, tools));
+        }
+        if state.tuning().is_some() {
+            // In a room the stick changes a walk, and what is below has to be in reach without scrolling.
+            section(ui, "Reach and Strictness", self.host == PanelHost::Window, |ui| {
+                self.walk(ui, state, tools, output);
+            });
+        }
+        section(ui, "Selection", true, |ui| {
+            how_many(ui, state);
+            self.highlight(ui, tools);
+            if state.services.selection {
+                self.operations(ui, state, output);
+            }
+        });
+        if state.services.scene {
+            let opens = self.text_input.wants(Field::SaveName);
+            section_that(ui, "Save as a unit", true, opens, |ui| self.save(ui, state, output));
+        } else {
+            self.text_input.forget(Field::SaveName);
+        }
+    }
+
+    fn highlight(&self, ui: &mut Ui, tools: &mut Tools) {
+        ui.horizontal(|ui| {
+            ui.label("highlight");
+            let picked = color_button(ui, "colour of the selection", Some(tools.highlight), None);
+            if let Some(Picked::Color(rgb)) = picked {
+                tools.highlight = rgb;
+            }
+        });
+        let mut number = |name, range, value: &mut f32| {
+            let mut x = f64::from(*value);
+            if (Number { name, range, logarithmic: false, text: percent }).show(ui, &mut x) {
+                *value = x as f32;
+            }
+        };
+        number("colour mix", 0.0..=1.0, &mut tools.highlight_mix);
+        number("opacity", 0.0..=2.0, &mut tools.highlight_opacity);
+    }
+
+    fn operations(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        let some = !state.selected.is_none();
+        let step = |operation: Operation, combine: Combine| {
+            let operation = SelectionOperation { operation: Some(operation), combine: combine.into() };
+            let steps = vec![SelectionStep { step: Some(Step::Operation(operation)) }];
+            Request::Select(StrokesRequest { steps, ..StrokesRequest::default() })
+        };
+        let own = Combine::Unspecified;
+        let button = |ui: &mut Ui, on: bool, text: &str, does: &str| {
+            ui.add_enabled(on, Button::new(text)).on_hover_text(does).clicked()
+        };
+        ui.horizontal_wrapped(|ui| {
+            if button(ui, some, "clear", "forgets all strokes and selects nothing") {
+                output.requests.push(Request::Select(StrokesRequest { restart: true, ..StrokesRequest::default() }));
+            }
+            if button(ui, true, "invert", "within the base units in which something is selected") {
+                output.requests.push(step(Operation::Invert(Invert {}), own));
+            }
+            if button(ui, some, "largest piece", "keeps only the largest connected piece") {
+                output.requests.push(step(Operation::LargestPieces(LargestPieces { keep: 1 }), own));
+            }
+        });
+        let select = &mut self.select;
+        let number = |name, range, logarithmic, text| Number { name, range, logarithmic, text };
+        let does = "by this share of the scene's longest edge";
+        let by = number("distance", 0.0005..=0.1, true, |x| format!("by {}", fine_percent(x)));
+        let pressed = by_number(ui, some, &[("grow", does), ("shrink", does)], by, &mut select.distance);
+        let distance = select.distance;
+        match pressed {
+            Some(0) => output.requests.push(step(Operation::Grow(Grow { distance }), own)),
+            Some(_) => output.requests.push(step(Operation::Shrink(Shrink { distance }), own)),
+            None => {}
+        }
+        let does = "adds unselected pieces of at most this many Gaussians that touch the selection";
+        let most =
+            number("largest hole", 1.0..=10_000.0, true, |x| format!("up to {} splats", count(x.round() as usize)));
+        if by_number(ui, some, &[("fill holes", does)], most, &mut select.hole).is_some() {
+            let most = select.hole.round() as u64;
+            output.requests.push(step(Operation::FillHoles(FillHoles { most }), own));
+        }
+        let does = "adds Gaussians this close to the mean features of the selection";
+        let within = number("likeness", 0.5..=5.0, false, |x| format!("similarity {x:.1} σ"));
+        if by_number(ui, some, &[("add similar", does)], within, &mut select.likeness).is_some() {
+            let threshold = select.likeness;
+            output.requests.push(step(Operation::Similar(Similar { threshold }), Combine::Add));
+        }
+    }
+
+    fn save(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        let mut saves = false;
+        ui.horizontal(|ui| {
+            let width = ui.available_width() - button_width(ui, "save") - ui.spacing().item_spacing.x;
+            saves = self.text_input.edit(ui, Field::SaveName, "name of the new unit", width, MAX_NAME_BYTES)
+                == FieldEvent::Entered;
+            let ready = !self.text_input.text(Field::SaveName).trim().is_empty() && !state.selected.is_none();
+            let pressed = ui.add_enabled(ready, Button::new("save")).clicked();
+            saves = ready && (pressed || saves);
+        });
+        let name = self.text_input.text(Field::SaveName).trim().to_owned();
+        let folded = name.to_lowercase();
+        let same = state.scene.names().find(|(n, _)| n.len() == name.len() && n.to_lowercase() == folded);
+        let saved_before = |id: u64| state.scene.units().any(|u| u.id == id && !u.derived);
+        match same {
+            Some((taken, UnitRef::Base(_))) => {
+                let text = format!("{taken} is a base unit of the file; choose another name.");
+                ui.label(RichText::new(text).color(ui.visuals().warn_fg_color));
+                return;
+            }
+            Some((taken, UnitRef::Editable(id))) if saved_before(id) => {
+                if saves {
+                    self.select.replaces = Some(taken.to_owned());
+                }
+                if self.select.replaces.as_deref() == Some(taken) {
+                    let question = self.confirm(ui, taken, output);
+                    if saves {
+                        question.scroll_to_me(Some(Align::Max));
+                    }
+                }
+                return;
+            }
+            _ => self.select.replaces = None,
+        }
+        if saves {
+            output.change(Action::SaveUnit(SaveUnit { name, replace: false }));
+            self.text_input.set(Field::SaveName, "");
+        }
+    }
+
+    fn confirm(&mut self, ui: &mut Ui, taken: &str, output: &mut Output) -> Response {
+        let card = theme::card(ui).show(ui, |ui| {
+            ui.label(format!(
+                "A unit {taken} exists. Replace its Gaussians by the selection? Its colour and opacity stay."
+            ));
+            ui.horizontal(|ui| {
+                if ui.button("replace it").clicked() {
+                    let name = taken.to_owned();
+                    output.change(Action::SaveUnit(SaveUnit { name, replace: true }));
+                    self.text_input.set(Field::SaveName, "");
+                    self.select.replaces = None;
+                }
+                if ui.button("keep it").clicked() {
+                    self.select.replaces = None;
+                }
+            });
+        });
+        card.response
+    }
+}
+
+fn how_many(ui: &mut Ui, state: &ViewState) {
+    let (selected, all) = (state.selected.count(), state.scene.count());
+    if selected == 0 {
+        ui.label(format!("0 of {} Gaussians selected", count(all)));
+    } else {
+        let share = fine_percent(selected as f64 / all.max(1) as f64);
+        ui.label(RichText::new(format!("{} of {} Gaussians ({share})", count(selected), count(all))).strong());
+    }
+    if state.uncommitted {
+        ui.label(RichText::new("Updating…").color(ui.visuals().warn_fg_color));
+    }
+}

@@ -1,0 +1,95 @@
+//! The state of panels from frame to frame.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use sg_edit::UnitRef;
+use sg_proto::scene::command::Action;
+use sg_raster::attributes;
+use sg_raster::structure::NO_CLUSTER;
+
+use super::output::{DisplayAction, PanelHost};
+use super::panel::Panel;
+use super::text_input::TextInput;
+use super::transfer::Curve;
+use crate::display::ParameterDrag;
+
+/// State of the panels from frame to frame.
+#[derive(Debug, Default)]
+pub struct Panels {
+    /// Where they are shown: decides what needs a trigger, a ray or a mouse.
+    pub host: PanelHost,
+    /// Actions that the display supports; others are not drawn.
+    pub supported_actions: Vec<DisplayAction>,
+    /// What the colours mean that are shown now, where they stand for a number.
+    pub numbers: Option<attributes::Legend>,
+    pub(super) curves: Vec<Option<Curve>>,
+    pub(super) chosen: Option<UnitRef>,
+    pub(super) locked: Vec<UnitRef>,
+    pub(super) held: Option<ActiveEdit>,
+    pub(super) text_input: TextInput,
+    /// What each panel has been drawn of that, in the order of [`Panel::ALL`].
+    pub(super) drawn: [u64; Panel::ALL.len()],
+    pub(super) shift: bool,
+    pub(super) renaming: Option<u64>,
+    pub(super) select: SelectState,
+    /// Revision of the scene that was shown last.
+    pub(super) revision: u64,
+    pub(super) shown_notices: NoticeTimes,
+    pub(super) clusters: ClusterCount,
+}
+
+/// A change under a hand.
+#[derive(Debug)]
+pub(super) struct ActiveEdit {
+    /// Where the hand is.
+    pub(super) panel: Panel,
+    /// The change.
+    pub(super) action: Action,
+    /// Whether the display knows of it.
+    pub(super) said: bool,
+}
+
+/// State of the Select panel.
+#[derive(Debug)]
+pub(super) struct SelectState {
+    /// How far the selection grows or shrinks, a fraction of the box's longest edge.
+    pub(super) distance: f64,
+    /// Gaussians of the largest hole that is filled.
+    pub(super) hole: f64,
+    /// How far from the selection's mean feature what is similar may be, in units of its spread.
+    pub(super) likeness: f64,
+    /// The unit that would be replaced, while that is asked.
+    pub(super) replaces: Option<String>,
+    /// The last walk under the hand.
+    pub(super) drag: ParameterDrag,
+}
+
+impl Default for SelectState {
+    fn default() -> Self {
+        Self { distance: 0.005, hole: 100.0, likeness: 2.0, replaces: None, drag: ParameterDrag::default() }
+    }
+}
+
+/// When each line was first seen, seconds of the context's clock.
+#[derive(Debug, Default)]
+pub(super) struct NoticeTimes(pub(super) BTreeMap<u64, f64>);
+
+/// How many Super-Gaussians there are, counted once for each clustering.
+#[derive(Debug, Default)]
+pub(super) struct ClusterCount(Option<(Arc<[u32]>, usize)>);
+
+impl ClusterCount {
+    /// Number of Super-Gaussians.
+    pub(super) fn count(&mut self, clusters: &Arc<[u32]>) -> usize {
+        match &self.0 {
+            Some((of, count)) if Arc::ptr_eq(of, clusters) => *count,
+            _ => {
+                let most = clusters.iter().filter(|c| **c != NO_CLUSTER).max();
+                let count = most.map_or(0, |c| *c as usize + 1);
+                self.0 = Some((Arc::clone(clusters), count));
+                count
+            }
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! A room that a person stands in with the scene: a headset, two hands, panels around them.
+//!
+//! The loop waits for the headset's next frame and for nothing else. Hands hold, scale and turn the scene
+//! ([`crate::hands::Grab`]) and brush it ([`Interaction`]); panels hang around the person and are pointed at.
+
+mod eye_renderer;
+mod interaction;
+mod mirror;
+mod overlay;
+mod panel_layers;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use sg_scene::model::{Scene, SceneBox};
+
+use crate::display::{AppearanceBuilder, Drafts, FrameStats, Request, Tools, ViewPort, ViewState};
+use crate::hands::{Bookmarks, ComfortVignette, Origin, Placement, Rectangle, Stance};
+use crate::panels::{DisplayAction, Output, Panel, PanelHost, Panels};
+use crate::xr::{Counts, Frame, FrameOutcome, Headset, PAUSE, XrError};
+use sg_gpu::GpuError;
+
+pub use interaction::{BrushMarker, Interaction, InteractionOutput, PanelCapture};
+pub use panel_layers::first_place;
+
+use eye_renderer::EyeRenderer;
+use mirror::Mirror;
+use overlay::MarkerOverlay;
+use panel_layers::PanelLayers;
+
+/// Seconds of one frame before the headset has said how long one is.
+const FIRST_PERIOD: f64 = 1.0 / 90.0;
+
+/// Parts that a headset view is made of.
+pub struct Setup {
+    /// The geometry.
+    pub scene: Arc<Scene>,
+    /// Where the newest comes from and requests go.
+    pub view_port: ViewPort,
+    /// The settings of hands and panels.
+    pub tools: Tools,
+    /// Path of the opened scene; transfer functions are read from its folder.
+    pub opened: PathBuf,
+    /// Whether a window on the desk shows what the left eye sees, while [`VrView::serve`] serves it.
+    pub mirror: bool,
+}
+
+/// A room.
+pub struct VrView {
+    scene: Arc<Scene>,
+    view_port: ViewPort,
+    tools: Tools,
+    drafts: Drafts,
+    appearance_builder: AppearanceBuilder,
+    interaction: Interaction,
+    panels: Panels,
+    panel_layers: PanelLayers,
+    markers: MarkerOverlay,
+    bookmarks: Bookmarks,
+    comfort: ComfortVignette,
+    /// Whether the scene was put elsewhere at once since the last frame.
+    jumped: bool,
+    /// Why the device is to be opened anew.
+    lost: Option<String>,
+    eyes: Option<EyeRenderer>,
+    /// The last device error; each is logged once.
+    trouble: Option<String>,
+    frames: u64,
+    /// The origin of the room frame, at y = 0.
+    origin: Origin,
+    /// Whether the scene stands where it does for somebody who sits.
+    seated: bool,
+    /// Revision of the scene that the newest frame shows.
+    revision: u64,
+    /// Whether a window on the desk is to be opened.
+    mirrors: bool,
+}
+
+impl VrView {
+    /// A room around a headset that is there.
+    #[must_use]
+    pub fn new(setup: Setup, headset: &Headset) -> Self {
+        let Setup { scene, mut view_port, tools, opened, mirror } = setup;
+        let home = home(&scene, &mut view_port, &tools, headset.origin());
+        let mut panels = Panels::new(PanelHost::Headset);
+        for problem in panels.behind(&scene, Path::new(&opened)) {
+            tracing::warn!("no curve is shown: {problem}");
+        }
+        let seated = tools.seated;
+        Self {
+            interaction: Interaction::new(&scene, home),
+            panel_layers: PanelLayers::new(stance(&tools), headset.origin()),
+            markers: MarkerOverlay::default(),
+            scene,
+            view_port,
+            tools,
+            drafts: Drafts::default(),
+            appearance_builder: AppearanceBuilder::default(),
+            panels,
+            bookmarks: Bookmarks::default(),
+            comfort: ComfortVignette::default(),
+            jumped: false,
+            lost: None,
+            eyes: None,
+            trouble: None,
+            frames: 0,
+            origin: headset.origin(),
+            seated,
+            revision: 0,
+            mirrors: mirror,
+        }
+    }
+
+    /// Where the scene stands.
+    #[must_use]
+    pub fn placement(&self) -> Placement {
+        self.interaction.placement()
+    }
+
+    /// The present settings of hands and panels.
+    #[must_use]
+    pub fn tools(&self) -> &Tools {
+        &self.tools
+    }
+
+    /// Where a panel hangs, unless it is hidden.
+    #[must_use]
+    pub fn panel(&self, panel: Panel) -> Option<Rectangle> {
+        self.panel_layers.place(panel)
+    }
+
+    /// Layout and draw counts of a panel.
+    #[must_use]
+    pub fn counts(&self, panel: Panel) -> Option<Counts> {
+        self.panel_layers.counts(panel)
+    }
+
+    /// Where places for a next stroke were marked last, and which of them stands out.
+    #[must_use]
+    pub fn markers(&self) -> Vec<(Rectangle, bool)> {
+        self.markers.places()
+    }
+
+    /// Serves a headset on this thread until its session or its seat is over.
+    ///
+    /// # Errors
+    /// [`XrError::Gone`] for a runtime that went away and did not come back.
+    pub fn serve(mut self, headset: &mut Headset) -> Result<(), XrError> {
+        let mirror = self.mirrors.then(Mirror::open).transpose();
+        let mut mirror = mirror.unwrap_or_else(|why| {
+            tracing::warn!("the headset is not mirrored: {why}");
+            None
+        });
+        loop {
+            if self.view_port.is_closed() {
+                headset.leave();
+            }
+            let step = headset.frame(|frame| self.frame(frame))?;
+            match step {
+                FrameOutcome::Shown | FrameOutcome::Hidden | FrameOutcome::Back => {}
+                FrameOutcome::Idle => std::thread::sleep(PAUSE),
+                FrameOutcome::Away => {
+                    // What was made with the device that has gone.
+                    self.eyes = None;
+                    mirror.iter_mut().for_each(Mirror::put_away);
+                    std::thread::sleep(PAUSE);
+                }
+                FrameOutcome::Ended => return Ok(()),
+            }
+            if step == FrameOutcome::Shown {
+                self.show_in(&mut mirror, headset);
+            }
+            if mirror.as_mut().is_some_and(|m| !m.attend()) {
+                tracing::info!("the mirror was closed");
+                mirror = None;
+            }
+            if let Some(reason) = self.lost.take() {
+                self.eyes = None;
+                mirror.iter_mut().for_each(Mirror::put_away);
+                headset.restart(reason);
+            }
+            self.tell(headset);
+        }
+    }
+
+    /// Shows what the left eye sees on the desk as well, for as long as that can be shown there.
+    fn show_in(&self, mirror: &mut Option<Mirror>, headset: &Headset) {
+        let picture = self.eyes.as_ref().and_then(EyeRenderer::left);
+        if let Some((there, picture)) = mirror.as_mut().zip(picture)
+            && let Err(why) = there.show(headset, picture)
+        {
+            tracing::warn!("the headset is no longer mirrored: {why}");
+            *mirror = None;
+        }
+    }
+
+    /// One visible frame.
+    ///
+    /// # Errors
+    /// [`XrError::Call`] when the runtime fails.
+    pub fn frame(&mut self, frame: &mut Frame<'_>) -> Result<(), XrError> {
+        let newest = self.view_port.newest();
+        if self.tools.seated != self.seated {
+            self.seated = self.tools.seated;
+            let home = home(&self.scene, &mut self.view_port, &self.tools, self.origin);
+            let SceneBox { min, max } = self.scene.bounds;
+            self.interaction.refit(home, 0.5 * (min + max));
+            self.jumped = true;
+        }
+        let drafted = self.drafts.over(&self.scene, &newest.scene);
+        let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
+        let hands = frame.hands;
+        let captured = self.panel_layers.step((&hands, &frame.head), &self.panels, &self.tools, &state);
+        let InteractionOutput { mut requests, felt, panels, jumped } =
+            self.interaction.step(&hands, captured, (frame.head.position, frame.period), &mut self.tools, &state);
+        self.jumped |= jumped || frame.recentred;
+        for (side, strength) in felt {
+            frame.pulse(side, strength, std::time::Duration::ZERO)?;
+        }
+        if panels {
+            self.take(Output { actions: vec![DisplayAction::Panels], ..Output::default() }, &state, &mut requests);
+        }
+        let highlighted = self.interaction.highlighted(&state, &self.tools);
+        let Self { scene, appearance_builder, tools, .. } = self;
+        let appearance = appearance_builder.build(scene, &state.scene, &highlighted, state.clusters.as_ref(), tools);
+        self.draw(frame, &appearance)?;
+        self.panels.numbers = self.appearance_builder.legend();
+        self.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
+        let kept = self.bookmarks.all().len().min(usize::from(u8::MAX)) as u8;
+        self.panels.supported_actions.extend((1..=kept).map(DisplayAction::Place));
+        self.panels.supported_actions.extend((0_u8..).zip(state.proposals()).map(|(k, _)| DisplayAction::Proposal(k)));
+        let brush_markers = self.interaction.brush_markers(&self.tools);
+        let output = self.panel_layers.show(frame, &mut self.panels, &state, &mut self.tools, brush_markers)?;
+        let (bounds, placement) = (self.scene.bounds, self.interaction.placement());
+        self.markers.show(frame, &state, |k| state.proposal_at(bounds, k).map(|at| placement.to_room(at)))?;
+        self.take(output, &state, &mut requests);
+        for request in requests {
+            self.view_port.send(request);
+        }
+        self.frames += 1;
+        self.revision = state.scene.revision();
+        Ok(())
+    }
+
+    fn draw(&mut self, frame: &mut Frame<'_>, appearance: &sg_scene::appearance::Appearance) -> Result<(), XrError> {
+        let placement = self.interaction.placement();
+        let darkened = self.comfort.step(&placement, &frame.head, std::mem::take(&mut self.jumped), frame.period);
+        let drawn = match &mut self.eyes {
+            Some(eyes) => eyes.draw(frame, &placement, appearance, (&self.tools, darkened))?,
+            none => {
+                let period = if frame.period > 0.0 { frame.period } else { FIRST_PERIOD };
+                match EyeRenderer::new(frame, &self.scene, period) {
+                    Ok(eyes) => {
+                        *none = Some(eyes);
+                        Ok(())
+                    }
+                    Err(error) => Err(error),
+                }
+            }
+        };
+        self.trouble_with(drawn);
+        Ok(())
+    }
+
+    fn trouble_with(&mut self, drawn: Result<(), GpuError>) {
+        if let Err(GpuError::Lost { reason, .. }) = &drawn {
+            self.lost = Some(reason.clone());
+        }
+        let trouble = drawn.err().map(|e| e.to_string());
+        if trouble.is_some() && trouble != self.trouble {
+            tracing::error!("the scene is not drawn: {}", trouble.as_deref().unwrap_or_default());
+        }
+        self.trouble = trouble;
+    }
+
+    /// Handles the output of panels.
+    fn take(&mut self, mut output: Output, state: &ViewState, requests: &mut Vec<Request>) {
+        output.show_draft(&mut self.drafts, state);
+        requests.extend(output.requests);
+        for wish in output.actions {
+            match wish {
+                DisplayAction::Fit => {
+                    self.jumped = true;
+                    self.interaction.go(None);
+                }
+                DisplayAction::Bookmark => {
+                    let name = format!("place {}", self.bookmarks.all().len() + 1);
+                    self.bookmarks.keep(&name, self.interaction.placement());
+                }
+                DisplayAction::Place(number) => {
+                    if let Some(place) = self.bookmarks.find(&format!("place {number}")) {
+                        self.jumped = true;
+                        self.interaction.go(Some(place));
+                    }
+                }
+                DisplayAction::Panels => {
+                    let left = self.panel_layers.turn_over(&mut self.panels);
+                    self.take(left, state, requests);
+                }
+                DisplayAction::Proposal(number) => self.markers.light_up(number.into(), state),
+                // Not among the supported actions.
+                DisplayAction::Screenshot => (),
+            }
+        }
+    }
+
+    fn tell(&self, headset: &Headset) {
+        let timing = headset.timing();
+        let engine = |eyes: &EyeRenderer| {
+            let scale = 100.0 * eyes.level.scale;
+            headset.gpu().map_or_else(String::new, |gpu| format!("{}, {scale:.0} % of the edge", gpu.name()))
+        };
+        self.view_port.report(FrameStats {
+            frames: self.frames,
+            pictures: self.eyes.as_ref().map_or(0, |e| e.pictures),
+            late: timing.missed + self.eyes.as_ref().map_or(0, EyeRenderer::late),
+            seconds: timing.work,
+            engine: self.eyes.as_ref().map(engine).unwrap_or_default(),
+            revision: self.revision,
+        });
+    }
+}
+
+fn stance(tools: &Tools) -> Stance {
+    if tools.seated { Stance::Seated } else { Stance::Standing }
+}
+
+/// Where a scene stands at first, turned as it is seen: for somebody who stands or sits.
+fn home(scene: &Scene, view_port: &mut ViewPort, tools: &Tools, origin: Origin) -> Placement {
+    let view = view_port.newest().scene.view();
+    Placement::fit(scene.bounds, view.up, view.target - view.eye, stance(tools), origin)
+}

@@ -1,0 +1,381 @@
+//! Panels in the room: where they hang, who points at them, how they are moved, and what is asked for on them.
+
+use egui::{Align2, Color32, Pos2, Stroke, Ui, Vec2};
+use glam::{DQuat, DVec2, DVec3};
+
+use super::interaction::{BrushMarker, Interaction, PanelCapture};
+use crate::display::{BrushSign, Tools, ViewState};
+use crate::hands::{Eye, HandInput, Origin, Pointed, Pointer, Pose, Rectangle, Side, Stance, Switch, nearest};
+use crate::panels::{Output, Panel, Panels, legend, theme};
+use crate::xr::{Counts, Frame, PanelLayer, XrError};
+
+/// Metres from the person to panels that hang around them.
+const DISTANCE: f64 = 1.1;
+
+/// Degrees to the right of straight ahead of each of them.
+const ANGLES: [(Panel, f64); 3] = [(Panel::Scene, -55.0), (Panel::Select, 50.0), (Panel::Language, 92.0)];
+
+/// Pixels of a point.
+const SHARPNESS: f32 = 1.5;
+
+/// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
+const LEGEND: (Vec2, f64) = (Vec2::new(430.0, 580.0), 0.4);
+
+/// Metres to the eyes that the wrist menu is made to be read from, and how far below the palm its middle is.
+const WRIST: (f64, f64) = (0.45, 0.08);
+
+/// How straight a palm looks at the eyes, as a cosine, before the wrist menu is there, and before it is gone again: a hand held
+/// out to its side looks inwards by itself.
+const TURNED: [f64; 2] = [0.9, 0.75];
+
+/// How straight the eyes look at the palm, likewise.
+const LOOKED_AT: f64 = 0.7;
+
+/// Points across a brush's ring.
+const RING: f32 = 64.0;
+
+/// Panels of one person.
+pub(super) struct PanelLayers {
+    panels: Vec<PlacedPanel>,
+    legend: PanelLayer,
+    /// The newest content of the legend and the frame of its layout.
+    legend_shown: (Option<LegendContent>, u64),
+    rings: [PanelLayer; 2],
+    ring_signs: [Option<BrushSign>; 2],
+    pointer: Pointer,
+    pointed: Option<Pointed>,
+    grips: [Switch; 2],
+    /// Which panel a hand carries, and where it is in that hand.
+    carried: [Option<(usize, Pose)>; 2],
+    state: bool,
+    /// Whether the wrist menu is there.
+    wrist: bool,
+    /// State and tools of the newest frame.
+    newest: Option<(ViewState, Tools)>,
+    frames: u64,
+}
+
+/// What a legend says: the hand that adds, the lines of that and of the other one, whether it is light, its scale.
+type LegendContent = (Side, [Vec<(&'static str, String)>; 2], bool, f32);
+
+/// A panel that hangs in the room.
+struct PlacedPanel {
+    panel: Panel,
+    layer: PanelLayer,
+    /// Whether its content may have changed since its layout.
+    stale: bool,
+    /// In which frame it was.
+    since: u64,
+}
+
+/// Where a panel hangs at first around a person whose eyes are at this height of the room, metres: upright at an angle, or,
+/// for the keyboard, below the eyes and tilted.
+fn hangs(panel: Panel, height: f64) -> Rectangle {
+    let (pose, distance) = match ANGLES.iter().find(|(p, _)| *p == panel) {
+        Some((_, degrees)) => {
+            let turn = DQuat::from_rotation_y(-degrees.to_radians());
+            let position = turn * DVec3::new(0.0, 0.0, -DISTANCE) + DVec3::new(0.0, height - 0.2, 0.0);
+            (Pose { position, orientation: turn }, DISTANCE)
+        }
+        None => {
+            let position = DVec3::new(0.0, height - 0.6, -0.6);
+            (Pose { position, orientation: DQuat::from_rotation_x(-0.6) }, 0.7)
+        }
+    };
+    Rectangle { pose, size: DVec2::from(panel.least_metres(distance)) }
+}
+
+/// Where a panel hangs at first in a room around a person who stands or sits.
+#[must_use]
+pub fn first_place(panel: Panel, stance: Stance, origin: Origin) -> Rectangle {
+    hangs(panel, eyes(stance, origin))
+}
+
+/// Metres from y = 0 of the room to the eyes: the scene is fitted a little below them.
+fn eyes(stance: Stance, origin: Origin) -> f64 {
+    stance.height(origin) + 0.4
+}
+
+impl PanelLayers {
+    /// Panels about a person.
+    pub(super) fn new(stance: Stance, origin: Origin) -> Self {
+        let eyes = eyes(stance, origin);
+        let placed = |panel: Panel| {
+            let layer = PanelLayer::new(panel.size(), SHARPNESS, hangs(panel, eyes));
+            PlacedPanel { panel, layer, stale: true, since: 0 }
+        };
+        let mut panels: Vec<_> = [Panel::Scene, Panel::Select, Panel::Language, Panel::Keyboard].map(placed).into();
+        let nowhere = |size: Vec2, metres: DVec2| {
+            let pose = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
+            PanelLayer::new(size, SHARPNESS, Rectangle { pose, size: metres })
+        };
+        let wrist = DVec2::from(Panel::Wrist.least_metres(WRIST.0));
+        panels.push(PlacedPanel {
+            panel: Panel::Wrist,
+            layer: nowhere(Panel::Wrist.size(), wrist),
+            stale: true,
+            since: 0,
+        });
+        let metres = theme::metres_per_point(LEGEND.1);
+        let legend = DVec2::new(f64::from(LEGEND.0.x), f64::from(LEGEND.0.y)) * metres;
+        Self {
+            panels,
+            legend: nowhere(LEGEND.0, legend),
+            legend_shown: (None, 0),
+            rings: [0, 1].map(|_| nowhere(Vec2::splat(RING), DVec2::ONE)),
+            ring_signs: [None; 2],
+            pointer: Pointer::default(),
+            pointed: None,
+            grips: [Switch::default(); 2],
+            carried: [None; 2],
+            state: true,
+            wrist: false,
+            newest: None,
+            frames: 0,
+        }
+    }
+
+    /// Layout and draw counts of a panel.
+    pub(super) fn counts(&self, panel: Panel) -> Option<Counts> {
+        self.panels.iter().find(|placed| placed.panel == panel).map(|placed| placed.layer.counts())
+    }
+
+    /// Shows what was hidden, and the other way round; what panels that are put away still had to say.
+    pub(super) fn turn_over(&mut self, panels: &mut Panels) -> Output {
+        self.state = !self.state;
+        let mut left = Output::default();
+        if !self.state {
+            self.panels.iter().for_each(|placed| left.join(panels.put_away(placed.panel)));
+        }
+        left
+    }
+
+    /// Where a panel hangs, unless it is hidden.
+    pub(super) fn place(&self, panel: Panel) -> Option<Rectangle> {
+        let hidden = if panel == Panel::Wrist { !self.wrist } else { !self.state };
+        self.panels.iter().find(|placed| placed.panel == panel && !hidden).map(|placed| placed.layer.place)
+    }
+
+    /// Which panels hang there now.
+    fn visible(&self, panels: &Panels, state: &ViewState) -> Vec<usize> {
+        let hangs = |panel: Panel| match panel {
+            Panel::Wrist => self.wrist,
+            Panel::Keyboard => self.state && panels.is_typing(),
+            panel => self.state && panel.has_content(state),
+        };
+        let all = self.panels.iter().enumerate().filter(|(_, placed)| hangs(placed.panel));
+        all.map(|(k, _)| k).collect()
+    }
+
+    /// Takes in what hands point at and carry; what of them is the panels' now.
+    pub(super) fn step(
+        &mut self,
+        (hands, head): (&[HandInput; 2], &Pose),
+        panels: &Panels,
+        tools: &Tools,
+        state: &ViewState,
+    ) -> PanelCapture {
+        self.turn_wrist(&hands[Interaction::adds(tools).other().index()], head);
+        let visible = self.visible(panels, state);
+        let rectangles: Vec<Rectangle> = visible.iter().map(|k| self.panels[*k].layer.place).collect();
+        self.pointed = self.pointer.step(&rectangles, hands);
+        let mut captured = PanelCapture::default();
+        for side in Side::BOTH {
+            let k = side.index();
+            captured.triggers[k] = self.pointer.has(side, self.pointed.as_ref());
+            let was = self.grips[k].is_on();
+            let squeezed = self.grips[k].press(hands[k].squeeze);
+            let Some(aim) = hands[k].aim.filter(|_| squeezed) else {
+                self.carried[k] = None;
+                continue;
+            };
+            if !was
+                && let Some((at, ..)) = nearest(&rectangles, &aim)
+                && let layer = visible[at]
+                && self.panels[layer].panel != Panel::Wrist
+            {
+                let pose = self.panels[layer].layer.place.pose;
+                let back = aim.orientation.inverse();
+                let held =
+                    Pose { position: back * (pose.position - aim.position), orientation: back * pose.orientation };
+                self.carried[k] = Some((layer, held));
+            }
+            if let Some((layer, held)) = self.carried[k] {
+                captured.grips[k] = true;
+                let place = &mut self.panels[layer].layer.place;
+                place.pose = Pose {
+                    position: aim.position + aim.orientation * held.position,
+                    orientation: (aim.orientation * held.orientation).normalize(),
+                };
+                // A stick makes it larger and smaller.
+                let stick = hands[k].stick.y;
+                if stick.abs() > 0.3 {
+                    place.size = (place.size * (1.0 + 0.02 * stick)).clamp(DVec2::splat(0.1), DVec2::splat(4.0));
+                }
+            }
+        }
+        // From here on the index counts all panels, not only visible ones.
+        if let Some(pointed) = &mut self.pointed {
+            pointed.rectangle = visible[pointed.rectangle];
+        }
+        captured
+    }
+
+    /// Has the wrist menu be at the hand that does not brush while its palm and the eyes look at each other.
+    fn turn_wrist(&mut self, hand: &HandInput, head: &Pose) {
+        let turned = |(grip, palm): (Pose, DVec3)| {
+            let way = (head.position - grip.position).normalize_or_zero();
+            let looks = palm.dot(way) > TURNED[usize::from(self.wrist)] && -head.forward().dot(way) > LOOKED_AT;
+            looks.then_some(grip)
+        };
+        let at = hand.grip.zip(hand.palm).and_then(turned);
+        self.wrist = at.is_some();
+        let layer = self.panels.iter_mut().find(|placed| placed.panel == Panel::Wrist);
+        if let (Some(grip), Some(PlacedPanel { layer, .. })) = (at, layer) {
+            let position = grip.position - DVec3::new(0.0, WRIST.1, 0.0);
+            layer.place.pose = Pose { position, orientation: facing(position, head.position) };
+        }
+    }
+
+    /// Whose turn it is to be laid out anew because what it shows has changed, by its place among the panels, or behind them for
+    /// the legend: of those that somebody sees the one that has waited longest. Laying out a panel takes longer than all else that
+    /// a frame does beside the picture, and a scene that changes in every frame changes all of them.
+    fn turn(&self, eyes: &[Eye; 2], visible: &[usize], legend: bool) -> Option<usize> {
+        let sees = |place: &Rectangle| eyes.iter().any(|eye| eye.may_see(place));
+        let panels = visible.iter().filter_map(|k| self.panels.get(*k).map(|placed| (*k, placed)));
+        let panels = panels.filter(|(_, h)| h.stale && sees(&h.layer.place)).map(|(k, placed)| (k, placed.since));
+        let legend = (legend && sees(&self.legend.place)).then_some((self.panels.len(), self.legend_shown.1));
+        panels.chain(legend).min_by_key(|(_, since)| *since).map(|(k, _)| k)
+    }
+
+    /// Draws and shows all layers; returns the output of the panels.
+    pub(super) fn show(
+        &mut self,
+        frame: &mut Frame<'_>,
+        panels: &mut Panels,
+        state: &ViewState,
+        tools: &mut Tools,
+        brush_markers: [Option<BrushMarker>; 2],
+    ) -> Result<Output, XrError> {
+        self.frames += 1;
+        if self.newest.as_ref().is_none_or(|(s, t)| !same(s, state) || t != tools) {
+            self.panels.iter_mut().for_each(|placed| placed.stale = true);
+            self.newest = Some((state.clone(), tools.clone()));
+        }
+        let legend = self.hang_legend(frame, tools, state);
+        let visible = self.visible(panels, state);
+        let legend_changed = legend.is_some() && legend != self.legend_shown.0;
+        let turn = self.turn(&frame.eyes, &visible, legend_changed);
+        let hands = frame.hands;
+        let mut output = Output::default();
+        for k in visible {
+            let pointed = self.pointed.filter(|p| p.rectangle == k);
+            let Some(PlacedPanel { panel, layer, stale, since }) = self.panels.get_mut(k) else { continue };
+            let panel = *panel;
+            let by = pointed.as_ref().map(|p| (p, &hands[p.side.index()]));
+            // Who points at a panel waits for none; letters of the keyboard come up in another one.
+            let changed = turn == Some(k) || (*stale && by.is_some()) || panels.wants_drawing(panel);
+            let before = layer.counts().laid_out;
+            layer.show(frame, by, Vec::new(), changed, |ui| {
+                theme::apply(ui.ctx(), tools);
+                output.join(panels.show(panel, ui, state, tools));
+                if panel == Panel::Scene {
+                    // One panel alone shows notices.
+                    let notices =
+                        egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -16.0]);
+                    notices.interactable(false).show(ui.ctx(), |ui| panels.notices(ui, state));
+                }
+                mark(ui);
+            })?;
+            if layer.counts().laid_out > before {
+                (*stale, *since) = (false, self.frames);
+            }
+        }
+        if let Some(legend) = legend {
+            self.show_legend(frame, tools, legend, turn == Some(self.panels.len()))?;
+        }
+        self.show_rings(frame, brush_markers)?;
+        Ok(output)
+    }
+
+    /// Hangs the tool legend above the hand that does not brush, facing the eyes; what it says, where that hand is seen.
+    fn hang_legend(&mut self, frame: &Frame<'_>, tools: &Tools, state: &ViewState) -> Option<LegendContent> {
+        let adds = Interaction::adds(tools);
+        let wrist = frame.hands[adds.other().index()].grip.filter(|_| self.state)?;
+        let position = wrist.position + DVec3::new(0.0, 0.2, 0.0);
+        self.legend.place.pose = Pose { position, orientation: facing(position, frame.head.position) };
+        let lines = [adds, adds.other()].map(|side| Interaction::legend(side, tools, state));
+        Some((adds, lines, tools.light_panels, tools.scale))
+    }
+
+    /// Shows the legend, laid out anew on request.
+    fn show_legend(
+        &mut self,
+        frame: &mut Frame<'_>,
+        tools: &Tools,
+        content: LegendContent,
+        anew: bool,
+    ) -> Result<(), XrError> {
+        let (adds, lines, ..) = &content;
+        let before = self.legend.counts().laid_out;
+        self.legend.show(frame, None, Vec::new(), anew, |ui| {
+            theme::apply(ui.ctx(), tools);
+            for (side, lines) in [*adds, adds.other()].iter().zip(lines) {
+                ui.strong(if *side == Side::Left { "left hand" } else { "right hand" });
+                let lines: Vec<(&str, &str)> = lines.iter().map(|(b, does)| (*b, does.as_str())).collect();
+                ui.push_id(side.index(), |ui| legend(ui, &lines));
+            }
+        })?;
+        if self.legend.counts().laid_out > before {
+            self.legend_shown = (Some(content), self.frames);
+        }
+        Ok(())
+    }
+
+    /// A ring as large as the brush at each tip, facing the eyes.
+    fn show_rings(&mut self, frame: &mut Frame<'_>, brush_markers: [Option<BrushMarker>; 2]) -> Result<(), XrError> {
+        for (k, marker) in brush_markers.iter().enumerate() {
+            let Some(BrushMarker { at, radius, sign }) = *marker else { continue };
+            let changed = self.ring_signs[k].replace(sign) != Some(sign);
+            let pose = Pose { position: at, orientation: facing(at, frame.head.position) };
+            self.rings[k].place = Rectangle { pose, size: DVec2::splat(2.2 * radius.max(0.002)) };
+            self.rings[k].show(frame, None, Vec::new(), changed, |ui| {
+                let color = theme::color_of(sign);
+                let middle = Pos2::new(0.5 * RING, 0.5 * RING);
+                ui.painter().circle_stroke(middle, RING / 2.2, Stroke::new(3.0, color));
+                ui.painter().circle_filled(middle, 2.0, color);
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// Orientation that faces `eye`, upright.
+pub(super) fn facing(at: DVec3, eye: DVec3) -> DQuat {
+    let back = (eye - at).normalize_or(DVec3::Z);
+    let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
+    DQuat::from_mat3(&glam::DMat3::from_cols(right, back.cross(right), back))
+}
+
+/// Where the ray of a hand meets a panel.
+fn mark(ui: &Ui) {
+    if let Some(at) = ui.input(|i| i.pointer.latest_pos()) {
+        let painter = ui.ctx().debug_painter();
+        painter.circle(at, 5.0, Color32::from_white_alpha(180), Stroke::new(1.5, Color32::BLACK));
+    }
+}
+
+/// Whether nothing that panels show differs: everything in it is shared, and replaced where it changes.
+fn same(a: &ViewState, b: &ViewState) -> bool {
+    use std::sync::Arc;
+    Arc::ptr_eq(&a.scene, &b.scene)
+        && Arc::ptr_eq(&a.undo, &b.undo)
+        && Arc::ptr_eq(&a.redo, &b.redo)
+        && Arc::ptr_eq(&a.selected, &b.selected)
+        && Arc::ptr_eq(&a.conversation, &b.conversation)
+        && Arc::ptr_eq(&a.notices, &b.notices)
+        && a.clusters.as_ref().map(Arc::as_ptr) == b.clusters.as_ref().map(Arc::as_ptr)
+        && a.proposals.as_ref().map(Arc::as_ptr) == b.proposals.as_ref().map(Arc::as_ptr)
+        && (a.services, a.uncommitted, a.trial_tuning, a.walk_capabilities)
+            == (b.services, b.uncommitted, b.trial_tuning, b.walk_capabilities)
+}

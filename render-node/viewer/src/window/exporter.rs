@@ -1,0 +1,168 @@
+//! Pictures that a person keeps: one, or a turn around the scene as numbered files, and a video of these where `ffmpeg` is
+//! there. Drawn beside the loop at the best quality.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
+use sg_scene::view::View;
+
+use super::ffmpeg::{self, VIDEO_TIMEOUT, video};
+use crate::display::LatestWorker;
+use sg_raster::image::Image;
+use sg_raster::render::{Quality, render};
+
+/// Pictures of one turn: 12 seconds at 30 a second.
+const TURN: u32 = 360;
+
+/// Longest edge of a picture of a turn, pixels.
+const TURN_EDGE: f64 = 1280.0;
+
+/// A picture or turn to export.
+#[derive(Debug, Clone)]
+pub(super) enum ExportJob {
+    /// One picture with this camera.
+    Picture(Box<Camera>, Appearance),
+    /// A turn about a view's target, of pictures of this shape.
+    Turn(View, [u32; 2], Appearance),
+}
+
+/// Keeps pictures.
+#[derive(Debug)]
+pub(super) struct Exporter {
+    worker: LatestWorker<ExportJob, Result<String, String>>,
+    /// Pictures of the turn that is being drawn that are there, and how many there will be.
+    done: Arc<AtomicU32>,
+    /// Pictures that are in its video.
+    in_video_count: Arc<AtomicU32>,
+    /// Whether the export is cancelled.
+    stopped: Arc<AtomicBool>,
+}
+
+impl Drop for Exporter {
+    fn drop(&mut self) {
+        // A turn that is being drawn ends with its present picture, a video at once.
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Exporter {
+    /// A keeper that puts pictures of `scene` into `folder`, on `pool`.
+    pub(super) fn new(
+        scene: Arc<Scene>,
+        folder: PathBuf,
+        pool: Arc<rayon::ThreadPool>,
+        wake: impl Fn() + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let done = Arc::new(AtomicU32::new(0));
+        let stopped = Arc::new(AtomicBool::new(false));
+        let in_video_count = Arc::new(AtomicU32::new(0));
+        let (counted, in_video, stop) = (Arc::clone(&done), Arc::clone(&in_video_count), Arc::clone(&stopped));
+        let work = move |job| {
+            let exported = pool.install(|| exported(&scene, &folder, job, (&counted, &stop)));
+            let exported = exported.map(|exported| match exported {
+                Exported::Picture(path) => format!("saved {}", path.display()),
+                Exported::Turn(turn) => film(&turn, &pool, (&in_video, &stop)),
+            });
+            counted.store(0, Ordering::Relaxed);
+            in_video.store(0, Ordering::Relaxed);
+            exported
+        };
+        Ok(Self { worker: LatestWorker::new("keeps", work, wake)?, done, in_video_count, stopped })
+    }
+
+    /// Has something kept, in place of what has been asked for and not been begun.
+    pub(super) fn export(&self, job: ExportJob) {
+        self.worker.submit(job);
+    }
+
+    /// What was kept and where, or why not: a line for a person, once.
+    pub(super) fn take_result(&self) -> Option<Result<String, String>> {
+        self.worker.take()
+    }
+
+    /// How much of a turn, or of its video, is there, 0 to 1, and which of them; `None` while none is made.
+    pub(super) fn progress(&self) -> Option<(f32, &'static str)> {
+        let share = |count: &AtomicU32| (count.load(Ordering::Relaxed) as f32 / TURN as f32).min(1.0);
+        match (share(&self.done), share(&self.in_video_count)) {
+            (0.0, _) => None,
+            (1.0, in_video_count) => Some((in_video_count, "video")),
+            (drawn, _) => Some((drawn, "turntable")),
+        }
+    }
+}
+
+/// The exported files.
+enum Exported {
+    Picture(PathBuf),
+    /// The folder of a turn's pictures.
+    Turn(PathBuf),
+}
+
+/// Makes a video of a turn beside its pictures, which stay whatever comes of it. A line for a person.
+fn film(turn: &Path, pool: &rayon::ThreadPool, watched: (&AtomicU32, &AtomicBool)) -> String {
+    let pictures = format!("saved {TURN} pictures in {}", turn.display());
+    let Some(program) = ffmpeg::found(std::env::var_os("PATH").as_deref()) else {
+        return format!("{pictures}; no video, since ffmpeg is not installed");
+    };
+    let to = turn.with_extension("mp4");
+    // Behind everything else, as the threads of the pool are: what they start takes after them.
+    match pool.install(|| video(&program, (turn, &to), watched, VIDEO_TIMEOUT)) {
+        Ok(()) => format!("{pictures}, and the video {}", to.display()),
+        Err(why) => format!("{pictures}; no video: {why}"),
+    }
+}
+
+fn exported(
+    scene: &Scene,
+    folder: &Path,
+    job: ExportJob,
+    (counted, stop): (&AtomicU32, &AtomicBool),
+) -> Result<Exported, String> {
+    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    match job {
+        ExportJob::Picture(camera, look) => {
+            let path = free(folder, "picture", "png");
+            write(&picture(scene, &look, &camera)?, &path)?;
+            Ok(Exported::Picture(path))
+        }
+        ExportJob::Turn(view, [width, height], look) => {
+            let turn = free(folder, "turn", "");
+            std::fs::create_dir_all(&turn).map_err(|e| format!("{}: {e}", turn.display()))?;
+            let scale = (TURN_EDGE / f64::from(width.max(height)).max(1.0)).min(1.0);
+            // Video encoders want even edges.
+            let even = |edge: u32| (((f64::from(edge) * scale) as u32) & !1).max(2);
+            for k in 0..TURN {
+                if stop.load(Ordering::Relaxed) {
+                    return Err(format!("the window was closed after {k} pictures in {}", turn.display()));
+                }
+                let camera =
+                    view.orbited(360.0 * f64::from(k) / f64::from(TURN), 0.0).camera(even(width), even(height));
+                write(&picture(scene, &look, &camera)?, &turn.join(format!("{k:04}.png")))?;
+                counted.store(k + 1, Ordering::Relaxed);
+            }
+            Ok(Exported::Turn(turn))
+        }
+    }
+}
+
+fn picture(scene: &Scene, look: &Appearance, camera: &Camera) -> Result<Image, String> {
+    Ok(render(scene, look, camera, Quality::Standard).map_err(|e| e.to_string())?.image)
+}
+
+fn write(image: &Image, path: &Path) -> Result<(), String> {
+    let said = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
+    let mut png = Vec::new();
+    image.write_png(&mut png).map_err(|e| said(&e))?;
+    std::fs::write(path, png).map_err(|e| said(&e))
+}
+
+/// The first name of its kind that nothing has.
+fn free(folder: &Path, kind: &str, extension: &str) -> PathBuf {
+    let dot = if extension.is_empty() { "" } else { "." };
+    let name = |k: u32| folder.join(format!("supergaussian-{kind}-{k:03}{dot}{extension}"));
+    (1..).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(0))
+}

@@ -1,0 +1,470 @@
+//! The picture of a window and what the mouse does on it.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use egui::{Color32, Pos2, Rect, Response, Sense as EguiSense, TextureHandle, TextureId, TextureOptions, Ui, Vec2};
+use glam::{DVec2, DVec3};
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
+
+use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
+use super::error::WindowError;
+use super::navigation::{NavigationMode, Navigator};
+use crate::display::{
+    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, LatestWorker, Level, Request, Tools,
+    ViewState,
+};
+use sg_gpu::Gpu;
+use sg_gpu::backend::Engine;
+
+/// Tool of the left button.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MouseTool {
+    /// It moves the eye.
+    #[default]
+    Navigate,
+    /// Brushes over the front surface.
+    Brush,
+    /// Draws a lasso.
+    Lasso,
+    /// It draws a rectangle around it.
+    Rectangle,
+}
+
+impl MouseTool {
+    /// All, in the order of the toolbar.
+    pub const ALL: [Self; 4] = [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle];
+
+    /// Name in the window.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Navigate => "navigate",
+            Self::Brush => "brush",
+            Self::Lasso => "lasso",
+            Self::Rectangle => "rectangle",
+        }
+    }
+}
+
+/// Time that a picture may take while something moves, seconds.
+const BUDGET: f64 = 0.04;
+
+/// How long after the last change something still moves.
+const SETTLES: Duration = Duration::from_millis(180);
+
+/// Distance between the eyes of the side-by-side view, as a share of the way to the target.
+const EYES: f64 = 0.06;
+
+/// Points that one notch of the wheel scrolls.
+const WHEEL: f64 = 75.0;
+
+/// Share of its own length that one point of the wheel brings the eye nearer.
+const NOTCH: f64 = 1.0015;
+
+/// Way that keys fly in a second, as a share of the scene's length.
+const SPEED: f64 = 0.4;
+
+/// The input of a requested picture.
+struct PictureRequest {
+    cameras: Vec<Camera>,
+    appearance: Appearance,
+    outlines: bool,
+}
+
+impl PartialEq for PictureRequest {
+    fn eq(&self, other: &Self) -> bool {
+        self.cameras == other.cameras && self.outlines == other.outlines && same(&self.appearance, &other.appearance)
+    }
+}
+
+/// Equality of looks that does not read colours, of which there is one a Gaussian: those of one display are kept.
+fn same(a: &Appearance, b: &Appearance) -> bool {
+    let colors = match (&a.colors, &b.colors) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        (a, b) => a.is_none() && b.is_none(),
+    };
+    let plain = |appearance: &Appearance| Appearance { colors: None, ..appearance.clone() };
+    colors && plain(a) == plain(b)
+}
+
+/// The picture of a window.
+pub(super) struct SceneView {
+    pub(super) scene: Arc<Scene>,
+    pub(super) navigator: Navigator,
+    pub(super) mouse_tool: MouseTool,
+    pub(super) stereo: bool,
+    pub(super) brush_controller: BrushController,
+    picture_worker: LatestWorker<PictureJob, DrawnPicture>,
+    front_worker: LatestWorker<(Camera, Appearance), Option<FrontSurface>>,
+    pub(super) front: Option<FrontSurface>,
+    requested_front: Option<(Camera, Appearance)>,
+    /// The newest picture, where it came through memory.
+    pixels: Option<TextureHandle>,
+    /// Texture id of the newest picture.
+    picture: Option<TextureId>,
+    /// The newest picture, where it lies on the device that shows the window and that has not been told of it.
+    on_device: Option<wgpu::Texture>,
+    /// The device that pictures may stay on, and their texture id there.
+    shown_by: Option<(Gpu, TextureId)>,
+    /// The device that draws, if one does.
+    drawn_by: Option<Gpu>,
+    requested: Option<PictureRequest>,
+    changed: Instant,
+    /// Whether the best picture of the last request is shown.
+    settled: bool,
+    adaptive_quality: AdaptiveQuality,
+    pub(super) lasso: Vec<Pos2>,
+    /// Notches of the wheel for the last walk.
+    pub(super) notches: f64,
+    /// Modifiers of the last turn of the wheel.
+    wheel: egui::Modifiers,
+    /// Where the brush is and which way it would act.
+    pub(super) hover: Option<(BrushSample, BrushSign)>,
+    pub(super) newest: PictureStats,
+}
+
+/// Statistics of the newest picture.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PictureStats {
+    pub(super) engine: String,
+    pub(super) level: Option<Level>,
+    pub(super) seconds: f64,
+    pub(super) pictures: u64,
+    pub(super) trouble: Option<String>,
+}
+
+impl SceneView {
+    /// A viewport that draws with `engine`, waking the loop by `wake`.
+    pub(super) fn new(
+        engine: Engine,
+        scene: Arc<Scene>,
+        navigator: Navigator,
+        brush_controller: BrushController,
+        pool: Arc<rayon::ThreadPool>,
+        wake: impl Fn() + Clone + Send + 'static,
+    ) -> Result<Self, WindowError> {
+        let threads = |e: std::io::Error| WindowError::Threads(e.to_string());
+        let drawn_by = engine.gpu().cloned();
+        Ok(Self {
+            navigator,
+            mouse_tool: MouseTool::default(),
+            stereo: false,
+            brush_controller,
+            picture_worker: drawing::pictures(engine, Arc::clone(&pool), wake.clone()).map_err(threads)?,
+            front_worker: drawing::fronts(Arc::clone(&scene), pool, wake).map_err(threads)?,
+            scene,
+            front: None,
+            requested_front: None,
+            pixels: None,
+            picture: None,
+            on_device: None,
+            shown_by: None,
+            drawn_by,
+            requested: None,
+            changed: Instant::now(),
+            settled: false,
+            adaptive_quality: AdaptiveQuality::new(BUDGET),
+            lasso: Vec::new(),
+            notches: 0.0,
+            wheel: egui::Modifiers::NONE,
+            hover: None,
+            newest: PictureStats::default(),
+        })
+    }
+
+    /// Pictures that were late while something moved.
+    pub(super) fn late(&self) -> u64 {
+        self.adaptive_quality.late()
+    }
+
+    /// Whether the best picture is shown and no work is pending.
+    pub(super) fn is_settled(&self) -> bool {
+        self.settled && self.picture_worker.is_idle() && self.front_worker.is_idle()
+    }
+
+    /// Size of the picture in pixels of the screen.
+    pub(super) fn size(&self) -> [u32; 2] {
+        let camera = self.requested.as_ref().and_then(|w| w.cameras.first());
+        camera.map_or([1280, 960], |c| [c.width, c.height])
+    }
+
+    /// Has the picture made anew, for another context; it may stay on the device of `shown_by`, called so among the panels.
+    pub(super) fn show_by(&mut self, shown_by: Option<(Gpu, TextureId)>) {
+        self.shown_by = shown_by;
+        (self.pixels, self.picture, self.on_device, self.requested) = (None, None, None, None);
+    }
+
+    /// The device that draws pictures, if one does.
+    pub(super) fn drawn_by(&self) -> Option<&Gpu> {
+        self.drawn_by.as_ref()
+    }
+
+    /// The newest picture where it lies on the device that shows the window, once.
+    pub(super) fn take_picture(&mut self) -> Option<wgpu::Texture> {
+        self.on_device.take()
+    }
+
+    /// Gives up a stroke or a lasso.
+    pub(super) fn abandon(&mut self) {
+        self.brush_controller.abandon();
+        self.lasso.clear();
+    }
+
+    /// What is highlighted: what is selected, with the stroke under way or what it would change if it were begun here.
+    pub(super) fn highlighted(&self, state: &ViewState, tools: &Tools) -> Arc<Mask> {
+        let clusters = state.clusters.as_deref();
+        if self.brush_controller.is_drawing() {
+            return self.brush_controller.selects(&state.selected, clusters);
+        }
+        match self.hover.filter(|_| state.services.selection) {
+            Some((sample, sign)) => {
+                Arc::new(self.brush_controller.would_select(tools, sample, sign, &state.selected, clusters))
+            }
+            None => Arc::clone(&state.selected),
+        }
+    }
+
+    /// Lets the mouse and keys do what they do in `ui`, whose whole place is the picture's. What they ask for.
+    pub(super) fn interact(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> (Response, Vec<Request>) {
+        let response = ui.allocate_rect(ui.available_rect_before_wrap(), EguiSense::click_and_drag());
+        let rect = response.rect;
+        let height = f64::from(rect.height().max(1.0));
+        let (shift, alt, scroll, dt) = ui
+            .input(|i| (i.modifiers.shift, i.modifiers.alt, i.smooth_scroll_delta(), f64::from(i.stable_dt.min(0.1))));
+        let moved = |v: Vec2| DVec2::new(f64::from(v.x), f64::from(v.y)) / height;
+        let delta = moved(response.drag_delta());
+        self.notches = 0.0;
+        let turned =
+            |e: &egui::Event| if let egui::Event::MouseWheel { modifiers, .. } = e { Some(*modifiers) } else { None };
+        // What is left of a notch means what it meant when the wheel was turned.
+        self.wheel = ui.input(|i| i.events.iter().rev().find_map(turned)).unwrap_or(self.wheel);
+        if response.hovered() && scroll != Vec2::ZERO {
+            // Shift turns the wheel sideways.
+            let notches = f64::from(if scroll.y == 0.0 { scroll.x } else { scroll.y });
+            if self.wheel.alt {
+                self.notches = notches / WHEEL;
+            } else if self.wheel.shift {
+                tools.widen(NOTCH.powf(notches));
+            } else {
+                self.navigator.approach(NOTCH.powf(notches));
+            }
+        }
+        let left = response.dragged_by(egui::PointerButton::Primary);
+        let turns = response.dragged_by(egui::PointerButton::Middle) || (left && alt);
+        if turns || (left && self.mouse_tool == MouseTool::Navigate) {
+            self.navigator.turn(delta);
+        } else if response.dragged_by(egui::PointerButton::Secondary) {
+            self.navigator.slide(delta);
+        }
+        if response.hovered()
+            && self.navigator.navigation_mode == NavigationMode::Fly
+            && !ui.ctx().egui_wants_keyboard_input()
+        {
+            self.fly(ui, dt);
+        }
+        let sign = if shift { BrushSign::Remove } else { BrushSign::Add };
+        let mut requests = Vec::new();
+        match self.mouse_tool {
+            MouseTool::Navigate => self.hover = None,
+            MouseTool::Brush => self.brush(ui, &response, alt, sign, tools, state, &mut requests),
+            MouseTool::Lasso | MouseTool::Rectangle => {
+                self.hover = None;
+                self.draw_around(&response, alt, sign, (state, tools), &mut requests);
+            }
+        }
+        if response.double_clicked()
+            && self.mouse_tool == MouseTool::Navigate
+            && let Some(at) = response.interact_pointer_pos()
+            && let Some(hit) = self.front_at(rect, at)
+        {
+            self.navigator.view.target = hit;
+        }
+        (response, requests)
+    }
+
+    fn fly(&mut self, ui: &Ui, dt: f64) {
+        let way = ui.input(|i| {
+            let axis = |plus, minus| f64::from(u8::from(i.key_down(plus))) - f64::from(u8::from(i.key_down(minus)));
+            DVec3::new(
+                axis(egui::Key::D, egui::Key::A),
+                axis(egui::Key::E, egui::Key::Q),
+                axis(egui::Key::W, egui::Key::S),
+            )
+        });
+        if way != DVec3::ZERO {
+            self.navigator.fly(way.normalize() * SPEED * self.navigator.length() * dt);
+            ui.ctx().request_repaint();
+        }
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "one frame of one tool")]
+    fn brush(
+        &mut self,
+        ui: &Ui,
+        response: &Response,
+        alt: bool,
+        sign: BrushSign,
+        tools: &Tools,
+        state: &ViewState,
+        requests: &mut Vec<Request>,
+    ) {
+        let at = response.hover_pos().or(response.interact_pointer_pos());
+        let sample = at.and_then(|at| self.front_at(response.rect, at)).map(|at| BrushSample { at, pressure: 1.0 });
+        self.hover = sample.map(|sample| (sample, sign));
+        self.brush_controller.eye = Some(self.navigator.view.eye);
+        if !state.services.selection {
+            return;
+        }
+        // A stroke begins where the surface does, wherever in the picture the button was pressed.
+        let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
+        let here = response.is_pointer_button_down_on() || (pressed && response.hovered());
+        match sample {
+            Some(sample) if self.brush_controller.is_drawing() => self.brush_controller.sample(sample),
+            Some(sample) if here && (down || pressed) && !alt => self.brush_controller.press(tools, sample, sign),
+            _ => (),
+        }
+        requests.extend(self.brush_controller.pending_samples());
+        if self.brush_controller.is_drawing() && !down {
+            requests.extend(self.brush_controller.release());
+        }
+    }
+
+    /// The camera of a picture that fills `rect`, one pixel a point.
+    pub(super) fn camera(&self, rect: Rect) -> Camera {
+        let edge = |x: f32| (x.round() as u32).max(1);
+        self.navigator.view.camera(edge(rect.width()), edge(rect.height()))
+    }
+
+    /// Where the surface in front is at a place of the window.
+    fn front_at(&self, rect: Rect, at: Pos2) -> Option<DVec3> {
+        let front = self.front.as_ref().filter(|f| !self.stereo && f.is_of(&self.camera(rect)))?;
+        let place = at - rect.min;
+        Some(front.at(&self.scene, DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
+    }
+
+    /// Cameras of the picture in pixels of the screen.
+    fn cameras(&self, rect: Rect, pixels_per_point: f32) -> Vec<Camera> {
+        let (width, height) = (rect.width() * pixels_per_point, rect.height() * pixels_per_point);
+        let edge = |x: f32| (x.round() as u32).clamp(1, sg_proto::limits::MAX_PICTURE_PIXELS);
+        let view = self.navigator.view;
+        if !self.stereo {
+            return vec![view.camera(edge(width), edge(height))];
+        }
+        let forward = view.target - view.eye;
+        let side = 0.5 * EYES * forward.length() * forward.cross(view.up).normalize_or_zero();
+        let eye = |way: DVec3| {
+            let apart = sg_scene::view::View { eye: view.eye + way, target: view.target + way, ..view };
+            let mut camera = apart.camera(edge(0.5 * width), edge(height));
+            // Both look straight ahead; what is at the target's depth falls on the same place of both pictures.
+            camera.cx += camera.fx * way.dot(side.normalize_or_zero()) / forward.length();
+            camera
+        };
+        vec![eye(-side), eye(side)]
+    }
+
+    /// Shows the newest picture in `rect`, and wishes for another where `appearance` or the eye has changed.
+    pub(super) fn show(&mut self, ui: &Ui, rect: Rect, appearance: &Appearance, state: &ViewState, tools: &Tools) {
+        let cameras = self.cameras(rect, ui.ctx().pixels_per_point());
+        let outlines = state.clusters.clone().filter(|_| tools.display_mode == DisplayMode::Outlines);
+        self.take_in(ui);
+        let requested = PictureRequest { cameras, appearance: appearance.clone(), outlines: outlines.is_some() };
+        let now = Instant::now();
+        if self.requested.as_ref() != Some(&requested) {
+            self.changed = now;
+            self.settled = false;
+            self.requested = Some(requested);
+        }
+        let moving = now.duration_since(self.changed) < SETTLES;
+        let best = self.newest.level.is_some_and(|l| l == self.adaptive_quality.level(tools.quality, false));
+        if !self.settled
+            && self.picture_worker.is_idle()
+            && let Some(PictureRequest { cameras, appearance, .. }) = &self.requested
+        {
+            let level = self.adaptive_quality.level(tools.quality, moving);
+            let projection = tools.projection;
+            let (cameras, appearance) = (cameras.clone(), appearance.clone());
+            let shown_by = self.shown_by.as_ref().map(|(gpu, _)| gpu.clone());
+            self.picture_worker.submit(PictureJob {
+                cameras,
+                appearance,
+                level,
+                projection,
+                moving,
+                outlines,
+                shown_by,
+            });
+            // A picture in motion is followed by another.
+            self.settled = !moving;
+        }
+        if moving || !best {
+            ui.ctx().request_repaint_after(SETTLES);
+        }
+        self.request_front(rect, appearance, moving);
+        if let Some(picture) = self.picture {
+            let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+            ui.painter().image(picture, rect, whole, Color32::WHITE);
+        }
+        self.draw_markers(ui, rect, state);
+        self.draw_brush_ring(ui, rect, tools);
+    }
+
+    fn take_in(&mut self, ui: &Ui) {
+        if let Some(DrawnPicture { picture, level, moving, seconds, engine, drawn_by }) = self.picture_worker.take() {
+            self.adaptive_quality.record(seconds, moving);
+            self.newest.engine = engine;
+            self.newest.seconds = seconds;
+            self.drawn_by = drawn_by;
+            match picture {
+                Ok(picture) => {
+                    self.newest.level = Some(level);
+                    self.newest.pictures += 1;
+                    self.newest.trouble = None;
+                    self.store(ui, picture);
+                }
+                Err(trouble) => self.newest.trouble = Some(trouble),
+            }
+        }
+        if let Some(front) = self.front_worker.take() {
+            self.front = front;
+        }
+    }
+
+    fn store(&mut self, ui: &Ui, picture: Picture) {
+        match picture {
+            Picture::Pixels(image) => {
+                let texture = match self.pixels.take() {
+                    Some(mut texture) => {
+                        texture.set(image, TextureOptions::LINEAR);
+                        texture
+                    }
+                    None => ui.ctx().load_texture("picture", image, TextureOptions::LINEAR),
+                };
+                self.picture = Some(self.pixels.insert(texture).id());
+            }
+            // On a device that shows the window no more it is of no use; another picture has been wished for.
+            Picture::OnDevice(gpu, texture) => {
+                if let Some((_, id)) = self.shown_by.as_ref().filter(|(now, _)| now.is(&gpu)) {
+                    (self.picture, self.on_device, self.pixels) = (Some(*id), Some(texture), None);
+                }
+            }
+        }
+    }
+
+    /// Has what is in front found out, once the eye rests, for a tool that needs to know.
+    fn request_front(&mut self, rect: Rect, appearance: &Appearance, moving: bool) {
+        if moving || self.stereo || self.brush_controller.is_drawing() {
+            return;
+        }
+        // The highlight changes no place of anything.
+        let wanted = (self.camera(rect), Appearance { overlay: None, colors: None, ..appearance.clone() });
+        if self.requested_front.as_ref() != Some(&wanted) {
+            self.front_worker.submit(wanted.clone());
+            self.requested_front = Some(wanted);
+        }
+    }
+}

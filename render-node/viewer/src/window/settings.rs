@@ -1,0 +1,168 @@
+//! What a window remembers from one time to the next.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::navigation::NavigationMode;
+use super::scene_view::MouseTool;
+use crate::display::{BrushMode, Tools};
+use sg_raster::render::Quality;
+
+/// The layout of a window and the settings of its tools. What is not in the file, or is not understood any more, is as it is
+/// at first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Settings {
+    /// Width of the window in points.
+    pub width: f64,
+    /// Height of the window in points.
+    pub height: f64,
+    /// Whether it fills the screen's work area.
+    pub maximized: bool,
+    /// Whether panels are shown.
+    pub panels: bool,
+    /// Tool of the left button.
+    #[serde(rename = "pointer")]
+    pub mouse_tool: MouseTool,
+    /// How the eye moves.
+    #[serde(rename = "manner")]
+    pub navigation_mode: NavigationMode,
+    /// Brush mode.
+    pub mode: BrushMode,
+    /// Radius of the brush, a fraction of the box's longest edge.
+    pub radius: f64,
+    /// Best quality of pictures.
+    pub quality: Quality,
+    /// Whether panels are light.
+    pub light_panels: bool,
+    /// Size of everything, 1 for the usual.
+    pub scale: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let Tools { mode, radius, quality, light_panels, scale, .. } = Tools::default();
+        Self {
+            width: 1440.0,
+            height: 900.0,
+            maximized: false,
+            panels: true,
+            mouse_tool: MouseTool::default(),
+            navigation_mode: NavigationMode::default(),
+            mode,
+            radius,
+            quality,
+            light_panels,
+            scale,
+        }
+    }
+}
+
+impl Settings {
+    /// Where it is kept: `supergaussian/window.toml` of the user's configuration; `None` for a user without a home.
+    #[must_use]
+    pub fn default_path() -> Option<PathBuf> {
+        let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
+        let folder = set("XDG_CONFIG_HOME").or_else(|| Some(set("HOME")?.join(".config")))?;
+        Some(folder.join("supergaussian/window.toml"))
+    }
+
+    /// The saved settings; `None` without a file.
+    ///
+    /// # Errors
+    /// What there is and cannot be read or understood, a line for a person.
+    pub fn load(path: &Path) -> Result<Option<Self>, String> {
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(format!("{}: {error}", path.display())),
+        };
+        let settings = toml::from_str::<Self>(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(Some(settings.validated()))
+    }
+
+    /// Keeps it, whole or not at all.
+    ///
+    /// # Errors
+    /// What the system says, with the path.
+    pub fn save(&self, path: &Path) -> Result<(), String> {
+        let said = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
+        let text = toml::to_string(self).map_err(|e| said(&e))?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(|e| said(&e))?;
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| said(&e))?;
+        file.write_all(text.as_bytes()).map_err(|e| said(&e))?;
+        file.persist(path).map_err(|e| said(&e))?;
+        Ok(())
+    }
+
+    /// Puts what is remembered into tools; a quality that was `given` for this time comes before it.
+    pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
+        let Self { mode, radius, light_panels, scale, .. } = *self;
+        let quality = given.unwrap_or(self.quality);
+        *tools = Tools { mode, radius, quality, light_panels, scale, ..tools.clone() };
+    }
+
+    /// What is to be remembered after a time that began with `before`: a quality that was given for that time alone, and that
+    /// nobody has changed, is not.
+    #[must_use]
+    pub fn without_override(self, before: &Self, given: Option<Quality>) -> Self {
+        let quality = if given == Some(self.quality) { before.quality } else { self.quality };
+        Self { quality, ..self }
+    }
+
+    /// With every number in its range.
+    fn validated(mut self) -> Self {
+        let first = Self::default();
+        let within = |x: f64, low: f64, high: f64, first: f64| if (low..=high).contains(&x) { x } else { first };
+        self.width = within(self.width, 320.0, 16_384.0, first.width);
+        self.height = within(self.height, 240.0, 16_384.0, first.height);
+        self.radius = within(self.radius, Tools::RADII.0, Tools::RADII.1, first.radius);
+        self.scale = within(self.scale.into(), 0.5, 4.0, first.scale.into()) as f32;
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quality_that_is_given_comes_before_the_one_that_is_remembered() {
+        let loaded = Settings { quality: Quality::Exact, radius: 0.1, ..Settings::default() };
+        let mut tools = Tools { quality: Quality::Fast, ..Tools::default() };
+        loaded.apply(&mut tools, Some(Quality::Fast));
+        assert_eq!((tools.quality, tools.radius), (Quality::Fast, 0.1));
+        loaded.apply(&mut tools, None);
+        assert_eq!(tools.quality, Quality::Exact);
+        // Given for one time, it is not what is remembered; chosen by a person, it is.
+        let at_the_end =
+            |quality| Settings { quality, ..loaded.clone() }.without_override(&loaded, Some(Quality::Fast));
+        assert_eq!(at_the_end(Quality::Fast).quality, Quality::Exact);
+        assert_eq!(at_the_end(Quality::Standard).quality, Quality::Standard);
+    }
+
+    #[test]
+    fn what_is_kept_is_read_and_what_makes_no_sense_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/window.toml");
+        assert_eq!(Settings::load(&path), Ok(None));
+        let settings = Settings {
+            width: 800.0,
+            navigation_mode: NavigationMode::Fly,
+            mode: BrushMode::Point,
+            ..Settings::default()
+        };
+        settings.save(&path).unwrap();
+        assert_eq!(Settings::load(&path), Ok(Some(settings)));
+        std::fs::write(&path, "width = 1e9\nradius = nan\nmanner = \"fly\"\nnews = 3\n").unwrap();
+        assert_eq!(
+            Settings::load(&path),
+            Ok(Some(Settings { navigation_mode: NavigationMode::Fly, ..Settings::default() }))
+        );
+        std::fs::write(&path, "manner = \"swim\"").unwrap();
+        assert!(Settings::load(&path).unwrap_err().contains("window.toml"));
+    }
+}

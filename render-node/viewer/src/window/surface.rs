@@ -1,0 +1,188 @@
+//! What a window's frames are put on: its surface, the device behind it, and what paints panels there.
+
+use std::sync::Arc;
+
+use egui::{ClippedPrimitive, TextureId, TexturesDelta};
+use winit::dpi::PhysicalSize;
+use winit::window::Window;
+
+use super::error::WindowError;
+use super::shared_texture::empty;
+use sg_gpu::Gpu;
+
+/// A surface with its device. Lost devices and surfaces are made anew by whoever paints: [`PresentResult::Lost`].
+pub(super) struct WindowSurface {
+    surface: wgpu::Surface<'static>,
+    config: wgpu::SurfaceConfiguration,
+    /// Whether the surface could not be made anew and must not be drawn to.
+    surface_lost: bool,
+    gpu: Gpu,
+    /// Whether somebody draws pictures with the device, who is told of its errors.
+    shared: bool,
+    renderer: egui_wgpu::Renderer,
+    picture: TextureId,
+}
+
+/// Outcome of presenting a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PresentResult {
+    /// It is on the screen.
+    Shown,
+    /// Nobody can see it, or the screen did not take it in time; the next one may do.
+    Passed,
+    /// The device or the surface is gone: open another.
+    Lost,
+}
+
+impl WindowSurface {
+    /// Has a window shown by the device that draws its pictures, or by one of its own.
+    ///
+    /// # Errors
+    /// [`WindowError::Surface`] where that device, or no Vulkan device at all, can show anything in it.
+    pub(super) fn open(window: &Arc<Window>, drawn_by: Option<&Gpu>) -> Result<Self, WindowError> {
+        let failed = |e: &dyn std::fmt::Display| WindowError::Surface(e.to_string());
+        let (gpu, surface) = match drawn_by {
+            Some(gpu) => {
+                let elsewhere = "its device was opened by somebody else";
+                let (instance, _) = gpu.origin().ok_or_else(|| failed(&elsewhere))?;
+                (gpu.clone(), instance.create_surface(Arc::clone(window)).map_err(|e| failed(&e))?)
+            }
+            None => {
+                let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+                descriptor.backends = wgpu::Backends::VULKAN;
+                let instance = wgpu::Instance::new(descriptor);
+                let surface = instance.create_surface(Arc::clone(window)).map_err(|e| failed(&e))?;
+                let options = wgpu::RequestAdapterOptions { compatible_surface: Some(&surface), ..Default::default() };
+                let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| failed(&e))?;
+                (Gpu::of_adapter(instance, adapter).map_err(|e| failed(&e))?, surface)
+            }
+        };
+        let refused = || WindowError::Surface(format!("{} cannot show pictures in this window", gpu.name()));
+        let (_, adapter) = gpu.origin().ok_or_else(refused)?;
+        let PhysicalSize { width, height } = window.inner_size();
+        let mut config = surface.get_default_config(adapter, width.max(1), height.max(1)).ok_or_else(refused)?;
+        // Pictures and panels are numbers as they are to be seen: no curve of a format is to be put on them.
+        let formats = surface.get_capabilities(adapter).formats;
+        config.format = formats.into_iter().find(|f| !f.is_srgb()).unwrap_or(config.format);
+        config.present_mode = wgpu::PresentMode::AutoVsync;
+        config.desired_maximum_frame_latency = 1;
+        gpu.configure(&surface, &config).map_err(|e| failed(&e))?;
+        let options = egui_wgpu::RendererOptions { dithering: false, ..Default::default() };
+        let mut renderer = egui_wgpu::Renderer::new(gpu.device(), config.format, options);
+        let none = empty(&gpu, [1, 1]).create_view(&wgpu::TextureViewDescriptor::default());
+        let picture = renderer.register_native_texture(gpu.device(), &none, wgpu::FilterMode::Linear);
+        Ok(Self { surface, config, surface_lost: false, gpu, shared: drawn_by.is_some(), renderer, picture })
+    }
+
+    /// The device that draws pictures where it shows the window as well, and what its pictures are called among the panels.
+    pub(super) fn shows(&self) -> Option<(Gpu, TextureId)> {
+        self.shared.then(|| (self.gpu.clone(), self.picture))
+    }
+
+    /// Shows another picture that lies on its device from the next frame on.
+    pub(super) fn take(&mut self, picture: &wgpu::Texture) {
+        let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
+        let (device, filter) = (self.gpu.device(), wgpu::FilterMode::Linear);
+        self.renderer.update_egui_texture_from_wgpu_texture(device, &view, filter, self.picture);
+    }
+
+    /// Whether the device is gone or has refused something; what its pictures suffer is told by who draws them.
+    fn is_broken(&self) -> bool {
+        if self.shared {
+            return self.gpu.is_lost();
+        }
+        match self.gpu.check() {
+            Ok(()) => self.gpu.is_lost(),
+            Err(error) => {
+                tracing::warn!("the window is shown by a device opened anew: {error}");
+                true
+            }
+        }
+    }
+
+    /// Longest edge of a texture.
+    pub(super) fn largest(&self) -> usize {
+        self.gpu.device().limits().max_texture_dimension_2d as usize
+    }
+
+    /// Takes another size, pixels.
+    pub(super) fn resize(&mut self, width: u32, height: u32) {
+        if width > 0 && height > 0 {
+            (self.config.width, self.config.height) = (width, height);
+            self.configure();
+        }
+    }
+
+    fn configure(&mut self) {
+        if let Err(error) = self.gpu.configure(&self.surface, &self.config) {
+            tracing::warn!("the window has to be shown anew: {error}");
+            self.surface_lost = true;
+        }
+    }
+
+    /// Paints a frame.
+    pub(super) fn paint(
+        &mut self,
+        primitives: &[ClippedPrimitive],
+        mut textures: TexturesDelta,
+        pixels_per_point: f32,
+    ) -> PresentResult {
+        // What paints panels takes a device that is gone for a mistake of the program.
+        let _ = self.gpu.device().poll(wgpu::PollType::Poll);
+        if self.surface_lost || self.is_broken() {
+            return PresentResult::Lost;
+        }
+        // Taken in whatever comes of the frame: each change is told once.
+        for (id, deltas) in textures.set.drain() {
+            for delta in deltas {
+                self.renderer.update_texture(self.gpu.device(), self.gpu.queue(), id, &delta);
+            }
+        }
+        let freed: Vec<_> = textures.free.drain().collect();
+        let painted = self.paint_frame(primitives, pixels_per_point);
+        for id in freed {
+            self.renderer.free_texture(&id);
+        }
+        if self.is_broken() { PresentResult::Lost } else { painted }
+    }
+
+    fn paint_frame(&mut self, primitives: &[ClippedPrimitive], pixels_per_point: f32) -> PresentResult {
+        let frame = match self.surface.get_current_texture() {
+            wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => frame,
+            wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => {
+                return PresentResult::Passed;
+            }
+            wgpu::CurrentSurfaceTexture::Outdated => {
+                self.configure();
+                return PresentResult::Passed;
+            }
+            wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Validation => return PresentResult::Lost,
+        };
+        let size_in_pixels = [self.config.width, self.config.height];
+        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels, pixels_per_point };
+        let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let (device, queue) = (self.gpu.device(), self.gpu.queue());
+        let mut commands = self.renderer.update_buffers(device, queue, &mut encoder, primitives, &screen);
+        {
+            let view = frame.texture.create_view(&wgpu::TextureViewDescriptor::default());
+            let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("panels"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            self.renderer.render(&mut pass.forget_lifetime(), primitives, &screen);
+        }
+        commands.push(encoder.finish());
+        self.gpu.submit(commands);
+        queue.present(frame);
+        PresentResult::Shown
+    }
+}

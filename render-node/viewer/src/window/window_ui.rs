@@ -1,0 +1,454 @@
+//! Everything of a window that a person sees and touches, without the window itself: the picture, the tools, the panels.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use egui::{Align2, Frame, TextureId, Ui, Vec2};
+use glam::DVec3;
+use sg_edit::wire::encode_view;
+use sg_proto::scene::{
+    Invert, Redo, SelectionOperation, SelectionStep, SetView, Undo, command, selection_operation, selection_step,
+    set_view,
+};
+use sg_proto::selection::StrokesRequest;
+use sg_scene::model::Scene;
+use sg_scene::framing::framed_box;
+use sg_scene::view::View;
+use sg_selection::brush::Brush;
+
+use super::bookmarks::Bookmarks;
+use super::drawing;
+use super::error::WindowError;
+use super::exporter::{ExportJob, Exporter};
+use super::file_drop::{self, DroppedFile};
+use super::navigation::Navigator;
+use super::scene_view::{MouseTool, SceneView};
+use super::settings::Settings;
+use super::shortcuts::{self, Action};
+use crate::display::{
+    AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
+    ViewPort, ViewState,
+};
+use crate::panels::{DisplayAction, NARROWEST, Output, Panel, PanelHost, Panels, theme};
+use sg_gpu::Gpu;
+use sg_gpu::backend::Engine;
+use sg_raster::attributes::Attribute;
+
+/// Widths of the panels at first, points.
+const LEFT: f32 = 340.0;
+const RIGHT: f32 = 360.0;
+
+/// Points from the lower edge to the notices.
+const NOTICES: f32 = 48.0;
+
+/// One step of the keys that widen and narrow the brush.
+const WIDER: f64 = 1.15;
+
+/// Share of the range of a walk's leak or threshold that one key press goes along, and one notch of the wheel.
+const PARAMETER_STEPS: (f64, f64) = (0.02, 0.02);
+
+/// Keys and the wheel cannot be let go of: what they made is taken after so long a rest.
+const DRAG_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// The window's content.
+pub struct WindowUi {
+    scene: Arc<Scene>,
+    pub(super) view_port: ViewPort,
+    pub(super) tools: Tools,
+    drafts: Drafts,
+    /// The last walk under keys and the wheel, and when it was moved last.
+    drag: (ParameterDrag, Instant),
+    appearance_builder: AppearanceBuilder,
+    pub(super) scene_view: SceneView,
+    panels: Panels,
+    bookmarks: Bookmarks,
+    pub(super) exporter: Exporter,
+    /// The view that the scene told of last: another one moves the eye here.
+    shared: View,
+    panels_shown: bool,
+    pub(super) help: bool,
+    closes: bool,
+    frames: u64,
+    /// The window's own message.
+    pub(super) line: String,
+}
+
+impl WindowUi {
+    /// A desk over a scene. `wake` wakes the loop when there is something new to show.
+    ///
+    /// # Errors
+    /// [`WindowError::Threads`].
+    pub fn new(
+        scene: Arc<Scene>,
+        engine: Engine,
+        (mut view_port, tools): (ViewPort, Tools),
+        pictures: PathBuf,
+        settings: &Settings,
+        wake: impl Fn() + Clone + Send + 'static,
+    ) -> Result<Self, WindowError> {
+        let first = view_port.newest();
+        let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
+        let mut navigator = Navigator::new(shared, scene.bounds);
+        navigator.navigation_mode = settings.navigation_mode;
+        let brush = Arc::new(Brush::of_scene(&scene));
+        let name = format!("window-{}", std::process::id());
+        let brush_controller = BrushController::new(&scene, brush, name);
+        let pool = drawing::threads().map_err(|e| WindowError::Threads(e.to_string()))?;
+        let mut scene_view =
+            SceneView::new(engine, Arc::clone(&scene), navigator, brush_controller, Arc::clone(&pool), wake.clone())?;
+        scene_view.mouse_tool = settings.mouse_tool;
+        let exporter =
+            Exporter::new(Arc::clone(&scene), pictures, pool, wake).map_err(|e| WindowError::Threads(e.to_string()))?;
+        let mut panels = Panels::new(PanelHost::Window);
+        for problem in panels.behind(&scene, Path::new(&opened)) {
+            tracing::warn!("no curve is shown: {problem}");
+        }
+        Ok(Self {
+            scene,
+            view_port,
+            tools,
+            drafts: Drafts::default(),
+            drag: (ParameterDrag::default(), Instant::now()),
+            appearance_builder: AppearanceBuilder::default(),
+            scene_view,
+            panels,
+            bookmarks: Bookmarks::default(),
+            exporter,
+            shared,
+            panels_shown: settings.panels,
+            help: false,
+            closes: false,
+            frames: 0,
+            line: String::new(),
+        })
+    }
+
+    /// Its settings without the size of the window.
+    #[must_use]
+    pub fn settings(&self) -> Settings {
+        let Tools { mode, radius, quality, light_panels, scale, .. } = self.tools;
+        Settings {
+            panels: self.panels_shown,
+            mouse_tool: self.scene_view.mouse_tool,
+            navigation_mode: self.scene_view.navigator.navigation_mode,
+            mode,
+            radius,
+            quality,
+            light_panels,
+            scale,
+            ..Settings::default()
+        }
+    }
+
+    /// Whether there is something that has not been shown.
+    #[must_use]
+    pub fn has_update(&self) -> bool {
+        self.view_port.has_update()
+    }
+
+    /// Whether the window has to close.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.closes || self.view_port.is_closed()
+    }
+
+    /// Whether the best picture of the present state is shown.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.scene_view.is_settled()
+    }
+
+    /// Has textures made anew with the next frame, for another context. Pictures may stay on the device of `shown_by`, called
+    /// so among the panels.
+    pub(super) fn show_by(&mut self, shown_by: Option<(Gpu, TextureId)>) {
+        self.scene_view.show_by(shown_by);
+    }
+
+    /// The device that draws pictures, if one does.
+    pub(super) fn drawn_by(&self) -> Option<&Gpu> {
+        self.scene_view.drawn_by()
+    }
+
+    /// The newest picture where it lies on the device that shows the window, once.
+    pub(super) fn take_picture(&mut self) -> Option<wgpu::Texture> {
+        self.scene_view.take_picture()
+    }
+
+    /// Shows a frame and handles its input.
+    pub fn show(&mut self, ui: &mut Ui) {
+        let newest = self.view_port.newest();
+        if newest.scene.view() != self.shared {
+            self.shared = newest.scene.view();
+            self.scene_view.navigator.view = self.shared;
+        }
+        let drafted = self.drafts.over(&self.scene, &newest.scene);
+        let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
+        theme::apply(ui.ctx(), &self.tools);
+        let mut requests = Vec::new();
+        if !ui.ctx().egui_wants_keyboard_input() {
+            for action in ui.input_mut(shortcuts::pressed) {
+                self.act(action, &state, &mut requests);
+            }
+        }
+        self.take_dropped_files(ui, &mut requests);
+        if let Some(kept) = self.exporter.take_result() {
+            self.line = kept.unwrap_or_else(|error| format!("nothing was saved: {error}"));
+        }
+        egui::Panel::top("tools").show(ui, |ui| self.toolbar(ui, &state, &mut requests));
+        egui::Panel::bottom("status").show(ui, |ui| self.status(ui, &state));
+        if self.panels_shown {
+            self.show_panels(ui, &state, &mut requests);
+        }
+        egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
+            let (response, output) = self.scene_view.interact(ui, &state, &mut self.tools);
+            requests.extend(output);
+            let notches = std::mem::take(&mut self.scene_view.notches);
+            self.drag_parameter(PARAMETER_STEPS.1 * notches, &state, &mut requests);
+            let highlighted = self.scene_view.highlighted(&state, &self.tools);
+            let appearance = self.appearance_builder.build(
+                &self.scene,
+                &state.scene,
+                &highlighted,
+                state.clusters.as_ref(),
+                &self.tools,
+            );
+            self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
+        });
+        self.release_after_rest(ui, &state, &mut requests);
+        let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
+        notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &state));
+        if self.help {
+            self.show_help(ui);
+        }
+        self.ask(requests, &newest);
+        self.frames += 1;
+        let seen = &self.scene_view.newest;
+        self.view_port.report(FrameStats {
+            frames: self.frames,
+            pictures: seen.pictures,
+            late: self.scene_view.late(),
+            seconds: seen.seconds,
+            engine: seen.engine.clone(),
+            revision: state.scene.revision(),
+        });
+    }
+
+    /// Panels beside the picture: what the scene is like on the left, what is done to it on the right.
+    fn show_panels(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
+        self.panels.numbers = self.appearance_builder.legend();
+        self.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Screenshot];
+        self.panels.supported_actions.extend(self.bookmarks.numbers().map(DisplayAction::Place));
+        self.panels.supported_actions.extend((0_u8..).zip(state.proposals()).map(|(k, _)| DisplayAction::Proposal(k)));
+        let Self { panels, tools, .. } = self;
+        let mut output = Output::default();
+        let least = NARROWEST * tools.scale;
+        egui::Panel::left("scene").resizable(true).min_size(least).default_size(LEFT.max(least)).show(ui, |ui| {
+            output.join(panels.show(Panel::Scene, ui, state, tools));
+        });
+        let right: Vec<Panel> = [Panel::Select, Panel::Language].into_iter().filter(|p| p.has_content(state)).collect();
+        if !right.is_empty() {
+            egui::Panel::right("hands").resizable(true).min_size(least).default_size(RIGHT.max(least)).show(ui, |ui| {
+                let height = ui.available_height() / right.len() as f32;
+                for panel in right {
+                    ui.allocate_ui(Vec2::new(ui.available_width(), height), |ui| {
+                        output.join(panels.show(panel, ui, state, tools));
+                    });
+                }
+            });
+        }
+        output.show_draft(&mut self.drafts, state);
+        requests.extend(output.requests);
+        for wish in output.actions {
+            match wish {
+                DisplayAction::Fit => self.act(Action::Fit, state, requests),
+                DisplayAction::Screenshot => self.act(Action::Picture, state, requests),
+                DisplayAction::Bookmark => {
+                    let number = self.bookmarks.keep(self.scene_view.navigator.view);
+                    self.line = number.map_or_else(
+                        || "all nine places are taken".to_owned(),
+                        |number| format!("saved as place {number}"),
+                    );
+                }
+                // Not among the supported actions.
+                DisplayAction::Panels => (),
+                DisplayAction::Proposal(k) => {
+                    if let Some(at) = state.proposal_at(self.scene.bounds, k.into()) {
+                        let view = &mut self.scene_view.navigator.view;
+                        *view = turned_to(*view, at);
+                    }
+                }
+                DisplayAction::Place(number) => {
+                    if let Some(view) = self.bookmarks.place(number) {
+                        self.scene_view.navigator.view = view;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Moves the leak or the threshold of the last walk along its range, of which the whole is 1.
+    fn drag_parameter(&mut self, by: f64, state: &ViewState, requests: &mut Vec<Request>) {
+        if by == 0.0 {
+            return;
+        }
+        let which = self.tools.walk_parameter;
+        let output = self.drag.0.turn(which, by, state);
+        match self.drag.0.tuning(state) {
+            Some(tuning) => self.line = format!("{} {}", which.name(), which.written(tuning)),
+            None => self.line = format!("brush a Region first: {} belongs to its last stroke", which.name()),
+        }
+        if output.is_some() {
+            self.drag.1 = Instant::now();
+        }
+        requests.extend(output);
+    }
+
+    /// Takes what keys and the wheel made of the last walk once they rest.
+    fn release_after_rest(&mut self, ui: &Ui, state: &ViewState, requests: &mut Vec<Request>) {
+        if self.drag.0.is_held() {
+            match DRAG_TIMEOUT.checked_sub(self.drag.1.elapsed()) {
+                Some(left) => ui.ctx().request_repaint_after(left),
+                None => requests.extend(self.drag.0.release(state.scene.revision())),
+            }
+        }
+    }
+
+    /// Hands requests in. What is said is said about what is seen here: the view is shared first.
+    fn ask(&mut self, requests: Vec<Request>, newest: &ViewState) {
+        for request in requests {
+            if matches!(request, Request::Say(_)) && self.scene_view.navigator.view != newest.scene.view() {
+                self.shared = self.scene_view.navigator.view;
+                let change = Some(set_view::Change::View(encode_view(&self.shared)));
+                self.view_port.send(Request::Change(Box::new(command::Action::SetView(SetView { change }))));
+            }
+            if !self.view_port.send(request) {
+                self.line = "too many requests at once: the last one was refused".to_owned();
+            }
+        }
+    }
+
+    pub(super) fn act(&mut self, action: Action, state: &ViewState, requests: &mut Vec<Request>) {
+        let change = |action| Request::Change(Box::new(action));
+        let (scene, selection) = (state.services.scene, state.services.selection);
+        match action {
+            Action::Help => self.help = !self.help,
+            Action::Navigate => self.scene_view.mouse_tool = MouseTool::Navigate,
+            Action::Brush => self.scene_view.mouse_tool = MouseTool::Brush,
+            Action::Lasso => self.scene_view.mouse_tool = MouseTool::Lasso,
+            Action::Rectangle => self.scene_view.mouse_tool = MouseTool::Rectangle,
+            Action::Walk => self.tools.mode = BrushMode::Walk,
+            Action::Cluster => self.tools.mode = BrushMode::Cluster,
+            Action::Point => self.tools.mode = BrushMode::Point,
+            Action::Wider => self.tools.widen(WIDER),
+            Action::Narrower => self.tools.widen(1.0 / WIDER),
+            Action::Depth => {
+                self.tools.front_only = !self.tools.front_only;
+                let reach = if self.tools.front_only { "only the front" } else { "the back too" };
+                self.line = format!("brush, lasso and rectangle reach {reach}");
+            }
+            Action::Less => self.drag_parameter(PARAMETER_STEPS.0, state, requests),
+            Action::More => self.drag_parameter(-PARAMETER_STEPS.0, state, requests),
+            Action::NextParameter => {
+                self.tools.walk_parameter = self.tools.walk_parameter.other();
+                self.line = format!("keys and the wheel change {}", self.tools.walk_parameter.name());
+            }
+            Action::Undo if scene => requests.push(change(command::Action::Undo(Undo { steps: 1 }))),
+            Action::Redo if scene => requests.push(change(command::Action::Redo(Redo { steps: 1 }))),
+            Action::Clear if selection => {
+                requests.push(Request::Select(StrokesRequest { restart: true, ..StrokesRequest::default() }));
+            }
+            Action::Invert if selection => {
+                let operation = SelectionOperation {
+                    operation: Some(selection_operation::Operation::Invert(Invert {})),
+                    ..SelectionOperation::default()
+                };
+                let step = SelectionStep { step: Some(selection_step::Step::Operation(operation)) };
+                requests.push(Request::Select(StrokesRequest { steps: vec![step], ..StrokesRequest::default() }));
+            }
+            Action::Undo | Action::Redo | Action::Clear | Action::Invert => {
+                self.line = "the service for this does not answer".to_owned();
+            }
+            Action::Name => {
+                self.panels_shown = true;
+                self.panels.name_selection();
+            }
+            Action::Say => {
+                self.panels_shown = true;
+                self.panels.say_something();
+            }
+            Action::Fit => self.scene_view.navigator.frame(framed_box(&self.scene)),
+            Action::NavigationMode => {
+                let navigator = &mut self.scene_view.navigator;
+                navigator.navigation_mode = navigator.navigation_mode.next();
+            }
+            Action::Picture => self.export_picture(state),
+            Action::Turntable => self.export_turn(state),
+            Action::Stereo => self.scene_view.stereo = !self.scene_view.stereo,
+            Action::Panels => self.panels_shown = !self.panels_shown,
+            Action::Theme => self.tools.light_panels = !self.tools.light_panels,
+            Action::NextDisplayMode => self.tools.display_mode = next_display_mode(self.tools.display_mode, state),
+            Action::Close => self.closes = true,
+            Action::Abandon => {
+                self.scene_view.abandon();
+                requests.extend(self.drag.0.abandon());
+                self.help = false;
+            }
+        }
+    }
+
+    /// The look that pictures are kept with: without what is highlighted only until it is decided.
+    fn export_appearance(&mut self, state: &ViewState) -> sg_scene::appearance::Appearance {
+        let Self { scene, appearance_builder, tools, .. } = self;
+        appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_ref(), tools)
+    }
+
+    fn export_picture(&mut self, state: &ViewState) {
+        let appearance = self.export_appearance(state);
+        let [width, height] = self.scene_view.size();
+        let camera = self.scene_view.navigator.view.camera(width, height);
+        self.exporter.export(ExportJob::Picture(Box::new(camera), appearance));
+    }
+
+    fn export_turn(&mut self, state: &ViewState) {
+        let appearance = self.export_appearance(state);
+        self.exporter.export(ExportJob::Turn(self.scene_view.navigator.view, self.scene_view.size(), appearance));
+        self.line = "drawing a turn around the scene".to_owned();
+    }
+
+    /// Files that were dropped on the window: a camera is looked from, a scene or volume opened beside.
+    fn take_dropped_files(&mut self, ui: &Ui, requests: &mut Vec<Request>) {
+        for path in ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_path_buf()).collect::<Vec<_>>()) {
+            let view = &mut self.scene_view.navigator.view;
+            self.line = match file_drop::read(&path, view.target) {
+                Ok(DroppedFile::View(seen)) => {
+                    *view = seen;
+                    format!("view from {}", path.display())
+                }
+                Ok(DroppedFile::Other) => {
+                    let line = format!("opening {}", path.display());
+                    requests.push(Request::Open(path));
+                    line
+                }
+                Err(why) => why,
+            };
+        }
+    }
+}
+
+/// A view of a place from the same direction and distance.
+fn turned_to(view: View, at: DVec3) -> View {
+    View { eye: at + (view.eye - view.target), target: at, ..view }
+}
+
+/// The views of the structure one after another, those alone that there is something for.
+fn next_display_mode(now: DisplayMode, state: &ViewState) -> DisplayMode {
+    let clusters = [DisplayMode::Clusters, DisplayMode::FirstComponent, DisplayMode::Outlines];
+    let attributes = [Attribute::Scale, Attribute::Anisotropy, Attribute::Opacity, Attribute::Normal];
+    let all: Vec<DisplayMode> = std::iter::once(DisplayMode::Scene)
+        .chain(clusters.into_iter().filter(|_| state.clusters.is_some()))
+        .chain(attributes.into_iter().map(DisplayMode::Attribute))
+        .collect();
+    let at = all.iter().position(|s| *s == now).unwrap_or(0);
+    all.get(at + 1).copied().unwrap_or_default()
+}

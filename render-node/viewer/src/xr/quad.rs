@@ -1,0 +1,20 @@
+//! Panels as quad layers of a frame.
+
+use crate::hands::Rectangle;
+
+/// A panel's images, made by [`super::Headset::panel`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct PanelId {
+    pub(super) at: usize,
+    /// Which session it was made in.
+    pub(super) session: u64,
+}
+
+/// A panel as it hangs in the room.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quad {
+    /// The panel.
+    pub panel: PanelId,
+    /// Where it hangs and how large it is.
+    pub place: Rectangle,
+}

@@ -1,0 +1,295 @@
+//! The 3D prompt: brush, operations on the selection, saving.
+
+use std::sync::Arc;
+
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use sg_proto::scene::command::Action;
+use sg_proto::scene::selection_operation::Operation;
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{Combine, SaveUnit};
+use sg_proto::selection::{ProposalsReply, StrokesRequest};
+use sg_scene::mask::Mask;
+use sg_viewer::display::{BrushMode, Request, ServiceAvailability, Tools, WalkParameter};
+use sg_viewer::panels::{DisplayAction, Panel, PanelHost};
+
+use crate::scene_requests::changes;
+use crate::stage::{Stage, harness, press};
+
+fn prompt() -> Harness<'static, Stage> {
+    harness(Stage::new(Panel::Select))
+}
+
+/// What pressing this asks of the selection.
+#[track_caller]
+fn asks(harness: &mut Harness<'_, Stage>, label: &str) -> StrokesRequest {
+    harness.state_mut().asked.clear();
+    press(harness, label);
+    let asked: Vec<_> = harness.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
+    let [Request::Select(request)] = asked.as_slice() else { panic!("{label}: {asked:?}") };
+    request.clone()
+}
+
+fn operation(request: &StrokesRequest) -> (Operation, Combine) {
+    assert!(!request.restart && request.strokes.is_empty());
+    let [step] = request.steps.as_slice() else { panic!("{request:?}") };
+    let Some(Step::Operation(operation)) = &step.step else { panic!("{request:?}") };
+    (operation.operation.clone().unwrap(), operation.combine())
+}
+
+#[test]
+fn the_brush_is_set_for_this_display() {
+    let mut panel = prompt();
+    for mode in [BrushMode::Cluster, BrushMode::Point, BrushMode::Walk] {
+        press(&mut panel, mode.name());
+        assert_eq!(panel.state().tools.mode, mode);
+    }
+    press(&mut panel, "pressure of the trigger narrows the brush");
+    assert!(panel.state().tools.pressure);
+    let slider = panel.get_by_label("brush width").rect();
+    panel.drag_at(slider.right_center() - egui::vec2(2.0, 0.0));
+    panel.run();
+    panel.drop_at(slider.right_center() - egui::vec2(2.0, 0.0));
+    panel.run();
+    assert!(panel.state().tools.radius > 0.2 && panel.state().tools.radius <= Tools::RADII.1);
+    assert_eq!(panel.state().asked, []);
+    panel.state_mut().panels.host = PanelHost::Window;
+    panel.run();
+    assert!(panel.query_by_label_contains("pressure").is_none(), "a mouse has none");
+}
+
+#[test]
+fn the_selection_is_counted_and_highlighted() {
+    let mut panel = prompt();
+    assert!(panel.query_by_label("80 of 1\u{a0}000 Gaussians (8.0 %)").is_some());
+    assert!(panel.query_by_label_contains("Updating").is_none());
+    panel.state_mut().shown.uncommitted = true;
+    panel.run();
+    assert!(panel.query_by_label_contains("Updating").is_some());
+    press(&mut panel, "colour of the selection");
+    press(&mut panel, "yellow");
+    let tools = &panel.state().tools;
+    assert!(tools.highlight.x > 0.9 && tools.highlight.z < 0.3, "{:?}", tools.highlight);
+    assert_eq!(panel.state().asked, []);
+}
+
+#[test]
+fn operations_are_steps_of_the_selection() {
+    let mut panel = prompt();
+    let cleared = asks(&mut panel, "clear");
+    assert!(cleared.restart && cleared.steps.is_empty() && cleared.strokes.is_empty());
+    let mut of = |label: &str| operation(&asks(&mut panel, label));
+    assert!(matches!(of("invert"), (Operation::Invert(_), Combine::Unspecified)));
+    assert!(matches!(of("largest piece"), (Operation::LargestPieces(p), Combine::Unspecified) if p.keep == 1));
+    assert!(matches!(of("grow"), (Operation::Grow(g), Combine::Unspecified) if g.distance == 0.005));
+    assert!(matches!(of("shrink"), (Operation::Shrink(g), Combine::Unspecified) if g.distance == 0.005));
+    assert!(matches!(of("fill holes"), (Operation::FillHoles(h), Combine::Unspecified) if h.most == 100));
+    assert!(matches!(of("add similar"), (Operation::Similar(s), Combine::Add) if s.threshold == 2.0));
+
+    // Of nothing there is nothing to grow, but what is not selected can be.
+    panel.state_mut().shown.selected = Arc::new(Mask::empty(1000));
+    panel.state_mut().asked.clear();
+    for label in ["clear", "largest piece", "grow", "shrink", "fill holes", "add similar"] {
+        press(&mut panel, label);
+        assert_eq!(panel.state().asked, [], "{label}");
+    }
+    assert!(matches!(operation(&asks(&mut panel, "invert")), (Operation::Invert(_), _)));
+}
+
+#[test]
+fn a_selection_is_saved_under_a_free_name() {
+    let mut panel = prompt();
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("  dome ");
+    panel.run();
+    assert_eq!(panel.state().asked, []);
+    press(&mut panel, "save");
+    let save = |name: &str, replace| Action::SaveUnit(SaveUnit { name: name.to_owned(), replace });
+    assert_eq!(changes(&panel.state().asked), [save("dome", false)]);
+    panel.state_mut().asked.clear();
+    press(&mut panel, "save");
+    assert_eq!(panel.state().asked, [], "the name was used up");
+
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("dome 2");
+    panel.key_press(egui::Key::Enter);
+    panel.run();
+    assert_eq!(changes(&panel.state().asked), [save("dome 2", false)]);
+}
+
+#[test]
+fn the_field_for_the_name_is_found_though_it_was_folded_away() {
+    let mut panel = prompt();
+    press(&mut panel, "Save as a unit");
+    assert!(panel.query_by_label("name of the new unit").is_none());
+    panel.state_mut().panels.name_selection();
+    panel.run();
+    panel.run();
+    panel.get_by_label("name of the new unit").type_text("dome");
+    panel.key_press(egui::Key::Enter);
+    panel.run();
+    assert_eq!(changes(&panel.state().asked).len(), 1);
+}
+
+#[test]
+fn a_unit_is_replaced_only_when_that_was_said_twice() {
+    let mut panel = prompt();
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("SAC");
+    panel.run();
+    press(&mut panel, "save");
+    assert_eq!(panel.state().asked, []);
+    press(&mut panel, "keep it");
+    assert!(panel.query_by_label("replace it").is_none());
+    press(&mut panel, "save");
+    press(&mut panel, "replace it");
+    let replaced = Action::SaveUnit(SaveUnit { name: "sac".to_owned(), replace: true });
+    assert_eq!(changes(&panel.state().asked), [replaced]);
+
+    panel.state_mut().asked.clear();
+    press(&mut panel, "name of the new unit");
+    panel.get_by_label("name of the new unit").type_text("vessel");
+    panel.run();
+    assert!(panel.query_by_label_contains("is a base unit of the file").is_some());
+    press(&mut panel, "save");
+    assert_eq!(panel.state().asked, []);
+}
+
+#[test]
+fn without_the_services_their_controls_are_not_there() {
+    let mut stage = Stage::new(Panel::Select);
+    stage.shown.services = ServiceAvailability { scene: true, ..ServiceAvailability::default() };
+    let mut panel = harness(stage);
+    for label in ["Region", "brush width", "clear", "invert", "grow", "add similar"] {
+        assert!(panel.query_by_label(label).is_none(), "{label}");
+    }
+    assert!(panel.query_by_label("save").is_some());
+    panel.state_mut().shown.services = ServiceAvailability { selection: true, ..ServiceAvailability::default() };
+    panel.run();
+    for label in ["save", "name of the new unit", "undo"] {
+        assert!(panel.query_by_label(label).is_none(), "{label}");
+    }
+    assert!(panel.query_by_label("grow").is_some());
+}
+
+#[test]
+fn the_wrist_menu_has_modes_steps_back_and_what_its_room_does() {
+    let mut stage = Stage::new(Panel::Wrist);
+    let mut menu = harness(std::mem::replace(&mut stage, Stage::new(Panel::Wrist)));
+    for label in ["panels", "fit all"] {
+        assert!(menu.query_by_label(label).is_none(), "{label} is nobody's");
+    }
+    press(&mut menu, "Patch");
+    assert_eq!(menu.state().tools.mode, BrushMode::Cluster);
+    stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
+    stage.shown.services = ServiceAvailability { scene: true, ..ServiceAvailability::default() };
+    let mut menu = harness(stage);
+    assert!(menu.query_by_label("Region").is_none(), "no selection process");
+    for label in ["undo", "redo", "panels", "fit all", "keep this place"] {
+        press(&mut menu, label);
+    }
+    let asked = &menu.state().asked;
+    let changes: Vec<_> = asked.iter().flat_map(|o| &o.requests).collect();
+    assert!(
+        matches!(changes.as_slice(), [Request::Change(a), Request::Change(b)]
+            if matches!(**a, Action::Undo(_)) && matches!(**b, Action::Redo(_))),
+        "{changes:?}"
+    );
+    let actions: Vec<_> = asked.iter().flat_map(|o| o.actions.clone()).collect();
+    assert_eq!(actions, [DisplayAction::Panels, DisplayAction::Fit, DisplayAction::Bookmark]);
+}
+
+/// Drags a slider to a share of its length and lets go there.
+fn slide(panel: &mut Harness<'_, Stage>, label: &str, shares: &[f32]) {
+    let slider = panel.get_by_label(label).rect();
+    let at = |share: f32| egui::pos2(slider.left() + share * slider.width(), slider.center().y);
+    for share in shares {
+        panel.drag_at(at(*share));
+        panel.run();
+    }
+    panel.drop_at(at(shares[shares.len() - 1]));
+    panel.run();
+}
+
+#[test]
+fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
+    let mut panel = prompt();
+    for label in ["Reach", "Strictness", "where to brush next?"] {
+        assert!(panel.query_by_label(label).is_none(), "{label} without a walk");
+    }
+    panel.state_mut().walk();
+    panel.run();
+    // In a room the section is folded until somebody wants it.
+    assert!(panel.query_by_label("Reach").is_none());
+    press(&mut panel, "Reach and Strictness");
+    for (label, leak) in [("Reach", true), ("Strictness", false)] {
+        panel.state_mut().asked.clear();
+        slide(&mut panel, label, &[0.5, 0.7, 0.8]);
+        let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
+        let Some((Request::Select(taken), trial_tuning)) = asked.split_last() else { panic!("{label}: {asked:?}") };
+        let [step] = taken.steps.as_slice() else { panic!("{taken:?}") };
+        let Some(Step::Tuning(tuning)) = step.step else { panic!("{step:?}") };
+        assert!(trial_tuning.len() >= 2 && trial_tuning.last() == Some(&Request::Tune(tuning)), "{label}: {asked:?}");
+        match leak {
+            true => {
+                // To the right selects more, and less leak reaches farther.
+                assert!((3e-4..1.5e-3).contains(&tuning.leak) && tuning.threshold == 1e-12, "{tuning:?}");
+                let leaks: Vec<f64> = trial_tuning
+                    .iter()
+                    .filter_map(|r| if let Request::Tune(t) = r { Some(t.leak) } else { None })
+                    .collect();
+                assert!(leaks.windows(2).all(|pair| pair[1] < pair[0]), "{leaks:?}");
+            }
+            false => assert!((0.4..0.7).contains(&tuning.threshold), "{tuning:?}"),
+        }
+    }
+    press(&mut panel, "tune Strictness");
+    assert_eq!(panel.state().tools.walk_parameter, WalkParameter::Threshold);
+}
+
+#[test]
+fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
+    let mut panel = prompt();
+    panel.state_mut().walk();
+    panel.run();
+    // In a room the section is folded until somebody wants it.
+    assert!(panel.query_by_label("Reach").is_none());
+    press(&mut panel, "Reach and Strictness");
+    let slider = panel.get_by_label("Reach").rect();
+    panel.drag_at(slider.center());
+    panel.run();
+    let left = panel.state_mut().panels.put_away(Panel::Select);
+    assert!(matches!(left.requests.as_slice(), [Request::Select(_)]), "{left:?}");
+}
+
+#[test]
+fn places_for_a_next_stroke_are_asked_for_and_looked_at() {
+    let mut panel = prompt();
+    panel.state_mut().walk();
+    panel.run();
+    // In a room the section is folded until somebody wants it.
+    assert!(panel.query_by_label("Reach").is_none());
+    press(&mut panel, "Reach and Strictness");
+    press(&mut panel, "where to brush next?");
+    let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
+    assert_eq!(asked, [Request::Propose(5)]);
+    let first = "1: about 1\u{a0}210 Gaussians would change";
+    panel.state_mut().asked.clear();
+    press(&mut panel, first);
+    assert_eq!(panel.state().asked, [], "a display that cannot turn there shows it alone");
+    panel.state_mut().panels.supported_actions = vec![DisplayAction::Proposal(0)];
+    panel.run();
+    press(&mut panel, first);
+    assert_eq!(
+        panel.state().asked.iter().flat_map(|o| o.actions.clone()).collect::<Vec<_>>(),
+        [DisplayAction::Proposal(0)]
+    );
+    // About another selection they say nothing.
+    let shown = &mut panel.state_mut().shown;
+    shown.proposals = shown
+        .proposals
+        .as_ref()
+        .map(|p| Arc::new(ProposalsReply { selection_hash: "other".to_owned(), ..ProposalsReply::clone(p) }));
+    panel.run();
+    assert!(panel.query_by_label(first).is_none());
+}

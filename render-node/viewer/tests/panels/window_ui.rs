@@ -1,0 +1,135 @@
+//! The window's content without a window: what files that are dropped, and drags of the mouse, ask for.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use egui::{Pos2, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use sg_gpu::backend::{self, Engine};
+use sg_proto::scene::{InLasso, selection_operation, selection_step};
+use sg_viewer::display::{Backend, Request, ServiceAvailability, Tools, ViewPort, ViewState};
+use sg_viewer::window::{MouseTool, Settings, WindowUi};
+
+use crate::stage::{after, scene};
+
+/// A desk that a mouse works on with a tool, and the other side of its seat.
+fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
+    let scene = scene();
+    let state = after(&scene, []);
+    let services = ServiceAvailability { scene: true, selection: true, agents: true };
+    let (view_port, service) = ViewPort::new(ViewState { services, ..ViewState::of(state) });
+    let engine = Engine::new(sg_scene::model::Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
+    let settings = Settings { panels: false, mouse_tool, ..Settings::default() };
+    let tools = Tools::default();
+    let window_ui =
+        WindowUi::new(Arc::clone(&scene), engine, (view_port, tools), folder.to_owned(), &settings, || ()).unwrap();
+    let harness = Harness::builder()
+        .with_size(Vec2::new(800.0, 600.0))
+        .build_ui_state(|ui, window_ui| window_ui.show(ui), window_ui);
+    (harness, service)
+}
+
+/// A file as the window's system hands it over.
+#[derive(Debug)]
+struct File(PathBuf);
+
+impl egui::DroppedFile for File {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        Err("nobody reads it here".to_owned())
+    }
+}
+
+#[test]
+fn dropped_scenes_and_volumes_are_asked_to_be_opened_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
+    harness.step();
+    let files = ["/data/heart.ply", "/data/notes.pdf", "/data/skull/scene.toml", "/data/Tooth_2x2x2_uint8.RAW.zst"];
+    for file in files {
+        harness.input_mut().dropped_files.push(Arc::new(File(file.into())));
+    }
+    harness.step();
+    let asked: Vec<_> = service.requests.try_iter().collect();
+    let opened = [files[0], files[2], files[3]].map(|file| Request::Open(file.into()));
+    assert_eq!(asked, opened);
+    harness.step();
+    assert_eq!(service.requests.try_iter().count(), 0, "a file is dropped once");
+}
+
+#[test]
+fn a_line_that_tells_something_is_read_along_and_not_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
+    // The place of lines has been shown empty before.
+    harness.run_steps(3);
+    let said = "tooth.raw: as soon as Gaussians are made of it, a window of its own opens (session tooth-0123abcd)";
+    service.writer.notice(said, false);
+    harness.run_steps(3);
+    let line = harness.get_by_label(said).rect();
+    assert!(line.width() > 8.0 * line.height() && line.width() < 700.0, "{line:?}");
+}
+
+#[test]
+fn the_list_of_shortcuts_stays_within_a_small_window() {
+    for size in [Vec2::new(1440.0, 900.0), Vec2::new(1280.0, 720.0), Vec2::new(720.0, 450.0)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut harness, _service) = desk(MouseTool::Navigate, folder.path());
+        harness.set_size(size);
+        harness.step();
+        harness.event(egui::Event::Text("?".to_owned()));
+        harness.key_press(egui::Key::Questionmark);
+        harness.run_steps(4);
+        let window = egui::Rect::from_min_size(Pos2::ZERO, size);
+        for seen in ["Keys and mouse", "?", "this list"] {
+            let rects: Vec<_> = harness.get_all_by_label(seen).map(|n| n.rect()).collect();
+            assert!(rects.iter().all(|r| window.contains_rect(*r)), "{seen} at {rects:?} of {size:?}");
+        }
+        // All of it where there is room, without scrolling.
+        let last = harness.get_by_label("fly, in that manner").rect();
+        let list = harness.ctx.memory(|m| m.area_rect(egui::Id::unique("help"))).unwrap();
+        assert!(window.contains_rect(list), "{list:?} of {size:?}");
+        assert!(list.contains_rect(last) || size.y < 700.0, "{last:?} in {list:?} of {size:?}");
+        let longest = harness.get_by_label_contains("nearer, further").rect();
+        assert!(longest.min.x > 0.0 && longest.max.x < size.x, "{longest:?} of {size:?}");
+    }
+}
+
+/// What is drawn around by a drag with a tool: corners, pixels of the picture.
+fn drawn(mouse_tool: MouseTool, places: &[Pos2]) -> Option<Vec<Vec2>> {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk(mouse_tool, folder.path());
+    harness.step();
+    harness.hover_at(places[0]);
+    harness.step();
+    harness.drag_at(places[0]);
+    for place in places {
+        harness.hover_at(*place);
+        harness.step();
+    }
+    harness.drop_at(places[places.len() - 1]);
+    harness.step();
+    let lasso = service.requests.try_iter().find_map(|request| {
+        let Request::Select(strokes) = request else { return None };
+        let Some(selection_step::Step::Operation(operation)) = strokes.steps.first()?.step.clone() else { return None };
+        let Some(selection_operation::Operation::Lasso(lasso)) = operation.operation else { return None };
+        Some(lasso)
+    });
+    lasso.map(|InLasso { polygon, .. }| polygon.chunks(2).map(|c| Vec2::new(c[0] as f32, c[1] as f32)).collect())
+}
+
+#[test]
+fn a_lasso_and_a_rectangle_begin_where_the_button_was_pressed() {
+    // A mouse that jumps: the first place after the press is well beyond where a drag is told from a click.
+    let places = [Pos2::new(200.0, 200.0), Pos2::new(230.0, 205.0), Pos2::new(260.0, 290.0), Pos2::new(205.0, 280.0)];
+    let rectangle = drawn(MouseTool::Rectangle, &places).unwrap();
+    let [first, _, last, _] = rectangle[..] else { panic!("{rectangle:?}") };
+    assert_eq!(first - last, places[0] - places[3]);
+    let lasso = drawn(MouseTool::Lasso, &places).unwrap();
+    let legs: Vec<_> = lasso.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert_eq!(legs, places.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
+}
