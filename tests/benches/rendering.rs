@@ -21,9 +21,9 @@ use clap::Parser;
 use glam::{DMat4, DVec3};
 use sg_formats::load::{LoadOptions, load};
 use sg_formats::save::{SaveOptions, save};
-use sg_gpu::{Gpu, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
+use sg_gpu::{Gpu, PassSeconds, Rasterizer, Renderer, Settings, DeviceClass};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -256,7 +256,7 @@ fn read(path: &Path) -> Image {
 
 fn main() {
     let arguments = Arguments::parse();
-    let gpu = Gpu::open(Wanted::Any).inspect_err(|e| println!("SKIPPED on the device: {e}")).ok();
+    let gpu = Gpu::open(DeviceClass::Any).inspect_err(|e| println!("SKIPPED on the device: {e}")).ok();
     let chosen = |name: &str| arguments.only.is_empty() || arguments.only.iter().any(|o| name.contains(o.as_str()));
     let mut rows = Vec::new();
     println!("{}", heading(gpu.as_ref()));

@@ -12,9 +12,9 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use sg_gpu::{Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings, Wanted};
+use sg_gpu::{Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings, DeviceClass};
 use sg_raster::image::Image;
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::framing;
@@ -29,7 +29,7 @@ const SIZE: u32 = 256;
 fn main() {
     let gaussians = argument("--gaussians", 168_000) as usize;
     let rounds = argument("--rounds", 15) as usize;
-    let Ok(gpu) = Gpu::open(Wanted::Any).inspect_err(|e| println!("SKIPPED: {e}")) else { return };
+    let Ok(gpu) = Gpu::open(DeviceClass::Any).inspect_err(|e| println!("SKIPPED: {e}")) else { return };
     println!("{}; {gaussians} Gaussians, {SIZE} x {SIZE}, {rounds} rounds\n", gpu.name());
     println!(
         "| scene | bytes a Gaussian | project and shade, ms: least / median | list, ms | all, ms | against full precision |"

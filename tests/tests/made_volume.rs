@@ -13,9 +13,9 @@ use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::Silent;
 use sg_fit::direct::{Options, direct_start};
 use sg_scene::model::Scene;
-use sg_selection::metrics::Agreement;
+use sg_selection::mask_agreement::Agreement;
 use sg_selection::session::SelectionSession;
-use sg_selection::space::{SelectionSpace, WalkOptions};
+use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::strokes::{Kind, Mode, Stroke};
 use sg_volume::phantom::{VesselTree, transfer_function};
 
@@ -25,7 +25,7 @@ const STROKES: usize = 20;
 
 struct Made {
     tree: VesselTree,
-    space: Arc<SelectionSpace>,
+    space: Arc<SelectionIndex>,
     /// Whether each Gaussian belongs to the sac.
     truth: Vec<bool>,
 }
@@ -40,7 +40,7 @@ impl Made {
         let geometry = Geometry::of_scene(&scene, GeometryOptions::default(), &Silent).unwrap();
         let (clustering, _) = cluster(&geometry, &ClusteringOptions::default(), &Silent).unwrap();
         let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
-        let space = SelectionSpace::of_clusters(&scene, &clustering, &graph, WalkOptions::default());
+        let space = SelectionIndex::of_clusters(&scene, &clustering, &graph, WalkOptions::default());
         Self { tree, space: Arc::new(space), truth }
     }
 

@@ -19,7 +19,7 @@ use nix::unistd::Pid;
 use sg_edit::EditState;
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::backend::{Backend, Engine};
-use sg_gpu::{Gpu, Rasterizer, Wanted};
+use sg_gpu::{Gpu, Rasterizer, DeviceClass};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::OpenRequest;
 use sg_proto::scene::State;
@@ -466,7 +466,7 @@ fn picture(screen: &Screen) -> Vec<[u8; 3]> {
 #[test]
 fn pictures_that_stay_on_the_device_are_those_that_are_copied_and_come_back_when_it_is_lost() {
     let Some(screen) = Screen::open().unwrap() else { return };
-    if let Err(error) = Gpu::open(Wanted::Any) {
+    if let Err(error) = Gpu::open(DeviceClass::Any) {
         assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");
         eprintln!("SKIPPED: {error}");
         return;

@@ -8,21 +8,21 @@ use std::time::{Duration, Instant};
 use glam::{DVec3, Vec3};
 use sg_edit::EditState;
 use sg_edit::wire::encode_color;
-use sg_formats::known::read_known;
+use sg_formats::load_verified::load_verified;
 use sg_gpu::GpuError;
 use sg_gpu::backend::Engine;
 use sg_proto::keys::{self, role};
 use sg_proto::render as proto;
 use sg_proto::selection::Preview;
 use sg_raster::image::Image;
-use sg_raster::metrics::FOOTPRINT;
+use sg_raster::image_error::FOOTPRINT;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick::{SURFACE, front_ids};
 use sg_raster::render::{Options, Projection, Quality, Rendered};
 use sg_raster::report::StageSeconds;
-use sg_runtime::actor::{Actor, Reply};
+use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::blobs::Blobs;
-use sg_runtime::bus::{Bus, Owned};
+use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::metrics::{self, Metric};
@@ -80,7 +80,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
     let geometry = state.geometry();
     let path = host.scene_path(&geometry.path, &geometry.hash).await?;
-    let scene = tokio::task::block_in_place(|| read_known(&path, &geometry.hash))
+    let scene = tokio::task::block_in_place(|| load_verified(&path, &geometry.hash))
         .map_err(|e| StartError::Input(e.to_string()))?;
     let gaussians = scene.len() as u64;
     if params.display != Display::None {
@@ -92,7 +92,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let (backend, rasterizer) = (params.backend, params.rasterizer);
     let mut engine = tokio::task::block_in_place(|| Engine::new(scene, backend, rasterizer))
         .map_err(|e| StartError::Failed(e.to_string()))?;
-    if let Some(trouble) = engine.take_trouble() {
+    if let Some(trouble) = engine.take_fallback_error() {
         tracing::warn!("{trouble}");
     }
     tracing::info!(gaussians, engine = engine.name(), "scene read");
@@ -118,7 +118,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         clusters: ClusterLabels::default(),
         state: state.clone(),
         pool: threads().map_err(|e| StartError::Failed(format!("threads to draw with: {e}")))?,
-        owned: host.bus().own(row, status.clone()).await?,
+        owned: host.bus().retain(row, status.clone()).await?,
         status,
         preview_feed: preview::follow(host.bus()).await?,
         params,
@@ -147,15 +147,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         });
     } else {
         let picks = mailbox.clone();
-        host.serve(&keys::PICK, QUEUE, move |request, context| {
-            let mailbox = picks.clone();
-            async move { mailbox.ask(context.deadline, |reply| Message::Pick { request, context, reply }).await }
-        })
+        host.route(&keys::PICK, QUEUE, &picks, |request, context, reply| Message::Pick { request, context, reply })
         .await?;
-        host.serve(&keys::CAPTURE, QUEUE, move |request, context| {
-            let mailbox = mailbox.clone();
-            async move { mailbox.ask(context.deadline, |reply| Message::Capture { request, context, reply }).await }
-        })
+        host.route(&keys::CAPTURE, QUEUE, &mailbox, |request, context, reply| Message::Capture { request, context, reply })
         .await?;
     }
     Ok(())
@@ -199,7 +193,7 @@ struct RenderActor {
     state: watch::Receiver<SceneReplica>,
     /// All of a picture is made in it, so that none of that work keeps a hand waiting.
     pool: Arc<rayon::ThreadPool>,
-    owned: Owned<proto::State>,
+    owned: RetainedValue<proto::State>,
     status: proto::State,
     clusters: ClusterLabels,
     /// The newest preview of the selection.
@@ -233,7 +227,7 @@ impl Actor for RenderActor {
         RenderStatus(self.status.clone())
     }
 
-    async fn handle(&mut self, message: Message) -> Result<(), String> {
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
         match message {
             Message::View { context, done } => {
                 self.draw_view(&context).await;
@@ -425,7 +419,7 @@ impl RenderActor {
             GpuError::Input(_) | GpuError::Views(_) => Fault::invalid(e.to_string()),
             _ => Fault::exhausted(e.to_string()),
         })?;
-        if let Some(trouble) = self.engine.take_trouble() {
+        if let Some(trouble) = self.engine.take_fallback_error() {
             tracing::warn!("{trouble}; the cores draw");
             self.status.engine = self.engine.name();
         }

@@ -289,7 +289,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         GpuError::Input(_) => Failure::input(e),
         _ => Failure::work(e),
     })?;
-    if let Some(trouble) = engine.take_trouble() {
+    if let Some(trouble) = engine.take_fallback_error() {
         eprintln!("warning: {trouble}");
     }
     let scene = engine.scene();

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use sg_fit::{Options, direct_start};
-use sg_raster::metrics::Difference;
+use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;

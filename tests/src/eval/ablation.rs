@@ -6,7 +6,7 @@ use sg_clusters::clustering::{ClusteringOptions, Level, Method};
 use sg_clusters::features::FeatureKind;
 use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::Silent;
-use sg_selection::space::{Background, WalkOptions};
+use sg_selection::selection_index::{Background, WalkOptions};
 use sg_selection::strokes::Mode;
 
 use super::hand::{Hand, scene_graph};

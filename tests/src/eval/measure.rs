@@ -10,9 +10,9 @@ use sg_clusters::cluster_graph::ClusterGraph;
 use sg_clusters::clustering::{Clustering, ClusteringOptions, ClusteringReport, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_clusters::progress::Silent;
-use sg_selection::metrics::{Agreement, PartitionAgreement, best_union_iou};
+use sg_selection::mask_agreement::{Agreement, PartitionAgreement, best_union_iou};
 use sg_selection::session::SelectionSession;
-use sg_selection::space::{SelectionSpace, WalkOptions};
+use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::strokes::Mode;
 
 use super::EvalError;
@@ -191,15 +191,15 @@ pub fn play(
 ) -> Result<WalkRow, EvalError> {
     let scene = &subject.scene;
     let space = match with {
-        With::GaussianWalk(options) => SelectionSpace::of_gaussians(scene, geometry, clustering, options),
+        With::GaussianWalk(options) => SelectionIndex::of_gaussians(scene, geometry, clustering, options),
         With::Walk(options) | With::WalkOfThree(options) => {
             let graph = ClusterGraph::new(geometry, clustering, options.form)?;
-            SelectionSpace::of_clusters(scene, clustering, &graph, options)
+            SelectionIndex::of_clusters(scene, clustering, &graph, options)
         }
         With::Hits(_) => {
             let options = WalkOptions::default();
             let graph = ClusterGraph::new(geometry, clustering, options.form)?;
-            SelectionSpace::of_clusters(scene, clustering, &graph, options)
+            SelectionIndex::of_clusters(scene, clustering, &graph, options)
         }
     };
     let space = Arc::new(space);

@@ -9,7 +9,7 @@ use sg_gpu::backend::Engine;
 use sg_proto::keys;
 use sg_proto::render::State;
 use sg_raster::render::Quality;
-use sg_runtime::bus::Owned;
+use sg_runtime::bus::RetainedValue;
 use sg_runtime::context::Context;
 use sg_runtime::process::{Host, StartError};
 use sg_scene::model::Scene;
@@ -56,7 +56,7 @@ pub(super) async fn open(
     let first = ViewState::of(Arc::clone(&state.borrow().state));
     let state_message =
         State { gaussians: scene.len() as u64, display: params.display.name().to_owned(), ..State::default() };
-    let owned = host.bus().own(&keys::VIEW_STATE, state_message.clone()).await?;
+    let owned = host.bus().retain(&keys::VIEW_STATE, state_message.clone()).await?;
     let (view_port, service) = ViewPort::new(first);
     let Backend { writer, requests } = service;
     let (opened_sender, opened_receiver) = oneshot::channel();
@@ -268,7 +268,7 @@ impl Drop for CloseOnDrop {
 /// Tells how the display keeps up and whether it goes on, for as long as it is there.
 async fn tell(
     host: Host,
-    owned: Owned<State>,
+    owned: RetainedValue<State>,
     mut state_message: State,
     ending: CloseOnDrop,
     mut loop_watchdog: LoopWatchdog,

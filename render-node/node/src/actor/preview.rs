@@ -11,7 +11,7 @@ const WAITING: usize = 4;
 
 /// The newest preview, for as long as the bus is there.
 pub(super) async fn follow(bus: &Bus) -> Result<watch::Receiver<Option<Preview>>, BusError> {
-    let mut told = bus.follow(&keys::SELECTION_PREVIEW, role::SELECTION, WAITING).await?;
+    let mut told = bus.subscribe(&keys::SELECTION_PREVIEW, role::SELECTION, WAITING).await?;
     let (newest, previews) = watch::channel(None);
     tokio::spawn(async move {
         while let Some((preview, _)) = told.next().await {

@@ -9,7 +9,7 @@ use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
 use sg_proto::launch::OpenFailed;
 use sg_proto::selection::Preview;
 use sg_runtime::blobs::Blobs;
-use sg_runtime::bus::{Bus, BusError, Following};
+use sg_runtime::bus::{Bus, BusError, Subscription};
 use sg_runtime::context::Context;
 use sg_runtime::process::Host;
 use sg_viewer::display::{Conversation, Entry, ServiceAvailability, StateWriter, WalkCapabilities};
@@ -38,16 +38,16 @@ pub(super) async fn follow(
     let previews = preview::follow(bus).await?;
     tokio::spawn(history(bus.clone(), state.clone(), writer.clone()));
     tokio::spawn(scene(state, previews, writer.clone()));
-    let liveliness = bus.watch_alive(QUEUE).await?;
+    let liveliness = bus.watch_liveliness(QUEUE).await?;
     tokio::spawn(services(bus.clone(), host.blobs().clone(), liveliness, writer.clone()));
     let feeds = ConversationFeeds {
-        utterances: bus.follow(&keys::UTTERANCE, role::AGENT_CORE, QUEUE).await?,
-        intents: bus.follow(&keys::INTENT, role::AGENT_INTENT, QUEUE).await?,
-        actions: bus.follow(&keys::ACTION, role::AGENT_FUNCTION, QUEUE).await?,
-        replies: bus.follow(&keys::REPLY, role::AGENT_CORE, QUEUE).await?,
+        utterances: bus.subscribe(&keys::UTTERANCE, role::AGENT_CORE, QUEUE).await?,
+        intents: bus.subscribe(&keys::INTENT, role::AGENT_INTENT, QUEUE).await?,
+        actions: bus.subscribe(&keys::ACTION, role::AGENT_FUNCTION, QUEUE).await?,
+        replies: bus.subscribe(&keys::REPLY, role::AGENT_CORE, QUEUE).await?,
     };
     tokio::spawn(conversation(feeds, writer.clone()));
-    tokio::spawn(opened(bus.follow(&keys::OPEN_FAILED, role::SUPERVISOR, QUEUE).await?, writer.clone()));
+    tokio::spawn(opened(bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, QUEUE).await?, writer.clone()));
     Ok(())
 }
 
@@ -95,7 +95,7 @@ async fn history(bus: Bus, mut state: watch::Receiver<SceneReplica>, writer: Sta
 async fn services(
     bus: Bus,
     blobs: Blobs,
-    mut liveliness: tokio::sync::mpsc::Receiver<sg_runtime::bus::Liveliness>,
+    mut liveliness: tokio::sync::mpsc::Receiver<sg_runtime::bus::LivelinessChange>,
     writer: StateWriter,
 ) {
     let mut instances: HashMap<String, Vec<String>> = HashMap::new();
@@ -149,7 +149,7 @@ async fn services(
 }
 
 /// Files that failed to open.
-async fn opened(mut failed: Following<OpenFailed>, writer: StateWriter) {
+async fn opened(mut failed: Subscription<OpenFailed>, writer: StateWriter) {
     while let Some((OpenFailed { path, session, reason }, _)) = failed.next().await {
         writer.notice(format!("{path} (session {session}): {reason}"), true);
     }
@@ -157,10 +157,10 @@ async fn opened(mut failed: Following<OpenFailed>, writer: StateWriter) {
 
 /// The stages of a conversation.
 struct ConversationFeeds {
-    utterances: Following<Utterance>,
-    intents: Following<Intent>,
-    actions: Following<ActionResult>,
-    replies: Following<Reply>,
+    utterances: Subscription<Utterance>,
+    intents: Subscription<Intent>,
+    actions: Subscription<ActionResult>,
+    replies: Subscription<Reply>,
 }
 
 /// The conversation of all users.

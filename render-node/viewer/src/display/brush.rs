@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use sg_clusters::polyline::Behind;
+use sg_clusters::polyline::DepthLimit;
 use sg_proto::scene::{Stroke, StrokeDepth, StrokeKind, StrokeMode};
 use sg_proto::selection::{SampleRequest, StrokesRequest};
 use sg_scene::mask::Mask;
@@ -86,9 +86,9 @@ impl BrushController {
     }
 
     /// Depth limit behind the surface, if one is set.
-    fn behind(&self, tools: &Tools) -> Option<Behind> {
+    fn behind(&self, tools: &Tools) -> Option<DepthLimit> {
         let most = tools.brush_depth.clamp(0.0, 1.0) * self.radius(tools);
-        self.eye.filter(|_| tools.front_only).map(|eye| Behind { eye, most })
+        self.eye.filter(|_| tools.front_only).map(|eye| DepthLimit { eye, max_distance: most })
     }
 
     /// Whether a stroke is being drawn.
@@ -114,7 +114,7 @@ impl BrushController {
         clusters: Option<&[u32]>,
     ) -> Mask {
         let radius = self.radius(tools) * sample.pressure.max(0.0);
-        let hits = self.brush.hits_seen(&[sample.at], radius, &[], self.behind(tools));
+        let hits = self.brush.hits_with_depth_limit(&[sample.at], radius, &[], self.behind(tools));
         changed(selected, &hits, tools.mode, sign, clusters)
     }
 
@@ -122,7 +122,7 @@ impl BrushController {
     pub fn press(&mut self, tools: &Tools, sample: BrushSample, sign: BrushSign) {
         self.strokes += 1;
         let behind = self.behind(tools);
-        let depth = behind.map(|Behind { eye, .. }| StrokeDepth {
+        let depth = behind.map(|DepthLimit { eye, .. }| StrokeDepth {
             eye: self.bounds.normalize(eye).to_array().to_vec(),
             behind: tools.brush_depth.clamp(0.0, 1.0) * tools.radius,
         });
@@ -132,7 +132,7 @@ impl BrushController {
             sign,
             radius: tools.radius,
             pressed: tools.pressure,
-            open: OpenStroke::new(self.gaussians, self.radius(tools)).seen(behind),
+            open: OpenStroke::new(self.gaussians, self.radius(tools)).with_depth_limit(behind),
             points: Vec::new(),
             pressure: Vec::new(),
             depth,
@@ -155,7 +155,7 @@ impl BrushController {
         if stroke.pressed {
             let factor = if sample.pressure.is_finite() { sample.pressure.max(0.0) } else { 1.0 };
             stroke.pressure.push(factor);
-            stroke.open.extend_pressed(&self.brush, sample.at, factor);
+            stroke.open.extend_with_pressure(&self.brush, sample.at, factor);
         } else {
             stroke.open.extend(&self.brush, sample.at);
         }

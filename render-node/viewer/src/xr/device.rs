@@ -15,7 +15,7 @@ use wgpu::hal::api::Vulkan;
 use wgpu::hal::{self, vulkan};
 
 use super::error::XrError;
-use sg_gpu::{Gpu, USEFUL};
+use sg_gpu::{Gpu, OPTIONAL_FEATURES};
 
 /// wgpu takes functions of 1.3 for granted where the device has them, so the instance has to be of 1.3 as well.
 const VERSION: u32 = vk::API_VERSION_1_3;
@@ -114,7 +114,7 @@ impl VulkanDevice {
             .expose_adapter(vk::PhysicalDevice::from_raw(physical))
             .ok_or_else(|| refused("graphics device", "it lacks what drawing needs"))?;
         let info = exposed.info.clone();
-        let features = exposed.features & USEFUL;
+        let features = exposed.features & OPTIONAL_FEATURES;
         let limits = exposed.capabilities.limits.clone();
         let extensions: Vec<&'static CStr> = exposed.adapter.required_device_extensions(features);
         let mut wanted = exposed.adapter.physical_device_features(&extensions, features);

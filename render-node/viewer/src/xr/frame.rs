@@ -13,7 +13,7 @@ use super::swapchain::SwapchainTarget;
 use super::visibility_mask::Triangle;
 use super::{device, space};
 use crate::hands::{Eye, HandInput, Pose, Side};
-use sg_gpu::{FARTHEST, Gpu, NEAREST};
+use sg_gpu::{DEPTH_FAR, Gpu, DEPTH_NEAR};
 
 /// One frame: predicted eyes and hands, and the targets to draw to.
 pub struct Frame<'a> {
@@ -189,7 +189,7 @@ impl<'a> Frame<'a> {
         let xr_session = &mut *self.xr_session;
         let depths = xr_session.depths.as_ref().filter(|_| self.depths_drawn);
         let depths =
-            depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target.sub_image(k), [NEAREST, FARTHEST])));
+            depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target.sub_image(k), [DEPTH_NEAR, DEPTH_FAR])));
         let views = [0, 1].map(|k| {
             let (pose, fov) = self.raw[k];
             let view = xr::CompositionLayerProjectionView::new().pose(pose).fov(fov);

@@ -1,7 +1,7 @@
 //! What lenses hide is not drawn, and what they show is drawn as ever.
 
 use glam::{DQuat, DVec2, DVec3, Vec2};
-use sg_gpu::{Gpu, Options, Rasterizer, Renderer, Settings, Wanted};
+use sg_gpu::{Gpu, Options, Rasterizer, Renderer, Settings, DeviceClass};
 use sg_raster::image::Image;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::{Camera, Light};
@@ -12,7 +12,7 @@ use crate::scenes;
 const SIZE: [u32; 2] = [200, 160];
 
 fn device() -> Option<Gpu> {
-    match Gpu::open(Wanted::Any) {
+    match Gpu::open(DeviceClass::Any) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
             assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");

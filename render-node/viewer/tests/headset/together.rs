@@ -1,7 +1,7 @@
 //! Both eyes in one pass, with the driver of Monado's folder: that of Debian 12 draws the right eye wrongly.
 
 use glam::{DMat4, DQuat, DVec3};
-use sg_gpu::{Gpu, Options, Rasterizer, Renderer, Settings, Wanted};
+use sg_gpu::{Gpu, Options, Rasterizer, Renderer, Settings, DeviceClass};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
@@ -29,7 +29,7 @@ fn inside_both_eyes_together_are_each_by_itself() {
     if !is_inside() {
         return;
     }
-    let gpu = Gpu::open(Wanted::Any).unwrap();
+    let gpu = Gpu::open(DeviceClass::Any).unwrap();
     let scene = scene(&cloud(6_000, 6));
     let middle = side_view(240, 180, 30.0);
     let eyes = [eye(&middle, -0.03, 0.0), eye(&middle, 0.03, 0.0)];

@@ -11,7 +11,7 @@ use sg_clusters::cluster_graph::ClusterGraph;
 use sg_clusters::clustering::{Clustering, ClusteringOptions, cluster};
 use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::Silent;
-use sg_formats::known::read_known;
+use sg_formats::load_verified::load_verified;
 use sg_runtime::process::StartError;
 use sg_scene::model::Scene;
 use sg_selection::operation_context::OperationContext;
@@ -70,7 +70,7 @@ pub(super) fn prepare(
     walk: WalkOptions,
     cache: &ClusterCache,
 ) -> Result<Prepared, StartError> {
-    let scene = Arc::new(read_known(path, hash).map_err(|e| StartError::Input(e.to_string()))?);
+    let scene = Arc::new(load_verified(path, hash).map_err(|e| StartError::Input(e.to_string()))?);
     let start = Instant::now();
     let geometry_options = GeometryOptions { neighbours: params.neighbours, ..GeometryOptions::default() };
     let options = ClusteringOptions {
