@@ -21,7 +21,7 @@ use clap::Parser;
 use glam::{DMat4, DVec3};
 use sg_formats::load::{LoadOptions, load};
 use sg_formats::save::{SaveOptions, save};
-use sg_gpu::{Gpu, PassSeconds, Rasterizer, Renderer, Settings, DeviceClass};
+use sg_gpu::{DeviceClass, Gpu, PassSeconds, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, render};

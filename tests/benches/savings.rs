@@ -12,7 +12,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use sg_gpu::{Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings, DeviceClass};
+use sg_gpu::{DeviceClass, Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};

@@ -14,8 +14,8 @@ use sg_clusters::progress::Silent;
 use sg_fit::direct::{Options, direct_start};
 use sg_scene::model::Scene;
 use sg_selection::mask_agreement::Agreement;
-use sg_selection::session::SelectionSession;
 use sg_selection::selection_index::{SelectionIndex, WalkOptions};
+use sg_selection::session::SelectionSession;
 use sg_selection::strokes::{Kind, Mode, Stroke};
 use sg_volume::phantom::{VesselTree, transfer_function};
 

@@ -23,9 +23,9 @@ use sg_tests::screen::Screen;
 use sg_tests::stack::Stack;
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
 use sg_tests::{executable, small_scene};
-use sg_viewer::display::{ServiceAvailability, ViewState, Tools, WalkCapabilities};
+use sg_viewer::display::{ServiceAvailability, Tools, ViewState, WalkCapabilities};
 use sg_viewer::hands::{Origin, Placement, Rectangle, Side, Stance};
-use sg_viewer::panels::{Panel, Panels, PanelHost, theme};
+use sg_viewer::panels::{Panel, PanelHost, Panels, theme};
 use sg_viewer::vr::first_place;
 
 use monado::{Controller, Display, Puppet, Runtime};
@@ -158,7 +158,8 @@ async fn shown(bus: &Bus) -> ViewState {
     let told = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
     let services = ServiceAvailability { scene: true, selection: true, agents: true };
     let walk_capabilities = bus.newest(&keys::SELECTION_STATE, &soon()).await.unwrap();
-    let walk_capabilities = Some(WalkCapabilities { tuning: walk_capabilities.tuning, most_proposals: walk_capabilities.most_proposals });
+    let walk_capabilities =
+        Some(WalkCapabilities { tuning: walk_capabilities.tuning, most_proposals: walk_capabilities.most_proposals });
     let edited = Arc::new(EditState::from_snapshot(&snapshot).unwrap());
     ViewState { services, walk_capabilities, undo: told.undo.into(), redo: told.redo.into(), ..ViewState::of(edited) }
 }

@@ -19,7 +19,7 @@ use nix::unistd::Pid;
 use sg_edit::EditState;
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::backend::{Backend, Engine};
-use sg_gpu::{Gpu, Rasterizer, DeviceClass};
+use sg_gpu::{DeviceClass, Gpu, Rasterizer};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::OpenRequest;
 use sg_proto::scene::State;
@@ -27,7 +27,7 @@ use sg_tests::screen::{SIZE, Screen};
 use sg_tests::small_scene;
 use sg_tests::stack::{SESSION, Stack};
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
-use sg_viewer::display::{ViewPort, ViewState, Tools};
+use sg_viewer::display::{Tools, ViewPort, ViewState};
 use sg_viewer::window::{self, Setup};
 
 /// The middle of the picture where no panels are beside it.

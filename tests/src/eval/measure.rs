@@ -11,8 +11,8 @@ use sg_clusters::clustering::{Clustering, ClusteringOptions, ClusteringReport, c
 use sg_clusters::geometry::Geometry;
 use sg_clusters::progress::Silent;
 use sg_selection::mask_agreement::{Agreement, PartitionAgreement, best_union_iou};
-use sg_selection::session::SelectionSession;
 use sg_selection::selection_index::{SelectionIndex, WalkOptions};
+use sg_selection::session::SelectionSession;
 use sg_selection::strokes::Mode;
 
 use super::EvalError;

@@ -70,9 +70,15 @@ mod tests {
 
     #[test]
     fn what_can_be_opened_is_told_from_what_cannot() {
-        for name in
-            ["a.compressed.PLY", "skull/scene.toml", "a.splat", "skull.nrrd", "brain.nii.gz", "tooth_103x94x161_uint8.raw.zst", "."]
-        {
+        for name in [
+            "a.compressed.PLY",
+            "skull/scene.toml",
+            "a.splat",
+            "skull.nrrd",
+            "brain.nii.gz",
+            "tooth_103x94x161_uint8.raw.zst",
+            ".",
+        ] {
             assert_eq!(read(Path::new(name), DVec3::ZERO), Ok(DroppedFile::Other), "{name}");
         }
         for name in ["notes.pdf", "nrrd", "no-such-folder"] {

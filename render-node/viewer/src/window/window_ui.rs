@@ -12,8 +12,8 @@ use sg_proto::scene::{
     set_view,
 };
 use sg_proto::selection::StrokesRequest;
-use sg_scene::model::Scene;
 use sg_scene::framing::framed_box;
+use sg_scene::model::Scene;
 use sg_scene::view::View;
 use sg_selection::brush::Brush;
 

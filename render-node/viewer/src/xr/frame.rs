@@ -13,7 +13,7 @@ use super::swapchain::SwapchainTarget;
 use super::visibility_mask::Triangle;
 use super::{device, space};
 use crate::hands::{Eye, HandInput, Pose, Side};
-use sg_gpu::{DEPTH_FAR, Gpu, DEPTH_NEAR};
+use sg_gpu::{DEPTH_FAR, DEPTH_NEAR, Gpu};
 
 /// One frame: predicted eyes and hands, and the targets to draw to.
 pub struct Frame<'a> {

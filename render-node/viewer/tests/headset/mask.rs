@@ -1,7 +1,7 @@
 //! What lenses hide is not drawn, and what they show is drawn as ever.
 
 use glam::{DQuat, DVec2, DVec3, Vec2};
-use sg_gpu::{Gpu, Options, Rasterizer, Renderer, Settings, DeviceClass};
+use sg_gpu::{DeviceClass, Gpu, Options, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::{Camera, Light};

@@ -1,7 +1,7 @@
 //! Both eyes in one pass, with the driver of Monado's folder: that of Debian 12 draws the right eye wrongly.
 
 use glam::{DMat4, DQuat, DVec3};
-use sg_gpu::{Gpu, Options, Rasterizer, Renderer, Settings, DeviceClass};
+use sg_gpu::{DeviceClass, Gpu, Options, Rasterizer, Renderer, Settings};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
