@@ -307,7 +307,7 @@ const MAP: [(&str, &str, &[&str]); 25] = [
         &["sg-edit", "sg-formats", "sg-gpu", "sg-proto", "sg-raster", "sg-runtime", "sg-scene", "sg-viewer"],
     ),
     ("launch/stack", "sg-stack", &["sg-proto", "sg-runtime"]),
-    ("launch/cli", "supergaussian", &["sg-proto", "sg-runtime", "sg-stack"]),
+    ("launch/cli", "supergaussian", &["sg-formats", "sg-proto", "sg-runtime", "sg-stack"]),
     (
         "tests",
         "sg-tests",
