@@ -5,7 +5,7 @@
 //!
 //! | module | content |
 //! | --- | --- |
-//! | [`file`] | the launch-file language: parsing, checks, search for executables |
+//! | [`mod@file`] | the launch-file language: parsing, checks, search for executables |
 //! | [`document`], [`snippet`] | TOML with places, and reports of mistakes with their lines |
 //! | [`reconcile`] | the reconciler, a pure state machine: events in, actions out |
 //! | [`supervisor`] | processes and bus around the reconciler, and requests to it |

@@ -220,7 +220,7 @@ impl Gpu {
         }
     }
 
-    /// Waits for all submitted work, at most [`WAIT_TIMEOUT`]. It polls, because a wait inside the driver holds a
+    /// Waits for all submitted work, at most `WAIT_TIMEOUT`. It polls, because a wait inside the driver holds a
     /// wgpu lock that presentation on this device needs.
     pub fn wait(&self) -> Result<(), GpuError> {
         let done = Arc::new(AtomicBool::new(false));

@@ -36,7 +36,7 @@ impl Panel {
         }
     }
 
-    /// Its size in points where it stands by itself in front of a person, to be multiplied by [`Tools::scale`]. What does not
+    /// Its size in points where it stands by itself in front of a person, to be multiplied by `Tools::scale`. What does not
     /// fit its height scrolls.
     #[must_use]
     pub fn size(self) -> Vec2 {

@@ -1,6 +1,6 @@
 //! Files of Gaussian scenes: splat formats, `scene.toml`, NumPy arrays and masks, and atomic file replacement.
 //!
-//! [`load`] recognises a format by content and name, [`save`] chooses one by the path's ending; [`splat`] lists the formats.
+//! [`load()`] recognises a format by content and name, [`save()`] chooses one by the path's ending; [`splat`] lists the formats.
 //!
 //! ```
 //! use sg_formats::{Format, LoadOptions, SaveOptions, load, save};
