@@ -1,5 +1,5 @@
-//! The render process, offscreen, in one of two roles: *view* draws the shared viewpoint whenever the scene changes,
-//! *capture* draws pictures on request.
+//! The render process, offscreen, in one of two roles. The *view* role draws the shared viewpoint whenever the scene
+//! changes. The *capture* role draws pictures on request.
 
 use std::fmt;
 use std::sync::Arc;
@@ -53,19 +53,19 @@ use decode::{clips, display_mode, projection};
 use params::{Display, Params};
 use scene_replica::SceneReplica;
 
-/// Pictures that may be asked for while one is drawn.
+/// Most queued picture requests while one is drawn.
 const QUEUE: usize = 8;
 
 /// Longest edge of the picture that a unit's coverage is measured in, pixels.
 const MEASURE_PIXELS: u32 = 256;
 
-/// Most units whose coverage one request measures.
+/// Most units measured by one request.
 const MEASURE_UNITS: usize = 64;
 
 /// Loads and begins to serve.
 ///
 /// # Errors
-/// Wrong parameters, a scene that cannot be read, a bus that cannot be used.
+/// Wrong parameters, an unreadable scene, or an unusable bus.
 pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let params: Params = host.params()?;
     params.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
@@ -159,14 +159,14 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// When the view draws although nothing changed.
+/// Times at which the view draws without a change.
 struct RedrawTimer(Option<Interval>);
 
 impl RedrawTimer {
     fn new(per_second: f64) -> Self {
         Self((per_second > 0.0).then(|| {
             let mut interval = tokio::time::interval(Duration::from_secs_f64(1.0 / per_second));
-            // A picture that took longer than its turn is not made up for.
+            // The timer does not make up for a late picture.
             interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
             interval
         }))
@@ -181,7 +181,7 @@ impl RedrawTimer {
 }
 
 enum Message {
-    /// Draw the shared viewpoint as it is now.
+    /// Draw the current shared viewpoint.
     View { context: Context, done: tokio::sync::oneshot::Sender<()> },
     /// Pick the front Gaussian.
     Pick { request: proto::PickRequest, context: Context, reply: Reply<proto::PickReply> },
@@ -195,7 +195,7 @@ struct RenderActor {
     blobs: Blobs,
     engine: Engine,
     state: watch::Receiver<SceneReplica>,
-    /// All of a picture is made in it, so that none of that work keeps a hand waiting.
+    /// Every picture is made in this thread pool, so that drawing does not delay input.
     pool: Arc<rayon::ThreadPool>,
     owned: RetainedValue<proto::State>,
     status: proto::State,
@@ -243,7 +243,7 @@ impl Actor for RenderActor {
             }
             Message::Capture { request, context, reply } => {
                 let outcome = self.capture(&request, &context).await;
-                // An asker that has gone away misses only the picture.
+                // A requester that has gone away misses only the picture.
                 let _ = reply.send(outcome);
             }
         }
@@ -252,7 +252,8 @@ impl Actor for RenderActor {
 }
 
 impl RenderActor {
-    /// Draws the shared viewpoint and tells of it; a picture that cannot be drawn or kept is logged, the next may succeed.
+    /// Draws the shared viewpoint and publishes it. If drawing or storing fails, it logs the error; the next frame may
+    /// succeed.
     async fn draw_view(&mut self, context: &Context) {
         let request = proto::CaptureRequest {
             width: self.params.width,
@@ -306,12 +307,12 @@ impl RenderActor {
     async fn pick(&mut self, request: &proto::PickRequest, context: &Context) -> Result<proto::PickReply, Fault> {
         let state = self.at_least(request.at_least_revision, context).await?;
         let hit = self.work(|actor| pick::pick(actor.engine.scene(), &state, request))?;
-        // A scene without a selection process has no clusters, and is picked in all the same.
+        // A scene without a selection process has no clusters, but picking works all the same.
         let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
         Ok(pick::reply(&state, hit, labels.as_deref()))
     }
 
-    /// The newest state, once it is at least of this revision.
+    /// The newest state, once it has at least this revision.
     async fn at_least(&mut self, wanted: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
         let arrived = self.state.wait_for(|newest| newest.state.revision() >= wanted);
         match tokio::time::timeout_at(context.deadline.into(), arrived).await {
@@ -339,13 +340,13 @@ impl RenderActor {
         }
     }
 
-    /// Does something on the threads that draw, and waits for it.
+    /// Runs a task on the drawing threads and waits for it.
     fn work<T: Send>(&mut self, what: impl FnOnce(&mut Self) -> T + Send) -> T {
         let pool = Arc::clone(&self.pool);
         tokio::task::block_in_place(|| pool.install(|| what(self)))
     }
 
-    /// Draws a picture of a state, with `selected` highlighted where the request asks for that.
+    /// Draws a picture of a state, with `selected` highlighted if the request asks for it.
     fn draw(
         &mut self,
         state: &EditState,
@@ -434,8 +435,8 @@ impl RenderActor {
         Ok(drawn)
     }
 
-    /// What each unit covers of the picture when it is drawn alone; nothing where it is hidden. Derived units are left out:
-    /// a person did not make them.
+    /// Measures each unit's coverage of the picture when drawn alone; 0 for hidden units. Omits derived units: a person did
+    /// not make them.
     fn measure(
         &mut self,
         state: &EditState,
@@ -460,13 +461,12 @@ impl RenderActor {
     }
 }
 
-/// The camera that a request is drawn with.
+/// The camera of a request.
 fn camera_of(state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
     decode::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))
 }
 
-/// The look of the scene with nothing but these units drawn, as far as they are visible. The last of its units is the one
-/// that hides the rest.
+/// The scene's look with only these units drawn, as far as they are visible. The last of its units hides the rest.
 fn alone(state: &EditState, names: &[String]) -> Result<Appearance, Fault> {
     let mut hidden = Mask::empty(state.count());
     for name in names {

@@ -36,8 +36,7 @@ const DEFAULT_SIZE: u32 = 1024;
 pub(crate) struct Picture {
     /// The scene: a Gaussian file or `scene.toml`.
     scene: PathBuf,
-    /// Camera file (JSON); without one the scene is framed: from the front for plain splats, obliquely with z up for
-    /// scenes made from volumes.
+    /// Camera file (JSON). By default the scene is framed: plain splats from the front, volume scenes obliquely with z up.
     #[arg(long)]
     camera: Option<PathBuf>,
     /// Picture to write: `.png` (8-bit RGB) or `.npy` (float32, height × width × 4).
@@ -67,25 +66,24 @@ pub(crate) struct Picture {
     /// Palette colour of every base unit with shading columns, each 0 to 1, instead of the one in the files.
     #[arg(long, value_name = "R,G,B", value_parser = color)]
     palette: Option<Vec3>,
-    /// What a pixel sees of a Gaussian: an ellipse, as 3DGS; or the Gaussian along the pixel's own ray, which stays the same
-    /// however the camera turns.
+    /// Projection of a Gaussian: `affine` to an ellipse, as 3DGS, or per pixel ray. The latter stays the same however the
+    /// camera turns.
     #[arg(long, value_enum, default_value_t = ProjectionName::Affine)]
     projection: ProjectionName,
-    /// What becomes of the opacity where Gaussians are widened to a pixel: what the file was trained for, nothing, or as much
-    /// less as they grow (Mip-Splatting).
+    /// Opacity of Gaussians that are widened to a pixel: as trained (from the file), unchanged, or reduced by their growth
+    /// (Mip-Splatting).
     #[arg(long, value_enum, default_value_t = FilterName::FromFile)]
     filter: FilterName,
-    /// Which part of the shading is drawn.
+    /// Shading term to draw.
     #[arg(long, value_enum, default_value_t = TermName::Full)]
     term: TermName,
-    /// Keep only Gaussians whose centres lie on the side of the plane through P that N points to, scene frame. Can be given
-    /// several times.
+    /// Keep only Gaussians with centres on the side of the plane through P that N points to, scene frame. Repeatable.
     #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ", value_parser = numbers::<6>, allow_hyphen_values = true)]
     clip_plane: Vec<[f64; 6]>,
-    /// Keep only Gaussians whose centres lie in the box between two corners, scene frame. Can be given several times.
+    /// Keep only Gaussians with centres in the box between two corners, scene frame. Repeatable.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     clip_box: Vec<[f64; 6]>,
-    /// Leave out Gaussians whose centres lie in the box between two corners, scene frame. Can be given several times.
+    /// Leave out Gaussians with centres in the box between two corners, scene frame. Repeatable.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     cut_box: Vec<[f64; 6]>,
     /// Colours that say something in place of the shaded ones; the first two need --clusters.
@@ -103,14 +101,14 @@ pub(crate) struct Picture {
     /// Numbers at the ends of the colour map [default: those that 2 % of the Gaussians lie below and above].
     #[arg(long, requires = "show", value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
-    /// Draw lines of so many pixels where the Super-Gaussian in front changes.
+    /// Width in pixels of lines along the edges of the Super-Gaussians in front.
     #[arg(long, requires = "clusters", value_name = "PIXELS", num_args = 0..=1, default_missing_value = "1",
         value_parser = clap::value_parser!(u32).range(1..=64))]
     outlines: Option<u32>,
     /// Colour of the outlines, each 0 to 1.
     #[arg(long, requires = "outlines", value_name = "R,G,B", default_value = "1,1,1", value_parser = color)]
     outline_color: Vec3,
-    /// Also say which Gaussian is in front at these pixel coordinates, and where.
+    /// Also print the Gaussian in front at these pixel coordinates, and its position.
     #[arg(long, value_name = "X,Y", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pick: Option<[f64; 2]>,
     /// Gaussians to highlight: `.npy`, uint8 (n,), 0 or 1.
@@ -146,7 +144,7 @@ enum RasterizerName {
     Tiles,
     /// A quadrilateral for each Gaussian, in the fixed function.
     Quads,
-    /// The same in bands, between which pixels that let almost nothing through are closed.
+    /// The same in bands; between bands, almost opaque pixels are closed.
     Bands,
 }
 
@@ -207,7 +205,7 @@ struct PictureReport<'a> {
     camera: &'a Camera,
     #[serde(skip_serializing_if = "Option::is_none")]
     legend: Option<show::LegendReport>,
-    /// Absent unless asked for; null where nothing is in front.
+    /// Absent without a request; null if nothing is in front.
     #[serde(skip_serializing_if = "Option::is_none")]
     pick: Option<Option<show::HitReport>>,
     #[serde(flatten)]
@@ -390,7 +388,7 @@ fn clips(picture: &Picture) -> Vec<Clip> {
     planes.chain(boxes).collect()
 }
 
-/// So many finite numbers between commas.
+/// Parses this many finite numbers between commas.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let one = |part: &str| {
         let number = part.trim().parse().ok().filter(|x: &f64| x.is_finite());

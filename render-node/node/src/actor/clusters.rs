@@ -1,4 +1,4 @@
-//! The Super-Gaussians of the scene, as the selection process has found them.
+//! The Super-Gaussians of the scene, as published by the selection process.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,11 +11,11 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 
-/// How long the selection process is waited for: several times what a restarted one needs until it answers, and little
-/// enough that a stack without one is not kept waiting until the asker has given up.
+/// Timeout for an answer of the selection process. It is several times the restart time of that process. It stays below the
+/// caller's own deadline, for a stack without a selection process.
 const SELECTION_WAIT: Duration = Duration::from_millis(500);
 
-/// The newest clusters that are known.
+/// The newest known clusters.
 #[derive(Default)]
 pub(super) struct ClusterLabels {
     hash: String,
@@ -23,7 +23,8 @@ pub(super) struct ClusterLabels {
 }
 
 impl ClusterLabels {
-    /// The Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none; read again only where the selection has others.
+    /// The Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none. It is read again only if the
+    /// selection process has different labels.
     ///
     /// # Errors
     /// `Unavailable` while there is no selection process; labels that cannot be had or do not fit `gaussians`.

@@ -1,4 +1,4 @@
-//! What a request for a picture says, in the renderer's words.
+//! Converts a picture request into the renderer's types.
 
 use glam::DVec3;
 use sg_proto::bus::Code;
@@ -13,7 +13,7 @@ use sg_viewer::display::DisplayMode;
 /// Most clips of a request, and most sides of each.
 const MAX_CLIPS: usize = 64;
 
-/// How Gaussians are to be projected.
+/// Decodes the projection of Gaussians.
 pub(super) fn projection(asked: proto::Projection) -> Projection {
     match asked {
         proto::Projection::Unspecified | proto::Projection::Affine => Projection::Affine,

@@ -1,4 +1,4 @@
-//! A view that a person sits before: the display's loop on a thread of its own, and everything that answers it beside.
+//! An interactive view: the display's loop on a thread of its own, and its services beside it.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,27 +26,27 @@ use super::scene_replica::SceneReplica;
 use super::watchdog::{BlockedCall, LoopWatchdog};
 use super::{request_executor, state_sync};
 
-/// How long a window may take to open: a software device compiles its shaders.
+/// Timeout for opening a window: a software device compiles its shaders.
 const OPEN_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// How long a display may take to close.
+/// Timeout for closing a display.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How often the state of the display is told.
+/// Period of the display's state reports.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
 
-/// How long a headset is looked for that an earlier process of this stack had, before a window takes its place.
+/// Search time for a headset that an earlier process of this stack had, before a window replaces it.
 #[cfg(feature = "xr")]
 const HEADSET_RETRY_TIME: Duration = Duration::from_secs(20);
 
-/// File of the session's folder that says which stack has had a headset.
+/// File in the session's folder; it marks a stack that has had a headset.
 #[cfg(feature = "xr")]
 const HEADSET_MARKER: &str = "headset";
 
-/// Opens a headset or a window over the scene and serves it until it is closed, which ends the process.
+/// Opens a headset or a window over the scene. Serves it until it is closed; then the process ends.
 ///
 /// # Errors
-/// Where nothing can be opened on this machine, or the bus cannot be used.
+/// An error if no display opens on this machine, or if the bus fails.
 pub(super) async fn open(
     host: &Host,
     scene: Scene,
@@ -93,13 +93,13 @@ struct DisplaySetup {
     opened_sender: oneshot::Sender<OpenDisplay>,
 }
 
-/// A display that is there.
+/// An open display.
 struct OpenDisplay {
     display: Display,
     blocked_call: BlockedCall,
 }
 
-/// Starts the display's thread; why it did not open, while somebody waits for that.
+/// Starts the display's thread. The receiver gets the error if the display did not open, as long as it listens.
 fn run(
     host: Host,
     setup: DisplaySetup,
@@ -110,7 +110,7 @@ fn run(
     let body = move || {
         let _broken = PanicGuard(host.clone());
         let outcome = run_display(setup, &writer).err();
-        // Who waits for it to open ends the process as a failure if it did not; nobody waits once it has opened.
+        // If opening fails, the receiver ends the process with an error. After opening there is no receiver.
         match ending.send(outcome) {
             Ok(()) => (),
             Err(None) => {
@@ -125,7 +125,7 @@ fn run(
     Ok((ended, thread))
 }
 
-/// Ends the process as failed where the display's thread breaks off: what it was there for is gone.
+/// Ends the process with an error if the display's thread panics: without it, the process has no purpose.
 struct PanicGuard(Host);
 
 impl Drop for PanicGuard {
@@ -136,7 +136,7 @@ impl Drop for PanicGuard {
     }
 }
 
-/// Serves the headset, or the window where that was asked for or there is none.
+/// Serves the headset, or a window if requested or without a headset.
 fn run_display(setup: DisplaySetup, writer: &StateWriter) -> Result<(), StartError> {
     if setup.params.display == Display::Headset {
         match open_headset(&setup)? {
@@ -171,7 +171,7 @@ fn open_headset(setup: &DisplaySetup) -> Result<Result<Headset, String>, StartEr
                 }
                 return Ok(Ok(headset));
             }
-            // It is still there and may go on: the next process asks it anew.
+            // The runtime is still there and may recover: the next process tries again.
             Err(error @ XrError::Silent { .. }) if had_headset => return Err(StartError::Failed(error.to_string())),
             Err(error) if !had_headset || begun.elapsed() > HEADSET_RETRY_TIME => return Ok(Err(error.to_string())),
             Err(_) => std::thread::sleep(options.retry_pause),
@@ -179,7 +179,7 @@ fn open_headset(setup: &DisplaySetup) -> Result<Result<Headset, String>, StartEr
     }
 }
 
-/// Lets a person stand in the room with the scene until they leave.
+/// Serves a person in the room with the scene until they leave.
 #[cfg(feature = "xr")]
 fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartError> {
     let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
@@ -227,7 +227,7 @@ fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
     window::run(window_setup).map_err(|e| StartError::Input(e.to_string()))
 }
 
-/// The settings of a display as the launch file has them.
+/// Display settings from the launch file.
 fn tools(params: &Params) -> Tools {
     let Params { quality, projection, highlight_color, highlight_mix, .. } = *params;
     Tools {
@@ -243,13 +243,13 @@ fn open_error(ended: Result<Option<StartError>, oneshot::error::RecvError>) -> S
     ended.ok().flatten().unwrap_or_else(|| StartError::Failed("the display did not open".to_owned()))
 }
 
-/// Where a user keeps pictures.
+/// The user's picture folder.
 fn pictures() -> PathBuf {
     let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     set("XDG_PICTURES_DIR").or_else(|| Some(set("HOME")?.join("Pictures"))).unwrap_or_else(std::env::temp_dir)
 }
 
-/// Closes the display with the process: one that went on to draw while its driver is taken away would crash.
+/// Closes the display with the process: drawing during the driver's shutdown would crash.
 struct CloseOnDrop {
     writer: StateWriter,
     thread: JoinHandle<()>,
@@ -265,7 +265,7 @@ impl Drop for CloseOnDrop {
     }
 }
 
-/// Tells how the display keeps up and whether it goes on, for as long as it is there.
+/// Reports the display's pace and blocked calls while the display is open.
 async fn tell(
     host: Host,
     owned: RetainedValue<State>,

@@ -1,4 +1,4 @@
-//! What a launch file says to a render process.
+//! Launch parameters of a render process.
 
 use std::path::PathBuf;
 
@@ -19,16 +19,16 @@ pub(super) struct Params {
     pub(super) width: u32,
     /// Height of the view's pictures, pixels.
     pub(super) height: u32,
-    /// Where the view is seen besides its pictures: `none`, a `window` on this machine, or a `headset` (a window where there
-    /// is none).
+    /// Output besides the view's pictures: `none`, a `window` on this machine, or a `headset`. Without a headset, a window
+    /// opens.
     pub(super) display: Display,
     /// Factor on the resolution that a headset recommends.
     pub(super) resolution: f64,
     /// Whether a person in a headset sits.
     pub(super) seated: bool,
-    /// Whether the left hand does what the right one does otherwise.
+    /// Whether the hands swap roles: left takes the tasks of right.
     pub(super) left_handed: bool,
-    /// Whether a window shows what the left eye of a headset sees.
+    /// Whether a window mirrors the left eye of a headset.
     pub(super) mirror: bool,
     /// Seconds that a headset's runtime may hold the loop, 1 to 3600, before the process ends and is started again.
     pub(super) patience: f64,
@@ -36,17 +36,18 @@ pub(super) struct Params {
     pub(super) pictures: Option<PathBuf>,
     /// Quality of the view's pictures: `exact`, `standard` (without this) or `fast`.
     pub(super) quality: Option<Quality>,
-    /// How the view and its display project: `affine` as 3DGS does, or `per-ray`, which changes nothing when a head turns and
-    /// costs more.
+    /// Projection of the view and its display: `affine` as in 3DGS, or `per-ray`. `per-ray` stays the same when a head
+    /// turns and costs more.
     pub(super) projection: Projection,
-    /// What draws: `auto` (a graphics card where there is one, else the cores), `cpu`, or `gpu`.
+    /// Rendering backend: `auto`, `cpu`, or `gpu`. `auto` prefers a graphics card and falls back to the cores.
     pub(super) backend: Backend,
-    /// How a graphics device blends, `tiles`, `quads` or `bands`; without it what a trial at the start shows to be faster.
+    /// Blending method on a graphics device: `tiles`, `quads` or `bands`. By default a trial at the start picks the
+    /// fastest.
     pub(super) rasterizer: Option<Rasterizer>,
-    /// Whether a window's pictures are copied from the device that draws them; without it only from one made of cores.
+    /// Whether a window's pictures are copied from the device that draws them. By default only pictures of a software
+    /// device are copied.
     pub(super) copies: Option<bool>,
-    /// Pictures a second that the view draws although nothing changes, for whoever records or mirrors it; 0 draws only
-    /// what changed.
+    /// Frames per second that the view draws without a change, for recorders and mirrors; 0 draws only changes.
     pub(super) frames_per_second: f64,
     /// Colour of a highlighted selection.
     pub(super) highlight_color: [f32; 3],
@@ -54,11 +55,11 @@ pub(super) struct Params {
     pub(super) highlight_mix: f32,
 }
 
-/// Where a view is seen.
+/// Output of a view.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Display {
-    /// In the pictures that it tells of.
+    /// None besides the published pictures.
     #[default]
     None,
     /// In a window.
@@ -68,7 +69,7 @@ pub(super) enum Display {
 }
 
 impl Display {
-    /// As the launch file says it.
+    /// Name in the launch file.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -96,7 +97,7 @@ impl Default for Params {
             rasterizer: None,
             copies: None,
             frames_per_second: 0.0,
-            // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
+            // Okabe and Ito's sky blue: distinct from most palettes with every kind of colour vision.
             highlight_color: [0.337, 0.706, 0.914],
             highlight_mix: 0.6,
         }

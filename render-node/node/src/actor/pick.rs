@@ -1,4 +1,4 @@
-//! What is in front, asked over the bus.
+//! Answers queries over the bus for the frontmost surface.
 
 use glam::DVec2;
 use sg_edit::EditState;

@@ -1,4 +1,4 @@
-//! What will be selected, shown before it is durable.
+//! The pending selection, shown before it is durable.
 
 use sg_proto::keys::{self, role};
 use sg_proto::selection::Preview;
@@ -6,10 +6,10 @@ use sg_runtime::bus::{Bus, BusError};
 use sg_scene::mask::Mask;
 use tokio::sync::watch;
 
-/// Previews that may wait; only the newest is drawn.
+/// Most waiting previews; only the newest is drawn.
 const WAITING: usize = 4;
 
-/// The newest preview, for as long as the bus is there.
+/// The newest preview, while the bus exists.
 pub(super) async fn follow(bus: &Bus) -> Result<watch::Receiver<Option<Preview>>, BusError> {
     let mut told = bus.subscribe(&keys::SELECTION_PREVIEW, role::SELECTION, WAITING).await?;
     let (newest, previews) = watch::channel(None);

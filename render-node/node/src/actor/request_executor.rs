@@ -1,4 +1,4 @@
-//! Carries out what a person asks for at a display, one thing after another; what is said to the agents takes its own time.
+//! Carries out a person's requests at a display, one after another. Messages to the agents run asynchronously.
 
 use std::io;
 use std::path::Path;
@@ -21,22 +21,22 @@ use tokio::runtime::Handle;
 
 use super::preview;
 
-/// How long a change or a stroke may take; a service that is being started again is waited for.
+/// Timeout of a change or a stroke, long enough for a service's restart.
 const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// How long a sample of a stroke may take: after that the hand is elsewhere.
+/// Timeout of a stroke's sample: after that the hand is elsewhere.
 const SAMPLE_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// How long the supervisor may take to begin to open something.
+/// Timeout for the supervisor to begin to open a scene.
 const OPEN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// How long the agents may think.
+/// Timeout for the agents' answer.
 const AGENT_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Carries requests out, on a thread of their own, for as long as there is a display.
+/// Carries requests out, on a thread of their own, while the display exists.
 ///
 /// # Errors
-/// What the system says where it gives no thread.
+/// The system's error if it cannot start a thread.
 pub(super) fn run(bus: Bus, requests: Receiver<Request>, writer: StateWriter) -> io::Result<()> {
     let runtime = Handle::current();
     let body = move || {
@@ -64,7 +64,7 @@ impl RequestExecutor {
         match request {
             Request::Change(action) => report_failure(writer, apply(bus, *action).await),
             Request::Sample(sample) => {
-                // A preview that did not come is followed by another, or by the stroke itself.
+                // A missing preview is followed by another, or by the stroke itself.
                 if let Ok(reply) = self::sample(bus, &sample).await {
                     show(writer, preview, &reply);
                 }
@@ -110,7 +110,7 @@ fn report_failure(writer: &StateWriter, outcome: Result<(), Fault>) {
 
 async fn apply(bus: &Bus, action: command::Action) -> Result<(), Fault> {
     let context = Context::root().deadline_in(TIMEOUT);
-    // The same id however often the question is put: it takes effect once.
+    // Retries use the same id: the request takes effect once.
     let id = format!("display-{}", context.id);
     let command = Command { id: id.clone(), expected_revision: 0, action: Some(action) };
     bus.ask(&keys::SCENE_APPLY, &command, &context.with_id(id)).await.map(drop)
@@ -149,7 +149,7 @@ fn forget(writer: &StateWriter) {
     });
 }
 
-/// Has places told where a next stroke would tell most.
+/// Requests proposals: the most informative places for a next stroke.
 async fn propose(bus: &Bus, writer: &StateWriter, count: u32) -> Result<(), Fault> {
     let request = ProposalsRequest { count };
     let reply = bus.ask(&keys::SELECTION_PROPOSALS, &request, &Context::root().deadline_in(TIMEOUT)).await?;
@@ -160,7 +160,7 @@ async fn propose(bus: &Bus, writer: &StateWriter, count: u32) -> Result<(), Faul
     Ok(())
 }
 
-/// Shows what a stroke under way would select. Each answer says what differs from the one before.
+/// Shows the selection that the stroke under way would produce. Each answer holds the differences from the one before.
 fn show(writer: &StateWriter, before: &mut Arc<Mask>, reply: &SampleReply) {
     writer.update(|state| {
         let committed = state.scene.selection();
@@ -175,7 +175,7 @@ fn show(writer: &StateWriter, before: &mut Arc<Mask>, reply: &SampleReply) {
     });
 }
 
-/// Has a scene or volume opened in a window of its own.
+/// Opens a scene or volume in a window of its own.
 async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
     let request = OpenRequest { path: path.display().to_string() };
     bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(OPEN_TIMEOUT)).await
@@ -188,7 +188,7 @@ fn opens(path: &Path, reply: &OpenReply) -> String {
     format!("{name}: {first}a window of its own opens (session {})", reply.session)
 }
 
-/// Says something to the agents, beside everything else; the id by which it can be withdrawn.
+/// Sends an utterance to the agents, asynchronously; returns the id that can withdraw it.
 fn say(bus: &Bus, writer: &StateWriter, text: String) -> String {
     let context = Context::root().deadline_in(AGENT_TIMEOUT);
     let id = context.id.clone();

@@ -1,4 +1,4 @@
-//! The scene as a render process follows it.
+//! A render process's replica of the scene.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use tokio::sync::watch;
 
 use super::preview;
 
-/// The newest that is known of the scene.
+/// The newest known state of the scene.
 #[derive(Clone)]
 pub(super) struct SceneReplica {
     /// Its state.
@@ -23,8 +23,8 @@ pub(super) struct SceneReplica {
 }
 
 impl SceneReplica {
-    /// What a view highlights: the preview where it was made over the selection that is there, else that selection. A preview
-    /// over a selection that has gone and come back, as by undo, speaks of what was taken back.
+    /// Highlighted mask of a view: the preview if it was made over the current selection, else that selection. A preview is
+    /// stale once its selection went and came back, as by undo.
     pub(super) fn highlighted(&self, preview: Option<&Preview>) -> Arc<Mask> {
         let committed = self.state.selection();
         let holds = |p: &&Preview| p.selection_hash == committed.hash() && p.revision >= self.selected_at;
@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(shown(&replica), [3, 4]);
         replica.offer(&commit(2, &[3, 4, 5])).unwrap();
         assert_eq!(shown(&replica), [3, 4, 5]);
-        // Undone: the selection that the preview was made over is there again.
+        // Undone: the preview's base selection is current again.
         replica.offer(&commit(3, &[])).unwrap();
         assert_eq!(shown(&replica), [0; 0]);
     }

@@ -1,4 +1,4 @@
-//! Keeps what a display shows up to date: the scene, the selection, clusters, the conversation, who is there.
+//! Keeps a display's state up to date: the scene, the selection, clusters, the conversation, and the available services.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -19,13 +19,13 @@ use super::clusters::ClusterLabels;
 use super::preview;
 use super::scene_replica::SceneReplica;
 
-/// Messages of a conversation that may wait.
+/// Most waiting messages of a conversation.
 const QUEUE: usize = 64;
 
 /// Timeout of a state query.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How often a service that is there, but has not told its state, is asked again.
+/// Retry period for an available service without a known state.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
 /// Begins to follow everything.
@@ -75,8 +75,8 @@ async fn scene(
     }
 }
 
-/// What can be taken back and brought back, which is told with the scene's state alone; beside the rest, since a scene that
-/// does not answer is not to hold a preview up.
+/// The undo and redo steps, published with the scene's state alone. It runs as a separate task, so that a silent scene does
+/// not delay a preview.
 async fn history(bus: Bus, mut state: watch::Receiver<SceneReplica>, writer: StateWriter) {
     loop {
         let revision = state.borrow_and_update().state.revision();
@@ -167,7 +167,7 @@ struct ConversationFeeds {
 async fn conversation(mut feeds: ConversationFeeds, writer: StateWriter) {
     loop {
         tokio::select! {
-            // An answer that overtakes what led to it is put with it all the same: turns are known by their id.
+            // An answer may arrive before its cause. Both still join one turn, by its id.
             Some((utterance, context)) = feeds.utterances.next() => on(&writer, &context, |c, id| c.say(id, utterance.text)),
             Some((intent, context)) = feeds.intents.next() => on(&writer, &context, |c, id| {
                 let Some(turn) = c.turn(id) else { return };

@@ -1,11 +1,11 @@
-//! Looks after a display whose loop somebody else's program can hold.
+//! Watches a display whose loop can block in a third-party call.
 
 use std::time::Duration;
 
-/// What holds a display's loop and for how long it has; `None` while it goes on.
+/// The blocking call of a display's loop and its duration so far; `None` while the loop runs.
 pub(super) type BlockedCall = Box<dyn Fn() -> Option<(&'static str, Duration)> + Send>;
 
-/// How long a loop may be held before that is said.
+/// Blocked time before a warning.
 const WARN_AFTER: Duration = Duration::from_secs(2);
 
 /// A watch beside the loop.
@@ -21,8 +21,8 @@ impl LoopWatchdog {
         Self { blocked_call, patience, warned: false, gave_up: false }
     }
 
-    /// Looks whether the loop goes on, and says it when that changes. Once, when it has been held for longer than patience
-    /// lasts: why it is given up.
+    /// Checks the loop and logs changes between running and blocked. Returns the reason for giving up, once, when a block
+    /// outlasts the patience.
     pub(super) fn check(&mut self) -> Option<String> {
         let blocked = (self.blocked_call)().filter(|(_, duration)| *duration >= WARN_AFTER.min(self.patience));
         let Some((what, duration)) = blocked else {

@@ -1,4 +1,4 @@
-//! Colours that say something: Super-Gaussians and attributes, with their legend; and what is in front.
+//! Meaningful colours: Super-Gaussians and attributes, with their legend; and the frontmost surface.
 
 use std::fmt;
 use std::path::Path;
@@ -111,7 +111,7 @@ pub(super) struct ColorOptions {
     pub(super) seed: u64,
 }
 
-/// Puts the colours asked for into the look of the scene.
+/// Applies the requested colours to the scene's look.
 pub(super) fn colors(
     shown: Shown,
     options: &ColorOptions,

@@ -1,12 +1,12 @@
-//! Which quality keeps a display's pace.
+//! Chooses the quality that keeps a display's pace.
 //!
-//! While the view or the scene changes, a picture has to be there within a budget of time: quality goes down a level as soon
-//! as one was late, and up again when the level above would have been in time, by what it cost before or by its pixels. What
-//! stands still is drawn at its best.
+//! While the view or the scene changes, each picture has a time budget. After a late picture, quality drops one level.
+//! Quality rises when the level above would fit the budget. Its past cost, or else its pixel count, gives the estimate. A
+//! still view is drawn at the best quality.
 
 use sg_raster::render::Quality;
 
-/// How a picture is drawn.
+/// Drawing quality of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// Error against the reference.
@@ -18,10 +18,10 @@ pub struct Level {
 /// Edges of the pictures below the level of the best quality, from the finest.
 const SCALES: [f64; 6] = [1.0, 0.75, 0.5, 0.35, 0.25, 0.18];
 
-/// Share of the budget that a level has to keep free before it is gone back to.
+/// Share of the budget that a level must leave free before quality returns to it.
 const ROOM: f64 = 0.3;
 
-/// Factor on what a level is remembered to have taken, for each picture that was drawn below it in time.
+/// Decay of a level's remembered cost, for each picture drawn in time at a lower level.
 const AGES: f64 = 0.97;
 
 /// Weight of the newest measurement.
@@ -32,7 +32,7 @@ const NEWEST: f64 = 0.5;
 pub struct AdaptiveQuality {
     budget: f64,
     at: usize,
-    /// Seconds that each level took, where it has been drawn.
+    /// Seconds per picture of each level, once drawn.
     cost: [Option<f64>; SCALES.len() + 1],
     late: u64,
 }
@@ -44,7 +44,7 @@ impl AdaptiveQuality {
         Self { budget, at: 0, cost: [None; SCALES.len() + 1], late: 0 }
     }
 
-    /// How the next picture is drawn.
+    /// Level of the next picture.
     #[must_use]
     pub fn level(&self, best: Quality, moving: bool) -> Level {
         match if moving { self.at } else { 0 } {
@@ -53,7 +53,7 @@ impl AdaptiveQuality {
         }
     }
 
-    /// A picture took so many seconds while something moved, or while all stood still.
+    /// Records a picture's seconds, with motion or without.
     pub fn record(&mut self, seconds: f64, moving: bool) {
         let at = if moving { self.at } else { 0 };
         if !(seconds.is_finite() && seconds >= 0.0) {
@@ -82,13 +82,13 @@ impl AdaptiveQuality {
         }
     }
 
-    /// Pictures that took longer than their budget while something moved.
+    /// Number of moving pictures over budget.
     #[must_use]
     pub fn late(&self) -> u64 {
         self.late
     }
 
-    /// What a level would take if all work grew with pixels, from what another one takes.
+    /// Estimates a level's cost from another level's, if all work grew with pixels.
     fn by_pixels(&self, from: usize, level: usize) -> f64 {
         let pixels = |k: usize| SCALES[k.saturating_sub(1)].powi(2);
         self.cost[from].unwrap_or(f64::INFINITY) * pixels(level) / pixels(from)

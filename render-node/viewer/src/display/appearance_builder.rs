@@ -1,4 +1,4 @@
-//! How the scene is seen in one display: its look, the highlight, and views of its structure.
+//! Appearance of the scene in one display: its look, the highlight, and views of its structure.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ const SEED: u64 = 1;
 /// Colours, one a Gaussian, and their legend.
 pub type Colors = (Option<Arc<[Vec3]>>, Option<Legend>);
 
-/// Keeps the colours of what is shown, which depend on the scene and its clusters alone.
+/// Caches the displayed colours, which depend only on the scene and its clusters.
 #[derive(Debug, Default)]
 pub struct AppearanceBuilder {
     cached: Option<CachedColors>,
@@ -61,7 +61,7 @@ impl AppearanceBuilder {
         appearance
     }
 
-    /// What the colours of an attribute mean, where one is shown that is a number.
+    /// Legend of the shown attribute's colours, if the attribute is numeric.
     #[must_use]
     pub fn legend(&self) -> Option<Legend> {
         self.cached.as_ref().and_then(|k| k.colors.1)
@@ -76,8 +76,8 @@ fn same(a: Option<&Arc<[u32]>>, b: Option<&Arc<[u32]>>) -> bool {
     }
 }
 
-/// One colour a Gaussian, and what it means where that is a number; none for the scene as it is, and for clusters that are not
-/// known.
+/// One colour per Gaussian, and a legend for a numeric attribute. `None` for the scene's own colours, and for unknown
+/// clusters.
 ///
 /// # Errors
 /// [`AttributeError`] for an attribute that the scene does not carry.

@@ -1,8 +1,7 @@
-//! The brush of one display: what would change before it is pressed, what changes while it is drawn, and the messages that
-//! a stroke makes.
+//! The brush of one display: the preview before the press, the changes during the stroke, and the stroke's messages.
 //!
-//! Hits are found here, so that what is seen follows the hand in the same frame: for single Gaussians and whole
-//! Super-Gaussians that is all there is to it, for a walk it is what the stroke seeds, and the region follows with the
+//! The display computes hits itself, so that the highlight follows the hand in the same frame. For single Gaussians and
+//! whole Super-Gaussians, hits are the final result. For a walk, hits are the seeds; the region follows with the
 //! selection's own answer ([`super::ViewState::selected`]).
 
 use std::sync::Arc;
@@ -19,10 +18,10 @@ use super::request::Request;
 use super::tools::{BrushMode, Tools};
 use sg_raster::structure::NO_CLUSTER;
 
-/// Least way between two samples, as a share of the brush's radius: closer ones hit nothing new.
+/// Least distance between two samples, as a share of the brush's radius: closer ones hit nothing new.
 const STEP: f64 = 0.25;
 
-/// Which way a stroke acts.
+/// Sign of a stroke.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BrushSign {
     /// It adds to the selection.
@@ -31,7 +30,7 @@ pub enum BrushSign {
     Remove,
 }
 
-/// Where a brush is, in the scene frame.
+/// Position of a brush, in the scene frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BrushSample {
     /// Its middle, scene coordinates.
@@ -50,7 +49,7 @@ pub struct BrushController {
     /// Prefix of this brush's stroke ids.
     name: String,
     active: Option<ActiveStroke>,
-    /// Where the surface under the brush is seen from, where it is brushed over from somewhere.
+    /// Eye position from which the brush touches a surface, if any.
     pub eye: Option<DVec3>,
 }
 
@@ -66,13 +65,13 @@ struct ActiveStroke {
     points: Vec<f64>,
     pressure: Vec<f64>,
     depth: Option<StrokeDepth>,
-    /// Samples that have been told.
+    /// Number of samples already sent.
     sent: usize,
     last: Option<DVec3>,
 }
 
 impl BrushController {
-    /// A hand over a scene; `name` tells it from other hands of the session.
+    /// A hand over a scene; `name` distinguishes it from other hands of the session.
     #[must_use]
     pub fn new(scene: &Scene, brush: Arc<Brush>, name: impl Into<String>) -> Self {
         let (bounds, gaussians) = (scene.bounds, scene.len());
@@ -91,13 +90,13 @@ impl BrushController {
         self.eye.filter(|_| tools.front_only).map(|eye| DepthLimit { eye, max_distance: most })
     }
 
-    /// Whether a stroke is being drawn.
+    /// Whether a stroke is under way.
     #[must_use]
     pub fn is_drawing(&self) -> bool {
         self.active.is_some()
     }
 
-    /// Gaussians that the stroke under way has hit.
+    /// Gaussians hit by the stroke under way.
     #[must_use]
     pub fn hits(&self) -> usize {
         self.active.as_ref().map_or(0, |s| s.open.hits().len())
@@ -142,7 +141,7 @@ impl BrushController {
         self.sample(sample);
     }
 
-    /// Goes on to `sample`. A sample that is hardly away from the last one, or is nowhere, is left out.
+    /// Extends the stroke to `sample`. It skips a sample without a position or too close to the last one.
     pub fn sample(&mut self, sample: BrushSample) {
         let Some(stroke) = &mut self.active else { return };
         let step = STEP * stroke.radius * self.bounds.longest_edge();
@@ -161,7 +160,7 @@ impl BrushController {
         }
     }
 
-    /// The samples that have not been told yet, for the selection's preview; each is told once.
+    /// Unsent samples, for the selection's preview; each is sent once.
     #[must_use]
     pub fn pending_samples(&mut self) -> Option<Request> {
         let stroke = self.active.as_mut()?;
@@ -174,8 +173,8 @@ impl BrushController {
         Some(Request::Sample(SampleRequest { stroke: stroke.id.clone(), samples: Some(samples) }))
     }
 
-    /// What is selected with the stroke under way, as far as this display can tell: `selected` itself where the selection has
-    /// told of the stroke already.
+    /// The selection with the stroke under way, as far as this display knows. It is `selected` itself once the selection
+    /// has answered for the stroke.
     #[must_use]
     pub fn selects(&self, selected: &Arc<Mask>, clusters: Option<&[u32]>) -> Arc<Mask> {
         match &self.active {
@@ -193,7 +192,7 @@ impl BrushController {
         Some(Request::Select(StrokesRequest { strokes: vec![stroke.message(0)], ..StrokesRequest::default() }))
     }
 
-    /// Lets go of the stroke as if it had not been begun.
+    /// Cancels the stroke as if it had not begun.
     pub fn abandon(&mut self) {
         self.active = None;
     }
@@ -222,7 +221,7 @@ impl ActiveStroke {
     }
 }
 
-/// A mask with what a brush hit added or taken away: whole clusters in cluster mode, where they are known.
+/// A mask with a brush hit added or removed: whole clusters in cluster mode, if known.
 fn changed(selected: &Mask, hits: &[u32], mode: BrushMode, sign: BrushSign, clusters: Option<&[u32]>) -> Mask {
     let mut mask = selected.clone();
     let on = sign == BrushSign::Add;

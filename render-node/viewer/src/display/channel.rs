@@ -7,30 +7,30 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::request::Request;
 use super::view_state::{NOTICES, Notice, ViewState};
 
-/// Requests that may wait to be carried out; more are dropped and counted.
+/// Most waiting requests; more are dropped and counted.
 pub const REQUESTS: usize = 64;
 
-/// How a display keeps up.
+/// Pace of a display.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameStats {
-    /// Frames that it has shown.
+    /// Frames shown.
     pub frames: u64,
     /// Pictures of the scene in them.
     pub pictures: u64,
-    /// Pictures that were there later than they should have been.
+    /// Pictures that missed their time.
     pub late: u64,
-    /// Seconds that the newest one took.
+    /// Seconds of the newest picture.
     pub seconds: f64,
     /// The renderer.
     pub engine: String,
-    /// Revision of the scene that the newest frame shows.
+    /// Scene revision of the newest frame.
     pub revision: u64,
 }
 
 /// State that both ends of the channel share.
 #[derive(Debug)]
 struct SharedState {
-    /// The newest, and how often it was replaced.
+    /// The newest state and its version.
     state: Mutex<(u64, Arc<ViewState>)>,
     frame_stats: Mutex<FrameStats>,
     closed: AtomicBool,
@@ -40,7 +40,7 @@ struct SharedState {
 #[derive(Debug)]
 pub struct ViewPort {
     shared: Arc<SharedState>,
-    /// Which of the newest was taken last.
+    /// Version of the last state taken.
     taken_version: u64,
     requests: SyncSender<Request>,
     dropped: u64,
@@ -49,7 +49,7 @@ pub struct ViewPort {
 /// The other side of a [`ViewPort`].
 #[derive(Debug)]
 pub struct Backend {
-    /// Where the newest goes.
+    /// Publishes the newest state.
     pub writer: StateWriter,
     /// Requests; the channel ends with the display. Read it with [`super::RequestQueue`].
     pub requests: Receiver<Request>,
@@ -73,7 +73,7 @@ impl StateWriter {
         state.0 += 1;
     }
 
-    /// Tells the person something; the oldest line goes where there are too many.
+    /// Adds a notice for the person; the oldest goes if there are too many.
     pub fn notice(&self, text: impl Into<String>, refused: bool) {
         let text = text.into();
         self.update(|state| {
@@ -84,12 +84,12 @@ impl StateWriter {
         });
     }
 
-    /// Has the display close.
+    /// Closes the display.
     pub fn close(&self) {
         self.0.closed.store(true, Ordering::Relaxed);
     }
 
-    /// How the display keeps up.
+    /// Pace of the display.
     #[must_use]
     pub fn frame_stats(&self) -> FrameStats {
         lock(&self.0.frame_stats).clone()
@@ -101,7 +101,7 @@ fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl ViewPort {
-    /// A seat and its other side.
+    /// A view port and its other side.
     #[must_use]
     pub fn new(first: ViewState) -> (Self, Backend) {
         let shared = Arc::new(SharedState {
@@ -128,25 +128,25 @@ impl ViewPort {
         lock(&self.shared.state).0 != self.taken_version
     }
 
-    /// Whether the display has to close.
+    /// Whether the display must close.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.shared.closed.load(Ordering::Relaxed)
     }
 
-    /// Hands a request in; whether there was room for it.
+    /// Sends a request; returns whether there was room for it.
     pub fn send(&mut self, request: Request) -> bool {
         let taken_version = self.requests.try_send(request).is_ok();
         self.dropped += u64::from(!taken_version);
         taken_version
     }
 
-    /// Says how the display keeps up.
+    /// Reports the display's pace.
     pub fn report(&self, frame_stats: FrameStats) {
         *lock(&self.shared.frame_stats) = frame_stats;
     }
 
-    /// Requests for which there was no room.
+    /// Number of requests dropped for lack of room.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped

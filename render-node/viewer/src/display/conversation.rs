@@ -1,9 +1,9 @@
-//! What was said, what was done about it, what was answered.
+//! The conversation: utterances, the actions they caused, and the answers.
 
-/// Turns that are kept.
+/// Most turns kept.
 const TURNS: usize = 64;
 
-/// Lines of one turn that are kept.
+/// Most lines kept of one turn.
 const ENTRIES: usize = 128;
 
 /// A conversation, oldest turn first.
@@ -16,7 +16,7 @@ pub struct Conversation {
 /// One sentence, its plan, results and answer.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Turn {
-    /// Id of the conversation's request, as every stage of it carries it.
+    /// Id of the conversation's request, the same in every stage.
     pub id: String,
     /// The words.
     pub said: String,
@@ -57,7 +57,7 @@ impl Conversation {
 }
 
 impl Turn {
-    /// Adds a line; of a turn with too many the rest is left out.
+    /// Adds a line; lines beyond the turn's limit are dropped.
     pub fn add(&mut self, entry: Entry) {
         if self.entries.len() < ENTRIES {
             self.entries.push(entry);

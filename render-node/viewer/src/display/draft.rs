@@ -1,7 +1,7 @@
-//! A change that is still being made: seen at once in this display, not told to anybody.
+//! A change in progress: visible at once in this display, not yet published.
 //!
-//! A slider that is dragged makes one draft after another; when it is let go, one change is asked for, and the draft shows
-//! until the scene tells of it or a second has passed, so that nothing flickers in between.
+//! A dragged slider makes one draft after another. On release, the display requests one change. The draft shows until the
+//! scene confirms it or a second has passed, so that nothing flickers.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -10,10 +10,10 @@ use sg_edit::EditState;
 use sg_proto::scene::command::Action;
 use sg_scene::model::Scene;
 
-/// Longest time that a draft outlives the hand that made it.
+/// Longest time that a draft shows after its release.
 const SETTLES: Duration = Duration::from_secs(1);
 
-/// The draft of one display, if there is one.
+/// The draft of one display, if any.
 #[derive(Debug, Default)]
 pub struct Drafts {
     held: Option<Draft>,
@@ -22,31 +22,31 @@ pub struct Drafts {
 #[derive(Debug)]
 struct Draft {
     action: Action,
-    /// Revision of the scene at which the change was asked for, and until when it is waited for.
+    /// Revision of the scene at the request, and the deadline for its confirmation.
     asked: Option<(u64, Instant)>,
     /// The cached result and the state that it was made from.
     made: Option<(Arc<EditState>, Arc<EditState>)>,
 }
 
 impl Drafts {
-    /// A hand makes this change and goes on.
+    /// A hand makes this change and continues.
     pub fn hold(&mut self, action: Action) {
         self.held = Some(Draft { action, asked: None, made: None });
     }
 
-    /// The hand lets go: the change, which was asked for at this revision, shows until the scene tells of it.
+    /// The hand lets go: the change, requested at this revision, shows until the scene confirms it.
     pub fn release(&mut self, action: Action, revision: u64) {
         self.held = Some(Draft { action, asked: Some((revision, Instant::now() + SETTLES)), made: None });
     }
 
-    /// Whether nothing shows that the scene does not have.
+    /// Whether the display shows exactly the scene's state.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.held.is_none()
     }
 
-    /// The state with the draft on it, as the scene's owner would make it; the state itself where there is no draft, or none
-    /// that it would accept. Forgets what the scene has told of.
+    /// The state with the draft applied, as the scene's owner would apply it. Returns the state itself without a draft, or
+    /// if it would reject the draft. Drops a draft that the scene has confirmed.
     #[must_use]
     pub fn over(&mut self, scene: &Arc<Scene>, state: &Arc<EditState>) -> Arc<EditState> {
         let told = |d: &mut Draft| d.asked.is_some_and(|(at, until)| state.revision() > at || Instant::now() > until);

@@ -1,10 +1,10 @@
-//! Work beside a loop that must not wait: the newest wish is worked on, the newest outcome lies ready.
+//! A worker beside a loop that must not wait: it processes the newest job and keeps the newest outcome.
 
 use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// A thread that makes an outcome of the newest wish. A wish that is passed by a newer one is never looked at.
+/// A thread that processes the newest job. A newer job replaces a waiting one.
 pub struct LatestWorker<J, R> {
     shared: Arc<Shared<J, R>>,
     thread: Option<JoinHandle<()>>,
@@ -32,7 +32,7 @@ impl<J: Send + 'static, R: Send + 'static> LatestWorker<J, R> {
     /// Starts the thread. `wake` is called from it whenever there is an outcome, such as to wake the loop.
     ///
     /// # Errors
-    /// What the system says where it gives no thread.
+    /// The system's error if it cannot start a thread.
     pub fn new(
         name: &str,
         mut work: impl FnMut(J) -> R + Send + 'static,
@@ -66,19 +66,19 @@ impl<J: Send + 'static, R: Send + 'static> LatestWorker<J, R> {
         Ok(Self { shared, thread: Some(thread) })
     }
 
-    /// Puts a wish in the place of the one that has not been begun.
+    /// Submits a job; it replaces the waiting one.
     pub fn submit(&self, job: J) {
         self.shared.slots().job = Some(job);
         self.shared.changed.notify_one();
     }
 
-    /// The newest outcome that has not been taken yet.
+    /// The newest outcome, if not yet taken.
     #[must_use]
     pub fn take(&self) -> Option<R> {
         self.shared.slots().result.take()
     }
 
-    /// Whether nothing is worked on and nothing waits.
+    /// Whether no job is running or waiting.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         let slots = self.shared.slots();
@@ -91,7 +91,7 @@ impl<J, R> Drop for LatestWorker<J, R> {
         self.shared.slots().stopped = true;
         self.shared.changed.notify_one();
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so; there is nothing left of it to end.
+            // A panic has already been reported; there is nothing left to end.
             let _ = thread.join();
         }
     }

@@ -1,7 +1,8 @@
-//! What a display shows and what the person before it asks for.
+//! The displayed state, and a person's requests at a display.
 //!
-//! A display (a window, a headset) has a loop that draws. Between that loop and everything that answers in its own time lies
-//! a [`ViewPort`]: the loop takes the newest [`ViewState`] and hands [`Request`]s in, and neither waits. Nothing here knows the bus.
+//! A display (a window, a headset) has a loop that draws. A [`ViewPort`] separates that loop from all asynchronous
+//! services. The loop takes the newest [`ViewState`] and sends [`Request`]s; neither blocks. This module does not know the
+//! bus.
 
 mod adaptive_quality;
 mod appearance_builder;

@@ -1,4 +1,4 @@
-//! The leak or the threshold of the last walk under a hand: tried as it moves, taken as one step when the hand lets go.
+//! The dragged leak or threshold of the last walk: tried as the hand moves, committed as one step on release.
 
 use std::time::{Duration, Instant};
 
@@ -14,10 +14,10 @@ pub const LEAK_RANGE: (f64, f64) = (1e-4, 1.0);
 /// The least and the greatest threshold that a hand reaches.
 pub const THRESHOLD_RANGE: (f64, f64) = (-0.95, 0.95);
 
-/// Longest time that what was let go shows before the scene tells of it.
+/// Longest time that a released value shows before the scene confirms it.
 const SETTLES: Duration = Duration::from_secs(1);
 
-/// The reach of a leak, 0 to 1: the greater, the more is selected. Equal differences are equal factors of the leak.
+/// The reach of a leak, 0 to 1: a greater reach selects more. Equal differences are equal factors of the leak.
 #[must_use]
 pub fn reach_of(leak: f64) -> f64 {
     let (least, greatest) = LEAK_RANGE;
@@ -31,13 +31,13 @@ pub fn leak_of(reach: f64) -> f64 {
     (least * (greatest / least).powf(1.0 - reach)).clamp(least, greatest)
 }
 
-/// Which number of a walk a stick, a key or the wheel changes.
+/// Parameter of a walk that a stick, a key or the wheel changes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WalkParameter {
-    /// How much leaks to the background: the more, the less is selected.
+    /// Leak to the background: a greater leak selects less.
     #[default]
     Leak,
-    /// How far foreground has to lead.
+    /// Required lead of the foreground.
     Threshold,
 }
 
@@ -68,12 +68,12 @@ impl WalkParameter {
     pub fn written(self, tuning: WalkTuning) -> String {
         match self {
             Self::Leak => format!("{:.0} %", 100.0 * reach_of(tuning.leak)),
-            // Minus nothing reads oddly.
+            // A negative zero reads oddly.
             Self::Threshold => format!("{:.2}", if tuning.threshold.abs() < 0.005 { 0.0 } else { tuning.threshold }),
         }
     }
 
-    /// A walk with this number so much further along its range, of which the whole is 1.
+    /// A walk with this number moved along its range, by a share of the whole range.
     #[must_use]
     pub fn moved(self, tuning: WalkTuning, by: f64) -> WalkTuning {
         let by = if by.is_finite() { by } else { 0.0 };
@@ -96,7 +96,7 @@ impl WalkParameter {
 #[derive(Debug, Clone, Default)]
 pub struct ParameterDrag {
     held: Option<WalkTuning>,
-    /// What was let go at which revision of the scene, and until when it is waited for.
+    /// The released value, the scene's revision at that time, and the deadline for its confirmation.
     asked: Option<(WalkTuning, u64, Instant)>,
 }
 
@@ -107,7 +107,7 @@ impl ParameterDrag {
         self.held.is_some()
     }
 
-    /// What the walk is done with as this hand has it; `None` where there is no walk, or nobody who would do it again.
+    /// The walk's parameters, as this hand has set them. `None` without a walk, or without a service that can repeat it.
     #[must_use]
     pub fn tuning(&self, state: &ViewState) -> Option<WalkTuning> {
         let told = state.tuning()?;
@@ -118,7 +118,7 @@ impl ParameterDrag {
         Some(self.held.or_else(|| self.asked.filter(waits).map(|(tuning, ..)| tuning)).unwrap_or(told))
     }
 
-    /// Goes on to these numbers; what is asked for that, if it is news.
+    /// Sets these numbers; returns the resulting request, if the numbers are new.
     #[must_use]
     pub fn set(&mut self, tuning: WalkTuning, state: &ViewState) -> Option<Request> {
         if self.tuning(state)? == tuning {
@@ -128,13 +128,13 @@ impl ParameterDrag {
         Some(Request::Tune(tuning))
     }
 
-    /// Moves one of the numbers along its range, of which the whole is 1; what is asked for that.
+    /// Moves one number along its range, as a share of the whole range; returns the resulting request.
     #[must_use]
     pub fn turn(&mut self, which: WalkParameter, by: f64, state: &ViewState) -> Option<Request> {
         self.set(which.moved(self.tuning(state)?, by), state)
     }
 
-    /// The hand lets go at this revision of the scene: what it made becomes a step.
+    /// The hand lets go at this revision of the scene: the values under the hand become a step.
     #[must_use]
     pub fn release(&mut self, revision: u64) -> Option<Request> {
         let tuning = self.held.take()?;

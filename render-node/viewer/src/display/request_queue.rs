@@ -1,4 +1,4 @@
-//! What was asked for at a display, taken one after another by whoever carries it out.
+//! Queue of a display's requests; the executor takes one after another.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::Receiver;
@@ -6,7 +6,7 @@ use std::sync::mpsc::Receiver;
 use super::channel::REQUESTS;
 use super::request::Request;
 
-/// Requests in their order. Of numbers that a hand tries, one that a newer one has passed by is left out.
+/// Requests in their order. A newer trial replaces an older one.
 #[derive(Debug)]
 pub struct RequestQueue {
     requests: Receiver<Request>,
@@ -21,7 +21,7 @@ impl RequestQueue {
         Self { requests, waiting: VecDeque::new(), superseded: 0 }
     }
 
-    /// Requests that newer ones have passed by.
+    /// Number of superseded requests.
     #[must_use]
     pub fn superseded(&self) -> u64 {
         self.superseded
@@ -31,7 +31,7 @@ impl RequestQueue {
 impl Iterator for RequestQueue {
     type Item = Request;
 
-    /// The next one, waited for; `None` once the display is gone.
+    /// Waits for the next request; `None` once the display is closed.
     fn next(&mut self) -> Option<Request> {
         if self.waiting.is_empty() {
             self.waiting.push_back(self.requests.recv().ok()?);

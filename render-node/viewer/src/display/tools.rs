@@ -1,4 +1,4 @@
-//! What a person's hands and panels set of one display; nothing of it belongs to the scene.
+//! Settings of one display, made by a person's hands and panels; the scene holds none of them.
 
 use glam::Vec3;
 
@@ -20,7 +20,7 @@ pub enum BrushMode {
 }
 
 impl BrushMode {
-    /// All, in the order in which a button goes through them.
+    /// All, in the order of a cycling button.
     pub const ALL: [Self; 3] = [Self::Walk, Self::Cluster, Self::Point];
 
     /// Name on panels and in the legend.
@@ -43,7 +43,7 @@ impl BrushMode {
         }
     }
 
-    /// The one after it.
+    /// The next one.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -54,7 +54,7 @@ impl BrushMode {
     }
 }
 
-/// How a stick pushed aside turns the scene in a room.
+/// Turn style of a stick pushed aside in a room.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TurnStyle {
     /// By 30° at once, as if the person turned.
@@ -81,10 +81,10 @@ impl TurnStyle {
     }
 }
 
-/// What colours show in this display.
+/// Colouring of this display.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DisplayMode {
-    /// The scene as it is edited.
+    /// The edited scene.
     #[default]
     Scene,
     /// Super-Gaussians in colours of their own.
@@ -104,13 +104,13 @@ pub struct Tools {
     pub mode: BrushMode,
     /// The brush's radius as a fraction of the longest edge of the scene's box.
     pub radius: f64,
-    /// Whether strokes, lassos and rectangles over a surface reach only so far behind it.
+    /// Whether strokes, lassos and rectangles over a surface have a depth limit behind it.
     pub front_only: bool,
-    /// How far a brush reaches behind the surface then, as a share of its radius, 0 to 1.
+    /// That limit for a brush, as a share of its radius, 0 to 1.
     pub brush_depth: f64,
-    /// How far lassos and rectangles do, as a fraction of the longest edge of the scene's box.
+    /// That limit for lassos and rectangles, as a fraction of the longest edge of the scene's box.
     pub lasso_depth: f64,
-    /// Which number of the last walk the stick, keys and the wheel change.
+    /// Parameter of the last walk that the stick, keys and the wheel change.
     pub walk_parameter: WalkParameter,
     /// Whether the trigger's pressure narrows the brush.
     pub pressure: bool,
@@ -118,23 +118,23 @@ pub struct Tools {
     pub highlight: Vec3,
     /// Share of that colour, 0 to 1.
     pub highlight_mix: f32,
-    /// Factor on the opacity of what is selected.
+    /// Factor on the opacity of the selection.
     pub highlight_opacity: f32,
     /// Display mode.
     pub display_mode: DisplayMode,
-    /// The best quality that is drawn; a display goes below while it could not keep its pace otherwise.
+    /// The best quality drawn; a display goes below to keep its pace.
     pub quality: Quality,
-    /// How Gaussians are projected and ordered.
+    /// Projection and order of Gaussians.
     pub projection: Projection,
     /// Whether panels are light rather than dark.
     pub light_panels: bool,
     /// Size of everything in panels, 1 for the usual.
     pub scale: f32,
-    /// Whether what the dominant hand does is done by the left one.
+    /// Whether the left hand is the dominant one.
     pub left_handed: bool,
-    /// Whether the eyes' height is that of somebody who sits.
+    /// Whether the eyes' height is that of a seated person.
     pub seated: bool,
-    /// How a stick turns the scene.
+    /// Turn style of a stick.
     pub turn_style: TurnStyle,
 }
 
@@ -161,7 +161,7 @@ impl Default for Tools {
             lasso_depth: 0.05,
             walk_parameter: WalkParameter::default(),
             pressure: false,
-            // Okabe and Ito's sky blue: told apart from most palettes with every kind of colour vision.
+            // Okabe and Ito's sky blue: distinct from most palettes with every kind of colour vision.
             highlight: Vec3::new(0.337, 0.706, 0.914),
             highlight_mix: 0.6,
             highlight_opacity: 1.0,

@@ -12,10 +12,10 @@ use sg_scene::model::SceneBox;
 
 use super::conversation::Conversation;
 
-/// Lines that are kept for a person to read.
+/// Most notices kept for a person.
 pub const NOTICES: usize = 8;
 
-/// The newest of everything that a display shows, each part by itself as new as it is known. Cheap to clone.
+/// The newest state for a display; each part is as new as its source. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct ViewState {
     /// The scene at its newest revision.
@@ -24,15 +24,15 @@ pub struct ViewState {
     pub undo: Arc<[String]>,
     /// Steps of redo, next first.
     pub redo: Arc<[String]>,
-    /// What is selected, or will be as soon as it is durable, or would be if the stroke under way ended now.
+    /// The selection: committed, or soon durable, or as if the stroke under way ended now.
     pub selected: Arc<Mask>,
     /// Whether `selected` is more than the scene has committed.
     pub uncommitted: bool,
-    /// What `selected` is the walk's with, while a hand tries that.
+    /// The walk's parameters behind `selected`, while a hand tries them.
     pub trial_tuning: Option<WalkTuning>,
-    /// What the selection's process does with walks; absent while it is away.
+    /// The selection process's support for walks; absent while it is away.
     pub walk_capabilities: Option<WalkCapabilities>,
-    /// Where a next stroke would tell most, as it was told last.
+    /// The newest proposals for a next stroke.
     pub proposals: Option<Arc<ProposalsReply>>,
     /// Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none; absent until clusters are known.
     pub clusters: Option<Arc<[u32]>>,
@@ -40,12 +40,12 @@ pub struct ViewState {
     pub conversation: Arc<Conversation>,
     /// Which services answer.
     pub services: ServiceAvailability,
-    /// What went wrong or is worth knowing, newest last, at most [`NOTICES`] lines.
+    /// Errors and other notices, newest last, at most [`NOTICES`] lines.
     pub notices: Arc<[Notice]>,
 }
 
 impl ViewState {
-    /// A scene of which nothing else is known.
+    /// State of a scene before any other part is known.
     #[must_use]
     pub fn of(scene: Arc<EditState>) -> Self {
         Self {
@@ -64,8 +64,8 @@ impl ViewState {
         }
     }
 
-    /// What the last walk is done with, or is being tried with; `None` where there is no walk, or nobody who would do it
-    /// again with something else.
+    /// Parameters of the last walk or of its current trial. `None` without a walk, or without a service that can repeat it
+    /// with others.
     #[must_use]
     pub fn tuning(&self) -> Option<WalkTuning> {
         let first = self.walk_capabilities.filter(|_| self.services.selection)?.tuning?;
@@ -78,20 +78,20 @@ impl ViewState {
         Some(self.trial_tuning.or_else(|| steps.iter().rev().find_map(|s| tuned(&s.step))).unwrap_or(first))
     }
 
-    /// How many places for a next stroke can be asked for; 0 where there is no walk that could go on.
+    /// Most proposals for a next stroke; 0 without a walk to continue.
     #[must_use]
     pub fn most_proposals(&self) -> u32 {
         self.tuning().and(self.walk_capabilities).map_or(0, |w| w.most_proposals)
     }
 
-    /// Where a next stroke would tell most, best first, as far as that is about the selection that is there.
+    /// Proposals for a next stroke, best first, if they belong to the current selection.
     #[must_use]
     pub fn proposals(&self) -> &[Proposal] {
         let about = |p: &&Arc<ProposalsReply>| p.selection_hash == self.scene.selection().hash();
         self.proposals.as_ref().filter(about).filter(|_| self.most_proposals() > 0).map_or(&[], |p| &p.proposals)
     }
 
-    /// Where in a scene with these bounds the proposal of a number from 0 lies.
+    /// Position of the proposal with this zero-based number, in a scene with these bounds.
     #[must_use]
     pub fn proposal_at(&self, bounds: SceneBox, number: usize) -> Option<DVec3> {
         let normalized = DVec3::from_slice(self.proposals().get(number)?.point.get(..3)?);
@@ -102,13 +102,13 @@ impl ViewState {
 /// Walk capabilities of the selection service.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WalkCapabilities {
-    /// What they are done with where no step says otherwise; `None` where nothing else can be asked for.
+    /// Default parameters of walks; `None` if other parameters are not supported.
     pub tuning: Option<WalkTuning>,
-    /// Most places for a next stroke that it tells of at once.
+    /// Most proposals that one answer holds.
     pub most_proposals: u32,
 }
 
-/// Which services answer: a control whose service is away is not drawn.
+/// Available services: a control whose service is away is not drawn.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ServiceAvailability {
     /// The scene takes changes.
@@ -122,10 +122,10 @@ pub struct ServiceAvailability {
 /// A line for a person.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Notice {
-    /// Counts up, so that a display can tell a new line from one it has shown.
+    /// Counts up, so that a display can distinguish a new line from a shown one.
     pub number: u64,
     /// The event and a remedy.
     pub text: String,
-    /// Whether something asked for was not done.
+    /// Whether a request failed.
     pub refused: bool,
 }

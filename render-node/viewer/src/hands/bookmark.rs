@@ -2,7 +2,7 @@
 
 use super::placement::Placement;
 
-/// Most that are kept; the oldest makes room.
+/// Most bookmarks kept; the oldest makes room.
 pub const MOST_BOOKMARKS: usize = 32;
 
 /// A placement with a name.
@@ -10,7 +10,7 @@ pub const MOST_BOOKMARKS: usize = 32;
 pub struct Bookmark {
     /// Name.
     pub name: String,
-    /// Where the scene stands.
+    /// Placement of the scene.
     pub placement: Placement,
 }
 
@@ -21,7 +21,7 @@ pub struct Bookmarks {
 }
 
 impl Bookmarks {
-    /// Keeps a placement; one of the same name is replaced where it stands.
+    /// Keeps a placement; it replaces one of the same name in place.
     pub fn keep(&mut self, name: &str, placement: Placement) {
         if let Some(known) = self.kept.iter_mut().find(|b| b.name == name) {
             known.placement = placement;
@@ -33,7 +33,7 @@ impl Bookmarks {
         self.kept.push(Bookmark { name: name.to_owned(), placement });
     }
 
-    /// Forgets one; whether there was one.
+    /// Removes one; returns whether it existed.
     pub fn forget(&mut self, name: &str) -> bool {
         let before = self.kept.len();
         self.kept.retain(|b| b.name != name);

@@ -1,19 +1,18 @@
-//! What eases a moving scene for who stands in it: the edge of the view darkens while all around moves.
+//! Eases scene motion for a person in it: the edge of the view darkens while the surroundings move.
 
 use super::placement::{Placement, Pose};
 
-/// Seconds from nothing to the whole vignette, and back.
+/// Seconds of a full change of the vignette, in or out.
 const EASE: f64 = 0.3;
 
-/// Metres in a second, at an arm's length from the head, from which on a moving scene is felt, and at which the vignette is
-/// whole.
+/// Speeds of the scene at arm's length from the head, metres per second. At the first the vignette begins; at the second it
+/// is full.
 const SPEEDS: [f64; 2] = [0.15, 1.0];
 
 /// A vignette that comes with the motion of the scene and goes with it.
 ///
-/// It follows how fast the scene moves around the head, not how it is held: a scene that is carried at arm's length hardly
-/// moves there, one that is turned about the head does. It never changes faster than from nothing to whole in 0.3 s, so it
-/// does not flash.
+/// It follows the scene's speed around the head, not the hand's grip. A scene carried at arm's length hardly moves around
+/// the head; a scene turned about the head does. A full change takes at least 0.3 s, so the vignette does not flash.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ComfortVignette {
     strength: f64,
@@ -21,8 +20,8 @@ pub struct ComfortVignette {
 }
 
 impl ComfortVignette {
-    /// Takes in where the scene is after `seconds` and tells how strong the vignette is, 0 to 1. A scene that was put
-    /// somewhere at once (`jumped`: a reset, a bookmark, a snap turn) has not moved. What is no number changes nothing.
+    /// Takes in the scene's placement after `seconds` and returns the vignette's strength, 0 to 1. A jump (`jumped`: a
+    /// reset, a bookmark, a snap turn) does not count as motion. Non-finite input changes nothing.
     pub fn step(&mut self, placement: &Placement, head: &Pose, jumped: bool, seconds: f64) -> f64 {
         let sound = placement.checked().zip(head.checked());
         let (Some((now, head)), true) = (sound, seconds.is_finite() && seconds > 0.0) else { return self.strength };

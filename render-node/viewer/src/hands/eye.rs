@@ -6,8 +6,8 @@ use sg_scene::camera::{Camera, Light};
 use super::placement::{Placement, Pose};
 use super::pointing::Rectangle;
 
-/// What an eye sees, as angles from its forward axis in radians: right and up count positive, so `left` and `down` usually are
-/// negative. Need not be symmetric.
+/// An eye's field of view, as angles from its forward axis in radians. Right and up count positive, so `left` and `down`
+/// usually are negative. It need not be symmetric.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fov {
     /// Leftmost.
@@ -21,8 +21,8 @@ pub struct Fov {
 }
 
 impl Fov {
-    /// Where a point of the plane one unit ahead (right and up) is in the picture, as shares of its width and height from the
-    /// upper left.
+    /// Projects a point of the plane one unit ahead (right and up) into the picture. Returns shares of its width and height
+    /// from the upper left.
     #[must_use]
     pub fn in_picture(&self, at: DVec2) -> DVec2 {
         let [left, right, up, down] = [self.left, self.right, self.up, self.down].map(f64::tan);
@@ -40,13 +40,13 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// Whether the eye may see some of a rectangle: `false` says for certain that it sees none of it.
+    /// Whether the eye may see part of a rectangle. `false` is certain: the eye sees none of it.
     #[must_use]
     pub fn may_see(&self, rectangle: &Rectangle) -> bool {
         let [left, right, up, down] =
             [self.fov.left, self.fov.right, self.fov.up, self.fov.down].map(|angle| angle.clamp(-1.57, 1.57).tan());
         let back = self.pose.orientation.inverse();
-        // Where each corner lies against the five planes around what is seen, inside above 0.
+        // Each corner's distance to the five planes of the view frustum, positive inside.
         let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
             let at = back * (rectangle.point(DVec2::new(x, y)) - self.pose.position);
             let ahead = -at.z;
@@ -55,11 +55,10 @@ impl Eye {
         (0..5).all(|plane| corners.iter().any(|corner| corner[plane] >= 0.0))
     }
 
-    /// The eye as a pinhole camera of a scene that stands in the room, drawn in the scene's own unit: the room is brought
-    /// into the scene rather than the scene into the room, so that centres, cut-offs and the near plane stay the scene's.
+    /// The eye as a pinhole camera of a placed scene, in the scene's own unit. The room is transformed into the scene, not
+    /// the scene into the room. So centres, cut-offs and the near plane stay the scene's.
     ///
-    /// `size` is the picture's in pixels. Where a field of view has no extent the camera is not one, and
-    /// [`Camera::check`] says so.
+    /// `size` is the picture's in pixels. An empty field of view makes an invalid camera, and [`Camera::check`] reports it.
     #[must_use]
     pub fn camera(
         &self,

@@ -5,13 +5,13 @@ use glam::{DQuat, DVec3};
 use super::input::{HandInput, Side, Switch};
 use super::placement::{Placement, Pose};
 
-/// How a thumbstick turns the scene.
+/// Turn style of a thumbstick.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TurnMode {
     /// Evenly about the upright axis through the scene's middle, degrees in a second at full tilt.
     Smooth(f64),
-    /// By so many degrees at once about the upright axis through the head, as if the person turned.
+    /// In steps of this many degrees about the upright axis through the head, as if the person turned.
     Snap(f64),
     /// Not at all.
     Off,
@@ -46,9 +46,8 @@ enum GrabState {
 
 /// A scene held by hands.
 ///
-/// A hand that grabs holds the scene's point under it: one hand moves and turns the scene, two scale and turn it about the
-/// point between them. A hand whose tracking is lost lets go, and takes hold anew where it comes back, so that the scene
-/// never jumps.
+/// A grabbing hand holds the scene's point under it. One hand moves and turns the scene; two scale and turn it about the
+/// point between them. A hand without tracking lets go, and grabs anew at its next tracked pose. So the scene never jumps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grab {
     placement: Placement,
@@ -60,7 +59,7 @@ pub struct Grab {
 }
 
 impl Grab {
-    /// The scene stands at `home`, which [`Self::reset`] brings it back to; `middle` is the scene point that turns stay about.
+    /// The scene stands at `home`; [`Self::reset`] restores it. `middle` is the scene point that turns stay about.
     #[must_use]
     pub fn new(home: Placement, middle: DVec3) -> Self {
         let home = home.checked().unwrap_or(Placement::IDENTITY);
@@ -74,7 +73,7 @@ impl Grab {
         }
     }
 
-    /// Where the scene stands.
+    /// Placement of the scene.
     #[must_use]
     pub fn placement(&self) -> Placement {
         self.placement
@@ -86,19 +85,19 @@ impl Grab {
         self.held != GrabState::Nothing
     }
 
-    /// Whether the grip of that hand is closed.
+    /// Whether that hand's grip is closed.
     #[must_use]
     pub fn is_squeezed(&self, side: Side) -> bool {
         self.squeezed[side.index()].is_on()
     }
 
-    /// Brings the scene to where it was fitted. Hands that hold it take hold anew.
+    /// Restores the scene's fitted placement. Hands that hold it grab it anew.
     pub fn reset(&mut self) {
         self.go(self.home);
     }
 
-    /// Brings the scene to another place, such as a bookmark. What is no placement changes nothing; a scale beyond the limits
-    /// becomes the nearest within them, about the scene's middle.
+    /// Moves the scene to another placement, such as a bookmark. An invalid placement changes nothing. A scale beyond the
+    /// limits becomes the nearest within them, about the scene's middle.
     pub fn go(&mut self, placement: Placement) {
         let Some(placement) = placement.checked() else { return };
         let scale = self.limited(placement.scale);
@@ -116,8 +115,8 @@ impl Grab {
         self.reset();
     }
 
-    /// Takes in what both hands do after `seconds`. `may_grab` says of each whether its squeeze is meant for the scene (and
-    /// not, say, for a panel), `head` is what snap turns go about; the stick of a hand in `turn_with` turns.
+    /// Takes in both hands after `seconds`. `may_grab` holds per hand whether its squeeze is meant for the scene (and not,
+    /// say, for a panel). Snap turns go about `head`. The stick of a hand in `turn_with` turns.
     pub fn step(
         &mut self,
         hands: &[HandInput; 2],
@@ -212,7 +211,7 @@ impl Grab {
             TurnMode::Snap(by) if tilt.abs() > 0.7 && !was_tilted => (head, tilt.signum() * by),
             _ => return,
         };
-        // Who turns to the right sees the scene go to the left, which is counter-clockwise from above.
+        // A turn of the person to the right moves the scene to the left: counter-clockwise from above.
         let turned = self.placement.turned(pivot, DVec3::Y, degrees.to_radians());
         self.placement = turned.checked().unwrap_or(self.placement);
     }

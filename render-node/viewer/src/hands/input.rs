@@ -1,4 +1,4 @@
-//! What hands do, whatever tells it.
+//! State of the hands, independent of its source.
 
 use glam::{DVec2, DVec3};
 
@@ -37,26 +37,26 @@ impl Side {
     }
 }
 
-/// One hand at one time. What a controller does not have stays as it is by default.
+/// One hand at one time. Inputs missing on a controller keep their defaults.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct HandInput {
     /// The palm, in the room; `None` while it is not tracked.
     pub grip: Option<Pose>,
-    /// Which way the open palm looks, a unit vector in the room.
+    /// Direction of the open palm, a unit vector in the room.
     pub palm: Option<DVec3>,
     /// Pointing pose: the ray goes along −z.
     pub aim: Option<Pose>,
-    /// How far the grip is squeezed, 0 to 1.
+    /// Squeeze of the grip, 0 to 1.
     pub squeeze: f64,
-    /// How far the trigger is pulled, 0 to 1.
+    /// Pull of the trigger, 0 to 1.
     pub trigger: f64,
-    /// Whether the trigger is pulled as far as the controller calls a click.
+    /// Whether the trigger reaches the controller's click.
     pub click: bool,
     /// Thumbstick or trackpad: right and up, each −1 to 1.
     pub stick: DVec2,
     /// Whether the thumbstick or trackpad is pressed.
     pub stick_click: bool,
-    /// A or X, or what the controller has for it.
+    /// A or X, or the controller's equivalent.
     pub primary: bool,
     /// B or Y.
     pub secondary: bool,
@@ -64,14 +64,14 @@ pub struct HandInput {
     pub menu: bool,
 }
 
-/// A button made of how far something is pressed: on above 0.6, off below 0.4, so that it does not flicker.
+/// A button from a pressure: on above 0.6, off below 0.4, so that it does not flicker.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Switch {
     on: bool,
 }
 
 impl Switch {
-    /// Takes in how far it is pressed and tells whether it is on. A NaN changes nothing.
+    /// Takes in the pressure and returns whether the button is on. A NaN changes nothing.
     pub fn press(&mut self, value: f64) -> bool {
         if value > 0.6 {
             self.on = true;

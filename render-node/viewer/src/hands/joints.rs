@@ -1,4 +1,4 @@
-//! A hand without a controller: what its fingers do, as the same input that a controller gives.
+//! A hand without a controller: its fingers produce the same input as a controller.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -8,7 +8,7 @@ use super::placement::Pose;
 /// Joints of a hand in the order of OpenXR's `XrHandJointEXT`.
 pub const JOINTS: usize = 26;
 
-/// Places in that order. Of a finger the knuckle is what bends against the palm.
+/// Places in that order. A finger's knuckle bends against the palm.
 const PALM: usize = 0;
 const WRIST: usize = 1;
 const THUMB_TIP: usize = 5;
@@ -18,11 +18,11 @@ const INDEX_TIP: usize = 10;
 /// Knuckles of the middle, ring and little fingers. Three joints follow each, up to the tip.
 const CLOSING: [usize; 3] = [12, 17, 22];
 
-/// Metres between the tips of thumb and index finger at which they touch, and at which they are apart.
+/// Metres between the tips of thumb and index finger: touching, and apart.
 const TOUCH: f64 = 0.010;
 const APART: f64 = 0.045;
 
-/// How far a finger reaches from its knuckle to its tip, as a share of its length: closed in a fist, and straight.
+/// A finger's reach from knuckle to tip, as a share of its length: closed in a fist, and straight.
 const CLOSED: f64 = 0.58;
 const STRAIGHT: f64 = 0.92;
 
@@ -37,10 +37,11 @@ pub struct BareHand {
 }
 
 impl BareHand {
-    /// What the hand does: index finger against thumb is the trigger, a fist is the grip, and it points from the wrist along
-    /// its index finger's knuckle, which pinching does not move. The pointer begins at that knuckle.
+    /// Converts the hand's pose to input. A pinch of index finger and thumb is the trigger; a fist is the grip. The hand
+    /// points from the wrist along its index finger's knuckle, since a pinch does not move it. The pointer begins at that
+    /// knuckle.
     ///
-    /// Of pinch and fist the one that began first counts until it ends. A hand that is not tracked does nothing and is nowhere.
+    /// The first of pinch and fist counts until it ends. An untracked hand has no input and no pose.
     pub fn read(&mut self, joints: Option<&Joints>) -> HandInput {
         let Some(joints) = joints else {
             *self = Self::default();
@@ -62,13 +63,13 @@ impl BareHand {
     }
 }
 
-/// How near thumb and index finger are, 0 to 1.
+/// Closeness of thumb and index finger, 0 to 1.
 fn pinched(joints: &Joints) -> Option<f64> {
     let apart = joints[THUMB_TIP]?.position.distance(joints[INDEX_TIP]?.position);
     Some(((APART - apart) / (APART - TOUCH)).clamp(0.0, 1.0))
 }
 
-/// How far the three other fingers are closed, 0 to 1: as far as the one that is closed least.
+/// Closure of the three other fingers, 0 to 1: that of the least closed one.
 fn closed(joints: &Joints) -> Option<f64> {
     let mut least = 1.0_f64;
     for knuckle in CLOSING {
@@ -85,7 +86,7 @@ fn closed(joints: &Joints) -> Option<f64> {
     Some(least)
 }
 
-/// Where the hand points.
+/// Pointing direction of the hand.
 fn aim(joints: &Joints) -> Option<Pose> {
     let (wrist, knuckle) = (joints[WRIST]?, joints[INDEX_KNUCKLE]?.position);
     let forward = (knuckle - wrist.position).try_normalize()?;

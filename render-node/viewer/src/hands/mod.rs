@@ -1,7 +1,7 @@
-//! Hands that hold a scene: where it stands in the room, and how grabbing, scaling and turning change that.
+//! Hands that hold a scene: its placement in the room, and its changes by grabbing, scaling and turning.
 //!
-//! Pure functions in f64, whatever tells where hands are. The room is in metres, x right, y up, z backward (as OpenXR has
-//! it); its floor or the eyes are at y = 0.
+//! Pure functions in f64, independent of the tracking source. The room is in metres, x right, y up, z backward (as in
+//! OpenXR). Its floor or the eyes are at y = 0.
 
 mod bookmark;
 mod comfort_vignette;

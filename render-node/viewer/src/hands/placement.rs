@@ -1,9 +1,9 @@
-//! Where a scene stands in the room.
+//! Placement of a scene in the room.
 
 use glam::{DMat3, DQuat, DVec3};
 use sg_scene::model::SceneBox;
 
-/// Where something is and how it is turned.
+/// Position and orientation of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Metres.
@@ -59,8 +59,8 @@ pub enum Stance {
 }
 
 impl Stance {
-    /// Metres from y = 0 of the room to the middle of a scene that is fitted into it: 1.2 above the floor, 0.9 for somebody
-    /// who sits; eyes are taken to be 1.6 and 1.2 above it.
+    /// Metres from y = 0 of the room to the middle of a fitted scene. Above the floor: 1.2 standing, 0.9 seated. Eyes are
+    /// taken to be 1.6 and 1.2 above the floor.
     #[must_use]
     pub fn height(self, origin: Origin) -> f64 {
         match (self, origin) {
@@ -90,10 +90,10 @@ impl Placement {
     /// One unit is a metre, and the origins are one.
     pub const IDENTITY: Self = Self { scale: 1.0, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
-    /// The box in front of the person: its longest edge 1 m, its middle 0.8 m ahead of the room's origin at
-    /// [`Stance::height`], the scene direction `up` upright and `forward` away from the person.
+    /// Places the box in front of the person. Its longest edge is 1 m. Its middle is 0.8 m ahead of the room's origin, at
+    /// [`Stance::height`]. The scene direction `up` points up, and `forward` points away from the person.
     ///
-    /// A box without extent is taken for a unit cube, directions of no length or along one line for z up and y forward.
+    /// An empty box counts as a unit cube. Zero or parallel directions count as z up and y forward.
     #[must_use]
     pub fn fit(bounds: SceneBox, up: DVec3, forward: DVec3, stance: Stance, origin: Origin) -> Self {
         let size = bounds.size().max_element();
@@ -119,13 +119,13 @@ impl Placement {
         sound.then_some(Self { rotation: turned.orientation, ..self })
     }
 
-    /// Where a scene point is in the room.
+    /// Transforms a scene point into the room.
     #[must_use]
     pub fn to_room(&self, point: DVec3) -> DVec3 {
         self.scale * (self.rotation * point) + self.translation
     }
 
-    /// Which scene point is there in the room.
+    /// Transforms a room point into the scene.
     #[must_use]
     pub fn to_scene(&self, point: DVec3) -> DVec3 {
         self.rotation.inverse() * (point - self.translation) / self.scale

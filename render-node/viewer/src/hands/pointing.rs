@@ -15,8 +15,8 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// Where a ray from `hand` along its −z meets the front of the rectangle: 0 to 1 from the left and from the top, and the
-    /// distance in metres. `None` where it passes by, comes from behind, or runs along.
+    /// Intersection of a ray from `hand` along its −z with the front of the rectangle. Returns shares 0 to 1 from the left
+    /// and from the top, and the distance in metres. `None` for a ray that misses, comes from behind, or runs parallel.
     #[must_use]
     pub fn hit(&self, hand: &Pose) -> Option<(DVec2, f64)> {
         let (at, distance) = self.meets(hand)?;
@@ -38,7 +38,7 @@ impl Rectangle {
         (at.is_finite() && distance.is_finite()).then_some((at, distance))
     }
 
-    /// Where on the rectangle a share from the left and from the top is, in the room.
+    /// Room position of a share from the left and from the top of the rectangle.
     #[must_use]
     pub fn point(&self, at: DVec2) -> DVec3 {
         self.pose.to_room(((at - 0.5) * DVec2::new(1.0, -1.0) * self.size).extend(0.0))
@@ -69,20 +69,20 @@ pub struct Pointed {
 
 /// The one pointer that two hands share.
 ///
-/// The hand that pulled its trigger last has it, or the other where that hand points nowhere. What a trigger was pulled on
-/// keeps the pointer until it is let go; one that was pulled beside all rectangles presses none of them.
+/// The pointer belongs to the hand that pulled its trigger last, or to the other if that hand points nowhere. A pressed
+/// rectangle keeps the pointer until release. A trigger pulled beside all rectangles presses none of them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pointer {
     triggers: [Switch; 2],
     last: Option<Side>,
-    /// The rectangle that is pressed, and by which hand.
+    /// The pressed rectangle, and the pressing hand.
     caught: Option<(Side, usize)>,
-    /// Whether a trigger was pulled while its hand pointed at nothing, and is still held.
+    /// Whether a trigger was pulled beside all rectangles and is still held.
     elsewhere: [bool; 2],
 }
 
 impl Pointer {
-    /// Takes in where hands point and how far their triggers are pulled.
+    /// Takes in the hands' rays and trigger pressures.
     pub fn step(&mut self, rectangles: &[Rectangle], hands: &[HandInput; 2]) -> Option<Pointed> {
         let aims = [0, 1].map(|k: usize| hands[k].aim.and_then(Pose::checked));
         let at = [0, 1].map(|k: usize| aims[k].and_then(|aim| nearest(rectangles, &aim)));

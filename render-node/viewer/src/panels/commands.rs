@@ -1,4 +1,4 @@
-//! Changes as commands of the scene, and what a hand holds.
+//! Changes as commands of the scene, and the edit under a hand.
 
 use egui::Ui;
 use glam::Vec3;
@@ -41,13 +41,13 @@ pub(super) fn show_only(name: &str) -> Action {
 }
 
 impl Panels {
-    /// A control is being moved: the change is a draft until the hand lets go.
+    /// A control is moving: the change is a draft until the hand lets go.
     pub(super) fn hold(&mut self, panel: Panel, action: Action) {
         let said = self.held.as_ref().is_some_and(|held| held.action == action && held.said);
         self.held = Some(ActiveEdit { panel, action, said });
     }
 
-    /// Called at the end of a panel: what is under the hand goes on, or is asked for once if there is no hand any more.
+    /// Called at the end of a panel: continues the edit under the hand, or requests it once after release.
     pub(super) fn settle(&mut self, panel: Panel, ui: &Ui, output: &mut Output) {
         if !ui.input(|i| i.pointer.any_down()) {
             output.join(self.put_away(panel));

@@ -1,4 +1,4 @@
-//! The pieces that panels are made of.
+//! Building blocks of the panels.
 
 use std::ops::RangeInclusive;
 
@@ -10,12 +10,12 @@ use egui::{
 use super::icon::{Icon, draw};
 use super::theme;
 
-/// How many times the usual size everything has.
+/// Scale of the panels, 1 for the usual size.
 pub(super) fn scale(ui: &Ui) -> f32 {
     ui.spacing().interact_size.y / 28.0
 }
 
-/// A part of a panel that can be folded away.
+/// A collapsible part of a panel.
 pub(super) fn section<R>(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui) -> R) -> Option<R> {
     section_that(ui, title, open, false, content)
 }
@@ -39,7 +39,7 @@ pub(super) fn choice(ui: &mut Ui, chosen: bool, text: &str) -> bool {
     ui.add(Button::new(text).selected(chosen)).clicked()
 }
 
-/// A button with a picture; `name` is what it does, for who hears it and who points at it.
+/// A button with a picture; `name` is its action, for screen readers and the tooltip.
 pub(super) fn icon(ui: &mut Ui, icon: Icon, on: bool, name: &str) -> bool {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(ui.spacing().interact_size.y), Sense::click());
     let enabled = ui.is_enabled();
@@ -82,7 +82,7 @@ pub(super) fn bare_slider(
     slider_of(ui, name, value, range, width, false)
 }
 
-/// Buttons that do something by a number, and the number behind them; which button was pressed.
+/// Buttons for actions with a number, and the field of that number; returns the pressed button.
 pub(super) fn by_number(
     ui: &mut Ui,
     enabled: bool,
@@ -124,7 +124,7 @@ fn slider_of(
             ui.add(slider)
         })
         .inner;
-    // The name stands beside the slider or nowhere; who cannot see it is told here.
+    // The name may not stand beside the slider, so screen readers get it here.
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
     response
 }
@@ -142,7 +142,7 @@ pub(super) struct Number<'a> {
 }
 
 impl Number<'_> {
-    /// Draws it over the whole width; whether it was moved.
+    /// Draws it over the whole width; returns whether it moved.
     pub(super) fn show(self, ui: &mut Ui, value: &mut f64) -> bool {
         let scale = scale(ui);
         ui.horizontal(|ui| {
@@ -162,7 +162,7 @@ impl Number<'_> {
 pub(super) fn button_width(ui: &Ui, text: &str) -> f32 {
     let font = TextStyle::Button.resolve(ui.style());
     let text = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::PLACEHOLDER).size().x;
-    // A point for the rounding of what it is drawn on.
+    // One point allows for rounding by the background.
     text + 2.0 * ui.spacing().button_padding.x + 1.0
 }
 
@@ -190,7 +190,7 @@ pub(crate) fn count(n: usize) -> String {
     text
 }
 
-/// Room with the panel's margins; what is too high for it scrolls.
+/// A frame with the panel's margins; content that is too high scrolls.
 pub(super) fn scrolling<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
     theme::frame(ui)
         .show(ui, |ui| {

@@ -1,4 +1,4 @@
-//! What is shown of the scene in this display, and how.
+//! Display options: the visible parts of the scene, and their look.
 
 use egui::{Button, Checkbox, Ui};
 
@@ -30,7 +30,7 @@ impl Panels {
             offer(ui, tools, "scene", DisplayMode::Scene);
             if let Some(clusters) = &state.clusters {
                 offer(ui, tools, "Super-Gaussians", DisplayMode::Clusters);
-                // Lines are drawn into pictures that cores have made, which a headset's are not.
+                // Lines are drawn only into pictures of the software renderer; a headset has none.
                 if self.host == PanelHost::Window {
                     offer(ui, tools, "outlines of Super-Gaussians", DisplayMode::Outlines);
                 }

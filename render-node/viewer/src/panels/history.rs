@@ -1,4 +1,4 @@
-//! What was done, taken back and brought back.
+//! The history: steps done, undone and redone.
 
 use egui::{Align, Button, Label, Layout, RichText, Ui};
 use sg_proto::scene::command::Action;
@@ -8,11 +8,11 @@ use super::output::Output;
 use super::state::Panels;
 use crate::display::ViewState;
 
-/// Lines of the history that are shown.
+/// Most lines of the history shown.
 const LINES: usize = 12;
 
 impl Panels {
-    /// Undo and redo by one step, with what they would do.
+    /// Undo and redo by one step, with a description of the step.
     pub(super) fn steps_back(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         ui.horizontal(|ui| {
             let step = |ui: &mut Ui, text: &str, lines: &[String]| {

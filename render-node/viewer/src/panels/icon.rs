@@ -37,7 +37,7 @@ pub(super) fn draw(painter: &Painter, icon: Icon, on: bool, square: Rect, stroke
                 stroke,
                 egui::StrokeKind::Middle,
             );
-            // An open lock's shackle stands up beside its body.
+            // The shackle of an open lock is beside its body.
             let (left, right) = if on { (-0.38, 0.38) } else { (-0.38, 0.45) };
             let top = if on { -0.75 } else { -0.95 };
             let mut shackle = vec![at(left, -0.05)];

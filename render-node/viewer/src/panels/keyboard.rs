@@ -1,4 +1,4 @@
-//! The virtual keyboard: types into whichever text field waits for letters.
+//! The virtual keyboard: types into the active text field of any panel.
 
 use egui::{Align, Button, Key, RichText, TextWrapMode, Ui, vec2};
 
@@ -16,7 +16,7 @@ const ROWS: [(&str, &str); 4] = [
 ];
 
 impl Panels {
-    /// The virtual keyboard: letters go to the field that was pointed at last, in whichever panel it is.
+    /// The virtual keyboard: letters go to the last field pointed at, in any panel.
     pub(super) fn keyboard(&mut self, ui: &mut Ui) {
         let drawn = theme::frame(ui).show(ui, |ui| {
             ui.set_min_size(ui.available_size());
@@ -27,7 +27,7 @@ impl Panels {
         TextInput::keyboard_at(ui, drawn.response.rect);
     }
 
-    /// What is being typed, where the eyes of who types are.
+    /// The typed text, in the typist's line of sight.
     fn typed_line(&self, ui: &mut Ui) {
         let width = ui.available_width();
         match self.text_input.field() {

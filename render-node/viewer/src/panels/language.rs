@@ -1,4 +1,4 @@
-//! The panel "language": what was said, what the agents did about it, what they answered.
+//! The panel "language": a person's utterances, the agents' actions, and their answers.
 
 use egui::{Button, Id, Label, Rect, RichText, ScrollArea, Ui, vec2};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
@@ -12,7 +12,7 @@ use super::theme;
 use crate::display::{Entry, Request, Turn, ViewState};
 
 impl Panels {
-    /// The conversation, with a field to go on with it. Empty where no agents take part.
+    /// The conversation, with a field to continue it. Empty without agents.
     pub(super) fn language(&mut self, ui: &mut Ui, state: &ViewState) -> Output {
         let mut output = Output::default();
         if !state.services.agents {
@@ -23,7 +23,7 @@ impl Panels {
             theme::frame(ui).show(ui, |ui| {
                 ui.set_min_size(ui.available_size());
                 ui.heading(Panel::Language.name());
-                // The field stays at the bottom whatever was said.
+                // The field stays at the bottom, independent of the conversation's length.
                 let below = ui.spacing().interact_size.y + 3.0 * ui.spacing().item_spacing.y;
                 let height = (ui.available_height() - below).max(60.0 * scale(ui));
                 ScrollArea::vertical()
@@ -62,7 +62,7 @@ impl Panels {
                 self.text_input.set(Field::Say, "");
             }
             if came == FieldEvent::Entered {
-                // Whoever has said one thing goes on with the next.
+                // The focus stays in the field, so that a person can go on.
                 self.text_input.turn_to(Field::Say);
             }
             if waiting && ui.button("stop").clicked() {
@@ -72,7 +72,7 @@ impl Panels {
     }
 }
 
-/// What a turn's height depends on, and the height that it had.
+/// Inputs to a turn's height, and the resulting height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Height {
     width: f32,
@@ -82,7 +82,7 @@ struct Height {
     points: f32,
 }
 
-/// A long conversation costs what is in sight of it: of the rest only the heights are known.
+/// A long conversation costs only its visible part: the rest has known heights only.
 fn show_turn_in_sight(ui: &mut Ui, turn: &Turn) {
     let known = Id::unique(("height of a turn", &turn.id));
     let now = Height {

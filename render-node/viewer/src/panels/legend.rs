@@ -1,4 +1,4 @@
-//! What buttons do now, and lines for a person to read.
+//! The current functions of the buttons, and notices for a person.
 
 use egui::{Align, Grid, Label, Mesh, RichText, Sense, Stroke, Ui, vec2};
 
@@ -9,16 +9,16 @@ use super::transfer::{number, to_color32};
 use crate::display::ViewState;
 use sg_raster::attributes::Legend;
 
-/// Seconds that a line stays, and one that says what was not done.
+/// Seconds that a line stays, and an error line.
 const STAYS: [f64; 2] = [6.0, 12.0];
 
-/// Seconds in which it fades at the end.
+/// Seconds of its final fade.
 const FADES: f64 = 1.0;
 
 /// Most points that a line is wide at the usual size of text, and that it leaves to both sides.
 const WIDTH: (f32, f32) = (560.0, 32.0);
 
-/// The tool legend: what each button or key does now, one pair a line.
+/// The tool legend: the current function of each button or key, one pair a line.
 pub fn legend(ui: &mut Ui, does: &[(&str, &str)]) {
     theme::card(ui).show(ui, |ui| {
         Grid::new("tool legend").num_columns(2).striped(false).show(ui, |ui| {
@@ -32,10 +32,10 @@ pub fn legend(ui: &mut Ui, does: &[(&str, &str)]) {
 }
 
 impl Panels {
-    /// Lines that are worth knowing, newest last, each for some seconds; nothing of them can be pressed, and nothing waits for
-    /// them. The clock is that of the context: call it of one context only.
+    /// Notices, newest last, each for some seconds. They cannot be pressed and block no input. The clock is that of the
+    /// context: call it of one context only.
     pub fn notices(&mut self, ui: &mut Ui, state: &ViewState) {
-        // Its area is as wide as what it showed last, be that nothing.
+        // Its area keeps the width of its last content, even of none.
         ui.set_max_width((WIDTH.0 * scale(ui)).min(ui.ctx().content_rect().width() - WIDTH.1));
         let now = ui.input(|i| i.time);
         let seen = &mut self.shown_notices.0;

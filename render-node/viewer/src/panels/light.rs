@@ -18,7 +18,7 @@ use crate::display::ViewState;
 /// Backgrounds that are often wanted.
 const BACKGROUNDS: [(&str, Vec3); 3] = [("black", Vec3::ZERO), ("grey", Vec3::splat(0.5)), ("white", Vec3::ONE)];
 
-/// Which part of the shading a button shows.
+/// Shading term of a button.
 const TERMS: [(&str, ShadingTerm); 5] = [
     ("full", ShadingTerm::Full),
     ("normal", ShadingTerm::Normal),

@@ -1,8 +1,8 @@
-//! Panels: what a person reads and presses beside the scene, the same in a window and in a headset.
+//! Panels: text and controls beside the scene, the same in a window and in a headset.
 //!
-//! [`Panels`] keeps what lasts from frame to frame: the chosen unit, locks, what is being typed. A display calls one method for
-//! each panel that it shows, with an [`egui::Ui`] of any size (a window, docked) or of [`Panel::size`] (a headset, one
-//! [`egui::Context`] for each panel), after [`theme::apply`] to each context:
+//! [`Panels`] keeps the state between frames: the chosen unit, locks, the typed text. A display calls one method for each
+//! visible panel. It passes an [`egui::Ui`] of any size (a window, docked) or of [`Panel::size`] (a headset, one
+//! [`egui::Context`] for each panel). It calls [`theme::apply`] on each context first:
 //!
 //! ```no_run
 //! # use sg_viewer::display::{Drafts, Request, Seat, Shown, Tools};
@@ -21,13 +21,13 @@
 //! # }
 //! ```
 //!
-//! `state.scene` is the state with the display's draft on it ([`crate::display::Drafts::over`]), so that a control shows what
-//! the hand has made of it. Panels may be drawn only when something changed: when what is shown or set is new, when something
-//! points at them, when their context asks for another frame, and when [`Panels::wants_drawing`] says so.
-//! [`Panels::is_typing`] says when the keyboard's panel has to be shown.
+//! `state.scene` is the state with the display's draft applied ([`crate::display::Drafts::over`]), so a control shows the
+//! hand's edit. Panels need drawing only after a change: new content or settings, a pointer on them, or a repaint request
+//! of their context. [`Panels::wants_drawing`] reports further changes. [`Panels::is_typing`] says when to show the
+//! keyboard's panel.
 //!
-//! A control whose service is not offered ([`ViewState::services`]) is not drawn, and neither is a [`DisplayAction`] that the display has not
-//! said it fulfils.
+//! A control of an unavailable service ([`ViewState::services`]) is not drawn. Neither is a [`DisplayAction`] that the
+//! display does not support.
 
 mod commands;
 mod control;
@@ -74,8 +74,8 @@ impl Panels {
         Self { host, ..Self::default() }
     }
 
-    /// Reads the transfer functions behind a scene's base units, for plots beside them; `path` is what the scene was opened
-    /// from. Returns what could not be read, a line each.
+    /// Reads the transfer functions behind a scene's base units, for plots beside them. `path` is the scene's source.
+    /// Returns the read errors, a line each.
     pub fn behind(&mut self, scene: &Scene, path: &Path) -> Vec<String> {
         let (curves, problems) = transfer::curves(scene, path);
         self.curves = curves;
@@ -93,19 +93,19 @@ impl Panels {
         self.text_input.turn_to(text_input::Field::SaveName);
     }
 
-    /// Has letters go to what is said to the agents as soon as that is drawn.
+    /// Moves the keyboard focus to the field for the agents at its next frame.
     pub fn say_something(&mut self) {
         self.text_input.turn_to(text_input::Field::Say);
     }
 
-    /// Whether a panel would look other than it was drawn last, or do something, because of what was done in another one: letters
-    /// that wait for their field, a field that was left for another. What is shown and what is pointed at the display knows.
+    /// Whether another panel's change alters this panel's look or state: letters waiting for their field, or a field that
+    /// lost its focus. The display itself knows about its content and its pointer.
     #[must_use]
     pub fn wants_drawing(&self, panel: Panel) -> bool {
         self.drawn[panel as usize] != self.text_input.version()
     }
 
-    /// Draws a panel into all that is left of a [`Ui`] and says what was asked for.
+    /// Draws a panel into the rest of a [`Ui`] and returns its requests.
     pub fn show(&mut self, panel: Panel, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         self.revision = state.scene.revision();
         let output = match panel {

@@ -1,10 +1,10 @@
-//! Requests and wishes that a panel returns.
+//! Requests and actions returned by a panel.
 
 use sg_proto::scene::command::Action;
 
 use crate::display::{Drafts, Request, ViewState};
 
-/// Where panels are shown.
+/// Host of the panels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PanelHost {
     /// In a window, with a mouse and a keyboard.
@@ -21,30 +21,30 @@ pub enum DisplayAction {
     Fit,
     /// Keep the present place under the next free number.
     Bookmark,
-    /// Go to the place kept under this number, from 1.
+    /// Go to the bookmark with this number, from 1.
     Place(u8),
     /// Show the panels that hang around a person where they were hidden, and the other way round.
     Panels,
     /// Keep a picture of the view.
     Screenshot,
-    /// Look at the place of this number, from 0, where a next stroke would tell most ([`ViewState::proposals`]); before the eyes of
-    /// a person, who turns by themselves, have it stand out.
+    /// Looks at the proposal with this zero-based number ([`ViewState::proposals`]). In a headset, a person turns by
+    /// themselves, so the mark is emphasized instead.
     Proposal(u8),
 }
 
 /// A change under a hand.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Draft {
-    /// Still being made: to be shown, not told. Said once for each change under the hand.
+    /// In progress: shown, not yet sent. Returned once for each change under the hand.
     Hold(Action),
-    /// Just let go; the same change is among the requests.
+    /// Just released; the same change is among the requests.
     Release(Action),
 }
 
 /// Output of the panels in one frame.
 #[derive(Debug, Default, PartialEq)]
 pub struct Output {
-    /// To be handed to the seat, in this order.
+    /// Requests to send to the view port, in this order.
     pub requests: Vec<Request>,
     /// The draft under the hand.
     pub draft: Option<Draft>,

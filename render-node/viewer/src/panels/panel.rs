@@ -8,7 +8,7 @@ use crate::display::ViewState;
 /// One of the panels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Panel {
-    /// Units, light, viewpoint, history, what is shown.
+    /// Units, light, viewpoint, history, display options.
     Scene,
     /// Brush and selection ("Select").
     Select,
@@ -36,8 +36,8 @@ impl Panel {
         }
     }
 
-    /// Its size in points where it stands by itself in front of a person, to be multiplied by `Tools::scale`. What does not
-    /// fit its height scrolls.
+    /// Its size in points when it stands alone in front of a person, before multiplication by `Tools::scale`. Content
+    /// beyond its height scrolls.
     #[must_use]
     pub fn size(self) -> Vec2 {
         match self {
@@ -49,8 +49,8 @@ impl Panel {
         }
     }
 
-    /// Its width and height in metres at which a line of its smallest text takes [`theme::LINE_DEGREES`] seen from so far,
-    /// in metres; it may be larger.
+    /// Its least width and height in metres for a viewing distance in metres. At this size, a line of its smallest text
+    /// takes [`theme::LINE_DEGREES`].
     #[must_use]
     pub fn least_metres(self, distance: f64) -> [f64; 2] {
         let point = theme::metres_per_point(distance);

@@ -1,4 +1,4 @@
-//! Choosing a colour: swatches that everybody tells apart, and hue, saturation and brightness.
+//! Choosing a colour: universally distinct swatches, and hue, saturation and brightness.
 
 use egui::style::StyleModifier;
 use egui::{
@@ -19,7 +19,7 @@ pub(super) enum Picked {
     Own,
 }
 
-/// A swatch that opens the choice of a colour. `own` is what giving none is called, where that can be chosen.
+/// A swatch that opens the choice of a colour. `own` labels the option without a colour, if there is one.
 pub(super) fn color_button(ui: &mut Ui, name: &str, color: Option<Vec3>, own: Option<&str>) -> Option<Picked> {
     let button = swatch(ui, name, color);
     let mut picked = None;
@@ -49,7 +49,7 @@ fn swatch(ui: &mut Ui, name: &str, color: Option<Vec3>) -> Response {
                 StrokeKind::Inside,
             );
         }
-        // Its Gaussians' own colours, whatever they are: an empty square.
+        // Its Gaussians' own colours: an empty square.
         None => {
             ui.painter().rect(
                 square,
@@ -80,7 +80,7 @@ fn choose(ui: &mut Ui, of: Id, color: Option<Vec3>, own: Option<&str>) -> Option
             }
         }
     });
-    // A grey has no hue and black no saturation: what the sliders were set to is remembered while it fits.
+    // A grey has no hue and black no saturation: the sliders' last values are kept while they fit.
     let known = of.with("hue, saturation, brightness");
     let present = color.unwrap_or(Vec3::splat(0.5));
     let mut hsb = ui
@@ -104,7 +104,7 @@ fn choose(ui: &mut Ui, of: Id, color: Option<Vec3>, own: Option<&str>) -> Option
     picked
 }
 
-/// Hue in degrees, saturation and brightness 0 to 1, of a colour as it is stored.
+/// Hue in degrees, saturation and brightness 0 to 1, of a stored colour.
 fn hsb_of(rgb: Vec3) -> [f64; 3] {
     let [r, g, b] = rgb.as_dvec3().to_array();
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));

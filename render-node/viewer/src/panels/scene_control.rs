@@ -10,7 +10,7 @@ use super::state::Panels;
 use crate::display::{Tools, ViewState};
 
 impl Panels {
-    /// Units, light, viewpoint, history, and what is shown.
+    /// Units, light, viewpoint, history, and display options.
     pub(super) fn scene_control(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         let mut output = Output::default();
         ui.push_id(Panel::Scene.name(), |ui| {

@@ -1,4 +1,4 @@
-//! The panel "Select": brush, selection, and the unit that becomes of it.
+//! The panel "Select": brush, selection, and the resulting unit.
 
 use egui::{Align, Button, Response, RichText, Ui};
 use sg_edit::UnitRef;
@@ -21,7 +21,7 @@ use super::theme;
 use crate::display::{Request, Tools, ViewState};
 
 impl Panels {
-    /// Brush, selection, and the unit that becomes of it.
+    /// Brush, selection, and the resulting unit.
     pub(super) fn select_panel(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         let mut output = Output::default();
         ui.push_id(Panel::Select.name(), |ui| {
@@ -40,7 +40,7 @@ impl Panels {
             section(ui, "Brush", true, |ui| self.brush(ui, tools));
         }
         if state.tuning().is_some() {
-            // In a room the stick changes a walk, and what is below has to be in reach without scrolling.
+            // In a room the stick changes a walk, and the controls below must be in reach without scrolling.
             section(ui, "Reach and Strictness", self.host == PanelHost::Window, |ui| {
                 self.walk(ui, state, tools, output);
             });

@@ -17,18 +17,18 @@ use crate::display::ParameterDrag;
 /// State of the panels from frame to frame.
 #[derive(Debug, Default)]
 pub struct Panels {
-    /// Where they are shown: decides what needs a trigger, a ray or a mouse.
+    /// Their host: decides which controls need a trigger, a ray or a mouse.
     pub host: PanelHost,
     /// Actions that the display supports; others are not drawn.
     pub supported_actions: Vec<DisplayAction>,
-    /// What the colours mean that are shown now, where they stand for a number.
+    /// Legend of the current colours, if they stand for a number.
     pub numbers: Option<attributes::Legend>,
     pub(super) curves: Vec<Option<Curve>>,
     pub(super) chosen: Option<UnitRef>,
     pub(super) locked: Vec<UnitRef>,
     pub(super) held: Option<ActiveEdit>,
     pub(super) text_input: TextInput,
-    /// What each panel has been drawn of that, in the order of [`Panel::ALL`].
+    /// The drawn version of that state for each panel, in the order of [`Panel::ALL`].
     pub(super) drawn: [u64; Panel::ALL.len()],
     pub(super) shift: bool,
     pub(super) renaming: Option<u64>,
@@ -42,7 +42,7 @@ pub struct Panels {
 /// A change under a hand.
 #[derive(Debug)]
 pub(super) struct ActiveEdit {
-    /// Where the hand is.
+    /// Panel under the hand.
     pub(super) panel: Panel,
     /// The change.
     pub(super) action: Action,
@@ -53,13 +53,13 @@ pub(super) struct ActiveEdit {
 /// State of the Select panel.
 #[derive(Debug)]
 pub(super) struct SelectState {
-    /// How far the selection grows or shrinks, a fraction of the box's longest edge.
+    /// Distance to grow or shrink the selection, a fraction of the box's longest edge.
     pub(super) distance: f64,
-    /// Gaussians of the largest hole that is filled.
+    /// Gaussians of the largest hole to fill.
     pub(super) hole: f64,
-    /// How far from the selection's mean feature what is similar may be, in units of its spread.
+    /// Largest feature distance of similar Gaussians from the selection's mean, in units of its spread.
     pub(super) likeness: f64,
-    /// The unit that would be replaced, while that is asked.
+    /// The unit to replace, while a confirmation is pending.
     pub(super) replaces: Option<String>,
     /// The last walk under the hand.
     pub(super) drag: ParameterDrag,
@@ -75,7 +75,7 @@ impl Default for SelectState {
 #[derive(Debug, Default)]
 pub(super) struct NoticeTimes(pub(super) BTreeMap<u64, f64>);
 
-/// How many Super-Gaussians there are, counted once for each clustering.
+/// Number of Super-Gaussians, counted once for each clustering.
 #[derive(Debug, Default)]
 pub(super) struct ClusterCount(Option<(Arc<[u32]>, usize)>);
 

@@ -1,14 +1,14 @@
-//! Text fields, and which of them letters go to.
+//! Text fields and their keyboard focus.
 //!
-//! A field may be in another context than the keyboard that types into it. What the keyboard's keys mean waits here as events,
-//! and the field takes them up when it is drawn next, exactly as if they came from a keyboard of the machine.
+//! A field may be in another context than its keyboard. Key events of the virtual keyboard wait here. The field takes them
+//! up at its next frame, exactly as from a physical keyboard.
 
 use egui::{Event, Id, Key, Modifiers, Rect, TextEdit, Ui};
 
 /// Events of the virtual keyboard that may wait for their field to be drawn.
 const KEYS: usize = 64;
 
-/// Where text can be typed.
+/// Text fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Field {
     /// The name of a unit to be saved.
@@ -33,7 +33,7 @@ impl Field {
 /// Outcome of a field in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum FieldEvent {
-    /// Nothing, or some letters.
+    /// No change, or some letters.
     Going,
     /// Enter was pressed.
     Entered,
@@ -43,7 +43,7 @@ pub(super) enum FieldEvent {
     GivenUp,
 }
 
-/// The text of all fields and which one is being typed into.
+/// The text of all fields, and the focused field.
 #[derive(Debug, Default)]
 pub(super) struct TextInput {
     field: Option<Field>,
@@ -54,7 +54,7 @@ pub(super) struct TextInput {
     version: u64,
 }
 
-/// Where a context remembers the place of its virtual keyboard.
+/// Key of a context's memory for the place of its virtual keyboard.
 fn keyboard_place() -> Id {
     Id::unique("place of the virtual keyboard")
 }
@@ -81,18 +81,18 @@ impl TextInput {
         self.version += 1;
     }
 
-    /// Has letters go to a field as soon as it is drawn.
+    /// Focuses a field at its next frame.
     pub(super) fn turn_to(&mut self, field: Field) {
         self.wanted = Some(field);
         self.version += 1;
     }
 
-    /// Whether letters go to a field as soon as it is drawn.
+    /// Whether a field gets the focus at its next frame.
     pub(super) fn wants(&self, field: Field) -> bool {
         self.wanted == Some(field)
     }
 
-    /// A field is not drawn any more.
+    /// A field is no longer drawn.
     pub(super) fn forget(&mut self, field: Field) {
         if self.field == Some(field) {
             self.field = None;
@@ -107,7 +107,7 @@ impl TextInput {
         self.add(Event::Text(text.to_owned()));
     }
 
-    /// A field that takes nothing is not there any more.
+    /// Queues an event. A full queue means that its field no longer exists.
     fn add(&mut self, event: Event) {
         self.version += 1;
         if self.keys.len() < KEYS {
@@ -124,13 +124,13 @@ impl TextInput {
         }
     }
 
-    /// Letters go nowhere any more.
+    /// Clears the focus.
     pub(super) fn leave(&mut self) {
         self.leave = self.field.is_some();
         self.version += 1;
     }
 
-    /// Says where in this context the virtual keyboard is: pressing there turns to nothing else.
+    /// Stores the place of the virtual keyboard in this context: a press there does not move the focus.
     pub(super) fn keyboard_at(ui: &Ui, place: Rect) {
         ui.data_mut(|d| d.insert_temp(keyboard_place(), place));
     }

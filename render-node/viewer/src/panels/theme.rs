@@ -1,4 +1,4 @@
-//! How panels look: colours that can be read, sizes that can be read from where a person stands.
+//! Look of the panels: readable colours, and text sizes for the reading distance.
 
 use egui::style::{HandleShape, ScrollStyle, Selection, WidgetVisuals, Widgets};
 use egui::{
@@ -16,10 +16,10 @@ pub const LINE_DEGREES: f64 = 1.3;
 /// Least height of a line of the smallest text in points, at a scale of 1.
 pub const LINE: f64 = 16.0;
 
-/// Least ratio of the luminances of text and of what it stands on (WCAG 2.2, success criterion 1.4.3).
+/// Least ratio of the luminances of text and its background (WCAG 2.2, success criterion 1.4.3).
 pub const CONTRAST: f64 = 4.5;
 
-/// Colours that are told apart with every kind of colour vision (Okabe and Ito 2008) and white, by name, RGB 0 to 1.
+/// Colours distinct with every kind of colour vision (Okabe and Ito 2008) and white, by name, RGB 0 to 1.
 pub const COLORS: [(&str, Vec3); 8] = [
     ("orange", Vec3::new(0.902, 0.624, 0.0)),
     ("sky blue", Vec3::new(0.337, 0.706, 0.914)),
@@ -31,15 +31,14 @@ pub const COLORS: [(&str, Vec3); 8] = [
     ("white", Vec3::ONE),
 ];
 
-/// Metres that one point of a panel must take at this distance in metres, so that a line of its smallest text takes
-/// [`LINE_DEGREES`]: a line of height h at the distance d takes 2·atan(h / 2d).
+/// Metres per point for a viewing distance in metres, so that a line of a panel's smallest text takes [`LINE_DEGREES`]. A
+/// line of height h at the distance d takes 2·atan(h / 2d).
 #[must_use]
 pub fn metres_per_point(distance: f64) -> f64 {
     2.0 * distance * (0.5 * LINE_DEGREES.to_radians()).tan() / LINE
 }
 
-/// The most points that may lie side by side on a panel of this width seen from this distance, both in metres, so that text
-/// can be read.
+/// Most points across a panel of this width at this viewing distance, both in metres, for readable text.
 #[must_use]
 pub fn points_across(width: f64, distance: f64) -> f64 {
     width / metres_per_point(distance)
@@ -57,17 +56,17 @@ pub fn color_of(sign: BrushSign) -> Color32 {
 /// Points from the middle of a mark to the outside of its edge.
 pub const MARK: f32 = 12.0;
 
-/// Okabe and Ito's yellow, which neither adds nor takes away.
+/// Okabe and Ito's yellow: the colour of neither adding nor removing.
 const MARKED: Color32 = Color32::from_rgb(240, 228, 66);
 
-/// Marks the place of a number from 0 where a next stroke would tell most, written from 1; one that is lit is filled.
+/// Marks the proposal with this zero-based number, written from 1; a lit mark is filled.
 pub fn mark(painter: &Painter, at: Pos2, number: usize, lit: bool) {
     let (fill, text) = if lit { (MARKED, Color32::BLACK) } else { (Color32::from_black_alpha(190), MARKED) };
     painter.circle(at, MARK - 1.0, fill, Stroke::new(2.0, MARKED));
     painter.text(at, Align2::CENTER_CENTER, (number + 1).to_string(), FontId::proportional(14.0), text);
 }
 
-/// Gives a context the look that the tools ask for. Cheap where nothing changed.
+/// Applies the tools' look to a context. Cheap without a change.
 pub fn apply(ctx: &Context, tools: &Tools) {
     let theme = if tools.light_panels { Theme::Light } else { Theme::Dark };
     let looks = (tools.light_panels, tools.scale.to_bits());
@@ -108,7 +107,7 @@ pub fn style(light: bool, scale: f32) -> Style {
     spacing.menu_margin = margin(10.0);
     spacing.scroll = ScrollStyle { bar_width: 12.0 * scale, ..ScrollStyle::solid() };
     style.interaction.selectable_labels = false;
-    // What is beside a ray that trembles is still pressed.
+    // The tolerance allows presses with a trembling ray.
     style.interaction.interact_radius = 4.0 * scale;
     style.visuals.text_cursor.blink = false;
     style

@@ -24,7 +24,7 @@ pub struct Curve {
     pub domain: [f64; 2],
     /// RGB and opacity, 0 to 1, at equal steps from end to end of the scaled domain.
     pub samples: Vec<(Vec3, f32)>,
-    /// The values of the base unit, in the file's units, where the file tells them.
+    /// The values of the base unit, in the file's units, if the file has them.
     pub range: Option<[f64; 2]>,
     scale: Scale,
 }
@@ -33,7 +33,7 @@ impl Curve {
     /// The curve of one base unit.
     #[must_use]
     pub fn of(function: &TransferFunction, unit: &str) -> Option<Self> {
-        // Plotted in the file's own units: normalized values go from 0 to 1 whatever the volume holds.
+        // Plotted in the file's own units: normalized values go from 0 to 1 for every volume.
         let classifier = function.classifier(ValueRange { low: 0.0, high: 1.0, non_finite: 0 }).ok()?;
         let [low, high] = function.domain.map(|x| function.scale.apply(x));
         let samples = (0..=STEPS).map(|k| {
@@ -49,7 +49,7 @@ impl Curve {
         })
     }
 
-    /// Where on the axis a value lies, 0 to 1.
+    /// Position of a value on the axis, 0 to 1.
     fn place(&self, value: f64) -> f32 {
         let [low, high] = self.domain.map(|x| self.scale.apply(x));
         let at = self.scale.apply(value.clamp(self.domain[0], self.domain[1]));
@@ -117,7 +117,7 @@ impl Curve {
     }
 }
 
-/// The value whose scaled one this is.
+/// Inverts the scale: returns the value for a scaled one.
 fn unscaled(scale: Scale, x: f64) -> f64 {
     match scale {
         Scale::Linear => x,
@@ -143,8 +143,8 @@ pub(super) fn to_color32(rgb: Vec3) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// The transfer functions behind a scene's base units, in scene order, none where there is none; and what could not be read,
-/// a line each. `path` is what the scene was opened from.
+/// The transfer functions behind a scene's base units, in scene order, `None` for units without one. Also returns the read
+/// errors, a line each. `path` is the scene's source.
 #[must_use]
 pub fn curves(scene: &Scene, path: &Path) -> (Vec<Option<Curve>>, Vec<String>) {
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };

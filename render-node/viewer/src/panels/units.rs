@@ -57,7 +57,7 @@ impl Panels {
     fn row(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, output: &mut Output) {
         let chosen = self.chosen == Some(row.unit);
         let free = !self.locked.contains(&row.unit);
-        // A scene may have a thousand units, of which a panel shows twenty.
+        // A scene may have a thousand units; a panel shows only about twenty.
         let place = Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), ui.spacing().interact_size.y));
         if !chosen && !ui.is_rect_visible(place) {
             ui.allocate_space(place.size());
@@ -88,7 +88,7 @@ impl Panels {
             });
             ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, output));
         }
-        // What is to the right of the name: a slider, its number, the lock.
+        // Controls to the right of the name: a slider, its number, the lock.
         // In a narrow dock the slider gives way to the name; the chosen unit has another.
         let number = 54.0 * scale;
         let room = ui.available_width() - number - side - 3.0 * gap;
@@ -170,7 +170,7 @@ impl Panels {
         });
     }
 
-    /// What concerns the selection and the view rather than the unit, and is free whatever is locked.
+    /// Controls of the selection and the view; they ignore the unit's lock.
     fn pick(&mut self, ui: &mut Ui, row: &Row, output: &mut Output) {
         let select = |operation: SetOperation| {
             Action::Select(Select { target: Some(commands::unit(&row.name)), operation: operation.into() })

@@ -1,4 +1,4 @@
-//! The part of the 3D prompt about the last walk: its leak and threshold, and where a next stroke would tell most.
+//! The part of the 3D prompt about the last walk: its leak and threshold, and proposals for a next stroke.
 
 use egui::{Button, RichText, Ui};
 
@@ -7,7 +7,7 @@ use super::output::{DisplayAction, Output, PanelHost};
 use super::state::Panels;
 use crate::display::{Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter, leak_of, reach_of};
 
-/// Places that are asked for at once.
+/// Number of proposals per request.
 pub(super) const PLACES: u32 = 5;
 
 impl Panels {
@@ -47,7 +47,7 @@ impl Panels {
         self.proposals(ui, state, output);
     }
 
-    /// Where a next stroke would tell most, as rows to be looked at or lit up where the display can.
+    /// Proposals for a next stroke, as rows. A click looks at the place, or lights it up, if the display can.
     fn proposals(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         let most = state.most_proposals().min(PLACES);
         if most == 0 {

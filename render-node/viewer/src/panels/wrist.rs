@@ -1,4 +1,4 @@
-//! The wrist menu: what is wanted anywhere in a room, whatever buttons its hands have.
+//! The wrist menu: actions for any place in a room, independent of the controller's buttons.
 
 use egui::Ui;
 
@@ -8,7 +8,7 @@ use super::theme;
 use crate::display::{Tools, ViewState};
 
 impl Panels {
-    /// What strokes mean, one step back and forth, the panels, the scene's place.
+    /// The brush mode, one step back and forth, the panels, the scene's placement.
     pub(super) fn wrist(&self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         let mut output = Output::default();
         theme::frame(ui).show(ui, |ui| {

@@ -21,16 +21,16 @@ pub(super) struct EyeRenderer {
     renderer: Renderer,
     present: Present,
     vignette: Vignette,
-    /// Where the runtime takes depths.
+    /// Depth layer, if the runtime takes depths.
     depths: Option<DepthLayer>,
     rasterizer: Rasterizer,
     adaptive_quality: AdaptiveQuality,
-    /// When the picture before was handed in.
+    /// Submission time of the picture before.
     before: Option<Instant>,
     /// How the newest one was drawn.
     pub(super) level: Level,
     pub(super) pictures: u64,
-    /// What lenses hide as the renderer knows it: which change of it, seen by eyes like these.
+    /// Version of the hidden mesh in the renderer, and the fields of view it belongs to.
     hides: Option<(u64, [Fov; 2])>,
 }
 
@@ -40,7 +40,7 @@ impl EyeRenderer {
         let (gpu, format) = (frame.gpu(), frame.format());
         let mut renderer = Renderer::new(gpu, scene)?;
         let rasterizer = match renderer.blends_quads() {
-            // A trial would take a device made of cores seconds, in which nobody sees anything.
+            // A trial on a software device takes seconds without a picture.
             true if gpu.is_software() => Rasterizer::Quads,
             _ => fastest(&mut renderer, scene)?,
         };
@@ -60,7 +60,7 @@ impl EyeRenderer {
         })
     }
 
-    /// Has nothing drawn where lenses hide it. On a device made of cores the test costs more than most lenses spare.
+    /// Skips drawing behind the lenses' hidden areas. On a software device the test costs more than most lenses save.
     fn hide(&mut self, frame: &Frame<'_>) {
         if frame.gpu().is_software() {
             return;
@@ -86,7 +86,7 @@ impl EyeRenderer {
         self.adaptive_quality.late()
     }
 
-    /// Draws a look of the scene as it stands in the room, the edges of the view `darkened` by 0 to 1.
+    /// Draws a look of the placed scene, with the edges of the view `darkened` by 0 to 1.
     pub(super) fn draw(
         &mut self,
         frame: &mut Frame<'_>,
@@ -94,8 +94,7 @@ impl EyeRenderer {
         look: &Appearance,
         (tools, darkened): (&Tools, f64),
     ) -> Result<Result<(), GpuError>, XrError> {
-        // What a frame cost is what lies between it and the next where that is more than the headset's own time; less says
-        // that there was room.
+        // A frame's cost is the time to the next frame, if that exceeds the headset's own time. Less means spare time.
         let now = Instant::now();
         if let Some(before) = self.before.replace(now) {
             let between = now.duration_since(before).as_secs_f64();

@@ -1,4 +1,4 @@
-//! What both hands do to a scene in the room, frame by frame: hold it, brush it, press buttons.
+//! Effects of both hands on a scene in the room, frame by frame: grabbing, brushing, buttons.
 
 use std::sync::Arc;
 
@@ -38,24 +38,24 @@ const TICK: f32 = 0.3;
 /// Output of both hands in one frame.
 #[derive(Debug, Default)]
 pub struct InteractionOutput {
-    /// To be handed to the seat, in this order.
+    /// Requests to send, in this order.
     pub requests: Vec<Request>,
-    /// Which hands feel something, and how strongly.
+    /// Haptic strength of each hand.
     pub felt: Vec<(Side, f32)>,
-    /// Whether panels are to be shown where they were hidden, and the other way round.
+    /// Whether to swap hidden and shown panels.
     pub panels: bool,
-    /// Whether the scene was put elsewhere at once: by a snap turn, or back to where it was fitted.
+    /// Whether the scene jumped: by a snap turn, or back to its fitted placement.
     pub jumped: bool,
 }
 
-/// A brush as it is seen in the room.
+/// A brush in the room.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BrushMarker {
     /// Its middle, in the room.
     pub at: DVec3,
     /// Its radius in metres.
     pub radius: f64,
-    /// Which way it acts.
+    /// Its sign.
     pub sign: BrushSign,
 }
 
@@ -93,7 +93,7 @@ pub struct Interaction {
 }
 
 impl Interaction {
-    /// Hands over a scene that stands at `home`.
+    /// Hands over a scene placed at `home`.
     #[must_use]
     pub fn new(scene: &Scene, home: Placement) -> Self {
         let brush = Arc::new(Brush::of_scene(scene));
@@ -111,7 +111,7 @@ impl Interaction {
         }
     }
 
-    /// Where the scene stands.
+    /// Placement of the scene.
     #[must_use]
     pub fn placement(&self) -> Placement {
         self.grab.placement()
@@ -140,7 +140,7 @@ impl Interaction {
         if side == Self::adds(tools) { BrushSign::Add } else { BrushSign::Remove }
     }
 
-    /// Takes in what both hands do after `seconds`; `head` is where it is in the room.
+    /// Takes in both hands after `seconds`; `head` is its pose in the room.
     pub fn step(
         &mut self,
         hands: &[HandInput; 2],
@@ -171,8 +171,8 @@ impl Interaction {
         output
     }
 
-    /// What sticks do up and down: the hand that adds scrubs the last walk while strokes mean walks, else both say how wide the
-    /// brush is. The other one aside: which number of the walk that is.
+    /// Handles the sticks' up and down. In walk mode, the adding hand's stick changes the last walk; otherwise both set the
+    /// brush's width. The other hand's stick sideways selects the walk's number.
     fn sticks(
         &mut self,
         hands: &[HandInput; 2],
@@ -288,7 +288,7 @@ impl Interaction {
         }
     }
 
-    /// What is highlighted: what is selected, with strokes under way, or with what they would change if they were begun here.
+    /// The highlight: the selection with strokes under way, or with the preview of a stroke begun here.
     #[must_use]
     pub fn highlighted(&self, state: &ViewState, tools: &Tools) -> Arc<Mask> {
         let clusters = state.clusters.as_deref();

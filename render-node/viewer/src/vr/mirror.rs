@@ -1,6 +1,6 @@
-//! A window on the desk that shows what the left eye sees, for whoever stands beside.
+//! A desktop window that mirrors the left eye's picture, for bystanders.
 //!
-//! It lives in the headset's loop and must not hold it: what the window would have to wait for is left out.
+//! It lives in the headset's loop and must not block it: it skips frames instead of waiting.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -29,7 +29,7 @@ const PERIOD: Duration = Duration::from_millis(33);
 /// Present modes that do not block.
 const NON_BLOCKING: [wgpu::PresentMode; 2] = [wgpu::PresentMode::Mailbox, wgpu::PresentMode::Immediate];
 
-/// The window. Fields are dropped in this order: what was made from something before it.
+/// The window. Fields are dropped in this order: dependent objects first.
 pub(super) struct Mirror {
     /// Its surface on the headset's present device.
     surface_state: Option<MirrorSurface>,
@@ -43,7 +43,7 @@ impl Drop for Mirror {
         self.surface_state = None;
         self.events_target.closed = true;
         self.events_target.window = None;
-        // The screen hears of it with what is sent next.
+        // The display server learns of it with the next messages.
         self.events.pump_app_events(Some(Duration::ZERO), &mut self.events_target);
     }
 }
@@ -72,7 +72,7 @@ impl Mirror {
             let said = e.to_string();
             said.rsplit(": ").next().unwrap_or(&said).to_owned()
         };
-        // Not the process's first thread, which serves the bus.
+        // Not the process's first thread: that one serves the bus.
         let events = EventLoop::builder().with_any_thread(true).build().map_err(words)?;
         let mut mirror = Self { surface_state: None, events_target: MirrorWindow::default(), events, shown: None };
         mirror.attend();
@@ -93,7 +93,7 @@ impl Mirror {
         self.surface_state = None;
     }
 
-    /// Shows the left eye's picture if it is time and nobody has to wait for it; in words, why it never can.
+    /// Shows the left eye's picture if it is due and needs no wait. The error explains a permanent failure.
     pub(super) fn show(&mut self, headset: &Headset, picture: &wgpu::Texture) -> Result<(), String> {
         if self.shown.is_some_and(|shown| shown.elapsed() < PERIOD) {
             return Ok(());
@@ -163,7 +163,7 @@ impl MirrorSurface {
     }
 }
 
-/// Where a picture lies in a window that it fits in whole: left, top, width, height.
+/// Position of a picture in a window, scaled to fit: left, top, width, height.
 fn fitted(picture: [u32; 2], window: [u32; 2]) -> [u32; 4] {
     let [w, h] = picture.map(|p| u64::from(p.max(1)));
     let [across, down] = window.map(u64::from);

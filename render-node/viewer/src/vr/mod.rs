@@ -1,7 +1,7 @@
-//! A room that a person stands in with the scene: a headset, two hands, panels around them.
+//! A room around a person and the scene: a headset, two hands, panels around them.
 //!
-//! The loop waits for the headset's next frame and for nothing else. Hands hold, scale and turn the scene
-//! ([`crate::hands::Grab`]) and brush it ([`Interaction`]); panels hang around the person and are pointed at.
+//! The loop waits only for the headset's next frame. Hands hold, scale and turn the scene ([`crate::hands::Grab`]) and
+//! brush it ([`Interaction`]). Panels hang around the person and are pointed at.
 
 mod eye_renderer;
 mod interaction;
@@ -31,17 +31,17 @@ use panel_layers::PanelLayers;
 /// Seconds of one frame before the headset has said how long one is.
 const FIRST_PERIOD: f64 = 1.0 / 90.0;
 
-/// Parts that a headset view is made of.
+/// Configuration of a headset view.
 pub struct Setup {
     /// The geometry.
     pub scene: Arc<Scene>,
-    /// Where the newest comes from and requests go.
+    /// Source of the newest state, and sink of requests.
     pub view_port: ViewPort,
     /// The settings of hands and panels.
     pub tools: Tools,
     /// Path of the opened scene; transfer functions are read from its folder.
     pub opened: PathBuf,
-    /// Whether a window on the desk shows what the left eye sees, while [`VrView::serve`] serves it.
+    /// Whether a desktop window mirrors the left eye, while [`VrView::serve`] serves it.
     pub mirror: bool,
 }
 
@@ -58,9 +58,9 @@ pub struct VrView {
     markers: MarkerOverlay,
     bookmarks: Bookmarks,
     comfort: ComfortVignette,
-    /// Whether the scene was put elsewhere at once since the last frame.
+    /// Whether the scene jumped since the last frame.
     jumped: bool,
-    /// Why the device is to be opened anew.
+    /// Reason for reopening the device.
     lost: Option<String>,
     eyes: Option<EyeRenderer>,
     /// The last device error; each is logged once.
@@ -68,16 +68,16 @@ pub struct VrView {
     frames: u64,
     /// The origin of the room frame, at y = 0.
     origin: Origin,
-    /// Whether the scene stands where it does for somebody who sits.
+    /// Whether the scene's placement is that of a seated person.
     seated: bool,
     /// Revision of the scene that the newest frame shows.
     revision: u64,
-    /// Whether a window on the desk is to be opened.
+    /// Whether to open the mirror window.
     mirrors: bool,
 }
 
 impl VrView {
-    /// A room around a headset that is there.
+    /// A room around an open headset.
     #[must_use]
     pub fn new(setup: Setup, headset: &Headset) -> Self {
         let Setup { scene, mut view_port, tools, opened, mirror } = setup;
@@ -111,7 +111,7 @@ impl VrView {
         }
     }
 
-    /// Where the scene stands.
+    /// Placement of the scene.
     #[must_use]
     pub fn placement(&self) -> Placement {
         self.interaction.placement()
@@ -123,7 +123,7 @@ impl VrView {
         &self.tools
     }
 
-    /// Where a panel hangs, unless it is hidden.
+    /// Placement of a panel, unless it is hidden.
     #[must_use]
     pub fn panel(&self, panel: Panel) -> Option<Rectangle> {
         self.panel_layers.place(panel)
@@ -135,13 +135,13 @@ impl VrView {
         self.panel_layers.counts(panel)
     }
 
-    /// Where places for a next stroke were marked last, and which of them stands out.
+    /// Positions of the last proposal marks, and the emphasized one.
     #[must_use]
     pub fn markers(&self) -> Vec<(Rectangle, bool)> {
         self.markers.places()
     }
 
-    /// Serves a headset on this thread until its session or its seat is over.
+    /// Serves a headset on this thread until its session ends or its view port closes.
     ///
     /// # Errors
     /// [`XrError::Gone`] for a runtime that went away and did not come back.
@@ -160,7 +160,7 @@ impl VrView {
                 FrameOutcome::Shown | FrameOutcome::Hidden | FrameOutcome::Back => {}
                 FrameOutcome::Idle => std::thread::sleep(PAUSE),
                 FrameOutcome::Away => {
-                    // What was made with the device that has gone.
+                    // These objects belong to the lost device.
                     self.eyes = None;
                     mirror.iter_mut().for_each(Mirror::put_away);
                     std::thread::sleep(PAUSE);
@@ -183,7 +183,7 @@ impl VrView {
         }
     }
 
-    /// Shows what the left eye sees on the desk as well, for as long as that can be shown there.
+    /// Also mirrors the left eye on the desk, for as long as that works.
     fn show_in(&self, mirror: &mut Option<Mirror>, headset: &Headset) {
         let picture = self.eyes.as_ref().and_then(EyeRenderer::left);
         if let Some((there, picture)) = mirror.as_mut().zip(picture)
@@ -325,7 +325,7 @@ fn stance(tools: &Tools) -> Stance {
     if tools.seated { Stance::Seated } else { Stance::Standing }
 }
 
-/// Where a scene stands at first, turned as it is seen: for somebody who stands or sits.
+/// Initial placement of a scene in its current orientation: for a standing or a seated person.
 fn home(scene: &Scene, view_port: &mut ViewPort, tools: &Tools, origin: Origin) -> Placement {
     let view = view_port.newest().scene.view();
     Placement::fit(scene.bounds, view.up, view.target - view.eye, stance(tools), origin)

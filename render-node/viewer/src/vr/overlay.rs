@@ -1,4 +1,4 @@
-//! Marks in the room where a next stroke would tell most: discs with a number that face the eyes, in front of everything.
+//! Proposal marks in the room: discs with a number that face the eyes, in front of everything.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ const SIDE: f32 = 2.0 * theme::MARK + 2.0;
 /// Pixels of a point: a mark is small and stands close.
 const SHARPNESS: f32 = 3.0;
 
-/// How much larger one is that stands out.
+/// Scale of the emphasized mark.
 const LIT: f64 = 1.6;
 
 /// Least distance from the eyes that a mark is made to be read from, metres.
@@ -27,11 +27,11 @@ const CLOSEST: f64 = 0.2;
 /// The marks of one person.
 #[derive(Default)]
 pub(super) struct MarkerOverlay {
-    /// Each with the number that was drawn on it and whether it stands out; those that are not needed now are kept.
+    /// Each with its drawn number and its emphasis; unused ones are kept.
     panel_layers: Vec<(PanelLayer, Option<(usize, bool)>)>,
     /// How many hang there now.
     count: usize,
-    /// Which stands out, and of which proposals.
+    /// The emphasized mark, and its set of proposals.
     lit: Option<(Arc<ProposalsReply>, usize)>,
 }
 
@@ -49,7 +49,7 @@ impl MarkerOverlay {
         self.lit.as_ref().is_some_and(of)
     }
 
-    /// Where they hang, and which stands out.
+    /// Their positions, and the emphasized one.
     pub(super) fn places(&self) -> Vec<(Rectangle, bool)> {
         self.panel_layers
             .iter()

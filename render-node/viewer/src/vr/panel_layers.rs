@@ -1,4 +1,4 @@
-//! Panels in the room: where they hang, who points at them, how they are moved, and what is asked for on them.
+//! Panels in the room: their placement, pointers and movement, and the requests made on them.
 
 use egui::{Align2, Color32, Pos2, Stroke, Ui, Vec2};
 use glam::{DQuat, DVec2, DVec3};
@@ -21,14 +21,14 @@ const SHARPNESS: f32 = 1.5;
 /// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
 const LEGEND: (Vec2, f64) = (Vec2::new(430.0, 580.0), 0.4);
 
-/// Metres to the eyes that the wrist menu is made to be read from, and how far below the palm its middle is.
+/// The wrist menu's reading distance to the eyes, and its distance below the palm, metres.
 const WRIST: (f64, f64) = (0.45, 0.08);
 
-/// How straight a palm looks at the eyes, as a cosine, before the wrist menu is there, and before it is gone again: a hand held
-/// out to its side looks inwards by itself.
+/// Cosines of the angle between palm and eyes: above the first the wrist menu appears, below the second it goes. A hand
+/// held out to its side looks inwards by itself.
 const TURNED: [f64; 2] = [0.9, 0.75];
 
-/// How straight the eyes look at the palm, likewise.
+/// Cosines of the angle between gaze and palm, likewise.
 const LOOKED_AT: f64 = 0.7;
 
 /// Points across a brush's ring.
@@ -45,17 +45,17 @@ pub(super) struct PanelLayers {
     pointer: Pointer,
     pointed: Option<Pointed>,
     grips: [Switch; 2],
-    /// Which panel a hand carries, and where it is in that hand.
+    /// The carried panel and its pose in the hand.
     carried: [Option<(usize, Pose)>; 2],
     state: bool,
-    /// Whether the wrist menu is there.
+    /// Whether the wrist menu is visible.
     wrist: bool,
     /// State and tools of the newest frame.
     newest: Option<(ViewState, Tools)>,
     frames: u64,
 }
 
-/// What a legend says: the hand that adds, the lines of that and of the other one, whether it is light, its scale.
+/// Content of a legend: the adding hand, the lines of both hands, whether it is light, its scale.
 type LegendContent = (Side, [Vec<(&'static str, String)>; 2], bool, f32);
 
 /// A panel that hangs in the room.
@@ -64,12 +64,12 @@ struct PlacedPanel {
     layer: PanelLayer,
     /// Whether its content may have changed since its layout.
     stale: bool,
-    /// In which frame it was.
+    /// Frame number of that layout.
     since: u64,
 }
 
-/// Where a panel hangs at first around a person whose eyes are at this height of the room, metres: upright at an angle, or,
-/// for the keyboard, below the eyes and tilted.
+/// Initial placement of a panel around a person with eyes at this height of the room, metres. It stands upright at an
+/// angle. The keyboard hangs below the eyes and is tilted.
 fn hangs(panel: Panel, height: f64) -> Rectangle {
     let (pose, distance) = match ANGLES.iter().find(|(p, _)| *p == panel) {
         Some((_, degrees)) => {
@@ -85,7 +85,7 @@ fn hangs(panel: Panel, height: f64) -> Rectangle {
     Rectangle { pose, size: DVec2::from(panel.least_metres(distance)) }
 }
 
-/// Where a panel hangs at first in a room around a person who stands or sits.
+/// Initial placement of a panel in a room around a standing or seated person.
 #[must_use]
 pub fn first_place(panel: Panel, stance: Stance, origin: Origin) -> Rectangle {
     hangs(panel, eyes(stance, origin))
@@ -140,7 +140,7 @@ impl PanelLayers {
         self.panels.iter().find(|placed| placed.panel == panel).map(|placed| placed.layer.counts())
     }
 
-    /// Shows what was hidden, and the other way round; what panels that are put away still had to say.
+    /// Swaps hidden and shown panels; returns the pending output of hidden panels.
     pub(super) fn turn_over(&mut self, panels: &mut Panels) -> Output {
         self.state = !self.state;
         let mut left = Output::default();
@@ -150,13 +150,13 @@ impl PanelLayers {
         left
     }
 
-    /// Where a panel hangs, unless it is hidden.
+    /// Placement of a panel, unless it is hidden.
     pub(super) fn place(&self, panel: Panel) -> Option<Rectangle> {
         let hidden = if panel == Panel::Wrist { !self.wrist } else { !self.state };
         self.panels.iter().find(|placed| placed.panel == panel && !hidden).map(|placed| placed.layer.place)
     }
 
-    /// Which panels hang there now.
+    /// Indices of the visible panels.
     fn visible(&self, panels: &Panels, state: &ViewState) -> Vec<usize> {
         let hangs = |panel: Panel| match panel {
             Panel::Wrist => self.wrist,
@@ -167,7 +167,7 @@ impl PanelLayers {
         all.map(|(k, _)| k).collect()
     }
 
-    /// Takes in what hands point at and carry; what of them is the panels' now.
+    /// Takes in the hands' rays and grabs; returns the input captured by the panels.
     pub(super) fn step(
         &mut self,
         (hands, head): (&[HandInput; 2], &Pose),
@@ -237,9 +237,9 @@ impl PanelLayers {
         }
     }
 
-    /// Whose turn it is to be laid out anew because what it shows has changed, by its place among the panels, or behind them for
-    /// the legend: of those that somebody sees the one that has waited longest. Laying out a panel takes longer than all else that
-    /// a frame does beside the picture, and a scene that changes in every frame changes all of them.
+    /// Index of the panel to lay out next because its content has changed; the index after the panels is the legend. Among
+    /// the visible ones, the longest waiting comes first. Laying out a panel takes longer than all else in a frame beside
+    /// the picture. A scene that changes in every frame changes all of them.
     fn turn(&self, eyes: &[Eye; 2], visible: &[usize], legend: bool) -> Option<usize> {
         let sees = |place: &Rectangle| eyes.iter().any(|eye| eye.may_see(place));
         let panels = visible.iter().filter_map(|k| self.panels.get(*k).map(|placed| (*k, placed)));
@@ -273,7 +273,7 @@ impl PanelLayers {
             let Some(PlacedPanel { panel, layer, stale, since }) = self.panels.get_mut(k) else { continue };
             let panel = *panel;
             let by = pointed.as_ref().map(|p| (p, &hands[p.side.index()]));
-            // Who points at a panel waits for none; letters of the keyboard come up in another one.
+            // A panel under a pointer is updated at once; the keyboard's letters appear in another panel.
             let changed = turn == Some(k) || (*stale && by.is_some()) || panels.wants_drawing(panel);
             let before = layer.counts().laid_out;
             layer.show(frame, by, Vec::new(), changed, |ui| {
@@ -298,7 +298,8 @@ impl PanelLayers {
         Ok(output)
     }
 
-    /// Hangs the tool legend above the hand that does not brush, facing the eyes; what it says, where that hand is seen.
+    /// Hangs the tool legend above the hand that does not brush, facing the eyes. Returns its content, if that hand is
+    /// visible.
     fn hang_legend(&mut self, frame: &Frame<'_>, tools: &Tools, state: &ViewState) -> Option<LegendContent> {
         let adds = Interaction::adds(tools);
         let wrist = frame.hands[adds.other().index()].grip.filter(|_| self.state)?;
@@ -308,7 +309,7 @@ impl PanelLayers {
         Some((adds, lines, tools.light_panels, tools.scale))
     }
 
-    /// Shows the legend, laid out anew on request.
+    /// Shows the legend, with a new layout on request.
     fn show_legend(
         &mut self,
         frame: &mut Frame<'_>,
@@ -357,7 +358,7 @@ pub(super) fn facing(at: DVec3, eye: DVec3) -> DQuat {
     DQuat::from_mat3(&glam::DMat3::from_cols(right, back.cross(right), back))
 }
 
-/// Where the ray of a hand meets a panel.
+/// Intersection of a hand's ray with a panel.
 fn mark(ui: &Ui) {
     if let Some(at) = ui.input(|i| i.pointer.latest_pos()) {
         let painter = ui.ctx().debug_painter();
@@ -365,7 +366,7 @@ fn mark(ui: &Ui) {
     }
 }
 
-/// Whether nothing that panels show differs: everything in it is shared, and replaced where it changes.
+/// Whether the panels' content is equal. All of it is shared and replaced on change.
 fn same(a: &ViewState, b: &ViewState) -> bool {
     use std::sync::Arc;
     Arc::ptr_eq(&a.scene, &b.scene)

@@ -1,4 +1,4 @@
-//! Places that a person goes back to.
+//! Saved viewpoints of a window.
 
 use sg_scene::view::View;
 

@@ -1,4 +1,4 @@
-//! What draws a window's pictures beside its loop, and what finds out what is in front in them.
+//! Draws a window's pictures beside its loop, and finds the frontmost surface in them.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,13 +23,13 @@ use super::shared_texture::SharedTexture;
 /// Edge of the picture that ids are found in, over that of the window's.
 const FRONT_SCALE: f64 = 0.5;
 
-/// Work beside a window's loop gives way to everything else by so many steps of the scheduler's scale.
+/// Scheduler niceness of the work beside a window's loop.
 const NICE: i32 = 10;
 
-/// A picture that is wanted.
+/// A requested picture.
 #[derive(Debug, Clone)]
 pub(super) struct PictureJob {
-    /// One camera, or two whose pictures stand side by side.
+    /// One camera, or two with their pictures side by side.
     pub(super) cameras: Vec<Camera>,
     pub(super) appearance: Appearance,
     pub(super) level: Level,
@@ -42,7 +42,7 @@ pub(super) struct PictureJob {
     pub(super) shown_by: Option<Gpu>,
 }
 
-/// Where a picture is.
+/// Location of a picture.
 pub(super) enum Picture {
     /// In memory.
     Pixels(ColorImage),
@@ -50,7 +50,7 @@ pub(super) enum Picture {
     OnDevice(Gpu, wgpu::Texture),
 }
 
-/// A picture that is there.
+/// A finished picture.
 pub(super) struct DrawnPicture {
     pub(super) picture: Result<Picture, String>,
     pub(super) level: Level,
@@ -97,7 +97,7 @@ fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &P
     // Outlines are drawn by the cores.
     if let Some(shown_by) = job.shown_by.as_ref().filter(|_| job.outlines.is_none()) {
         let left = engine.leave(&job.appearance, &cameras, options).map_err(|e| e.to_string())?;
-        // A device opened anew does not show the window yet.
+        // A reopened device does not present the window yet.
         if let Some((gpu, pictures)) = left.filter(|(gpu, _)| gpu.is(shown_by)) {
             if !shared_texture.as_ref().is_some_and(|h| h.is_on(gpu)) {
                 *shared_texture = None;
@@ -171,11 +171,11 @@ impl FrontSurface {
     }
 }
 
-/// Threads that draw, as many as there are cores, behind everything else: a hand that waits for a few microseconds of another
-/// process is not to wait for a picture.
+/// Drawing threads, one per core, at the lowest priority. A person's input needs only microseconds of another process, and
+/// must not wait for a picture.
 ///
 /// # Errors
-/// What the system says where it gives no threads.
+/// The system's error if it cannot start threads.
 pub fn threads() -> Result<Arc<rayon::ThreadPool>, rayon::ThreadPoolBuildError> {
     let lowered = |_| {
         if let Err(error) = rustix::process::setpriority_process(None, NICE) {

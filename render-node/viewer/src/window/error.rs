@@ -1,6 +1,6 @@
 //! Errors of a window.
 
-/// Why there is no window, or no more.
+/// Reason for a window's failure to open or to continue.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
     /// No display to open it on.

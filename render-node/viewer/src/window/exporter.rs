@@ -1,5 +1,5 @@
-//! Pictures that a person keeps: one, or a turn around the scene as numbered files, and a video of these where `ffmpeg` is
-//! there. Drawn beside the loop at the best quality.
+//! Exports pictures: a single one, or a turn around the scene as numbered files. With `ffmpeg`, a turn also becomes a
+//! video. Drawing happens beside the loop at the best quality.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -34,7 +34,7 @@ pub(super) enum ExportJob {
 #[derive(Debug)]
 pub(super) struct Exporter {
     worker: LatestWorker<ExportJob, Result<String, String>>,
-    /// Pictures of the turn that is being drawn that are there, and how many there will be.
+    /// Finished pictures of the current turn, and their total.
     done: Arc<AtomicU32>,
     /// Pictures that are in its video.
     in_video_count: Arc<AtomicU32>,
@@ -74,17 +74,17 @@ impl Exporter {
         Ok(Self { worker: LatestWorker::new("keeps", work, wake)?, done, in_video_count, stopped })
     }
 
-    /// Has something kept, in place of what has been asked for and not been begun.
+    /// Queues an export; it replaces a queued one that has not begun.
     pub(super) fn export(&self, job: ExportJob) {
         self.worker.submit(job);
     }
 
-    /// What was kept and where, or why not: a line for a person, once.
+    /// Result of the export with its path, or its error: a line for a person, returned once.
     pub(super) fn take_result(&self) -> Option<Result<String, String>> {
         self.worker.take()
     }
 
-    /// How much of a turn, or of its video, is there, 0 to 1, and which of them; `None` while none is made.
+    /// Progress of a turn or of its video, 0 to 1, and its kind; `None` while idle.
     pub(super) fn progress(&self) -> Option<(f32, &'static str)> {
         let share = |count: &AtomicU32| (count.load(Ordering::Relaxed) as f32 / TURN as f32).min(1.0);
         match (share(&self.done), share(&self.in_video_count)) {
@@ -102,14 +102,14 @@ enum Exported {
     Turn(PathBuf),
 }
 
-/// Makes a video of a turn beside its pictures, which stay whatever comes of it. A line for a person.
+/// Makes a video of a turn beside its pictures. The pictures stay even if it fails. Returns a line for a person.
 fn film(turn: &Path, pool: &rayon::ThreadPool, watched: (&AtomicU32, &AtomicBool)) -> String {
     let pictures = format!("saved {TURN} pictures in {}", turn.display());
     let Some(program) = ffmpeg::found(std::env::var_os("PATH").as_deref()) else {
         return format!("{pictures}; no video, since ffmpeg is not installed");
     };
     let to = turn.with_extension("mp4");
-    // Behind everything else, as the threads of the pool are: what they start takes after them.
+    // At the lowest priority, as the threads of the pool are: their children inherit it.
     match pool.install(|| video(&program, (turn, &to), watched, VIDEO_TIMEOUT)) {
         Ok(()) => format!("{pictures}, and the video {}", to.display()),
         Err(why) => format!("{pictures}; no video: {why}"),
@@ -160,7 +160,7 @@ fn write(image: &Image, path: &Path) -> Result<(), String> {
     std::fs::write(path, png).map_err(|e| said(&e))
 }
 
-/// The first name of its kind that nothing has.
+/// The first unused name of its kind.
 fn free(folder: &Path, kind: &str, extension: &str) -> PathBuf {
     let dot = if extension.is_empty() { "" } else { "." };
     let name = |k: u32| folder.join(format!("supergaussian-{kind}-{k:03}{dot}{extension}"));

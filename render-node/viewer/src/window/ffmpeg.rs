@@ -1,4 +1,4 @@
-//! A video of numbered pictures, made by `ffmpeg` where that is installed: the one program that a display starts.
+//! A video of numbered pictures, made by an installed `ffmpeg`: the only program that a display starts.
 
 use std::ffi::OsStr;
 use std::io::{BufRead as _, BufReader, Read};
@@ -10,16 +10,16 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process_group};
 
-/// Longest time that a video may take.
+/// Longest time for a video.
 pub(super) const VIDEO_TIMEOUT: Duration = Duration::from_secs(300);
 
-/// How often it is looked whether the program has ended.
+/// Period of checks for the program's exit.
 const POLL_PERIOD: Duration = Duration::from_millis(20);
 
-/// Bytes of the program's complaints that are read.
+/// Most bytes read of the program's error output.
 const ERROR_BYTES: u64 = 4096;
 
-/// Why there is no video.
+/// Reason for a missing video.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum VideoError {
     /// The program cannot be started.
@@ -34,19 +34,19 @@ pub(super) enum VideoError {
     /// The window was closed.
     #[error("the window was closed")]
     Over,
-    /// The video could not be put in its place.
+    /// The finished video could not be moved to its path.
     #[error("{0}")]
     Place(String),
 }
 
-/// Where `ffmpeg` is among the folders of a search path such as `PATH`.
+/// Path of `ffmpeg` in the folders of a search path such as `PATH`.
 pub(super) fn found(path: Option<&OsStr>) -> Option<PathBuf> {
     let folders = std::env::split_paths(path?).filter(|folder| folder.is_absolute());
     folders.map(|folder| folder.join("ffmpeg")).find(|file| file.is_file())
 }
 
-/// Makes the video `to` of `0000.png`, `0001.png`, … in a folder, 30 a second. Counts pictures that are in it as it goes; ends
-/// when `stop` is set or `timeout` is over. There is a whole video at the end or none.
+/// Makes the video `to` of `0000.png`, `0001.png`, … in a folder, at 30 a second. Counts encoded pictures as it goes. Ends
+/// when `stop` is set or after `timeout`. The result is a whole video or none.
 ///
 /// # Errors
 /// [`VideoError`].
@@ -60,8 +60,9 @@ pub(super) fn video(
     let mut command = Command::new(program);
     command.args(["-nostdin", "-hide_banner", "-loglevel", "error", "-progress", "pipe:1", "-y"]);
     command.args(["-framerate", "30", "-i"]).arg(pictures.join("%04d.png"));
-    // Players take large pictures without a word for those of BT.709, while the program's own habit is BT.601: both are said,
-    // and that the numbers are those of PNGs. What is to be read first stands first, for whoever shows it in a page.
+    // Players assume BT.709 for large pictures without a tag, while `ffmpeg` defaults to BT.601. So the command tags the
+    // matrix, and the PNGs' transfer function. The index stands first in the file, so that a web page can start playback
+    // early.
     command.args(["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p", "-color_range", "tv"]);
     command.args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]);
     command.args(["-movflags", "+faststart", "-f", "mp4"]).arg(&part);
@@ -97,7 +98,7 @@ pub(super) fn video(
     placed
 }
 
-/// Waits for the program's end, and brings it about where it is due.
+/// Waits for the program's exit, and kills it when due.
 fn wait(child: &mut Child, stop: &AtomicBool, timeout: Duration) -> Result<std::process::ExitStatus, VideoError> {
     let begun = Instant::now();
     let due = loop {
@@ -110,14 +111,14 @@ fn wait(child: &mut Child, stop: &AtomicBool, timeout: Duration) -> Result<std::
         }
     };
     if let Some(group) = Pid::from_raw(child.id().cast_signed()) {
-        // One that has just ended by itself needs no ending.
+        // A process that has just exited needs no kill.
         let _ = kill_process_group(group, Signal::KILL);
     }
     let _ = child.wait();
     Err(due)
 }
 
-/// Takes in how far the program says it is.
+/// Parses the program's progress.
 fn follow(progress: Option<impl Read>, done: &AtomicU32) {
     for line in progress.into_iter().flat_map(|progress| BufReader::new(progress).lines().map_while(Result::ok)) {
         if let Some(frames) = line.strip_prefix("frame=").and_then(|n| n.trim().parse().ok()) {
@@ -133,7 +134,7 @@ mod tests {
     use super::*;
     use sg_raster::image::Image;
 
-    /// A program named `ffmpeg` that does this; `$out` is what it is to write.
+    /// A program named `ffmpeg` that does this; `$out` is its output file.
     fn program(folder: &Path, does: &str) -> PathBuf {
         let path = folder.join("ffmpeg");
         // The last argument is where the video goes.
@@ -184,7 +185,7 @@ mod tests {
             return;
         };
         let folder = tempfile::tempdir().unwrap();
-        // As large as pictures of a turn are, whose colours are guessed otherwise than those of small ones.
+        // As large as a turn's pictures: players guess other colours for small ones.
         let (width, height, color) = (1280, 720, [208_u8, 96, 32]);
         let rgba = [color[0], color[1], color[2], 255].map(|b| f32::from(b) / 255.0);
         let image = Image { width, height, rgba: rgba.repeat((width * height) as usize) };

@@ -1,4 +1,4 @@
-//! Files that are dropped on a window.
+//! Files dropped on a window.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub(super) enum DroppedFile {
 /// Looks at a dropped file. A camera looks at the place on its axis that is nearest to `target`.
 ///
 /// # Errors
-/// What a person is told: what can be dropped, or what is wrong with the file.
+/// A message for a person: the supported files, or the fault of this one.
 pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     if name.ends_with(".json") {
@@ -39,7 +39,7 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
     ))
 }
 
-/// The view of a camera: it looks at the place on its axis that is nearest to `target`, if that is before it.
+/// The view of a camera. Its target is the point on its axis nearest to `target`, if that lies ahead.
 fn seen_by(camera: &Camera, target: DVec3) -> View {
     let turn = DMat3::from_mat4(camera.view()).transpose();
     let (up, forward, eye) = (-turn.y_axis, turn.z_axis, camera.eye());

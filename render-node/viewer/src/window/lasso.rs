@@ -1,4 +1,4 @@
-//! Lassos and rectangles: what is selected is what is seen within.
+//! Lassos and rectangles: they select the visible surface within.
 
 use egui::{Pos2, Rect, Response};
 use glam::DVec2;
@@ -12,11 +12,11 @@ use crate::display::{BrushSign, Request, Tools, ViewState};
 /// Fewest pixels between two corners of a lasso, and most corners.
 const CORNER: (f32, usize) = (3.0, 2000);
 
-/// Places each way at which the surface within a lasso is looked for.
+/// Sample points per axis of the search for the surface within a lasso.
 const SAMPLES: u32 = 32;
 
 impl SceneView {
-    /// Lets the mouse draw a lasso or a rectangle, and asks for what is within when the button is let go.
+    /// Lets the mouse draw a lasso or a rectangle, and requests its selection on release.
     pub(super) fn draw_around(
         &mut self,
         response: &Response,
@@ -29,8 +29,8 @@ impl SceneView {
             return;
         }
         let button = egui::PointerButton::Primary;
-        // A drag is told after a few points of the way, and begins where the button was pressed. One that is given up does
-        // not begin again.
+        // egui reports a drag after a few points of movement; the drag begins at the press. A cancelled drag does not begin
+        // again.
         if response.drag_started_by(button) && !alt {
             self.lasso.extend(response.ctx.input(|i| i.pointer.press_origin()));
         }
@@ -82,7 +82,7 @@ impl SceneView {
         Request::Select(StrokesRequest { steps: vec![step], ..StrokesRequest::default() })
     }
 
-    /// The middle one of the depths at which a surface is seen within a polygon, along the view axis; `None` where none is.
+    /// Median depth of the surfaces seen within a polygon, along the view axis; `None` without a surface.
     fn surface_within(&self, camera: &Camera, corners: &[DVec2]) -> Option<f64> {
         let front = self.front.as_ref().filter(|f| !self.stereo && f.is_of(camera))?;
         let low = corners.iter().copied().reduce(DVec2::min)?;

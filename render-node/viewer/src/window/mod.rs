@@ -1,7 +1,7 @@
 //! A window: the scene with its panels, a mouse and a keyboard.
 //!
-//! The loop draws what is newest and never waits: pictures are made beside it ([`crate::display::LatestWorker`]), and what a person
-//! asks for is handed to a [`ViewPort`].
+//! The loop draws the newest state and never waits. Pictures are made beside it ([`crate::display::LatestWorker`]). A
+//! person's requests go to a [`ViewPort`].
 
 mod bookmarks;
 mod drawing;
@@ -48,48 +48,49 @@ pub use window_ui::WindowUi;
 
 use surface::{PresentResult, WindowSurface};
 
-/// How often news from elsewhere is looked for while nothing is drawn.
+/// Period of checks for news while nothing is drawn.
 const POLL_PERIOD: Duration = Duration::from_millis(16);
 
-/// Frames in a row whose device or surface may be lost, each opened anew.
+/// Most consecutive frames with a lost device or surface; each loss opens a new one.
 const MOST_LOSSES: u32 = 5;
 
-/// Parts that a window is made of.
+/// Configuration of a window.
 pub struct Setup {
     /// The geometry.
     pub scene: Arc<Scene>,
     /// The renderer.
     pub engine: Engine,
-    /// Where the newest comes from and requests go.
+    /// Source of the newest state, and sink of requests.
     pub view_port: ViewPort,
     /// Title of the window.
     pub title: String,
-    /// The settings of tools at first; what is remembered of an earlier time comes before them.
+    /// The initial settings of tools; saved settings override them.
     pub tools: Tools,
-    /// The best quality of pictures where it is given for this time: it comes before what is remembered.
+    /// The best quality of pictures, if given for this run; it overrides the saved one.
     pub quality: Option<Quality>,
-    /// Whether pictures are copied from the device that draws them to another one that shows the window. Without it only where
-    /// the former is made of cores: it does one thing after the other, and the loop would wait for its pictures.
+    /// Whether pictures are copied from the device that draws them to another one that shows the window. By default only
+    /// pictures of a software device are copied. Such a device runs one task after another, and the loop would wait for its
+    /// pictures.
     pub copies: Option<bool>,
-    /// Where its layout is remembered; `None`: nowhere.
+    /// Path of the saved layout; `None`: not saved.
     pub settings: Option<PathBuf>,
-    /// Where kept pictures go.
+    /// Folder of kept pictures.
     pub pictures: PathBuf,
-    /// Called when it is there.
+    /// Called once the window is open.
     pub opened: Box<dyn FnOnce() + Send>,
 }
 
-/// Opens a window and serves it on this thread until a person closes it or its seat is over.
+/// Opens a window and serves it on this thread until a person closes it or its view port closes.
 ///
 /// # Errors
 /// [`WindowError`].
 pub fn run(setup: Setup) -> Result<(), WindowError> {
-    // What went wrong stands last, after the place in somebody else's source.
+    // The cause stands last, after the source location in the library.
     let display = |e: &dyn std::fmt::Display| {
         let said = e.to_string();
         WindowError::Display(said.rsplit(": ").next().unwrap_or(&said).to_owned())
     };
-    // Not the process's first thread, which serves the bus.
+    // Not the process's first thread: that one serves the bus.
     let event_loop = EventLoop::<()>::with_user_event().with_any_thread(true).build().map_err(|e| display(&e))?;
     let wake = event_loop.create_proxy();
     let mut app = App { setup: Some(setup), wake, opened: None, error: None };
@@ -116,12 +117,12 @@ struct OpenWindow {
     input: egui_winit::State,
     window_ui: WindowUi,
     copies: Option<bool>,
-    /// The newest device that draws which was tried for showing as well.
+    /// The newest drawing device already tried for presenting.
     tried_device: Option<Gpu>,
-    /// Frames since one was shown whose device or surface was lost.
+    /// Frames since the last shown one with a lost device or surface.
     losses: u32,
     settings: Option<PathBuf>,
-    /// What was remembered when it opened, and the quality that was given for this time.
+    /// The saved settings at the start, and the quality given for this run.
     before: (Settings, Option<Quality>),
     /// When the next frame is due, if one is.
     due: Option<Instant>,
@@ -177,8 +178,8 @@ impl OpenWindow {
         self.window_ui.drawn_by().filter(stays).cloned()
     }
 
-    /// Has the window shown anew: by the device that draws its pictures if they are to stay on it and it can show them, else by
-    /// one of its own.
+    /// Opens a new surface. It prefers the device that draws the pictures, if they may stay there and it can present.
+    /// Otherwise it opens another device.
     fn open_surface(&mut self) -> Result<(), WindowError> {
         self.surface = None;
         let drawn_by = self.untried();
@@ -207,7 +208,7 @@ impl OpenWindow {
         Ok(())
     }
 
-    /// Paints a frame and finds out when the next one is due.
+    /// Paints a frame and computes the time of the next one.
     fn frame(&mut self) -> Result<(), WindowError> {
         // The renderer has opened a lost device again.
         if self.untried().is_some() {
@@ -239,7 +240,7 @@ impl OpenWindow {
         Ok(())
     }
 
-    /// Keeps the layout for the next time; that it could not be kept is told and does no harm.
+    /// Saves the layout; an error is logged and has no other effect.
     fn save_settings(&self) {
         let Some(path) = &self.settings else { return };
         let size: LogicalSize<f64> = self.window.inner_size().to_logical(self.window.scale_factor());

@@ -18,7 +18,7 @@ pub enum NavigationMode {
 }
 
 impl NavigationMode {
-    /// All, in the order in which a key goes through them.
+    /// All, in the order of a cycling key.
     pub const ALL: [Self; 3] = [Self::Orbit, Self::Trackball, Self::Fly];
 
     /// Name in the window.
@@ -31,7 +31,7 @@ impl NavigationMode {
         }
     }
 
-    /// The one after it.
+    /// The next one.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -66,7 +66,7 @@ impl Navigator {
         Self { view, navigation_mode: NavigationMode::default(), length: bounds.longest_edge().max(f64::MIN_POSITIVE) }
     }
 
-    /// A drag by `delta`, in heights of the picture, x to the right and y down: what is seen goes with the hand.
+    /// A drag by `delta`, in heights of the picture, x to the right and y down: the visible scene follows the hand.
     pub fn turn(&mut self, delta: DVec2) {
         if !delta.is_finite() {
             return;
@@ -86,7 +86,7 @@ impl Navigator {
                 let Some((right, _, forward)) = axes(&view) else { return };
                 let up = view.up.normalize_or(DVec3::Z);
                 let from_up = forward.angle_between(up).to_degrees();
-                // A drag over the height looks as far as the picture shows, so that what is seen goes with the hand.
+                // A drag over the height turns by the field of view, so that the visible scene follows the hand.
                 let pitch = (view.fov_y_degrees * delta.y).clamp(POLE_GAP - (180.0 - from_up), from_up - POLE_GAP);
                 let yaw = DQuat::from_axis_angle(up, (view.fov_y_degrees * delta.x).to_radians());
                 let turn = yaw * DQuat::from_axis_angle(right, pitch.to_radians());
@@ -96,8 +96,8 @@ impl Navigator {
         self.put(after);
     }
 
-    /// Slides eye and target in the plane of the picture, so that what is at the target's depth goes with the hand; `delta` in
-    /// heights of the picture.
+    /// Slides eye and target in the plane of the picture, so that points at the target's depth follow the hand. `delta` is
+    /// in heights of the picture.
     pub fn slide(&mut self, delta: DVec2) {
         let view = self.view;
         let Some((right, up, _)) = axes(&view) else { return };
@@ -134,7 +134,7 @@ impl Navigator {
         self.put(self.view.focused(bounds));
     }
 
-    /// The scene's length: keys fly a share of it a second.
+    /// The scene's length: keys fly a share of it per second.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.length
@@ -170,7 +170,7 @@ mod tests {
         Navigator { navigation_mode, ..Navigator::new(view, bounds()) }
     }
 
-    /// Where a point of the scene is in the picture, heights from its middle, x right, y down.
+    /// Projects a scene point into the picture, heights from its middle, x right, y down.
     fn seen(view: &View, point: DVec3) -> DVec2 {
         let (right, up, forward) = axes(view).unwrap();
         let d = point - view.eye;

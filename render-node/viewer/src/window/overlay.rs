@@ -1,4 +1,4 @@
-//! What lies over the picture of a window: the brush's ring, a lasso, places where a next stroke would tell most.
+//! Overlays of a window's picture: the brush's ring, a lasso, and proposals for a next stroke.
 
 use egui::{Color32, Pos2, Rect, Stroke, Ui, Vec2};
 use glam::{DVec2, DVec3};
@@ -8,7 +8,7 @@ use super::scene_view::SceneView;
 use crate::display::{BrushSign, Tools, ViewState};
 use crate::panels::theme::{color_of, mark};
 
-/// Where a place of the scene is seen in the window, and its depth along the axis; `None` behind the eye.
+/// Position of a scene point in the window, and its depth along the axis; `None` behind the eye.
 fn seen_at(camera: &Camera, rect: Rect, at: DVec3) -> Option<(Pos2, f64)> {
     let seen = camera.view().transform_point3(at);
     if seen.z <= 0.0 {
@@ -19,7 +19,7 @@ fn seen_at(camera: &Camera, rect: Rect, at: DVec3) -> Option<(Pos2, f64)> {
 }
 
 impl SceneView {
-    /// Numbers where a next stroke would tell most, in front of everything: they say where to look, not what is hidden.
+    /// Numbers of the proposals, in front of everything: they mark a direction, not a hidden surface.
     pub(super) fn draw_markers(&self, ui: &Ui, rect: Rect, state: &ViewState) {
         if self.stereo {
             return;
@@ -32,7 +32,7 @@ impl SceneView {
         }
     }
 
-    /// The brush's tip as large as it is there, or the lasso.
+    /// Draws the brush's tip in its size at that depth, or the lasso.
     pub(super) fn draw_brush_ring(&self, ui: &Ui, rect: Rect, tools: &Tools) {
         let painter = ui.painter_at(rect);
         let camera = self.camera(rect);

@@ -1,4 +1,4 @@
-//! The picture of a window and what the mouse does on it.
+//! The picture of a window and its mouse actions.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -54,7 +54,7 @@ impl MouseTool {
 /// Time that a picture may take while something moves, seconds.
 const BUDGET: f64 = 0.04;
 
-/// How long after the last change something still moves.
+/// Seconds of motion after the last change.
 const SETTLES: Duration = Duration::from_millis(180);
 
 /// Distance between the eyes of the side-by-side view, as a share of the way to the target.
@@ -63,7 +63,7 @@ const EYES: f64 = 0.06;
 /// Points that one notch of the wheel scrolls.
 const WHEEL: f64 = 75.0;
 
-/// Share of its own length that one point of the wheel brings the eye nearer.
+/// Factor on the eye's distance for one point of the wheel.
 const NOTCH: f64 = 1.0015;
 
 /// Way that keys fly in a second, as a share of the scene's length.
@@ -82,7 +82,8 @@ impl PartialEq for PictureRequest {
     }
 }
 
-/// Equality of looks that does not read colours, of which there is one a Gaussian: those of one display are kept.
+/// Compares looks without reading colours, since there is one colour per Gaussian. It compares pointers: a display keeps
+/// its colours.
 fn same(a: &Appearance, b: &Appearance) -> bool {
     let colors = match (&a.colors, &b.colors) {
         (Some(a), Some(b)) => Arc::ptr_eq(a, b),
@@ -107,7 +108,7 @@ pub(super) struct SceneView {
     pixels: Option<TextureHandle>,
     /// Texture id of the newest picture.
     picture: Option<TextureId>,
-    /// The newest picture, where it lies on the device that shows the window and that has not been told of it.
+    /// The newest picture, if it lies on the window's device and is not registered there yet.
     on_device: Option<wgpu::Texture>,
     /// The device that pictures may stay on, and their texture id there.
     shown_by: Option<(Gpu, TextureId)>,
@@ -123,7 +124,7 @@ pub(super) struct SceneView {
     pub(super) notches: f64,
     /// Modifiers of the last turn of the wheel.
     wheel: egui::Modifiers,
-    /// Where the brush is and which way it would act.
+    /// Position of the brush, and its sign.
     pub(super) hover: Option<(BrushSample, BrushSign)>,
     pub(super) newest: PictureStats,
 }
@@ -193,7 +194,7 @@ impl SceneView {
         camera.map_or([1280, 960], |c| [c.width, c.height])
     }
 
-    /// Has the picture made anew, for another context; it may stay on the device of `shown_by`, called so among the panels.
+    /// Requests a new picture for another context. It may stay on the device of `shown_by`, under that texture id.
     pub(super) fn show_by(&mut self, shown_by: Option<(Gpu, TextureId)>) {
         self.shown_by = shown_by;
         (self.pixels, self.picture, self.on_device, self.requested) = (None, None, None, None);
@@ -215,7 +216,7 @@ impl SceneView {
         self.lasso.clear();
     }
 
-    /// What is highlighted: what is selected, with the stroke under way or what it would change if it were begun here.
+    /// The highlight: the selection with the stroke under way, or with the preview of a stroke begun here.
     pub(super) fn highlighted(&self, state: &ViewState, tools: &Tools) -> Arc<Mask> {
         let clusters = state.clusters.as_deref();
         if self.brush_controller.is_drawing() {
@@ -229,7 +230,7 @@ impl SceneView {
         }
     }
 
-    /// Lets the mouse and keys do what they do in `ui`, whose whole place is the picture's. What they ask for.
+    /// Handles mouse and keys in `ui`; the picture fills all of it. Returns the resulting requests.
     pub(super) fn interact(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> (Response, Vec<Request>) {
         let response = ui.allocate_rect(ui.available_rect_before_wrap(), EguiSense::click_and_drag());
         let rect = response.rect;
@@ -241,7 +242,7 @@ impl SceneView {
         self.notches = 0.0;
         let turned =
             |e: &egui::Event| if let egui::Event::MouseWheel { modifiers, .. } = e { Some(*modifiers) } else { None };
-        // What is left of a notch means what it meant when the wheel was turned.
+        // The rest of a smooth scroll keeps the modifiers of the wheel's turn.
         self.wheel = ui.input(|i| i.events.iter().rev().find_map(turned)).unwrap_or(self.wheel);
         if response.hovered() && scroll != Vec2::ZERO {
             // Shift turns the wheel sideways.
@@ -320,7 +321,7 @@ impl SceneView {
         if !state.services.selection {
             return;
         }
-        // A stroke begins where the surface does, wherever in the picture the button was pressed.
+        // A stroke begins at the surface, independent of the press position in the picture.
         let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
         let here = response.is_pointer_button_down_on() || (pressed && response.hovered());
         match sample {
@@ -340,7 +341,7 @@ impl SceneView {
         self.navigator.view.camera(edge(rect.width()), edge(rect.height()))
     }
 
-    /// Where the surface in front is at a place of the window.
+    /// Surface point in front at a position of the window.
     fn front_at(&self, rect: Rect, at: Pos2) -> Option<DVec3> {
         let front = self.front.as_ref().filter(|f| !self.stereo && f.is_of(&self.camera(rect)))?;
         let place = at - rect.min;
@@ -360,7 +361,7 @@ impl SceneView {
         let eye = |way: DVec3| {
             let apart = sg_scene::view::View { eye: view.eye + way, target: view.target + way, ..view };
             let mut camera = apart.camera(edge(0.5 * width), edge(height));
-            // Both look straight ahead; what is at the target's depth falls on the same place of both pictures.
+            // Both look straight ahead; points at the target's depth coincide in both pictures.
             camera.cx += camera.fx * way.dot(side.normalize_or_zero()) / forward.length();
             camera
         };
@@ -446,7 +447,7 @@ impl SceneView {
                 };
                 self.picture = Some(self.pixels.insert(texture).id());
             }
-            // On a device that shows the window no more it is of no use; another picture has been wished for.
+            // On a device that no longer presents the window, the picture is useless; another one is already requested.
             Picture::OnDevice(gpu, texture) => {
                 if let Some((_, id)) = self.shown_by.as_ref().filter(|(now, _)| now.is(&gpu)) {
                     (self.picture, self.on_device, self.pixels) = (Some(*id), Some(texture), None);
@@ -455,7 +456,7 @@ impl SceneView {
         }
     }
 
-    /// Has what is in front found out, once the eye rests, for a tool that needs to know.
+    /// Queries the frontmost surface once the eye rests, if the tool needs it.
     fn request_front(&mut self, rect: Rect, appearance: &Appearance, moving: bool) {
         if moving || self.stereo || self.brush_controller.is_drawing() {
             return;

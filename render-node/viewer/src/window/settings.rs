@@ -1,4 +1,4 @@
-//! What a window remembers from one time to the next.
+//! Saved settings of a window.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,8 +10,7 @@ use super::scene_view::MouseTool;
 use crate::display::{BrushMode, Tools};
 use sg_raster::render::Quality;
 
-/// The layout of a window and the settings of its tools. What is not in the file, or is not understood any more, is as it is
-/// at first.
+/// The layout of a window and the settings of its tools. Missing or unknown entries keep their defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
@@ -61,7 +60,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Where it is kept: `supergaussian/window.toml` of the user's configuration; `None` for a user without a home.
+    /// Path of the file: `supergaussian/window.toml` of the user's configuration; `None` for a user without a home.
     #[must_use]
     pub fn default_path() -> Option<PathBuf> {
         let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
@@ -72,7 +71,7 @@ impl Settings {
     /// The saved settings; `None` without a file.
     ///
     /// # Errors
-    /// What there is and cannot be read or understood, a line for a person.
+    /// An error for an unreadable or invalid file, a line for a person.
     pub fn load(path: &Path) -> Result<Option<Self>, String> {
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
@@ -86,7 +85,7 @@ impl Settings {
     /// Keeps it, whole or not at all.
     ///
     /// # Errors
-    /// What the system says, with the path.
+    /// The system's error, with the path.
     pub fn save(&self, path: &Path) -> Result<(), String> {
         let said = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
         let text = toml::to_string(self).map_err(|e| said(&e))?;
@@ -98,15 +97,15 @@ impl Settings {
         Ok(())
     }
 
-    /// Puts what is remembered into tools; a quality that was `given` for this time comes before it.
+    /// Copies saved settings into tools; a quality `given` for this run takes precedence.
     pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
         let Self { mode, radius, light_panels, scale, .. } = *self;
         let quality = given.unwrap_or(self.quality);
         *tools = Tools { mode, radius, quality, light_panels, scale, ..tools.clone() };
     }
 
-    /// What is to be remembered after a time that began with `before`: a quality that was given for that time alone, and that
-    /// nobody has changed, is not.
+    /// The settings to save after a run that began with `before`. A quality given for that run alone, and not changed
+    /// since, is left out.
     #[must_use]
     pub fn without_override(self, before: &Self, given: Option<Quality>) -> Self {
         let quality = if given == Some(self.quality) { before.quality } else { self.quality };
@@ -137,7 +136,7 @@ mod tests {
         assert_eq!((tools.quality, tools.radius), (Quality::Fast, 0.1));
         loaded.apply(&mut tools, None);
         assert_eq!(tools.quality, Quality::Exact);
-        // Given for one time, it is not what is remembered; chosen by a person, it is.
+        // A quality given for one run is not saved; a person's choice is.
         let at_the_end =
             |quality| Settings { quality, ..loaded.clone() }.without_override(&loaded, Some(Quality::Fast));
         assert_eq!(at_the_end(Quality::Fast).quality, Quality::Exact);

@@ -2,13 +2,13 @@
 
 use sg_gpu::{Gpu, Present};
 
-/// As panels are painted: numbers as they are to be seen.
+/// Format of the painted panels: values are final, without a transfer curve.
 pub(super) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
 /// Puts pictures where a window's loop can show them.
 ///
-/// There are two places, so that one can be written to while the other is shown. What the loop hands to the device before
-/// it wishes for another picture is done before that picture is put in the same place.
+/// There are two textures: one is written while the other is shown. The loop's commands for a texture complete before the
+/// next picture overwrites that texture.
 pub(super) struct SharedTexture {
     gpu: Gpu,
     present: Present,
@@ -25,7 +25,7 @@ impl SharedTexture {
         self.gpu.is(gpu)
     }
 
-    /// Has pictures of one height (f32 RGBA) put beside each other, rounded as in a PNG; not waited for.
+    /// Puts pictures of one height (f32 RGBA) side by side, rounded as in a PNG; does not wait for the device.
     pub(super) fn put(&mut self, pictures: &[wgpu::Texture]) -> wgpu::Texture {
         let width = pictures.iter().map(wgpu::Texture::width).sum::<u32>().max(1);
         let height = pictures.iter().map(wgpu::Texture::height).min().unwrap_or(1);
@@ -45,7 +45,7 @@ impl SharedTexture {
     }
 }
 
-/// A place of so many pixels for a picture.
+/// An empty texture of this many pixels for a picture.
 pub(super) fn empty(gpu: &Gpu, size: [u32; 2]) -> wgpu::Texture {
     let usage =
         wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;

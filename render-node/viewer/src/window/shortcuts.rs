@@ -1,4 +1,4 @@
-//! What keys do in a window: one table for what is done and for the list that `?` shows.
+//! Keyboard actions in a window: one table for the actions and for the list that `?` shows.
 
 use egui::{InputState, Key, Modifiers};
 
@@ -135,7 +135,7 @@ pub const MOUSE: &[(&str, &str)] = &[
     ("W A S D, Q E", "fly, in that manner"),
 ];
 
-/// What the keys that were just pressed ask for, as often as they were; each press is taken once.
+/// Actions of the keys just pressed, one per press; each press counts once.
 #[must_use]
 pub(super) fn pressed(input: &mut InputState) -> Vec<Action> {
     let mut asked = Vec::new();

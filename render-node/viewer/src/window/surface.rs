@@ -1,4 +1,4 @@
-//! What a window's frames are put on: its surface, the device behind it, and what paints panels there.
+//! The window's surface, its device, and the renderer of its panels.
 
 use std::sync::Arc;
 
@@ -10,14 +10,14 @@ use super::error::WindowError;
 use super::shared_texture::empty;
 use sg_gpu::Gpu;
 
-/// A surface with its device. Lost devices and surfaces are made anew by whoever paints: [`PresentResult::Lost`].
+/// A surface with its device. The caller recreates lost devices and surfaces: [`PresentResult::Lost`].
 pub(super) struct WindowSurface {
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
-    /// Whether the surface could not be made anew and must not be drawn to.
+    /// Whether recreating the surface failed; it must not be drawn to.
     surface_lost: bool,
     gpu: Gpu,
-    /// Whether somebody draws pictures with the device, who is told of its errors.
+    /// Whether another renderer shares the device and handles its errors.
     shared: bool,
     renderer: egui_wgpu::Renderer,
     picture: TextureId,
@@ -28,14 +28,14 @@ pub(super) struct WindowSurface {
 pub(super) enum PresentResult {
     /// It is on the screen.
     Shown,
-    /// Nobody can see it, or the screen did not take it in time; the next one may do.
+    /// The window is hidden, or the screen did not take it in time; the next one may succeed.
     Passed,
     /// The device or the surface is gone: open another.
     Lost,
 }
 
 impl WindowSurface {
-    /// Has a window shown by the device that draws its pictures, or by one of its own.
+    /// Presents a window with the device that draws its pictures, or with another one.
     ///
     /// # Errors
     /// [`WindowError::Surface`] where that device, or no Vulkan device at all, can show anything in it.
@@ -61,7 +61,7 @@ impl WindowSurface {
         let (_, adapter) = gpu.origin().ok_or_else(refused)?;
         let PhysicalSize { width, height } = window.inner_size();
         let mut config = surface.get_default_config(adapter, width.max(1), height.max(1)).ok_or_else(refused)?;
-        // Pictures and panels are numbers as they are to be seen: no curve of a format is to be put on them.
+        // Values of pictures and panels are final: no transfer curve of a format may apply.
         let formats = surface.get_capabilities(adapter).formats;
         config.format = formats.into_iter().find(|f| !f.is_srgb()).unwrap_or(config.format);
         config.present_mode = wgpu::PresentMode::AutoVsync;
@@ -74,7 +74,7 @@ impl WindowSurface {
         Ok(Self { surface, config, surface_lost: false, gpu, shared: drawn_by.is_some(), renderer, picture })
     }
 
-    /// The device that draws pictures where it shows the window as well, and what its pictures are called among the panels.
+    /// The device that draws pictures, if it also shows the window, and the pictures' texture id in egui.
     pub(super) fn shows(&self) -> Option<(Gpu, TextureId)> {
         self.shared.then(|| (self.gpu.clone(), self.picture))
     }
@@ -86,7 +86,8 @@ impl WindowSurface {
         self.renderer.update_egui_texture_from_wgpu_texture(device, &view, filter, self.picture);
     }
 
-    /// Whether the device is gone or has refused something; what its pictures suffer is told by who draws them.
+    /// Whether the device is lost or has reported an error. On a shared device, the picture renderer reports its own
+    /// errors.
     fn is_broken(&self) -> bool {
         if self.shared {
             return self.gpu.is_lost();
@@ -127,12 +128,12 @@ impl WindowSurface {
         mut textures: TexturesDelta,
         pixels_per_point: f32,
     ) -> PresentResult {
-        // What paints panels takes a device that is gone for a mistake of the program.
+        // The panel renderer treats a lost device as a programming error.
         let _ = self.gpu.device().poll(wgpu::PollType::Poll);
         if self.surface_lost || self.is_broken() {
             return PresentResult::Lost;
         }
-        // Taken in whatever comes of the frame: each change is told once.
+        // Applied even if the frame fails: each change arrives once.
         for (id, deltas) in textures.set.drain() {
             for delta in deltas {
                 self.renderer.update_texture(self.gpu.device(), self.gpu.queue(), id, &delta);

@@ -10,14 +10,14 @@ use crate::display::{BrushMode, BrushSign, Request, ViewState};
 use crate::panels::{count, theme};
 use sg_raster::render::Quality;
 
-/// Points of the window's width from which shortcuts stand in two columns, at the usual size of text.
+/// Least width of the window in points for two columns of shortcuts, at the usual text size.
 const TWO_COLUMNS: f32 = 1100.0;
 
-/// Points of the window's height that the list of shortcuts leaves to its title and to what is around it.
+/// Points of the window's height that the list of shortcuts leaves to its title and margins.
 const AROUND_HELP: f32 = 110.0;
 
 impl WindowUi {
-    /// Tools and what else can be pressed without opening a panel.
+    /// Tools and other actions without a panel.
     pub(super) fn toolbar(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
         ui.horizontal_wrapped(|ui| {
             for mouse_tool in MouseTool::ALL {
@@ -113,7 +113,7 @@ impl WindowUi {
         });
     }
 
-    /// The list of shortcuts, as wide as there is room for; what is too long is scrolled.
+    /// The list of shortcuts, as wide as the room allows; a long list scrolls.
     pub(super) fn show_help(&mut self, ui: &Ui) {
         let room = ui.ctx().content_rect().size();
         let scale = self.tools.scale;

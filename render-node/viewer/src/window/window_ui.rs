@@ -48,7 +48,7 @@ const WIDER: f64 = 1.15;
 /// Share of the range of a walk's leak or threshold that one key press goes along, and one notch of the wheel.
 const PARAMETER_STEPS: (f64, f64) = (0.02, 0.02);
 
-/// Keys and the wheel cannot be let go of: what they made is taken after so long a rest.
+/// Keys and the wheel have no release: their change commits after this rest.
 const DRAG_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// The window's content.
@@ -64,7 +64,7 @@ pub struct WindowUi {
     panels: Panels,
     bookmarks: Bookmarks,
     pub(super) exporter: Exporter,
-    /// The view that the scene told of last: another one moves the eye here.
+    /// The scene's last known view: a different one moves the eye here.
     shared: View,
     panels_shown: bool,
     pub(super) help: bool,
@@ -159,8 +159,8 @@ impl WindowUi {
         self.scene_view.is_settled()
     }
 
-    /// Has textures made anew with the next frame, for another context. Pictures may stay on the device of `shown_by`, called
-    /// so among the panels.
+    /// Recreates textures at the next frame, for another context. Pictures may stay on the device of `shown_by`, under that
+    /// texture id.
     pub(super) fn show_by(&mut self, shown_by: Option<(Gpu, TextureId)>) {
         self.scene_view.show_by(shown_by);
     }
@@ -234,7 +234,7 @@ impl WindowUi {
         });
     }
 
-    /// Panels beside the picture: what the scene is like on the left, what is done to it on the right.
+    /// Panels beside the picture: the scene's properties on the left, its editing on the right.
     fn show_panels(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
         self.panels.numbers = self.appearance_builder.legend();
         self.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Screenshot];
@@ -287,7 +287,7 @@ impl WindowUi {
         }
     }
 
-    /// Moves the leak or the threshold of the last walk along its range, of which the whole is 1.
+    /// Moves the leak or the threshold of the last walk by a share of its whole range.
     fn drag_parameter(&mut self, by: f64, state: &ViewState, requests: &mut Vec<Request>) {
         if by == 0.0 {
             return;
@@ -304,7 +304,7 @@ impl WindowUi {
         requests.extend(output);
     }
 
-    /// Takes what keys and the wheel made of the last walk once they rest.
+    /// Commits the keys' and the wheel's change of the last walk once they rest.
     fn release_after_rest(&mut self, ui: &Ui, state: &ViewState, requests: &mut Vec<Request>) {
         if self.drag.0.is_held() {
             match DRAG_TIMEOUT.checked_sub(self.drag.1.elapsed()) {
@@ -314,7 +314,7 @@ impl WindowUi {
         }
     }
 
-    /// Hands requests in. What is said is said about what is seen here: the view is shared first.
+    /// Sends requests. An utterance refers to the visible view, so the view is shared first.
     fn ask(&mut self, requests: Vec<Request>, newest: &ViewState) {
         for request in requests {
             if matches!(request, Request::Say(_)) && self.scene_view.navigator.view != newest.scene.view() {
@@ -397,7 +397,7 @@ impl WindowUi {
         }
     }
 
-    /// The look that pictures are kept with: without what is highlighted only until it is decided.
+    /// Appearance of exported pictures: without provisional highlights, such as the preview of a stroke.
     fn export_appearance(&mut self, state: &ViewState) -> sg_scene::appearance::Appearance {
         let Self { scene, appearance_builder, tools, .. } = self;
         appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_ref(), tools)

@@ -1,4 +1,4 @@
-//! What hands do, asked of the runtime: one set of actions for every controller.
+//! Hand actions of the runtime: one set of actions for every controller.
 
 use glam::{DVec2, DVec3};
 use openxr as xr;
@@ -30,8 +30,8 @@ pub(super) struct Actions {
 }
 
 impl Actions {
-    /// Makes the actions, suggests what does them on each controller that is known, and attaches them to the session. A
-    /// controller that the runtime does not know is left out, with a line that says so.
+    /// Makes the actions, suggests bindings for each known controller, and attaches them to the session. A controller
+    /// unknown to the runtime is skipped with a logged line.
     pub(super) fn attach(instance: &xr::Instance, session: &xr::Session<xr::Vulkan>) -> Result<Self, XrError> {
         Self::make(instance, session).map_err(|e| XrError::call("actions", e))
     }
@@ -116,7 +116,7 @@ impl Actions {
         }
     }
 
-    /// Both hands at `time` in `room`. While the session has not the person's attention they do nothing and are nowhere.
+    /// Both hands at `time` in `room`. Without the session's input focus they have no input and no pose.
     pub(super) fn read(
         &self,
         session: &xr::Session<xr::Vulkan>,
@@ -156,7 +156,7 @@ impl Actions {
         Ok(read)
     }
 
-    /// Lets a hand feel something: strength 0 to 1. A controller that cannot does nothing.
+    /// Vibrates a controller: strength 0 to 1. A controller without haptics ignores it.
     pub(super) fn pulse(
         &self,
         session: &xr::Session<xr::Vulkan>,

@@ -1,4 +1,4 @@
-//! Which button of which controller does what.
+//! Button bindings of each controller.
 
 /// OpenXR actions; each exists for both hands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,7 +16,7 @@ pub(super) enum HandAction {
     Pulse,
 }
 
-/// Which hands have it.
+/// Hands with this binding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum HandSet {
     Both,

@@ -23,13 +23,13 @@ const VERSION: u32 = vk::API_VERSION_1_3;
 /// Queue family and place in it. Every device that runtimes offer has graphics, compute and transfer in the first.
 const FAMILY: u32 = 0;
 
-/// A session and the two things that its frames are paced and handed in with.
+/// A session with its frame waiter and its frame stream.
 pub(super) type SessionParts = (xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>);
 
 /// The device, and the raw handles that a session is made with.
 pub(super) struct VulkanDevice {
     pub(super) gpu: Gpu,
-    /// Where the device comes from.
+    /// Source of the device.
     pub(super) instance_and_adapter: (wgpu::Instance, wgpu::Adapter),
     instance: u64,
     physical: u64,
@@ -38,7 +38,7 @@ pub(super) struct VulkanDevice {
 
 /// The loader of OpenXR, looked for as the system's libraries are.
 pub(super) fn loader() -> Result<xr::Entry, XrError> {
-    // SAFETY: the loader is the system's, and loading a library runs what its vendor put there, as for every library.
+    // SAFETY: the loader is the system's. Loading a library runs its vendor's code, as for every library.
     unsafe { xr::Entry::load(&()) }.map_err(|e| XrError::NoLoader { reason: e.to_string() })
 }
 
@@ -79,8 +79,8 @@ impl VulkanDevice {
             let application = vk::ApplicationInfo::default().api_version(VERSION);
             let names: Vec<_> = extensions.iter().map(|e| e.as_ptr()).collect();
             let info = vk::InstanceCreateInfo::default().application_info(&application).enabled_extension_names(&names);
-            // SAFETY: `info` and all it points at outlive the call; the two declarations of vkGetInstanceProcAddr differ in
-            // the names of their types alone.
+            // SAFETY: `info` and its pointers outlive the call. The two declarations of vkGetInstanceProcAddr differ only
+            // in the names of their types.
             vulkan_result("Vulkan instance", unsafe {
                 let find = mem::transmute::<vk::PFN_vkGetInstanceProcAddr, xr::sys::platform::VkGetInstanceProcAddr>(
                     entry.static_fn().get_instance_proc_addr,
@@ -93,8 +93,8 @@ impl VulkanDevice {
         // SAFETY: the instance was made by the runtime for this system.
         let physical = unsafe { instance.vulkan_graphics_device(system, raw_instance as _) }
             .map_err(|e| XrError::call("graphics device", e))? as u64;
-        // SAFETY: the instance was made from `entry` with this version and just these extensions; wgpu owns it from here on
-        // and destroys it with the last that uses it.
+        // SAFETY: the instance was made from `entry` with this version and just these extensions. From here on wgpu owns it
+        // and destroys it after its last use.
         let hal_instance = unsafe {
             vulkan::Instance::from_raw(
                 entry.clone(),
@@ -176,10 +176,10 @@ impl VulkanDevice {
             queue_family_index: FAMILY,
             queue_index: 0,
         };
-        // The guard keeps the device until the session is destroyed, in whatever order its parts are dropped.
+        // The guard keeps the device until the session is destroyed, independent of the drop order of its parts.
         let guard = Box::new(self.gpu.clone());
-        // SAFETY: the handles are those of `gpu`, made by this runtime for this system and kept alive by the guard; the queue
-        // is used on one thread, see `Headset`.
+        // SAFETY: the handles are those of `gpu`, made by this runtime for this system. The guard keeps them alive. The
+        // queue is used on one thread, see `Headset`.
         unsafe { instance.create_session_with_guard::<xr::Vulkan>(system, &info, guard) }
             .map_err(|e| XrError::call("session", e))
     }
@@ -211,7 +211,7 @@ pub(super) fn textures(
             memory_flags: hal::MemoryFlags::empty(),
             view_formats: Vec::new(),
         };
-        // SAFETY: the image is the runtime's, made with this size, format and use on this device; it is External and has a
+        // SAFETY: the image is the runtime's, made with this size, format and use on this device. It is External and has a
         // callback, so wgpu destroys neither it nor its memory. The runtime hands images over as attachments.
         unsafe {
             let device =
@@ -254,13 +254,13 @@ pub(super) fn depth_of(depths: xr::SwapchainSubImage<'_, xr::Vulkan>, [near_z, f
     }
 }
 
-/// A view that is handed in with its depths, which stay where they are until it is.
+/// A submitted view with its depths; the depths must not move before submission.
 pub(super) fn with_depth<'a>(
     view: xr::CompositionLayerProjectionView<'a, xr::Vulkan>,
     depth: &'a DepthInfo,
 ) -> xr::CompositionLayerProjectionView<'a, xr::Vulkan> {
     let mut raw = view.into_raw();
     raw.next = (&raw const *depth).cast();
-    // SAFETY: the view was made by the safe builder, whose lifetime it keeps; what is chained to it lives as long.
+    // SAFETY: the view was made by the safe builder and keeps its lifetime; the chained struct lives as long.
     unsafe { xr::CompositionLayerProjectionView::from_raw(raw) }
 }

@@ -5,7 +5,7 @@ use openxr::sys::Result as Code;
 /// Errors of a headset session.
 #[derive(Debug, thiserror::Error)]
 pub enum XrError {
-    /// Nothing of OpenXR is installed.
+    /// No part of OpenXR is installed.
     #[error(
         "no OpenXR loader was found ({reason}); install one and the headset's runtime (Debian: libopenxr-loader1), or use the window"
     )]

@@ -27,7 +27,7 @@ pub struct Frame<'a> {
     pub seconds: f64,
     /// Seconds from one frame to the next.
     pub period: f64,
-    /// Whether the person has centred the room anew since the last frame: all of it may have moved.
+    /// Whether the person has recentred the room since the last frame: all of it may have moved.
     pub recentred: bool,
     pub(super) xr_session: &'a mut XrSession,
     pub(super) session: u64,
@@ -82,21 +82,21 @@ impl<'a> Frame<'a> {
         self.xr_session.format.wgpu
     }
 
-    /// The format of the images that both eyes' depths are stored in, one of depths and of the size of their pictures; `None`
-    /// where the runtime takes none.
+    /// Format of the images for both eyes' depths: a depth format, with the size of their pictures. `None` if the runtime
+    /// takes none.
     #[must_use]
     pub fn depth_format(&self) -> Option<wgpu::TextureFormat> {
         self.xr_session.depths.as_ref().map(|(_, format)| format.wgpu)
     }
 
-    /// What of the left and the right eye's picture lenses hide, and how often that has changed: nothing that is drawn there is
-    /// seen. Empty where the runtime does not tell.
+    /// The areas of the left and the right eye's picture hidden by the lenses, and their version. Pixels there are never
+    /// seen. Empty if the runtime does not report them.
     #[must_use]
     pub fn hidden(&self) -> (u64, &[Vec<Triangle>; 2]) {
         (self.xr_session.mask.version, &self.xr_session.mask.eyes)
     }
 
-    /// Makes images for a panel of so many pixels, as [`super::Headset::panel`] does between frames.
+    /// Makes images for a panel of this many pixels, as [`super::Headset::panel`] does between frames.
     ///
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
@@ -105,8 +105,8 @@ impl<'a> Frame<'a> {
         self.keep(made)
     }
 
-    /// Has both eyes' pictures drawn. `draw` is given what to draw to, left and right, in the format of
-    /// [`super::Headset::format`], and has handed its work in when it returns. What a frame does not draw is not shown.
+    /// Draws both eyes' pictures. `draw` gets the left and right targets, in the format of [`super::Headset::format`]. It
+    /// must submit its work before it returns. Without a call in a frame, no picture is shown.
     ///
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
@@ -116,8 +116,9 @@ impl<'a> Frame<'a> {
         self.keep(done)
     }
 
-    /// As [`Self::draw_eyes`], with how far away is what the pictures show: `draw` is given the images of depths as well, in the
-    /// format of [`Self::depth_format`], and stores depths as [`sg_gpu::DepthLayer`] does; none where the runtime takes none.
+    /// As [`Self::draw_eyes`], with the pictures' depths. `draw` also gets the depth images, in the format of
+    /// [`Self::depth_format`]. It stores depths as [`sg_gpu::DepthLayer`] does. It gets no depth images if the runtime
+    /// takes none.
     ///
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
@@ -135,14 +136,14 @@ impl<'a> Frame<'a> {
         self.keep(done)
     }
 
-    /// Whether depths of this frame's pictures are handed in with them.
+    /// Whether this frame submits depths with its pictures.
     #[must_use]
     pub fn has_depths(&self) -> bool {
         self.depths_drawn && self.eyes_drawn
     }
 
-    /// Has a panel drawn; it stays as it is until it is drawn again. `draw` is as for [`Self::draw_eyes`]; colours are
-    /// multiplied by their alpha, as egui's are.
+    /// Draws a panel; its picture stays until the next call. `draw` is as for [`Self::draw_eyes`]. Colours have
+    /// premultiplied alpha, as egui's.
     ///
     /// # Errors
     /// [`XrError::NoPanel`], [`XrError::Call`].

@@ -14,36 +14,36 @@ use super::watchdog::Watchdog;
 use crate::hands::Origin;
 use sg_gpu::Gpu;
 
-/// How long the loop may rest before it asks again when [`Headset::frame`] had nothing to wait for.
+/// Pause of the loop before the next call, if [`Headset::frame`] had no frame to wait for.
 pub const PAUSE: Duration = Duration::from_millis(10);
 
 /// Outcome of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameOutcome {
-    /// It was drawn and handed in.
+    /// The frame was drawn and submitted.
     Shown,
     /// Not visible: submitted without drawing.
     Hidden,
-    /// The session is not running; nothing was waited for, see [`PAUSE`].
+    /// The session is not running; the call did not wait, see [`PAUSE`].
     Idle,
-    /// The runtime is gone, and with it the device: what was made with it is to be dropped. Nothing was waited for.
+    /// The runtime and its device are gone: drop all objects made with the device. This call did not wait.
     Away,
-    /// The runtime is there again, with another device and no panels.
+    /// The runtime is back, with another device and no panels.
     Back,
-    /// The session is over, as [`Headset::leave`] or the person asked. Nothing comes any more.
+    /// The session has ended, by [`Headset::leave`] or by the person. No more frames follow.
     Ended,
 }
 
 /// How frames keep up.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FrameTiming {
-    /// Frames drawn and handed in.
+    /// Frames drawn and submitted.
     pub shown: u64,
-    /// Frames of the display for which nothing new was there in time.
+    /// Frames of the display without a new picture in time.
     pub missed: u64,
     /// Seconds from one frame to the next, as the runtime has it.
     pub period: f64,
-    /// Seconds from the end of the newest wait until the frame was handed in: what there is one period for.
+    /// Seconds from the end of the newest wait to the frame's submission; the budget is one period.
     pub work: f64,
 }
 
@@ -53,18 +53,18 @@ enum State {
     Ended,
 }
 
-/// A runtime that was asked for a session, on a thread of its own: one that is stopped does not answer, and nobody can be
-/// taken back from it. While it has not answered it is not asked again, since a process has one session.
+/// A pending session request, on a thread of its own. A stopped runtime does not answer, and the blocked thread cannot be
+/// recovered. Until the answer, no second request is made, since a process has one session.
 struct PendingSession {
     answer: Receiver<Result<Box<XrSession>, XrError>>,
-    /// When it is taken for one that hangs.
+    /// Deadline for the answer; after it, the runtime counts as hung.
     until: Instant,
 }
 
 impl PendingSession {
     fn begin(options: Options, watchdog: &Watchdog) -> Result<Self, XrError> {
         let (says, answer) = mpsc::sync_channel(1);
-        // The loop does not wait here: nothing holds it.
+        // The loop does not wait here: no call blocks it.
         let watchdog = watchdog.clone();
         let ask = move || {
             // After a timeout the receiver is gone and the session ends here.
@@ -75,7 +75,7 @@ impl PendingSession {
         Ok(Self { answer, until: Instant::now() + options.timeout })
     }
 
-    /// The answer, waited for no longer than until the runtime is taken for one that hangs.
+    /// Waits for the answer until the runtime counts as hung.
     fn wait(&self, timeout: Duration) -> Result<Box<XrSession>, XrError> {
         match self.answer.recv_timeout(self.until.saturating_duration_since(Instant::now())) {
             Ok(answer) => answer,
@@ -95,8 +95,8 @@ fn broken() -> XrError {
 
 /// A headset.
 ///
-/// All of its frames, and all work for its device, belong to one thread. When [`FrameOutcome::Away`] is told, whoever drew drops
-/// what was made with [`Self::gpu`]; when [`FrameOutcome::Back`] is, it is made anew.
+/// All of its frames, and all work for its device, belong to one thread. After [`FrameOutcome::Away`], the caller drops all
+/// objects made with [`Self::gpu`]. After [`FrameOutcome::Back`], it makes them anew.
 pub struct Headset {
     state: State,
     options: Options,
@@ -112,7 +112,7 @@ impl Headset {
     /// Finds runtime and headset and begins a session.
     ///
     /// # Errors
-    /// [`XrError`]: what is missing, and what to do.
+    /// [`XrError`]: the cause and a remedy.
     pub fn open(options: Options) -> Result<Self, XrError> {
         let watchdog = Watchdog::default();
         let xr_session = PendingSession::begin(options, &watchdog)?.wait(options.timeout)?;
@@ -146,15 +146,15 @@ impl Headset {
         self.xr_session().map(|l| &l.shared.gpu)
     }
 
-    /// Where the device comes from: a window whose surface this instance made, and which suits this adapter, can show on the
-    /// same device what the headset does. `None` while the runtime is away.
+    /// Source of the device. A window can present on the headset's device if this instance made its surface, and if the
+    /// surface suits this adapter. `None` while the runtime is away.
     #[must_use]
     pub fn instance_and_adapter(&self) -> Option<(&wgpu::Instance, &wgpu::Adapter)> {
         self.xr_session().map(|l| (&l.shared.instance_and_adapter.0, &l.shared.instance_and_adapter.1))
     }
 
-    /// Format of what eyes and panels are drawn to, one that stores by the sRGB curve: what [`sg_gpu::Present`] and
-    /// egui's renderer are made for. `None` while the runtime is away.
+    /// Format of the targets for eyes and panels, stored by the sRGB curve. [`sg_gpu::Present`] and egui's renderer are
+    /// made for it. `None` while the runtime is away.
     #[must_use]
     pub fn format(&self) -> Option<wgpu::TextureFormat> {
         self.xr_session().map(|l| l.format.wgpu)
@@ -202,7 +202,7 @@ impl Headset {
         self.xr_session().map(XrSession::rates).unwrap_or_default()
     }
 
-    /// Asks for the refresh rate nearest to this one, now and whenever the runtime comes back.
+    /// Requests the nearest offered refresh rate, now and after each return of the runtime.
     pub fn set_refresh_rate(&mut self, rate: f32) {
         self.options.refresh_rate = Some(rate);
         if let Some(xr_session) = self.xr_session() {
@@ -225,7 +225,7 @@ impl Headset {
         }
     }
 
-    /// Makes images for a panel of so many pixels.
+    /// Makes images for a panel of this many pixels.
     ///
     /// # Errors
     /// [`XrError::NoPanel`] while the runtime is away, [`XrError::Call`] when it fails.
@@ -234,7 +234,7 @@ impl Headset {
         xr_session.panel(size, self.session)
     }
 
-    /// Gives a panel's images back; one that is not there changes nothing.
+    /// Frees a panel's images; an unknown panel has no effect.
     pub fn drop_panel(&mut self, panel: PanelId) {
         let session = self.session;
         if let State::Open(xr_session) = &mut self.state
@@ -257,9 +257,9 @@ impl Headset {
         self.put(State::Ended);
     }
 
-    /// Gives runtime and device up and looks for them anew at once, as when the device was lost
-    /// ([`sg_gpu::GpuError::Lost`]): [`FrameOutcome::Away`] until [`FrameOutcome::Back`]. While the runtime is away or the session has ended,
-    /// nothing changes.
+    /// Gives runtime and device up and looks for them anew at once, as after the device's loss
+    /// ([`sg_gpu::GpuError::Lost`]). Frames report [`FrameOutcome::Away`] until [`FrameOutcome::Back`]. While the runtime
+    /// is away or the session has ended, nothing changes.
     pub fn restart(&mut self, reason: String) {
         if self.xr_session().is_some() {
             let lost = XrError::Device { reason };
@@ -268,13 +268,13 @@ impl Headset {
         }
     }
 
-    /// Makes one frame: takes in what the runtime tells, waits for the frame's time, has it drawn and hands it in.
+    /// Makes one frame: takes in the runtime's events, waits for the frame's time, draws it and submits it.
     ///
-    /// `draw` is called where there is something to see, after the wait. A runtime that goes away on the way is no error but
-    /// [`FrameOutcome::Away`], whatever `draw` returned.
+    /// After the wait, `draw` is called if there is something to see. A runtime that goes away meanwhile is no error but
+    /// [`FrameOutcome::Away`], independent of the result of `draw`.
     ///
     /// # Errors
-    /// What `draw` returned; [`XrError::Gone`] when the runtime has been looked for as often as [`Options::tries`] says.
+    /// The error of `draw`; [`XrError::Gone`] after [`Options::tries`] attempts to find the runtime again.
     pub fn frame<E: From<XrError>>(
         &mut self,
         draw: impl FnOnce(&mut Frame<'_>) -> Result<(), E>,
@@ -301,7 +301,7 @@ impl Headset {
         }
     }
 
-    /// Goes on in another state; a session that there was ends here.
+    /// Changes to another state; an existing session ends here.
     fn put(&mut self, state: State) {
         if !matches!(state, State::Open(_)) {
             self.last_shown = None;
@@ -341,7 +341,7 @@ impl Headset {
                 Some((_, Err(TryRecvError::Disconnected))) => broken(),
                 Some((until, Err(TryRecvError::Empty))) if now < until => return Ok(FrameOutcome::Away),
                 Some((_, Err(TryRecvError::Empty))) => {
-                    // It is asked already, and only its answer can tell more; that it is waited for still counts as a try.
+                    // The request is pending, and only its answer helps; the wait still counts as a try.
                     self.tries += 1;
                     if self.tries < options.tries {
                         *since = silent(options.timeout);
@@ -362,7 +362,7 @@ impl Headset {
     }
 }
 
-/// A frame of a session that is there: what became of it and what `draw` returned, or how the runtime was lost.
+/// A frame of a running session: its outcome and the result of `draw`, or the runtime's loss.
 fn run_frame<E>(
     xr_session: &mut XrSession,
     session: u64,
@@ -384,7 +384,7 @@ fn run_frame<E>(
     let waited = watchdog.watch("a frame's time", || xr_session.waiter.wait()).map_err(call)?;
     let begun = Instant::now();
     watchdog.watch("a frame's begin", || xr_session.stream.begin()).map_err(call)?;
-    // What the device has to say of earlier frames, its own loss above all; nothing is waited for.
+    // Collects the device's errors of earlier frames, above all its loss, without a wait.
     let _ = xr_session.shared.gpu.device().poll(wgpu::PollType::Poll);
     let time = waited.predicted_display_time;
     let period = waited.predicted_display_period;

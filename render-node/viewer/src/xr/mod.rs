@@ -1,8 +1,8 @@
 //! A headset through OpenXR: a session that lives as long as its runtime does and comes back with it.
 //!
-//! [`Headset::open`] finds the runtime and opens the graphics device that it wants; [`Headset::frame`] is the loop's one call.
-//! The loop waits in `xrWaitFrame` and nowhere else; whoever is beside it sees with [`Watchdog`] when a runtime that was stopped
-//! keeps it. What hands do comes with each frame as [`crate::hands::HandInput`].
+//! [`Headset::open`] finds the runtime and opens the graphics device that it wants; [`Headset::frame`] is the loop's one
+//! call. The loop waits in `xrWaitFrame` and nowhere else. Another thread detects with [`Watchdog`] that a stopped runtime
+//! blocks the loop. Each frame carries the hands' input as [`crate::hands::HandInput`].
 
 mod actions;
 mod bindings;

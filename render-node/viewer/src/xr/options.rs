@@ -17,7 +17,7 @@ pub struct Options {
     pub retry_pause: Duration,
     /// How often it is looked for.
     pub tries: u32,
-    /// How long a runtime may take to answer when it is looked for, before it is taken for one that hangs.
+    /// Timeout for the runtime's answer during a search; after it, the runtime counts as hung.
     pub timeout: Duration,
 }
 

@@ -1,4 +1,4 @@
-//! A board: what egui draws, hung in the room as a quad and pointed at with a ray.
+//! A board: egui's output, hung in the room as a quad and pointed at with a ray.
 
 use std::time::{Duration, Instant};
 
@@ -21,8 +21,7 @@ const REST: f64 = 0.15;
 
 /// A panel of egui in the room.
 ///
-/// It is drawn when something changed and otherwise shown as it is. What it draws with is made anew by itself when the
-/// runtime came back.
+/// It is drawn after a change and otherwise shown as it is. After the runtime's return it recreates its renderer by itself.
 pub struct PanelLayer {
     /// Where it hangs.
     pub place: Rectangle,
@@ -30,12 +29,12 @@ pub struct PanelLayer {
     size: Vec2,
     pixels_per_point: f32,
     renderer: Option<LayerRenderer>,
-    /// Whether the context has told of textures.
+    /// Whether the context has sent its textures.
     used: bool,
     begun: Instant,
-    /// When egui wants to be asked again by itself.
+    /// Time of egui's next requested frame.
     due: Option<Instant>,
-    /// Where the pointer is on it, and whether it presses.
+    /// Position of the pointer on it, and whether it presses.
     pointer: Option<(Pos2, bool)>,
     /// Shapes of the newest layout.
     shapes: Vec<ClippedShape>,
@@ -58,7 +57,7 @@ struct LayerRenderer {
 }
 
 impl PanelLayer {
-    /// A board of so many points, each of so many pixels, that hangs at `place`. Its context is the caller's to give a look.
+    /// A board with this size in points and this many pixels per point, placed at `place`. The caller styles its context.
     #[must_use]
     pub fn new(size: Vec2, pixels_per_point: f32, place: Rectangle) -> Self {
         Self {
@@ -82,7 +81,7 @@ impl PanelLayer {
         self.counts
     }
 
-    /// What egui keeps of it. To be asked for again in every frame: it is another one when the runtime came back.
+    /// egui's context of the board. Fetch it again in every frame: the runtime's return replaces it.
     #[must_use]
     pub fn context(&self) -> &egui::Context {
         &self.context
@@ -93,11 +92,11 @@ impl PanelLayer {
         [self.size.x, self.size.y].map(|points| (points * self.pixels_per_point).round().max(1.0) as u32)
     }
 
-    /// Shows the board in a frame, laid out anew if `changed`, if it is pointed at otherwise than before, or if egui asked for it,
-    /// and drawn anew where it looks other than before.
+    /// Shows the board in a frame. Its layout is redone if `changed`, if its pointer changed, or if egui asked for it. It
+    /// is redrawn if its look differs.
     ///
-    /// `pointed` is what points at *this* board, with the hand that does; its stick scrolls. `more` are other events, such as
-    /// text; `ui` is as for [`egui::Context::run_ui`].
+    /// `pointed` is the pointer on *this* board, with its hand; the hand's stick scrolls. `more` are other events, such as
+    /// text. `ui` is as for [`egui::Context::run_ui`].
     ///
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
@@ -126,8 +125,8 @@ impl PanelLayer {
         Ok(())
     }
 
-    /// What draws it on this session's device. A new device knows none of egui's textures, and only a new context tells them
-    /// all again; it remembers what the old one did.
+    /// Makes the board's renderer on this session's device. A new device knows none of egui's textures, and only a new
+    /// context sends all of them again. The new context takes over the old one's memory.
     fn create_renderer(&mut self, frame: &mut Frame<'_>) -> Result<LayerRenderer, XrError> {
         let panel = frame.panel(self.pixels())?;
         let options = egui_wgpu::RendererOptions::default();

@@ -6,7 +6,7 @@ use crate::hands::Rectangle;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct PanelId {
     pub(super) at: usize,
-    /// Which session it was made in.
+    /// Number of its session.
     pub(super) session: u64,
 }
 
@@ -15,6 +15,6 @@ pub struct PanelId {
 pub struct Quad {
     /// The panel.
     pub panel: PanelId,
-    /// Where it hangs and how large it is.
+    /// Its placement and size.
     pub place: Rectangle,
 }

@@ -23,7 +23,7 @@ pub(super) enum SessionEvent {
     Lost,
 }
 
-/// A session with all that belongs to it. Fields are dropped in this order: what was made from something before it.
+/// A session with all its parts. Fields are dropped in this order: dependent objects first.
 pub(super) struct XrSession {
     pub(super) panels: Vec<Option<SwapchainTarget>>,
     pub(super) eyes: SwapchainTarget,
@@ -152,12 +152,12 @@ impl XrSession {
         Ok(xr_session)
     }
 
-    /// Refresh rates to choose from; none where the runtime does not let anybody choose.
+    /// Refresh rates to choose from; none if the runtime offers no choice.
     pub(super) fn rates(&self) -> Vec<f32> {
         if self.has_rates { self.session.enumerate_display_refresh_rates().unwrap_or_default() } else { Vec::new() }
     }
 
-    /// Asks for the offered rate that is nearest to the wanted one.
+    /// Requests the offered rate nearest to the wanted one.
     pub(super) fn ask_for_rate(&self, wanted: Option<f32>) {
         let Some(wanted) = wanted.filter(|r| r.is_finite()) else { return };
         let rates = self.rates();
@@ -186,7 +186,7 @@ impl XrSession {
         Ok(PanelId { at, session })
     }
 
-    /// Takes in all events.
+    /// Processes all events.
     pub(super) fn events(&mut self) -> Result<SessionEvent, XrError> {
         let mut buffer = xr::EventDataBuffer::new();
         while let Some(event) = self.instance.poll_event(&mut buffer).map_err(|e| XrError::call("events", e))? {
@@ -229,7 +229,7 @@ impl XrSession {
         Ok(SessionEvent::Nothing)
     }
 
-    /// What both hands do at `time`: with a controller what it tells, without one what the runtime sees of the fingers.
+    /// Input of both hands at `time`: from a controller, or else from the runtime's hand tracking.
     pub(super) fn hands(&mut self, time: xr::Time) -> xr::Result<[HandInput; 2]> {
         let focused = self.state_machine.is_focused();
         let mut hands = self.actions.read(&self.session, &self.room, time, focused)?;
@@ -274,7 +274,7 @@ fn extensions(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     wanted
 }
 
-/// The picture's size for each eye: what the runtime recommends times `resolution`, within what it allows.
+/// The picture's size for each eye: the runtime's recommendation times `resolution`, within its limits.
 fn size(instance: &xr::Instance, system: xr::SystemId, resolution: f64) -> Result<[u32; 2], XrError> {
     let views =
         instance.enumerate_view_configuration_views(system, STEREO).map_err(|e| XrError::call("picture size", e))?;

@@ -1,4 +1,4 @@
-//! The life of a session, as the runtime's events tell it.
+//! The life cycle of a session, from the runtime's events.
 
 use openxr::SessionState;
 
@@ -8,15 +8,15 @@ pub(super) enum Transition {
     Nothing,
     /// Frames begin.
     Begin,
-    /// Frames end; the session may begin anew.
+    /// Frames end; the session may begin again.
     End,
     /// The session ends on request.
     Leave,
-    /// The session is over because the runtime goes away.
+    /// The session has ended because the runtime goes away.
     Lose,
 }
 
-/// Where a session is.
+/// State of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct StateMachine {
     state: SessionState,
@@ -28,7 +28,7 @@ impl StateMachine {
         Self { state: SessionState::UNKNOWN, running: false }
     }
 
-    /// Takes in a new state. A runtime that repeats itself does not begin twice.
+    /// Takes in a new state. A repeated state does not begin the session twice.
     pub(super) fn enter(&mut self, state: SessionState) -> Transition {
         self.state = state;
         match state {

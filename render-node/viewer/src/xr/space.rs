@@ -18,7 +18,7 @@ fn of(pose: xr::Posef) -> Option<Pose> {
     .checked()
 }
 
-/// Where something is, if the runtime knows both position and direction.
+/// Pose of a space, if the runtime knows both position and direction.
 pub(super) fn pose(location: &xr::SpaceLocation) -> Option<Pose> {
     let known = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
     if !location.location_flags.contains(known) {

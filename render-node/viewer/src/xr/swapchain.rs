@@ -10,14 +10,14 @@ use sg_gpu::Gpu;
 /// Longest wait for an image that the compositor still reads.
 const IMAGE_TIMEOUT_NANOSECONDS: i64 = 5_000_000_000;
 
-/// A swapchain and its images. Fields are dropped in this order: wrappers before what they wrap.
+/// A swapchain and its images. Fields are dropped in this order: wrappers before the wrapped objects.
 pub(super) struct SwapchainTarget {
     /// For each image its layers.
     views: Vec<Vec<wgpu::TextureView>>,
     _textures: Vec<wgpu::Texture>,
     pub(super) swapchain: xr::Swapchain<xr::Vulkan>,
     pub(super) size: [u32; 2],
-    /// Whether any image has been drawn; one that was not cannot be shown.
+    /// Whether any image has been drawn; a swapchain without one cannot be shown.
     pub(super) drawn: bool,
     watchdog: Watchdog,
 }
@@ -62,7 +62,7 @@ impl SwapchainTarget {
         Ok(Self { views, _textures: textures, swapchain, size, drawn: false, watchdog: watchdog.clone() })
     }
 
-    /// Has the next image drawn by `draw`, which is given its layers and has handed its work in when it returns.
+    /// Draws the next image with `draw`. `draw` gets its layers and must submit its work before it returns.
     pub(super) fn draw<T>(&mut self, draw: impl FnOnce(&[wgpu::TextureView]) -> T) -> Result<T, XrError> {
         let call = |e| XrError::call("image", e);
         let Self { swapchain, watchdog, .. } = self;

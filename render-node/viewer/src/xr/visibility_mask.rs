@@ -1,4 +1,4 @@
-//! What a headset's lenses hide of each eye, as the runtime tells it.
+//! The area of each eye hidden by a headset's lenses, as reported by the runtime.
 
 use glam::DVec2;
 use openxr as xr;
@@ -13,12 +13,12 @@ pub type Triangle = [DVec2; 3];
 pub(super) struct VisibilityMask {
     /// Counts the changes.
     pub(super) version: u64,
-    /// Left and right; empty where nothing is known to be hidden.
+    /// Left and right; empty without a known hidden area.
     pub(super) eyes: [Vec<Triangle>; 2],
 }
 
 impl VisibilityMask {
-    /// Asks for one eye's mesh anew. A runtime that has none hides nothing.
+    /// Requests one eye's mesh again. A runtime without one hides nothing.
     pub(super) fn query(&mut self, session: &xr::Session<xr::Vulkan>, eye: usize) {
         let Some(known) = self.eyes.get_mut(eye) else { return };
         let hidden = xr::VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH;

@@ -1,18 +1,18 @@
-//! How long the runtime has kept the loop.
+//! Measures how long the runtime has blocked the loop.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Whether a call into the runtime has not come back yet. Clones tell of the same loop.
+/// Whether a call into the runtime is still blocked. Clones observe the same loop.
 ///
-/// A runtime that is stopped rather than killed answers nothing, and OpenXR gives its calls no deadline. The thread of such a
-/// call cannot be taken back, and nobody may open a second session beside it; so the loop waits, and whoever is beside it looks
-/// here and decides when to give the process up.
+/// A stopped (not killed) runtime answers nothing, and OpenXR gives its calls no deadline. The thread of such a call cannot
+/// be recovered, and a second session beside it is not allowed. So the loop waits. Another thread watches here and decides
+/// when to end the process.
 #[derive(Debug, Clone, Default)]
 pub struct Watchdog(Arc<Mutex<Option<(&'static str, Instant)>>>);
 
 impl Watchdog {
-    /// What the runtime was asked for and for how long it has been; `None` while the loop's time is its own.
+    /// The pending runtime call and its duration; `None` while the loop is outside the runtime.
     #[must_use]
     pub fn blocked_call(&self) -> Option<(&'static str, Duration)> {
         self.asked().map(|(what, since)| (what, since.elapsed()))
