@@ -1,6 +1,6 @@
-//! What the loops of the view cost beside drawing, with the rest of the stack at peace and at work: of the view without a
-//! display the processor time of its process for each picture of nothing, of a window and of a headset's room the processor
-//! time of the thread of the loop for each frame (what fills pixels, on the cores or on a software device, are other threads).
+//! The cost of the view's loops beside drawing, with the rest of the stack idle and busy. For the view without a display: the
+//! processor time of its process for each empty picture. For a window and a headset's room: the processor time of the loop's
+//! thread for each frame. Other threads fill the pixels, on the cores or on a software device.
 //!
 //!     cargo bench --workspace --bench frame_loop -- --seconds 10 --rounds 5
 
@@ -39,20 +39,20 @@ mod monado;
 
 /// Pictures a second that the view without a display is to draw.
 const PACE: f64 = 120.0;
-/// Changes of the scene a second while the stack is at work, and samples of a stroke: a hand at a headset's pace.
+/// Changes of the scene a second while the stack is busy, and samples of a stroke. This is the pace of a hand at a headset.
 const CHANGES: f64 = 90.0;
 /// Others that follow everything; one of them is stopped.
 const LISTENERS: usize = 4;
 /// The thread of a display's loop.
 const LOOP: &str = "display";
 
-/// A view that is looked at.
+/// The view under measurement.
 struct Subject {
     name: &'static str,
     stack: Stack,
     /// Whether it is the loop of a display rather than the whole process that counts.
     display: bool,
-    /// What moves the mouse over the window.
+    /// The program that moves the mouse over the window.
     mouse: Option<Program>,
 }
 
@@ -156,7 +156,7 @@ fn measure(subject: Subject, time: Duration, rounds: u32) {
     drop(moving);
 }
 
-/// A program that ends with what holds it.
+/// A program that ends with its owner.
 struct Ended(Child);
 
 impl Drop for Ended {
@@ -186,7 +186,7 @@ async fn draw(bus: Bus) {
         let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
         let samples = Some(Stroke { mode, kind, radius: STROKE, points, pressure: Vec::new(), depth: None });
         let request = SampleRequest { stroke: format!("bench-{}", n / 400), samples };
-        // Whether an answer comes in time is not what is measured.
+        // The measurement is not about the timeliness of answers.
         let _ = bus.ask(&keys::SELECTION_SAMPLE, &request, &Context::root()).await;
     }
 }
@@ -224,7 +224,7 @@ async fn measured(
     }
 }
 
-/// Frames so far, and what they have taken. A display tells of its frames every second: just after it has.
+/// Frames so far, and the time they have taken. A display reports its frames every second; this returns just after a report.
 async fn frames(bus: &Bus, used: &impl Fn() -> Duration, display: bool) -> (u64, Duration) {
     let told = async || -> State { bus.newest(&keys::VIEW_STATE, &Context::root()).await.unwrap() };
     let first = told().await;

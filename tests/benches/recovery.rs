@@ -1,5 +1,5 @@
-//! How long each service is away after `kill -9`: until its supervisor has noticed, until it is ready again, and until its
-//! first answer to somebody who asked at the moment of the kill.
+//! How long each service is away after `kill -9`. Three times are measured. They end when its supervisor notices, when it is
+//! ready again, and at its first answer to a caller that asked at the moment of the kill.
 //!
 //!     cargo bench --workspace --bench recovery -- --rounds 20 --gaussians 170000
 
@@ -25,7 +25,7 @@ use sg_runtime::fault::Fault;
 use sg_tests::bench::{argument, quantile};
 use sg_tests::{command, made_scene};
 
-/// Services, and within which time each is to answer again, milliseconds.
+/// Services, and the time limit for the next answer of each, milliseconds.
 const SERVICES: [(&str, f64); 7] = [
     (role::SCENE, 1000.0),
     (role::SELECTION, 1000.0),
@@ -35,7 +35,7 @@ const SERVICES: [(&str, f64); 7] = [
     (role::AGENT_FUNCTION, 300.0),
     (role::AGENT_CORE, 300.0),
 ];
-/// Within which time a crash is to be noticed, milliseconds.
+/// The time limit for noticing a crash, milliseconds.
 const NOTICED: f64 = 50.0;
 /// How long anything may take.
 const PATIENCE: Duration = Duration::from_secs(120);

@@ -1,5 +1,5 @@
-//! Milliseconds against decibels of everything that draws: levels of the CPU renderer, both rasterizers of the graphics
-//! device, and other renderers in the same run.
+//! Milliseconds against decibels for every renderer. One run compares levels of the CPU renderer, both rasterizers of the
+//! graphics device, and other renderers.
 //!
 //!     cargo bench --workspace --bench rendering -- --out measured
 //!
@@ -32,7 +32,7 @@ use sg_scene::{camera_motion, framing};
 use sg_tests::bench::quantile;
 use sg_tests::shells::{Look, shells};
 
-/// Distance between two eyes as a share of the distance to what they look at: 63 mm at 1.5 m.
+/// Distance between two eyes as a share of the distance to the object in view: 63 mm at 1.5 m.
 const EYES_APART: f64 = 0.042;
 
 #[derive(Debug, Parser)]
@@ -58,7 +58,7 @@ struct Arguments {
     /// Folder for `rendering.json` and `rendering.md`.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Said by cargo.
+    /// Passed by cargo.
     #[arg(long, hide = true)]
     bench: bool,
 }

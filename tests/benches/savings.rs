@@ -1,5 +1,6 @@
-//! What it costs the device to draw what a scene has, and what it saves to leave out what it has not: milliseconds of the pass
-//! that projects and shades and of the whole picture, bytes a Gaussian, and the error of half precision.
+//! The device's cost of drawing the features that a scene has, and the saving from leaving out the absent ones. Times are
+//! milliseconds of the pass that projects and shades and of the whole picture. The table also has bytes a Gaussian and the error
+//! of half precision.
 //!
 //!     cargo bench --workspace --bench savings -- --gaussians 168000 --rounds 15
 
@@ -23,7 +24,7 @@ use sg_scene::model::{Harmonics, Scene};
 use sg_tests::bench::{argument, quantile};
 use sg_tests::shells::{Look, shells};
 
-/// Edge of the pictures: small, so that what a Gaussian costs is not lost in what a pixel does.
+/// Edge of the pictures: small, so that the cost of a Gaussian is not lost in the cost of pixels.
 const SIZE: u32 = 256;
 
 fn main() {
@@ -76,7 +77,7 @@ fn scenes(gaussians: usize) -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// The lit scene with what costs something beside.
+/// The lit scene with further features that have a cost.
 fn looks(scene: &Scene) -> Vec<(&'static str, Appearance)> {
     let plain = Appearance::of(scene);
     let n = scene.len();

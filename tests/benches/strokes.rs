@@ -1,5 +1,5 @@
-//! How fast a hand is answered: from a sample of a stroke to what the stroke would select so far, and from its end to the
-//! selection that is committed, over the bus of a running stack, at the pace of a headset.
+//! The latency of answers to a hand, over the bus of a running stack, at the pace of a headset. One time runs from a sample of a
+//! stroke to its preview selection. The other runs from the stroke's end to the committed selection.
 //!
 //!     cargo bench --workspace --bench strokes -- --gaussians 170000 --strokes 10
 //!
@@ -32,7 +32,7 @@ const RADIUS: f64 = 0.03;
 /// Upper ends of the histogram's bins, milliseconds.
 const BINS: [f64; 9] = [0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 30.0, f64::INFINITY];
 
-/// What was measured of the strokes of one mode, milliseconds.
+/// Measurements of the strokes of one mode, in milliseconds.
 #[derive(Default)]
 struct Measured {
     /// From sending a sample to its answer, while the view drew no picture.
@@ -41,11 +41,11 @@ struct Measured {
     drawing: Vec<f64>,
     /// Of either, in the selection process.
     preview: Vec<f64>,
-    /// From sending the whole stroke to hearing what it selects.
+    /// From sending the whole stroke to receiving its selection.
     seen: Vec<f64>,
     /// From sending the whole stroke to the committed, durable selection.
     end: Vec<f64>,
-    /// Of that, in the selection process: what the stroke hits, the walk, the mask.
+    /// The part of that in the selection process: hit test, walk, mask.
     step: Vec<f64>,
     /// Processor time of the selection process by the clock.
     cpu: Duration,
@@ -54,7 +54,7 @@ struct Measured {
     waited: [Duration; 3],
 }
 
-/// Whoever a sample passes through.
+/// Every service that a sample passes through.
 struct Stage {
     bus: Bus,
     pids: [u64; 3],
@@ -123,7 +123,7 @@ fn main() {
             let sent = Instant::now();
             stage.bus.ask(&keys::SCENE_APPLY, &command, &context).await.unwrap();
             alone.push(sent.elapsed().as_secs_f64() * 1e3);
-            // What the view draws of it is not to be in the way of the next.
+            // The view's drawing of this change must not delay the next one.
             tokio::time::sleep(Duration::from_millis(400)).await;
         }
         println!("\nOf a committed selection, what every durable change of the scene takes: {:.1} / {:.1}", quantile(&mut alone, 0.5), quantile(&mut alone, 0.99));
@@ -188,7 +188,7 @@ async fn draw(stage: &Stage, mode: StrokeMode, number: u32, measured: &mut Measu
     }
     let request = StrokesRequest { strokes: vec![stroke(whole)], ..StrokesRequest::default() };
     let mut previews = bus.subscribe(&keys::SELECTION_PREVIEW, role::SELECTION, 8).await.unwrap();
-    // So that who listens is known to everybody on the way.
+    // So that every router on the way knows the subscribers.
     tokio::time::sleep(Duration::from_millis(50)).await;
     let context = context();
     let sent = Instant::now();
@@ -201,7 +201,7 @@ async fn draw(stage: &Stage, mode: StrokeMode, number: u32, measured: &mut Measu
     measured.seen.push(seen.as_secs_f64() * 1e3);
     let reply = reply.unwrap();
     measured.step.push(reply.walk_ms);
-    // A picture is told of when it is done: those under way at the last sample are waited for.
+    // A picture is reported when it is done. Pictures under way at the last sample are waited for.
     tokio::time::sleep(Duration::from_secs(1)).await;
     let drawn = std::mem::take(&mut *pictures.lock().unwrap());
     for (sent, back) in answered {
@@ -215,7 +215,7 @@ fn context() -> Context {
     Context::root().deadline_in(Duration::from_secs(30))
 }
 
-/// Where a hand is at a sample: a smooth curve through the middle of the box, another one for each stroke.
+/// The position of a hand at a sample: a smooth curve through the middle of the box, another one for each stroke.
 fn hand(number: u32, sample: usize) -> [f64; 3] {
     let (t, phase) = (sample as f64 / SAMPLES as f64, f64::from(number) * 0.7);
     let wave = |k: f64, shift: f64| 0.5 + 0.25 * (std::f64::consts::TAU * t * k + phase + shift).sin();

@@ -31,7 +31,7 @@ struct Arguments {
     /// The folder of documents.
     #[arg(long, default_value = "docs")]
     out: PathBuf,
-    /// Repetitions of which the fastest counts.
+    /// Repetitions; the fastest counts.
     #[arg(long, default_value_t = 5)]
     rounds: usize,
     /// The most nodes of a graph.
@@ -49,8 +49,8 @@ struct Point {
     error: Option<f64>,
 }
 
-/// Nodes on a surface, each joined to its nearest, with the weights that walks have; foreground at one end, background at
-/// the other.
+/// Nodes on a surface, each joined to its nearest, with the weights that walks have. Foreground is at one end, background at the
+/// other.
 fn graph(n: usize) -> Outcome<(Network, Vec<Seed>)> {
     let mut r = ChaCha8Rng::seed_from_u64(n as u64);
     let points: Vec<[f64; 3]> = (0..n)
@@ -88,7 +88,7 @@ fn worst(p: &[f64], truth: &[f64]) -> f64 {
     p.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// Fastest of some repetitions in milliseconds, and what the last one returned.
+/// Fastest of some repetitions in milliseconds, and the result of the last one.
 fn fastest<T>(rounds: usize, mut f: impl FnMut() -> T) -> (f64, T) {
     let start = Instant::now();
     let mut out = f();
@@ -101,7 +101,7 @@ fn fastest<T>(rounds: usize, mut f: impl FnMut() -> T) -> (f64, T) {
     (1e3 * best.as_secs_f64(), out)
 }
 
-/// Sizes up to which a solver is tried.
+/// The largest sizes at which a solver is tried.
 const MOST_ELIMINATED: usize = 20_000;
 
 fn measure(n: usize, leak: f64, rounds: usize, points: &mut Vec<Point>) -> Outcome<()> {

@@ -1,4 +1,4 @@
-//! What the benches share: their arguments, what a process has used, how a list is told in one number.
+//! Shared parts of the benches: arguments, resource use of a process, and one-number summaries of lists.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 /// The number behind `--name` on the command line, else another one.
 ///
 /// # Panics
-/// What stands there is no number.
+/// The argument is not a number.
 #[must_use]
 #[allow(clippy::expect_used, reason = "a bench that was asked for something else than numbers has nothing to measure")]
 pub fn argument(name: &str, otherwise: u32) -> u32 {
@@ -27,21 +27,21 @@ pub fn processor_time(pid: u64) -> Duration {
     schedule(pid, 0, |_| true)
 }
 
-/// Processor time that the threads of this name of a process have used so far, to the nanosecond; 0 where there are none.
+/// Processor time that the threads of this name of a process have used so far, to the nanosecond; 0 if there are none.
 #[must_use]
 pub fn thread_time(pid: u64, name: &str) -> Duration {
     let is_named = |path: &Path| std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim_end() == name);
     schedule(pid, 0, is_named)
 }
 
-/// How long the threads of a process have stood ready to run so far and waited for a core, to the nanosecond; 0 for one that
-/// is gone.
+/// The time that the threads of a process have stood ready to run so far and waited for a core. It is exact to the nanosecond; 0
+/// for a process that is gone.
 #[must_use]
 pub fn waiting_time(pid: u64) -> Duration {
     schedule(pid, 1, |_| true)
 }
 
-/// Sum over some of a process's threads of one of the numbers that `/proc/PID/task/TID/schedstat` tells in nanoseconds.
+/// Sum over some of a process's threads of one of the numbers of `/proc/PID/task/TID/schedstat`, in nanoseconds.
 fn schedule(pid: u64, column: usize, counts: impl Fn(&Path) -> bool) -> Duration {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
     let told = |path: PathBuf| -> Option<u64> {

@@ -41,7 +41,7 @@ struct Source {
 /// Drops a file on a window of a display.
 ///
 /// # Errors
-/// What the display says, or that the window does not take it within `patience`.
+/// The display's message, or that the window does not take it within `patience`.
 pub fn drop_file(display: &str, target: u32, path: &Path, patience: Duration) -> Result<(), String> {
     let said = |e: &dyn std::fmt::Display| format!("dropping {}: {e}", path.display());
     let source = Source::open(display, target, path).map_err(|e| said(&e))?;
@@ -81,8 +81,8 @@ impl Source {
         Ok(())
     }
 
-    /// Hands the file's address to who asks for it until `done`, which hears whether somebody has asked and what the target
-    /// said last.
+    /// Offers the file's address to requesters until `done`. `done` receives two facts: whether a requester has asked, and the
+    /// target's last message.
     fn serve(&self, patience: Duration, done: impl Fn(bool, Option<u32>) -> bool) -> Outcome<()> {
         let begun = Instant::now();
         let (mut served, mut said) = (false, None);

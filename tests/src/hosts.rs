@@ -22,7 +22,7 @@ impl Host {
     /// Two of them.
     ///
     /// # Errors
-    /// A line that says what could not be done.
+    /// A line that names the failed action.
     pub fn two() -> Result<[Self; 2], String> {
         Ok([Self::plug("a", 1)?, Self::plug("b", 2)?])
     }
@@ -52,12 +52,12 @@ impl Host {
         Ok(host)
     }
 
-    /// A command to be run on this host, where each of `hidden` is an empty folder.
+    /// A command to be run on this host. Each of `hidden` is an empty folder there.
     #[must_use]
     pub fn on(&self, command: &Command, hidden: &[&Path]) -> Command {
         let mut there = Command::new("ip");
         there.args(["netns", "exec", self.namespace.as_str(), "sh", "-c"]);
-        // `ip netns exec` gives it mounts of its own, so what is hidden there is hidden there alone.
+        // `ip netns exec` gives it mounts of its own, so folders hidden there are hidden there alone.
         let hide: String = hidden.iter().map(|p| format!("mount -t tmpfs none '{}' && ", p.display())).collect();
         there.arg(format!("{hide}exec \"$0\" \"$@\"")).arg(command.get_program()).args(command.get_args());
         for (name, value) in command.get_envs() {

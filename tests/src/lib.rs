@@ -1,5 +1,5 @@
-//! What the tests that cross process boundaries share: the built command, real data, pictures; conformance, with which
-//! any program can be tried that is to fill a role; and the evaluation tables.
+//! Shared parts of the tests that cross process boundaries: the built command, real data, and pictures. Conformance tries any
+//! program that is to fill a role. The evaluation tables are here too.
 
 pub mod bench;
 pub mod conformance;
@@ -52,19 +52,19 @@ pub fn command(run_root: &Path) -> Result<Command, Missing> {
 /// [`Missing::Command`] if it was not built.
 pub fn executable(name: &str) -> Result<PathBuf, Missing> {
     let here = std::env::current_exe()?;
-    // A test lies one folder below what it tests.
+    // A test lies one folder below its package.
     let beside = here.ancestors().skip(1).take(2).map(Path::to_owned);
     let path = std::env::var_os("PATH").unwrap_or_default();
     let mut found = beside.chain(std::env::split_paths(&path)).map(|folder| folder.join(name));
     found.find(|p| p.is_file()).ok_or_else(|| Missing::Command(PathBuf::from(name)))
 }
 
-/// The example of a service in Python, if there is a Python with the packages it needs: the one that
-/// `SUPERGAUSSIAN_PYTHON` names, else the environment that `ops/python.sh` makes. Without one the caller skips, having said
-/// so; where `SUPERGAUSSIAN_REQUIRE_TOOLS=1` asks for every tool, that is a failure.
+/// The example of a service in Python, if there is a Python with the packages it needs. `SUPERGAUSSIAN_PYTHON` names that Python;
+/// else it is the environment that `ops/python.sh` makes. Without one the caller skips, after a message. With
+/// `SUPERGAUSSIAN_REQUIRE_TOOLS=1`, a missing Python is a failure.
 ///
 /// # Errors
-/// A line that says what is required and missing.
+/// A line that names the missing requirement.
 pub fn python_intent() -> Result<Option<PathBuf>, String> {
     if python()?.is_none() {
         return Ok(None);
@@ -73,12 +73,12 @@ pub fn python_intent() -> Result<Option<PathBuf>, String> {
     Ok(Some(room.canonicalize().map_err(|e| format!("{}: {e}", room.display()))?.join("intent")))
 }
 
-/// The Python interpreter of the tests: the one `SUPERGAUSSIAN_PYTHON` names, else that of the environment that
-/// `ops/python.sh` makes. Without one that has its packages the caller skips, having said so; where
-/// `SUPERGAUSSIAN_REQUIRE_TOOLS=1` asks for every tool, that is a failure.
+/// The Python interpreter of the tests: the one `SUPERGAUSSIAN_PYTHON` names, else that of the environment that `ops/python.sh`
+/// makes. Without one that has its packages the caller skips, after a message. With `SUPERGAUSSIAN_REQUIRE_TOOLS=1`, a missing
+/// interpreter is a failure.
 ///
 /// # Errors
-/// A line that says what is required and missing.
+/// A line that names the missing requirement.
 pub fn python() -> Result<Option<PathBuf>, String> {
     let named = std::env::var_os("SUPERGAUSSIAN_PYTHON").map(PathBuf::from);
     let cache = std::env::var_os("XDG_CACHE_HOME").filter(|c| !c.is_empty()).map(PathBuf::from);
@@ -98,11 +98,10 @@ pub fn python() -> Result<Option<PathBuf>, String> {
 }
 
 /// Two hosts that reach each other through this one alone, if this user may make network namespaces (`ip netns`, as root).
-/// Otherwise the caller skips, having said so; where `SUPERGAUSSIAN_REQUIRE_TOOLS=1` asks for every tool, that is a
-/// failure.
+/// Otherwise the caller skips, after a message. With `SUPERGAUSSIAN_REQUIRE_TOOLS=1`, that is a failure.
 ///
 /// # Errors
-/// A line that says what is required and missing.
+/// A line that names the missing requirement.
 pub fn two_hosts() -> Result<Option<[hosts::Host; 2]>, String> {
     match hosts::Host::two() {
         Ok(hosts) => Ok(Some(hosts)),
@@ -119,11 +118,11 @@ pub fn said(output: &Output) -> String {
     format!("{}\n{}{}", output.status, String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// The folder of real data that `SUPERGAUSSIAN_DATA` names. Without one the caller skips, having said so; where
-/// `SUPERGAUSSIAN_REQUIRE_DATA=1` asks for the data, that is a failure.
+/// The folder of real data that `SUPERGAUSSIAN_DATA` names. Without one the caller skips, after a message. With
+/// `SUPERGAUSSIAN_REQUIRE_DATA=1`, that is a failure.
 ///
 /// # Errors
-/// A line that says what is required and missing.
+/// A line that names the missing requirement.
 pub fn real_data() -> Result<Option<PathBuf>, String> {
     match std::env::var_os("SUPERGAUSSIAN_DATA").map(PathBuf::from).filter(|p| p.is_dir()) {
         Some(folder) => Ok(Some(folder)),
@@ -162,7 +161,7 @@ impl Picture {
     }
 }
 
-/// What a recolour changed, judged by the coverage of the unit drawn alone.
+/// The effect of a recolour, judged by the coverage of the unit drawn alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Recolour {
     /// Greatest change of any channel where the unit's coverage is below 1/1024.

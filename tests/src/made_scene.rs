@@ -9,7 +9,7 @@ use crate::{command, said};
 /// Fits the made volume of 128³ voxels directly with about so many Gaussians: the path of its `scene.toml` below a folder.
 ///
 /// # Errors
-/// A line that says what is missing or failed.
+/// A line that names the missing part or the failure.
 pub fn write(folder: &Path, gaussians: u32) -> Result<PathBuf, String> {
     let run = |arguments: &[&str]| -> Result<Value, String> {
         let mut fit = command(&folder.join("run")).map_err(|e| e.to_string())?;

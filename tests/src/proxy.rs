@@ -1,4 +1,4 @@
-//! A TCP proxy that does to connections what networks do: delay, stall, reset, cut, heal.
+//! A TCP proxy that imitates the faults of networks: delay, stall, reset, cut, heal.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -14,21 +14,21 @@ use tokio::task::JoinHandle;
 
 /// Bytes that are read at once.
 const CHUNK: usize = 16 << 10;
-/// Chunks on their way in one direction; more wait where they come from, as in any network.
+/// Chunks on their way in one direction; more wait at their source, as in any network.
 const UNDER_WAY: usize = 256;
 
-/// What the network does.
+/// The behaviour of the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weather {
-    /// Whatever comes passes, this much later.
+    /// All traffic passes, this much later.
     Delay(Duration),
-    /// Nothing passes, and nobody is told.
+    /// Nothing passes, and neither side is notified.
     Stall,
-    /// Nobody is connected, and whoever tries is refused.
+    /// No peer is connected, and each attempt is refused.
     Cut,
 }
 
-/// What holds for all connections.
+/// State shared by all connections.
 #[derive(Debug, Clone, Copy)]
 struct Sky {
     weather: Weather,
@@ -36,7 +36,7 @@ struct Sky {
     generation: u64,
 }
 
-/// A proxy; what goes through it ends with it.
+/// A proxy. Connections through it end with it.
 #[derive(Debug)]
 pub struct Proxy {
     sky: watch::Sender<Sky>,
@@ -45,7 +45,7 @@ pub struct Proxy {
 }
 
 impl Proxy {
-    /// Listens at one address and passes everything on to another, without delay until told otherwise.
+    /// Listens at one address and passes everything on to another, without delay at first.
     ///
     /// # Errors
     /// The address cannot be listened to.
@@ -73,7 +73,7 @@ impl Proxy {
         self.connections.load(Ordering::Relaxed)
     }
 
-    /// Changes what the network does. A cut resets what is connected.
+    /// Changes the behaviour of the network. A cut resets the connections.
     pub fn set(&self, weather: Weather) {
         self.sky.send_modify(|sky| {
             sky.weather = weather;
@@ -81,7 +81,7 @@ impl Proxy {
         });
     }
 
-    /// Resets what is connected; new connections are let through.
+    /// Resets the connections; new ones are let through.
     pub fn reset(&self) {
         self.sky.send_modify(|sky| sky.generation += 1);
     }
@@ -99,7 +99,7 @@ impl Drop for Proxy {
     }
 }
 
-/// Ends a connection the hard way: whoever is at the other end gets an error, not an end.
+/// Ends a connection the hard way: the other end gets an error, not an end of stream.
 fn reset(stream: &TcpStream) {
     // A stream that is gone needs no reset.
     let _ = stream.set_zero_linger();
@@ -159,7 +159,7 @@ async fn sleep_until(due: Option<Instant>) {
 mod tests {
     use super::*;
 
-    /// A server that sends back what it gets, behind a proxy.
+    /// An echo server behind a proxy.
     async fn echo() -> (Proxy, SocketAddr) {
         let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let to = server.local_addr().unwrap();
@@ -196,7 +196,7 @@ mod tests {
         let late = tokio::time::timeout(Duration::from_millis(100), turn(&mut stream)).await;
         assert!(late.is_err(), "nothing passes");
         proxy.heal();
-        // What was under way arrives.
+        // Bytes that were under way arrive.
         let mut back = [0; 5];
         stream.read_exact(&mut back).await.unwrap();
 

@@ -1,4 +1,4 @@
-//! A screen that nobody looks at, and a mouse and a keyboard that nobody holds: Xvfb and xdotool.
+//! A screen without a viewer, and a mouse and a keyboard without a hand: Xvfb and xdotool.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
@@ -26,10 +26,10 @@ pub struct Shot {
 }
 
 impl Screen {
-    /// Opens a screen of its own; `None`, said loudly, where there is no Xvfb or no xdotool, unless they are required.
+    /// Opens a screen of its own. If Xvfb or xdotool is missing, prints a message and returns `None`, unless they are required.
     ///
     /// # Errors
-    /// What kept it from opening.
+    /// The reason why it did not open.
     #[allow(clippy::print_stderr, reason = "a skipped test says so")]
     pub fn open() -> Result<Option<Self>, String> {
         for program in ["Xvfb", "xdotool"] {
@@ -62,7 +62,7 @@ impl Screen {
             .stderr(Stdio::null())
             .spawn()
             .map_err(|e| e.to_string())?;
-        // It says its number when it is ready, and closes its end if it cannot be.
+        // It writes its number when it is ready, and closes its end if it cannot start.
         let said = server.stdout.take().map(BufReader::new);
         let mut number = String::new();
         let read = said.map(|mut said| said.read_line(&mut number));
@@ -73,7 +73,7 @@ impl Screen {
         }
     }
 
-    /// What `DISPLAY` has to say.
+    /// The value for `DISPLAY`.
     #[must_use]
     pub fn display(&self) -> &str {
         &self.display
@@ -82,7 +82,7 @@ impl Screen {
     /// Has xdotool do something.
     ///
     /// # Errors
-    /// What it said.
+    /// Its output.
     pub fn act(&self, words: &[&str]) -> Result<String, String> {
         let output = Command::new("xdotool")
             .args(words)
@@ -98,7 +98,7 @@ impl Screen {
     /// The window with this at its top, once it is there and takes keys.
     ///
     /// # Errors
-    /// Where there is none within `patience`.
+    /// There is none within `patience`.
     pub fn window(&self, title: &str, patience: Duration) -> Result<String, String> {
         let begun = Instant::now();
         loop {
@@ -143,7 +143,7 @@ impl Screen {
         dropping::drop_file(&self.display, number, path, patience)
     }
 
-    /// What is on the screen.
+    /// The contents of the screen.
     ///
     /// # Errors
     /// A frame buffer that cannot be read.
@@ -176,7 +176,7 @@ impl Drop for Screen {
 }
 
 impl Shot {
-    /// Share of the pixels of a rectangle (left, top, width, height) for which something holds.
+    /// Share of the pixels of a rectangle (left, top, width, height) with a given property.
     #[must_use]
     pub fn share(&self, [left, top, width, height]: [usize; 4], holds: impl Fn([u8; 3]) -> bool) -> f64 {
         let rows = (top..top + height).map(|y| y * SIZE[0] + left);

@@ -5,16 +5,16 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Harmonics, Scene, ShadingColumns, ShadingModel};
 
-/// What colours the Gaussians.
+/// The source of the Gaussians' colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
     /// Blinn-Phong attributes.
     Lit,
-    /// Harmonics of degree 0, which every renderer of splats draws.
+    /// Harmonics of degree 0. Every renderer of splats draws them.
     Plain,
 }
 
-/// Flat Gaussians on four nested wrinkled shells, the outer ones fainter: what a fit of a volume looks like.
+/// Flat Gaussians on four nested wrinkled shells, the outer ones fainter. The scene looks like a fit of a volume.
 #[must_use]
 pub fn shells(n: usize, look: Look) -> Scene {
     let mut rng = ChaCha8Rng::seed_from_u64(1);

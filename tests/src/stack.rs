@@ -29,7 +29,7 @@ impl Stack {
     /// Starts every service of the headless launch file and waits until each is ready.
     ///
     /// # Errors
-    /// A line that says what is missing or did not get ready.
+    /// A line that names the part that is missing or did not get ready.
     pub fn up() -> Result<Self, String> {
         Self::up_with(&[])
     }
@@ -75,7 +75,7 @@ impl Stack {
     /// Begins to start every service of the headless launch file, on a host if one is given.
     ///
     /// # Errors
-    /// A line that says what is missing.
+    /// A line that names the missing part.
     pub fn begin(settings: &[String], env: &[(&str, &str)], host: Option<&Host>) -> Result<Self, String> {
         Self::begin_of("headless.toml", settings, env, host)
     }
@@ -106,8 +106,8 @@ impl Stack {
         arguments
     }
 
-    /// Reads the launch file again, with other settings, and waits until all is as it says: exit status, standard output,
-    /// and all it said for a failing test.
+    /// Reloads the launch file with other settings and waits until the stack agrees with it. Returns exit status, standard
+    /// output, and all output for a failing test.
     ///
     /// # Errors
     /// As [`Stack::command`].
@@ -119,7 +119,7 @@ impl Stack {
     /// Waits until every service is ready.
     ///
     /// # Errors
-    /// A line that says what did not get ready.
+    /// A line that names the part that did not get ready.
     pub fn wait(&self) -> Result<(), String> {
         let begun = Instant::now();
         loop {
@@ -134,7 +134,7 @@ impl Stack {
         }
     }
 
-    /// What the supervisor has said.
+    /// The supervisor's output so far.
     #[must_use]
     pub fn log(&self) -> String {
         std::fs::read_to_string(self.folder.path().join("up.log")).unwrap_or_default()
@@ -164,7 +164,7 @@ impl Stack {
         self.folder.path()
     }
 
-    /// The command `supergaussian`, which finds this stack.
+    /// The command `supergaussian`. It finds this stack.
     ///
     /// # Errors
     /// [`Missing::Command`] if it was not built.
@@ -172,7 +172,7 @@ impl Stack {
         command(&self.run_root())
     }
 
-    /// Runs the command to its end: exit status, standard output, and all it said for a failing test.
+    /// Runs the command to its end: exit status, standard output, and all output for a failing test.
     ///
     /// # Errors
     /// As [`Stack::command`].

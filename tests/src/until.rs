@@ -1,4 +1,4 @@
-//! Waits until what a running stack tells of itself is as a test has to have it.
+//! Waits until the reports of a running stack are as a test needs them.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot ask has failed")]
 
@@ -14,7 +14,7 @@ pub const PATIENCE: Duration = Duration::from_secs(60);
 /// How often it is looked.
 const LOOKS: Duration = Duration::from_millis(50);
 
-/// What one question may take.
+/// The time limit of one question.
 #[must_use]
 pub fn soon() -> Context {
     Context::root().deadline_in(Duration::from_secs(10))

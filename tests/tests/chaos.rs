@@ -30,7 +30,7 @@ fn fifty_faults_leave_the_scene_as_it_would_be_without() {
     let folder = tempfile::tempdir().unwrap();
     let output = chaos(folder.path(), &["--faults", "50", "--seed", "1", "--gaussians", "5000", "--json"]);
     if !output.status.success() {
-        // What a failure left behind is of more use than a clean machine.
+        // After a failure, the files are of more use than a clean machine.
         println!("left behind: {}", folder.keep().display());
     }
     assert!(output.status.success(), "{}", said(&output));
@@ -72,7 +72,7 @@ fn a_launch_file_without_a_scene_is_refused() {
     assert!(errors.contains("mute.toml: no service of the role `scene`") && errors.lines().count() == 1, "{errors}");
 }
 
-/// The agents forget what they have said and done when they are killed; the scene does not.
+/// The agents forget their words and actions when they are killed; the scene does not.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_sentence_that_is_said_again_after_its_agents_were_killed_is_found_done() {
     let stack = Stack::up().unwrap();

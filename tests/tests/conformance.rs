@@ -1,4 +1,4 @@
-//! Every role is filled as its conformance asks: by the executables of this project, and by the example in Python.
+//! Every role passes its conformance: with the executables of this project, and with the example in Python.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by its helpers and prints what was tried")]
 
@@ -82,7 +82,7 @@ fn every_role_of_the_stack_can_be_tried() {
     assert_eq!(roles(), services);
 }
 
-/// The checks are only worth something if they notice a program that does not do what the role asks.
+/// The checks are only worth something if they notice a program that does not fulfil the role.
 #[test]
 fn what_cannot_fill_a_role_is_found_out() {
     // Another role's executable never serves this one.

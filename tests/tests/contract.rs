@@ -29,7 +29,7 @@ fn contract(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), said(&output))
 }
 
-/// Whether buf is there; where every tool has to be, it is.
+/// Whether buf is there. If every tool is required, a missing buf fails the test.
 fn has_buf() -> bool {
     let found = Command::new("buf").arg("--version").output().is_ok_and(|o| o.status.success());
     let required = std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1");
@@ -137,7 +137,7 @@ fn golden_bytes_may_only_be_added_to() {
     let (status, said) = contract(folder.path(), &["check"]);
     assert!(status == Some(1) && said.contains("released lines of v0.1.0 were changed or deleted"), "{said}");
 
-    // A line at the end that means another thing than it says.
+    // A line at the end whose meaning differs from its words.
     let last = text.lines().last().unwrap().replacen("{\"", "{\"x", 1);
     std::fs::write(&bus, format!("{text}{last}\n")).unwrap();
     let (status, said) = contract(folder.path(), &["check"]);
@@ -174,7 +174,7 @@ fn every_process_of_a_running_stack_keeps_to_its_rows() {
             findings.iter().find(|f| f["check"] == check.as_str()).unwrap_or_else(|| panic!("{check}: {text}"));
         assert_eq!(finding["outcome"], "ok", "{finding}");
     }
-    // A process that answers what is another's is found.
+    // The check finds a process that answers another's requests.
     sg_runtime::process::block_on(async {
         let thief = stack.join(sg_proto::keys::role::AGENT_INTENT).await.unwrap();
         let _token = thief.declare_liveliness("thief-1").await.unwrap();

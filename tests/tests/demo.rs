@@ -1,4 +1,4 @@
-//! The whole stack by its front door: the demo on the made volume, with every service killed in the middle, and on real
+//! The whole stack by its front door. The demo runs on the made volume, with every service killed in the middle, and on real
 //! volumes.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by its helpers and prints what it measured")]
@@ -76,7 +76,7 @@ fn the_made_volume_is_brushed_named_and_talked_about() {
             assert!(entry.get(key).is_some(), "{key} is missing in {entry}");
         }
     }
-    // The loop is there stage by stage: what was said, seen, understood, planned, done, seen again, answered.
+    // The loop reports each stage: said, seen, understood, planned, done, seen again, answered.
     let types: Vec<&str> = transcript.iter().filter_map(|e| e["type"].as_str()).collect();
     for stage in ["Utterance", "Perceive", "Observation", "Intent", "Plan", "ActionResult", "Reply"] {
         let name = format!("supergaussian.language.v1.{stage}");

@@ -1,4 +1,4 @@
-//! The short form of the evaluation: numbers that must hold whatever the shapes are, and the same ones twice.
+//! The short form of the evaluation: numbers that must hold for all shapes, and the same numbers twice.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and tells what it measured")]
 
@@ -37,7 +37,7 @@ fn shares(s: &Spread) {
     assert!(all.iter().all(|x| (0.0..=1.0).contains(x)) && all.is_sorted(), "{s:?}");
 }
 
-/// What holds of medians of agreements: each is monotone in the other where one determines the other.
+/// A law of medians of agreements: each is monotone in the other if one determines the other.
 fn medians(m: &Medians) {
     shares(&m.iou);
     let iou = m.iou.median;
@@ -45,7 +45,7 @@ fn medians(m: &Medians) {
     assert!((m.f1 - 2.0 * iou / (1.0 + iou)).abs() < 1e-12 && m.f1 >= iou);
     assert!((0.0..=1.0).contains(&m.acc) && (-1.0..=1.0).contains(&m.mcc));
     assert!(m.precision >= iou && m.recall >= iou && m.precision <= 1.0 && m.recall <= 1.0);
-    // Missed and added Gaussians are at most 1 − IoU of the union, which is no larger than the scene.
+    // Missed and added Gaussians are at most 1 − IoU of the union. The union is no larger than the scene.
     assert!(m.acc >= iou - 1e-12, "{m:?}");
 }
 
@@ -57,7 +57,7 @@ fn rows(subject: &SubjectRows, clusters: usize) {
         for x in [p.achievable_accuracy, p.boundary_recall, row.best_union_iou, row.same_label_knn] {
             assert!((0.0..=1.0).contains(&x), "{row:?}");
         }
-        // Whatever is not right in its cluster is astray in two parts.
+        // Every Gaussian outside its right cluster is astray in two parts.
         assert!(p.under_segmentation >= 1.0 - p.achievable_accuracy - 1e-12);
         assert!((row.mean_size * row.clusters as f64 - subject.gaussians as f64).abs() < 0.5);
         // No selection of whole clusters is better than the best one.
@@ -91,7 +91,8 @@ fn what_must_hold_holds_and_a_seed_gives_the_same_numbers() {
             assert!((green.recall - 1.0).abs() < 1e-12 && green.precision < 0.5);
         }
     }
-    // Features that do not depend on how a scene is written down do not change with it, and no row that uses them.
+    // Some features do not depend on the way a scene is written down. They do not change with it, nor does any row that uses
+    // them.
     let [coherent, scrambled] = &first.subjects[..] else { unreachable!("two subjects") };
     let invariant = |s: &SubjectRows| s.clusterings.iter().find(|r| r.variant == "features invariant").unwrap().clone();
     let (a, b) = (invariant(coherent), invariant(scrambled));

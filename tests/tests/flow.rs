@@ -1,4 +1,4 @@
-//! Back-pressure: what stands still holds nobody else up.
+//! Back-pressure: a process that stands still holds no other process up.
 
 #![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -40,7 +40,7 @@ fn pictures_go_on_while_every_other_service_and_a_listener_stand_still() {
         "service.render-view.params.width=32",
         "service.render-view.params.height=32",
         "service.render-view.params.frames_per_second=60",
-        // Nobody is to be taken for hung while they are stopped here.
+        // No process may be taken for hung while it is stopped here.
         "defaults.liveness=600",
     ];
     let stack = Stack::up_with(&settings.map(str::to_owned)).unwrap();

@@ -1,4 +1,4 @@
-//! Brushing the sac of the made vessel tree: the walk finds the sac whatever the hand does exactly.
+//! Brushing the sac of the made vessel tree: the walk finds the sac regardless of the hand's exact path.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by its helpers and prints what it measured")]
 

@@ -1,5 +1,5 @@
-//! Every request of every role of a running stack refuses what it must, with a typed error that is counted, and the stack
-//! goes on.
+//! Every request of every role of a running stack refuses invalid requests with a typed error. The error is counted, and the
+//! stack goes on.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test's helpers fail the test")]
 
@@ -25,7 +25,7 @@ async fn refused(cli: &Bus, role: &str) -> u64 {
     cli.ask_role(&keys::STATUS, role, &StatusRequest {}, &context).await.unwrap().refused
 }
 
-/// What no request takes, and the code it is refused with.
+/// Messages that every request refuses, and the code of the refusal.
 fn bad(request: &str, sender: &str, open: bool) -> Vec<(&'static str, RawMessage, Code)> {
     let protobuf = |name: &str| format!("application/protobuf;{name}");
     let envelope = |sender: &str| {

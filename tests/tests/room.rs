@@ -1,4 +1,4 @@
-//! The room of a whole running stack, with a head and hands that nobody has, under Monado.
+//! The room of a whole running stack under Monado, with a simulated head and hands.
 
 #![allow(
     clippy::panic,
@@ -79,13 +79,13 @@ fn said(stack: &Stack, line: &str, times: usize) {
 }
 
 impl Person {
-    /// Somebody who comes in; how fast frames follow one another says how long hands have to wait.
+    /// A person who comes in. The interval between frames sets the pause of the hands.
     async fn enter(bus: &Bus) -> Self {
         let puppet = Puppet::connect();
         let from = view(bus, "frames in the headset", |v| v.display == "headset" && v.frames > 0).await;
         let begun = Instant::now();
         let to = view(bus, "more frames", |v| v.shown > from.shown + 5).await;
-        // The state is told once a second.
+        // The state is reported once a second.
         let period = begun.elapsed().max(Duration::from_secs(1)) / u32::try_from(to.shown - from.shown).unwrap_or(1);
         Self { puppet, pause: 4 * period.min(Duration::from_secs(1)) }
     }
@@ -151,7 +151,7 @@ impl Person {
     }
 }
 
-/// What the room shows of the scene.
+/// The room's view of the scene.
 async fn shown(bus: &Bus) -> ViewState {
     let request = ChangesRequest { from: 0, snapshot: true };
     let snapshot = bus.ask(&keys::SCENE_CHANGES, &request, &soon()).await.unwrap().snapshot.unwrap();
@@ -164,7 +164,7 @@ async fn shown(bus: &Bus) -> ViewState {
     ViewState { services, walk_capabilities, undo: told.undo.into(), redo: told.redo.into(), ..ViewState::of(edited) }
 }
 
-/// Where a control of a panel is, in points, as a headset has it.
+/// The position of a control of a panel, in points, as a headset has it.
 fn place_of(shown: &ViewState, panel: Panel, typing: bool, label: &str) -> egui::Pos2 {
     use egui_kittest::kittest::Queryable as _;
     let mut panels = Panels::new(PanelHost::Headset);
@@ -184,7 +184,7 @@ fn place_of(shown: &ViewState, panel: Panel, typing: bool, label: &str) -> egui:
     at
 }
 
-/// Where a place of the scene's box, normalized, is in the room at first.
+/// The first position in the room of a place of the scene's box. The place is normalized.
 fn at_first(shown: &ViewState, place: [f64; 3]) -> DVec3 {
     let (bounds, view) = (shown.scene.geometry().bounds, shown.scene.view());
     let placement = Placement::fit(bounds, view.up, view.target - view.eye, Stance::Standing, Origin::Floor);
@@ -236,7 +236,7 @@ fn a_person_brushes_names_and_saves_and_the_runtime_dies() {
         assert_eq!(units(&saved), ["s1"]);
         person.reach(Side::Right, away).await;
 
-        // The runtime dies. The room stands where it stood, and nothing of the scene is lost.
+        // The runtime dies. The room keeps its place, and nothing of the scene is lost.
         let pid = process(&stack);
         runtime.kill();
         said(&stack, "runtime is gone", 1);
@@ -274,7 +274,7 @@ fn a_runtime_that_stands_still_holds_nobody_for_ever() {
         let first = process(&stack);
         let before = frames(0).await;
 
-        // For a moment: it is said, and the same session goes on.
+        // For a moment: a message reports it, and the same session goes on.
         signal(Signal::SIGSTOP);
         said(&stack, "it hangs or is stopped", 1);
         signal(Signal::SIGCONT);

@@ -1,4 +1,4 @@
-//! What an operator sees of a running stack, and what the rest of the world does not.
+//! The view of a running stack from outside: visible to an operator, hidden from the rest of the world.
 
 #![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -23,7 +23,7 @@ use tonic::server::{NamedService, UnaryService};
 use tonic::transport::Server;
 use tonic_prost::ProstCodec;
 
-/// As much of OpenTelemetry's export request as is looked at here.
+/// The fields of OpenTelemetry's export request that the test reads.
 mod otlp {
     #[derive(Clone, PartialEq, prost::Message)]
     pub(crate) struct Export {
@@ -59,7 +59,7 @@ mod otlp {
     pub(crate) struct Exported {}
 }
 
-/// A collector that keeps what it is told.
+/// A collector that keeps everything that it receives.
 #[derive(Clone, Default)]
 struct Collector(Arc<Mutex<Vec<otlp::Span>>>);
 
@@ -132,7 +132,7 @@ fn nothing_listens_metrics_are_counted_and_one_trace_runs_through_the_loop() {
     let env = [("OTEL_EXPORTER_OTLP_ENDPOINT", endpoint.as_str())];
     let stack = Stack::up_in(&[], &env).unwrap();
 
-    // Nothing is open to the network, and the folder of the session to nobody else.
+    // Nothing is open to the network. Only its user can open the folder of the session.
     let services = stack.ps();
     let open = open_to_the_network();
     let pids = services.iter().map(|s| s["pid"].as_u64().unwrap()).chain([u64::from(stack.supervisor())]);
@@ -205,7 +205,7 @@ fn nothing_listens_metrics_are_counted_and_one_trace_runs_through_the_loop() {
     let trace = line["span"]["trace_id"].as_str().unwrap().to_owned();
     assert_eq!(trace.len(), 32, "{line}");
 
-    // And the collector has that trace, from the core agent to the scene, every span but the first with a parent in it.
+    // And the collector has that trace, from the core agent to the scene. Every span but the first has a parent in it.
     let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
     let wanted = ["serve cmd/utter", "serve cmd/parse", "serve cmd/execute", "serve cmd/apply", "serve cmd/capture"];
     let begun = Instant::now();

@@ -15,7 +15,7 @@ fn soon() -> Context {
     Context::root().deadline_in(Duration::from_secs(20))
 }
 
-/// What understands utterances at present.
+/// The backend that understands utterances at present.
 async fn backend(cli: &Bus) -> String {
     cli.newest(&keys::INTENT_STATE, &soon()).await.unwrap().backend
 }

@@ -1,4 +1,4 @@
-//! A stack over two hosts, in network namespaces, through a proxy that does what networks do.
+//! A stack over two hosts, in network namespaces, through a proxy that imitates the faults of networks.
 
 #![allow(
     clippy::panic,
@@ -30,7 +30,7 @@ use sg_tests::{Picture, command, small_scene, two_hosts};
 const PORT: u16 = 7447;
 /// Seconds of the node's lease.
 const LEASE: u64 = 3;
-/// What runs on the other host.
+/// The services on the other host.
 const AWAY: [&str; 3] = ["selection", "render-view", "render-capture"];
 
 /// The process that has joined, ended with the test.
@@ -88,7 +88,7 @@ impl Trial {
             "--key",
             &pem("gpu1-key.pem"),
         ]);
-        // Whatever the stack keeps on its own host is not to be seen on the other one.
+        // Files that the stack keeps on its own host must not be visible on the other one.
         let mut join = away.on(&join, &[stack.folder()]);
         let log = folder.path().join("join.log");
         let to = std::fs::File::create(&log).unwrap();
@@ -154,7 +154,7 @@ async fn brush(bus: &Bus) -> u64 {
     bus.ask(&keys::SELECTION_STROKES, &request, &context).await.unwrap().selected
 }
 
-/// What a stack on one host alone makes of the same.
+/// The result of the same on a stack on one host alone.
 fn alone() -> (u64, Picture) {
     let stack = Stack::up().unwrap();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
@@ -185,7 +185,7 @@ fn a_stack_over_two_hosts_does_what_one_on_one_host_does_and_survives_the_networ
     }
     let bus = runtime.block_on(trial.stack.join(role::CLI)).unwrap();
 
-    // What is to run there runs there, and nothing else does.
+    // The services assigned to that host run there, and nothing else does.
     for service in trial.stack.ps() {
         let name = service["name"].as_str().unwrap().to_owned();
         let (there, pid) = (AWAY.contains(&name.as_str()), u32::try_from(service["pid"].as_u64().unwrap()).unwrap());
@@ -222,7 +222,7 @@ fn a_stack_over_two_hosts_does_what_one_on_one_host_does_and_survives_the_networ
 
     rules(&runtime, &trial);
 
-    // A cut: what ran there is over with the lease, here it is waited for, and nobody hangs.
+    // A cut: services there end with the lease. Here the stack waits for them, and no caller hangs.
     proxy.set(Weather::Cut);
     let gone = until("what ran there is gone", Duration::from_secs(LEASE + 3), || !pids.iter().any(|p| is_alive(*p)));
     until("the stack knows", Duration::from_secs(LEASE + 5), || trial.service("selection")["state"] == "WAITING");
@@ -248,7 +248,7 @@ fn a_stack_over_two_hosts_does_what_one_on_one_host_does_and_survives_the_networ
     assert_eq!(trial.say("make body red").0, Some(0));
     assert_eq!(trial.capture("healed").unwrap(), picture_alone);
 
-    // The stack stops; what ran there stops; the node stays, and leaves when asked.
+    // The stack stops, and so do its services there. The node stays, and leaves when asked.
     let pids = trial.pids();
     let (status, _, all) = trial.stack.run(&["down"]).unwrap();
     assert_eq!(status, Some(0), "{all}");
@@ -258,7 +258,7 @@ fn a_stack_over_two_hosts_does_what_one_on_one_host_does_and_survives_the_networ
     assert_eq!(trial.joined.process.wait().unwrap().code(), Some(0), "{}", trial.told());
 }
 
-/// Who comes from elsewhere may do what its certificate allows, and nothing else, whatever it calls itself.
+/// A caller from elsewhere may do exactly as much as its certificate allows, under any name it claims.
 fn rules(runtime: &tokio::runtime::Runtime, trial: &Trial) {
     let link = |authority: &Path, name: &str| Link {
         endpoint: format!("tls/{}:{PORT}", trial.away.gateway),
@@ -276,7 +276,7 @@ fn rules(runtime: &tokio::runtime::Runtime, trial: &Trial) {
         assert!(status.is_ok(), "anybody may ask how somebody is: {status:?}");
         let down = guest.ask(&keys::DOWN, &DownRequest {}, &short()).await;
         assert!(down.is_err(), "a guest may not stop the stack");
-        // One whose certificate is good but who is no guest of this stack hears and says nothing.
+        // A caller with a good certificate that is no guest of this stack receives and sends nothing.
         let stranger = Bus::connect(SESSION, role::RENDER_VIEW, link(&authority, "gpu9")).await.unwrap();
         assert!(stranger.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &short()).await.is_err());
         assert!(stranger.newest(&keys::SCENE_STATE, &short()).await.is_err());

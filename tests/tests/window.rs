@@ -1,4 +1,4 @@
-//! The window of a whole running stack, with a mouse and a keyboard that nobody holds.
+//! The window of a whole running stack, with a simulated mouse and keyboard.
 
 #![allow(
     clippy::panic,
@@ -30,7 +30,7 @@ use sg_tests::until::{PATIENCE, scene, selected, soon, view};
 use sg_viewer::display::{Tools, ViewPort, ViewState};
 use sg_viewer::window::{self, Setup};
 
-/// The middle of the picture where no panels are beside it.
+/// The middle of the picture if no panels are beside it.
 const MIDDLE: [i32; 2] = [SIZE[0] as i32 / 2, SIZE[1] as i32 / 2];
 
 #[test]
@@ -57,7 +57,7 @@ fn a_person_brushes_names_speaks_and_closes() {
         let left = MIDDLE[0] - 160;
         let stroke: Vec<[i32; 2]> = (0..6).map(|k| [left - 10 * k, MIDDLE[1] + 4 * k]).collect();
         screen.act(&["mousemove", &left.to_string(), &MIDDLE[1].to_string()]).unwrap();
-        // What is in front has to be known before something can be brushed: the stroke is drawn until it is.
+        // The front surface has to be known before a brush can work. So the stroke is repeated until it is known.
         let begun = Instant::now();
         let walked = loop {
             screen.drag(&stroke).unwrap();
@@ -120,7 +120,7 @@ fn a_person_brushes_names_speaks_and_closes() {
         let saved = scene(&bus, "a saved unit", |s| s.units.iter().any(|u| u.name == "left lobe")).await;
         assert_eq!(saved.units.len(), 1);
 
-        // Said to the agents.
+        // Sent to the agents.
         key("Escape");
         key("Return");
         tokio::time::sleep(Duration::from_millis(500)).await;
@@ -174,7 +174,7 @@ impl Opened {
         }
     }
 
-    /// Whether what is edited in one is kept.
+    /// Whether edits in one are kept.
     fn keeps(&self, name: &str) -> bool {
         let files = std::fs::read_dir(self.0.join(name)).unwrap().flatten();
         files.map(|f| f.path()).any(|path| path.extension().is_some_and(|e| e == "sgproj"))
@@ -236,7 +236,7 @@ fn a_dropped_scene_opens_in_a_window_and_a_session_of_its_own() {
     screen.drop_file(&first, &scene, PATIENCE).unwrap();
     let second = screen.window("an other", PATIENCE).unwrap();
     assert_eq!(opened.until(1), names);
-    // A volume goes on being made into Gaussians by itself, though nobody hears any more what is said of it.
+    // The fit of a volume goes on by itself, though its reports have no listener any more.
     screen.drop_file(&first, &volume, PATIENCE).unwrap();
     close(&first);
     assert_eq!(stack.ended(PATIENCE), Some(Some(0)), "closing the window ends its stack\n{}", stack.log());
@@ -275,7 +275,7 @@ fn a_demo_is_a_window_where_there_is_a_display() {
     assert!(ended.status.success() && said.contains("close it to end"), "{said}");
     assert!(out.join("scene.sgproj").is_file() && !out.join("transcript.json").exists());
 
-    // A display that is none: what there is to see is left in files.
+    // A display that does not exist: the results are left in files.
     let ended = demo(":4711", &[]).wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&ended.stderr);
     assert!(ended.status.success() && said.contains("a script is played without a window"), "{said}");
@@ -287,7 +287,7 @@ fn a_headset_that_is_not_there_is_a_window_that_says_why() {
     let Some(screen) = Screen::open().unwrap() else { return };
     let home = tempfile::tempdir().unwrap();
     let home = home.path().display().to_string();
-    // Whatever this machine has of OpenXR: this runtime does not exist.
+    // The machine's own OpenXR plays no part: this runtime does not exist.
     let runtime = format!("{home}/no-runtime.json");
     let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", &home), ("XR_RUNTIME_JSON", &runtime)];
     let stack = Stack::up_of("vr.toml", &[], &env).unwrap();
@@ -308,7 +308,7 @@ fn frames_go_on_while_every_other_service_stands_still() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path().display().to_string();
     let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", &home)];
-    // Nobody is to be taken for hung while they are stopped here.
+    // No process may be taken for hung while it is stopped here.
     let stack = Stack::up_of("desktop.toml", &["defaults.liveness=600".to_owned()], &env).unwrap();
     screen.window("Super-Gaussian", PATIENCE).unwrap();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
@@ -322,7 +322,7 @@ fn frames_go_on_while_every_other_service_stands_still() {
             .map(|s| Pid::from_raw(s["pid"].as_i64().unwrap().try_into().unwrap()))
             .collect();
         assert_eq!(others.len(), 6);
-        // A change is asked for, so that somebody is waited for beside the loop.
+        // Ask for a change, so that a request waits beside the loop.
         for pid in &others {
             kill(*pid, Signal::SIGSTOP).unwrap();
         }
@@ -349,7 +349,7 @@ fn frames_go_on_while_every_other_service_stands_still() {
     });
 }
 
-/// What the process of [`shows_a_scene_until_it_is_killed`] shows, and whether its pictures are copied.
+/// The view of the process of [`shows_a_scene_until_it_is_killed`], and whether its pictures are copied.
 const SHOWN: [&str; 2] = ["SUPERGAUSSIAN_TESTS_SHOW", "SUPERGAUSSIAN_TESTS_COPY"];
 
 #[test]
@@ -425,7 +425,7 @@ impl Showing {
         std::fs::read_to_string(&self.log).unwrap()
     }
 
-    /// How often the log says something.
+    /// How often the log contains a text.
     fn said(&self, words: &str) -> usize {
         self.log().matches(words).count()
     }

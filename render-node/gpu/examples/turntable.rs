@@ -19,7 +19,7 @@ use sg_scene::{camera_motion, framing};
 const VIEWS: u32 = 4;
 const SIZE: u32 = 144;
 
-/// What differences are multiplied by.
+/// The factor on differences.
 const FACTOR: f32 = 16.0;
 
 fn main() -> Result<(), Box<dyn Error>> {

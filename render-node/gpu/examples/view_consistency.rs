@@ -1,10 +1,10 @@
-//! How much the picture along one and the same ray changes when the camera turns or zooms, for each projection and quality
-//! level, and what each costs: `cargo run --release --workspace --example view_consistency -- SCENE... [--size PIXELS]`.
+//! The change of the picture along one and the same ray when the camera turns or zooms, for each projection and quality level,
+//! and the cost of each. Run: `cargo run --release --workspace --example view_consistency -- SCENE... [--size PIXELS]`.
 //!
-//! A camera at the scene's default distance with 100° of field of view is turned about its eye (yaw 5, 15 and 30°, roll 20°) or
-//! zoomed (1.25×). Through 128 pixels of the straight picture go rays; the turned picture is drawn where it holds the same
-//! ray, shifted by a fraction of a pixel so that the ray passes through a pixel's centre: nothing is resampled. The PSNR is over
-//! those rays. A zoom changes what a pixel is, hence the dilation, in both projections.
+//! A camera at the scene's default distance with 100° of field of view is turned about its eye or zoomed (1.25×). The turns are
+//! yaw 5, 15 and 30°, and roll 20°. Rays go through 128 pixels of the straight picture. The turned picture is drawn at the place
+//! that holds the same ray. It is shifted by a fraction of a pixel so that the ray passes through a pixel's centre: nothing is
+//! resampled. The PSNR is over those rays. A zoom changes the size of a pixel, hence the dilation, in both projections.
 
 #![allow(clippy::print_stdout, reason = "a bench prints its table")]
 
@@ -58,8 +58,8 @@ fn pixels(size: u32) -> Vec<(u32, u32)> {
 /// Makes a picture of the scene at hand.
 type Draws<'a> = dyn FnMut(&Camera, Options) -> Result<Image, Box<dyn Error>> + 'a;
 
-/// What a turned camera sees along the ray through a pixel of the straight one: the same place of a tile, drawn so that the
-/// ray passes through the pixel's centre. `None` where the turned picture does not hold the ray.
+/// The turned camera's colour along the ray through a pixel of the straight one. It is drawn at the same place of a tile, so that
+/// the ray passes through the pixel's centre. `None` if the turned picture does not hold the ray.
 fn seen(
     draw: &mut Draws<'_>,
     camera: &Camera,

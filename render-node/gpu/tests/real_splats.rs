@@ -28,7 +28,7 @@ fn data() -> Option<PathBuf> {
     folder
 }
 
-/// Loads a scene, unpacked to a temporary place where it is stored as `.zst`.
+/// Loads a scene. A `.zst` is first unpacked to a temporary place.
 fn scene(path: &Path) -> Scene {
     if path.extension().is_some_and(|e| e == "zst") {
         let folder = tempfile::tempdir().unwrap();
@@ -57,7 +57,7 @@ fn every_level_keeps_its_promise_from_all_sides() {
             for (projection, rasterizers) in
                 [(Projection::Affine, &Rasterizer::ALL[..]), (Projection::PerRay, &[Rasterizer::Tiles][..])]
             {
-                // What all rays in order take is seconds: from one side for each scene.
+                // All rays in order take seconds, so each scene is drawn from one side.
                 if projection == Projection::PerRay && up != 25.0 {
                     continue;
                 }

@@ -1,4 +1,4 @@
-//! Maps of attributes: what each Gaussian is like, as its colour.
+//! Maps of attributes: a property of each Gaussian as its colour.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub enum Attribute {
 }
 
 impl Attribute {
-    /// What a legend calls it.
+    /// Its name in a legend.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -41,7 +41,7 @@ impl Attribute {
     }
 }
 
-/// Which numbers the ends of the colour map stand for.
+/// The numbers at the ends of the colour map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Legend {
     /// The number at the dark end.
@@ -60,7 +60,7 @@ pub struct AttributeColors {
     /// One a Gaussian by scene-wide index, for [`sg_scene::appearance::Appearance::colors`]; [`ColorMap::MISSING`] where a
     /// Gaussian has no such attribute.
     pub colors: Arc<[Vec3]>,
-    /// What the colours mean, where they stand for a number.
+    /// The meaning of the colours, if they stand for a number.
     pub legend: Option<Legend>,
 }
 
@@ -78,15 +78,15 @@ pub enum AttributeError {
         /// High end.
         high: f64,
     },
-    /// A range for what is a colour already.
+    /// A range for an attribute that is a colour already.
     #[error("`{0}` is shown as a colour and has no range")]
     NoRange(&'static str),
 }
 
 /// The colours of an attribute.
 ///
-/// `range` gives the ends of the legend; without one they are 0 and 1 for the opacity, and for other numbers those that 2 % of
-/// the Gaussians lie below and above.
+/// `range` gives the ends of the legend. Without one they are 0 and 1 for the opacity. For other numbers they are the values that
+/// 2 % of the Gaussians lie below and above.
 ///
 /// # Errors
 /// [`AttributeError`].
@@ -155,7 +155,7 @@ fn numbers(
     Ok(AttributeColors { colors, legend: Some(Legend { low, high, logarithmic, map }) })
 }
 
-/// The range without the outermost 2 % on each side, widened where it is a single number.
+/// The range without the outermost 2 % on each side, widened if it is a single number.
 fn inner_range(found: &[Option<f64>], logarithmic: bool) -> (f64, f64) {
     let usable = |x: &f64| x.is_finite() && (!logarithmic || *x > 0.0);
     let mut sorted: Vec<f64> = found.iter().copied().flatten().filter(usable).collect();
@@ -170,7 +170,8 @@ fn inner_range(found: &[Option<f64>], logarithmic: bool) -> (f64, f64) {
     }
 }
 
-/// The half axes of the Gaussian's ellipsoid, in the scene frame; where the unit's transform shears, the images of the axes.
+/// The half axes of the Gaussian's ellipsoid, in the scene frame. If the unit's transform shears, they are the images of the
+/// axes.
 fn axes(unit: &BaseUnit, i: usize) -> Option<[DVec3; 3]> {
     let scale = unit.gaussians.log_scale.get(i)?.as_dvec3().exp();
     unit.gaussians.rotation.get(i)?;

@@ -1,8 +1,8 @@
 //! Perceptually uniform colour maps: equal steps of the number look like equal steps of the colour.
 //!
-//! Both are published as free data: viridis (Smith and van der Walt 2015, CC0) and cividis (Nuñez, Anderton and Renslow
-//! 2018), which looks nearly the same with and without a colour-vision deficiency. Every eighth entry of their 256 is kept and
-//! the rest interpolated, at most 0.02 off.
+//! Both are published as free data: viridis (Smith and van der Walt 2015, CC0) and cividis (Nuñez, Anderton and Renslow 2018).
+//! Cividis looks nearly the same with and without a colour-vision deficiency. Every eighth entry of their 256 is kept and the
+//! rest interpolated, at most 0.02 off.
 
 use glam::Vec3;
 
@@ -17,7 +17,7 @@ pub enum ColorMap {
 }
 
 impl ColorMap {
-    /// RGB at `t`, which is taken between 0 and 1; NaN gives [`Self::MISSING`].
+    /// RGB at `t`, clamped to 0 to 1; NaN gives [`Self::MISSING`].
     #[must_use]
     pub fn at(self, t: f64) -> Vec3 {
         if t.is_nan() {
@@ -35,7 +35,7 @@ impl ColorMap {
         }
     }
 
-    /// The colour of what has no number: a grey that neither map has.
+    /// The colour of a missing number: a grey that neither map has.
     pub const MISSING: Vec3 = Vec3::splat(0.35);
 }
 

@@ -22,8 +22,8 @@ const C3: [f64; 7] = [
     -0.590_043_589_926_643_5,
 ];
 
-/// The 16 basis functions of degrees 0 to 3 at a unit direction, in the order and with the signs of 3DGS:
-/// degree by degree, order −l to l.
+/// The 16 basis functions of degrees 0 to 3 at a unit direction, with the signs of 3DGS. Their order is that of 3DGS: degree by
+/// degree, order −l to l.
 #[must_use]
 pub fn basis(direction: DVec3) -> [f64; 16] {
     let DVec3 { x, y, z } = direction;
@@ -48,8 +48,8 @@ pub fn basis(direction: DVec3) -> [f64; 16] {
     ]
 }
 
-/// Colour ½ + C₀·dc + Σ basis·rest of Gaussian `i` seen along a unit `direction` from the eye to the Gaussian, in the frame
-/// that the harmonics are stored in. Not clamped; `None` past the end of the columns.
+/// Colour ½ + C₀·dc + Σ basis·rest of Gaussian `i`. The unit `direction` points from the eye to the Gaussian, in the frame that
+/// the harmonics are stored in. Not clamped; `None` past the end of the columns.
 #[must_use]
 pub fn color(harmonics: &Harmonics, i: usize, direction: DVec3) -> Option<DVec3> {
     let vector = |c: [f32; 3]| DVec3::from_array(c.map(f64::from));

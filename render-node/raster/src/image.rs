@@ -32,7 +32,7 @@ pub enum ImageError {
     Write {
         /// The path given.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
@@ -111,11 +111,11 @@ impl Image {
         npy.finish()
     }
 
-    /// Writes the kind of file that the ending of `path` stands for: to a temporary name beside it, then renamed, so that a
-    /// failure leaves no half file.
+    /// Writes the kind of file that the ending of `path` stands for. It writes a temporary name beside it and then renames, so
+    /// that a failure leaves no half file.
     ///
     /// # Errors
-    /// [`ImageError`] for another ending, or when the system refuses; what stood at `path` before is then untouched.
+    /// [`ImageError`] for another ending, or when the system refuses. An earlier file at `path` is then untouched.
     pub fn save(&self, path: &Path) -> Result<(), ImageError> {
         let format = ImageFormat::of(path)?;
         self.save_as(path, format).map_err(|source| ImageError::Write { path: path.to_owned(), source })

@@ -15,7 +15,7 @@ pub struct SizeMismatch(u32, u32, u32, u32);
 pub struct Difference {
     /// Peak signal-to-noise ratio over RGB with peak 1, whole frame, in dB; infinite where nothing differs.
     pub psnr_db: f64,
-    /// The same over pixels with A > 1/1024 in either picture; infinite where there is no such pixel.
+    /// The same over pixels with A > 1/1024 in either picture; infinite if there is no such pixel.
     pub footprint_psnr_db: f64,
     /// Σ|A − A_ref| / ΣA_ref; 0 where both are empty, infinite where only the reference is.
     pub coverage_error: f64,

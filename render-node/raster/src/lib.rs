@@ -4,8 +4,8 @@
 //! quality blends in f64. The other qualities blend in f32 with cut-offs of known error. [`render::Projection::PerRay`] keeps
 //! pictures consistent while a camera turns.
 //!
-//! [`image_error`] compares a picture with a reference, [`pick`] finds the front Gaussian.
-//! [`structure`] colors clusters, [`attributes`] maps numbers and directions to colors, [`outline`] draws cluster boundaries.
+//! [`image_error`] compares a picture with a reference. [`pick`] finds the front Gaussian. [`structure`] colors clusters.
+//! [`attributes`] maps numbers and directions to colors. [`outline`] draws cluster boundaries.
 //!
 //! ```
 //! use sg_raster::image_error::Difference;

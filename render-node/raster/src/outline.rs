@@ -36,8 +36,8 @@ pub struct FrontSize {
     pub height: u32,
 }
 
-/// Draws opaque lines over `image` where the label of the front Gaussian changes: between clusters, and around all of them
-/// against what has no front or no cluster. A Gaussian without an entry in `labels` has no cluster.
+/// Draws opaque lines over `image` where the label of the front Gaussian changes. Lines run between clusters, and around all of
+/// them against pixels with no front or no cluster. A Gaussian without an entry in `labels` has no cluster.
 ///
 /// # Errors
 /// [`FrontSize`] unless both have the same size.
@@ -62,7 +62,7 @@ pub fn draw_outlines(
             if !changes {
                 continue;
             }
-            // A square of pixels around the edge, which lies at the lower right of this pixel.
+            // A square of pixels around the edge. The edge lies at the lower right of this pixel.
             let before = (thick - 1) / 2;
             for line in y.saturating_sub(before)..(y + thick - before).min(height) {
                 for column in x.saturating_sub(before)..(x + thick - before).min(width) {

@@ -29,7 +29,7 @@ pub struct Hit {
     pub gaussian: u32,
     /// View z of [`Self::point`], above 0, in the scene's length unit.
     pub depth: f64,
-    /// Where on the ray that Gaussian is densest, in the scene frame.
+    /// The point on the ray with that Gaussian's greatest density, in the scene frame.
     pub point: DVec3,
 }
 
@@ -55,8 +55,9 @@ impl FrontIds {
     }
 }
 
-/// The front surface at pixel coordinates `at` of a camera (the first pixel's centre at (0.5, 0.5), any place between pixels
-/// or outside the picture): where the accumulated opacity first reaches `level`; `None` where it never does.
+/// The front surface at pixel coordinates `at` of a camera: the place where the accumulated opacity first reaches `level`. The
+/// first pixel's centre is (0.5, 0.5). Any place between pixels or outside the picture is valid. `None` if the opacity never
+/// reaches the level.
 ///
 /// # Errors
 /// [`RenderError`] as for a picture, and for a level that is not above 0 and at most 1.
@@ -95,8 +96,8 @@ pub fn pick(
     Ok(front(&layers, level).and_then(|gaussian| hit_of(scene, appearance, camera, gaussian, at)))
 }
 
-/// Where the ray through `at` (as in [`pick`]) meets a Gaussian that is known to be in front, such as from [`FrontIds`];
-/// `None` for one that is hidden or not finite.
+/// The point where the ray through `at` (as in [`pick`]) meets a Gaussian that is known to be in front, such as from
+/// [`FrontIds`]. `None` for one that is hidden or not finite.
 #[must_use]
 pub fn hit_of(scene: &Scene, appearance: &Appearance, camera: &Camera, gaussian: u32, at: DVec2) -> Option<Hit> {
     let placed = place_one(scene, appearance, camera, gaussian)?;
@@ -184,7 +185,7 @@ fn alpha(p: &Projected, at: DVec2) -> f64 {
     (p.opacity * (-0.5 * (u * u + v * v)).exp()).min(1.0)
 }
 
-/// α that is left out where many Gaussians are looked at in every pixel: a million of them move the accumulated opacity by
+/// The α that is left out if every pixel examines many Gaussians. A million of them move the accumulated opacity by
 /// 1e-10.
 const FAINTEST: f64 = 1e-16;
 

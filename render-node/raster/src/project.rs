@@ -1,7 +1,7 @@
 //! From Gaussians to ellipses on the picture: EWA splatting (Zwicker et al. 2001) as 3DGS does it.
 //!
-//! In f64 throughout: positions become relative to the camera before anything is narrowed, and the one determinant that
-//! decides how thin an ellipse is is a sum of squares.
+//! In f64 throughout. Positions become relative to the camera before anything is narrowed. The determinant that decides the
+//! thinness of an ellipse is a sum of squares.
 
 use std::ops::Range;
 
@@ -23,8 +23,8 @@ pub const NEAR: f64 = 1e-6;
 /// A Gaussian on the picture: α(x, y) = opacity·exp(−½(u² + v²)) with v = (y − my)/σ and
 /// u = (x − mx − slope·(y − my))/ρ.
 ///
-/// That is the Cholesky form of dᵀΣ⁻¹d for Σ = ((a, b), (b, c)): σ² = c, slope = b/c, ρ² = det Σ/c. Where the matrix form
-/// subtracts squares of the distance, this form subtracts distances, which a needle of 10⁴ : 1 needs in f32.
+/// That is the Cholesky form of dᵀΣ⁻¹d for Σ = ((a, b), (b, c)): σ² = c, slope = b/c, ρ² = det Σ/c. The matrix form subtracts
+/// squares of the distance; this form subtracts distances. A needle of 10⁴ : 1 needs that in f32.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Ellipse {
     /// Centre in pixels.
@@ -38,7 +38,7 @@ pub(crate) struct Ellipse {
 }
 
 impl Ellipse {
-    /// The ellipse of the rows of the 2 × 3 matrix m, whose covariance is m·mᵀ + dilation; `None` where it overflows.
+    /// The ellipse of the rows of the 2 × 3 matrix m. Its covariance is m·mᵀ + dilation; `None` if it overflows.
     fn of(center: DVec2, m: [DVec3; 2]) -> Option<Self> {
         let [m0, m1] = m;
         let c = m1.length_squared() + DILATION;
@@ -92,8 +92,8 @@ pub(crate) struct Placed {
     pub(crate) compensated: bool,
 }
 
-/// √(det S / det(S + εI)) for S = m·mᵀ: what a dilation by ε takes of the opacity so that it adds none in sum (the 2D filter
-/// of Mip-Splatting, Yu et al. 2024).
+/// √(det S / det(S + εI)) for S = m·mᵀ: the factor on the opacity by which a dilation by ε adds none in sum. It is the 2D filter
+/// of Mip-Splatting (Yu et al. 2024).
 pub(crate) fn compensation(m: [DVec3; 2], dilation: f64) -> f64 {
     let [m0, m1] = m;
     let det = m0.cross(m1).length_squared();
@@ -104,7 +104,7 @@ pub(crate) fn compensation(m: [DVec3; 2], dilation: f64) -> f64 {
 /// Gaussians handled by one task. Only the order of results matters, and they are put together in order.
 const CHUNK: usize = 4096;
 
-/// Projects and shades all Gaussians in index order; `keep` narrows what is drawn to what a rasterizer stores, or culls it.
+/// Projects and shades all Gaussians in index order; `keep` narrows each drawn one to a rasterizer's form, or culls it.
 /// The counts of the report are added up.
 pub(crate) fn project<T: Send>(
     scene: &Scene,
@@ -136,7 +136,7 @@ pub(crate) fn place<T: Send>(
     each(scene, appearance, camera, |unit, i| unit.place(i).and_then(|p| keep(unit.index(i), p)))
 }
 
-/// Places and shades one Gaussian by its scene-wide index; `None` where it is not drawn or not there.
+/// Places and shades one Gaussian by its scene-wide index; `None` if it is not drawn or not there.
 pub(crate) fn place_one(scene: &Scene, appearance: &Appearance, camera: &Camera, index: u32) -> Option<Placed> {
     let at = scene.units.iter().position(|unit| unit.range().contains(&(index as usize)))?;
     let (unit, base, eye) = (scene.units.get(at)?, appearance.base.get(at)?, camera.eye());
@@ -144,7 +144,7 @@ pub(crate) fn place_one(scene: &Scene, appearance: &Appearance, camera: &Camera,
     UnitProjector::new(unit, shader, appearance, camera, eye).place(index as usize - unit.first).ok()
 }
 
-/// What `one` makes of every Gaussian, in index order.
+/// The results of `one` for every Gaussian, in index order.
 fn each<T: Send>(
     scene: &Scene,
     appearance: &Appearance,
@@ -191,7 +191,7 @@ fn each<T: Send>(
     (all, report)
 }
 
-/// What projecting needs of one base unit and the camera.
+/// The data of one base unit and the camera that projecting needs.
 struct UnitProjector<'a> {
     unit: &'a BaseUnit,
     shader: UnitShader<'a>,
@@ -234,14 +234,14 @@ impl<'a> UnitProjector<'a> {
         else {
             return Err(Culled::NotFinite);
         };
-        // A scale of zero (logarithm −∞) is a point, which the dilation makes visible; no other infinity means anything.
+        // A scale of zero (logarithm −∞) is a point, and the dilation makes it visible. No other infinity means anything.
         let scale = log_scale.as_dvec3().exp();
         if !(position.is_finite() && scale.is_finite() && rotation.iter().all(|q| q.is_finite())) {
             return Err(Culled::NotFinite);
         }
         let in_scene = self.unit.transform.transform_point3(position.as_dvec3());
         let look = self.shader.look(i, in_scene)?;
-        // Relative to the eye first: far from the origin, what rounding there is moves all Gaussians alike and keeps their order.
+        // Relative to the eye first: far from the origin, rounding there moves all Gaussians alike and keeps their order.
         let center = self.scene_to_view * (in_scene - self.eye);
         let axes = DMat3::from_quat(gaussians.unit_rotation(i));
         let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);

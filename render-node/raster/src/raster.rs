@@ -15,7 +15,7 @@ pub(crate) type TileOf<P> = [P; TILE * TILE];
 /// Composited RGB and A = 1 − transmittance of one tile.
 pub(crate) type TilePixels = TileOf<[f32; 4]>;
 
-/// Draws `splats`, which are in depth order, as [`rasterize`] does.
+/// Draws `splats`, in depth order, as [`rasterize`] does.
 pub(crate) fn draw<T: Sync>(
     size: [u32; 2],
     splats: &[T],

@@ -11,9 +11,9 @@
 //! Dilation: Σ grows by 0.3·(|c|/f)²·I. On the optical axis that is the 0.3 px² of the affine projection. Elsewhere
 //! it is the same angle, so that turning the head changes nothing. The part along the ray does not change d.
 //!
-//! Linear functions of the ray are linear in the pixel: w, a = û·w and the two components of û × w across u, with û
-//! = u/|u|. In them d² = |u|²·s/(a² + s) and t = |u|·a/(a² + s) with s = U² + V². No term divides by the depth of
-//! the center: it may lie beside or behind the eye.
+//! Linear functions of the ray are linear in the pixel: w, a = û·w and the two components of û × w across u, with û = u/|u|. In
+//! them d² = |u|²·s/(a² + s) and t = |u|·a/(a² + s) with s = U² + V². No term divides by the depth of the center. So the center
+//! may lie beside or behind the eye.
 
 pub(crate) mod reference_f64;
 pub(crate) mod splat_f32;
@@ -47,7 +47,7 @@ impl Linear {
     }
 }
 
-/// Where a ray meets a Gaussian.
+/// The meeting of a ray and a Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Meeting {
     /// Squared Mahalanobis distance d² of the half-line from the centre.
@@ -69,7 +69,7 @@ pub(crate) struct RaySplat {
     pub(crate) over: Linear,
     /// |u|², the squared Mahalanobis distance of the eye.
     pub(crate) eye_squared: f64,
-    /// |u| over the scale of the rays: what makes view z of a/(a² + s).
+    /// |u| over the scale of the rays: the factor from a/(a² + s) to view z.
     pub(crate) depth_scale: f64,
     /// RGB, at least 0.
     pub(crate) color: DVec3,
@@ -219,7 +219,7 @@ impl RaySplat {
         }
     }
 
-    /// Where the ray through pixel coordinates meets it.
+    /// The meeting with the ray through pixel coordinates.
     pub(crate) fn meet(&self, pixel: DVec2) -> Meeting {
         let a = self.toward.at(pixel);
         if a <= 0.0 {
@@ -236,10 +236,10 @@ impl RaySplat {
         (self.opacity * (-0.5 * meeting.distance_squared).exp()).min(1.0)
     }
 
-    /// The ellipse on the picture whose level 1 encloses all pixels with d ≤ `radius`; `None` where there is none.
+    /// The ellipse on the picture whose level 1 encloses all pixels with d ≤ `radius`; `None` if there is none.
     ///
-    /// It is exact where the Gaussian's level lies in front of the eye's plane: the dual conic ρ²Σ − ccᵀ of its outline. Where
-    /// the level crosses that plane or holds the eye it is the whole picture.
+    /// It is exact if the Gaussian's level lies in front of the eye's plane: the dual conic ρ²Σ − ccᵀ of its outline. If the
+    /// level crosses that plane or holds the eye, it is the whole picture.
     fn reach(&self, radius: f64, pinhole: &Pinhole) -> Option<Ellipse> {
         let everything = Ellipse { center: 0.5 * pinhole.size, slope: 0.0, along_row: 1e12, over_rows: 1e12 };
         let square = radius * radius;
@@ -268,7 +268,7 @@ impl RaySplat {
             DVec2::new(0.0, outer(square * yy - y * y, middle.y * middle.y)),
         );
         let focal = pinhole.focal;
-        // A hundredth of a pixel more, for what cancels here.
+        // A hundredth of a pixel more, for the cancellation here.
         let (a, c) = (shape.x_axis.x * focal.x * focal.x + 1e-4, shape.y_axis.y * focal.y * focal.y + 1e-4);
         let b = shape.x_axis.y * focal.x * focal.y;
         let along = (a - b * (b / c)).max(1e-9 * a).max(1e-4);

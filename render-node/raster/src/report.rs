@@ -9,7 +9,7 @@ pub struct Report {
     pub gaussians: usize,
     /// Gaussians that reach at least one pixel's neighbourhood.
     pub drawn: usize,
-    /// Gaussians with a NaN or infinite attribute, which no picture shows.
+    /// Gaussians with a NaN or infinite attribute. No picture shows them.
     pub dropped_non_finite: usize,
     /// Gaussians of hidden units.
     pub hidden: usize,

@@ -31,7 +31,7 @@ pub struct Surface {
 /// Blinn-Phong colour of a surface, RGB clamped to `[0, 1]` after lighting; `None` where an attribute or the result is not
 /// finite.
 ///
-/// `to_eye` (v) and `to_light` (l) are unit vectors from the Gaussian, or zero where there is no direction; h is
+/// `to_eye` (v) and `to_light` (l) are unit vectors from the Gaussian, or zero if there is no direction. The half vector h is
 /// normalize(l + v). With c_d, ka, kd, ks and β of `surface` and 0⁰ = 1:
 ///
 /// - `Paper`: ka·c_d + kd·max(n·l,0)·c_d + ks·max(n·h,0)^β
@@ -108,7 +108,7 @@ impl NormalTransform {
         Self(if linear.determinant() < 0.0 { -1.0 * cofactor } else { cofactor })
     }
 
-    /// Keeps the normal's length: a reader may have stored less than unit length where a file says nearly nothing.
+    /// Keeps the normal's length: a reader may have stored less than unit length if a file barely determines it.
     pub fn apply(&self, normal: DVec3) -> DVec3 {
         (self.0 * normal).normalize_or_zero() * normal.length()
     }
@@ -140,7 +140,7 @@ impl<'a> UnitShader<'a> {
         }
     }
 
-    /// The look of the unit's Gaussian `i`, whose centre lies at `position` in the scene frame.
+    /// The look of the unit's Gaussian `i`. Its centre lies at `position` in the scene frame.
     pub(crate) fn look(&self, i: usize, position: DVec3) -> Result<Look, Culled> {
         let global = self.unit.first + i;
         if !self.base.visible {

@@ -134,7 +134,7 @@ impl Tile {
         let zero = [f32x8::ZERO; HALVES];
         let line = Line { transmittance: [f32x8::ONE; HALVES], red: zero, green: zero, blue: zero, finished: false };
         let mut tile = Self([line; TILE]);
-        // Asking whether rows are finished costs about as much as blending one: ask once for several Gaussians.
+        // A test for finished rows costs about as much as blending one, so test once for several Gaussians.
         for group in list.chunks(16) {
             for splat in group.iter().filter_map(|k| splats.get(*k as usize)) {
                 tile.add(splat, [x0 as f64 + 0.5, y0 as f64 + 0.5]);
@@ -223,7 +223,7 @@ const EXP2: [f32; 6] =
 
 /// 2^x for x ≤ 1, relative error below 3e-7; below 2⁻¹²⁶ it stays there.
 pub(crate) fn exp2(x: f32x8) -> f32x8 {
-    // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low bits, from where it is shifted to the exponent.
+    // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low bits. A shift moves it to the exponent.
     const ROUND: f32 = 12_582_912.0;
     let x = x.fast_max(f32x8::splat(-126.0));
     let shifted = x + f32x8::splat(ROUND);

@@ -20,7 +20,7 @@ pub enum ClusterColoring {
         /// Seed.
         seed: u64,
     },
-    /// Where the cluster's centre lies along the first principal axis of all centres. The axis' greatest component counts
+    /// The position of the cluster's centre along the first principal axis of all centres. The axis' greatest component counts
     /// upwards, so that a scene does not change its colours end for end.
     FirstComponent(ColorMap),
 }
@@ -127,7 +127,7 @@ impl Clusters {
         let Some(typical) = reach.get(reach.len() / 2) else { return lists };
         let mut cells: HashMap<IVec3, Vec<u32>> = HashMap::new();
         for (cluster, point) in &self.members {
-            // The cast saturates: what lies 10⁹ cells out shares a cell, which only makes more neighbours.
+            // The cast saturates: points 10⁹ cells out share a cell. That only makes more neighbours.
             match cells.entry((*point / (0.5 * typical)).floor().as_ivec3().clamp(IVec3::MIN / 2, IVec3::MAX / 2)) {
                 Entry::Occupied(mut cell) => {
                     if !cell.get().contains(cluster) {
@@ -183,12 +183,12 @@ impl Clusters {
     }
 }
 
-/// Unit vector along which points spread most, its greatest component positive; +x where they do not spread.
+/// Unit vector along which points spread most, its greatest component positive; +x if they do not spread.
 fn first_axis(points: &[DVec3]) -> DVec3 {
     let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let mut power =
         points.iter().map(|p| *p - mean).fold(DMat3::ZERO, |sum, d| sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z));
-    // Powers of two of the covariance: what is left of it lies along the axis.
+    // Powers of two of the covariance: the remainder lies along the axis.
     for _ in 0..40 {
         let trace = power.x_axis.x + power.y_axis.y + power.z_axis.z;
         if !(trace > 0.0 && trace.is_finite()) {

@@ -1,4 +1,4 @@
-//! Which Gaussians touch which 16 × 16 tile, in depth order, within bounded memory.
+//! Lists of the Gaussians that touch each 16 × 16 tile, in depth order, within bounded memory.
 
 use std::ops::Range;
 
@@ -85,7 +85,7 @@ impl Grid {
         if top > bottom {
             return 0..0;
         }
-        // Where the level reaches furthest right, as an offset in y; by symmetry furthest left is at its negative.
+        // The rightmost point of the level, as an offset in y; by symmetry the leftmost is at its negative.
         let wide = along_row.hypot(slope * over_rows);
         let tip = radius * slope * over_rows * over_rows / wide;
         let half = |y: f64| along_row * (radius * radius - (y / over_rows).powi(2)).max(0.0).sqrt();

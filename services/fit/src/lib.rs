@@ -1,8 +1,7 @@
 //! Conversion of scalar volumes to editable Gaussians.
 //!
-//! [`direct_start`] classifies the voxels by a transfer function. It computes their importance, places Gaussians by it, and
-//! gives each Gaussian the shape, opacity and colour of its part of the volume. [`labels`] transfers voxel labels to the
-//! Gaussians.
+//! [`direct_start`] classifies the voxels by a transfer function. It computes their importance and places Gaussians by it. Each
+//! Gaussian gets the shape, opacity and colour of its part of the volume. [`labels`] transfers voxel labels to the Gaussians.
 //!
 //! ```
 //! use sg_fit::{Options, direct_start};

@@ -212,7 +212,7 @@ fn invalid_input_is_refused() {
 
 #[test]
 fn physical_space_is_kept_far_from_the_origin_too() {
-    // Rotated, mirrored, anisotropic, and 1e7 away: the same ball, where it is.
+    // Rotated, mirrored, anisotropic, and 1e7 away: the same ball at its new place.
     let direction = DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_X, DVec3::NEG_Z);
     let origin = DVec3::new(1e7, -2e7, 3e6);
     let spacing = DVec3::new(0.01, 0.02, 0.03);
@@ -224,7 +224,7 @@ fn physical_space_is_kept_far_from_the_origin_too() {
     for i in 0..s.scene.len() {
         let r = (grid.to_voxel(s.scene.position(i).unwrap()) - 11.5).length();
         assert!(r < 9.0, "{i}: {r} voxels from the middle at {middle}");
-        // What f32 positions at 1e7 would do: whole metres of rounding against a ball of 0.3.
+        // The error of f32 positions at 1e7 would be whole metres of rounding against a ball of 0.3.
         let difference = s.scene.position(i).unwrap() - origin - near.scene.position(i).unwrap();
         assert!(difference.length() < 1e-5, "{difference}");
     }

@@ -11,9 +11,9 @@ use sg_tests::conformance::{Candidate, Check, conform};
 
 /// Try over the bus whether an executable can fill a role
 ///
-/// Starts it in a session of its own, with a small scene and the other roles it needs, and asks of it what the contract
-/// asks of the role: ready in time, answers, refusals, cancellation, deadlines, kill -9, standing by, promotion.
-/// One line for each check. Exit status: 0 all held, 1 some did not, 2 wrong arguments.
+/// Starts the program in a session of its own, with a small scene and the other roles it needs. Then it checks the contract of
+/// the role: ready in time, answers, refusals, cancellation, deadlines, kill -9, standing by, promotion. One line for each check.
+/// Exit status: 0 all held, 1 some did not, 2 wrong arguments.
 ///
 /// Example: supergaussian conformance agent-intent services/agents/examples/python-intent/intent
 #[derive(Debug, Parser)]

@@ -10,7 +10,7 @@ use clap::{Args, Parser, Subcommand};
 use sg_clusters::clustering::Level;
 use sg_tests::eval::{EvalError, Options, ablation, peers, plots, report};
 
-/// Evaluation tables: what the choices behind a result are worth, on scenes whose truth is known
+/// Evaluation tables: the worth of the choices behind a result, on scenes whose truth is known
 #[derive(Debug, Parser)]
 #[command(name = "supergaussian-eval", version)]
 struct Arguments {

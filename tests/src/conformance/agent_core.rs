@@ -1,4 +1,4 @@
-//! What is asked of the role that hears utterances and answers.
+//! Checks of the role that hears utterances and answers.
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};

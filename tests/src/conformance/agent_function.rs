@@ -1,4 +1,4 @@
-//! What is asked of the role that carries out plans.
+//! Checks of the role that carries out plans.
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};

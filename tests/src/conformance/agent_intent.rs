@@ -1,4 +1,4 @@
-//! What is asked of the role that understands utterances.
+//! Checks of the role that understands utterances.
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};

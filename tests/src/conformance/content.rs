@@ -1,4 +1,4 @@
-//! Large things, as other machines ask for them: part by part, by their hash.
+//! Large content, as other machines request it: part by part, by its hash.
 
 use sg_proto::bus::{Code, ContentReply, ContentRequest};
 use sg_proto::keys::Request;
@@ -6,7 +6,7 @@ use sg_proto::keys::Request;
 use super::question::{hold, soon};
 use super::stage::Stage;
 
-/// Most parts that are asked for.
+/// Most parts that are requested.
 const PARTS: usize = 10_000;
 
 /// All of something, checked against its hash.
@@ -29,7 +29,7 @@ pub(super) async fn whole(
     Ok(bytes)
 }
 
-/// What is not offered is not sent.
+/// Content that is not offered is not sent.
 pub(super) async fn unknown(stage: &Stage<'_>, row: &Request<ContentRequest, ContentReply>) -> Result<(), String> {
     for hash in ["", "../scene.toml", "/etc/passwd", &"0".repeat(64)] {
         let request = ContentRequest { hash: hash.to_owned(), offset: 0 };

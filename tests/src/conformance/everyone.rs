@@ -1,5 +1,5 @@
-//! What is asked of every role: to be ready, to answer for itself, to be withdrawn from, to come back after `kill -9`, to
-//! stand by and to be promoted, and to end.
+//! Checks of every role: readiness, answering for itself, withdrawal of requests, recovery after `kill -9`, standing by,
+//! promotion, and ending.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ const EXIT_INPUT: i32 = 2;
 /// Questions that are put at once to have one in hand when it is withdrawn.
 const BURST: usize = 12;
 
-/// Golden bytes by package, from which the parts of the last release are taken.
+/// Golden bytes by package. They hold the parts of the last release.
 const GOLDEN: [(&str, &str); 6] = [
     ("supergaussian.bus.v1", include_str!("../../../proto/golden/supergaussian.bus.v1.txt")),
     ("supergaussian.language.v1", include_str!("../../../proto/golden/supergaussian.language.v1.txt")),
@@ -34,7 +34,7 @@ const GOLDEN: [(&str, &str); 6] = [
     ("supergaussian.selection.v1", include_str!("../../../proto/golden/supergaussian.selection.v1.txt")),
 ];
 
-/// What has to be refused before anything is served.
+/// Arguments that the program must refuse before it serves anything.
 pub(super) async fn before_service(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     let instance = stage.new_instance();
     let process = stage.start_as(&instance, stage.subject.role, r#"{"no_such_parameter": 1}"#, &[]);
@@ -225,7 +225,7 @@ async fn withdrawal(stage: &mut Stage<'_>) -> Result<(), String> {
     Ok(())
 }
 
-/// Field 12345 as a number: what a newer version might have added anywhere.
+/// Field 12345 as a number: a newer version may have added such a field anywhere.
 const NEWER_FIELD: [u8; 4] = [0xc8, 0x83, 0x06, 0x01];
 
 async fn newer_version(stage: &mut Stage<'_>) -> Result<(), String> {
@@ -238,8 +238,8 @@ async fn newer_version(stage: &mut Stage<'_>) -> Result<(), String> {
     question.replied(heard).map(drop)
 }
 
-/// The released encodings of the requests of every row are taken for what they are: answered, or refused for what they
-/// say, but not for their form.
+/// The program accepts the form of the released encodings of every row's requests. It answers them or refuses their content, but
+/// never their form.
 async fn released_messages(stage: &mut Stage<'_>) -> Result<(), String> {
     let role = stage.subject.role;
     let before = stage.health(role).await?.refused;
@@ -286,7 +286,7 @@ pub(super) async fn restart(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("comes back after kill -9 with the same answers", outcome.await);
 }
 
-/// A second one stands by, the first drains, the second is promoted; who asks meanwhile gets his answers.
+/// A second instance stands by, the first drains, and the second is promoted. Callers get their answers throughout.
 pub(super) async fn hand_over(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     let role = stage.subject.role;
     let Some(mut incumbent) = stage.serving.take() else {
@@ -324,7 +324,7 @@ pub(super) async fn hand_over(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     };
     checks.note("stands by", Ok(()));
 
-    // Somebody goes on asking with the bus's own patience while the role changes hands.
+    // A caller goes on asking with the bus's own patience while the role changes hands.
     let (cli, id) = (stage.cli.clone(), stage.new_id());
     let done = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
     let stop = std::sync::Arc::clone(&done);
@@ -397,7 +397,7 @@ pub(super) async fn ends(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("ends with its supervisor", outcome.await);
 }
 
-/// Whether a process runs; one that is dead and waited for by nobody does not.
+/// Whether a process runs. A dead process that its parent has not waited for does not.
 fn runs(stat: &str) -> bool {
     let text = std::fs::read_to_string(stat).unwrap_or_default();
     text.rsplit(')').next().and_then(|rest| rest.split_whitespace().next()).is_some_and(|state| state != "Z")

@@ -1,8 +1,8 @@
-//! Conformance: what a program has to do that is to fill a role, tried over the bus.
+//! Conformance: checks over the bus of a program that is to fill a role.
 //!
-//! The program is started as a supervisor would start it, in a session of its own with a small scene and whatever other
-//! roles it needs (from the executables of this build). Nothing is known of it but what the contract says. `everyone`
-//! and `refusals` hold what is asked of every role, one file each what is asked of one.
+//! The program is started as a supervisor would start it: in a session of its own, with a small scene. Other roles that it needs
+//! run from the executables of this build. The checks know nothing of it but the contract. `everyone` and `refusals` hold the
+//! checks of every role. One file for each role holds its own checks.
 
 mod agent_core;
 mod agent_function;
@@ -46,14 +46,14 @@ pub struct Check {
     pub outcome: Result<(), String>,
 }
 
-/// What makes a role a role.
+/// The description of a role under test.
 struct Subject {
     role: &'static str,
     /// Other roles that have to be there.
     needs: &'static [&'static str],
     /// A question that may be put any number of times, under an id.
     question: fn(&str) -> Question,
-    /// What must be the same in the answers to one question under one id.
+    /// The part that all answers to one question under one id must share.
     essence: fn(&[u8]) -> Result<String, String>,
 }
 
@@ -73,7 +73,7 @@ pub fn roles() -> Vec<&'static str> {
     SUBJECTS.iter().map(|s| s.role).collect()
 }
 
-/// What was tried so far.
+/// Checks tried so far.
 struct Checks<'a> {
     tell: &'a mut dyn FnMut(&Check),
     failed: bool,
@@ -86,10 +86,10 @@ impl Checks<'_> {
     }
 }
 
-/// Tries a candidate; every check is told as it is done. Whether all of them held.
+/// Tries a candidate and reports every check as it is done. Returns whether all of them held.
 ///
 /// # Errors
-/// A line that says why it could not be tried at all: no such role, or what the role needs cannot be started.
+/// A line with the reason for not trying it at all: no such role, or a needed role cannot be started.
 pub async fn conform(candidate: &Candidate, tell: &mut dyn FnMut(&Check)) -> Result<bool, String> {
     let subject = SUBJECTS
         .iter()

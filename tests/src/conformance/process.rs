@@ -12,7 +12,7 @@ use nix::unistd::Pid;
 /// How often an end is looked for.
 const GLANCE: Duration = Duration::from_millis(10);
 
-/// A process; killed with whatever it started when dropped.
+/// A process. Drop kills it and every process that it started.
 #[derive(Debug)]
 pub(super) struct Process {
     child: Child,
@@ -38,7 +38,7 @@ impl Process {
         Ok(Self { child, log: log.to_owned(), instance: instance.to_owned() })
     }
 
-    /// Sends a signal to the process and whatever it started; one that is gone needs none.
+    /// Sends a signal to the process and every process that it started. A process that is gone needs none.
     pub(super) fn signal(&self, signal: Signal) {
         if let Ok(pid) = i32::try_from(self.child.id()) {
             let _ = killpg(Pid::from_raw(pid), signal);
@@ -70,7 +70,7 @@ impl Process {
         let _ = self.child.wait();
     }
 
-    /// Kills the process itself and spares what it started.
+    /// Kills the process itself and spares its children.
     pub(super) async fn kill_alone(&mut self) {
         // A process that is gone already is as dead as it was to be.
         let _ = self.child.kill();

@@ -20,9 +20,9 @@ pub(super) struct Question {
     /// Full name of the reply.
     pub(super) reply: String,
     pub(super) payload: Vec<u8>,
-    /// Somebody who may ask.
+    /// A caller that may ask.
     pub(super) sender: &'static str,
-    /// Whether everybody may.
+    /// Whether every caller may.
     pub(super) open: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What every role has to refuse, and whom it must not refuse.
+//! The requests that every role has to refuse, and the callers that it must not refuse.
 
 use sg_proto::bus::{Code, Envelope, StatusRequest};
 use sg_proto::keys::{self, Kind};
@@ -9,7 +9,7 @@ use super::Checks;
 use super::question::{ANSWER, Question, encoding, hold, refused_as};
 use super::stage::Stage;
 
-/// What must not be served is refused with a typed error and counted, and the service goes on.
+/// A forbidden request is refused with a typed error and counted, and the service goes on.
 pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     let before = stage.health(stage.subject.role).await.map(|h| h.refused);
     let mut refused = 0;
@@ -84,7 +84,7 @@ fn bad_questions(stage: &mut Stage<'_>) -> Vec<Bad> {
 
 async fn old_epoch(stage: &mut Stage<'_>) -> Result<(), String> {
     let id = stage.new_id();
-    // Somebody whom nothing else asks as: what this says of his epoch is remembered.
+    // A sender that no other check uses: the role remembers the epoch of this request.
     let question = Question::of(&keys::STATUS, &StatusRequest {});
     let of = |epoch| {
         let envelope = Envelope { epoch, sender: "replaced".to_owned(), ..question.envelope(&id) };
@@ -111,7 +111,7 @@ async fn garbage_on_streams(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.essence(&id).await.map(drop)
 }
 
-/// Everybody whom the table lets ask is answered.
+/// Every caller that the table permits is answered.
 async fn everybody_who_may(stage: &mut Stage<'_>) -> Result<(), String> {
     let role = stage.subject.role;
     let name = (stage.subject.question)("").name;

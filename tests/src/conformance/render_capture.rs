@@ -1,4 +1,4 @@
-//! What is asked of the role that draws pictures on request.
+//! Checks of the role that draws pictures on request.
 
 use std::path::Path;
 use std::time::Duration;
@@ -77,7 +77,7 @@ async fn at_least(stage: &mut Stage<'_>) -> Result<(), String> {
     hold(frame.revision >= revision, || format!("revision {} instead of {revision}", frame.revision))?;
     hold(frame.hash != before.hash, || "a hidden unit is still in the picture".to_owned())?;
     stage.change(Action::SetVisibility(SetVisibility { target: named("body"), visible: true })).await?;
-    // A revision that never comes is told in time.
+    // The role reports in time that a revision never comes.
     let future = CaptureRequest { at_least_revision: revision + 1000, ..small() };
     let late = soon().deadline_in(Duration::from_millis(500));
     let fault = stage.cli.ask(&keys::CAPTURE, &future, &late).await.err().map(|f| f.code);
@@ -116,7 +116,7 @@ async fn structure(stage: &Stage<'_>) -> Result<(), String> {
     let scale = shown(Showing::Scale).await?.legend.ok_or("no legend of scales")?;
     hold(scale.logarithmic && 0.0 < scale.low && scale.low <= scale.high, || format!("{scale:?}"))?;
     hold(shown(Showing::Scene).await?.hash == scene.hash, || "the scene is another one when it is named".to_owned())?;
-    // Here nobody has clustered: that is said, and not waited for until the deadline.
+    // Nothing is clustered here. The role says so, and does not wait until the deadline.
     let request = CaptureRequest { showing: Showing::Clusters.into(), ..small() };
     let late = soon().deadline_in(Duration::from_secs(2));
     let fault = stage.cli.ask(&keys::CAPTURE, &request, &late).await.err().map(|f| f.code);
@@ -126,7 +126,7 @@ async fn structure(stage: &Stage<'_>) -> Result<(), String> {
 
 async fn picks(stage: &mut Stage<'_>) -> Result<(), String> {
     let ask = async |request: &PickRequest| {
-        // Here nobody has clustered: what is in front is told all the same, long before the deadline.
+        // Nothing is clustered here. The role still reports the front surface, long before the deadline.
         let late = soon().deadline_in(Duration::from_secs(3));
         stage.cli.ask(&keys::PICK, request, &late).await.map_err(|f| format!("cmd/pick: {f}"))
     };

@@ -1,4 +1,4 @@
-//! What is asked of the role that draws the shared viewpoint whenever the scene changes.
+//! Checks of the role that draws the shared viewpoint whenever the scene changes.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ pub(super) const ROLE: &str = role::RENDER_VIEW;
 
 pub(super) const SUBJECT: Subject = Subject { role: ROLE, needs: &[role::SCENE], question, essence };
 
-/// The role answers nothing but what every role does.
+/// The role answers only the requests common to all roles.
 fn question(_id: &str) -> Question {
     Question::of(&keys::STATUS, &StatusRequest {})
 }
@@ -72,7 +72,7 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
     let (before, _) = next_of(&mut frames, "event/frame of the change", |f, _| f.revision >= revision).await?;
     let state = stage.scene_state().await?;
     let selection = stage.join(role::SELECTION).await?;
-    // So that who listens is known to everybody on the way.
+    // So that every router on the way knows the subscribers.
     tokio::time::sleep(Duration::from_millis(100)).await;
     let tell = async |changed: Vec<u32>, hash: &str, revision: u64| {
         let preview = Preview { selected: 1, changed, selection_hash: hash.to_owned(), revision };

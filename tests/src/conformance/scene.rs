@@ -1,4 +1,4 @@
-//! What is asked of the role that owns the scene.
+//! Checks of the role that owns the scene.
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};

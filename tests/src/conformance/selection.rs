@@ -1,4 +1,4 @@
-//! What is asked of the role that turns strokes into selections.
+//! Checks of the role that turns strokes into selections.
 
 use std::path::Path;
 
@@ -119,7 +119,7 @@ async fn operations(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.change(Action::Undo(Undo { steps: 1 })).await?;
     let selection = stage.scene_state().await?.selection.unwrap_or_default();
     hold(selection.hash == grown.selection_hash, || format!("{} selected after an undo", selection.count))?;
-    // What was selected by name is kept when a step follows.
+    // A selection by name is kept when a step follows.
     stage.change(Action::Select(Select { target: named("body"), ..Select::default() })).await?;
     let point = Stroke { points: SAC.to_vec(), ..stroke(StrokeMode::Point) };
     let both = draw(stage, &StrokesRequest { strokes: vec![point], ..StrokesRequest::default() }).await?;

@@ -19,7 +19,7 @@ const SESSION: &str = "conformance";
 /// How long the roles that a candidate needs may take to be ready.
 const NEIGHBOUR: Duration = Duration::from_secs(60);
 
-/// Who asks for what.
+/// The surroundings of a candidate: its session, its scene, its callers and the other roles.
 pub(super) struct Stage<'a> {
     pub(super) candidate: &'a Candidate,
     pub(super) subject: &'a Subject,
@@ -27,7 +27,7 @@ pub(super) struct Stage<'a> {
     scene: PathBuf,
     /// The session's router, in the supervisor's role.
     pub(super) router: Bus,
-    /// Somebody at a terminal.
+    /// A person at a terminal.
     pub(super) cli: Bus,
     /// The candidate that serves at present.
     pub(super) serving: Option<Process>,
@@ -167,7 +167,7 @@ impl<'a> Stage<'a> {
         Process::start(command, instance, &self.log(instance))
     }
 
-    /// Starts the candidate below another process, which is its supervisor and is what is returned.
+    /// Starts the candidate below another process, its supervisor. Returns the supervisor.
     pub(super) fn start_below_another(&self, instance: &str) -> Result<Process, String> {
         let role = self.subject.role;
         let params = self.params(role, &self.candidate.params);
@@ -202,12 +202,12 @@ impl<'a> Stage<'a> {
         self.serve().await
     }
 
-    /// Whatever a role announces from now on; `@instance/*` for those that stand by.
+    /// All announcements of a role from now on; `@instance/*` for those that stand by.
     pub(super) async fn hear_ready(&self, segment: &str) -> Result<Subscription<Ready>, String> {
         self.router.subscribe(&keys::READY, segment, 64).await.map_err(|e| e.to_string())
     }
 
-    /// A bus in the name of a role, to ask what only this role may ask.
+    /// A bus in the name of a role, for requests that only this role may send.
     pub(super) async fn join(&self, role: &str) -> Result<Bus, String> {
         let endpoint = endpoint_of(&self.folder.path().join("bus.sock"));
         Bus::connect(SESSION, role, &endpoint).await.map_err(|e| e.to_string())
@@ -225,7 +225,7 @@ impl<'a> Stage<'a> {
         self.cli.ask_raw(self.subject.role, question.name, &question.raw(id), ANSWER).await
     }
 
-    /// What of an answer must stay the same.
+    /// The part of an answer that must stay the same.
     pub(super) async fn essence(&self, id: &str) -> Result<String, String> {
         (self.subject.essence)(&self.ask(id).await?)
     }

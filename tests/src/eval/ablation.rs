@@ -30,7 +30,7 @@ pub struct Ablation {
     pub subjects: Vec<SubjectRows>,
 }
 
-/// What was measured on one scene.
+/// Measurements on one scene.
 #[derive(Debug, Clone, Serialize)]
 pub struct SubjectRows {
     /// Name.
@@ -111,7 +111,7 @@ pub fn walk_variants() -> Vec<(String, With)> {
     rows
 }
 
-/// Measures everything. `tell` hears what is being done.
+/// Measures everything. `tell` receives the progress.
 ///
 /// # Errors
 /// [`EvalError`].

@@ -1,8 +1,8 @@
-//! The strokes of a hand that knows what it wants but is not steady.
+//! The strokes of a hand that knows its target but is not steady.
 //!
-//! A stroke follows the surface: the shortest way over the neighbour graph, within the wanted parts (or outside them for
-//! the background brush), between two places that are drawn anew for each trial near two chosen ones; then every sample
-//! is shifted. Green begins where the target is deepest, red at what lies near the target but does not belong to it.
+//! A stroke follows the surface by the shortest way over the neighbour graph. It stays within the wanted parts, or outside them
+//! for the background brush. Its two ends are drawn anew for each trial near two chosen places; then every sample is shifted.
+//! Green begins where the target is deepest. Red begins near the target, at parts that do not belong to it.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -42,7 +42,7 @@ pub struct Trial {
     pub more: [Stroke; 2],
 }
 
-/// Who draws on one subject.
+/// The simulated person that draws on one subject.
 #[derive(Debug)]
 pub struct Hand<'a> {
     subject: &'a Subject,

@@ -19,10 +19,10 @@ use super::EvalError;
 use super::hand::Trial;
 use super::subject::Subject;
 
-/// How far the number of clusters may be from the one asked for.
+/// The permitted relative difference between the number of clusters and the wanted one.
 pub const EQUAL: f64 = 0.02;
 
-/// Clusters of a scene, made so that there are as many as asked for.
+/// Clusters of a scene, as many as wanted.
 pub struct Made {
     /// The clusters.
     pub clustering: Clustering,
@@ -30,8 +30,8 @@ pub struct Made {
     pub report: ClusteringReport,
 }
 
-/// Clusters a scene so that there are `wanted` clusters, within [`EQUAL`] where that can be had: merging leaves fewer
-/// than there were seeds, so the number of seeds is searched.
+/// Clusters a scene into `wanted` clusters, within [`EQUAL`] if possible. Merging leaves fewer clusters than there were seeds, so
+/// this searches for the number of seeds.
 ///
 /// # Errors
 /// [`EvalError::Cluster`].
@@ -72,7 +72,7 @@ pub fn at_equal_number(geometry: &Geometry, options: &ClusteringOptions, wanted:
     best.ok_or(EvalError::Nothing)
 }
 
-/// The quality of clusters, whatever is selected later.
+/// The quality of clusters, independent of any later selection.
 #[derive(Debug, Clone, Serialize)]
 pub struct ClusterRow {
     /// What was varied.
@@ -147,7 +147,7 @@ pub struct Medians {
     pub mcc: f64,
 }
 
-/// What walks over many trials select.
+/// The selections of walks over many trials.
 #[derive(Debug, Clone, Serialize)]
 pub struct WalkRow {
     /// What was varied.
@@ -160,11 +160,11 @@ pub struct WalkRow {
     pub green: Medians,
     /// After the green and the red stroke.
     pub both: Medians,
-    /// Median wall milliseconds of the second stroke: what it hits, the walk, the mask.
+    /// Median wall milliseconds of the second stroke: hit test, walk, mask.
     pub stroke_ms: f64,
 }
 
-/// What a selection is made with.
+/// The tool of a selection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum With {
     /// Walks on clusters.

@@ -1,4 +1,4 @@
-//! Scenes fitted to measured volumes whose label maps say what each Gaussian belongs to.
+//! Scenes fitted to measured volumes. Label maps give the part that each Gaussian belongs to.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use sg_volume::{Grid, Scalars, TransferFunction, Volume, read_volume};
 use super::EvalError;
 use super::subject::{Origin, Parametrisation, Subject};
 
-/// One measured scene: the volume that is fitted, its labels, and what is to be selected.
+/// One measured scene: the volume that is fitted, its labels, and the parts to select.
 struct Source {
     volume: &'static str,
     labels: &'static str,

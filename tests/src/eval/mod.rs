@@ -1,7 +1,7 @@
-//! Evaluation tables: what each choice in clustering and walking is worth, on scenes whose truth is known.
+//! Evaluation tables: the worth of each choice in clustering and walking, on scenes whose truth is known.
 //!
-//! `supergaussian eval selection-ablation`. Everything is judged as docs/ablation.md says: clusterings at an equal number
-//! of clusters, walks over many jittered strokes, numbers chosen on shapes that are not reported.
+//! `supergaussian eval selection-ablation`. docs/ablation.md describes the measurements. Clusterings have an equal number of
+//! clusters. Walks run over many jittered strokes. Numbers are chosen on shapes that are not reported.
 
 pub mod ablation;
 pub mod hand;
@@ -43,7 +43,7 @@ pub enum EvalError {
     Data {
         /// The file.
         path: String,
-        /// What is wrong with it.
+        /// The problem with it.
         why: String,
     },
     /// A picture that could not be drawn.
@@ -59,7 +59,7 @@ pub enum EvalError {
     Write {
         /// The file.
         path: String,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
 }
@@ -75,7 +75,7 @@ pub struct Options {
     pub clusters: usize,
     /// Jittered strokes each walk is played with.
     pub trials: usize,
-    /// Those of them that walks on single Gaussians are played with, which take longer.
+    /// The trials that are also played with walks on single Gaussians. Those walks take longer.
     pub gaussian_trials: usize,
     /// Seed of shapes, scrambling and strokes.
     pub seed: u64,

@@ -1,4 +1,4 @@
-//! Our side of the comparison with what one writes in Python: the same scenes, handed over as arrays, and our times.
+//! Our side of the comparison with Python implementations: the same scenes, handed over as arrays, and our times.
 //!
 //! `tests/peers/compare.py` runs both sides one after the other and prints the table.
 
@@ -31,7 +31,7 @@ const LEAK: f64 = 0.03;
 /// Times that a walk on single Gaussians is solved.
 const FEW: usize = 5;
 
-/// What our clustering took.
+/// Times of our clustering.
 #[derive(Debug, Clone, Serialize)]
 pub struct ClusterTimes {
     /// Gaussians.
@@ -46,7 +46,7 @@ pub struct ClusterTimes {
     pub seconds: BTreeMap<&'static str, f64>,
     /// Processor seconds of it, user and system.
     pub cpu_seconds: f64,
-    /// The most memory it held at once beyond the scene itself; 0 where the system does not tell.
+    /// The most memory it held at once beyond the scene itself; 0 if the system does not report it.
     pub peak_bytes: u64,
     /// The same for each Gaussian.
     pub peak_bytes_per_gaussian: f64,
@@ -54,7 +54,7 @@ pub struct ClusterTimes {
     pub stage_peak_bytes_per_gaussian: BTreeMap<&'static str, f64>,
 }
 
-/// Notes the peak of each stage: it is read and made to start anew whenever a stage tells of itself.
+/// Notes the peak of each stage. Each report of a stage reads the peak and resets it.
 #[derive(Default)]
 struct Peaks {
     stage: Cell<Option<Stage>>,
@@ -78,7 +78,7 @@ impl Progress for Peaks {
     }
 }
 
-/// What our walks took on one graph.
+/// Times of our walks on one graph.
 #[derive(Debug, Clone, Serialize)]
 pub struct WalkTimes {
     /// Clusters or Gaussians.
@@ -91,12 +91,12 @@ pub struct WalkTimes {
     pub solvers: Vec<SolverTimes>,
 }
 
-/// What one way of solving took, milliseconds.
+/// Times of one way of solving, milliseconds.
 #[derive(Debug, Clone, Serialize)]
 pub struct SolverTimes {
     /// Which.
     pub solver: &'static str,
-    /// By the clock, what is made once a scene: an elimination order, levels.
+    /// Wall-clock time of the parts made once a scene: an elimination order, levels.
     pub setup_ms: f64,
     /// Processor time of that.
     pub setup_cpu_ms: f64,
@@ -119,7 +119,7 @@ fn failed(path: &Path) -> impl Fn(NpyError) -> EvalError {
     move |e| EvalError::Data { path: path.clone(), why: e.to_string() }
 }
 
-/// Clusters a subject at a level and writes the labels to `labels.npy`; with `export` also what the other side needs:
+/// Clusters a subject at a level and writes the labels to `labels.npy`. With `export` it also writes the other side's inputs:
 /// `position.npy`, `features.npy`, `seeds.npy` (positions in these columns) and `cell.npy`.
 ///
 /// # Errors
@@ -175,9 +175,9 @@ pub fn cluster_times(subject: &Subject, level: Level, folder: &Path, export: boo
     })
 }
 
-/// Solves a walk on clusters and one on single Gaussians, from a ball around the deepest of the target to one far from
-/// it, and writes each system as `walk-ON-edges.npy` (u, v, w), `walk-ON-seeds.npy` (0 none, 1 foreground, 2 background)
-/// and our `walk-ON-p.npy`, one row a way of solving. The leak is 0.03.
+/// Solves a walk on clusters and one on single Gaussians. Each goes from a ball around the deepest of the target to one far from
+/// it. Each system is written as `walk-ON-edges.npy` (u, v, w) and `walk-ON-seeds.npy` (0 none, 1 foreground, 2 background). Our
+/// result is `walk-ON-p.npy`, one row a way of solving. The leak is 0.03.
 ///
 /// # Errors
 /// [`EvalError`].
@@ -248,7 +248,7 @@ fn labels_of(clustering: &Clustering) -> Vec<usize> {
     clustering.labels.iter().map(|l| usize::try_from(*l).unwrap_or(0)).collect()
 }
 
-/// Times a walk `repeats` times; `setup` is what came before it, seconds by the clock and of the processor.
+/// Times a walk `repeats` times; `setup` is the time before it, seconds by the clock and of the processor.
 fn timed(
     solver: &'static str,
     setup: [f64; 2],
@@ -297,14 +297,14 @@ fn processor_seconds() -> f64 {
         .map_or(0.0, |u| (u.user_time().num_microseconds() + u.system_time().num_microseconds()) as f64 / 1e6)
 }
 
-/// Makes the peak start anew where the kernel lets it; returns what is resident now, in bytes.
+/// Resets the peak if the kernel permits it; returns the memory resident now, in bytes.
 fn reset_peak() -> u64 {
-    // Without the right to do so the peak is that of the process so far, which is no less.
+    // Without the right to reset it, the peak is that of the process so far. It is no less.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
     memory("VmRSS:")
 }
 
-/// A line of the kernel's account of this process, in bytes; 0 where there is none.
+/// A line of the kernel's account of this process, in bytes; 0 if there is none.
 #[must_use]
 pub fn memory(line: &str) -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

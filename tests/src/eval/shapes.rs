@@ -1,8 +1,8 @@
 //! Made scenes with exact truth, in the spirit of the paper's data sets: every Gaussian knows the part it belongs to.
 //!
-//! Each shape is a union of solids. Gaussians are scattered over its surface by area, flattened along the normal and no
-//! wider than the surface bends, with noise on everything a fit gets only roughly right. Five shapes are reported; two
-//! more are there to choose numbers on, so that none is chosen on what is reported.
+//! Each shape is a union of solids. Gaussians are scattered over its surface by area. They are flattened along the normal and no
+//! wider than the surface bends. Noise is on every quantity that a fit gets only roughly right. Five shapes are reported. Two
+//! more serve to choose numbers, so that no number is chosen on a reported shape.
 
 use std::f64::consts::TAU;
 
@@ -28,7 +28,7 @@ struct Piece {
     inner: bool,
 }
 
-/// What a shape is made of, and which parts are to be selected.
+/// The pieces of a shape, and the parts to select.
 struct Plan {
     pieces: Vec<Piece>,
     target: &'static [i32],
@@ -104,7 +104,7 @@ fn vortex(r: &mut ChaCha8Rng) -> Plan {
     Plan { pieces, target: &[4], haze: None }
 }
 
-/// A body with claws, legs and feelers; one claw is wanted, which a feeler passes closely.
+/// A body with claws, legs and feelers. One claw is wanted, and a feeler passes closely by it.
 fn lobster(_: &mut ChaCha8Rng) -> Plan {
     let mut pieces =
         vec![tube(0, arc([-0.9, 0.0, 0.12], [-0.3, 0.0, -0.06], [0.35, 0.0, 0.0]), |t| 0.10 + 0.12 * (t * 2.2).sin())];
@@ -181,7 +181,7 @@ fn chameleon(_: &mut ChaCha8Rng) -> Plan {
     Plan { pieces, target: &[3], haze: None }
 }
 
-/// A vessel that forks, with a sac on its side and another vessel that all but touches the sac; the sac is wanted.
+/// A vessel that forks, with a sac on its side. Another vessel all but touches the sac. The sac is wanted.
 fn aneurysm(_: &mut ChaCha8Rng) -> Plan {
     let pieces = vec![
         tube(0, arc([-1.0, -0.1, -0.2], [-0.4, 0.25, 0.0], [0.25, 0.0, 0.0]), |t| 0.11 - 0.02 * t),
@@ -194,7 +194,7 @@ fn aneurysm(_: &mut ChaCha8Rng) -> Plan {
     Plan { pieces, target: &[3], haze: None }
 }
 
-/// A trefoil knot and a ring through it, which touch; the ring is wanted.
+/// A trefoil knot and a ring through it. They touch; the ring is wanted.
 fn knot(_: &mut ChaCha8Rng) -> Plan {
     let trefoil = curve(120, |t| {
         let a = TAU * t;

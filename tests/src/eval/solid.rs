@@ -147,7 +147,7 @@ impl Ellipsoid {
     }
 }
 
-/// The graph of a height over a square around the origin of the x-y plane; what lies below it is inside.
+/// The graph of a height over a square around the origin of the x-y plane. The space below it is inside.
 #[derive(Debug, Clone, Copy)]
 pub struct Sheet {
     /// Half the edge of the square.
@@ -189,7 +189,7 @@ pub enum Solid {
     Tube(Tube),
     /// An ellipsoid.
     Ellipsoid(Ellipsoid),
-    /// What lies below a sheet.
+    /// The space below a sheet.
     Sheet(Sheet),
 }
 

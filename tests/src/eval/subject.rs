@@ -1,4 +1,4 @@
-//! What is evaluated on: a scene, the part each Gaussian belongs to, and the parts that are to be selected.
+//! The subject of an evaluation: a scene, the part that each Gaussian belongs to, and the parts to select.
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use rand::{RngExt as _, SeedableRng as _};
@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use sg_scene::model::Scene;
 
-/// Where a scene comes from.
+/// The origin of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
@@ -31,7 +31,7 @@ pub enum Parametrisation {
 pub struct Subject {
     /// Its name in tables.
     pub name: String,
-    /// Where it comes from.
+    /// Its origin.
     pub origin: Origin,
     /// How it is written down.
     pub parametrisation: Parametrisation,

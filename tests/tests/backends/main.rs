@@ -16,7 +16,7 @@ use serde_json::Value;
 use sg_tests::executable;
 use sg_tests::stack::Stack;
 
-/// Says something: the answer as JSON, with the stages it went through.
+/// Sends an utterance: the answer as JSON, with the stages it went through.
 fn say(stack: &Stack, text: &str) -> Value {
     let (_, answer, told) = stack.run(&["say", text, "--json", "--timeout", "60"]).unwrap();
     serde_json::from_str(&answer).unwrap_or_else(|e| panic!("“{text}”: {e}: {told}"))
@@ -63,7 +63,7 @@ fn one_agent_of_a_stack_thinks_with_a_program_in_python_and_falls_back_when_that
     let (_, log, _) = stack.run(&["logs", agent]).unwrap();
     assert_eq!(log.matches("the grammar serves until the model does").count(), 1, "{log}");
 
-    // The program comes back, and nobody had to be restarted for it.
+    // The program comes back, and no service needed a restart for it.
     std::fs::remove_file(folder.path().join("model.sock")).unwrap_or_default();
     let _german = Program::german(&address).unwrap();
     let answer = say(&stack, "verstecke das sac");
@@ -120,8 +120,8 @@ fn every_agent_thinks_with_its_own() {
     assert_eq!(refused["reply"]["backend"], "grpc");
     drop(stack);
 
-    // With a model, the function agent knows what is meant: here one that knows, then one that chooses among the units
-    // whatever it is asked.
+    // With a model, the function agent resolves the meaning. First the model knows the answer; then it chooses among the units,
+    // regardless of the request.
     let function = "agent-function";
     let knows = [set(function, "backend", "grpc"), set(function, "endpoint", &german.endpoint)];
     let stack = Stack::up_with(&[&settings[..], &knows[..]].concat()).unwrap();

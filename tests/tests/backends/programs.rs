@@ -14,17 +14,17 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// A program that serves until it is dropped.
 pub(crate) struct Program {
     child: Child,
-    /// Where it serves.
+    /// Its address.
     pub(crate) endpoint: String,
 }
 
 impl Program {
-    /// The Python backend that comes with the agents; none where there is no Python.
+    /// The Python backend that comes with the agents; none without Python.
     pub(crate) fn german(address: &str) -> Option<Self> {
         Self::start(&repository().join("services/agents/examples/python-backend/backend.py"), address, "serving ")
     }
 
-    /// A llama.cpp server with a model that knows nothing; none where there is no Python.
+    /// A llama.cpp server with a model that knows nothing; none without Python.
     pub(crate) fn llama(folder: &Path) -> Option<Self> {
         Self::start(&repository().join("tests/llama/server.py"), &folder.to_string_lossy(), "")
     }

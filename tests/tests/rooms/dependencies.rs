@@ -1,9 +1,9 @@
-//! What libraries link: no bus, no async runtime, no database and no user interface unless that is their subject.
+//! Links of libraries: no bus, no async runtime, no database and no user interface unless that is their subject.
 
 use std::path::Path;
 use std::process::Command;
 
-/// Crates that a library links only where they are its subject, by kind.
+/// Crates that a library links only if they are its subject, by kind.
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.

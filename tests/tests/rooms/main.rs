@@ -1,6 +1,6 @@
 //! The shape of the house: the invariants of `ARCHITECTURE.md` that can be read off the source.
 //!
-//! Each rule is a function from the tracked files to complaints, so that a test can also hand it a file that breaks it.
+//! Each rule is a function from the tracked files to complaints. So a test can also give it a file that breaks it.
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::panic, reason = "a test fails by panicking")]
 
@@ -335,7 +335,7 @@ fn manifests_follow_the_map(files: &[File]) -> Vec<String> {
     let mut complaints = Vec::new();
     for file in files {
         let Some(room) = file.path.strip_suffix("/Cargo.toml") else { continue };
-        // What others draw with is a workspace of its own, so that nothing of it is built with ours.
+        // The other renderers are a workspace of their own, so that nothing of it is built with ours.
         if room.starts_with("tests/peers/") && file.text.contains("\n[workspace]\n") {
             continue;
         }

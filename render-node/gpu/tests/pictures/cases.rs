@@ -240,7 +240,7 @@ pub(crate) fn thousand_layers() -> Vec<Blob> {
 /// Where [`far_from_the_origin`] is.
 pub(crate) const FAR: Vec3 = Vec3::new(1_048_576.0, -1_048_576.0, 524_288.0);
 
-/// Positions in steps of 1/8, which are exact in f32 at [`FAR`] as well, and their camera.
+/// Positions in steps of 1/8, and their camera. Such positions are exact in f32 at [`FAR`] as well.
 pub(crate) fn on_a_lattice() -> (Vec<Blob>, Camera) {
     let blobs = cloud(2000, 15)
         .iter()

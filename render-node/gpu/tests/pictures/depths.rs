@@ -1,4 +1,4 @@
-//! How far away what a picture shows is, on the device against the cores.
+//! Depths of a picture, on the device against the cores.
 
 use glam::{DVec2, Vec3};
 use sg_gpu::{DEPTH_FAR, DEPTH_NEAR, DepthLayer, Gpu, Rasterizer, Renderer, Settings};
@@ -23,7 +23,7 @@ fn depths(gpu: &Gpu, case: &Case, settings: Settings) -> Vec<f32> {
     renderer.read_depths().unwrap().remove(0)
 }
 
-/// View z of the front of each pixel, as picking finds it; 0 where there is none. In the affine projection that of the centre.
+/// View z of the front of each pixel, as picking finds it; 0 if there is none. In the affine projection that of the centre.
 fn picked(case: &Case, projection: Projection) -> Vec<f64> {
     let Case { scene, appearance, camera, .. } = case;
     let (ids, _) = front_ids(scene, appearance, camera, projection, SURFACE).unwrap();
@@ -74,8 +74,8 @@ fn tiles_and_rays_tell_the_depth_of_what_picking_finds() {
             let line = format!("{:30} {projection:?}: {off} off, {missed} missed of {fronts}", case.name);
             println!("{line}");
             compared += fronts;
-            // What is fainter than the cut is left out on the device: where rounding or many such layers decide which one reaches
-            // the level, that is another one.
+            // The device leaves out layers fainter than the cut. If rounding or many such layers decide the one that reaches the
+            // level, the device finds another one.
             let few = if case.name == "thousand-layer cloud" { fronts / 10 } else { fronts / 200 + 1 };
             if off > few || missed > fronts / 200 + 1 {
                 broken.push(line);
@@ -99,8 +99,8 @@ fn quadrilaterals_tell_the_mean_depth_of_all_that_a_pixel_shows() {
         let got = depths(&gpu, &case, Settings { rasterizer: Rasterizer::Quads, ..Settings::default() });
         let Camera { width, height, .. } = case.camera;
         let coarse = [width, height].map(|pixels| pixels.div_ceil(COARSE));
-        // The exact picture of as many pixels, each colour the depth of its centre: without a background that is the mean
-        // depth times the opacity. The dilation stays that of the whole picture, so each pixel is drawn by itself.
+        // The exact picture of as many pixels, each colour the depth of its centre. Without a background that is the mean depth
+        // times the opacity. The dilation stays that of the whole picture, so each pixel is drawn by itself.
         let appearance = Appearance {
             background: Vec3::ZERO,
             colors: Some(
@@ -125,7 +125,7 @@ fn quadrilaterals_tell_the_mean_depth_of_all_that_a_pixel_shows() {
     }
 }
 
-/// Where a surface is solid the mean lies behind its front, by less than its thickness.
+/// At a solid surface the mean lies behind the front, by less than the thickness.
 #[test]
 fn the_mean_depth_of_a_solid_surface_is_near_its_front() {
     let Some(gpu) = device() else { return };
@@ -257,7 +257,7 @@ fn what_is_around_the_eye_is_near() {
     assert!(got.iter().all(|d| *d > 0.0 && *d < 0.1), "{got:?}");
 }
 
-/// What depths cost beside a pair of pictures, in seconds. Run by hand.
+/// The cost of depths beside a pair of pictures, in seconds. Run by hand.
 #[test]
 #[ignore = "a measurement"]
 fn what_depths_cost() {
@@ -272,7 +272,7 @@ fn what_depths_cost() {
     for (name, settings) in [("tiles", Settings::default()), ("rays", rays), ("quadrilaterals", quads)] {
         let mut seconds = [const { Vec::new() }; 2];
         for _ in 0..9 {
-            // One after another, so that whatever else the machine does falls on both alike.
+            // One after another, so that other load of the machine falls on both alike.
             for (depths, seconds) in [false, true].into_iter().zip(&mut seconds) {
                 let settings = Settings { depths, ..settings };
                 renderer.draw(&eyes, &look, settings).unwrap();

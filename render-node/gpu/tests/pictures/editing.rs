@@ -1,4 +1,4 @@
-//! What units, masks, lights and transforms do to a picture.
+//! The effects of units, masks, lights and transforms on a picture.
 
 use std::sync::Arc;
 
@@ -195,7 +195,7 @@ fn clips_take_away_what_they_do_not_keep() {
         let blobs: Vec<Blob> = kept.iter().map(|k| row[*k]).collect();
         assert_eq!(render(&scene, &appearance, &camera, Exact).unwrap().image, through(&blobs), "{kept:?}");
     }
-    // What is hidden is counted as hidden.
+    // Hidden Gaussians are counted as hidden.
     let mut appearance = Appearance::of(&scene);
     appearance.clips = vec![plane(0.25, 1.0)];
     appearance.units = vec![UnitAppearance { visible: false, ..edit(&[true, false, true, false], None, 1.0) }];
@@ -236,7 +236,7 @@ fn shown_colours_take_the_place_of_shading() {
     close(&middle(&scene, &appearance)[3..], &[0.5]);
     appearance.units = vec![UnitAppearance { visible: false, ..edit(&[true], None, 1.0) }];
     assert_eq!(middle(&scene, &appearance), [0.0; 4]);
-    // What is not finite is dropped and counted, whatever is shown.
+    // Gaussians that are not finite are dropped and counted in every look.
     appearance.units.clear();
     appearance.colors = Some(Arc::new([Vec3::new(f32::NAN, 0.0, 0.0)]));
     let report = render(&scene, &appearance, &camera(80.0, 9, 9), Exact).unwrap().report;

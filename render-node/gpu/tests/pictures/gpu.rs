@@ -19,7 +19,7 @@ fn every_case_by_ray_on_the_device() {
     hold(&[Settings { projection: Projection::PerRay, ..Settings::default() }]);
 }
 
-/// Holds pictures of one projection to what their level promises against that projection's reference.
+/// Holds pictures of one projection to their level's promise against that projection's reference.
 fn hold(each: &[Settings]) {
     let Some(gpu) = device() else { return };
     let mut broken = Vec::new();
@@ -52,7 +52,7 @@ fn hold(each: &[Settings]) {
                     && d.footprint_psnr_db >= decibel
                     && d.coverage_error <= coverage
                     && (quality != Standard || d.footprint_share_above_2_of_255 <= 1e-3);
-                // Squares of its coordinates leave f32; all that is asked there is that every pixel is a number.
+                // Squares of its coordinates leave f32. The test only requires there that every pixel is a number.
                 let beyond = case.name == "mixture of extremes" && images[0].rgba.iter().all(|x| x.is_finite());
                 if !held && !beyond {
                     broken.push(line);

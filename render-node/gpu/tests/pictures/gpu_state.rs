@@ -1,4 +1,4 @@
-//! What a renderer on a graphics device keeps between pictures: looks, eyes, sizes, windows, the device itself.
+//! The state of a renderer on a graphics device between pictures: looks, eyes, sizes, windows, the device itself.
 
 use std::sync::Arc;
 
@@ -194,7 +194,7 @@ fn pairs_beyond_the_list_are_blended_in_windows() {
     assert!(refused.to_string().contains("draw it with quadrilaterals"), "{refused}");
 }
 
-/// Half precision halves what shading columns and harmonics take, and its error is far below the levels' promise.
+/// Half precision halves the size of shading columns and harmonics. Its error is far below the levels' promise.
 #[test]
 fn half_precision_is_worth_its_error() {
     let Some(gpu) = device() else { return };
@@ -287,7 +287,7 @@ fn what_makes_no_picture_is_refused_in_words() {
     assert!(renderer.picture(&[camera], &appearance, Settings::default()).is_ok());
 }
 
-/// A column of 20 million is longer than one binding of a software device, and a picture of all of them more than it can list.
+/// A column of 20 million is longer than one binding of a software device. A picture of all of them is more than it can list.
 #[test]
 #[ignore = "takes a minute and 8 GB"]
 fn ten_and_twenty_million_are_drawn_or_refused_in_words() {

@@ -1,4 +1,4 @@
-//! The promises on every case of the list, and what else is known of the hard ones.
+//! The promises on every case of the list, and further known facts of the hard ones.
 
 use glam::{DMat4, DVec3, Vec3};
 use sg_raster::image::Image;
@@ -40,7 +40,7 @@ fn a_needle_seen_far_from_its_centre() {
 
 #[test]
 fn smaller_than_a_pixel_and_of_no_size() {
-    // Of any size below a pixel the dilation's 0.3 px² is what is left: α = o·exp(−½r²/0.3).
+    // Of any size below a pixel only the dilation's 0.3 px² is left: α = o·exp(−½r²/0.3).
     for log_scale in [1e-5_f32.ln(), -80.0, f32::NEG_INFINITY] {
         let point = Blob { log_scale: Vec3::splat(log_scale), logit: logit(0.9), ..Blob::default() };
         for quality in LEVELS {

@@ -112,7 +112,7 @@ fn every_level_keeps_its_promise_on_every_case() {
                 d.max_error,
                 100.0 * d.footprint_share_above_2_of_255
             );
-            // Scales there span 78 decades: what is nearer is beyond f64, and the reference guesses as well.
+            // Scales there span 78 decades. The order in depth is beyond f64, and the reference guesses as well.
             let ordered = case.name != "mixture of extremes";
             let kept = d.psnr_db >= decibel && d.footprint_psnr_db >= decibel;
             assert!(kept || !ordered, "{}: {d:?}", case.name);

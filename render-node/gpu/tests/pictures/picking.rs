@@ -32,8 +32,8 @@ fn by_pictures(
         look.units.push(UnitAppearance { mask, color: None, opacity: 1.0, visible: false });
         render(scene, &look, &one, options).unwrap().image.pixel(0, 0).unwrap()[3]
     };
-    // Colours that count: each Gaussian alone in white over the others in black tells its share T·α; the shares of those in
-    // front of it sum to what is accumulated before it.
+    // Colours that count: each Gaussian alone in white over the others in black tells its share T·α. The shares of those in front
+    // of it sum to the opacity accumulated before it.
     let share = |i: usize| {
         let mut look = look.clone();
         look.colors = Some((0..scene.len()).map(|k| if k == i { Vec3::ONE } else { Vec3::ZERO }).collect());
@@ -42,7 +42,7 @@ fn by_pictures(
     if coverage(&|_| true) < level {
         return None;
     }
-    // A Gaussian's share is its α times what the nearer ones let through; alone it is α.
+    // A Gaussian's share is its α times the transmittance of the nearer ones; alone it is α.
     let mut found: Option<(f32, usize)> = None;
     for i in 0..scene.len() {
         let alone = coverage(&|k| k == i);
@@ -119,7 +119,7 @@ fn a_sheet_is_hit_where_it_stands() {
     for projection in BOTH {
         for (x, y) in [(32.0, 32.0), (40.0, 32.0), (26.0, 45.0)] {
             let hit = pick(&scene, &look, &camera, projection, DVec2::new(x, y), SURFACE).unwrap().unwrap();
-            // On the plane x + z = 3 or z − x = 3, whichever the turn made: along the ray (s, ·, 1).
+            // The hit lies on the plane x + z = 3 or z − x = 3, depending on the turn, along the ray (s, ·, 1).
             let s = (x - 32.0) / 60.0;
             let planes = [3.0 / (1.0 + s), 3.0 / (1.0 - s)];
             let off = planes.map(|z| (hit.depth - z).abs()).into_iter().fold(f64::INFINITY, f64::min);

@@ -12,7 +12,7 @@ fn presented(gpu: &Gpu, image: &Image, format: wgpu::TextureFormat, size: [u32; 
     presented_under(gpu, image, format, (size, area), |_, _| ())
 }
 
-/// As [`presented`], with what `over` has drawn over it.
+/// As [`presented`], with the drawing of `over` on top.
 fn presented_under(
     gpu: &Gpu,
     image: &Image,
@@ -55,7 +55,7 @@ fn presented_under(
     read.get_mapped_range(..).unwrap().to_vec()
 }
 
-/// Every byte value, halves between them, and what lies outside 0 to 1.
+/// Every byte value, halves between them, and values outside 0 to 1.
 fn ramp() -> Image {
     let value = |k: u32| (k as f32 / 2.0 - 8.0) / 255.0;
     let rgba = (0..64 * 9).flat_map(|k| [value(k), value(576 - k), 0.2, 0.5]).collect();
@@ -132,7 +132,7 @@ fn a_vignette_darkens_the_edge_and_leaves_what_is_looked_at() {
     assert_eq!(pixel(&whole, 24), [255; 4], "straight ahead");
     assert_eq!(pixel(&whole, 30), [255; 4], "17 degrees off");
     assert_eq!(pixel(&whole, 60), [0, 0, 0, 255], "61 degrees off");
-    // In linear light half is left, which the curve stores as 188.
+    // In linear light half is left. The curve stores it as 188.
     assert!(pixel(&half, 60)[..3].iter().all(|b| b.abs_diff(188) <= 1), "{:?}", pixel(&half, 60));
     let across: Vec<u8> = (24..64).map(|x| pixel(&whole, x)[0]).collect();
     assert!(across.is_sorted_by(|a, b| a >= b), "{across:?}");

@@ -15,7 +15,7 @@ fn keeps_its_promises(name: &str, blobs: &[Blob], camera: &Camera) {
     promises_are_kept(name, &scene, &appearance, camera);
 }
 
-/// Checks both promises and prints what was measured.
+/// Checks both promises and prints the measurements.
 pub(crate) fn promises_are_kept(name: &str, scene: &Scene, appearance: &Appearance, camera: &Camera) {
     let exact = render(scene, appearance, camera, Exact).unwrap();
     assert!(exact.image.rgba.iter().all(|x| x.is_finite()), "{name}");

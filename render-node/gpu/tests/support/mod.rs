@@ -1,8 +1,8 @@
-//! What tests of drawing share.
+//! Shared parts of the tests of drawing.
 
 use sg_gpu::{DeviceClass, Gpu};
 
-/// The device that tests draw with: `None`, said loudly, on a machine without one, unless it is required.
+/// The device that tests draw with. On a machine without one: `None` and a message, unless it is required.
 pub(crate) fn device() -> Option<Gpu> {
     match Gpu::open(DeviceClass::Any) {
         Ok(gpu) => Some(gpu),

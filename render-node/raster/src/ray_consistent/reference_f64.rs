@@ -72,7 +72,7 @@ pub(crate) struct Layer {
     pub(crate) item: u32,
 }
 
-/// Fills `layers` with what lies along the ray through pixel coordinates, near to far. `list` is in index order.
+/// Fills `layers` with the layers along the ray through pixel coordinates, near to far. `list` is in index order.
 pub(crate) fn layers_at(bounded: &[Bounded], list: &[u32], pixel: DVec2, layers: &mut Vec<Layer>) {
     layers.clear();
     for (item, Bounded { splat, limit, .. }) in list.iter().filter_map(|k| Some((*k, bounded.get(*k as usize)?))) {

@@ -149,7 +149,7 @@ impl Narrow {
         }
     }
 
-    /// Depths and opacities along eight rays of a row of the tile, from a column on; `None` where it is drawn on none.
+    /// Depths and opacities along eight rays of a row of the tile, from a column on. `None` if it is drawn on none.
     fn meet(&self, row: usize, column: usize) -> Option<([f32; LANES], [f32; LANES])> {
         let (row, column) = (row as f32, column as f32);
         let lanes = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
@@ -202,8 +202,8 @@ impl<const WINDOW: usize> Pixel<WINDOW> {
         (self.transmittance, self.through) = (1.0, 1.0);
     }
 
-    /// Takes one more layer up, behind those of equal depth; blends the nearest where there is no room. Behind all that wait,
-    /// where less than `stop` is seen through them, a layer would only take a nearer one's place.
+    /// Takes one more layer up, behind those of equal depth. If there is no room, it blends the nearest. If less than `stop` is
+    /// seen through all waiting layers, a layer behind them would only take a nearer one's place.
     fn push(&mut self, depth: f32, alpha: f32, item: u32, (list, stop): (&[Narrow], f32)) {
         let deepest = self.waiting[(self.first + self.count.max(1) - 1) % WINDOW].0;
         if self.through < stop && self.count > 0 && depth >= deepest {
@@ -272,7 +272,7 @@ fn tile<const WINDOW: usize>(
     for (row, out) in pixels.chunks_mut(TILE).enumerate() {
         line.iter_mut().for_each(Pixel::clear);
         for (item, splat) in list.iter().enumerate() {
-            // Once for several Gaussians: what lies before all that come is blended, and a row may be finished.
+            // Once for several Gaussians: layers before all coming ones are blended, and a row may be finished.
             if item % 8 == 0 {
                 line.iter_mut().for_each(|p| p.pop_before(splat.nearest, &list));
                 if line.iter().all(|p| p.transmittance < stop) {

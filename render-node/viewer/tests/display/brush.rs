@@ -1,4 +1,4 @@
-//! Strokes of a hand: what is seen in the same frame, and what is told.
+//! Strokes of a hand: the feedback in the same frame, and the messages sent.
 
 use std::sync::Arc;
 
@@ -54,7 +54,7 @@ fn tools(scene: &Scene, mode: BrushMode) -> Tools {
 
 #[test]
 fn a_brush_over_a_surface_reaches_only_so_far_behind_it() {
-    // Seen along the row: what is behind is further along.
+    // Seen along the row: Gaussians behind are further along.
     let scene = row_of_gaussians(10);
     let mut hand = hand(&scene);
     let radius = 3.5 / scene.bounds.longest_edge();

@@ -1,4 +1,4 @@
-//! What a display does beside drawing: brushes, drafts, levels.
+//! The work of a display beside drawing: brushes, drafts, levels.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -18,7 +18,7 @@ use crate::brush::row_of_gaussians;
 
 pub(crate) const FIRST: WalkTuning = WalkTuning { leak: 0.03, threshold: 1e-12 };
 
-/// A scene in which these steps were taken, as a service tells of it that does walks with `FIRST`.
+/// A scene in which these steps were taken, as reported by a service that does walks with `FIRST`.
 pub(crate) fn after_steps(scene: &Arc<Scene>, steps: Vec<Step>) -> ViewState {
     let steps = steps.into_iter().map(|step| SelectionStep { step: Some(step) }).collect();
     let mask = Some(encode_mask(&Mask::from_fn(scene.len(), |i| i < 2)));
@@ -71,7 +71,7 @@ fn what_a_hand_makes_is_tried_and_then_one_step() {
     let Some(Request::Select(asked)) = drag.release(shown.scene.revision()) else { panic!("nothing is taken") };
     assert_eq!(asked.steps, [SelectionStep { step: Some(Step::Tuning(both)) }]);
     assert!(!asked.restart && asked.strokes.is_empty());
-    // It shows until the scene tells of something.
+    // It shows until the scene reports a change.
     assert_eq!(drag.tuning(&shown), Some(both));
     let newer = shown
         .scene

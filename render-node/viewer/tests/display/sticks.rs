@@ -1,4 +1,4 @@
-//! What sticks do in the room, before and after a walk.
+//! The effects of sticks in the room, before and after a walk.
 
 use std::sync::Arc;
 
@@ -89,7 +89,7 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     let [Request::Select(asked)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
     assert_eq!(asked.steps.first().and_then(|s| s.step.clone()), Some(Step::Tuning(newest)));
     assert_eq!(room.frame(DVec2::ZERO, DVec2::ZERO, PanelCapture::default()).requests, []);
-    // The other hand has the width, and says aside which of the two numbers it is.
+    // The other hand has the width, and a sideways push chooses one of the two numbers.
     room.frame(UP, DVec2::ZERO, PanelCapture::default());
     assert!(room.tools.radius > radius);
     room.frame(DVec2::X, DVec2::ZERO, PanelCapture::default());

@@ -25,7 +25,7 @@ fn edges_of_the_field_of_view_are_edges_of_the_picture() {
     assert!(camera.check("eye").is_err());
 }
 
-/// Whether a ray from the eye to one of many places of a rectangle is within what it sees.
+/// Whether a ray from the eye to one of many places of a rectangle is within the eye's view.
 fn sees_a_place_of(eye: &Eye, rectangle: &Rectangle) -> bool {
     let places = (0..=8).flat_map(|x| (0..=8).map(move |y| DVec2::new(f64::from(x) / 8.0, f64::from(y) / 8.0)));
     places.map(|at| eye.pose.orientation.inverse() * (rectangle.point(at) - eye.pose.position)).any(|at| {

@@ -106,7 +106,7 @@ proptest! {
     fn taking_hold_and_letting_go_never_jumps(hands in prop::collection::vec((hand(), hand()), 1..30)) {
         let mut scene = scene();
         for (left, right) in hands {
-            // Whatever was held before: hands open and close where they now are, and nothing moves.
+            // The earlier grips do not matter: hands open and close in place, and nothing moves.
             scene.step(&[left, right], [true; 2], STILL, 0.01);
             let before = scene.placement();
             for (l, r) in [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (0.0, 0.0)] {
@@ -249,7 +249,7 @@ fn the_vignette_comes_with_motion_around_the_head_and_goes_with_it() {
     assert_eq!(strengths[0], 0.0, "where a scene stands at first it has not moved to");
     assert!(strengths[89] > 0.9 && strengths[179] == 0.0, "{} {}", strengths[89], strengths[179]);
     assert!(strengths.windows(2).all(|w| (w[1] - w[0]).abs() <= 1.0 / 90.0 / 0.3 + 1e-12), "it never flashes");
-    // A jump is no motion, and neither is what is no number.
+    // A jump is no motion, and neither is NaN.
     comfort.step(&placement.turned(head.position, DVec3::Y, 0.5), &head, true, 1.0 / 90.0);
     assert_eq!(comfort.step(&Placement { scale: f64::NAN, ..placement }, &head, false, 1.0 / 90.0), 0.0);
     assert_eq!(comfort.step(&placement, &head, false, f64::NAN), 0.0);

@@ -1,4 +1,4 @@
-//! Hands without controllers: made joints, and what they are taken for.
+//! Hands without controllers: made joints, and their interpretation.
 
 use glam::DVec3;
 use sg_viewer::hands::{BareHand, HandInput, JOINTS, Joints, Pose};
@@ -9,7 +9,7 @@ const WRIST: usize = 1;
 const THUMB_TIP: usize = 5;
 const INDEX_TIP: usize = 10;
 
-/// A right hand at the origin, palm down, fingers along −z: bent by so much of a right angle at each of their joints.
+/// A right hand at the origin, palm down, fingers along −z. Each joint is bent by this share of a right angle.
 fn hand(bend: f64, apart: f64) -> Joints {
     let mut joints: Joints = [None; JOINTS];
     let mut put = |k: usize, position: DVec3| joints[k] = Some(Pose { position, ..Pose::IDENTITY });
@@ -56,7 +56,7 @@ fn a_pinch_is_a_pulled_trigger_that_does_not_flicker() {
     let apart = at(0.035);
     assert!(!apart.click && apart.trigger < 0.4);
     assert!(!at(0.027).click);
-    // What it points at stays while the fingers close.
+    // The aim stays while the fingers close.
     assert_eq!(at(0.010).aim, at(0.08).aim);
 }
 

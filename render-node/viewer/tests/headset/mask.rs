@@ -1,4 +1,4 @@
-//! What lenses hide is not drawn, and what they show is drawn as ever.
+//! Pixels that lenses hide are not drawn, and visible pixels are drawn as ever.
 
 use glam::{DQuat, DVec2, DVec3, Vec2};
 use sg_gpu::{DeviceClass, Gpu, Options, Rasterizer, Renderer, Settings};
@@ -22,7 +22,7 @@ fn device() -> Option<Gpu> {
     }
 }
 
-/// The four corners of an eye's picture, as lenses hide them; what is left is an octagon.
+/// The four corners of an eye's picture, as lenses hide them. The rest is an octagon.
 fn corners(share: f64) -> Vec<[DVec2; 3]> {
     let corner = |x: f64, y: f64| {
         let inward = |at: f64| if at > 0.5 { at - share } else { at + share };
@@ -31,7 +31,7 @@ fn corners(share: f64) -> Vec<[DVec2; 3]> {
     [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| corner(x, y)).into()
 }
 
-/// Whether a pixel is hidden by one of the triangles, and whether that can be told: its middle is not on an edge.
+/// Whether one of the triangles hides a pixel, and whether the answer is certain: its middle is not on an edge.
 fn hidden(triangles: &[[DVec2; 3]], x: u32, y: u32) -> Option<bool> {
     let size = DVec2::new(SIZE[0].into(), SIZE[1].into());
     let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -135,7 +135,7 @@ fn compare(whole: &Image, masked: &Image, mesh: &[[DVec2; 3]], background: glam:
     assert!(left > 1000 && drawn > 500, "the scene is not where the mask is: {left}, {drawn}");
 }
 
-/// What a mask costs and spares, in seconds for a pair of pictures. Run by hand.
+/// The cost and the saving of a mask, in seconds for a pair of pictures. Run by hand.
 #[test]
 #[ignore = "a measurement"]
 fn what_a_mask_spares() {
@@ -152,7 +152,7 @@ fn what_a_mask_spares() {
         let shares = [0.0, 0.1, 0.3, 0.5];
         let mut seconds = [const { Vec::new() }; 4];
         for _ in 0..7 {
-            // One after another, so that whatever else the machine does falls on all alike.
+            // One after another, so that other load of the machine falls on all alike.
             for (k, share) in shares.into_iter().enumerate() {
                 let mesh: Vec<[Vec2; 3]> = corners(share).iter().map(|t| t.map(DVec2::as_vec2)).collect();
                 let mesh = if share > 0.0 { &mesh[..] } else { &[] };

@@ -1,7 +1,7 @@
 //! A real OpenXR runtime for tests: Monado with scripted head and controllers, in a room of its own.
 //!
-//! A program can only talk to it from within the folder that `ops/monado.sh` made, with its libraries: a test runs itself
-//! anew in there.
+//! A program can only talk to it from within the folder that `ops/monado.sh` made, with its libraries. So a test runs itself anew
+//! in there.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -19,7 +19,7 @@ const INSIDE: &str = "SUPERGAUSSIAN_TEST_INSIDE_MONADO";
 /// Longest wait for a service to start.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The folder with the runtime; `None`, said loudly, without one, unless it is required.
+/// The folder with the runtime. Without one: `None` and a message, unless it is required.
 pub(crate) fn folder() -> Option<PathBuf> {
     let folder = std::env::var_os("SUPERGAUSSIAN_MONADO").map(PathBuf::from);
     let there = folder.filter(|f| f.join("run").exists());
@@ -59,20 +59,20 @@ pub(crate) fn run_inside_beside(name: &str, screen: Option<&Screen>) {
 /// Waits until no other test of this machine has a runtime with scripted devices: they listen on a port.
 pub(crate) fn alone() -> File {
     let lock = File::create(std::env::temp_dir().join("supergaussian-monado.lock"));
-    // Somebody else's file can be locked all the same.
+    // A file of another user can be locked all the same.
     let lock = lock.or_else(|_| File::open(std::env::temp_dir().join("supergaussian-monado.lock"))).unwrap();
     lock.lock().unwrap();
     lock
 }
 
-/// A folder for what a runtime and its programs have in common.
+/// A folder that a runtime and its programs share.
 pub(crate) fn room() -> tempfile::TempDir {
     let room = tempfile::tempdir().unwrap();
     std::fs::set_permissions(room.path(), std::fs::Permissions::from_mode(0o700)).unwrap();
     room
 }
 
-/// Whether this is such a run; who runs ignored tests by hand is told how.
+/// Whether this is such a run. A run of ignored tests by hand prints the instructions.
 pub(crate) fn is_inside() -> bool {
     let inside = std::env::var_os(INSIDE).is_some();
     if !inside {
@@ -91,7 +91,7 @@ impl Drop for Running {
     }
 }
 
-/// What a display is.
+/// The kind of display.
 pub(crate) enum Display<'a> {
     /// None: pictures are taken and thrown away, 20 in a second.
     None,
@@ -112,7 +112,7 @@ impl Runtime {
 
     /// As [`Self::start`], for programs whose `XDG_RUNTIME_DIR` is this.
     pub(crate) fn start_in(display: &Display<'_>, room: &Path) -> Self {
-        // What a service that was killed leaves behind.
+        // Files that a killed service leaves behind.
         for left in ["monado_comp_ipc", "monado.pid"] {
             let _ = std::fs::remove_file(room.join(left));
         }
@@ -167,7 +167,7 @@ impl Runtime {
     }
 }
 
-/// An X server without a screen, whose picture is a file.
+/// An X server without a screen. Its picture is a file.
 pub(crate) struct Screen {
     _server: Running,
     number: u32,
@@ -192,13 +192,13 @@ impl Screen {
         Self { _server: Running(server), number: number.trim().parse().unwrap(), folder }
     }
 
-    /// What is on it: width, height, and RGB row by row.
+    /// The picture on it: width, height, and RGB row by row.
     pub(crate) fn picture(&self) -> (u32, u32, Vec<u8>) {
         xwd(&self.folder.path().join("Xvfb_screen0"))
     }
 }
 
-/// Whether there is a runtime to test with; said loudly where there is none.
+/// Whether there is a runtime to test with. Prints a message if there is none.
 pub(crate) fn is_there() -> bool {
     folder().is_some()
 }
@@ -228,7 +228,7 @@ pub(crate) struct Controller {
     pub(crate) b: bool,
     /// Whether it is held at all.
     pub(crate) active: bool,
-    /// How far all fingers are bent, 0 to 1; `None` where nobody sees them.
+    /// The bend of all fingers, 0 to 1; `None` where the runtime does not see them.
     pub(crate) curl: Option<f32>,
 }
 

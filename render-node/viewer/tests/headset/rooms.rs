@@ -35,14 +35,14 @@ struct Person {
     service: Backend,
     puppet: Puppet,
     asked: Vec<Request>,
-    /// What the hands did in the newest frame.
+    /// The hands' actions in the newest frame.
     hands: [sg_viewer::hands::HandInput; 2],
     /// Frames whose depths were handed in.
     depths: u32,
 }
 
 impl Person {
-    /// Makes frames until `done` says so after one that was shown.
+    /// Makes frames until `done` holds after one that was shown.
     fn until(&mut self, what: &str, mut done: impl FnMut(&Self) -> bool) {
         let begun = Instant::now();
         loop {
@@ -104,7 +104,7 @@ impl Person {
         self.until("a trigger", |p| (p.hands[k].trigger - f64::from(pulled)).abs() < 0.05);
     }
 
-    /// Draws a stroke between two places of the room; it, as the seat was asked for it.
+    /// Draws a stroke between two places of the room. Returns the stroke as requested.
     fn stroke(&mut self, side: Side, from: DVec3, to: DVec3) -> Stroke {
         self.asked.clear();
         self.reach(side, from);
@@ -127,7 +127,7 @@ impl Person {
         let on = place.point(DVec2::new(f64::from(at.x / size.x), f64::from(at.y / size.y)));
         let from = on + 0.4 * (place.pose.orientation * DVec3::Z);
         self.aim(Side::Right, from, on - from);
-        // egui knows what is under the pointer one frame after it came there.
+        // egui knows the widget under the pointer one frame after the pointer came there.
         let mut frames = 0;
         self.until("two frames", |_| {
             frames += 1;
@@ -138,12 +138,12 @@ impl Person {
     }
 }
 
-/// Where a control of a panel is, in points, as it is drawn in a headset.
+/// The position of a control of a panel, in points, as it is drawn in a headset.
 fn place_of(panel: Panel, shown: &ViewState, tools: &Tools, typing: bool, label: &str) -> egui::Pos2 {
     place_under(panel, shown, tools, (typing, None), label)
 }
 
-/// The same once what is folded under another label was unfolded.
+/// The same after the part folded under another label was unfolded.
 fn place_under(
     panel: Panel,
     shown: &ViewState,
@@ -176,7 +176,7 @@ fn shown_of(scene: &Scene) -> ViewState {
     ViewState { services, undo: Arc::from(["a stroke".to_owned()]), ..ViewState::of(state) }
 }
 
-/// The same after a walk, with places of the scene's box where a next stroke would tell most.
+/// The same after a walk, with the most informative places of the scene's box for a next stroke.
 fn with_proposals(shown: &ViewState, scene: &Arc<Scene>, places: &[[f64; 3]]) -> ViewState {
     let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
     let stroke = Stroke { mode, kind, radius: 0.1, points: vec![0.5; 3], pressure: Vec::new(), depth: None };
@@ -314,7 +314,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     assert_eq!(person.stroke(Side::Right, a, b).mode(), StrokeMode::Cluster);
     person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
 
-    // The other palm turned to the eyes has a menu below it, which needs no button and does not hide with the panels.
+    // The other palm turned to the eyes has a menu below it. The menu needs no button and does not hide with the panels.
     assert_eq!(person.room.panel(Panel::Wrist), None);
     let (at, eyes) = (DVec3::new(-0.15, 1.35, -0.4), DVec3::new(0.0, 1.6, 0.0));
     person.puppet.left.position = at.as_vec3().to_array();
@@ -367,7 +367,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.until("an inversion", |p| p.asked.iter().any(|r| matches!(r, Request::Select(s) if !s.steps.is_empty())));
     assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "{:?}", person.asked);
 
-    // Places for a next stroke hang as discs where they are, and one that is chosen stands out; the scene stays where it is.
+    // Places for a next stroke hang as discs at their positions, and a chosen one stands out. The scene does not move.
     let stands = person.room.placement();
     let proposed = with_proposals(&selected, &scene, &[[0.2, 0.5, 0.5], [0.9, 0.1, 0.4]]);
     person.service.writer.update(|shown| *shown = proposed.clone());
@@ -392,8 +392,8 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.service.writer.update(|shown| *shown = selected.clone());
     person.until("no marks", |p| p.room.markers().is_empty());
 
-    // A scene that changes in every frame has one panel laid out in a frame, each in its turn, and what changed nothing that it
-    // shows draws none; at rest all are as they are.
+    // A scene that changes in every frame has one panel laid out a frame, each in its turn. A change that a panel does not show
+    // draws none. At rest all panels are up to date.
     person.aim(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5), DVec3::Y);
     let counts = |p: &Person| [Panel::Scene, Panel::Select].map(|panel| p.room.counts(panel).unwrap());
     let mut frames = 0_u64;
@@ -403,7 +403,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
             begun = counts(p);
         }
         frames += 1;
-        // Another scene in which nothing is different, as far as anybody sees.
+        // Another scene without any visible difference.
         p.service.writer.update(|shown| shown.scene = Arc::new(EditState::clone(&shown.scene)));
         frames == 34
     });

@@ -1,4 +1,4 @@
-//! What a person sees: the runtime's composited picture of a real scene and a panel, against one that was looked at.
+//! A person's view: the runtime's composited picture of a real scene and a panel, against one that was looked at.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -114,7 +114,7 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
     compare(&committed, &rgb);
 }
 
-/// A window shows on the headset's own device what the headset does.
+/// A window shows the headset's content on the headset's own device.
 #[test]
 fn a_window_mirrors_the_headset() {
     if !is_there() {
@@ -203,8 +203,8 @@ pub(crate) fn write(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) {
     encoder.write_header().unwrap().write_image_data(rgb).unwrap();
 }
 
-/// Whether the picture is the committed one: of all numbers the mean difference at most 1 of 255, and no more than one in a
-/// hundred off by more than 12. Drivers round differently, and the runtime warps a picture to the newest head pose.
+/// Whether the picture is the committed one. The mean difference over all numbers is at most 1 of 255. At most one number in a
+/// hundred is off by more than 12. Drivers round differently, and the runtime warps a picture to the newest head pose.
 pub(crate) fn compare(committed: &Path, rgb: &[u8]) {
     let mut reader =
         png::Decoder::new(std::io::BufReader::new(std::fs::File::open(committed).unwrap())).read_info().unwrap();

@@ -11,7 +11,7 @@ use crate::monado::{Display, Puppet, Runtime, is_inside, run_inside};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Makes frames until `done` says so of one that was shown.
+/// Makes frames until `done` accepts one that was shown.
 fn until(headset: &mut Headset, what: &str, mut done: impl FnMut(&mut Frame<'_>) -> bool) {
     let begun = Instant::now();
     let mut finished = false;
@@ -57,7 +57,7 @@ fn inside_a_scene_is_seen_held_and_scaled() {
     println!("controllers {:?}", headset.controllers());
     assert!(headset.controllers().iter().all(|c| c.as_deref().is_some_and(|c| c.contains("index"))));
 
-    // The head is where it was put, the eyes an eye's distance apart, both looking ahead.
+    // The head is at its given place. The eyes are an eye's distance apart, both looking ahead.
     until(&mut headset, "the head", |f| f.head.position.distance(DVec3::new(0.0, 1.6, 0.0)) < 1e-3);
     until(&mut headset, "eyes", |frame| {
         let [left, right] = frame.eyes;
@@ -71,7 +71,7 @@ fn inside_a_scene_is_seen_held_and_scaled() {
         true
     });
 
-    // Whatever lenses hide lies at the pictures' edges: straight ahead is seen.
+    // Lenses hide only the pictures' edges: straight ahead is visible.
     until(&mut headset, "what lenses hide", |frame| {
         let (version, eyes) = frame.hidden();
         println!("hidden: {:?} triangles of the eyes, change {version}", eyes.each_ref().map(Vec::len));
@@ -138,7 +138,7 @@ fn inside_a_scene_is_seen_held_and_scaled() {
     let way = carried.to_room(DVec3::ZERO) - kept.to_room(DVec3::ZERO);
     assert!(way.distance(DVec3::new(0.1, -0.2, 0.2)) < 1e-3, "{way}");
 
-    // It ends when it is asked to.
+    // It ends on request.
     headset.leave();
     let begun = Instant::now();
     while headset.frame(|_| Ok::<(), XrError>(())).unwrap() != FrameOutcome::Ended {
@@ -188,7 +188,7 @@ fn inside_a_board_is_pointed_at_pressed_and_scrolled() {
         });
         (draws, scrolled)
     };
-    // The Index's pointer looks down from the hand; what the ray hits decides where the hand goes.
+    // The Index's pointer looks down from the hand. The hit of the ray decides the hand's next place.
     let aim = std::cell::Cell::new(None);
     until(&mut headset, "an aim", |f| {
         aim.set(f.hands[1].aim.zip(f.hands[1].grip));
@@ -389,7 +389,7 @@ fn inside_a_lost_device_is_opened_again_with_its_session() {
     headset.leave();
 }
 
-/// Outside Monado's folder there is usually no headset; what is missing is said, and what to do.
+/// Outside Monado's folder there is usually no headset. The message names the missing part and the remedy.
 #[test]
 fn what_is_missing_is_said_in_a_line() {
     match Headset::open(Options::default()) {

@@ -17,7 +17,7 @@ fn eye(camera: &Camera, right: f64, turn: f64) -> Camera {
     Camera { world_to_camera: moved.transpose().to_cols_array(), ..camera.clone() }
 }
 
-/// Both eyes in one pass see what each sees in its own.
+/// Both eyes in one pass get the same pictures as each in its own.
 #[test]
 fn both_eyes_together_are_each_by_itself() {
     run_inside("together::inside_both_eyes_together_are_each_by_itself");
@@ -60,7 +60,7 @@ fn agree(gpu: &Gpu, scene: &Scene, (eyes, canted): (&[Camera; 2], &[Camera; 2]),
         );
         let pictures =
             |renderer: &mut Renderer, eyes: &[Camera]| renderer.picture(eyes, &appearance, settings).unwrap().0;
-        // A picture of one eye in between: what is bound for two must not be taken for it.
+        // A picture of one eye in between: targets for two eyes must not be confused with it.
         let parallel = pictures(&mut renderer, eyes);
         let one = pictures(&mut renderer, &eyes[1..]);
         let canted = pictures(&mut renderer, canted);

@@ -148,7 +148,7 @@ pub(crate) fn cut_text(harness: &Harness<'_, Stage>) -> Vec<String> {
     cut
 }
 
-/// Text whose colour does not stand out from what it was drawn on; what is switched off may be fainter.
+/// Text whose colour does not stand out from its background. Text of a disabled control may be fainter.
 pub(crate) fn faint_text(harness: &Harness<'_, Stage>, picture: &Picture) -> Vec<String> {
     let mut faint = Vec::new();
     for shape in &harness.output().shapes {

@@ -1,4 +1,4 @@
-//! What a frame of a panel costs the loop that draws.
+//! The cost of a panel's frame for the loop that draws.
 
 use std::sync::Arc;
 use std::time::Instant;

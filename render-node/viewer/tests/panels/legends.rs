@@ -1,4 +1,4 @@
-//! The tool legend and the lines that say what went wrong.
+//! The tool legend and the lines that report errors.
 
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -17,7 +17,7 @@ fn the_legend_says_what_each_button_does_now() {
     }
 }
 
-/// What stands on a display beside its panels, for somebody to look at.
+/// The parts of a display beside its panels, for a person to look at.
 #[test]
 fn the_legend_and_the_lines_fit_a_narrow_place() {
     let mut stage = Stage::new(Panel::Scene);

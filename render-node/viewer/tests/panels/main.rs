@@ -1,4 +1,4 @@
-//! Panels: what each control asks for, how text can be read, and how they look.
+//! Panels: the requests of each control, the legibility of text, and their look.
 
 #![allow(
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! Whatever is pressed: only what the services offer is asked for, and the scene's owner takes it.
+//! Random presses: the panels ask only for requests that the services offer, and the scene's owner accepts them.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use sg_viewer::panels::{DisplayAction, Draft, Output, Panel};
 
 use crate::stage::{Stage, harness, press, scene};
 
-/// Presses, drags, scrolls and types at random; what came out.
+/// Presses, drags, scrolls and types at random. Returns the outputs.
 fn play(harness: &mut Harness<'_, Stage>, random: &mut ChaCha8Rng) -> Vec<Output> {
     let size = harness.ctx.content_rect().size();
     let control = |role: Role| matches!(role, Role::Button | Role::CheckBox | Role::Slider | Role::TextInput);
@@ -56,7 +56,7 @@ fn play(harness: &mut Harness<'_, Stage>, random: &mut ChaCha8Rng) -> Vec<Output
     std::mem::take(&mut harness.state_mut().asked)
 }
 
-/// What the scene's owner would make of a change; refusals that a person can do nothing about are a fault of the panel.
+/// The scene owner's answer to a change. A refusal that a person can do nothing about is a fault of the panel.
 fn take(harness: &mut Harness<'_, Stage>, scene: &Arc<Scene>, action: &Action) {
     let shown = &mut harness.state_mut().shown;
     match shown.scene.after(scene, action.clone()) {
@@ -64,7 +64,7 @@ fn take(harness: &mut Harness<'_, Stage>, scene: &Arc<Scene>, action: &Action) {
             shown.scene = Arc::new(state);
             shown.selected = Arc::clone(shown.scene.selection().mask());
         }
-        // A state alone knows no history; whoever has it does.
+        // A state alone knows no history; the scene's owner does.
         Err(EditError::NothingToUndo | EditError::NothingToRedo) => {}
         // Names are the person's own, and nothing may be left to look at.
         Err(EditError::NameTaken(_) | EditError::BaseUnit { .. } | EditError::NothingToSee(_)) => {}
@@ -144,7 +144,7 @@ fn a_control_shows_what_the_hand_makes_of_it_until_the_scene_tells_of_it() {
     let mut drafts = Drafts::default();
     let value =
         |panel: &Harness<'_, Stage>| panel.get_by_label("opacity of vessel").accesskit_node().numeric_value().unwrap();
-    // One turn of a display's loop: draw, pass on what is under the hand, show the scene with it.
+    // One turn of a display's loop: draw, pass on the draft under the hand, show the scene with it.
     let mut turn = |panel: &mut Harness<'_, Stage>| {
         panel.step();
         let mut asked = Vec::new();

@@ -11,7 +11,7 @@ use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 
 use crate::stage::Stage;
 
-/// The textures that a context has asked for so far.
+/// The textures that a context has requested so far.
 #[derive(Clone, Default)]
 pub(crate) struct Textures(Rc<RefCell<TexturesDelta>>);
 
@@ -63,7 +63,7 @@ pub(crate) struct Canvas {
 }
 
 impl Canvas {
-    /// The software device, else any: `None`, said loudly, on a machine without one, unless it is required.
+    /// The software device, else any. On a machine without one: `None` and a message, unless it is required.
     pub(crate) fn open() -> Option<Self> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
@@ -79,7 +79,7 @@ impl Canvas {
         Some(Self { device, queue })
     }
 
-    /// Draws what a harness shows now.
+    /// Draws the current content of a harness.
     pub(crate) fn draw(&self, harness: &Harness<'_, Stage>) -> Picture {
         let format = wgpu::TextureFormat::Rgba8Unorm;
         let mut renderer = Renderer::new(&self.device, format, RendererOptions::PREDICTABLE);

@@ -1,4 +1,4 @@
-//! Scene control: what each control asks for, and what is not drawn.
+//! Scene control: the requests of each control, and the controls that are not drawn.
 
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -36,7 +36,7 @@ pub(crate) fn changes(output: &[Output]) -> Vec<Action> {
     output.iter().flat_map(|o| &o.requests).map(of).collect()
 }
 
-/// What pressing this asks for.
+/// The request of a press on this.
 #[track_caller]
 fn asks(harness: &mut Harness<'_, Stage>, label: &str) -> Action {
     harness.state_mut().asked.clear();
@@ -50,7 +50,7 @@ fn named(name: &str) -> Option<Target> {
     Some(Target { units: vec![name.to_owned()], ..Target::default() })
 }
 
-/// Drags from the middle of what has this label to a share of its width, in steps; what came out of each frame.
+/// Drags from the middle of the widget with this label to a share of its width, in steps. Returns the requests of each frame.
 fn drag(harness: &mut Harness<'_, Stage>, label: &str, to: f32) -> Vec<Output> {
     let rect = harness.get_by_label(label).rect();
     harness.state_mut().asked.clear();
@@ -171,7 +171,7 @@ fn a_locked_unit_is_left_alone() {
     press(&mut panel, "Remove name (keeps splats)");
     press(&mut panel, "rename");
     assert_eq!(panel.state().asked, []);
-    // What does not change it still works, as does another unit.
+    // Actions that do not change it still work, as does another unit.
     assert!(matches!(asks(&mut panel, "select"), Action::Select(_)));
     assert!(matches!(asks(&mut panel, "hide neck"), Action::SetVisibility(_)));
     press(&mut panel, "unlock sac");

@@ -20,7 +20,7 @@ fn prompt() -> Harness<'static, Stage> {
     harness(Stage::new(Panel::Select))
 }
 
-/// What pressing this asks of the selection.
+/// The request to the selection of a press on this.
 #[track_caller]
 fn asks(harness: &mut Harness<'_, Stage>, label: &str) -> StrokesRequest {
     harness.state_mut().asked.clear();
@@ -86,7 +86,7 @@ fn operations_are_steps_of_the_selection() {
     assert!(matches!(of("fill holes"), (Operation::FillHoles(h), Combine::Unspecified) if h.most == 100));
     assert!(matches!(of("add similar"), (Operation::Similar(s), Combine::Add) if s.threshold == 2.0));
 
-    // Of nothing there is nothing to grow, but what is not selected can be.
+    // An empty selection cannot grow, but it can be inverted.
     panel.state_mut().shown.selected = Arc::new(Mask::empty(1000));
     panel.state_mut().asked.clear();
     for label in ["clear", "largest piece", "grow", "shrink", "fill holes", "add similar"] {
@@ -219,7 +219,7 @@ fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
     }
     panel.state_mut().walk();
     panel.run();
-    // In a room the section is folded until somebody wants it.
+    // In a room the section is folded until a person opens it.
     assert!(panel.query_by_label("Reach").is_none());
     press(&mut panel, "Reach and Strictness");
     for (label, leak) in [("Reach", true), ("Strictness", false)] {
@@ -252,7 +252,7 @@ fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
     let mut panel = prompt();
     panel.state_mut().walk();
     panel.run();
-    // In a room the section is folded until somebody wants it.
+    // In a room the section is folded until a person opens it.
     assert!(panel.query_by_label("Reach").is_none());
     press(&mut panel, "Reach and Strictness");
     let slider = panel.get_by_label("Reach").rect();
@@ -267,7 +267,7 @@ fn places_for_a_next_stroke_are_asked_for_and_looked_at() {
     let mut panel = prompt();
     panel.state_mut().walk();
     panel.run();
-    // In a room the section is folded until somebody wants it.
+    // In a room the section is folded until a person opens it.
     assert!(panel.query_by_label("Reach").is_none());
     press(&mut panel, "Reach and Strictness");
     press(&mut panel, "where to brush next?");

@@ -100,17 +100,17 @@ pub(crate) fn shown() -> ViewState {
     }
 }
 
-/// What a test's panel works on.
+/// The surroundings of a test's panel.
 pub(crate) struct Stage {
     pub(crate) panels: Panels,
     pub(crate) shown: ViewState,
     pub(crate) tools: Tools,
-    /// All that was asked for, oldest first.
+    /// All requests, oldest first.
     pub(crate) asked: Vec<Output>,
     pub(crate) show: Vec<Panel>,
-    /// Height of its panels, where that is not their own.
+    /// Height of its panels, if not their own.
     pub(crate) height: Option<f32>,
-    /// Width of its panels, where that is not their own.
+    /// Width of its panels, if not their own.
     pub(crate) width: Option<f32>,
     /// Whether the legend and the notices are shown too.
     pub(crate) beside: bool,
@@ -145,7 +145,7 @@ impl Stage {
         }
     }
 
-    /// The selection is one of a walk, and where to brush next has been asked for.
+    /// The selection is one of a walk, and the next places to brush have been requested.
     pub(crate) fn walk(&mut self) {
         let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
         let stroke = Stroke { mode, kind, radius: 0.02, points: vec![0.5; 3], pressure: Vec::new(), depth: None };
@@ -216,7 +216,7 @@ pub(crate) fn harness(stage: Stage) -> Harness<'static, Stage> {
         )
 }
 
-/// Presses what has this label and lets the panels come to rest.
+/// Presses the widget with this label and lets the panels come to rest.
 pub(crate) fn press(harness: &mut Harness<'_, Stage>, label: &str) {
     harness.get_by_label(label).click();
     harness.run();

@@ -1,4 +1,4 @@
-//! Letters: the virtual keyboard, the field that they go to, and what is said to the agents.
+//! Letters: the virtual keyboard, the field that they go to, and the messages to the agents.
 
 use egui_kittest::kittest::Queryable;
 use sg_proto::scene::command::Action;
@@ -109,7 +109,7 @@ fn a_conversation_is_read_gone_on_with_and_stopped() {
     assert_eq!(panel.state().asked, []);
     panel.key_press(egui::Key::Enter);
     panel.run();
-    // The field still has the letters of whoever goes on.
+    // The field still has the letters for a person who goes on typing.
     panel.get_by_label("say").type_text("and the neck");
     panel.run();
     press(&mut panel, "send");

@@ -1,4 +1,4 @@
-//! The window's content without a window: what files that are dropped, and drags of the mouse, ask for.
+//! The window's content without a window: the requests of dropped files and of drags of the mouse.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -89,7 +89,7 @@ fn the_list_of_shortcuts_stays_within_a_small_window() {
             let rects: Vec<_> = harness.get_all_by_label(seen).map(|n| n.rect()).collect();
             assert!(rects.iter().all(|r| window.contains_rect(*r)), "{seen} at {rects:?} of {size:?}");
         }
-        // All of it where there is room, without scrolling.
+        // All of it if there is room, without scrolling.
         let last = harness.get_by_label("fly, in that manner").rect();
         let list = harness.ctx.memory(|m| m.area_rect(egui::Id::unique("help"))).unwrap();
         assert!(window.contains_rect(list), "{list:?} of {size:?}");
@@ -99,7 +99,7 @@ fn the_list_of_shortcuts_stays_within_a_small_window() {
     }
 }
 
-/// What is drawn around by a drag with a tool: corners, pixels of the picture.
+/// The outline of a drag with a tool: corners, in pixels of the picture.
 fn drawn(mouse_tool: MouseTool, places: &[Pos2]) -> Option<Vec<Vec2>> {
     let folder = tempfile::tempdir().unwrap();
     let (mut harness, service) = desk(mouse_tool, folder.path());
@@ -124,7 +124,7 @@ fn drawn(mouse_tool: MouseTool, places: &[Pos2]) -> Option<Vec<Vec2>> {
 
 #[test]
 fn a_lasso_and_a_rectangle_begin_where_the_button_was_pressed() {
-    // A mouse that jumps: the first place after the press is well beyond where a drag is told from a click.
+    // A mouse that jumps: the first place after the press is well beyond the limit between a click and a drag.
     let places = [Pos2::new(200.0, 200.0), Pos2::new(230.0, 205.0), Pos2::new(260.0, 290.0), Pos2::new(205.0, 280.0)];
     let rectangle = drawn(MouseTool::Rectangle, &places).unwrap();
     let [first, _, last, _] = rectangle[..] else { panic!("{rectangle:?}") };

@@ -67,7 +67,7 @@ impl Transaction<'_> {
                 }
             }
         }
-        // Multiplying what is there leaves other units' factors as they are; setting a factor is the last word on it.
+        // Multiplying the factor leaves other units' factors as they are; setting a factor overrides them.
         if !command.relative {
             self.supersede_named(Attribute::Opacity, &target)?;
         }
@@ -210,7 +210,7 @@ impl Transaction<'_> {
     }
 
     fn derived_or_new(&mut self, here: Option<u64>, members: &Mask, target: &ResolvedTarget) -> Result<u64, EditError> {
-        // Superseding may have taken the unit away with the last that it said.
+        // Superseding may have removed the unit with its last attribute.
         match here.filter(|id| self.state.units.contains_key(id)) {
             Some(id) => Ok(id),
             None if target.of_selection => self.derive(members, "selection", true),
@@ -240,7 +240,7 @@ fn hex(c: Vec3) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// A factor in percent with at most two decimals, none where they are zero.
+/// A factor in percent with at most two decimals, none if they are zero.
 fn percent(factor: f32) -> String {
     let text = format!("{:.2}", 100.0 * f64::from(factor));
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

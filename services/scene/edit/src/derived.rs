@@ -87,7 +87,7 @@ impl Transaction<'_> {
             } else if others.is_neutral() {
                 self.insert(Unit { mask: rest, ..unit });
             } else {
-                // One unit for the attribute over what is left, one for the rest of the look over all members. The part
+                // One unit for the attribute over the remainder, one for the rest of the look over all members. The part
                 // with the colour keeps the id: among colours, and only there, the order of units matters.
                 let part = Unit { mask: rest, ..unit.only(attribute) };
                 let (stays, mut leaves, word) = match attribute {

@@ -214,7 +214,7 @@ impl Editor {
         };
         transaction.prune();
         let next = transaction.state;
-        // A command that only says what it is about is nothing that a person would want to take back.
+        // A command that only names its target is nothing that a person would want to take back.
         let changed = self.state.changes_to(&next).iter().any(|c| !matches!(c, Change::Focus(_)));
         Ok((next, if changed { HistoryMove::Push } else { HistoryMove::Keep }, summary))
     }
@@ -271,7 +271,7 @@ pub fn check_id(id: &str) -> Result<(), EditError> {
     Ok(())
 }
 
-/// A history entry from what was stored of a command.
+/// A history entry from the stored form of a command.
 pub fn stored_entry(event: &Event, inverse: &[ChangeMessage], count: usize) -> Result<Entry, ReplicaError> {
     let revision = event.revision;
     let decoded = |changes: &[ChangeMessage]| {

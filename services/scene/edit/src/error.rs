@@ -10,7 +10,7 @@ pub enum EditError {
     /// No unit has this name.
     #[error("there is no unit `{name}`{}", hint(near))]
     UnknownUnit {
-        /// As asked for.
+        /// As requested.
         name: String,
         /// Names that are close to it, closest first; all names where none is close.
         near: Vec<String>,
@@ -18,7 +18,7 @@ pub enum EditError {
     /// More than one unit has this name, in different capitals.
     #[error("`{name}` matches {}; write it with the exact capitals", meant.join(" or "))]
     Ambiguous {
-        /// As asked for.
+        /// As requested.
         name: String,
         /// The matching names.
         meant: Vec<String>,
@@ -45,7 +45,7 @@ pub enum EditError {
     /// The target has no Gaussians.
     #[error("{0} has no Gaussians; there is nothing to act on")]
     EmptyTarget(String),
-    /// Nothing visible can be looked at.
+    /// There is nothing visible to look at.
     #[error("{0} has no visible Gaussian at a finite position; there is nothing to look at")]
     NothingToSee(String),
     /// There is no earlier state.
@@ -122,7 +122,7 @@ pub enum EditError {
 }
 
 impl EditError {
-    /// The canonical code under which the refusal travels.
+    /// The canonical code of the refusal on the wire.
     #[must_use]
     pub fn code(&self) -> Code {
         match self {

@@ -136,7 +136,7 @@ impl Replica {
         Ok(Offered::Accepted)
     }
 
-    /// Takes what the scene sent for a gap; returns whether that brought anything new. Ask again as long as it did: one
+    /// Takes the scene's messages for a gap; returns whether they brought anything new. Ask again as long as they did: one
     /// answer holds a bounded number of events.
     ///
     /// # Errors

@@ -67,7 +67,7 @@ impl Unit {
     }
 }
 
-/// The selected Gaussians and what they were selected with.
+/// The selected Gaussians and the way they were selected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
     mask: Arc<Mask>,
@@ -188,7 +188,7 @@ impl EditState {
         self.revision
     }
 
-    /// The same state over the geometry of another, whose files may have moved since.
+    /// The same state over the geometry of another. The files of that geometry may have moved since.
     #[must_use]
     pub fn with_geometry_of(mut self, other: &Self) -> Self {
         self.geometry = Arc::clone(&other.geometry);

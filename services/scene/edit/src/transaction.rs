@@ -38,7 +38,7 @@ impl Transaction<'_> {
         self.state.units.insert(unit.id, unit);
     }
 
-    /// Sets what the command addressed.
+    /// Sets the focus to the names that the command addressed.
     pub(super) fn focus_on(&mut self, names: Vec<String>) {
         self.state.focus = names;
     }

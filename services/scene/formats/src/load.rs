@@ -93,7 +93,7 @@ struct LoadedUnit {
     bounds: Option<SceneBox>,
 }
 
-/// Reads one unit's file. What the scene file says goes before what the file says of itself.
+/// Reads one unit's file. The scene file's statements take precedence over the file's own.
 fn load_unit(file: &UnitSource, options: &LoadOptions, warnings: &mut Vec<Warning>) -> Result<LoadedUnit, LoadError> {
     let UnitSource { path, entry, name: folder_name } = file;
     let entry = entry.as_ref();
@@ -164,7 +164,7 @@ fn palette_beside(ply: &Path) -> Result<Option<Vec3>, LoadError> {
     palette::read(&bytes).map(Some).map_err(content)
 }
 
-/// The file beside a PLY that holds its palette, where it does not hold it itself.
+/// The file beside a PLY that holds its palette, if the PLY does not hold it itself.
 pub(crate) fn palette_file(ply: &Path) -> Option<PathBuf> {
     [ply.with_file_name(palette::FILE_NAME), ply.with_extension("pth")].into_iter().find(|p| p.is_file())
 }

@@ -31,7 +31,7 @@ pub enum NpyError {
         /// The system's error.
         source: io::Error,
     },
-    /// The content is not what is needed.
+    /// The content does not have the required form.
     #[error("{path}: {place}: {what}; {remedy}")]
     Content {
         /// The file.
@@ -96,7 +96,7 @@ pub fn write_mask(path: &Path, mask: &Mask) -> Result<(), NpyError> {
 /// Reads a mask of `len` Gaussians: `uint8` of 0 and 1, or `bool`, shape `(len,)`.
 ///
 /// # Errors
-/// [`NpyError`] where it cannot be read, has another type or length, or holds another value.
+/// [`NpyError`] if it cannot be read, has another type or length, or holds another value.
 pub fn read_mask(path: &Path, len: usize) -> Result<Mask, NpyError> {
     let (header, mut data) = open(path)?;
     check_vector(path, &header)?;
@@ -126,7 +126,7 @@ pub fn write_labels(path: &Path, labels: &[i32]) -> Result<(), NpyError> {
 /// Reads labels, `(n,)`, of any integer type whose values fit `int32`.
 ///
 /// # Errors
-/// [`NpyError`] where it cannot be read, is no vector of integers, or holds a value that does not fit.
+/// [`NpyError`] if it cannot be read, is no vector of integers, or holds a value that does not fit.
 pub fn read_labels(path: &Path) -> Result<Vec<i32>, NpyError> {
     read_integers(path)?
         .into_iter()
@@ -141,7 +141,7 @@ pub fn read_labels(path: &Path) -> Result<Vec<i32>, NpyError> {
 /// Reads indices, `(n,)`, of any integer type: each from 0 to below `below`.
 ///
 /// # Errors
-/// [`NpyError`] where it cannot be read, is no vector of integers, or holds an index out of range.
+/// [`NpyError`] if it cannot be read, is no vector of integers, or holds an index out of range.
 pub fn read_indices(path: &Path, below: usize) -> Result<Vec<usize>, NpyError> {
     read_integers(path)?
         .into_iter()
@@ -158,7 +158,7 @@ pub fn read_indices(path: &Path, below: usize) -> Result<Vec<usize>, NpyError> {
 /// Reads a `float32` or `float64` array of any shape, C order, as `f64`: the shape and the values.
 ///
 /// # Errors
-/// [`NpyError`] where it cannot be read or has another type.
+/// [`NpyError`] if it cannot be read or has another type.
 pub fn read_floats(path: &Path) -> Result<(Vec<usize>, Vec<f64>), NpyError> {
     let (header, data) = open(path)?;
     if header.order() == Order::Fortran && header.shape().len() > 1 {

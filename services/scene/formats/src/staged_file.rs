@@ -14,7 +14,7 @@ pub struct StagedFile {
 }
 
 impl StagedFile {
-    /// Opens a temporary file in the folder of `target`, which must exist.
+    /// Opens a temporary file in the folder of `target`. The folder must exist.
     ///
     /// # Errors
     /// The system's error if no file can be created there.

@@ -50,7 +50,7 @@ pub struct UnitSummary {
     pub transfer_function: Option<PathBuf>,
     /// Names of the attributes that are present.
     pub attributes: Vec<&'static str>,
-    /// Degree of the spherical harmonics, where there are any.
+    /// Degree of the spherical harmonics, if there are any.
     pub harmonics_degree: Option<u8>,
     /// Columns that are kept but not interpreted.
     pub extra: Vec<ExtraSummary>,

@@ -19,9 +19,9 @@ pub struct NonFiniteCounts {
     pub rotations: usize,
     /// Quaternions of length zero: taken as no rotation.
     pub zero_rotations: usize,
-    /// Shading attributes of which one is not finite.
+    /// Shading attributes with a value that is not finite.
     pub shading: usize,
-    /// Harmonics of which one is not finite.
+    /// Harmonics with a value that is not finite.
     pub harmonics: usize,
 }
 

@@ -82,7 +82,7 @@ fn a_3dgs_file_with_harmonics_and_normals_is_written_byte_for_byte() {
     assert_eq!(extra, ["nx", "ny", "nz"]);
     save(&copy, &loaded.scene, &SaveOptions::default()).unwrap();
     assert!(bytes == std::fs::read(&copy).unwrap());
-    // Compressed: what 3.4 times fewer bytes cost.
+    // Compressed: the cost of 3.4 times fewer bytes.
     let small = folder.path().join("playbot.compressed.ply");
     save(&small, &loaded.scene, &SaveOptions::default()).unwrap();
     let packed = open(&small);
@@ -91,8 +91,8 @@ fn a_3dgs_file_with_harmonics_and_normals_is_written_byte_for_byte() {
     assert!(worst <= 0.5 / 32.0 + 1e-6, "{worst}");
 }
 
-/// The means come from an independent decoder of this file, and agree with those of the same capture's SPZ file
-/// (position 0.0486 1.6050 0.0023 in its axes, colour 0.3189 0.3077 0.3007, opacity 0.296625) to that format's steps.
+/// The means come from an independent decoder of this file. They agree with those of the same capture's SPZ file to that format's
+/// steps. The SPZ means are position 0.0486 1.6050 0.0023 in its axes, colour 0.3189 0.3077 0.3007, and opacity 0.296625.
 #[test]
 fn a_supersplat_file_is_decoded_as_by_other_programs() {
     let Some(path) = data("biker.compressed.ply") else { return };

@@ -13,7 +13,7 @@ use crate::model::Scene;
 pub struct Appearance {
     /// One entry for each base unit, in scene order.
     pub base: Vec<BaseAppearance>,
-    /// Editable units, oldest first: where units overlap the latest one's colour wins, opacities multiply.
+    /// Editable units, oldest first. If units overlap, the latest one's colour wins; opacities multiply.
     pub units: Vec<UnitAppearance>,
     /// The highlight of the current selection or a brush preview, drawn over the shaded colour.
     pub overlay: Option<Overlay>,
@@ -21,12 +21,12 @@ pub struct Appearance {
     pub light: Light,
     /// Background colour, RGB 0 to 1.
     pub background: Vec3,
-    /// Which part of the shading is shown.
+    /// The part of the shading to show.
     pub term: ShadingTerm,
     /// A Gaussian is drawn only where every one of these keeps its centre.
     pub clips: Vec<Clip>,
     /// Colours that replace the shaded ones, one for each Gaussian by scene-wide index, at least 0. Views of structure
-    /// and attributes use them. Opacities and what is hidden stay, and the overlay is drawn over them.
+    /// and attributes use them. Opacities and hidden Gaussians stay, and the overlay is drawn over them.
     pub colors: Option<Arc<[Vec3]>>,
     /// The opacity of Gaussians that are widened to the size of a pixel.
     pub filter: PixelFilter,
@@ -35,7 +35,7 @@ pub struct Appearance {
 /// The opacity of a Gaussian that is widened to the size of a pixel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PixelFilter {
-    /// The filter that each base unit was trained for, as its file says; plain by default.
+    /// The filter that each base unit was trained for, by its file; plain by default.
     #[default]
     FromFile,
     /// It stays, as in 3DGS. Gaussians thinner than a pixel gain in sum.
@@ -54,23 +54,23 @@ pub struct HalfSpace {
     pub offset: f64,
 }
 
-/// A clip plane or box: which Gaussians are drawn by where their centres lie.
+/// A clip plane or box. The position of a Gaussian's centre decides whether it is drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
     /// The enclosed region is their intersection: one for a plane, six for a box.
     pub sides: Vec<HalfSpace>,
-    /// Whether what it encloses is drawn, or all else.
+    /// Whether it draws the Gaussians inside it, or all others.
     pub keep_inside: bool,
 }
 
 impl Clip {
-    /// Keeps what lies on the side of the plane through `point` that `normal` points to.
+    /// Keeps the side of the plane through `point` that `normal` points to.
     #[must_use]
     pub fn plane(point: DVec3, normal: DVec3) -> Self {
         Self { sides: vec![HalfSpace { normal, offset: normal.dot(point) }], keep_inside: true }
     }
 
-    /// Keeps what lies in the box between two corners, along the scene's axes, or all else.
+    /// Keeps the box between two corners, along the scene's axes, or all else.
     #[must_use]
     pub fn between(min: DVec3, max: DVec3, keep_inside: bool) -> Self {
         let sides = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| {
@@ -126,7 +126,7 @@ pub struct Overlay {
     pub opacity: f32,
 }
 
-/// Which part of the shading is shown.
+/// The part of the shading to show.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ShadingTerm {
     /// The whole model.
@@ -143,7 +143,7 @@ pub enum ShadingTerm {
 }
 
 impl Appearance {
-    /// The look of a scene as its file says, before any edit.
+    /// The look of a scene by its file, before any edit.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         let base = scene

@@ -1,4 +1,4 @@
-//! The identity of a scene's geometry, by which caches and projects refer to it.
+//! The identity of a scene's geometry. Caches and projects refer to the geometry by it.
 
 use glam::Vec3;
 

@@ -77,7 +77,7 @@ pub fn front_view(scene: &Scene) -> View {
     View::from_side(framed_box(scene), Side::Front, FIELD_OF_VIEW)
 }
 
-/// The box that is framed when the whole scene is looked at.
+/// The box that is framed for a view of the whole scene.
 ///
 /// A scene from a volume is framed by its stored box. Trained scenes have strays, and stored boxes ignore unit
 /// transforms: for these it is [`robust_bounds`] of everything.

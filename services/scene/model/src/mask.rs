@@ -46,13 +46,13 @@ impl Mask {
         mask
     }
 
-    /// Number of Gaussians it speaks about, selected or not.
+    /// Number of Gaussians it covers, selected or not.
     #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether it speaks about no Gaussian at all.
+    /// Whether it covers no Gaussian at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
@@ -144,14 +144,14 @@ impl Mask {
         }
     }
 
-    /// Keeps only what `other` has too.
+    /// Keeps only the Gaussians that `other` has too.
     pub fn intersect_with(&mut self, other: &Self) {
         for (k, a) in self.words.iter_mut().enumerate() {
             *a &= other.words.get(k).copied().unwrap_or(0);
         }
     }
 
-    /// Selects what was not selected and the reverse.
+    /// Inverts the mask.
     pub fn invert(&mut self) {
         for a in &mut self.words {
             *a = !*a;

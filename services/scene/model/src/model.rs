@@ -37,7 +37,7 @@ pub struct Gaussians {
 pub struct ShadingColumns {
     /// Colour added to the palette colour of the base unit (Δc), RGB without transfer function.
     pub offset_color: Vec<Vec3>,
-    /// Surface normal in the local frame, of unit length, or zero where there is none.
+    /// Surface normal in the local frame, of unit length, or zero if there is none.
     pub normal: Vec<Vec3>,
     /// Ambient factor ka.
     pub ambient: Vec<f32>,
@@ -267,7 +267,7 @@ pub struct BaseUnit {
     pub convention: Convention,
     /// Shading model.
     pub shading: ShadingModel,
-    /// Whether normals point consistently to one side (from a gradient or from training), which lets features use their sign.
+    /// Whether normals point consistently to one side (from a gradient or from training). Features can then use their sign.
     pub oriented_normals: bool,
     /// The transfer function behind the unit, relative to the scene file.
     pub transfer_function: Option<PathBuf>,

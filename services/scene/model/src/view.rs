@@ -19,7 +19,7 @@ pub struct View {
     pub eye: DVec3,
     /// The middle of the picture and the centre of orbits.
     pub target: DVec3,
-    /// Which scene direction is up in the picture, of any length.
+    /// The scene direction that is up in the picture, of any length.
     pub up: DVec3,
     /// Vertical field of view, degrees.
     pub fov_y_degrees: f64,
@@ -157,7 +157,7 @@ impl View {
     /// Whether the view shows something.
     ///
     /// # Errors
-    /// [`ViewError`] says what is wrong.
+    /// [`ViewError`] names the problem.
     pub fn check(&self) -> Result<(), ViewError> {
         if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite() && self.fov_y_degrees.is_finite()) {
             return Err(ViewError::NotFinite);

@@ -42,7 +42,7 @@ const MAX_LOGGED_WARNINGS: usize = 20;
 struct Params {
     /// The scene file or folder.
     scene: PathBuf,
-    /// The project file, made where there is none.
+    /// The project file. It is made if there is none.
     project: Option<PathBuf>,
 }
 
@@ -130,8 +130,7 @@ impl FileList {
     }
 }
 
-/// Turns a write beyond the file-size limit into an error, as on a full disk, instead of a signal that ends the
-/// process.
+/// Turns a write beyond the file-size limit into an error, as on a full disk. Without this, a signal would end the process.
 fn turn_file_size_signal_into_error() -> Result<(), StartError> {
     let kind = SignalKind::from_raw(Signal::SIGXFSZ as i32);
     // Taking the signal is enough; its arrival needs no action.

@@ -136,7 +136,7 @@ impl Journal {
         let editor = Editor::new(scene, opened);
         let row = SnapshotRow::of(&editor);
         let geometry = editor.state().geometry().clone();
-        // One transaction: a crash leaves a project or an empty file, which is made a project the next time.
+        // One transaction: a crash leaves a project or an empty file. The next start makes an empty file a project.
         self.transaction(|t| {
             t.execute_batch(TABLES)?;
             t.pragma_update(None, "application_id", APPLICATION)?;

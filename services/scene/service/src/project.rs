@@ -30,13 +30,13 @@ pub enum ProjectError {
     /// It does not fit the scene or makes no sense.
     #[error(transparent)]
     Edit(#[from] EditError),
-    /// It could not be made durable, or what is stored could not be read.
+    /// It could not be made durable, or the stored data could not be read.
     #[error(transparent)]
     Journal(#[from] JournalError),
 }
 
 impl ProjectError {
-    /// The canonical code under which it travels.
+    /// Its canonical code on the wire.
     #[must_use]
     pub fn code(&self) -> Code {
         match self {
@@ -65,7 +65,7 @@ pub struct Outcome {
 }
 
 impl Project {
-    /// Opens the project of a scene, or makes it where there is no file. `scene_path` is where readers find the geometry.
+    /// Opens the project of a scene, or makes it if there is no file. Readers find the geometry at `scene_path`.
     ///
     /// # Errors
     /// [`JournalError`]; a file that is there is left as it is.

@@ -247,7 +247,7 @@ async fn a_burst_survives_kill_9_and_readers_catch_up() {
     }
     assert_eq!(snapshot(&cli).await, newest, "repeated commands change nothing");
 
-    // A reader that heard what came through and asks for the rest holds the same state.
+    // A reader that received a part and asks for the rest holds the same state.
     while let Ok(Some((event, _))) = tokio::time::timeout(Duration::from_millis(100), events.next()).await {
         let _ = replica.offer(&event).unwrap();
     }

@@ -1,7 +1,7 @@
 //! Assignment of Gaussians to cluster centres: the exact minimum of D over all centres in near-linear time.
 //!
-//! D(i, j) = (d(i, s_j) / S)² + m²·‖f_i − f_j‖². Here d is the length of the shortest path over the neighbour graph to the
-//! source s_j of centre j, S is the voxel edge, and m is the weight of the features.
+//! D(i, j) = (d(i, s_j) / S)² + m²·‖f_i − f_j‖². Here d is the length of the shortest path over the neighbour graph to the source
+//! s_j of centre j. S is the voxel edge, and m is the weight of the features.
 //!
 //! Let U(i) be an upper bound of the smallest D at i, at first D of the graph-nearest source. It gives the radius
 //! r(i) = S·√U(i), beyond which no source can win at i. The envelope is P(i) = max over k of (r(k) − d(i,k)). A search from

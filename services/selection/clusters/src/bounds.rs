@@ -27,7 +27,7 @@ impl Bounds {
         }
     }
 
-    /// Squared distance between two boxes, zero where they overlap.
+    /// Squared distance between two boxes, zero if they overlap.
     #[must_use]
     pub fn distance_squared(&self, other: &Self) -> f64 {
         (0..3)

@@ -238,11 +238,11 @@ impl Polyline {
 
 #[cfg(test)]
 thread_local! {
-    /// Boxes and leaves looked at by this thread, for tests of what a query costs.
+    /// Boxes and leaves examined by this thread, for tests of the cost of a query.
     pub(crate) static VISITS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
 }
 
-/// Counts one box or leaf that is looked at; does nothing outside tests.
+/// Counts one examined box or leaf; does nothing outside tests.
 pub(crate) fn visit() {
     #[cfg(test)]
     VISITS.set(VISITS.get() + 1);

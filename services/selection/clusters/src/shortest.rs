@@ -14,7 +14,7 @@ use crate::neighbours::{Adjacency, Graph};
 /// Marks a missing vertex or label.
 pub const NONE: u32 = u32::MAX;
 
-/// A queue entry as one integer, which compares faster than a tuple: the bits of the distance, then the ids.
+/// A queue entry as one integer: the bits of the distance, then the ids. An integer compares faster than a tuple.
 fn entry(distance: f64, j: u32, v: u32) -> u128 {
     u128::from(distance.to_bits()) << 64 | u128::from(j) << 32 | u128::from(v)
 }

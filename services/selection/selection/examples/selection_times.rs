@@ -23,7 +23,7 @@ use sg_selection::session::SelectionSession;
 use sg_selection::strokes::{Kind, Mode, Stroke};
 use sg_selection::tuning::Tuning;
 
-/// Seconds of one call, and what it returned.
+/// Seconds of one call, and its result.
 fn timed<T>(f: impl FnOnce() -> T) -> (f64, T) {
     let start = Instant::now();
     let out = black_box(f());

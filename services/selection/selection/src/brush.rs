@@ -228,7 +228,7 @@ mod tests {
             let brush = Brush::of_scene(&scene);
             let (mut samples, mut factors): (Vec<DVec3>, Vec<f64>) = (Vec::new(), Vec::new());
             for (at, factor, odd) in drawn {
-                // Some stay where they are with another pressure, some have none at all.
+                // Some stay in place with another pressure, some have none at all.
                 samples.push(samples.last().copied().filter(|_| odd == 0).unwrap_or_else(|| DVec3::from_array(at)));
                 factors.push(if odd == 1 { 0.0 } else { factor });
             }

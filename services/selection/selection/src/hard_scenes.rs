@@ -44,8 +44,8 @@ fn largest(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// The share of Gaussians that are in the same cluster by both, each cluster of one taken for that of the other it shares
-/// most with: the numbers of clusters mean nothing.
+/// The share of Gaussians that are in the same cluster by both. Each cluster of one is matched to the cluster of the other that
+/// it shares most with, because the numbers of clusters mean nothing.
 fn same(a: &Clustering, b: &Clustering) -> f64 {
     let mut shared = std::collections::BTreeMap::<(i32, i32), usize>::new();
     for pair in a.labels.iter().copied().zip(b.labels.iter().copied()) {
@@ -178,7 +178,7 @@ fn rotations_scales_and_opacities_that_are_no_numbers() {
 fn positions_that_are_no_numbers_change_nothing_for_the_others() {
     let mut unit = random_unit(2000, 11);
     let clean = one(&unit);
-    // Bad ones at the end, so that the others keep their indices, then in front, where they do not.
+    // Bad ones at the end, so that the others keep their indices. Then in front, so that the others do not.
     let broken = |front: bool, unit: &mut BaseUnit| {
         let bad = random_unit(9, 12);
         let mut all = if front { bad.clone() } else { unit.clone() };
@@ -244,7 +244,7 @@ fn coincident_gaussians_stay_together() {
         g.units[0].components
     );
     assert_eq!((split, cloud, unlabelled), (0, 0, 0));
-    // Everybody is reached: p is 0 in the background's own cluster alone.
+    // Every cluster is reached: p is 0 in the background's own cluster alone.
     assert!(p.iter().zip(&c.labels).all(|(p, l)| *p > 0.0 || *l == c.labels[32]));
 }
 
@@ -296,7 +296,7 @@ fn none_one_few_and_flat_sets_of_gaussians() {
 
 #[test]
 fn columns_without_variance_weigh_nothing() {
-    // The same three scales in other orders: only rounding differs, which a z-score would blow up to ±1.
+    // The same three scales in other orders: only rounding differs. A z-score would blow that up to ±1.
     let mut unit = random_unit(2000, 14);
     for (i, s) in unit.gaussians.log_scale.iter_mut().enumerate() {
         let t = [0.1, 0.7, 0.3];

@@ -61,7 +61,7 @@ pub struct PartitionAgreement {
     /// Share of edges between different parts that also cross a cluster boundary; 1 without such edges. There is no spatial
     /// tolerance.
     pub boundary_recall: f64,
-    /// Under-segmentation error (Neubert and Protzel 2012): Σ min(inside, outside) over intersecting pairs of part and
+    /// Under-segmentation error (Neubert and Protzel 2012). It is Σ min(inside, outside) over intersecting pairs of part and
     /// cluster, divided by the number of elements. 0 is best.
     pub under_segmentation: f64,
 }

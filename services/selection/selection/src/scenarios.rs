@@ -43,7 +43,7 @@ fn walk(scene: &Scene, kind: Kind, points: &[Vec3]) -> Stroke {
     }
 }
 
-/// A green stroke over the sac, to and fro so many times, and a red one along the vessel that spares the neck, both
+/// A green stroke over the sac, to and fro so many times, and a red one along the vessel. The red one spares the neck; both are
 /// jittered.
 fn strokes(scene: &Scene, sweeps: u32, seed: u64) -> [Stroke; 2] {
     let mut r = generator(seed);

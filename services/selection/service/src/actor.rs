@@ -374,7 +374,7 @@ impl Selector {
         let changed = if goes_on {
             changed
         } else {
-            // Relative to the committed selection, which the client displays.
+            // Relative to the committed selection. The client displays that.
             differing(state.selection().mask(), mask)
         };
         Ok(selection::SampleReply {

@@ -31,8 +31,8 @@ use sg_formats::{LoadOptions, Loaded, load};
 pub(crate) enum Command {
     /// Divides a scene into Super-Gaussians.
     ///
-    /// Writes the cluster of each Gaussian as int32 (n,): 0 to c−1, at most --max-clusters in each base unit, and −1 for
-    /// Gaussians without a finite position.
+    /// Writes the cluster of each Gaussian as int32 (n,): 0 to c−1, at most --max-clusters in each base unit. Gaussians without a
+    /// finite position get −1.
     ///
     /// Example: supergaussian selection cluster bonsai/scene.toml --out labels.npy --report clusters.json
     Cluster(cluster::Arguments),

@@ -1,4 +1,4 @@
-//! The executable: exit status, what goes to which stream, what is left on disk, and the numbers in it.
+//! The executable: exit status, output of each stream, files left on disk, and the numbers in it.
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
@@ -15,7 +15,7 @@ fn run(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_supergaussian-selection")).current_dir(folder).args(arguments).output().unwrap()
 }
 
-/// Runs a command that must succeed and returns what it printed.
+/// Runs a command that must succeed and returns its output.
 fn succeed(folder: &Path, arguments: &[&str]) -> String {
     let output = run(folder, arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -139,7 +139,7 @@ fn clusters_are_written_reported_and_used_again() {
     for (g, &l) in labels[..n - 1].iter().enumerate() {
         assert!(mask.get(g) == (p[l as usize] > 0.5) || (p[l as usize] - 0.5).abs() < 1e-9);
     }
-    // Where to stroke next: clusters that are open, in the box, best first and each once.
+    // Places for the next stroke: clusters that are open, in the box, best first and each once.
     succeed(at, &[&base[..], &["--proposals", "next.json", "--proposal-count", "5", "--leak", "0.001"]].concat());
     let next = report(&std::fs::read_to_string(at.join("next.json")).unwrap());
     let next = next["proposals"].as_array().unwrap();
@@ -349,7 +349,7 @@ fn graphs_that_are_none_are_refused() {
         refuse(at, 2, &["solve", "g.json", "--out", "s.json"], &all);
     }
     refuse(at, 2, &["solve", "none.json", "--out", "s.json"], &["none.json"]);
-    // A graph that f32 cannot hold: the work fails, and the line says what to do.
+    // A graph that f32 cannot hold: the work fails, and the line names the remedy.
     let chain: Vec<Value> = (0..57).map(|i| json!([i, i + 1, 10.0_f64.powi(-i)])).collect();
     let graph = json!({"nodes": 58, "edges": chain, "foreground": [0], "background": [57]});
     std::fs::write(at.join("g.json"), graph.to_string()).unwrap();

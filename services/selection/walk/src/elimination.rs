@@ -224,8 +224,8 @@ impl<T: Real> Columns<T> {
         solution
     }
 
-    /// Solves (Laplacian of the unknowns)·x = `source`, by rank and in units of this elimination. x is 0 at seeds and where
-    /// no terminal is reachable.
+    /// Solves (Laplacian of the unknowns)·x = `source`, by rank and in units of this elimination. x is 0 at seeds. It is also 0
+    /// where no terminal is reachable.
     fn green(&self, s: &Structure, seeds: &[Seed], mut source: Vec<T>) -> Vec<T> {
         let n = s.order.len();
         let rows = s.fill.rows();

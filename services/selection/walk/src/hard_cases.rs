@@ -1,7 +1,7 @@
 //! Walks that break ordinary solvers, each with its measured error.
 //!
-//! The truth is a closed form where there is one. Elsewhere it is the same elimination in twice the digits, which is
-//! accurate to about 1e-28 on every graph, because the bound on its error does not depend on the condition.
+//! The truth is a closed form if one exists. Elsewhere it is the same elimination in twice the digits. It is accurate to about
+//! 1e-28 on every graph, because the bound on its error does not depend on the condition.
 
 use std::ops::{Add, Div, Mul};
 
@@ -187,7 +187,7 @@ fn an_island_with_a_leak_of_any_smallness() {
         let p = gth(&g, &seeds, 0.0).p;
         assert!((p[40] - 1.0 / 3.0).abs() < 1e-7, "{}", p[40]);
     }
-    // The same through the leak itself, down to 1e-100, where every unknown leaks the same share.
+    // The same through the leak itself, down to 1e-100. Every unknown leaks the same share.
     for leak in [1e-8, 1e-12, 1e-20, 1e-100] {
         let mut edges = mesh(0, 150, 3);
         edges.push((7, 150, 1.0));
@@ -247,7 +247,7 @@ fn weights_that_are_zero_in_f64_still_decide() {
     assert!(!solve_two(30.0, 20.0).is_selected(1));
     let tie = solve_two(30.0, 30.0);
     assert!(!tie.is_selected(1) && tie.p[1] == 0.5);
-    // The same hanging on a part of weight 1, where one scale for all would drop it.
+    // The same hanging on a part of weight 1. One scale for all would drop it.
     let mut edges: Vec<(u32, u32, Conductance)> =
         mesh(3, 20, 4).into_iter().map(|(u, v, w)| (u, v, Conductance::new(w).unwrap())).collect();
     edges.extend([
@@ -301,7 +301,7 @@ fn seeds_in_every_combination() {
     assert!(!foreground.is_selected(3) && !foreground.is_selected(5), "a part without a seed is never selected");
     let background = gth(&g, &seeded(6, &[], &[4]), 0.0);
     assert_eq!((background.p, background.q), (vec![0.0; 6], vec![0.0, 0.0, 0.0, 1.0, 1.0, 0.0]));
-    // With a leak a part without a seed belongs to the background, and a node without an edge still to nobody.
+    // With a leak a part without a seed belongs to the background. A node without an edge still belongs to no side.
     let leaking = gth(&g, &seeded(6, &[0], &[]), 0.03);
     assert_eq!((leaking.q[3], leaking.p[3], leaking.reached[5]), (1.0, 0.0, false));
     for n in [0, 1] {

@@ -76,7 +76,7 @@ pub(super) struct Hierarchy<W> {
     pub(super) order: Vec<u32>,
 }
 
-/// Nodes of the coarsest level, which is eliminated.
+/// Nodes of the coarsest level. That level is eliminated.
 const COARSEST: usize = 400;
 
 /// Matching passes repeat until the graph has less than this share of its nodes.

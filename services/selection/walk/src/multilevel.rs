@@ -155,8 +155,8 @@ impl Multilevel {
     /// Iterates until the estimated error is at most `tolerance`.
     ///
     /// # Errors
-    /// [`WalkError`] if the input is invalid, the graph exceeds the range of f64, or the tolerance is below the rounding of
-    /// the stored conductances. Also if the iteration breaks down or does not converge.
+    /// [`WalkError`] if the input is invalid, the graph exceeds the range of f64, or the tolerance is below the rounding of the
+    /// stored conductances. It is also an error if the iteration breaks down or does not converge.
     pub fn solve(&self, boundary: &Boundary<'_>, tolerance: f64) -> Result<Answer, WalkError> {
         let n = self.degree.len();
         if !(boundary.leak >= 0.0 && boundary.leak.is_finite()) {

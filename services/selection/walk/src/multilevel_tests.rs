@@ -1,4 +1,4 @@
-//! The multilevel walk against the elimination, and what it costs.
+//! The multilevel walk against the elimination, and its cost.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ fn off(got: &Answer, want: &Solution) -> (f64, usize) {
     (pairs().map(|(a, b)| (a - b).abs()).fold(0.0, f64::max), flips)
 }
 
-/// Points on the surface of a ball or in a cube, each joined to its nearest with the weights that walks on Gaussians have.
+/// Points on the surface of a ball or in a cube. Each is joined to its nearest with the weights that walks on Gaussians have.
 pub(super) fn cloud(n: usize, surface: bool, sharp: f64, seed: u64) -> (Network, Vec<[f64; 3]>) {
     let mut r = generator(seed);
     let points: Vec<[f64; 3]> = (0..n)
@@ -71,7 +71,7 @@ fn small_enough_to_be_eliminated() {
                 let got = match walk(made, &seeds, leak, tolerance) {
                     Ok(got) => got,
                     Err(e) => {
-                        // Conductances over many orders of magnitude, and hardly a leak: said, not hidden.
+                        // Conductances over many orders of magnitude, and hardly a leak: the error is reported, not hidden.
                         println!("sharp {sharp}, leak {leak}: {e}");
                         assert!(sharp > 1.0 && leak < 0.01);
                         continue;
@@ -174,7 +174,7 @@ fn what_it_cannot_do_it_refuses() {
             assert!(matches!(e, WalkError::Breakdown { solver: "multilevel", .. }));
         }
     }
-    // Never above the tolerance that was asked for, also if it is one that rounding does not allow.
+    // Never above the requested tolerance, even if rounding does not allow that tolerance.
     let g = network(600, &mesh(0, 600, 4));
     let seeds = seeded(600, &[3], &[90]);
     assert!(walk(&Multilevel::new(Arc::new(g.clone()), Precision::F32), &seeds, 0.0, 1e-8).is_err());

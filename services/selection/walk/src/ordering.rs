@@ -70,7 +70,7 @@ impl Quotient {
         self.eliminated[pivot as usize] = true;
         self.stamp += 2;
         let (in_clique, element_seen) = (self.stamp, self.stamp + 1);
-        // The clique of the pivot: its variables and those of its elements, which it absorbs.
+        // The clique of the pivot: its variables and those of its elements. It absorbs the elements.
         let absorbed = std::mem::take(&mut self.elements[pivot as usize]);
         let mut clique = Vec::new();
         let own = std::mem::take(&mut self.variables[pivot as usize]);

@@ -85,7 +85,7 @@ fn every_hard_case_is_exact_to_fourteen_digits() {
         assert!(kept <= 1e-14, "{}: {kept:e}", case.name);
     }
     println!("cases with a failure, a wrong side or an error above 0.1: {failed:?} of {}", cases.len());
-    // What the others do on these is the reason for elimination without subtractions in f64.
+    // The failures of the others on these are the reason for elimination without subtractions in f64.
     assert_eq!(failed[0], 0);
     assert!(failed[1] > 0 && failed[2] > 0 && failed[3] > failed[2] && failed[4] > 0, "{failed:?}");
 }

@@ -125,8 +125,8 @@ fn a_split_look_keeps_the_order_of_colours() {
     let mut editor = editor();
     run(&mut editor, [commit(|i| i < 10), color(selection(), RED), opacity(selection(), 0.5)]);
     run(&mut editor, [commit(|i| (5..8).contains(&i)), color(selection(), BLUE), save("patch")]);
-    // Part of the derived unit gets another opacity: what is left of its factor moves to a unit of its own, its colour
-    // stays under the patch.
+    // Part of the derived unit gets another opacity. The remainder of its factor moves to a unit of its own; its colour stays
+    // under the patch.
     run(&mut editor, [commit(|i| (4..7).contains(&i)), opacity(selection(), 0.25)]);
     let state = editor.state();
     assert_eq!((drawn(state, 0).color, drawn(state, 0).opacity), (Some(Vec3::X), 0.5));

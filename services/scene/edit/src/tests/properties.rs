@@ -62,7 +62,7 @@ fn action() -> impl Strategy<Value = Action> {
     ]
 }
 
-/// The state without what every command changes.
+/// The state without the fields that every command changes.
 fn content(state: &EditState) -> EditState {
     let mut content = state.clone();
     content.revision = 0;
@@ -195,14 +195,14 @@ proptest! {
                 prop_assert_eq!(other.message(false).undo, editor.message(false).undo);
             }
 
-            // A replay of what is stored is the editor.
+            // A replay of the stored commands equals the editor.
             let mut replayed = before;
             replayed.replay(&event, &applied.inverse, applied.history).unwrap();
             prop_assert_eq!(replayed.message(true), editor.message(true));
             prop_assert_eq!(replayed.next_unit(), editor.next_unit());
             prop_assert_eq!(replayed.history(), editor.history());
         }
-        // All the way back is the first state, but for what the talk is about.
+        // All the way back is the first state, except for the target of the conversation.
         while editor.apply(&command(Action::Undo(Undo { steps: 7 }))).is_ok() {}
         let mut back = content(editor.state());
         back.focus = editor.initial().focus().to_vec();

@@ -94,7 +94,7 @@ fn one_sided_jacobi(mut m: DMat3) -> (DMat3, DMat3) {
     (m, v)
 }
 
-/// A right-handed orthonormal frame along orthogonal columns, of which some may be zero.
+/// A right-handed orthonormal frame along orthogonal columns. Some columns may be zero.
 fn proper_axes(columns: DMat3) -> DMat3 {
     let mut axes = [columns.x_axis, columns.y_axis, columns.z_axis].map(DVec3::normalize_or_zero);
     for k in 0..3 {

@@ -232,7 +232,7 @@ mod tests {
         assert!(zeros.warnings.iter().any(|w| w.code == WarningCode::NonFinite), "scales of zero have no logarithm");
         // A PLY stays a PLY under any name.
         assert!(open(b"ply\nformat ascii 1.0\n").unwrap_err().to_string().contains("header"));
-        // Without the ending, nothing says that the bytes are records.
+        // Without the ending, nothing shows that the bytes are records.
         std::fs::write(folder.path().join("a.bin"), [0; 64]).unwrap();
         let error = load(&folder.path().join("a.bin"), &LoadOptions::default()).unwrap_err().to_string();
         assert!(error.contains(".bin files cannot be read") && error.contains(".splat"), "{error}");

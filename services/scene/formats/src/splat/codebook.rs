@@ -20,7 +20,7 @@ pub(crate) struct Codebook {
     /// Ascending finite centres; the first `finite` of them are in use.
     centres: Vec<f16>,
     finite: usize,
-    /// NaN and the infinities, where they occur, stand behind the finite centres.
+    /// NaN and the infinities, if they occur, stand behind the finite centres.
     special: Vec<f16>,
 }
 
@@ -88,7 +88,7 @@ fn nearest(centres: &[f32], x: f32) -> usize {
     }
 }
 
-/// The values themselves where they are few enough: then only the rounding to half precision is lost.
+/// The values themselves if they are few enough: then only the rounding to half precision is lost.
 fn distinct_halves(sorted: &[f32], budget: usize) -> Option<Vec<f16>> {
     let mut out: Vec<f16> = Vec::new();
     for &x in sorted {

@@ -1,4 +1,4 @@
-//! The names of 3DGS columns and the harmonics columns, which several PLY formats share.
+//! The names of 3DGS columns and of the harmonics columns that several PLY formats share.
 
 use glam::Vec3;
 use sg_scene::model::{ExtraColumn, ExtraValues, Gaussians, Harmonics};

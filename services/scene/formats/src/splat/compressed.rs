@@ -348,7 +348,7 @@ impl Range3 {
         Self { low: Vec3::from_array(low), high: Vec3::from_array(high) }
     }
 
-    /// 0 to 1 within the range; 0 where it has no extent or the value is NaN.
+    /// 0 to 1 within the range; 0 if it has no extent or the value is NaN.
     fn normalize(&self, v: Vec3) -> DVec3 {
         let axis = |v: f32, low: f32, high: f32| {
             let (v, low, high) = (f64::from(v), f64::from(low), f64::from(high));

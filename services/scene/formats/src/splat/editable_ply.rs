@@ -119,7 +119,7 @@ fn warn_of_unit(unit: &BaseUnit, storage: Storage, warnings: &mut Vec<Warning>) 
 pub(crate) enum Alone {
     /// Everything: it stands alone in a scene of this box.
     Yes(SceneBox),
-    /// Only what the columns mean: the rest stands in `scene.toml`.
+    /// Only the meaning of the columns: the rest stands in `scene.toml`.
     No,
 }
 

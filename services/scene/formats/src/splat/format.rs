@@ -24,7 +24,7 @@ pub(crate) trait SplatFormat: fmt::Debug + Sync {
     /// Endings of file names, in lower case with the dot.
     fn extensions(&self) -> &'static [&'static str];
 
-    /// Whether the content or name says that the source has this format or its container.
+    /// Whether the content or name shows that the source has this format or its container.
     fn sniff(&self, source: &Source) -> bool;
 
     /// The files of a scene's units. A format that stores one unit in one file keeps this default.
@@ -76,7 +76,7 @@ pub(crate) trait PlyLayout: Sync {
     /// The format that a file of this layout has in a convention.
     fn format(&self, convention: Convention) -> Format;
 
-    /// Whether shading values come from codebooks, which store them activated.
+    /// Whether shading values come from codebooks. Codebooks store them activated.
     fn is_quantised(&self) -> bool {
         false
     }
@@ -272,7 +272,7 @@ pub struct SaveOptions {
     /// For iVR-GS: the activation of the shading columns. Without it the unit's own, or `head-raw` for float and
     /// `head-activated` for quantised files.
     pub convention: Option<Convention>,
-    /// For the compressed PLY: Morton order, which packs better but changes every Gaussian's index.
+    /// For the compressed PLY: Morton order. It packs better but changes every Gaussian's index.
     pub reorder: bool,
 }
 

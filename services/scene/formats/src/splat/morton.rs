@@ -1,4 +1,4 @@
-//! Morton (Z-curve) order, which puts near Gaussians near each other in a file.
+//! Morton (Z-curve) order. It puts near Gaussians near each other in a file.
 
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;

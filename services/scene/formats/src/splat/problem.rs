@@ -26,7 +26,7 @@ impl Problem {
 /// A reader's assumption, or a writer's loss.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Warning {
-    /// The file it is about, where it is about one.
+    /// The file it is about, if any.
     pub file: Option<PathBuf>,
     /// Its kind.
     pub code: WarningCode,

@@ -44,7 +44,7 @@ impl Format {
         out
     }
 
-    /// Whether the name of a path says that it is a scene: a folder, or a file with one of [`Format::all_extensions`].
+    /// Whether the name of a path is that of a scene: a folder, or a file with one of [`Format::all_extensions`].
     #[must_use]
     pub fn is_scene_path(path: &Path) -> bool {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();

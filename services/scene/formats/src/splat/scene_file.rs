@@ -40,11 +40,11 @@ pub struct UnitEntry {
     pub opacity: f32,
     /// Local frame to scene frame.
     pub transform: DMat4,
-    /// Activation of the file's shading columns; without it the file says or it is guessed.
+    /// Activation of the file's shading columns; without it the file decides, or it is guessed.
     pub convention: Option<Convention>,
     /// Shading model; without it the paper's.
     pub shading: Option<ShadingModel>,
-    /// Whether normals point consistently to one side; without it the file says.
+    /// Whether normals point consistently to one side; without it the file decides.
     pub oriented_normals: Option<bool>,
     /// The transfer function behind the unit, relative to the scene file.
     pub transfer_function: Option<PathBuf>,
@@ -118,7 +118,7 @@ impl SceneFile {
     /// Reads and checks a file.
     ///
     /// # Errors
-    /// [`SceneFileError`] names the line and column of what is wrong.
+    /// [`SceneFileError`] names the line and column of the problem.
     pub fn read(path: &Path) -> Result<Self, SceneFileError> {
         let failed = |source| SceneFileError::Read { path: path.to_path_buf(), source };
         let size = std::fs::metadata(path).map_err(failed)?.len();

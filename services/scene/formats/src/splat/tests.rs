@@ -227,7 +227,7 @@ fn compressed_files_keep_their_steps() {
         let loaded = folder.through("a.compressed.ply", &scene, &SaveOptions::default());
         assert_eq!((loaded.format, loaded.scene.len()), (Format::COMPRESSED, n));
         let (a, b) = (&scene.units[0].gaussians, &loaded.scene.units[0].gaussians);
-        // Half a step, and what rounding to f32 adds at these magnitudes.
+        // Half a step, plus the rounding to f32 at these magnitudes.
         assert!(steps(&a.position, &b.position).max_element() < 0.501);
         assert!(steps(&a.log_scale, &b.log_scale).max_element() < 0.501);
         let (ha, hb) = (a.harmonics.as_ref().unwrap(), b.harmonics.as_ref().unwrap());
@@ -665,7 +665,7 @@ fn a_scene_of_fixed_colours_becomes_editable_and_looks_the_same() {
         let least = scene.units[0].gaussians.scale(i).min_element() as f64;
         assert!((variance.sqrt() / least - 1.0).abs() < 1e-3, "the normal is the shortest axis");
     }
-    // And back: the colours are what they were.
+    // And back: the colours are the same as before.
     let back = folder.through("b.ply", &loaded.scene, &as_format(Format::THREE_DGS));
     for i in 0..200 {
         assert!((unlit_color(&back.scene.units[0], i) - unlit_color(&scene.units[0], i)).abs().max_element() < 4e-7);

@@ -93,7 +93,7 @@ impl SplatWriter for ThreeDgs {
     }
 }
 
-/// Writes a unit's columns without its transform, opacity factor and palette, which `scene.toml` stores.
+/// Writes a unit's columns without its transform, opacity factor and palette. `scene.toml` stores those.
 pub(crate) fn write_columns(out: &mut impl Write, g: &Gaussians) -> Result<(), WriteProblem> {
     write_vertices(out, &unlit::with_harmonics(g))
 }
@@ -103,7 +103,7 @@ fn write_vertices(out: &mut impl Write, g: &Gaussians) -> Result<(), WriteProble
     Ok(ply::write(out, &filter_comment(g), &[element])?)
 }
 
-/// Warns of `double` columns, which are held as `float`.
+/// Warns of `double` columns. They are held as `float`.
 pub(crate) fn warn_of_narrowing(table: &Table<'_>, warnings: &mut Vec<Warning>) {
     let known = |name: &str| is_known(name) || editable_columns::PROPERTIES.contains(&name);
     let wide: Vec<_> =

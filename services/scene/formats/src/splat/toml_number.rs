@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4};
 
-/// A value that reads back as the same `f32`: the short decimal where it does, else the exact one.
+/// A value that reads back as the same `f32`: the short decimal if it does, else the exact one.
 pub(crate) fn exact_f32(x: f32) -> f64 {
     let short = x.to_string().parse::<f64>().unwrap_or(f64::from(x));
     if short as f32 == x { short } else { f64::from(x) }

@@ -56,7 +56,7 @@ fn flatten_unit<'a>(unit: &'a BaseUnit, warnings: &mut Vec<Warning>) -> Cow<'a, 
     out
 }
 
-/// The Gaussians with harmonics: middle grey where they have none.
+/// The Gaussians with harmonics: middle grey if they have none.
 pub(crate) fn with_harmonics(g: &Gaussians) -> Cow<'_, Gaussians> {
     let mut out = Cow::Borrowed(g);
     if g.harmonics.is_none() {

@@ -83,7 +83,7 @@ pub const HALF_LENGTH: f32 = 2.5;
 /// A straight vessel along x with a spherical sac on its side, `n` Gaussians on the surface of the union. The sac is
 /// about a quarter of the surface.
 ///
-/// Returns the scene and which Gaussians belong to the sac.
+/// Returns the scene and the mask of Gaussians that belong to the sac.
 pub fn vessel_and_sac(n: usize, seed: u64) -> (Scene, Vec<bool>) {
     let mut r = generator(seed);
     let tube = 0.12_f32;
@@ -104,7 +104,7 @@ pub fn vessel_and_sac(n: usize, seed: u64) -> (Scene, Vec<bool>) {
             let normal = Vec3::new(ring * angle.cos(), ring * angle.sin(), z);
             (centre + normal * radius, normal, true)
         };
-        // Keep what lies on the surface of the union.
+        // Keep samples on the surface of the union.
         let inside = if is_sac { (p.y * p.y + p.z * p.z).sqrt() < tube } else { (p - centre).length() < radius };
         if !inside {
             points.push((p, normal));

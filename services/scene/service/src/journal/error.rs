@@ -73,7 +73,7 @@ pub enum JournalError {
 }
 
 impl JournalError {
-    /// The canonical code under which it travels.
+    /// Its canonical code on the wire.
     #[must_use]
     pub fn code(&self) -> Code {
         match self {

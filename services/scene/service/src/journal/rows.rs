@@ -192,7 +192,7 @@ pub(super) fn message<M: Message + Default>(path: &Path, bytes: &[u8], revision:
     M::decode(bytes).map_err(|e| damaged(path, format!("revision {revision}: {e}")))
 }
 
-/// The file is not what was written.
+/// The file differs from the written one.
 pub(super) fn damaged(path: &Path, reason: String) -> JournalError {
     JournalError::Damaged { path: path.to_path_buf(), reason }
 }

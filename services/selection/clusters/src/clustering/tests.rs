@@ -20,7 +20,7 @@ fn run(scene: &Scene, options: &ClusteringOptions) -> (Geometry, Clustering, Clu
     (g, c, r)
 }
 
-/// What must hold of every clustering: ids are complete, no unit has too many, none crosses units, each is connected.
+/// Invariants of every clustering: ids are complete, no unit has too many, none crosses units, each is connected.
 fn check_clusters(g: &Geometry, c: &Clustering, most: usize) {
     let mut seen = vec![0_u32; c.clusters.len()];
     for &l in &c.labels {
@@ -230,7 +230,7 @@ fn far_from_the_origin_and_with_bad_positions() {
     let same = clean.labels.iter().zip(&moved.labels).filter(|(a, b)| a == b).count();
     println!("at 1e7 {same} of 3000 labels are the same");
     assert!(same > 2950);
-    // NaN and infinite positions are dropped and counted; everybody else keeps an index of their own.
+    // NaN and infinite positions are dropped and counted; every other Gaussian keeps its own index.
     unit.transform = glam::DMat4::IDENTITY;
     for (i, bad) in [(0, f32::NAN), (1500, f32::INFINITY), (2999, f32::NEG_INFINITY)] {
         unit.gaussians.position[i].y = bad;

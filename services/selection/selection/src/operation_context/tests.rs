@@ -1,4 +1,4 @@
-//! Operations against what their definitions say, one Gaussian at a time.
+//! Operations against their definitions, one Gaussian at a time.
 
 use glam::{DMat4, Vec3};
 use proptest::prelude::*;
@@ -86,7 +86,7 @@ proptest! {
                 Box::new(move |_, p| {
                     let q = camera.view().transform_point3(p);
                     let (x, y) = (camera.fx * q.x / q.z + camera.cx, camera.fy * q.y / q.z + camera.cy);
-                    // The winding angle: another way to ask whether a point lies within.
+                    // The winding angle: another test of whether a point lies within.
                     let turn: f64 = (0..polygon.len()).map(|k| {
                         let (f, t) = (polygon[k], polygon[(k + 1) % polygon.len()]);
                         let (f, t) = ((f[0] - x, f[1] - y), (t[0] - x, t[1] - y));

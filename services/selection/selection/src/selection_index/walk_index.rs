@@ -54,7 +54,7 @@ pub struct Walk {
     pub units: Vec<bool>,
     /// Counts.
     pub summary: WalkSummary,
-    /// Quality of an iterated solution. `None` for an eliminated one, which is exact up to rounding.
+    /// Quality of an iterated solution. `None` for an eliminated one; that is exact up to rounding.
     pub quality: Option<Quality>,
 }
 

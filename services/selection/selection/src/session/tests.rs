@@ -1,4 +1,4 @@
-//! Steps one after another: what they amount to, undone, replayed.
+//! Sequences of steps: their total effect, undo and replay.
 
 use super::*;
 use crate::operation_context::OperationContext;
@@ -70,7 +70,7 @@ fn operations_count_in_their_order_and_a_walk_counts_before_them() {
     // A walk stroke counts as if it had come first, wherever it stands among the others.
     assert_eq!(of(&steps([grow.clone().into(), walk(0.3).into(), cut.clone().into()])), grown_then_cut);
     assert_eq!(of(&steps([grow.into(), cut.into(), walk(0.3).into()])), grown_then_cut);
-    // What was given is added where it stands.
+    // A fixed mask is added at its place among the steps.
     let mut given = Mask::empty(scene.len());
     given.set(7, true);
     let with = of(&[walk(0.3).into(), Step::FixedMask(given.clone())]);
@@ -148,7 +148,7 @@ fn leak_and_threshold_are_scrubbed_after_a_stroke() {
     assert!(session.mask().is_none() && session.uncertainty().is_none() && session.proposals(3).is_empty());
     session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.03, start)).unwrap();
     session.add_stroke(stroke(Mode::Point, Kind::Background, 0.02, vec![[0.5, 0.5, 0.9]])).unwrap();
-    // Another leak is what a space with that leak would have made of the strokes; a larger one selects less.
+    // Another leak gives the result of a space with that leak for the strokes; a larger one selects less.
     let mut last = scene.len();
     for leak in [0.0003, 0.003, 0.03, 0.3, 0.03] {
         session.tune(Tuning { leak, ..first }).unwrap();

@@ -121,7 +121,7 @@ fn too_long(element: &Element, than: &str) -> Problem {
     )
 }
 
-/// Bytes of an element's rows, checked against what is there.
+/// Bytes of an element's rows, checked against the length of the file.
 fn binary_length(element: &Element, encoding: Encoding, rest: &[u8]) -> Result<usize, Problem> {
     let mut stride = 0_u64;
     for property in &element.properties {
@@ -141,7 +141,7 @@ fn binary_length(element: &Element, encoding: Encoding, rest: &[u8]) -> Result<u
     }
 }
 
-/// Bytes of the rows of an element with lists, whose rows have different lengths.
+/// Bytes of the rows of an element with lists. Such rows have different lengths.
 fn list_length(element: &Element, encoding: Encoding, rest: &[u8]) -> Result<usize, Problem> {
     let mut at = 0_usize;
     // Each row takes at least the byte of its list's length, so the file bounds the loop.

@@ -179,7 +179,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// The next line without its end, or nothing where no line end follows.
+    /// The next line without its end, or nothing if no line end follows.
     fn next(&mut self) -> Option<String> {
         let end = self.rest.iter().position(|&b| b == b'\n')?;
         let (line, rest) = self.rest.split_at_checked(end + 1)?;

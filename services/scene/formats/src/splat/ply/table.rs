@@ -45,7 +45,7 @@ impl<'a> Table<'a> {
         Err(Problem::new(format!("element {}", self.name), format!("no property {}", missing.join(", ")), remedy))
     }
 
-    /// `K` real columns, row by row. A `double` is narrowed; an integer is refused, because nothing says how it was scaled.
+    /// `K` real columns, row by row. A `double` is narrowed; an integer is refused, because its scale is unknown.
     pub(crate) fn floats<const K: usize, T: Send>(
         &self,
         names: [&str; K],
