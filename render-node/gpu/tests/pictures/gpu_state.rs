@@ -225,7 +225,7 @@ fn a_lost_device_is_told_and_a_new_one_draws_the_same() {
     gpu.lose();
     let error = renderer.picture(&camera, &appearance, Settings::default()).unwrap_err();
     assert!(matches!(error, GpuError::Lost { .. }), "{error}");
-    assert!(error.to_string().contains("has to be opened again"));
+    assert!(error.to_string().contains("open it again"));
     drop(renderer);
     let gpu = Gpu::open(DeviceClass::Any).unwrap();
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();

@@ -142,9 +142,9 @@ mod tests {
     #[test]
     fn the_manual_quotes_the_contract() {
         let manual = intent_schema().manual();
-        assert!(manual.contains("ACT_SET_COLOR {target, color?, color_name?}: Give a colour.\n"), "{manual}");
-        assert!(manual.contains("Reference.complement: All that is not named;"), "{manual}");
-        assert!(manual.contains("Orbit.azimuth_degrees: Degrees about the up direction"), "{manual}");
+        assert!(manual.contains("ACT_SET_COLOR {target, color?, color_name?}: Set a colour.\n"), "{manual}");
+        assert!(manual.contains("Reference.complement: Whether the target is the complement"), "{manual}");
+        assert!(manual.contains("Orbit.azimuth_degrees: Degrees about the up direction; positive"), "{manual}");
         assert!(
             manual.lines().all(|l| !l.trim_end().ends_with(':') || l.starts_with("Acts") || l == "Fields:"),
             "{manual}"
