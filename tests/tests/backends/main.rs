@@ -61,7 +61,7 @@ fn one_agent_of_a_stack_thinks_with_a_program_in_python_and_falls_back_when_that
     starts(&intent["fallback"], "the model is unavailable");
     say(&stack, "make the sac green");
     let (_, log, _) = stack.run(&["logs", agent]).unwrap();
-    assert_eq!(log.matches("the grammar serves until the model does").count(), 1, "{log}");
+    assert_eq!(log.matches("the grammar serves until it recovers").count(), 1, "{log}");
 
     // The program comes back, and no service needed a restart for it.
     std::fs::remove_file(folder.path().join("model.sock")).unwrap_or_default();
