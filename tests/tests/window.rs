@@ -278,7 +278,7 @@ fn a_demo_is_a_window_where_there_is_a_display() {
     // A display that does not exist: the results are left in files.
     let ended = demo(":4711", &[]).wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&ended.stderr);
-    assert!(ended.status.success() && said.contains("a script is played without a window"), "{said}");
+    assert!(ended.status.success() && said.contains("plays a script without a window"), "{said}");
     assert!(out.join("transcript.json").is_file());
 }
 
