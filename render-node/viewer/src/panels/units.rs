@@ -218,7 +218,7 @@ impl Panels {
                 self.text_input.set(Field::NewName, row.name.clone());
                 self.text_input.turn_to(Field::NewName);
             }
-            if ui.button("Remove name (keeps splats)").on_hover_text("undo brings the unit back").clicked() {
+            if ui.button("Remove name").on_hover_text("keeps the splats; undo brings the unit back").clicked() {
                 output.change(Action::DeleteUnit(DeleteUnit { name: row.name.clone() }));
             }
         });

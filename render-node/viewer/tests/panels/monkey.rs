@@ -96,7 +96,7 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
         stage.height = Some(1500.0);
         let mut harness = harness(stage);
         harness.set_size(egui::vec2(harness.ctx.content_rect().width(), 1500.0));
-        for part in ["Viewpoint", "Light and background", "History", "Made by commands", "Walk"] {
+        for part in ["Viewpoint", "Light and background", "History", "Made by commands", "Reach and Strictness"] {
             if harness.query_by_label(part).is_some() {
                 press(&mut harness, part);
             }

@@ -85,13 +85,10 @@ fn units_are_hidden_shown_selected_and_looked_at() {
     assert_eq!(asks(&mut panel, "solo"), Action::ShowOnly(ShowOnly { target: named("sac") }));
     let focus = set_view::Change::Focus(named("sac").unwrap());
     assert_eq!(asks(&mut panel, "look at it"), Action::SetView(SetView { change: Some(focus) }));
-    assert_eq!(
-        asks(&mut panel, "Remove name (keeps splats)"),
-        Action::DeleteUnit(DeleteUnit { name: "sac".to_owned() })
-    );
+    assert_eq!(asks(&mut panel, "Remove name"), Action::DeleteUnit(DeleteUnit { name: "sac".to_owned() }));
     // A base unit can be neither renamed nor deleted, so that there is nothing to press for it.
     press(&mut panel, "vessel");
-    assert!(panel.query_by_label("Remove name (keeps splats)").is_none() && panel.query_by_label("rename").is_none());
+    assert!(panel.query_by_label("Remove name").is_none() && panel.query_by_label("rename").is_none());
     assert!(panel.query_by_label_contains("transfer function of vessel, 70 to 255").is_some());
 }
 
@@ -168,7 +165,7 @@ fn a_locked_unit_is_left_alone() {
     let frames = drag(&mut panel, "opacity of sac", 0.1);
     assert_eq!(frames, []);
     press(&mut panel, "sac");
-    press(&mut panel, "Remove name (keeps splats)");
+    press(&mut panel, "Remove name");
     press(&mut panel, "rename");
     assert_eq!(panel.state().asked, []);
     // Actions that do not change it still work, as does another unit.
@@ -306,7 +303,7 @@ fn without_the_scenes_owner_nothing_can_be_changed() {
         "select",
         "solo",
         "rename",
-        "Remove name (keeps splats)",
+        "Remove name",
         "show everything",
         "Light and background",
         "Viewpoint",
