@@ -10,7 +10,7 @@
 //! ```
 //! use sg_raster::image_error::Difference;
 //! use sg_raster::render::{Quality, render};
-//! //! use sg_scene::appearance::Appearance;
+//! use sg_scene::appearance::Appearance;
 //! use sg_scene::synthetic::test_scene;
 //!
 //! let scene = test_scene(&[("vessel", 200)]);

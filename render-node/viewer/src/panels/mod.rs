@@ -5,18 +5,18 @@
 //! [`egui::Context`] for each panel). It calls [`theme::apply`] on each context first:
 //!
 //! ```no_run
-//! # use sg_viewer::display::{Drafts, Request, Seat, Shown, Tools};
-//! # use sg_viewer::panels::{Panel, Panels, Place, theme};
-//! # fn frame(ctx: &egui::Context, input: egui::RawInput, panels: &mut Panels, shown: &Shown, tools: &mut Tools,
-//! #          drafts: &mut Drafts, seat: &mut Seat) {
+//! # use sg_viewer::display::{Drafts, Request, Tools, ViewPort, ViewState};
+//! # use sg_viewer::panels::{Panel, Panels, theme};
+//! # fn frame(ctx: &egui::Context, input: egui::RawInput, panels: &mut Panels, state: &ViewState, tools: &mut Tools,
+//! #          drafts: &mut Drafts, view_port: &mut ViewPort) {
 //! theme::apply(ctx, tools);
 //! let _ = ctx.run_ui(input, |ui| {
-//!     let mut asked = panels.show(Panel::Scene, ui, shown, tools);
-//!     asked.show_draft(drafts, shown);
-//!     for request in asked.requests {
-//!         seat.ask(request);
+//!     let mut output = panels.show(Panel::Scene, ui, state, tools);
+//!     output.show_draft(drafts, state);
+//!     for request in output.requests {
+//!         view_port.send(request);
 //!     }
-//!     for wish in asked.wishes { /* fit the view, take a screenshot, … */ }
+//!     for action in output.actions { /* fit the view, take a screenshot, … */ }
 //! });
 //! # }
 //! ```
