@@ -146,8 +146,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
             }
         });
     } else {
-        let picks = mailbox.clone();
-        host.route(&keys::PICK, QUEUE, &picks, |request, context, reply| Message::Pick { request, context, reply })
+        host.route(&keys::PICK, QUEUE, &mailbox, |request, context, reply| Message::Pick { request, context, reply })
             .await?;
         host.route(&keys::CAPTURE, QUEUE, &mailbox, |request, context, reply| Message::Capture {
             request,

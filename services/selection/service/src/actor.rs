@@ -101,18 +101,11 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         last_walk_ms: 0.0,
     };
     let (mailbox, _) = host.spawn(selector, QUEUE);
-    let sample_mailbox = mailbox.clone();
-    host.route(&keys::SELECTION_SAMPLE, QUEUE, &sample_mailbox, |request, _, reply| Message::Sample { request, reply })
+    host.route(&keys::SELECTION_SAMPLE, QUEUE, &mailbox, |request, _, reply| Message::Sample { request, reply })
         .await?;
-    let tune_mailbox = mailbox.clone();
-    host.route(&keys::SELECTION_TUNE, QUEUE, &tune_mailbox, |request, _, reply| Message::Tune { request, reply })
+    host.route(&keys::SELECTION_TUNE, QUEUE, &mailbox, |request, _, reply| Message::Tune { request, reply }).await?;
+    host.route(&keys::SELECTION_PROPOSALS, QUEUE, &mailbox, |request, _, reply| Message::Propose { request, reply })
         .await?;
-    let proposals_mailbox = mailbox.clone();
-    host.route(&keys::SELECTION_PROPOSALS, QUEUE, &proposals_mailbox, |request, _, reply| Message::Propose {
-        request,
-        reply,
-    })
-    .await?;
     host.route(&keys::SELECTION_STROKES, QUEUE, &mailbox, |request, context, reply| Message::Draw {
         request,
         context,
