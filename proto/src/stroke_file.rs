@@ -110,7 +110,7 @@ pub enum StrokeProblem {
         pressure: f64,
     },
     /// The depth has a coordinate that is not finite, or a negative reach.
-    #[error("`depth` needs an `eye` of finite numbers, and a finite `behind` of at least 0")]
+    #[error("`depth` needs an `eye` of finite numbers, and a finite `reach` of at least 0")]
     Depth,
 }
 
@@ -194,7 +194,7 @@ struct StrokeEntry {
 #[serde(deny_unknown_fields)]
 struct DepthEntry {
     eye: [f64; 3],
-    behind: f64,
+    reach: f64,
 }
 
 #[derive(Deserialize)]
@@ -262,7 +262,7 @@ fn stroke(entry: StrokeEntry, most: usize) -> Result<Stroke, StrokeProblem> {
         radius: entry.radius,
         points: entry.points.into_iter().flatten().collect(),
         pressure: entry.pressure,
-        depth: entry.depth.map(|d| StrokeDepth { eye: d.eye.to_vec(), behind: d.behind }),
+        depth: entry.depth.map(|d| StrokeDepth { eye: d.eye.to_vec(), reach: d.reach }),
     })
 }
 
@@ -287,7 +287,7 @@ fn check(entry: &StrokeEntry, most: usize) -> Result<(), StrokeProblem> {
     if let Some((at, pressure)) = pressure.iter().enumerate().find(|(_, f)| !at_least_0(**f)) {
         return Err(StrokeProblem::Pressure { point: at + 1, pressure: *pressure });
     }
-    if depth.as_ref().is_some_and(|d| !(at_least_0(d.behind) && d.eye.iter().all(|x| x.is_finite()))) {
+    if depth.as_ref().is_some_and(|d| !(at_least_0(d.reach) && d.eye.iter().all(|x| x.is_finite()))) {
         return Err(StrokeProblem::Depth);
     }
     Ok(())
@@ -302,13 +302,13 @@ mod tests {
         let text = r#"{"strokes": [
             {"mode": "walk", "kind": "foreground", "radius": 0.02, "points": [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]},
             {"mode": "cluster", "kind": "toggle", "radius": 0.01, "points": [[1, 0, 0]], "pressure": [0.5],
-             "depth": {"eye": [0, -3, 0], "behind": 0.01}}]}"#;
+             "depth": {"eye": [0, -3, 0], "reach": 0.01}}]}"#;
         let steps = parse(text, &Limits::BUS).unwrap();
         let strokes: Vec<_> = steps.iter().filter_map(stroke_of).collect();
         assert_eq!((steps.len(), strokes.len()), (2, 2));
         assert_eq!(strokes[0].points, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
         assert_eq!((&strokes[0].pressure[..], &strokes[1].pressure[..]), (&[][..], &[0.5][..]));
-        let depth = StrokeDepth { eye: vec![0.0, -3.0, 0.0], behind: 0.01 };
+        let depth = StrokeDepth { eye: vec![0.0, -3.0, 0.0], reach: 0.01 };
         assert_eq!((&strokes[0].depth, &strokes[1].depth), (&None, &Some(depth)));
         assert_eq!((strokes[0].mode(), strokes[0].kind()), (StrokeMode::Walk, StrokeKind::Foreground));
         assert_eq!((strokes[1].mode(), strokes[1].kind()), (StrokeMode::Cluster, StrokeKind::Toggle));

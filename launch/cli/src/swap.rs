@@ -133,7 +133,7 @@ mod tests {
     fn a_swap_is_followed_by_its_number() {
         let at = |state| progress(&service(ServiceState::Ready, Some((2, state))), 2);
         assert_eq!(at(SwapState::Done), Progress::Done);
-        assert!(matches!(at(SwapState::Proving), Progress::Running(_)));
+        assert!(matches!(at(SwapState::Verifying), Progress::Running(_)));
         assert_eq!(at(SwapState::Failed), Progress::Failed("swap of `a` failed: no; process 7 serves on".into()));
         let later = progress(&service(ServiceState::Ready, Some((3, SwapState::Done))), 2);
         assert_eq!(later, Progress::Failed("swap of `a` failed: another swap replaced it".into()));

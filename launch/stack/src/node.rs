@@ -155,7 +155,7 @@ struct RunningProcess {
 struct Node {
     bus: Bus,
     name: String,
-    life: String,
+    process_id: String,
     link: Link,
     folder: SessionDir,
     registry: PidRegistry,
@@ -193,7 +193,7 @@ impl Node {
         let (lines, waiting) = mpsc::channel(LINES);
         tokio::spawn(send_lines(bus.clone(), waiting));
         Ok(Self {
-            life: Context::root().id,
+            process_id: Context::root().id,
             bus,
             name: name.to_owned(),
             link,
@@ -256,7 +256,7 @@ impl Node {
     fn report(&self) -> JoinRequest {
         JoinRequest {
             node: self.name.clone(),
-            life: self.life.clone(),
+            process_id: self.process_id.clone(),
             pid: std::process::id(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             starts: self.starts,
@@ -277,7 +277,7 @@ impl Node {
                 self.answered = Some(answer.sent);
                 self.lease = Duration::from_millis(reply.lease_ms);
                 self.ended.drain(..answer.ended.min(self.ended.len()));
-                for (_, process) in self.running.iter().filter(|(_, r)| reply.strays.contains(&r.instance)) {
+                for (_, process) in self.running.iter().filter(|(_, r)| reply.unknown_instances.contains(&r.instance)) {
                     terminal::print_status(&format!("{}: unknown to the supervisor; ended", process.instance));
                     kill(process);
                 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::render::{CaptureRequest, Clip, Frame, HalfSpace, PickRequest, Quality, Ray, Showing};
+use sg_proto::render::{CaptureRequest, Clip, DisplayMode, Frame, HalfSpace, PickRequest, Quality, Ray};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{SetVisibility, Vector};
 
@@ -108,16 +108,19 @@ async fn clips(stage: &Stage<'_>) -> Result<(), String> {
 
 async fn structure(stage: &Stage<'_>) -> Result<(), String> {
     let scene = capture(stage, &small()).await?;
-    let shown = async |showing: Showing| capture(stage, &CaptureRequest { showing: showing.into(), ..small() }).await;
-    let opacity = shown(Showing::Opacity).await?;
+    let shown =
+        async |mode: DisplayMode| capture(stage, &CaptureRequest { display_mode: mode.into(), ..small() }).await;
+    let opacity = shown(DisplayMode::Opacity).await?;
     hold(opacity.hash != scene.hash, || "opacities look as the scene does".to_owned())?;
     let legend = opacity.legend.ok_or("no legend of opacities")?;
     hold((legend.low, legend.high, legend.logarithmic) == (0.0, 1.0, false), || format!("{legend:?}"))?;
-    let scale = shown(Showing::Scale).await?.legend.ok_or("no legend of scales")?;
+    let scale = shown(DisplayMode::Scale).await?.legend.ok_or("no legend of scales")?;
     hold(scale.logarithmic && 0.0 < scale.low && scale.low <= scale.high, || format!("{scale:?}"))?;
-    hold(shown(Showing::Scene).await?.hash == scene.hash, || "the scene is another one when it is named".to_owned())?;
+    hold(shown(DisplayMode::Scene).await?.hash == scene.hash, || {
+        "the scene is another one when it is named".to_owned()
+    })?;
     // Nothing is clustered here. The role says so, and does not wait until the deadline.
-    let request = CaptureRequest { showing: Showing::Clusters.into(), ..small() };
+    let request = CaptureRequest { display_mode: DisplayMode::Clusters.into(), ..small() };
     let late = soon().deadline_in(Duration::from_secs(2));
     let fault = stage.cli.ask(&keys::CAPTURE, &request, &late).await.err().map(|f| f.code);
     let codes = [Code::Unavailable, Code::DeadlineExceeded];
@@ -167,7 +170,7 @@ async fn picks(stage: &mut Stage<'_>) -> Result<(), String> {
 
 async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {
     let wrong = &[Code::InvalidArgument, Code::OutOfRange][..];
-    let nowhere = Clip { sides: vec![HalfSpace { normal: vec![0.0; 3], offset: 0.0 }], cut: false };
+    let nowhere = Clip { sides: vec![HalfSpace { normal: vec![0.0; 3], offset: 0.0 }], hide_inside: false };
     for (what, request, codes) in [
         ("no width", CaptureRequest { width: 0, ..small() }, wrong),
         ("too high", CaptureRequest { height: 1 << 20, ..small() }, wrong),

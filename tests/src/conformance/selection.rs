@@ -148,7 +148,7 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
             let request = SampleRequest { stroke: name.clone(), samples };
             let reply = stage.cli.ask(&keys::SELECTION_SAMPLE, &request, &soon()).await;
             let reply = reply.map_err(|f| format!("cmd/sample: {f}"))?;
-            if reply.anew {
+            if reply.relative_to_committed {
                 shown.fill(false);
             }
             flip(&mut shown, &reply.changed)?;

@@ -127,8 +127,8 @@ fn every_agent_thinks_with_its_own() {
     let stack = Stack::up_with(&[&settings[..], &knows[..]].concat()).unwrap();
     let answer = say(&stack, "verstecke die beule");
     assert_eq!(answer["ok"], true, "{answer:#}");
-    let chosen = &stage(&answer, "ActionResult")["chosen"][0];
-    assert_eq!((&chosen["spoken"], &chosen["unit"]), (&"beule".into(), &"sac".into()));
+    let resolved = &stage(&answer, "ActionResult")["resolvedNames"][0];
+    assert_eq!((&resolved["spoken"], &resolved["unit"]), (&"beule".into(), &"sac".into()));
     starts(&answer["reply"]["facts"], "Interpreted “beule” as the unit “sac”. The sac is now hidden.");
     assert_eq!(answer["text"], format!("Erledigt: {}", answer["reply"]["facts"].as_str().unwrap()));
     drop(stack);
@@ -139,10 +139,10 @@ fn every_agent_thinks_with_its_own() {
     let stack = Stack::up_with(&[&settings[..], &chooses[..]].concat()).unwrap();
     let answer = say(&stack, "verstecke die leber");
     let action = stage(&answer, "ActionResult");
-    match action["chosen"][0]["unit"].as_str() {
+    match action["resolvedNames"][0]["unit"].as_str() {
         Some(unit) => {
             assert!(["sac", "body"].contains(&unit) && answer["ok"] == true, "{answer:#}");
-            assert!(action["chosen"][0]["model"].as_str().is_some_and(|m| m.contains("random")), "{action:#}");
+            assert!(action["resolvedNames"][0]["model"].as_str().is_some_and(|m| m.contains("random")), "{action:#}");
         }
         None => starts(&action["text"], "Nothing is named “leber” yet."),
     }

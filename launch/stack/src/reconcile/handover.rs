@@ -38,7 +38,7 @@ impl Reconciler {
         if let Some(pending) = slot.next.take() {
             slot.swap_enters(pending.number, SwapState::Failed, reason.as_str(), index, actions);
         }
-        let early = |stage: &Stage| matches!(stage, Stage::Starting { .. } | Stage::Proving { .. });
+        let early = |stage: &Stage| matches!(stage, Stage::Starting { .. } | Stage::Verifying { .. });
         if let Some(number) = slot.candidate.as_ref().filter(|n| early(&n.stage)).and_then(|n| n.swap) {
             slot.swap_enters(number, SwapState::Failed, reason, index, actions);
             self.stop_candidate(index, now, actions);
@@ -86,17 +86,21 @@ impl Reconciler {
                 self.serves(index, now, actions);
             }
             (Occupant::Candidate, true, Stage::Starting { .. }) => {
-                process.stage = Stage::Proving { deadline: now + PROBE_TIME };
-                actions.push(Action::Prove {
+                process.stage = Stage::Verifying { deadline: now + PROBE_TIME };
+                actions.push(Action::Verify {
                     id: process.id,
                     instance: process.instance.clone(),
                     role: process.role.clone(),
                 });
                 if let Some(number) = process.swap {
-                    slot.swap_enters(number, SwapState::Proving, "", index, actions);
+                    slot.swap_enters(number, SwapState::Verifying, "", index, actions);
                 }
             }
-            (Occupant::Candidate, false, Stage::Starting { .. } | Stage::Proving { .. } | Stage::StandingBy { .. }) => {
+            (
+                Occupant::Candidate,
+                false,
+                Stage::Starting { .. } | Stage::Verifying { .. } | Stage::StandingBy { .. },
+            ) => {
                 let reason = "it took the role without waiting for its promotion";
                 self.stop(at, AfterStop::Fail(reason.to_owned()), now, actions);
                 // Two processes in one role are worse than one that could not finish.
@@ -126,14 +130,14 @@ impl Reconciler {
         }
     }
 
-    pub(super) fn on_proven(
+    pub(super) fn on_verified(
         &mut self,
         id: ProcessId,
         outcome: Result<(), String>,
         now: Time,
         actions: &mut Vec<Action>,
     ) {
-        let waited = |p: &Process| p.id == id && matches!(p.stage, Stage::Proving { .. });
+        let waited = |p: &Process| p.id == id && matches!(p.stage, Stage::Verifying { .. });
         let Some((at, process)) = self.find_process(waited) else { return };
         if let Err(reason) = outcome {
             return self.stop(at, AfterStop::Fail(format!("it failed its probe: {reason}")), now, actions);

@@ -54,7 +54,7 @@ pub enum Event {
         standby: bool,
     },
     /// A candidate's probe finished.
-    Proven {
+    Verified {
         /// Id of the process.
         id: ProcessId,
         /// The mismatch, if there is one.
@@ -145,8 +145,8 @@ pub struct Spawn {
 pub enum Action {
     /// Start a process. [`Event::Started`] or [`Event::Exited`] must follow.
     Spawn(Box<Spawn>),
-    /// Probe a candidate. [`Event::Proven`] must follow within [`PROBE_TIME`].
-    Prove {
+    /// Probe a candidate. [`Event::Verified`] must follow within [`PROBE_TIME`].
+    Verify {
         /// Id of the process.
         id: ProcessId,
         /// Name of the instance.

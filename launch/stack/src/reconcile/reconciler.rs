@@ -92,7 +92,7 @@ impl Reconciler {
                     self.check_memory(at, now, &mut actions);
                 }
             }
-            Event::Proven { id, outcome } => self.on_proven(id, outcome, now, &mut actions),
+            Event::Verified { id, outcome } => self.on_verified(id, outcome, now, &mut actions),
             Event::Promoted { id, outcome } => self.on_promoted(id, outcome, now, &mut actions),
             Event::SetServices(services) => self.set_services(services, now, &mut actions),
             Event::Swap { service, start } => self.swap(service, start, now, &mut actions),

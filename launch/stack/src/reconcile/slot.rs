@@ -81,7 +81,7 @@ pub(super) enum Stage {
         deadline: Time,
     },
     /// A candidate in standby is probed.
-    Proving {
+    Verifying {
         deadline: Time,
     },
     /// A probed candidate waits until the role is free.
@@ -253,7 +253,7 @@ impl Stage {
     pub(super) fn deadline(&self) -> Time {
         match self {
             Self::Starting { deadline }
-            | Self::Proving { deadline }
+            | Self::Verifying { deadline }
             | Self::StandingBy { deadline }
             | Self::Promoting { deadline }
             | Self::Ready { deadline, .. }

@@ -21,7 +21,7 @@ impl Reconciler {
                 let reason = format!("not ready within {} s", seconds(policy.ready));
                 self.stop(at, AfterStop::Fail(reason), now, actions);
             }
-            Stage::Proving { .. } => {
+            Stage::Verifying { .. } => {
                 let reason = format!("no result of the probe within {} s", seconds(PROBE_TIME));
                 self.stop(at, AfterStop::Fail(reason), now, actions);
             }

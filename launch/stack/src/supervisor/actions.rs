@@ -22,7 +22,7 @@ impl Supervisor {
     pub(super) async fn perform(&mut self, action: Action) -> Option<Event> {
         match action {
             Action::Spawn(spawn) => self.spawn(*spawn),
-            Action::Prove { id, instance, role } => {
+            Action::Verify { id, instance, role } => {
                 self.prove(id, &instance, role);
                 None
             }
@@ -105,7 +105,7 @@ impl Supervisor {
         tokio::spawn(async move {
             let outcome = probe::probe(&bus, &ready, &role).await;
             // Without a supervisor the result is of no use.
-            let _ = sender.send(Event::Proven { id, outcome }).await;
+            let _ = sender.send(Event::Verified { id, outcome }).await;
         });
     }
 

@@ -34,7 +34,7 @@ pub(super) struct KnownNode {
 
 #[derive(Debug)]
 struct Joined {
-    life: String,
+    process_id: String,
     pid: u32,
     last_report: Instant,
 }
@@ -125,7 +125,7 @@ impl Nodes {
         })?;
         let mut events = Vec::new();
         match &mut known.joined {
-            Some(joined) if joined.life == request.life => joined.last_report = now,
+            Some(joined) if joined.process_id == request.process_id => joined.last_report = now,
             Some(joined) => {
                 return Err(Fault::precondition(format!(
                     "node `{}` has joined already (process {}); its lease ends {} s after its last report",
@@ -135,7 +135,8 @@ impl Nodes {
                 )));
             }
             None => {
-                known.joined = Some(Joined { life: request.life.clone(), pid: request.pid, last_report: now });
+                known.joined =
+                    Some(Joined { process_id: request.process_id.clone(), pid: request.pid, last_report: now });
                 events.push(Event::Node { name: request.node.clone(), present: true });
             }
         }
@@ -156,8 +157,8 @@ impl Nodes {
         }
         let ours: HashSet<&str> =
             self.running.values().filter(|p| p.node == request.node).map(|p| p.instance.as_str()).collect();
-        let strays = running.into_iter().filter(|i| !ours.contains(i)).map(str::to_owned).collect();
-        Ok((JoinReply { lease_ms, strays }, events))
+        let unknown_instances = running.into_iter().filter(|i| !ours.contains(i)).map(str::to_owned).collect();
+        Ok((JoinReply { lease_ms, unknown_instances }, events))
     }
 
     fn ended(&mut self, node: &str, ended: &Ended) -> Option<Event> {
@@ -246,10 +247,10 @@ mod tests {
         (Nodes::new(&[node], placed), receiver)
     }
 
-    fn request(life: &str, starts: u64, running: &[&str]) -> JoinRequest {
+    fn request(process_id: &str, starts: u64, running: &[&str]) -> JoinRequest {
         JoinRequest {
             node: "gpu1".into(),
-            life: life.into(),
+            process_id: process_id.into(),
             starts,
             running: running.iter().map(|r| (*r).to_owned()).collect(),
             ..JoinRequest::default()
@@ -288,7 +289,7 @@ mod tests {
         run(&mut nodes, 3, "view-3", None);
         // The report covers the first start only. The second is still unknown to the node.
         let (reply, events) = nodes.handle_join(&request("a", 1, &["other-1"]), now).unwrap();
-        assert_eq!(reply.strays, ["other-1"]);
+        assert_eq!(reply.unknown_instances, ["other-1"]);
         let gone: Vec<_> =
             events.iter().filter_map(|e| if let Event::Exited { id, .. } = e { Some(id.0) } else { None }).collect();
         assert_eq!(gone, [1]);

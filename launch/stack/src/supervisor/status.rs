@@ -46,7 +46,7 @@ impl Supervisor {
                 let mark = paint(Color::Yellow, "swap failed", colored);
                 self.console.print(format!("  {name}  {mark}: {}; the old executable stays in force", swap.reason));
             }
-            SwapState::Waiting | SwapState::Proving | SwapState::Promoting | SwapState::Unspecified => {}
+            SwapState::Waiting | SwapState::Verifying | SwapState::Promoting | SwapState::Unspecified => {}
         }
         let event = ServiceEvent { service: Some(ServiceMessage { swap: Some(swap), ..service }) };
         // Ignore a missing subscriber: the state can be requested.

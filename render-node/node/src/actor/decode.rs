@@ -23,17 +23,17 @@ pub(super) fn projection(asked: proto::Projection) -> Projection {
 
 /// The requested display mode.
 pub(super) fn display_mode(request: &proto::CaptureRequest) -> DisplayMode {
-    match request.showing() {
-        proto::Showing::Unspecified | proto::Showing::Scene => DisplayMode::Scene,
-        proto::Showing::Clusters => DisplayMode::Clusters,
-        proto::Showing::FirstComponent => DisplayMode::FirstComponent,
-        proto::Showing::Outlines => DisplayMode::Outlines,
-        proto::Showing::Scale => DisplayMode::Attribute(Attribute::Scale),
-        proto::Showing::Anisotropy => DisplayMode::Attribute(Attribute::Anisotropy),
-        proto::Showing::Opacity => DisplayMode::Attribute(Attribute::Opacity),
-        proto::Showing::OffsetColor => DisplayMode::Attribute(Attribute::OffsetColor),
-        proto::Showing::Normal => DisplayMode::Attribute(Attribute::Normal),
-        proto::Showing::PrincipalAxis => DisplayMode::Attribute(Attribute::PrincipalAxis),
+    match request.display_mode() {
+        proto::DisplayMode::Unspecified | proto::DisplayMode::Scene => DisplayMode::Scene,
+        proto::DisplayMode::Clusters => DisplayMode::Clusters,
+        proto::DisplayMode::FirstComponent => DisplayMode::FirstComponent,
+        proto::DisplayMode::Outlines => DisplayMode::Outlines,
+        proto::DisplayMode::Scale => DisplayMode::Attribute(Attribute::Scale),
+        proto::DisplayMode::Anisotropy => DisplayMode::Attribute(Attribute::Anisotropy),
+        proto::DisplayMode::Opacity => DisplayMode::Attribute(Attribute::Opacity),
+        proto::DisplayMode::OffsetColor => DisplayMode::Attribute(Attribute::OffsetColor),
+        proto::DisplayMode::Normal => DisplayMode::Attribute(Attribute::Normal),
+        proto::DisplayMode::PrincipalAxis => DisplayMode::Attribute(Attribute::PrincipalAxis),
     }
 }
 
@@ -75,7 +75,7 @@ pub(super) fn clips(clips: &[proto::Clip]) -> Result<Vec<Clip>, Fault> {
     };
     let clip = |clip: &proto::Clip| {
         let sides = clip.sides.iter().map(side).collect::<Result<_, _>>()?;
-        Ok(Clip { sides, keep_inside: !clip.cut })
+        Ok(Clip { sides, keep_inside: !clip.hide_inside })
     };
     clips.iter().map(clip).collect()
 }

@@ -167,7 +167,11 @@ fn show(writer: &StateWriter, before: &mut Arc<Mask>, reply: &SampleReply) {
         if reply.selection_hash != committed.hash() {
             return;
         }
-        let from = if reply.anew || before.len() != committed.mask().len() { committed.mask() } else { &*before };
+        let from = if reply.relative_to_committed || before.len() != committed.mask().len() {
+            committed.mask()
+        } else {
+            &*before
+        };
         let after = Arc::new(preview::changed(from, &reply.changed));
         *before = Arc::clone(&after);
         state.selected = after;

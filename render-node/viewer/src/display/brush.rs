@@ -85,7 +85,7 @@ impl BrushController {
     }
 
     /// Depth limit behind the surface, if one is set.
-    fn behind(&self, tools: &Tools) -> Option<DepthLimit> {
+    fn depth_limit(&self, tools: &Tools) -> Option<DepthLimit> {
         let most = tools.brush_depth.clamp(0.0, 1.0) * self.radius(tools);
         self.eye.filter(|_| tools.front_only).map(|eye| DepthLimit { eye, max_distance: most })
     }
@@ -113,17 +113,17 @@ impl BrushController {
         clusters: Option<&[u32]>,
     ) -> Mask {
         let radius = self.radius(tools) * sample.pressure.max(0.0);
-        let hits = self.brush.hits_with_depth_limit(&[sample.at], radius, &[], self.behind(tools));
+        let hits = self.brush.hits_with_depth_limit(&[sample.at], radius, &[], self.depth_limit(tools));
         changed(selected, &hits, tools.mode, sign, clusters)
     }
 
     /// Presses the brush and gives the first sample.
     pub fn press(&mut self, tools: &Tools, sample: BrushSample, sign: BrushSign) {
         self.strokes += 1;
-        let behind = self.behind(tools);
-        let depth = behind.map(|DepthLimit { eye, .. }| StrokeDepth {
+        let limit = self.depth_limit(tools);
+        let depth = limit.map(|DepthLimit { eye, .. }| StrokeDepth {
             eye: self.bounds.normalize(eye).to_array().to_vec(),
-            behind: tools.brush_depth.clamp(0.0, 1.0) * tools.radius,
+            reach: tools.brush_depth.clamp(0.0, 1.0) * tools.radius,
         });
         self.active = Some(ActiveStroke {
             id: format!("{}-{}", self.name, self.strokes),
@@ -131,7 +131,7 @@ impl BrushController {
             sign,
             radius: tools.radius,
             pressed: tools.pressure,
-            open: OpenStroke::new(self.gaussians, self.radius(tools)).with_depth_limit(behind),
+            open: OpenStroke::new(self.gaussians, self.radius(tools)).with_depth_limit(limit),
             points: Vec::new(),
             pressure: Vec::new(),
             depth,

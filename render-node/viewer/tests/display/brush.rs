@@ -70,7 +70,7 @@ fn a_brush_over_a_surface_reaches_only_so_far_behind_it() {
     assert_eq!(ones(&hand.selects(&Arc::new(Mask::empty(10)), None)), [1, 2, 3, 4, 5]);
     let Some(Request::Sample(told)) = hand.pending_samples() else { panic!("nothing is told") };
     let depth = told.samples.unwrap().depth.unwrap();
-    assert!((depth.behind - 0.3 * radius).abs() < 1e-12 && (depth.eye[0] + 20.0 / 9.0).abs() < 1e-9, "{depth:?}");
+    assert!((depth.reach - 0.3 * radius).abs() < 1e-12 && (depth.eye[0] + 20.0 / 9.0).abs() < 1e-9, "{depth:?}");
     let Some(Request::Select(stroke)) = hand.release() else { panic!("nothing is selected") };
     assert_eq!(stroke.strokes[0].depth, Some(depth));
 }

@@ -6,7 +6,7 @@ use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
 
 use lru::LruCache;
-use sg_language::intent_prompt::{MAX_EXCHANGE_BYTES, MAX_EXCHANGES};
+use sg_language::intent_prompt::{MAX_TURN_BYTES, MAX_TURNS};
 use sg_language::prompt::clip;
 use sg_language::reply::{self, Evidence};
 use sg_language::{grammar, paraphrase, request_ids};
@@ -14,7 +14,7 @@ use sg_llm::{LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, Stream, role};
 use sg_proto::language::{
-    AgentState, Exchange, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Utterance,
+    AgentState, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Turn, Utterance,
 };
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::render::{CaptureRequest, Quality};
@@ -121,16 +121,16 @@ struct CoreAgent {
 struct Conversation {
     /// The last step.
     step: u32,
-    /// The last exchanges, oldest first.
-    exchanges: Vec<Exchange>,
+    /// The last turns, oldest first.
+    turns: Vec<Turn>,
 }
 
 impl Conversation {
     fn add(&mut self, utterance: &str, reply: &str) {
-        let cut = |text| clip(text, MAX_EXCHANGE_BYTES).to_owned();
-        self.exchanges.push(Exchange { said: cut(utterance), answered: cut(reply) });
-        let excess = self.exchanges.len().saturating_sub(MAX_EXCHANGES);
-        self.exchanges.drain(..excess);
+        let cut = |text| clip(text, MAX_TURN_BYTES).to_owned();
+        self.turns.push(Turn { utterance: cut(utterance), reply: cut(reply) });
+        let excess = self.turns.len().saturating_sub(MAX_TURNS);
+        self.turns.drain(..excess);
     }
 }
 
@@ -258,7 +258,7 @@ impl CoreAgent {
         let request = IntentRequest {
             text: utterance.text.clone(),
             observation: Some(before.clone()),
-            conversation: conversation.map_or_else(Vec::new, |c| c.exchanges.clone()),
+            conversation: conversation.map_or_else(Vec::new, |c| c.turns.clone()),
         };
         let parse = turn.next_stage();
         let time = parse.remaining() * 2 / 3;

@@ -10,7 +10,7 @@ use sg_language::{commands, report, request_ids, unit_choice, unit_names};
 use sg_llm::{Answer, LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::language::{Act, ActionResult, AgentState, Chosen, Clause, Plan, PlanResult};
+use sg_proto::language::{Act, ActionResult, AgentState, Clause, Plan, PlanResult, ResolvedName};
 use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, State};
 use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::bus::{Bus, RetainedValue};
@@ -70,7 +70,7 @@ struct FunctionAgent {
     agent_state: AgentState,
     published_state: RetainedValue<AgentState>,
     /// Units chosen by the model, by plan and spoken name. `None`: the model found no unit.
-    choices: LruCache<String, Option<Chosen>>,
+    choices: LruCache<String, Option<ResolvedName>>,
     /// Results by plan id, for repeated requests.
     results: LruCache<String, PlanResult>,
     /// Transient faults by plan id, for repeated requests without time for another try.
@@ -199,7 +199,7 @@ impl FunctionAgent {
         clause: &Clause,
         state: &State,
         context: &Context,
-    ) -> Result<(Clause, Vec<Chosen>), Fault> {
+    ) -> Result<(Clause, Vec<ResolvedName>), Fault> {
         let mut resolved = (clause.clone(), Vec::new());
         if !self.llm.has_model() {
             return Ok(resolved);
@@ -217,7 +217,7 @@ impl FunctionAgent {
                     match self.llm.ask(&prompt, deadline, |answer| unit_choice::parse_answer(answer, state)).await {
                         Ok(Answer { value, model }) => {
                             self.llm.record_success();
-                            let choice = value.map(|unit| Chosen { spoken: spoken.to_owned(), unit, model });
+                            let choice = value.map(|unit| ResolvedName { spoken: spoken.to_owned(), unit, model });
                             self.choices.put(id, choice.clone());
                             choice
                         }
@@ -259,13 +259,13 @@ impl FunctionAgent {
         plan: &Plan,
         context: &Context,
     ) -> Result<ActionResult, Fault> {
-        let (clause, chosen) = self.choose_units(clause, state, context).await?;
+        let (clause, resolved_names) = self.choose_units(clause, state, context).await?;
         let action = self.apply_clause(&clause, id, state, plan, context).await?;
-        let text = chosen
+        let text = resolved_names
             .iter()
             .rev()
             .fold(action.text, |text, c| format!("Interpreted “{}” as the unit “{}”. {text}", c.spoken, c.unit));
-        Ok(ActionResult { text, chosen, ..action })
+        Ok(ActionResult { text, resolved_names, ..action })
     }
 
     async fn apply_clause(

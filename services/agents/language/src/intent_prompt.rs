@@ -10,10 +10,10 @@ use crate::intent_schema::{IntentSchema, SchemaError};
 use crate::prompt::{InvalidAnswer, Prompt, clip, limit_names};
 use crate::unit_names::{self, Lookup};
 
-/// Largest number of exchanges of the conversation in a prompt.
-pub const MAX_EXCHANGES: usize = 6;
+/// Largest number of turns of the conversation in a prompt.
+pub const MAX_TURNS: usize = 6;
 /// Largest part of an utterance or reply of the conversation in a prompt, bytes.
-pub const MAX_EXCHANGE_BYTES: usize = 400;
+pub const MAX_TURN_BYTES: usize = 400;
 /// Largest number of tokens of an answer.
 const MAX_TOKENS: u32 = 2048;
 
@@ -82,12 +82,12 @@ impl IntentPrompt {
         let view = scene.and_then(|s| s.view.as_ref());
         let view = view.map(|v| json!({"eye": point(&v.eye), "target": point(&v.target), "up": point(&v.up)}));
         let focus: Vec<&str> = scene.map(|s| s.focus.iter().map(String::as_str).collect()).unwrap_or_default();
-        let first = request.conversation.len().saturating_sub(MAX_EXCHANGES);
+        let first = request.conversation.len().saturating_sub(MAX_TURNS);
         let conversation: Vec<Value> = request.conversation[first..]
             .iter()
             .map(|e| {
-                let cut = |text| clip(text, MAX_EXCHANGE_BYTES);
-                json!({"said": cut(&e.said), "answered": cut(&e.answered)})
+                let cut = |text| clip(text, MAX_TURN_BYTES);
+                json!({"utterance": cut(&e.utterance), "reply": cut(&e.reply)})
             })
             .collect();
         let user = json!({
@@ -167,7 +167,7 @@ fn unfenced(answer: &str) -> &str {
 mod tests {
     use super::*;
     use crate::prompt::MAX_PROMPT_BYTES;
-    use sg_proto::language::{Act, Exchange};
+    use sg_proto::language::{Act, Turn};
     use sg_proto::scene::{BaseUnit, State};
 
     fn request(text: &str, units: &[&str]) -> IntentRequest {
@@ -190,15 +190,14 @@ mod tests {
     #[test]
     fn scene_and_conversation_are_data() {
         let mut input = request("hide it", &["sac", "vessel"]);
-        input.conversation =
-            (0..9).map(|n| Exchange { said: format!("said {n}"), answered: "x".repeat(5000) }).collect();
+        input.conversation = (0..9).map(|n| Turn { utterance: format!("said {n}"), reply: "x".repeat(5000) }).collect();
         let prompt = intent_prompt().build("agent-intent", &input, "id").unwrap();
         let user: Value = serde_json::from_str(&prompt.user).unwrap();
         assert_eq!(user["utterance"], "hide it");
         assert_eq!(user["units"], json!(["sac", "vessel"]));
-        assert_eq!(user["conversation"].as_array().unwrap().len(), MAX_EXCHANGES);
-        assert_eq!(user["conversation"][0]["said"], "said 3");
-        assert_eq!(user["conversation"][0]["answered"].as_str().unwrap().len(), MAX_EXCHANGE_BYTES);
+        assert_eq!(user["conversation"].as_array().unwrap().len(), MAX_TURNS);
+        assert_eq!(user["conversation"][0]["utterance"], "said 3");
+        assert_eq!(user["conversation"][0]["reply"].as_str().unwrap().len(), MAX_TURN_BYTES);
         for part in
             ["ACT_HIDE {target}: Hide.", "make the sac red and fade", "\"act\":\"ACT_SET_COLOR\"", "sing a song"]
         {
@@ -221,7 +220,7 @@ mod tests {
         let names: Vec<String> = (0..2000).map(|n| format!("{n:0128}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let mut input = request(&"a ".repeat(MAX_UTTERANCE_BYTES / 2), &names);
-        input.conversation = vec![Exchange { said: "\u{1}".repeat(9999), answered: "\u{1}".repeat(9999) }; 100];
+        input.conversation = vec![Turn { utterance: "\u{1}".repeat(9999), reply: "\u{1}".repeat(9999) }; 100];
         let prompt = intent_prompt().build("agent-intent", &input, "id").unwrap();
         assert!(prompt.bytes() < MAX_PROMPT_BYTES, "{}", prompt.bytes());
         let user: Value = serde_json::from_str(&prompt.user).unwrap();

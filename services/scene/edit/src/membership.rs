@@ -187,7 +187,7 @@ fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditErro
             Some(Step::Stroke(_)) => {}
             Some(Step::Operation(operation)) if operation.operation.is_some() => {}
             Some(Step::Tuning(tuning)) if tuning.leak.is_finite() && tuning.threshold.is_finite() => {}
-            Some(Step::Given(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
+            Some(Step::Mask(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
             _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is empty or malformed") }),
         }
     }
@@ -234,7 +234,7 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
             return wrong("the pressure must be finite and at least 0");
         }
         let sound = |d: &StrokeDepth| {
-            d.eye.len() == 3 && d.eye.iter().all(|x| x.is_finite()) && d.behind >= 0.0 && d.behind.is_finite()
+            d.eye.len() == 3 && d.eye.iter().all(|x| x.is_finite()) && d.reach >= 0.0 && d.reach.is_finite()
         };
         if !stroke.depth.as_ref().is_none_or(sound) {
             return wrong("its depth must be an eye of three finite numbers and at least 0 behind it");
@@ -275,7 +275,7 @@ mod tests {
             radius: 0.1,
             points: vec![0.0, 0.5, 1.0],
             pressure: vec![0.5],
-            depth: Some(StrokeDepth { eye: vec![0.5; 3], behind: 0.1 }),
+            depth: Some(StrokeDepth { eye: vec![0.5; 3], reach: 0.1 }),
         };
         assert_eq!(check_strokes(std::slice::from_ref(&good), 1), Ok(()));
         for bad in [
@@ -290,8 +290,8 @@ mod tests {
             Stroke { pressure: vec![-0.5], ..good.clone() },
             Stroke { pressure: vec![f64::INFINITY], ..good.clone() },
             Stroke { points: vec![0.0, 1.0], ..good.clone() },
-            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 2], behind: 0.1 }), ..good.clone() },
-            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 3], behind: -0.1 }), ..good.clone() },
+            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 2], reach: 0.1 }), ..good.clone() },
+            Stroke { depth: Some(StrokeDepth { eye: vec![0.5; 3], reach: -0.1 }), ..good.clone() },
             Stroke { points: vec![0.0, 1.0, f64::INFINITY], ..good.clone() },
             Stroke { points: vec![0.0; 3 * MAX_STROKE_POINTS + 3], pressure: vec![], ..good.clone() },
         ] {

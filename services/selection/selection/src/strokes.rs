@@ -63,7 +63,7 @@ pub struct Depth {
     pub eye: [f64; 3],
     /// Largest distance behind the nearest point of the stroke, seen from the viewpoint. A fraction of the scene box's
     /// longest edge, at least 0.
-    pub behind: f64,
+    pub reach: f64,
 }
 
 /// Most samples of one stroke: three hours at 90 samples a second.
@@ -104,12 +104,12 @@ pub enum StrokeError {
         pressure: f64,
     },
     /// The viewpoint is not finite, or the reach is negative or not finite.
-    #[error("the depth limit is {behind} seen from {eye:?}; it must be finite and at least 0")]
+    #[error("the depth limit is {reach} seen from {eye:?}; it must be finite and at least 0")]
     Depth {
         /// Viewpoint.
         eye: [f64; 3],
         /// Reach behind the stroke.
-        behind: f64,
+        reach: f64,
     },
 }
 
@@ -137,10 +137,10 @@ impl Stroke {
         if !(found == 0 || found == points) {
             return Err(StrokeError::PressureCount { found, points });
         }
-        if let Some(Depth { eye, behind }) = self.depth
-            && !(eye.iter().all(|x| x.is_finite()) && at_least_0(behind))
+        if let Some(Depth { eye, reach }) = self.depth
+            && !(eye.iter().all(|x| x.is_finite()) && at_least_0(reach))
         {
-            return Err(StrokeError::Depth { eye, behind });
+            return Err(StrokeError::Depth { eye, reach });
         }
         match self.pressure.iter().position(|f| !at_least_0(*f)) {
             Some(point) => Err(StrokeError::Pressure { point, pressure: self.pressure[point] }),
@@ -158,8 +158,8 @@ impl Stroke {
     /// The depth limit in the scene frame and the scene's length unit.
     #[must_use]
     pub fn depth_limit(&self, bounds: &SceneBox) -> Option<DepthLimit> {
-        let Depth { eye, behind } = self.depth?;
-        let max_distance = behind * bounds.longest_edge();
+        let Depth { eye, reach } = self.depth?;
+        let max_distance = reach * bounds.longest_edge();
         Some(DepthLimit { eye: bounds.denormalize(DVec3::from_array(eye)), max_distance })
     }
 }
@@ -176,7 +176,7 @@ mod tests {
             radius: 0.1,
             points: vec![[0.0; 3]; 2],
             pressure: vec![0.0, 2.5],
-            depth: Some(Depth { eye: [0.0; 3], behind: 0.1 }),
+            depth: Some(Depth { eye: [0.0; 3], reach: 0.1 }),
         };
         assert_eq!(good.check(), Ok(()));
         for (bad, expected) in [
@@ -186,7 +186,7 @@ mod tests {
             (Stroke { points: vec![[0.0; 3], [f64::NAN; 3]], ..good.clone() }, "point 1 is not finite"),
             (Stroke { pressure: vec![1.0], ..good.clone() }, "1 entries of `pressure` for 2 points"),
             (Stroke { pressure: vec![1.0, -1.0], ..good.clone() }, "pressure at point 1 is -1;"),
-            (Stroke { depth: Some(Depth { eye: [0.0; 3], behind: -1.0 }), ..good.clone() }, "depth limit is -1 "),
+            (Stroke { depth: Some(Depth { eye: [0.0; 3], reach: -1.0 }), ..good.clone() }, "depth limit is -1 "),
         ] {
             let message = bad.check().unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");

@@ -374,7 +374,7 @@ impl Selector {
             hits: open.preview.hits() as u64,
             selected: mask.count() as u64,
             changed: runs(&changed),
-            anew: !goes_on,
+            relative_to_committed: !goes_on,
             selection_hash: over.to_owned(),
             preview_ms: start.elapsed().as_secs_f64() * 1e3,
         })

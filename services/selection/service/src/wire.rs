@@ -59,7 +59,7 @@ pub(crate) fn decode_limited(
     match &step.step {
         Some(Sent::Stroke(stroke)) => decode_stroke_limited(stroke, max_points).map(Step::Stroke),
         Some(Sent::Operation(operation)) => decode_operation(operation).map(Step::Operation),
-        Some(Sent::Given(mask)) => Ok(Step::FixedMask(decode_mask(mask, gaussians, "given").map_err(invalid)?)),
+        Some(Sent::Mask(mask)) => Ok(Step::FixedMask(decode_mask(mask, gaussians, "mask").map_err(invalid)?)),
         Some(Sent::Tuning(tuning)) => decode_tuning(tuning).map(Step::Tuning),
         None => Err(invalid("a step is neither a stroke nor an operation")),
     }
@@ -70,7 +70,7 @@ pub(crate) fn encode(step: &Step) -> proto::SelectionStep {
     let step = match step {
         Step::Stroke(stroke) => Sent::Stroke(encode_stroke(stroke)),
         Step::Operation(operation) => Sent::Operation(encode_operation(operation)),
-        Step::FixedMask(mask) => Sent::Given(encode_mask(mask)),
+        Step::FixedMask(mask) => Sent::Mask(encode_mask(mask)),
         Step::Tuning(tuning) => Sent::Tuning(encode_tuning(*tuning)),
     };
     proto::SelectionStep { step: Some(step) }
@@ -135,7 +135,7 @@ fn decode_stroke_limited(stroke: &proto::Stroke, max_points: usize) -> Result<St
     let depth = stroke.depth.as_ref().map(|depth| {
         let eye = depth.eye.as_slice().try_into();
         let eye = eye.map_err(|_| invalid(format!("an eye has {} coordinates; it takes 3", depth.eye.len())))?;
-        Ok::<_, DecodeError>(Depth { eye, behind: depth.behind })
+        Ok::<_, DecodeError>(Depth { eye, reach: depth.reach })
     });
     let stroke = Stroke { mode, kind, radius: stroke.radius, points, pressure, depth: depth.transpose()? };
     stroke.check().map_err(invalid)?;
@@ -155,7 +155,7 @@ fn encode_stroke(stroke: &Stroke) -> proto::Stroke {
     };
     let points = stroke.points.as_flattened().to_vec();
     let pressure = stroke.pressure.clone();
-    let depth = stroke.depth.map(|Depth { eye, behind }| proto::StrokeDepth { eye: eye.to_vec(), behind });
+    let depth = stroke.depth.map(|Depth { eye, reach }| proto::StrokeDepth { eye: eye.to_vec(), reach });
     proto::Stroke { mode: mode.into(), kind: kind.into(), radius: stroke.radius, points, pressure, depth }
 }
 
@@ -312,7 +312,7 @@ mod tests {
                 radius: 0.1,
                 points: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
                 pressure: vec![0.5, 2.0],
-                depth: Some(Depth { eye: [0.5, -3.0, 0.5], behind: 0.01 }),
+                depth: Some(Depth { eye: [0.5, -3.0, 0.5], reach: 0.01 }),
             }),
             Step::FixedMask(mask),
             Step::Tuning(Tuning { leak: 0.003, threshold: -0.25 }),
@@ -360,9 +360,9 @@ mod tests {
             let stroke = proto::Stroke { mode, kind, radius: 0.1, points: vec![0.0; 3], pressure, depth: None };
             assert!(decode_stroke(&stroke).is_err(), "{stroke:?}");
         }
-        for (eye, behind) in [(vec![0.0; 2], 0.1), (vec![f64::NAN; 3], 0.1), (vec![0.0; 3], -0.1)] {
+        for (eye, reach) in [(vec![0.0; 2], 0.1), (vec![f64::NAN; 3], 0.1), (vec![0.0; 3], -0.1)] {
             let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
-            let depth = Some(proto::StrokeDepth { eye, behind });
+            let depth = Some(proto::StrokeDepth { eye, reach });
             let stroke = proto::Stroke { mode, kind, radius: 0.1, points: vec![0.0; 3], pressure: Vec::new(), depth };
             assert!(decode_stroke(&stroke).is_err(), "{stroke:?}");
         }
@@ -370,7 +370,7 @@ mod tests {
             let step = proto::SelectionStep { step: Some(Sent::Tuning(proto::WalkTuning { leak, threshold })) };
             assert!(decode(&step, 10).is_err(), "{step:?}");
         }
-        let short = proto::SelectionStep { step: Some(Sent::Given(encode_mask(&Mask::empty(9)))) };
+        let short = proto::SelectionStep { step: Some(Sent::Mask(encode_mask(&Mask::empty(9)))) };
         assert!(decode(&short, 10).is_err());
     }
 

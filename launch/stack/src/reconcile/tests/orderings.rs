@@ -14,7 +14,7 @@ struct Process {
     standby: bool,
     ready: bool,
     serves: bool,
-    proving: bool,
+    verifying: bool,
     promoting: bool,
 }
 
@@ -60,7 +60,7 @@ impl Point {
             Event::Ready { instance, .. } => {
                 self.alive.values_mut().filter(|p| p.instance == *instance).for_each(|p| p.ready = true);
             }
-            Event::Proven { id, .. } => self.alive.get_mut(id).unwrap().proving = false,
+            Event::Verified { id, .. } => self.alive.get_mut(id).unwrap().verifying = false,
             Event::Promoted { id, .. } => self.alive.get_mut(id).unwrap().promoting = false,
             Event::Swap { .. } => self.swaps += 1,
             Event::Restart { .. } | Event::Down => self.wished = true,
@@ -83,7 +83,7 @@ impl Point {
                     };
                     self.alive.insert(spawn.id, process);
                 }
-                Action::Prove { id, .. } => self.alive.get_mut(&id).unwrap().proving = true,
+                Action::Verify { id, .. } => self.alive.get_mut(&id).unwrap().verifying = true,
                 Action::Promote { id, epoch, .. } => {
                     self.grant(epoch);
                     let process = self.alive.get_mut(&id).unwrap();
@@ -126,9 +126,9 @@ impl Point {
                 let event = Event::Ready { instance: process.instance.clone(), start_ms: 1, standby: process.standby };
                 choices.push((name("main is ready", "candidate stands by"), event));
             }
-            if process.proving {
-                choices.push(("proven", Event::Proven { id, outcome: Ok(()) }));
-                choices.push(("unfit", Event::Proven { id, outcome: Err("unfit".into()) }));
+            if process.verifying {
+                choices.push(("verified", Event::Verified { id, outcome: Ok(()) }));
+                choices.push(("unfit", Event::Verified { id, outcome: Err("unfit".into()) }));
             }
             if process.promoting {
                 choices.push(("promoted", Event::Promoted { id, outcome: Ok(()) }));
@@ -181,7 +181,7 @@ fn explore(point: &Point, depth: u32, seen: &mut u64) {
 fn all_orders_of_events_keep_the_invariants() {
     let mut point = Point::new();
     point.take("begin", Event::Tick);
-    let story = ["main is ready", "swap", "candidate stands by", "proven", "main ends", "promoted"];
+    let story = ["main is ready", "swap", "candidate stands by", "verified", "main ends", "promoted"];
     let mut seen = 0;
     explore(&point, 6, &mut seen);
     for wanted in story {

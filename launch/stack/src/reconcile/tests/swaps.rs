@@ -26,8 +26,8 @@ fn states(world: &World) -> Vec<SwapState> {
 #[test]
 fn a_swap_goes_through_its_states_and_the_service_is_never_counted_as_restarted() {
     let world = swapped(&[Behaviour::Good]);
-    use SwapState::{Done, HandingOver, Promoting, Proving, Starting, Waiting};
-    assert_eq!(states(&world), [Waiting, Starting, Proving, HandingOver, Promoting, Done]);
+    use SwapState::{Done, HandingOver, Promoting, Starting, Verifying, Waiting};
+    assert_eq!(states(&world), [Waiting, Starting, Verifying, HandingOver, Promoting, Done]);
     let service = world.stack.service(0, world.now).unwrap();
     assert_eq!((service.state(), service.executable.as_str(), service.restarts), (ServiceState::Ready, "/v1", 0));
     assert_eq!((service.instance.as_str(), service.epoch), ("s0-2", 102));
@@ -56,7 +56,7 @@ fn candidate_failure_before_handover_leaves_the_old_process() {
         assert_eq!(world.stack.find_service("s0").unwrap().1.start, start(0));
     }
     let mut world = swapped(&[Behaviour::Good, Mute]);
-    assert_eq!(world.swap(0).0, SwapState::Proving);
+    assert_eq!(world.swap(0).0, SwapState::Verifying);
     world.run_until(PROBE_TIME + millis(2000));
     assert_eq!(world.swap(0), (SwapState::Failed, "no result of the probe within 10 s".to_owned()));
     assert_eq!(world.serving(0).unwrap().instance, "s0-1");

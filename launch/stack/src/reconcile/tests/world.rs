@@ -191,11 +191,11 @@ impl World {
         assert!(self.finished.is_none(), "{action:?} after the end");
         match action {
             Action::Spawn(spawn) => self.spawn(*spawn),
-            Action::Prove { id, .. } => {
+            Action::Verify { id, .. } => {
                 let Some(Simulated { behaviour, delay, .. }) = self.alive.get(&id).cloned() else { return };
                 let outcome = if behaviour == Behaviour::Unfit { Err("unfit".to_owned()) } else { Ok(()) };
                 if behaviour != Behaviour::Mute {
-                    self.later(delay / 3, Event::Proven { id, outcome });
+                    self.later(delay / 3, Event::Verified { id, outcome });
                 }
             }
             Action::Promote { id, epoch, .. } => self.promote(id, epoch),
