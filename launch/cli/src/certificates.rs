@@ -14,8 +14,18 @@ use crate::terminal::{self, CommandResult, Failure};
 
 /// Name of the authority in its certificate.
 const AUTHORITY: &str = "Super-Gaussian authority";
+/// File name of the authority, without the extension.
+const AUTHORITY_FILE: &str = "authority";
+/// File name of the machine that runs `up`, without the extension.
+const HOME: &str = "home";
+/// End of the file name of a key, before the extension.
+const KEY_SUFFIX: &str = "-key";
+/// Validity of a new authority in days; certificates never outlive it.
+const AUTHORITY_DAYS: u64 = 3650;
+/// A day in seconds.
+const DAY: u64 = 24 * 3600;
 /// Tolerated clock difference.
-const CLOCKS: Duration = Duration::from_secs(24 * 3600);
+const CLOCKS: Duration = Duration::from_secs(DAY);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CertificatesArgs {
@@ -33,83 +43,174 @@ pub(crate) struct CertificatesArgs {
     days: u64,
 }
 
+/// Signs a certificate for home and for every node. Keys are never replaced; a later run renews certificates on the same
+/// keys.
+///
+/// Everything is read and signed before the first file is written, so that a refused command changes nothing.
 pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
     let CertificatesArgs { dir, home, nodes, days } = arguments;
-    if let Some(bad) = nodes.iter().find(|n| sg_runtime::session::SessionDir::named(n).is_err() || *n == "home") {
-        return Err(Failure::Input(format!("--node {bad}: use letters, digits, `-` or `_`, and not `home`")));
-    }
+    check_names(nodes)?;
+    let authority = Authority::of(dir)?;
+    let at_home = authority.sign(dir, HOME, home, ExtendedKeyUsagePurpose::ServerAuth, *days)?;
+    let of_nodes = nodes
+        .iter()
+        .map(|node| authority.sign(dir, node, &[], ExtendedKeyUsagePurpose::ClientAuth, *days))
+        .collect::<Result<Vec<_>, _>>()?;
+
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", dir.display()));
     std::fs::DirBuilder::new().recursive(true).mode(0o700).create(dir).map_err(fail)?;
-    let authority = authority(dir, *days)?;
-    let mut lines =
-        vec![format!("{}: the authority; keep its key on this machine", dir.join("authority.pem").display())];
-    let made = signed(dir, "home", home, ExtendedKeyUsagePurpose::ServerAuth, *days, &authority)?;
-    lines.push(format!("{}: for `[bus]` of the launch file, reached as {}", made.display(), home.join(", ")));
-    for node in nodes {
-        let made = signed(dir, node, &[], ExtendedKeyUsagePurpose::ClientAuth, *days, &authority)?;
-        lines.push(format!(
-            "{}: for machine {node}, with its key and authority.pem; copy these three files there",
-            made.display()
+    for files in [&authority.files, &at_home].into_iter().chain(&of_nodes) {
+        files.write()?;
+    }
+    if SystemTime::now() + Duration::from_secs(days * DAY) > authority.expires {
+        terminal::print_status(&format!(
+            "{}: expires before {days} days; the certificates end with it. Start a new authority in another folder in time",
+            authority.files.certificate.display()
         ));
     }
-    for line in lines {
-        terminal::print_line(&line);
+    terminal::print_line(&format!(
+        "{}: the authority; keep its key on this machine",
+        authority.files.certificate.display()
+    ));
+    terminal::print_line(&format!(
+        "{}: for `[bus]` of the launch file, reached as {}",
+        at_home.certificate.display(),
+        home.join(", ")
+    ));
+    for (node, files) in nodes.iter().zip(&of_nodes) {
+        terminal::print_line(&format!(
+            "{}: for machine {node}, with its key and authority.pem; copy these three files there",
+            files.certificate.display()
+        ));
     }
     Ok(())
 }
 
-/// The authority of a folder. Creates one if there is none.
-fn authority(dir: &Path, days: u64) -> Result<Issuer<'static, KeyPair>, Failure> {
-    let (certificate, key) = (dir.join("authority.pem"), dir.join("authority-key.pem"));
-    let mut params = params(AUTHORITY, &[], days)?;
-    params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
-    params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
-    match std::fs::read_to_string(&key) {
-        Ok(pem) => {
-            let pair = KeyPair::from_pem(&pem).map_err(|e| Failure::Input(format!("{}: {e}", key.display())))?;
-            if !certificate.is_file() {
-                write(&certificate, &params.self_signed(&pair).map_err(|e| refused(&e))?.pem(), 0o644)?;
-            }
-            Ok(Issuer::new(params, pair))
+/// Checks the names of machines. A name must not lead to the file of another machine, of home or of the authority.
+fn check_names(nodes: &[String]) -> Result<(), Failure> {
+    for (at, node) in nodes.iter().enumerate() {
+        let problem = if sg_runtime::session::SessionDir::named(node).is_err() {
+            "use letters, digits, `-` or `_`"
+        } else if [HOME, AUTHORITY_FILE].contains(&node.as_str()) || node.ends_with(KEY_SUFFIX) {
+            "`home`, `authority` and names that end with `-key` are reserved; choose another name"
+        } else if nodes[..at].contains(node) {
+            "the name is given twice"
+        } else {
+            continue;
+        };
+        return Err(Failure::Input(format!("--node {node}: {problem}")));
+    }
+    Ok(())
+}
+
+/// A certificate and its key, signed but not written yet.
+struct SignedFiles {
+    certificate: PathBuf,
+    pem: String,
+    /// A new key and its path; `None` for a key that is there already.
+    new_key: Option<(PathBuf, String)>,
+}
+
+impl SignedFiles {
+    fn write(&self) -> Result<(), Failure> {
+        if let Some((path, pem)) = &self.new_key {
+            write_new(path, pem)?;
         }
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let pair = KeyPair::generate().map_err(|e| refused(&e))?;
-            write(&key, &pair.serialize_pem(), 0o600)?;
-            write(&certificate, &params.self_signed(&pair).map_err(|e| refused(&e))?.pem(), 0o644)?;
-            Ok(Issuer::new(params, pair))
-        }
-        Err(error) => Err(Failure::Work(format!("{}: {error}", key.display()))),
+        replace(&self.certificate, &self.pem)
     }
 }
 
-/// Creates a certificate and its key, signed by this authority. Returns the path of the certificate.
-fn signed(
-    dir: &Path,
-    name: &str,
-    hosts: &[String],
-    purpose: ExtendedKeyUsagePurpose,
-    days: u64,
-    authority: &Issuer<'_, KeyPair>,
-) -> Result<PathBuf, Failure> {
-    let mut params = params(name, hosts, days)?;
-    params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
-    params.extended_key_usages = vec![purpose];
-    params.use_authority_key_identifier_extension = true;
-    let pair = KeyPair::generate().map_err(|e| refused(&e))?;
-    let certificate = params.signed_by(&pair, authority).map_err(|e| refused(&e))?;
-    write(&dir.join(format!("{name}-key.pem")), &pair.serialize_pem(), 0o600)?;
-    let path = dir.join(format!("{name}.pem"));
-    write(&path, &certificate.pem(), 0o644)?;
-    Ok(path)
+/// The authority of a folder, from its files or new.
+struct Authority {
+    issuer: Issuer<'static, KeyPair>,
+    expires: SystemTime,
+    files: SignedFiles,
 }
 
-fn params(name: &str, hosts: &[String], days: u64) -> Result<CertificateParams, Failure> {
+impl Authority {
+    fn of(dir: &Path) -> Result<Self, Failure> {
+        let (pair, new_key) = key(dir, AUTHORITY_FILE)?;
+        let mut params = params(AUTHORITY, &[], SystemTime::now() + Duration::from_secs(AUTHORITY_DAYS * DAY))?;
+        params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
+        params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
+        let certificate = dir.join(format!("{AUTHORITY_FILE}.pem"));
+        let pem = match std::fs::read_to_string(&certificate) {
+            Ok(pem) => pem,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                params.self_signed(&pair).map_err(|e| refused(&e))?.pem()
+            }
+            Err(error) => return Err(Failure::Work(format!("{}: {error}", certificate.display()))),
+        };
+        let expires = expiry(&pem).map_err(|e| Failure::Input(format!("{}: {e}", certificate.display())))?;
+        if expires <= SystemTime::now() {
+            return Err(Failure::Input(format!(
+                "{}: has expired; start a new authority in another folder, and copy its files to every machine",
+                certificate.display()
+            )));
+        }
+        Ok(Self { issuer: Issuer::new(params, pair), expires, files: SignedFiles { certificate, pem, new_key } })
+    }
+
+    /// Signs a certificate that does not outlive the authority.
+    fn sign(
+        &self,
+        dir: &Path,
+        name: &str,
+        hosts: &[String],
+        purpose: ExtendedKeyUsagePurpose,
+        days: u64,
+    ) -> Result<SignedFiles, Failure> {
+        let expires = (SystemTime::now() + Duration::from_secs(days * DAY)).min(self.expires);
+        let mut params = params(name, hosts, expires)?;
+        params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
+        params.extended_key_usages = vec![purpose];
+        params.use_authority_key_identifier_extension = true;
+        let (pair, new_key) = key(dir, name)?;
+        let pem = params.signed_by(&pair, &self.issuer).map_err(|e| refused(&e))?.pem();
+        Ok(SignedFiles { certificate: dir.join(format!("{name}.pem")), pem, new_key })
+    }
+}
+
+/// The key of this name: the one in the folder, or a new one with its path.
+fn key(dir: &Path, name: &str) -> Result<(KeyPair, Option<(PathBuf, String)>), Failure> {
+    let path = dir.join(format!("{name}{KEY_SUFFIX}.pem"));
+    match std::fs::read_to_string(&path) {
+        Ok(pem) => {
+            let pair = KeyPair::from_pem(&pem)
+                .map_err(|e| Failure::Input(format!("{}: {e}; move the file away for a new key", path.display())))?;
+            Ok((pair, None))
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let certificate = dir.join(format!("{name}.pem"));
+            if certificate.exists() {
+                return Err(Failure::Input(format!(
+                    "{}: its key {} is missing; bring the key back, or move the certificate away",
+                    certificate.display(),
+                    path.display()
+                )));
+            }
+            let pair = KeyPair::generate().map_err(|e| refused(&e))?;
+            let pem = pair.serialize_pem();
+            Ok((pair, Some((path, pem))))
+        }
+        Err(error) => Err(Failure::Work(format!("{}: {error}", path.display()))),
+    }
+}
+
+/// The end of the validity of a certificate.
+fn expiry(pem: &str) -> Result<SystemTime, String> {
+    let (_, pem) = x509_parser::pem::parse_x509_pem(pem.as_bytes()).map_err(|e| format!("no certificate: {e}"))?;
+    let certificate = pem.parse_x509().map_err(|e| format!("no certificate: {e}"))?;
+    let seconds = u64::try_from(certificate.validity().not_after.timestamp()).unwrap_or_default();
+    Ok(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds))
+}
+
+fn params(name: &str, hosts: &[String], expires: SystemTime) -> Result<CertificateParams, Failure> {
     let mut params = CertificateParams::new(hosts.to_vec())
         .map_err(|e| Failure::Input(format!("--home {}: {e}; give names or addresses", hosts.join(","))))?;
     params.distinguished_name.push(DnType::CommonName, name);
-    let now = SystemTime::now();
-    params.not_before = (now - CLOCKS).into();
-    params.not_after = (now + Duration::from_secs(days * 24 * 3600)).into();
+    params.not_before = (SystemTime::now() - CLOCKS).into();
+    params.not_after = expires.into();
     Ok(params)
 }
 
@@ -117,13 +218,25 @@ fn refused(error: &rcgen::Error) -> Failure {
     Failure::Work(format!("a certificate could not be made: {error}"))
 }
 
-fn write(path: &Path, text: &str, mode: u32) -> Result<(), Failure> {
+/// Writes a key, which only its owner may read. Never replaces a file.
+fn write_new(path: &Path, text: &str) -> Result<(), Failure> {
+    let written = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(path)
+        .and_then(|mut file| file.write_all(text.as_bytes()).and_then(|()| file.sync_all()));
+    written.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))
+}
+
+/// Writes a certificate beside its place, and then replaces the former one.
+fn replace(path: &Path, text: &str) -> Result<(), Failure> {
     let part = path.with_extension("part");
     let written = OpenOptions::new()
         .write(true)
         .create(true)
         .truncate(true)
-        .mode(mode)
+        .mode(0o644)
         .open(&part)
         .and_then(|mut file| file.write_all(text.as_bytes()))
         .and_then(|()| std::fs::rename(&part, path));
@@ -137,6 +250,7 @@ fn write(path: &Path, text: &str, mode: u32) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
     use std::os::unix::fs::PermissionsExt;
 
     #[test]
@@ -161,5 +275,85 @@ mod tests {
             assert_eq!(is_key, open == 0, "{:?}", entry.file_name());
         }
         assert!(certificates(&arguments(&["../gpu"])).is_err());
+    }
+
+    /// Every file of a folder with its content.
+    fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+        let files = std::fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().path());
+        files.map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
+    }
+
+    #[test]
+    fn a_refused_command_changes_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path().join("tls");
+        let arguments = |nodes: &[&str], home: &str| CertificatesArgs {
+            dir: dir.clone(),
+            home: vec![home.to_owned()],
+            nodes: nodes.iter().map(|n| (*n).to_owned()).collect(),
+            days: 30,
+        };
+        certificates(&arguments(&["gpu1"], "lab.example.org")).unwrap();
+        let before = contents(&dir);
+        for names in [&["authority"][..], &["home"], &["gpu1-key"], &["authority-key"], &["../gpu"], &["a", "a"]] {
+            assert!(matches!(certificates(&arguments(names, "lab.example.org")), Err(Failure::Input(_))), "{names:?}");
+            assert_eq!(contents(&dir), before, "{names:?}");
+        }
+        assert!(certificates(&arguments(&["gpu2"], "snowman \u{2603}")).is_err());
+        assert_eq!(contents(&dir), before);
+
+        std::fs::write(dir.join("gpu3.pem"), "from elsewhere").unwrap();
+        let before = contents(&dir);
+        assert!(matches!(certificates(&arguments(&["gpu3"], "lab.example.org")), Err(Failure::Input(_))));
+        assert_eq!(contents(&dir), before, "a certificate without its key is not replaced");
+    }
+
+    #[test]
+    fn a_later_run_renews_certificates_on_the_same_keys() {
+        let folder = tempfile::tempdir().unwrap();
+        let arguments = |days| CertificatesArgs {
+            dir: folder.path().to_owned(),
+            home: vec!["lab.example.org".to_owned()],
+            nodes: vec!["gpu1".to_owned()],
+            days,
+        };
+        certificates(&arguments(30)).unwrap();
+        let before = contents(folder.path());
+        certificates(&arguments(60)).unwrap();
+        let end = |files: &BTreeMap<PathBuf, Vec<u8>>, name: &str| {
+            expiry(std::str::from_utf8(&files[&folder.path().join(name)]).unwrap()).unwrap()
+        };
+        let after = contents(folder.path());
+        for name in ["authority-key.pem", "home-key.pem", "gpu1-key.pem", "authority.pem"] {
+            assert_eq!(after[&folder.path().join(name)], before[&folder.path().join(name)], "{name}");
+        }
+        for name in ["home.pem", "gpu1.pem"] {
+            let later = end(&after, name).duration_since(end(&before, name)).unwrap();
+            assert!(later > Duration::from_secs(29 * DAY), "{name}: {later:?}");
+        }
+    }
+
+    #[test]
+    fn a_certificate_ends_with_its_authority() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path();
+        let pair = KeyPair::generate().unwrap();
+        let write_authority = |expires: SystemTime| {
+            let pem = params(AUTHORITY, &[], expires).unwrap().self_signed(&pair).unwrap().pem();
+            std::fs::write(dir.join("authority.pem"), pem).unwrap();
+        };
+        std::fs::write(dir.join("authority-key.pem"), pair.serialize_pem()).unwrap();
+        let arguments =
+            CertificatesArgs { dir: dir.to_owned(), home: vec!["lab".to_owned()], nodes: Vec::new(), days: 365 };
+
+        write_authority(SystemTime::now() + Duration::from_secs(10 * DAY));
+        certificates(&arguments).unwrap();
+        let end = |name: &str| expiry(&std::fs::read_to_string(dir.join(name)).unwrap()).unwrap();
+        assert_eq!(end("home.pem"), end("authority.pem"));
+
+        write_authority(SystemTime::now() - Duration::from_secs(60));
+        let before = contents(dir);
+        assert!(matches!(certificates(&arguments), Err(Failure::Input(text)) if text.contains("expired")));
+        assert_eq!(contents(dir), before);
     }
 }

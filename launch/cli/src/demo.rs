@@ -1,5 +1,6 @@
 //! The demo: makes or loads a scene, starts the full stack and plays a script. It leaves pictures and a transcript.
 
+mod outputs;
 mod summary;
 
 use std::path::{Path, PathBuf};
@@ -27,8 +28,8 @@ use crate::strokes::check_strokes;
 use crate::supervisor_client::wait_until_ready;
 use crate::terminal::{self, CommandResult, Failure};
 use crate::text_file::read_text;
-use crate::transcript;
 use crate::up::outcome;
+use outputs::{OutputFolder, PROJECT};
 use summary::Summary;
 
 /// Prefix of the names of demo sessions. The process id follows.
@@ -83,15 +84,26 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
         let hint = suggestion(name, plan.services.iter().map(|s| s.name.as_str()));
         return Err(Failure::Input(format!("--chaos {name}: no such service{hint}")));
     }
-    let out = fresh_folder(&arguments.out)?;
-    let files = shipped::unpack(&out, input.shipped_name())?;
-    let path = match arguments.script.as_deref() {
-        Some("generic") => files.generic.clone(),
-        Some(path) => PathBuf::from(path),
-        None => files.script.clone(),
+    let folder = OutputFolder::check(&arguments.out)?;
+    // A script of the person's own is checked before anything is written.
+    let own = arguments.script.as_deref().filter(|script| *script != "generic").map(Path::new);
+    let own_steps = match own {
+        Some(path) if shipped::replaces(&arguments.out, path) => {
+            return Err(Failure::Input(format!(
+                "{}: the demo replaces its scripts in --out; copy this one elsewhere",
+                path.display()
+            )));
+        }
+        Some(path) => Some(read_script(path)?),
+        None => None,
     };
-    let mut steps = script::read(&path, &read_text(&path)?).map_err(|e| Failure::Input(e.to_string()))?;
-    check_strokes(&steps)?;
+    let out = folder.prepare()?;
+    let files = shipped::unpack(&out, input.shipped_name())?;
+    let mut steps = match own_steps {
+        Some(steps) => steps,
+        None if arguments.script.is_some() => read_script(&files.generic)?,
+        None => read_script(&files.script)?,
+    };
     if let Some(service) = &arguments.chaos
         && !steps.contains(&Step::Chaos)
     {
@@ -110,13 +122,22 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
     if steps.iter().any(|s| matches!(s, Step::Strokes { file, .. } if file.ends_with(DENSEST))) {
         densest_strokes::write(&scene.path, &out, &files.densest)?;
     }
-    let project = out.join("scene.sgproj");
+    let project = out.join(PROJECT);
     let overrides = [
         format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string())),
         format!("service.scene.params.project={}", toml::Value::String(project.display().to_string())),
     ];
+    outputs::list(&out, &steps, windowed)?;
     forget_dead_demos();
     let session = SessionDir::named(session_name.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
+    // A session that was there before may hold a person's project.
+    let is_new = !session.path().exists();
+    let remove_session = || {
+        if is_new {
+            // After success the logs are of no further use.
+            let _ = std::fs::remove_dir_all(session.path());
+        }
+    };
     let stack = |shipped_file: (&str, &str)| -> Result<Stack, Failure> {
         Ok(Stack {
             file: shipped::launch_file(shipped_file, &overrides, &search)?,
@@ -137,12 +158,13 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
             }
             ended => {
                 outcome(ended).inspect_err(failed)?;
-                let _ = std::fs::remove_dir_all(session.path());
+                remove_session();
                 terminal::print_status(&format!("edits are saved in {}", project.display()));
                 return Ok(());
             }
         }
     }
+    outputs::list(&out, &steps, false)?;
     let settings = Settings {
         out,
         conversation: format!("demo-{}", Context::root().id),
@@ -152,8 +174,7 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
         counts: Arc::default(),
     };
     let summary = run(stack(HEADLESS)?, scene, steps, settings).await.inspect_err(failed)?;
-    // After success the logs are of no further use.
-    let _ = std::fs::remove_dir_all(session.path());
+    remove_session();
     summary.tell(arguments.json);
     if summary.failed_utterances.is_empty() {
         return Ok(());
@@ -217,23 +238,10 @@ fn forget_dead_demos() {
     }
 }
 
-/// Creates the folder, and removes the outputs of an earlier demo.
-fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
-    let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
-    std::fs::create_dir_all(out).map_err(fail)?;
-    let out = std::fs::canonicalize(out).map_err(fail)?;
-    for entry in std::fs::read_dir(&out).map_err(fail)? {
-        let entry = entry.map_err(fail)?;
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let (start, rest) = name.split_at_checked(3).unwrap_or(("", ""));
-        let picture = start.ends_with('-')
-            && start.bytes().take(2).all(|b| b.is_ascii_digit())
-            && (rest.ends_with(".png") || rest.ends_with(".npy"));
-        if picture || name == transcript::FILE || name.starts_with("scene.sgproj") {
-            std::fs::remove_file(entry.path()).map_err(fail)?;
-        }
-    }
-    Ok(out)
+fn read_script(path: &Path) -> Result<Vec<Step>, Failure> {
+    let steps = script::read(path, &read_text(path)?).map_err(|e| Failure::Input(e.to_string()))?;
+    check_strokes(&steps)?;
+    Ok(steps)
 }
 
 #[cfg(test)]

@@ -275,7 +275,7 @@ impl Player {
         let frame = self.ask(&keys::CAPTURE, &request, &context).await?;
         self.measured.frame.push(frame.render_ms);
         self.hashes.push(frame.hash.clone());
-        let base = format!("{:02}-{name}", self.pictures.len() + 1);
+        let base = picture_base(self.pictures.len() + 1, name);
         let out = &self.settings.out;
         let picture = keep(&frame, &out.join(format!("{base}.npy")), &out.join(format!("{base}.png")))?;
         let shown = picture.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -312,4 +312,9 @@ fn keep(frame: &Frame, npy: &Path, png: &Path) -> Result<PathBuf, Failure> {
             .map_err(|e| Failure::Work(format!("{from} → {}: {e}", to.display())))?;
     }
     Ok(png.to_owned())
+}
+
+/// File name of the n-th picture of a script, counted from 1, without the extension.
+pub(crate) fn picture_base(n: usize, name: &str) -> String {
+    format!("{n:02}-{name}")
 }

@@ -67,6 +67,13 @@ pub(crate) struct Shipped {
     pub(crate) transfer_function: Option<PathBuf>,
 }
 
+/// Whether [`unpack`] into this folder may replace the file.
+pub(crate) fn replaces(out: &Path, file: &Path) -> bool {
+    let (Ok(folder), Ok(file)) = (out.join("script").canonicalize(), file.canonicalize()) else { return false };
+    let is_shipped = |name: &std::ffi::OsStr| FILES.iter().any(|(shipped, _)| *shipped == name);
+    file.parent() == Some(&folder) && file.file_name().is_some_and(is_shipped)
+}
+
 /// Writes the files for a known input, and the generic script.
 pub(crate) fn unpack(out: &Path, known: Option<&str>) -> Result<Shipped, Failure> {
     let folder = out.join("script");
