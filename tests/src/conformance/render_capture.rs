@@ -98,8 +98,8 @@ async fn clips(stage: &Stage<'_>) -> Result<(), String> {
     // Everything has x ≥ −1e9, and nothing has x ≤ −1e9.
     let side = |x: f64| HalfSpace { normal: vec![x, 0.0, 0.0], offset: x * -1e9 };
     let whole = capture(stage, &small()).await?;
-    for (x, cut, coverage) in [(1.0, false, whole.coverage), (1.0, true, 0.0), (-1.0, false, 0.0)] {
-        let clips = vec![Clip { sides: vec![side(x)], cut }];
+    for (x, hide_inside, coverage) in [(1.0, false, whole.coverage), (1.0, true, 0.0), (-1.0, false, 0.0)] {
+        let clips = vec![Clip { sides: vec![side(x)], hide_inside }];
         let frame = capture(stage, &CaptureRequest { clips, ..small() }).await?;
         hold(frame.coverage == coverage, || format!("coverage {} instead of {coverage}", frame.coverage))?;
     }

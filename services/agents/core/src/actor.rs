@@ -135,12 +135,12 @@ impl Conversation {
 }
 
 /// The progress of one utterance through the stages.
-struct Turn {
+struct LoopProgress {
     context: Context,
     step: u32,
 }
 
-impl Turn {
+impl LoopProgress {
     /// The context of the next stage.
     fn next_stage(&mut self) -> Context {
         self.step = self.step.saturating_add(1);
@@ -217,7 +217,7 @@ impl CoreAgent {
     }
 
     /// Observe, interpret, act, observe again.
-    async fn answer(&mut self, utterance: &Utterance, turn: &mut Turn) -> Result<Reply, Fault> {
+    async fn answer(&mut self, utterance: &Utterance, turn: &mut LoopProgress) -> Result<Reply, Fault> {
         let before = self.observe("before", 0, turn).await;
         let inner = |context: Context| {
             let time = context.remaining().saturating_sub(MARGIN);
@@ -253,7 +253,12 @@ impl CoreAgent {
     }
 
     /// Asks the intent agent. A third of the time is left to act.
-    async fn interpret(&self, utterance: &Utterance, before: &Observation, turn: &mut Turn) -> Result<Intent, Fault> {
+    async fn interpret(
+        &self,
+        utterance: &Utterance,
+        before: &Observation,
+        turn: &mut LoopProgress,
+    ) -> Result<Intent, Fault> {
         let conversation = self.conversations.peek(&turn.context.conversation);
         let request = IntentRequest {
             text: utterance.text.clone(),
@@ -297,7 +302,7 @@ impl CoreAgent {
     }
 
     /// Observes the scene and its image. Missing parts are named in the observation and are not an error.
-    async fn observe(&self, moment: &str, at_least_revision: u64, turn: &mut Turn) -> Observation {
+    async fn observe(&self, moment: &str, at_least_revision: u64, turn: &mut LoopProgress) -> Observation {
         let context = turn.next_stage();
         let time = OBSERVE_TIME.min(context.remaining() / 3);
         let limited = context.clone().within(time);
@@ -340,13 +345,13 @@ impl CoreAgent {
     }
 
     /// Starts a turn in the conversation of the utterance, or in a new one. Steps continue those of the last utterance.
-    fn begin(&self, context: Context) -> Turn {
+    fn begin(&self, context: Context) -> LoopProgress {
         let conversation =
             if context.conversation.is_empty() { Context::root().id } else { context.conversation.clone() };
         let last = self.conversations.peek(&conversation).map_or(0, |c| c.step);
         let step = last.max(context.step.saturating_sub(1));
         let context = context.at_step(conversation, step);
-        Turn { context, step }
+        LoopProgress { context, step }
     }
 }
 
