@@ -52,7 +52,7 @@ impl SplatFormat for DotSplat {
         source.has_extension(self.extensions())
     }
 
-    fn decode(&self, bytes: &[u8]) -> Result<Gaussians, Problem> {
+    fn decode(&self, bytes: &[u8], _warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
         read(bytes)
     }
 

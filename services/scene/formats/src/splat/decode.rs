@@ -21,7 +21,7 @@ pub(crate) fn decode_unit(
         return decode_ply(bytes, forced, warnings);
     }
     let format = Format::detect(source)?;
-    let gaussians = format.0.decode(&bytes)?;
+    let gaussians = format.0.decode(&bytes, warnings)?;
     Ok(Decoded { gaussians, format, convention: Convention::Ours, comments: UnitComments::default() })
 }
 

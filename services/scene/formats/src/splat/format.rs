@@ -42,11 +42,11 @@ pub(crate) trait SplatFormat: fmt::Debug + Sync {
         None
     }
 
-    /// Decodes one unit from the bytes of a file that is no PLY.
+    /// Decodes one unit from the bytes of a file that is no PLY. `warnings` takes what is guessed or not kept.
     ///
     /// # Errors
     /// The content is damaged or the format does not store single units outside of PLY files.
-    fn decode(&self, _bytes: &[u8]) -> Result<Gaussians, Problem> {
+    fn decode(&self, _bytes: &[u8], _warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
         Err(Problem::new("byte 0", format!("a {} file has no unit of its own", self.name()), "give a splat file"))
     }
 
