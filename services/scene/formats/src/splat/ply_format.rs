@@ -16,13 +16,16 @@ pub(crate) struct PlyFormat {
     pub(crate) extensions: &'static [&'static str],
     /// How files are read; `None` if the layout of another format reads them.
     pub(crate) layout: Option<PlyLayout>,
-    /// Names and files of the units in a folder, for formats that also store scenes as folders.
-    pub(crate) find_units: Option<fn(&Path) -> Result<Vec<(String, PathBuf)>, Problem>>,
+    /// For formats that also store scenes as folders.
+    pub(crate) find_units: Option<FindUnits>,
     /// Whether iVR-GS trained the units.
     pub(crate) is_ivrgs: bool,
     /// How files are written, if they can be.
     pub(crate) writer: Option<SplatWriter>,
 }
+
+/// Names and files of the units in a folder.
+pub(crate) type FindUnits = fn(&Path) -> Result<Vec<(String, PathBuf)>, Problem>;
 
 impl PlyFormat {
     /// A format of `.ply` files that can be neither read nor written; a row replaces the other fields.
