@@ -17,6 +17,8 @@ pub mod until;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use directories::ProjectDirs;
+
 /// Something a test needs is not there.
 #[derive(Debug, thiserror::Error)]
 pub enum Missing {
@@ -81,9 +83,8 @@ pub fn python_intent() -> Result<Option<PathBuf>, String> {
 /// A line that names the missing requirement.
 pub fn python() -> Result<Option<PathBuf>, String> {
     let named = std::env::var_os("SUPERGAUSSIAN_PYTHON").map(PathBuf::from);
-    let cache = std::env::var_os("XDG_CACHE_HOME").filter(|c| !c.is_empty()).map(PathBuf::from);
-    let cache = cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
-    let python = named.or_else(|| Some(cache?.join("supergaussian/python/bin/python")));
+    let cached = || Some(ProjectDirs::from("", "", "supergaussian")?.cache_dir().join("python/bin/python"));
+    let python = named.or_else(cached);
     let works = |python: &PathBuf| {
         let packages = ["-c", "import zenoh, google.protobuf, grpc, grpc_tools, xllamacpp, gguf"];
         Command::new(python).args(packages).output().is_ok_and(|output| output.status.success())

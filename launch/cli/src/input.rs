@@ -38,7 +38,8 @@ pub(crate) struct Scene {
 }
 
 impl Input {
-    /// Tells scenes from volumes by the extension.
+    /// Tells scenes from volumes by the extension. The table in `sg-formats` is the only list of scene files, so this program
+    /// links it, as the window does for dropped files.
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = path else { return Ok(Self::Synthetic) };
         let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 use std::process::ExitCode;
 
+use comfy_table::{CellAlignment, Table, presets};
 use sg_runtime::process::{EXIT_FAILED, EXIT_INPUT};
 use sg_stack::StackError;
 use sg_stack::terminal::may_color;
@@ -101,24 +102,19 @@ pub(crate) fn exit_code(done: CommandResult) -> ExitCode {
     }
 }
 
-/// Aligns rows in columns, two blanks apart. Columns of numbers (cells that begin with a digit) are right-aligned.
+/// Aligns rows in columns, two blanks apart. The first row holds the titles. Columns of numbers (cells that begin with a
+/// digit) are right-aligned.
 pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
-    let count = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
-    let widths: Vec<_> = (0..count).map(width).collect();
-    let numeric: Vec<_> = (0..count)
-        .map(|c| {
-            rows.iter().skip(1).filter_map(|r| r.get(c)).all(|cell| cell.starts_with(|c: char| c.is_ascii_digit()))
-        })
-        .collect();
-    rows.iter()
-        .map(|row| {
-            let cells = row.iter().zip(widths.iter().zip(&numeric)).map(|(cell, (width, numeric))| {
-                if *numeric { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
-            });
-            cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
-        })
-        .collect()
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).add_rows(rows);
+    for (c, column) in table.column_iter_mut().enumerate() {
+        column.set_padding((0, 2));
+        let mut cells = rows.iter().skip(1).filter_map(|row| row.get(c));
+        if cells.all(|cell| cell.starts_with(|c: char| c.is_ascii_digit())) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table.trim_fmt().lines().map(str::to_owned).collect()
 }
 
 /// An integer with a comma every three digits: `1,234,567`.
@@ -148,5 +144,7 @@ mod tests {
         let cell = |s: &str| s.to_owned();
         let rows = vec![vec![cell("NAME"), cell("PID"), cell("WHY")], vec![cell("scene"), cell("12345"), cell("")]];
         assert_eq!(columns(&rows), ["NAME     PID  WHY", "scene  12345"]);
+        let wide = vec![vec![cell("NAME"), cell("STATE")], vec![cell("脑"), cell("ready")]];
+        assert_eq!(columns(&wide), ["NAME  STATE", "脑    ready"], "a wide character takes two places");
     }
 }

@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn the_skin_of_an_opaque_block_outweighs_its_core() {
+    fn the_surface_of_an_opaque_block_is_more_important_than_its_core() {
         let grid = Grid::unit([16, 16, 16]).unwrap();
         let dims = UVec3::splat(16);
         let extinction: Vec<f32> = (0..4096_u32)

@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
+use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};
 use sg_volume::Field;
 use sg_volume::opacity::extinction;
 
@@ -206,41 +207,13 @@ fn largest(v: DVec3) -> f64 {
     v.to_array().into_iter().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a })
 }
 
-/// Eigenvalues, largest first, and unit eigenvectors (columns) of a symmetric matrix: cyclic Jacobi rotations in f64.
+/// Eigenvalues, largest first, and unit eigenvectors (columns) of a symmetric matrix.
 fn principal_axes(m: DMat3) -> ([f64; 3], DMat3) {
-    let mut a = m.to_cols_array_2d();
-    let mut v = DMat3::IDENTITY.to_cols_array_2d();
-    for _ in 0..16 {
-        let off = a[0][1].powi(2) + a[0][2].powi(2) + a[1][2].powi(2);
-        let on = a[0][0].powi(2) + a[1][1].powi(2) + a[2][2].powi(2);
-        if off <= 1e-30 * on {
-            break;
-        }
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            if a[p][q] == 0.0 {
-                continue;
-            }
-            let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-            let c = 1.0 / (t * t + 1.0).sqrt();
-            let s = t * c;
-            for row in &mut a {
-                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-            }
-            let (p_row, q_row) = (a[p], a[q]);
-            for k in 0..3 {
-                (a[p][k], a[q][k]) = (c * p_row[k] - s * q_row[k], s * p_row[k] + c * q_row[k]);
-            }
-            let (p_col, q_col) = (v[p], v[q]);
-            for k in 0..3 {
-                (v[p][k], v[q][k]) = (c * p_col[k] - s * q_col[k], s * p_col[k] + c * q_col[k]);
-            }
-        }
-    }
+    let (values, vectors) = eigen_symmetric_3x3(m, StopRule::SumsOfSquares);
     let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]));
-    let column = |k: usize| DVec3::from_array(v[order[k]]);
-    (order.map(|k| a[k][k]), DMat3::from_cols(column(0), column(1), column(2)))
+    order.sort_by(|&i, &j| values[j].total_cmp(&values[i]));
+    let [x, y, z] = order.map(|k| vectors.col(k));
+    (order.map(|k| values[k]), DMat3::from_cols(x, y, z))
 }
 
 /// The opacity o with Li₂(o) = x, at most [`MAX_OPACITY`].

@@ -55,7 +55,7 @@ fn one_seed_gives_one_scene_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_ball_becomes_a_skin_that_faces_outwards() {
+fn a_ball_becomes_a_surface_with_outward_normals() {
     let s = start(&ball(Grid::unit([24; 3]).unwrap()), &ball_function(), 2000).unwrap();
     let [unit] = s.scene.units.as_slice() else { panic!("one unit") };
     let g = &unit.gaussians;

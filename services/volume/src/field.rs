@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn nan_spoils_only_samples_it_takes_part_in() {
+    fn nan_affects_only_the_samples_that_use_it() {
         let f = field([3, 1, 1], |x, _, _| if x == 1.0 { f32::NAN } else { x as f32 });
         assert_eq!(f.sample(DVec3::ZERO), Some(0.0));
         assert_eq!(f.sample(DVec3::new(2.0, 0.0, 0.0)), Some(2.0));

@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wild_value_does_not_flatten_the_rest() {
+    fn one_outlier_does_not_widen_the_domain() {
         let field = nested();
         let mut values = field.values().to_vec();
         values[20_000] = 1e9;
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_tell_apart_is_an_error() {
+    fn constant_and_empty_volumes_have_no_automatic_function() {
         assert_eq!(
             automatic_transfer_function(&field_of([3, 3, 3], |_| 7.0), None),
             Err(AutomaticError::Constant(7.0))

@@ -321,7 +321,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sac_hangs_on_its_parent_by_a_neck_alone() {
+    fn the_sac_touches_its_parent_only_at_the_neck() {
         let tree = VesselTree::new();
         assert!(tree.sac_contains(tree.sac_center()));
         assert!(tree.contains(tree.parent_point()) && !tree.sac_contains(tree.parent_point()));
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_see_the_same_tree() {
+    fn distances_near_a_row_equal_those_of_the_whole_tree() {
         let tree = VesselTree::new();
         let reach = 2.0 * BLEND + 0.03;
         for i in 0..4000_u32 {

@@ -1,10 +1,11 @@
 //! An interactive view: the display's loop on a thread of its own, and its services beside it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use directories::UserDirs;
 use sg_gpu::backend::Engine;
 use sg_proto::keys;
 use sg_proto::render::State;
@@ -243,10 +244,14 @@ fn open_error(ended: Result<Option<StartError>, oneshot::error::RecvError>) -> S
     ended.ok().flatten().unwrap_or_else(|| StartError::Failed("the display did not open".to_owned()))
 }
 
-/// The user's picture folder.
+/// The user's picture folder: `XDG_PICTURES_DIR`, else the desktop's own (`user-dirs.dirs`), else `Pictures` in the home.
 fn pictures() -> PathBuf {
-    let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
-    set("XDG_PICTURES_DIR").or_else(|| Some(set("HOME")?.join("Pictures"))).unwrap_or_else(std::env::temp_dir)
+    let set = std::env::var_os("XDG_PICTURES_DIR").map(PathBuf::from).filter(|p| p.is_absolute());
+    let of_user = || {
+        let user = UserDirs::new()?;
+        Some(user.picture_dir().map_or_else(|| user.home_dir().join("Pictures"), Path::to_path_buf))
+    };
+    set.or_else(of_user).unwrap_or_else(std::env::temp_dir)
 }
 
 /// Closes the display with the process: drawing during the driver's shutdown would crash.

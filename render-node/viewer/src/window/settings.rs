@@ -3,6 +3,7 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use directories::ProjectDirs;
 use serde::{Deserialize, Serialize};
 
 use super::navigation::NavigationMode;
@@ -63,9 +64,7 @@ impl Settings {
     /// Path of the file: `supergaussian/window.toml` of the user's configuration; `None` for a user without a home.
     #[must_use]
     pub fn default_path() -> Option<PathBuf> {
-        let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
-        let folder = set("XDG_CONFIG_HOME").or_else(|| Some(set("HOME")?.join(".config")))?;
-        Some(folder.join("supergaussian/window.toml"))
+        Some(ProjectDirs::from("", "", "supergaussian")?.config_dir().join("window.toml"))
     }
 
     /// The saved settings; `None` without a file.

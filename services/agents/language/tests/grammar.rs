@@ -159,17 +159,16 @@ fn short(clause: &Clause) -> String {
         Act::Label => format!("label {}", clause.name),
         Act::Rename => format!("rename {about} -> {}", clause.name),
         Act::Delete => format!("delete {about}"),
-        Act::List => "list".to_owned(),
         Act::Describe => format!("describe {about}"),
         Act::QuerySelection => "selection?".to_owned(),
         Act::Undo => format!("undo {amount}"),
         Act::Redo => format!("redo {amount}"),
-        Act::Reset => "reset".to_owned(),
-        Act::Help => "help".to_owned(),
         Act::SetTerm => {
             let term: ShadingTerm = clause.term();
             format!("term {}", term.as_str_name().trim_start_matches("SHADING_TERM_").to_lowercase())
         }
+        // An act without fields is its own name.
+        act => act.as_str_name().trim_start_matches("ACT_").to_lowercase().replace('_', " "),
     }
 }
 

@@ -54,7 +54,7 @@ pub fn save(path: &Path, scene: &Scene, options: &SaveOptions) -> Result<Saved, 
     let unsuitable = |problem| SaveError::Unsuitable { path: path.to_path_buf(), problem };
     let target = Target::of(path).map_err(unsuitable)?;
     let (format, writer) = choose(&target, scene, options).map_err(unsuitable)?;
-    if options.reorder && !writer.can_reorder() {
+    if options.reorder && !writer.can_reorder {
         return Err(unsuitable(Problem::new(
             "options",
             format!("{format} keeps the order"),
@@ -64,7 +64,7 @@ pub fn save(path: &Path, scene: &Scene, options: &SaveOptions) -> Result<Saved, 
     scene.units.iter().try_for_each(check).map_err(unsuitable)?;
     let mut warnings = Vec::new();
     let job = WriteJob { path, scene, options, is_folder: matches!(target, Target::Folder) };
-    match writer.write(&job, &mut warnings) {
+    match (writer.write)(&job, &mut warnings) {
         Ok(files) => Ok(Saved { format, files, warnings }),
         Err(WriteProblem::Unsuitable(problem)) => Err(unsuitable(problem)),
         Err(WriteProblem::Io(source)) => Err(SaveError::Write { path: path.to_path_buf(), source }),
@@ -83,13 +83,13 @@ enum Target {
 }
 
 /// The formats that can be written.
-fn writers() -> impl Iterator<Item = (Format, &'static dyn SplatWriter)> {
-    Format::all().filter_map(|f| f.0.writer().map(|w| (f, w)))
+fn writers() -> impl Iterator<Item = (Format, SplatWriter)> {
+    Format::all().filter_map(|f| Some((f, f.0.writer()?)))
 }
 
 /// Names of the formats that become folders.
 fn folder_formats() -> String {
-    let names: Vec<_> = writers().filter(|(_, w)| w.writes_folders()).map(|(f, _)| f.name()).collect();
+    let names: Vec<_> = writers().filter(|(_, w)| w.writes_folders).map(|(f, _)| f.name()).collect();
     names.join(" or ")
 }
 
@@ -113,13 +113,9 @@ impl Target {
 }
 
 /// The format to write, and its writer.
-fn choose(
-    target: &Target,
-    scene: &Scene,
-    options: &SaveOptions,
-) -> Result<(Format, &'static dyn SplatWriter), Problem> {
+fn choose(target: &Target, scene: &Scene, options: &SaveOptions) -> Result<(Format, SplatWriter), Problem> {
     let Target::File { name, extension } = target else {
-        let folder = writers().find(|(f, w)| options.format == Some(*f) && w.writes_folders());
+        let folder = writers().find(|(f, w)| options.format == Some(*f) && w.writes_folders);
         return folder.ok_or_else(|| {
             let remedy = format!("give --format {}, or a .ply or .toml path", folder_formats());
             Problem::new("path", "it is a folder", remedy)
@@ -130,14 +126,14 @@ fn choose(
     let requested = options.format.filter(|f| !(*f == Format::OURS && *extension == ".toml"));
     let fits = |format: Format| format.extensions().iter().any(|e| name.ends_with(e));
     let found = match requested {
-        None => writers().find(|(_, w)| w.is_default_for(extension, has_shading)),
+        None => writers().find(|(_, w)| (w.is_default_for)(extension, has_shading)),
         Some(requested) => writers().find(|(f, _)| *f == requested && fits(*f)),
     };
     let (format, writer) = found.ok_or_else(|| {
         let format = options.format.map_or_else(|| "no format".to_owned(), |f| f.to_string());
         Problem::new("format", format!("{format} does not fit the path's extension"), "change one of them")
     })?;
-    if writer.holds_one_unit() && scene.units.len() != 1 {
+    if writer.holds_one_unit && scene.units.len() != 1 {
         let what = format!("{format} holds one base unit in a file, the scene has {}", scene.units.len());
         let remedy = "write a scene.toml, an iVR-GS folder, or --format 3dgs, which makes them one";
         return Err(Problem::new("format", what, remedy));

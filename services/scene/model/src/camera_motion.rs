@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn orbit_goes_where_it_says() {
+    fn an_orbit_turns_by_its_angles() {
         // Looking along +z with y down: right is +x, up is −y.
         let camera = Camera::look_at(DVec3::new(0.0, 0.0, -2.0), DVec3::ZERO, DVec3::NEG_Y, 50.0, 64, 64);
         assert!(orbit(&camera, DVec3::ZERO, 90.0, 0.0).eye().distance(DVec3::new(2.0, 0.0, 0.0)) < 1e-12);

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn where_units_divide_matters() {
+    fn the_hash_depends_on_the_division_into_units() {
         let two = samples::two_units(10);
         let mut joined = two.clone();
         let second = joined.units.remove(1);

@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn strays_do_not_move_the_frame() {
+    fn outliers_do_not_change_the_framing() {
         let mut scene = test_scene(&[("cloud", 400)]);
         let all = Mask::full(scene.len());
         let before = robust_bounds(&scene, &all).unwrap();

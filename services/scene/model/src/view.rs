@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn sides_look_where_they_say_with_x_to_the_right() {
+    fn side_views_look_along_their_axes() {
         let bounds = SceneBox { min: DVec3::ZERO, max: DVec3::ONE };
         for (side, from, right) in [
             (Side::Front, DVec3::NEG_Y, DVec3::X),

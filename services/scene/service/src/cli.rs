@@ -37,7 +37,7 @@ pub(crate) enum Command {
 
 #[derive(Debug, Args)]
 pub(crate) struct Info {
-    /// A Gaussian file (.ply, .splat), a scene.toml, or an iVR-GS output folder.
+    #[arg(help = input_help())]
     file: PathBuf,
     #[command(flatten)]
     reading: Reading,
@@ -48,7 +48,7 @@ pub(crate) struct Info {
 
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
-    /// A Gaussian file (.ply, .splat), a scene.toml, or an iVR-GS output folder.
+    #[arg(help = input_help())]
     input: PathBuf,
     /// The file to write, or a folder for iVR-GS.
     output: PathBuf,
@@ -86,6 +86,10 @@ impl Reading {
     fn options(&self) -> LoadOptions {
         LoadOptions { convention: self.convention, shading: self.shading, palette: self.palette }
     }
+}
+
+fn input_help() -> String {
+    format!("A scene ({}), or an output folder of iVR-GS", Format::all_extensions().join(", "))
 }
 
 fn formats() -> impl TypedValueParser<Value = Format> {

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sg_scene::model::BaseUnit;
-use sg_scene::symmetric3::eigen_symmetric_3x3;
+use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};
 
 use crate::vertices::Vertices;
 
@@ -196,7 +196,7 @@ fn shape_of(unit: &BaseUnit, frame: &Frame, i: usize) -> Shape {
     } else if let Some(factor) = frame.similarity {
         factor.ln() + largest + ((relative.x + relative.y + relative.z) / 3.0).ln()
     } else {
-        let (values, _) = eigen_symmetric_3x3(covariance);
+        let (values, _) = eigen_symmetric_3x3(covariance, StopRule::AbsoluteSums);
         let mean = values.iter().map(|v| v.max(0.0).sqrt()).sum::<f64>() / 3.0;
         largest + 0.5 * trace.ln() + mean.ln()
     };
@@ -227,7 +227,7 @@ fn shortest_projector(frame: &Frame, axes: &DMat3, relative: DVec3, covariance: 
             let squares = (relative * relative).to_array();
             (squares, frame.linear * *axes * (1.0 / factor))
         }
-        None => eigen_symmetric_3x3(covariance),
+        None => eigen_symmetric_3x3(covariance, StopRule::AbsoluteSums),
     };
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let limit = least + 1e-6 * values.iter().copied().fold(0.0, f64::max);
@@ -349,7 +349,7 @@ mod tests {
             let error =
                 (got.covariance - want * (1.0 / trace)).to_cols_array().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             assert!(error < 1e-12, "{error}");
-            let (values, vectors) = eigen_symmetric_3x3(want);
+            let (values, vectors) = eigen_symmetric_3x3(want, StopRule::AbsoluteSums);
             let again = vectors * DMat3::from_diagonal(DVec3::from_array(values)) * vectors.transpose();
             let error = (again - want).to_cols_array().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             assert!(error < 1e-12 * trace, "{error}");

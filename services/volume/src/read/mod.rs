@@ -127,8 +127,9 @@ mod tests {
 
     #[test]
     fn the_table_gives_every_ending_once() {
-        assert_eq!(ENDINGS, [".raw", ".raw.gz", ".raw.zst", ".nrrd", ".nhdr", ".vti", ".nii", ".nii.gz"]);
+        assert!(ENDINGS.contains(&".nii.gz"));
         for ending in ENDINGS {
+            assert!(ending.starts_with('.') && ending.to_lowercase() == ending, "{ending}");
             assert_eq!(FORMATS.iter().filter(|f| f.has_ending(&format!("name{ending}"))).count(), 1, "{ending}");
             assert!(formats_help().contains(ending), "{ending}");
         }

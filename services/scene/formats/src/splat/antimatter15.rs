@@ -22,7 +22,6 @@ use crate::splat::columns::C0;
 use crate::splat::format::{Format, Source, SplatFormat, SplatWriter, WriteJob, WriteProblem};
 use crate::splat::problem::{Problem, Warning, WarningCode};
 use crate::splat::unlit;
-use crate::staged_file::{self, StagedFile};
 
 /// Bytes of one Gaussian.
 const RECORD: usize = 32;
@@ -53,29 +52,18 @@ impl SplatFormat for DotSplat {
         source.has_extension(self.extensions())
     }
 
-    fn decode(&self, bytes: &[u8]) -> Result<Gaussians, Problem> {
+    fn decode(&self, bytes: &[u8], _warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
         read(bytes)
     }
 
-    fn writer(&self) -> Option<&dyn SplatWriter> {
-        Some(self)
+    fn writer(&self) -> Option<SplatWriter> {
+        Some(SplatWriter { is_default_for: |extension, _| extension == ".splat", ..SplatWriter::new(write) })
     }
 }
 
-impl SplatWriter for DotSplat {
-    fn is_default_for(&self, extension: &str, _has_shading: bool) -> bool {
-        extension == ".splat"
-    }
-
-    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
-        let flat = unlit::flatten(job.scene, warnings);
-        let records = encode(&flat, warnings);
-        let mut out = StagedFile::create(job.path)?;
-        out.write_all(records.as_flattened())?;
-        out.commit()?;
-        staged_file::sync_folder(job.path)?;
-        Ok(vec![job.path.to_path_buf()])
-    }
+fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
+    let records = encode(&unlit::flatten(job.scene, warnings), warnings);
+    job.write_file(|out| Ok(out.write_all(records.as_flattened())?))
 }
 
 /// Reads the records. Memory grows with the length of `bytes` alone: the format announces no count.

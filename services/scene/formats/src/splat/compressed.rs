@@ -16,12 +16,12 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::splat::columns::{C0, filter_comment, is_harmonic, is_known, is_normal};
-use crate::splat::format::{Format, PlyLayout, Source, SplatFormat, SplatWriter, WriteJob, WriteProblem};
+use crate::splat::format::{Format, PlyLayout, SplatWriter, WriteJob, WriteProblem};
 use crate::splat::ply::{self, OutElement, OutProperty, OutValues, PlyFile, Table};
+use crate::splat::ply_format::PlyFormat;
 use crate::splat::problem::{Problem, Warning, WarningCode};
 use crate::splat::{morton, unlit};
-use crate::staged_file::{self, StagedFile};
-use sg_scene::model::{Convention, Gaussians, Harmonics};
+use sg_scene::model::{Gaussians, Harmonics};
 
 /// Gaussians that share their ranges.
 const CHUNK: usize = 256;
@@ -54,71 +54,31 @@ const RANGES: [&str; 18] = [
 /// The property names of a Gaussian.
 const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 
-/// The format `compressed`.
-#[derive(Debug)]
-pub(crate) struct Compressed;
-
 impl Format {
     /// The compressed PLY of SuperSplat and PlayCanvas.
-    pub const COMPRESSED: Self = Self(&Compressed);
+    pub const COMPRESSED: Self = Self(&PlyFormat {
+        extensions: &[".compressed.ply", ".ply"],
+        layout: Some(PlyLayout::new(
+            &["chunk", "vertex", "sh"],
+            |file| file.has("chunk") && file.has("vertex") && !file.has("gaussians"),
+            read,
+        )),
+        writer: Some(SplatWriter {
+            is_default_for: |extension, _| extension == ".compressed.ply",
+            can_reorder: true,
+            ..SplatWriter::new(write)
+        }),
+        ..PlyFormat::new("compressed", "SuperSplat's compressed PLY, 16 bytes a Gaussian; all units as one, unlit")
+    });
 }
 
-impl SplatFormat for Compressed {
-    fn name(&self) -> &'static str {
-        "compressed"
-    }
-
-    fn description(&self) -> &'static str {
-        "SuperSplat's compressed PLY, 16 bytes a Gaussian; all units as one, unlit"
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        &[".compressed.ply", ".ply"]
-    }
-
-    fn sniff(&self, source: &Source) -> bool {
-        source.is_ply()
-    }
-
-    fn ply(&self) -> Option<&dyn PlyLayout> {
-        Some(self)
-    }
-
-    fn writer(&self) -> Option<&dyn SplatWriter> {
-        Some(self)
-    }
+fn read(file: &PlyFile, _warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
+    let (chunks, vertices) = (file.required_table("chunk")?, file.required_table("vertex")?);
+    read_elements(&chunks, &vertices, file.table("sh")?.as_ref())
 }
 
-impl PlyLayout for Compressed {
-    fn matches(&self, file: &PlyFile) -> bool {
-        file.has("chunk") && file.has("vertex") && !file.has("gaussians")
-    }
-
-    fn elements(&self) -> &'static [&'static str] {
-        &["chunk", "vertex", "sh"]
-    }
-
-    fn read(&self, file: &PlyFile, _warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
-        let (chunks, vertices) = (file.required_table("chunk")?, file.required_table("vertex")?);
-        read(&chunks, &vertices, file.table("sh")?.as_ref())
-    }
-
-    fn format(&self, _convention: Convention) -> Format {
-        Format::COMPRESSED
-    }
-}
-
-impl SplatWriter for Compressed {
-    fn is_default_for(&self, extension: &str, _has_shading: bool) -> bool {
-        extension == ".compressed.ply"
-    }
-
-    fn can_reorder(&self) -> bool {
-        true
-    }
-
-    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
-        let mut out = StagedFile::create(job.path)?;
+fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
+    job.write_file(|out| {
         let mut flat = unlit::flatten(job.scene, warnings);
         if job.options.reorder {
             flat = Cow::Owned(morton::reorder(&flat));
@@ -126,15 +86,12 @@ impl SplatWriter for Compressed {
             warnings.push(Warning::new(WarningCode::Reordered, message));
         }
         let packed = Packed::new(&flat, warnings);
-        ply::write(&mut out, &filter_comment(&flat), &packed.elements(&flat))?;
-        out.commit()?;
-        staged_file::sync_folder(job.path)?;
-        Ok(vec![job.path.to_path_buf()])
-    }
+        Ok(ply::write(out, &filter_comment(&flat), &packed.elements(&flat))?)
+    })
 }
 
 /// Reads the elements of a file.
-fn read(chunks: &Table<'_>, vertices: &Table<'_>, sh: Option<&Table<'_>>) -> Result<Gaussians, Problem> {
+fn read_elements(chunks: &Table<'_>, vertices: &Table<'_>, sh: Option<&Table<'_>>) -> Result<Gaussians, Problem> {
     let n = vertices.rows;
     if chunks.rows != n.div_ceil(CHUNK) {
         return Err(Problem::new(

@@ -21,20 +21,24 @@ pub(crate) fn decode_unit(
         return decode_ply(bytes, forced, warnings);
     }
     let format = Format::detect(source)?;
-    let gaussians = format.0.decode(&bytes)?;
+    let gaussians = format.0.decode(&bytes, warnings)?;
     Ok(Decoded { gaussians, format, convention: Convention::Ours, comments: UnitComments::default() })
 }
 
 fn decode_ply(bytes: Vec<u8>, forced: Option<Convention>, warnings: &mut Vec<Warning>) -> Result<Decoded, Problem> {
     let file = PlyFile::parse(bytes)?;
     let comments = UnitComments::parse(&file.comments, warnings);
-    let layout = layout_of(&file)?;
-    let mut gaussians = layout.read(&file, warnings)?;
+    let (row, layout) = layout_of(&file)?;
+    let format = |convention| match layout.as_used {
+        Some(as_used) if convention == Convention::Ours => as_used,
+        _ => row,
+    };
+    let mut gaussians = (layout.read)(&file, warnings)?;
     gaussians.antialiased = file.comments.iter().any(|c| is_antialiased_comment(c));
-    warn_of_the_rest(&file, layout.elements(), warnings);
+    warn_of_the_rest(&file, layout.elements, warnings);
     let Some(stored) = &mut gaussians.shading else {
         let convention = Convention::Ours;
-        return Ok(Decoded { gaussians, format: layout.format(convention), convention, comments });
+        return Ok(Decoded { gaussians, format: format(convention), convention, comments });
     };
     let convention = match (forced, comments.convention) {
         (Some(forced), said) => {
@@ -47,7 +51,7 @@ fn decode_ply(bytes: Vec<u8>, forced: Option<Convention>, warnings: &mut Vec<War
         }
         (None, Some(said)) => said,
         (None, None) => {
-            let (guess, why) = activation::guess(stored, layout.is_quantised());
+            let (guess, why) = activation::guess(stored, layout.is_quantised);
             let name = convention_name(guess);
             let message =
                 format!("the file names no convention; `{name}` is used because {why}; --convention overrides it");
@@ -56,12 +60,13 @@ fn decode_ply(bytes: Vec<u8>, forced: Option<Convention>, warnings: &mut Vec<War
         }
     };
     activation::activate(stored, convention);
-    Ok(Decoded { gaussians, format: layout.format(convention), convention, comments })
+    Ok(Decoded { gaussians, format: format(convention), convention, comments })
 }
 
-fn layout_of(file: &PlyFile) -> Result<&'static dyn PlyLayout, Problem> {
-    let mut layouts = Format::all().filter_map(|f| f.0.ply());
-    layouts.find(|l| l.matches(file)).ok_or_else(|| {
+/// The layout of a file, and the format with this layout.
+fn layout_of(file: &PlyFile) -> Result<(Format, PlyLayout), Problem> {
+    let mut layouts = Format::all().filter_map(|f| Some((f, f.0.ply()?)));
+    layouts.find(|(_, layout)| (layout.matches)(file)).ok_or_else(|| {
         let names: Vec<_> = file.element_names().collect();
         let what = if names.iter().any(|n| n.starts_with("vertex_")) {
             "it is a reduced 3DGS file, with Gaussians divided by harmonic degree".to_owned()

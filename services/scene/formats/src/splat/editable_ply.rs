@@ -41,25 +41,34 @@ impl Storage {
     }
 }
 
+/// Writes a scene as a folder, or its only unit as one file.
+pub(crate) fn write(
+    job: &WriteJob<'_>,
+    storage: Storage,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<PathBuf>, WriteProblem> {
+    let write = if job.is_folder { write_folder } else { write_file };
+    write(job, storage, warnings)
+}
+
 /// Writes the only unit of a scene as one file.
 pub(crate) fn write_file(
     job: &WriteJob<'_>,
     storage: Storage,
     warnings: &mut Vec<Warning>,
 ) -> Result<Vec<PathBuf>, WriteProblem> {
-    let mut out = StagedFile::create(job.path)?;
     let unit = job.scene.units.first().ok_or_else(|| Problem::new("scene", "it has no unit", "add one"))?;
     let convention = storage.convention(job.options.convention, unit);
-    let prepared = prepare(unit, convention, warnings);
-    write_unit(&mut out, &prepared, storage, convention, Alone::Yes(job.scene.bounds), warnings)?;
-    warn_of_unit(unit, storage, warnings);
-    out.commit()?;
-    staged_file::sync_folder(job.path)?;
-    Ok(vec![job.path.to_path_buf()])
+    job.write_file(|out| {
+        let prepared = prepare(unit, convention, warnings);
+        write_unit(out, &prepared, storage, convention, Alone::Yes(job.scene.bounds), warnings)?;
+        warn_of_unit(unit, storage, warnings);
+        Ok(())
+    })
 }
 
 /// Writes iVR-GS's folders, each with its palette checkpoint: under a temporary name first, then moved into place.
-pub(crate) fn write_folder(
+fn write_folder(
     job: &WriteJob<'_>,
     storage: Storage,
     warnings: &mut Vec<Warning>,

@@ -12,8 +12,10 @@ use crate::splat::ply::PlyFile;
 use crate::splat::problem::{Problem, Warning};
 use crate::splat::scene_file::{SceneFileError, UnitEntry};
 use crate::splat::unit_comments::UnitComments;
+use crate::staged_file::{self, StagedFile};
 
-/// A format of Gaussian scenes: one file implements it, one row of the registry names it.
+/// A format of Gaussian scenes: one file implements it, one row of the registry names it. Formats whose units are PLY files
+/// are values of [`PlyFormat`](super::ply_format::PlyFormat) instead of types of their own.
 pub(crate) trait SplatFormat: fmt::Debug + Sync {
     /// The name on the command line and in reports.
     fn name(&self) -> &'static str;
@@ -36,15 +38,15 @@ pub(crate) trait SplatFormat: fmt::Debug + Sync {
     }
 
     /// The layout within a PLY file, for formats that use this container.
-    fn ply(&self) -> Option<&dyn PlyLayout> {
+    fn ply(&self) -> Option<PlyLayout> {
         None
     }
 
-    /// Decodes one unit from the bytes of a file that is no PLY.
+    /// Decodes one unit from the bytes of a file that is no PLY. `warnings` takes what is guessed or not kept.
     ///
     /// # Errors
     /// The content is damaged or the format does not store single units outside of PLY files.
-    fn decode(&self, _bytes: &[u8]) -> Result<Gaussians, Problem> {
+    fn decode(&self, _bytes: &[u8], _warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
         Err(Problem::new("byte 0", format!("a {} file has no unit of its own", self.name()), "give a splat file"))
     }
 
@@ -54,59 +56,61 @@ pub(crate) trait SplatFormat: fmt::Debug + Sync {
     }
 
     /// The writer, for formats that can be written.
-    fn writer(&self) -> Option<&dyn SplatWriter> {
+    fn writer(&self) -> Option<SplatWriter> {
         None
     }
 }
 
-/// The layout of a format within a PLY file.
-pub(crate) trait PlyLayout: Sync {
-    /// Whether the elements of the file have this layout. At most one layout matches a file.
-    fn matches(&self, file: &PlyFile) -> bool;
-
-    /// The elements that the reader uses.
-    fn elements(&self) -> &'static [&'static str];
-
-    /// Reads the columns; shading columns keep the convention of the file.
-    ///
-    /// # Errors
-    /// A column is missing, has a wrong type or is damaged.
-    fn read(&self, file: &PlyFile, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem>;
-
-    /// The format that a file of this layout has in a convention.
-    fn format(&self, convention: Convention) -> Format;
-
+/// The layout of a format within a PLY file. The first layout in the order of the registry that matches a file reads it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlyLayout {
+    /// Whether a file has this layout.
+    pub(crate) matches: fn(&PlyFile) -> bool,
+    /// The elements that `read` uses.
+    pub(crate) elements: &'static [&'static str],
+    /// Reads the columns; shading columns keep the convention of the file. A missing, mistyped or damaged column is an error.
+    pub(crate) read: fn(&PlyFile, &mut Vec<Warning>) -> Result<Gaussians, Problem>,
+    /// The format of those files whose shading columns are stored as used, if it is another one.
+    pub(crate) as_used: Option<Format>,
     /// Whether shading values come from codebooks. Codebooks store them activated.
-    fn is_quantised(&self) -> bool {
-        false
+    pub(crate) is_quantised: bool,
+}
+
+impl PlyLayout {
+    /// A layout of one format, without codebooks.
+    pub(crate) const fn new(
+        elements: &'static [&'static str],
+        matches: fn(&PlyFile) -> bool,
+        read: fn(&PlyFile, &mut Vec<Warning>) -> Result<Gaussians, Problem>,
+    ) -> Self {
+        Self { matches, elements, read, as_used: None, is_quantised: false }
     }
 }
 
 /// The writer of a format.
-pub(crate) trait SplatWriter: Sync {
-    /// Whether a path with this ending gets this format if the caller names none.
-    fn is_default_for(&self, extension: &str, has_shading: bool) -> bool;
-
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SplatWriter {
+    /// Whether a path with this ending gets this format if the caller names none. The second argument tells whether the
+    /// scene has shading columns.
+    pub(crate) is_default_for: fn(&str, bool) -> bool,
     /// Whether a folder can be written.
-    fn writes_folders(&self) -> bool {
-        false
-    }
-
+    pub(crate) writes_folders: bool,
     /// Whether a file holds exactly one base unit.
-    fn holds_one_unit(&self) -> bool {
-        false
-    }
-
+    pub(crate) holds_one_unit: bool,
     /// Whether [`SaveOptions::reorder`] has an effect.
-    fn can_reorder(&self) -> bool {
-        false
-    }
-
+    pub(crate) can_reorder: bool,
     /// Writes the scene and returns the written files, the main one first.
-    ///
-    /// # Errors
-    /// The system refused, or the format cannot store the scene.
-    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem>;
+    pub(crate) write: WriteScene,
+}
+
+/// A function that writes a scene. It fails if the system refuses, or if the format cannot store the scene.
+pub(crate) type WriteScene = fn(&WriteJob<'_>, &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem>;
+
+impl SplatWriter {
+    /// A writer of files with any number of units, for callers that name the format.
+    pub(crate) const fn new(write: WriteScene) -> Self {
+        Self { is_default_for: |_, _| false, writes_folders: false, holds_one_unit: false, can_reorder: false, write }
+    }
 }
 
 /// A row of the registry. Two formats are equal if their names are.
@@ -284,6 +288,23 @@ pub(crate) struct WriteJob<'a> {
     pub(crate) options: &'a SaveOptions,
     /// Whether the path is to become a folder.
     pub(crate) is_folder: bool,
+}
+
+impl WriteJob<'_> {
+    /// Writes the scene as the one file that `fill` fills: under a temporary name first, then in its place.
+    ///
+    /// # Errors
+    /// The error of `fill` or of the system; the old file stays.
+    pub(crate) fn write_file(
+        &self,
+        fill: impl FnOnce(&mut StagedFile) -> Result<(), WriteProblem>,
+    ) -> Result<Vec<PathBuf>, WriteProblem> {
+        let mut out = StagedFile::create(self.path)?;
+        fill(&mut out)?;
+        out.commit()?;
+        staged_file::sync_folder(self.path)?;
+        Ok(vec![self.path.to_path_buf()])
+    }
 }
 
 /// The reason why a file could not be written.

@@ -12,8 +12,8 @@
 //!
 //! Also read: 2D Gaussian Splatting, iVR-GS's misaligned first-stage file, iVR-GS's folder of transfer functions.
 //!
-//! To add a format, implement `SplatFormat` in a file of its own and add a row to the table in `registry.rs`. Names,
-//! endings, help texts and error messages come from this table.
+//! To add a format, write a file of its own and add a row to the table in `registry.rs`. The file holds a `PlyFormat` for units
+//! in PLY files, else a type that implements `SplatFormat`. Names, endings, help texts and error messages come from the table.
 
 mod activation;
 mod affine;
@@ -36,6 +36,7 @@ mod ours;
 pub(crate) mod palette;
 mod pickle;
 mod ply;
+mod ply_format;
 mod problem;
 mod registry;
 pub mod scene_file;

@@ -1,27 +1,21 @@
-//! The table of formats. A new format is one file that implements [`SplatFormat`](super::format::SplatFormat), and one row here.
+//! The table of formats. A new format is one file, and one row here.
 
 use std::path::Path;
 use std::str::FromStr;
 
-use crate::splat::antimatter15::DotSplat;
-use crate::splat::compressed::Compressed;
 use crate::splat::format::{Format, Source};
-use crate::splat::ivrgs::IvrGs;
-use crate::splat::ivrgs_quantised::IvrGsQuantised;
-use crate::splat::ours::Ours;
 use crate::splat::problem::Problem;
-use crate::splat::scene_toml::SceneToml;
-use crate::splat::three_dgs::ThreeDgs;
 
-/// All formats. Content decides before names do: a PLY is read as a PLY under any name.
-static FORMATS: [Format; 7] = [
-    Format(&Ours),
-    Format(&ThreeDgs),
-    Format(&Compressed),
-    Format(&IvrGs),
-    Format(&IvrGsQuantised),
-    Format(&SceneToml),
-    Format(&DotSplat),
+/// All formats. Content decides before names do: a PLY is read as a PLY under any name. Where several layouts match a PLY,
+/// the first one reads it, so a special layout stands before a general one.
+static FORMATS: &[Format] = &[
+    Format::OURS,
+    Format::THREE_DGS,
+    Format::COMPRESSED,
+    Format::IVRGS,
+    Format::IVRGS_QUANTISED,
+    Format::SCENE,
+    Format::SPLAT,
 ];
 
 impl Format {

@@ -50,44 +50,38 @@ impl SplatFormat for SceneToml {
         Ok(Listing { units: file.units.into_iter().map(unit).collect(), scene: Some((Format::SCENE, file.bounds)) })
     }
 
-    fn writer(&self) -> Option<&dyn SplatWriter> {
-        Some(self)
+    fn writer(&self) -> Option<SplatWriter> {
+        Some(SplatWriter { is_default_for: |extension, _| extension == ".toml", ..SplatWriter::new(write) })
     }
 }
 
-impl SplatWriter for SceneToml {
-    fn is_default_for(&self, extension: &str, _has_shading: bool) -> bool {
-        extension == ".toml"
-    }
-
-    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
-        let names = file_names(&job.scene.units);
-        let mut staged = Vec::with_capacity(names.len());
-        let paths: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
-        let mut file = SceneFile::of_scene(job.scene, &paths);
-        for ((unit, name), entry) in job.scene.units.iter().zip(&names).zip(&mut file.units) {
-            let mut out = StagedFile::create(&job.path.with_file_name(name))?;
-            if unit.gaussians.shading.is_none() && job.options.format != Some(Format::OURS) {
-                three_dgs::write_columns(&mut out, &unit.gaussians)?;
-            } else {
-                // New shading columns change the unit's palette, so the scene file stores the new one.
-                let prepared = editable_ply::prepare(unit, Convention::Ours, warnings);
-                entry.palette = Some(prepared.palette);
-                entry.shading = Some(prepared.shading);
-                entry.oriented_normals = Some(prepared.oriented_normals);
-                let convention = Convention::Ours;
-                editable_ply::write_unit(&mut out, &prepared, Storage::AsUsed, convention, Alone::No, warnings)?;
-            }
-            staged.push(out);
+fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
+    let names = file_names(&job.scene.units);
+    let mut staged = Vec::with_capacity(names.len());
+    let paths: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
+    let mut file = SceneFile::of_scene(job.scene, &paths);
+    for ((unit, name), entry) in job.scene.units.iter().zip(&names).zip(&mut file.units) {
+        let mut out = StagedFile::create(&job.path.with_file_name(name))?;
+        if unit.gaussians.shading.is_none() && job.options.format != Some(Format::OURS) {
+            three_dgs::write_columns(&mut out, &unit.gaussians)?;
+        } else {
+            // New shading columns change the unit's palette, so the scene file stores the new one.
+            let prepared = editable_ply::prepare(unit, Convention::Ours, warnings);
+            entry.palette = Some(prepared.palette);
+            entry.shading = Some(prepared.shading);
+            entry.oriented_normals = Some(prepared.oriented_normals);
+            let convention = Convention::Ours;
+            editable_ply::write_unit(&mut out, &prepared, Storage::AsUsed, convention, Alone::No, warnings)?;
         }
-        let mut files = vec![job.path.to_path_buf()];
-        for out in staged {
-            files.push(out.commit()?);
-        }
-        staged_file::replace(job.path, file.to_text().as_bytes())?;
-        staged_file::sync_folder(job.path)?;
-        Ok(files)
+        staged.push(out);
     }
+    let mut files = vec![job.path.to_path_buf()];
+    for out in staged {
+        files.push(out.commit()?);
+    }
+    staged_file::replace(job.path, file.to_text().as_bytes())?;
+    staged_file::sync_folder(job.path)?;
+    Ok(files)
 }
 
 /// A file name for each unit: its name in plain letters, distinct on file systems that ignore case.

@@ -11,86 +11,43 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use glam::Vec3;
-use sg_scene::model::{Convention, Gaussians};
+use sg_scene::model::Gaussians;
 
 use crate::splat::columns::{REMEDY, filter_comment, harmonics_properties, is_known, is_normal, read_harmonics};
 use crate::splat::editable_columns;
-use crate::splat::format::{Format, PlyLayout, Source, SplatFormat, SplatWriter, WriteJob, WriteProblem};
+use crate::splat::format::{Format, PlyLayout, SplatWriter, WriteJob, WriteProblem};
 use crate::splat::ply::{self, Column, OutElement, OutProperty, OutValues, PlyFile, Scalar, Table};
+use crate::splat::ply_format::PlyFormat;
 use crate::splat::problem::{Problem, Warning, WarningCode};
 use crate::splat::unlit;
-use crate::staged_file::{self, StagedFile};
 
 /// Thickness of a flat Gaussian relative to its smaller extent, as a natural logarithm.
 const LN_THICKNESS: f32 = -6.907_755_4;
 
-/// The format `3dgs`.
-#[derive(Debug)]
-pub(crate) struct ThreeDgs;
-
 impl Format {
     /// The PLY of 3D Gaussian Splatting.
-    pub const THREE_DGS: Self = Self(&ThreeDgs);
+    pub const THREE_DGS: Self = Self(&PlyFormat {
+        layout: Some(PlyLayout::new(
+            &["vertex"],
+            |file| file.has("vertex") && !file.has("chunk") && !file.has("gaussians"),
+            read,
+        )),
+        writer: Some(SplatWriter {
+            is_default_for: |extension, has_shading| extension == ".ply" && !has_shading,
+            ..SplatWriter::new(write)
+        }),
+        ..PlyFormat::new("3dgs", "the PLY of 3D Gaussian Splatting; all units as one, unlit")
+    });
 }
 
-impl SplatFormat for ThreeDgs {
-    fn name(&self) -> &'static str {
-        "3dgs"
-    }
-
-    fn description(&self) -> &'static str {
-        "the PLY of 3D Gaussian Splatting; all units as one, unlit"
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        &[".ply"]
-    }
-
-    fn sniff(&self, source: &Source) -> bool {
-        source.is_ply()
-    }
-
-    fn ply(&self) -> Option<&dyn PlyLayout> {
-        Some(self)
-    }
-
-    fn writer(&self) -> Option<&dyn SplatWriter> {
-        Some(self)
-    }
+fn read(file: &PlyFile, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
+    let table = file.required_table("vertex")?;
+    warn_of_narrowing(&table, warnings);
+    read_vertices(&table, warnings)
 }
 
-impl PlyLayout for ThreeDgs {
-    fn matches(&self, file: &PlyFile) -> bool {
-        file.has("vertex") && !file.has("chunk") && !file.has("gaussians")
-    }
-
-    fn elements(&self) -> &'static [&'static str] {
-        &["vertex"]
-    }
-
-    fn read(&self, file: &PlyFile, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
-        let table = file.required_table("vertex")?;
-        warn_of_narrowing(&table, warnings);
-        read(&table, warnings)
-    }
-
-    fn format(&self, _convention: Convention) -> Format {
-        Format::THREE_DGS
-    }
-}
-
-impl SplatWriter for ThreeDgs {
-    fn is_default_for(&self, extension: &str, has_shading: bool) -> bool {
-        extension == ".ply" && !has_shading
-    }
-
-    fn write(&self, job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
-        let mut out = StagedFile::create(job.path)?;
-        write_vertices(&mut out, &unlit::flatten(job.scene, warnings))?;
-        out.commit()?;
-        staged_file::sync_folder(job.path)?;
-        Ok(vec![job.path.to_path_buf()])
-    }
+fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
+    job.write_file(|out| write_vertices(out, &unlit::flatten(job.scene, warnings)))
 }
 
 /// Writes a unit's columns without its transform, opacity factor and palette. `scene.toml` stores those.
@@ -115,7 +72,7 @@ pub(crate) fn warn_of_narrowing(table: &Table<'_>, warnings: &mut Vec<Warning>) 
 }
 
 /// Reads the rows of `vertex`.
-fn read(table: &Table<'_>, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
+fn read_vertices(table: &Table<'_>, warnings: &mut Vec<Warning>) -> Result<Gaussians, Problem> {
     refuse_relatives(table)?;
     let renamed = stage_one(table);
     if renamed.is_some() {
