@@ -196,7 +196,7 @@ async fn run(stack: Stack, scene: Scene, steps: Vec<Step>, settings: Settings) -
             Err(Failure::Work("stopped before the end of the script".to_owned()))
         }
         played = &mut playing => {
-            handle.down().await;
+            handle.down();
             let ended = supervising.await;
             let summary = played?;
             outcome(ended?)?;

@@ -49,7 +49,6 @@ pub mod node;
 pub mod pid_registry;
 mod probe;
 pub mod reconcile;
-mod request_queue;
 mod serve_arguments;
 pub mod snippet;
 pub mod spawn;

@@ -11,6 +11,7 @@ use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::launch::{Ended, JoinReply, JoinRequest, LogLines, SignalReply, SignalRequest, StartReply, StartRequest};
+use sg_runtime::actor::{Inbox, Mailbox, Reply, mailbox};
 use sg_runtime::bus::{Bus, BusError, Link, ServerHandle};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
@@ -23,7 +24,6 @@ use crate::error::StackError;
 use crate::file::ExecutableSearch;
 use crate::pid_registry::PidRegistry;
 use crate::reconcile::{Exit, ProcessId};
-use crate::request_queue::{Reply, forward};
 use crate::serve_arguments;
 use crate::spawn::{self, LineSink, SpawnRequest};
 use crate::terminal;
@@ -159,7 +159,7 @@ struct Node {
     link: Link,
     folder: SessionDir,
     registry: PidRegistry,
-    requests: mpsc::Receiver<Request>,
+    requests: Inbox<Request>,
     exits: mpsc::Receiver<(ProcessId, Exit)>,
     exit_sender: mpsc::Sender<(ProcessId, Exit)>,
     answers: mpsc::Receiver<ReportAnswer>,
@@ -186,8 +186,8 @@ impl Node {
         folder: SessionDir,
         registry: PidRegistry,
     ) -> Result<Self, StackError> {
-        let (sender, requests) = mpsc::channel(CAPACITY);
-        let serving = serve(&bus, &sender).await?;
+        let (mailbox, requests) = mailbox(role::NODE, CAPACITY);
+        let serving = serve(&bus, &mailbox).await?;
         let (exit_sender, exits) = mpsc::channel(CAPACITY);
         let (answer_sender, answers) = mpsc::channel(CAPACITY);
         let (lines, waiting) = mpsc::channel(LINES);
@@ -417,15 +417,12 @@ fn send(process: &RunningProcess, signal: Signal) {
     }
 }
 
-fn leaving() -> Fault {
-    Fault::unavailable("this machine is leaving")
-}
-
-async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<ServerHandle>, BusError> {
+async fn serve(bus: &Bus, mailbox: &Mailbox<Request>) -> Result<Vec<ServerHandle>, BusError> {
+    let start = |request, _, reply| Request::Start(Box::new(request), reply);
+    let signal = |request, _, reply| Request::Signal(request, reply);
     Ok(vec![
-        forward(bus, &keys::NODE_START, requests, |request, reply| Request::Start(Box::new(request), reply), leaving)
-            .await?,
-        forward(bus, &keys::NODE_SIGNAL, requests, Request::Signal, leaving).await?,
+        bus.route(&keys::NODE_START, CAPACITY, mailbox, start).await?,
+        bus.route(&keys::NODE_SIGNAL, CAPACITY, mailbox, signal).await?,
     ])
 }
 

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
-use sg_edit::EditState;
 use sg_edit::wire::encode_color;
+use sg_edit::{EditState, Replica};
 use sg_formats::load_verified::load_verified;
 use sg_gpu::GpuError;
 use sg_gpu::backend::Engine;
@@ -27,7 +27,7 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::metrics::{self, Metric};
 use sg_runtime::process::{Host, StartError};
-use sg_runtime::scene_feed::{SceneFeed, Update};
+use sg_runtime::scene_replica::SceneReplica;
 use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::camera_motion::scaled;
@@ -44,14 +44,12 @@ mod params;
 mod pick;
 mod preview;
 mod request_executor;
-mod scene_replica;
 mod state_sync;
 mod watchdog;
 
 use clusters::ClusterLabels;
 use decode::{clips, display_mode, projection};
 use params::{Display, Params};
-use scene_replica::SceneReplica;
 
 /// Most queued picture requests while one is drawn.
 const QUEUE: usize = 8;
@@ -69,15 +67,8 @@ const MEASURE_UNITS: usize = 64;
 pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let params: Params = host.params()?;
     params.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
-    let mut feed = SceneFeed::open(host.bus()).await?;
-    let state = loop {
-        match feed.next().await {
-            Some((Update::Snapshot(state), _)) => break state,
-            Some((Update::Event(_), _)) => (),
-            None => return Err(StartError::Failed("the bus closed before the scene was known".to_owned())),
-        }
-    };
-    let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
+    let replica = SceneReplica::<Replica>::follow(host.bus()).await?;
+    let state = Arc::clone(replica.newest().replica.state());
     let geometry = state.geometry();
     let path = host.scene_path(&geometry.path, &geometry.hash).await?;
     let scene = tokio::task::block_in_place(|| load_verified(&path, &geometry.hash))
@@ -87,7 +78,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         if host.role() != role::RENDER_VIEW {
             return Err(StartError::Input(format!("`display` is for the role `{}` alone", role::RENDER_VIEW)));
         }
-        return display::open(&host, scene, scene_replica::follow(feed, state), &params).await;
+        return display::open(&host, scene, replica, &params).await;
     }
     let (backend, rasterizer) = (params.backend, params.rasterizer);
     let mut engine = tokio::task::block_in_place(|| Engine::new(scene, backend, rasterizer))
@@ -97,7 +88,6 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     }
     tracing::info!(gaussians, engine = engine.name(), "scene read");
 
-    let state = scene_replica::follow(feed, state);
     let (row, content) = match host.role() {
         role::RENDER_VIEW => (&keys::VIEW_STATE, &keys::VIEW_CONTENT),
         role::RENDER_CAPTURE => (&keys::CAPTURE_STATE, &keys::CAPTURE_CONTENT),
@@ -116,7 +106,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         blobs: host.blobs().clone(),
         engine,
         clusters: ClusterLabels::default(),
-        state: state.clone(),
+        replica: replica.clone(),
         pool: threads().map_err(|e| StartError::Failed(format!("threads to draw with: {e}")))?,
         owned: host.bus().retain(row, status.clone()).await?,
         status,
@@ -129,16 +119,16 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let (mailbox, _) = host.spawn(actor, QUEUE);
     if host.role() == role::RENDER_VIEW {
         tokio::spawn(async move {
-            let mut state = state;
-            state.mark_changed();
+            let mut revisions = replica.receiver();
+            revisions.mark_changed();
             loop {
                 // Newest value: revisions that pass while a picture is drawn are skipped, and counted.
                 tokio::select! {
-                    changed = state.changed() => if changed.is_err() { break },
+                    changed = revisions.changed() => if changed.is_err() { break },
                     changed = preview_feed.changed() => if changed.is_err() { break },
                     () = redraw_timer.due() => {}
                 }
-                let context = state.borrow_and_update().context.clone();
+                let context = revisions.borrow_and_update().context.clone();
                 let (done, drawn) = tokio::sync::oneshot::channel();
                 if mailbox.tell(Message::View { context, done }).is_ok() {
                     let _ = drawn.await;
@@ -193,7 +183,7 @@ struct RenderActor {
     bus: Bus,
     blobs: Blobs,
     engine: Engine,
-    state: watch::Receiver<SceneReplica>,
+    replica: SceneReplica<Replica>,
     /// Every picture is made in this thread pool, so that drawing does not delay input.
     pool: Arc<rayon::ThreadPool>,
     owned: RetainedValue<proto::State>,
@@ -271,11 +261,9 @@ impl RenderActor {
             highlight_selection: true,
             ..proto::CaptureRequest::default()
         };
-        let (state, highlighted) = {
-            let newest = self.state.borrow();
-            (Arc::clone(&newest.state), newest.highlighted(self.preview_feed.borrow_and_update().as_ref()))
-        };
-        let frame = match self.work(|actor| actor.draw(&state, &request, highlighted, None)) {
+        let newest = self.replica.newest().replica;
+        let highlighted = preview::highlighted(&newest, self.preview_feed.borrow_and_update().as_ref());
+        let frame = match self.work(|actor| actor.draw(newest.state(), &request, highlighted, None)) {
             Ok(frame) => frame,
             Err(fault) => return tracing::error!(%fault, "the view could not be drawn"),
         };
@@ -286,7 +274,8 @@ impl RenderActor {
     }
 
     async fn capture(&mut self, request: &proto::CaptureRequest, context: &Context) -> Result<proto::Frame, Fault> {
-        let state = self.at_least(request.at_least_revision, context).await?;
+        let newest = self.replica.at_least(request.at_least_revision, context.deadline).await?.replica;
+        let state = newest.state();
         let labels = match display_mode(request) {
             DisplayMode::Clusters | DisplayMode::FirstComponent | DisplayMode::Outlines => {
                 Some(self.labels(context).await?)
@@ -294,9 +283,9 @@ impl RenderActor {
             _ => None,
         };
         let selected = Arc::clone(state.selection().mask());
-        let mut frame = self.work(|actor| actor.draw(&state, request, selected, labels.as_deref()))?;
+        let mut frame = self.work(|actor| actor.draw(state, request, selected, labels.as_deref()))?;
         if request.measure_units {
-            frame.units = self.work(|actor| actor.measure(&state, request))?;
+            frame.units = self.work(|actor| actor.measure(state, request))?;
         }
         self.publish_status(&frame, context).await;
         Ok(frame)
@@ -304,21 +293,12 @@ impl RenderActor {
 
     /// Picks the front Gaussian at a pixel or along a ray.
     async fn pick(&mut self, request: &proto::PickRequest, context: &Context) -> Result<proto::PickReply, Fault> {
-        let state = self.at_least(request.at_least_revision, context).await?;
-        let hit = self.work(|actor| pick::pick(actor.engine.scene(), &state, request))?;
+        let newest = self.replica.at_least(request.at_least_revision, context.deadline).await?.replica;
+        let state = newest.state();
+        let hit = self.work(|actor| pick::pick(actor.engine.scene(), state, request))?;
         // A scene without a selection process has no clusters, but picking works all the same.
         let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
-        Ok(pick::reply(&state, hit, labels.as_deref()))
-    }
-
-    /// The newest state, once it has at least this revision.
-    async fn at_least(&mut self, wanted: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
-        let arrived = self.state.wait_for(|newest| newest.state.revision() >= wanted);
-        match tokio::time::timeout_at(context.deadline.into(), arrived).await {
-            Ok(Ok(newest)) => Ok(Arc::clone(&newest.state)),
-            Ok(Err(_)) => Err(Fault::unavailable("the scene is no longer followed; try again in a moment")),
-            Err(_) => Err(Fault::deadline(format!("revision {wanted} of the scene did not arrive in time"))),
-        }
+        Ok(pick::reply(state, hit, labels.as_deref()))
     }
 
     async fn labels(&mut self, context: &Context) -> Result<Arc<[u32]>, Fault> {

@@ -46,7 +46,7 @@ pub mod context;
 pub mod fault;
 pub mod metrics;
 pub mod process;
-pub mod scene_feed;
+mod scene_feed;
 mod scene_files;
 pub mod scene_replica;
 pub mod session;

@@ -22,7 +22,7 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The next update of a reader's copy.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Update {
+pub(crate) enum Update {
     /// Replace the copy by this state.
     Snapshot(Box<State>),
     /// Apply this event. Its revision follows that of the copy.
@@ -34,7 +34,7 @@ pub enum Update {
 /// Events may be lost in transit. The feed detects gaps by the revisions and asks the scene for the missing events. While
 /// the scene is away, the feed waits.
 #[derive(Debug)]
-pub struct SceneFeed {
+pub(crate) struct SceneFeed {
     bus: Bus,
     events: Subscription<Event>,
     revision: Option<u64>,
@@ -46,13 +46,13 @@ impl SceneFeed {
     ///
     /// # Errors
     /// The events cannot be subscribed to.
-    pub async fn open(bus: &Bus) -> Result<Self, BusError> {
+    pub(crate) async fn open(bus: &Bus) -> Result<Self, BusError> {
         let events = bus.subscribe(&keys::SCENE_EVENT, role::SCENE, CAPACITY).await?;
         Ok(Self { bus: bus.clone(), events, revision: None, pending: VecDeque::new() })
     }
 
     /// Waits for the next update and its context; `None` when the bus is closed.
-    pub async fn next(&mut self) -> Option<(Update, Context)> {
+    pub(crate) async fn next(&mut self) -> Option<(Update, Context)> {
         loop {
             if let Some(update) = self.pending.pop_front() {
                 return Some(update);
@@ -75,7 +75,7 @@ impl SceneFeed {
     }
 
     /// Forgets the reader's revision, so that the next update is a snapshot.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.revision = None;
         self.pending.clear();
     }

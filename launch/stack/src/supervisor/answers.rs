@@ -65,7 +65,6 @@ impl Supervisor {
                 let _ = reply.send(self.open_session(&request));
                 Event::Tick
             }
-            Request::Down => Event::Down,
         };
         vec![event]
     }

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use sg_proto::bus::{Health, Ready};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::LogLines;
+use sg_runtime::actor::{Inbox, mailbox};
 use sg_runtime::bus::{Bus, LivelinessChange, ServerHandle, Subscription};
 use sg_runtime::metrics;
 use sg_runtime::session::SessionDir;
@@ -50,7 +51,7 @@ pub struct Supervisor {
     began: Instant,
     pub(super) bus: Bus,
     pub(super) endpoint: String,
-    requests: mpsc::Receiver<Request>,
+    requests: Inbox<Request>,
     handle: Handle,
     ready: Subscription<Ready>,
     health: Subscription<Health>,
@@ -102,8 +103,9 @@ impl Supervisor {
         let folder = session.logs();
         std::fs::create_dir_all(&folder).map_err(|e| StackError::io(&folder, e))?;
 
-        let (sender, requests) = mpsc::channel(CAPACITY);
-        let serving = serve(&bus, &sender).await?;
+        let (mailbox, requests) = mailbox(role::SUPERVISOR, CAPACITY);
+        let handle = Handle::default();
+        let serving = serve(&bus, &mailbox, &handle).await?;
         let ready = bus.subscribe(&keys::READY, keys::ANY, CAPACITY).await?;
         let health = bus.subscribe(&keys::HEALTH, keys::ANY, CAPACITY).await?;
         let candidates_ready = bus.subscribe(&keys::READY, STANDING_BY, CAPACITY).await?;
@@ -127,7 +129,7 @@ impl Supervisor {
             began: Instant::now(),
             bus,
             requests,
-            handle: Handle(sender),
+            handle,
             ready,
             health,
             candidates_ready,
@@ -213,6 +215,7 @@ impl Supervisor {
                     events.extend(self.answer(request));
                     continue;
                 }
+                () = self.handle.stop_requested() => Event::Down,
                 _ = interrupt.recv() => self.stop_event(),
                 _ = terminate.recv() => self.stop_event(),
                 _ = hang_up.recv() => self.stop_event(),

@@ -1,17 +1,17 @@
 //! Requests to a supervisor, over the bus or in the same process.
 
+use std::sync::Arc;
+
 use sg_proto::bus::MetricsReply;
 use sg_proto::keys;
 use sg_proto::launch::{
     DownReply, JoinReply, JoinRequest, OpenReply, OpenRequest, PsReply, PsRequest, ReloadReply, ReloadRequest,
     RestartReply, RestartRequest, SwapReply, SwapRequest,
 };
+use sg_runtime::actor::{Mailbox, Reply};
 use sg_runtime::bus::{Bus, BusError, ServerHandle};
-use sg_runtime::fault::Fault;
 use sg_runtime::metrics;
-use tokio::sync::mpsc;
-
-use crate::request_queue::{Reply, forward};
+use tokio::sync::Notify;
 
 /// Most requests, exits and signs of life that wait at a time.
 pub(super) const CAPACITY: usize = 256;
@@ -24,44 +24,47 @@ pub(super) enum Request {
     Reload(ReloadRequest, Reply<ReloadReply>),
     Join(JoinRequest, Reply<JoinReply>),
     Open(OpenRequest, Reply<OpenReply>),
-    Down,
 }
 
-/// A handle for requests in the same process.
-#[derive(Debug, Clone)]
-pub struct Handle(pub(super) mpsc::Sender<Request>);
+/// A handle that stops the supervisor, for the same process. Cheap to clone.
+#[derive(Debug, Clone, Default)]
+pub struct Handle {
+    // Beside the queue of requests, so that a full queue loses no stop.
+    stop: Arc<Notify>,
+}
 
 impl Handle {
     /// Begins an orderly stop.
-    pub async fn down(&self) {
-        // A supervisor that does not receive is stopping.
-        let _ = self.0.send(Request::Down).await;
+    pub fn down(&self) {
+        self.stop.notify_one();
+    }
+
+    /// Waits until a stop is requested. A request before the wait counts. Safe to cancel.
+    pub(super) async fn stop_requested(&self) {
+        self.stop.notified().await;
     }
 }
 
-fn stopping() -> Fault {
-    Fault::unavailable("the supervisor is stopping")
-}
-
-/// Serves the keys of the supervisor: each request goes into the queue, its answer comes back from the event loop.
-pub(super) async fn serve(bus: &Bus, requests: &mpsc::Sender<Request>) -> Result<Vec<ServerHandle>, BusError> {
-    let sender = requests.clone();
+/// Serves the keys of the supervisor. The event loop answers the requests in the mailbox.
+pub(super) async fn serve(
+    bus: &Bus,
+    mailbox: &Mailbox<Request>,
+    handle: &Handle,
+) -> Result<Vec<ServerHandle>, BusError> {
+    let handle = handle.clone();
     let down = bus.serve(&keys::DOWN, CAPACITY, move |_, _| {
-        let sender = sender.clone();
-        async move {
-            sender.send(Request::Down).await.map_err(|_| stopping())?;
-            Ok(DownReply {})
-        }
+        handle.down();
+        std::future::ready(Ok(DownReply {}))
     });
     let counted = |_, _| std::future::ready(Ok(MetricsReply { text: metrics::render() }));
     let metrics = bus.serve(&keys::METRICS, CAPACITY, counted);
     Ok(vec![
-        forward(bus, &keys::PS, requests, Request::Ps, stopping).await?,
-        forward(bus, &keys::RESTART, requests, Request::Restart, stopping).await?,
-        forward(bus, &keys::SWAP, requests, Request::Swap, stopping).await?,
-        forward(bus, &keys::RELOAD, requests, Request::Reload, stopping).await?,
-        forward(bus, &keys::JOIN, requests, Request::Join, stopping).await?,
-        forward(bus, &keys::OPEN, requests, Request::Open, stopping).await?,
+        bus.route(&keys::PS, CAPACITY, mailbox, |request, _, reply| Request::Ps(request, reply)).await?,
+        bus.route(&keys::RESTART, CAPACITY, mailbox, |request, _, reply| Request::Restart(request, reply)).await?,
+        bus.route(&keys::SWAP, CAPACITY, mailbox, |request, _, reply| Request::Swap(request, reply)).await?,
+        bus.route(&keys::RELOAD, CAPACITY, mailbox, |request, _, reply| Request::Reload(request, reply)).await?,
+        bus.route(&keys::JOIN, CAPACITY, mailbox, |request, _, reply| Request::Join(request, reply)).await?,
+        bus.route(&keys::OPEN, CAPACITY, mailbox, |request, _, reply| Request::Open(request, reply)).await?,
         down.await?,
         metrics.await?,
     ])

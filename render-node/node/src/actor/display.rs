@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use directories::UserDirs;
+use sg_edit::Replica;
 use sg_gpu::backend::Engine;
 use sg_proto::keys;
 use sg_proto::render::State;
@@ -13,6 +14,7 @@ use sg_raster::render::Quality;
 use sg_runtime::bus::RetainedValue;
 use sg_runtime::context::Context;
 use sg_runtime::process::{Host, StartError};
+use sg_runtime::scene_replica::SceneReplica;
 use sg_scene::model::Scene;
 use sg_viewer::display::{Backend, StateWriter, Tools, ViewPort, ViewState};
 #[cfg(feature = "xr")]
@@ -20,10 +22,9 @@ use sg_viewer::hands::Stance;
 use sg_viewer::vr::{self, VrView};
 use sg_viewer::window::{self, Settings, Setup};
 use sg_viewer::xr::{Headset, Options, XrError};
-use tokio::sync::{oneshot, watch};
+use tokio::sync::oneshot;
 
 use super::params::{Display, Params};
-use super::scene_replica::SceneReplica;
 use super::watchdog::{BlockedCall, LoopWatchdog};
 use super::{request_executor, state_sync};
 
@@ -51,10 +52,10 @@ const HEADSET_MARKER: &str = "headset";
 pub(super) async fn open(
     host: &Host,
     scene: Scene,
-    state: watch::Receiver<SceneReplica>,
+    replica: SceneReplica<Replica>,
     params: &Params,
 ) -> Result<(), StartError> {
-    let first = ViewState::of(Arc::clone(&state.borrow().state));
+    let first = ViewState::of(Arc::clone(replica.newest().replica.state()));
     let state_message =
         State { gaussians: scene.len() as u64, display: params.display.name().to_owned(), ..State::default() };
     let owned = host.bus().retain(&keys::VIEW_STATE, state_message.clone()).await?;
@@ -75,7 +76,7 @@ pub(super) async fn open(
     };
     drop(ended);
     let state_message = State { display: display.name().to_owned(), ..state_message };
-    state_sync::follow(host, state, &writer).await?;
+    state_sync::follow(host, &replica, &writer).await?;
     request_executor::run(host.bus().clone(), requests, writer.clone())
         .map_err(|e| StartError::Failed(format!("no thread for what is asked for: {e}")))?;
     let loop_watchdog = LoopWatchdog::new(blocked_call, Duration::from_secs_f64(params.patience));

@@ -1,5 +1,8 @@
 //! The pending selection, shown before it is durable.
 
+use std::sync::Arc;
+
+use sg_edit::Replica;
 use sg_proto::keys::{self, role};
 use sg_proto::selection::Preview;
 use sg_runtime::bus::{Bus, BusError};
@@ -21,6 +24,17 @@ pub(super) async fn follow(bus: &Bus) -> Result<watch::Receiver<Option<Preview>>
     Ok(previews)
 }
 
+/// Highlighted mask of a view: the preview if it was made over the current selection, else that selection. A preview is
+/// stale once its selection went and came back, as by undo.
+pub(super) fn highlighted(replica: &Replica, preview: Option<&Preview>) -> Arc<Mask> {
+    let committed = replica.state().selection();
+    let holds = |p: &&Preview| p.selection_hash == committed.hash() && p.revision >= replica.selected_at();
+    match preview.filter(|p| holds(p) && !p.changed.is_empty()) {
+        Some(preview) => Arc::new(changed(committed.mask(), &preview.changed)),
+        None => Arc::clone(committed.mask()),
+    }
+}
+
 /// A mask with the Gaussians of `runs` turned over: how many are passed over, how many differ, and so on.
 pub(super) fn changed(mask: &Mask, runs: &[u32]) -> Mask {
     let mut mask = mask.clone();
@@ -39,7 +53,43 @@ pub(super) fn changed(mask: &Mask, runs: &[u32]) -> Mask {
 
 #[cfg(test)]
 mod tests {
+    use sg_edit::EditState;
+    use sg_edit::wire::encode_mask;
+    use sg_proto::replica::Replica as _;
+    use sg_proto::scene::{Change, Event, Selection, change};
+    use sg_scene::synthetic::test_scene;
+
     use super::*;
+
+    fn commit(revision: u64, selected: &[usize]) -> Event {
+        let mask = Mask::from_fn(8, |i| selected.contains(&i));
+        let selection = Selection {
+            count: mask.count() as u64,
+            hash: sg_edit::mask_hash(&mask),
+            mask: Some(encode_mask(&mask)),
+            ..Selection::default()
+        };
+        let changes = vec![Change { item: Some(change::Item::Selection(selection)) }];
+        Event { revision, changes, ..Event::default() }
+    }
+
+    #[test]
+    fn a_preview_shows_until_another_selection_is_committed_and_not_again_when_that_is_taken_back() {
+        let mut replica = Replica::new(EditState::of_scene(&test_scene(&[("all", 8)]), "scene.ply", "hash"));
+        let over = replica.state().selection().hash().to_owned();
+        let preview = Preview { selected: 2, changed: vec![3, 2], selection_hash: over, revision: replica.revision() };
+        let shown = |replica: &Replica| highlighted(replica, Some(&preview)).ones().collect::<Vec<_>>();
+        assert_eq!(shown(&replica), [3, 4]);
+        // A change of something else leaves it.
+        let other = Event { revision: 1, ..Event::default() };
+        replica.apply(&other).unwrap();
+        assert_eq!(shown(&replica), [3, 4]);
+        replica.apply(&commit(2, &[3, 4, 5])).unwrap();
+        assert_eq!(shown(&replica), [3, 4, 5]);
+        // Undone: the preview's base selection is current again.
+        replica.apply(&commit(3, &[])).unwrap();
+        assert_eq!(shown(&replica), [0; 0]);
+    }
 
     #[test]
     fn runs_turn_over_what_differs() {

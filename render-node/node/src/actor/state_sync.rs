@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use sg_edit::Replica;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
 use sg_proto::launch::OpenFailed;
@@ -12,12 +13,12 @@ use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, BusError, Subscription};
 use sg_runtime::context::Context;
 use sg_runtime::process::Host;
+use sg_runtime::scene_replica::{SceneReplica, SceneRevision};
 use sg_viewer::display::{Conversation, Entry, ServiceAvailability, StateWriter, WalkCapabilities};
 use tokio::sync::watch;
 
 use super::clusters::ClusterLabels;
 use super::preview;
-use super::scene_replica::SceneReplica;
 
 /// Most waiting messages of a conversation.
 const QUEUE: usize = 64;
@@ -29,15 +30,11 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
 /// Begins to follow everything.
-pub(super) async fn follow(
-    host: &Host,
-    state: watch::Receiver<SceneReplica>,
-    writer: &StateWriter,
-) -> Result<(), BusError> {
+pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer: &StateWriter) -> Result<(), BusError> {
     let bus = host.bus();
     let previews = preview::follow(bus).await?;
-    tokio::spawn(history(bus.clone(), state.clone(), writer.clone()));
-    tokio::spawn(scene(state, previews, writer.clone()));
+    tokio::spawn(history(bus.clone(), replica.receiver(), writer.clone()));
+    tokio::spawn(scene(replica.receiver(), previews, writer.clone()));
     let liveliness = bus.watch_liveliness(QUEUE).await?;
     tokio::spawn(services(bus.clone(), host.blobs().clone(), liveliness, writer.clone()));
     let feeds = ConversationFeeds {
@@ -53,15 +50,14 @@ pub(super) async fn follow(
 
 /// The scene and its selection.
 async fn scene(
-    mut state: watch::Receiver<SceneReplica>,
+    mut revisions: watch::Receiver<SceneRevision<Replica>>,
     mut previews: watch::Receiver<Option<Preview>>,
     writer: StateWriter,
 ) {
     loop {
-        let (now, selected) = {
-            let replica_state = state.borrow_and_update();
-            (Arc::clone(&replica_state.state), replica_state.highlighted(previews.borrow_and_update().as_ref()))
-        };
+        let newest = Arc::clone(&revisions.borrow_and_update().replica);
+        let selected = preview::highlighted(&newest, previews.borrow_and_update().as_ref());
+        let now = Arc::clone(newest.state());
         writer.update(|state| {
             state.uncommitted = !Arc::ptr_eq(&selected, now.selection().mask());
             state.selected = selected;
@@ -69,7 +65,7 @@ async fn scene(
             state.scene = now;
         });
         tokio::select! {
-            changed = state.changed() => if changed.is_err() { return },
+            changed = revisions.changed() => if changed.is_err() { return },
             changed = previews.changed() => if changed.is_err() { return },
         }
     }
@@ -77,15 +73,15 @@ async fn scene(
 
 /// The undo and redo steps, published with the scene's state alone. It runs as a separate task, so that a silent scene does
 /// not delay a preview.
-async fn history(bus: Bus, mut state: watch::Receiver<SceneReplica>, writer: StateWriter) {
+async fn history(bus: Bus, mut revisions: watch::Receiver<SceneRevision<Replica>>, writer: StateWriter) {
     loop {
-        let revision = state.borrow_and_update().state.revision();
+        let revision = revisions.borrow_and_update().replica.state().revision();
         if let Ok(told) = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(TIMEOUT)).await
             && told.revision >= revision
         {
             writer.update(|state| (state.undo, state.redo) = (told.undo.into(), told.redo.into()));
         }
-        if state.changed().await.is_err() {
+        if revisions.changed().await.is_err() {
             return;
         }
     }

@@ -7,7 +7,8 @@
 //! ```
 //! use std::sync::Arc;
 //!
-//! use sg_edit::{EditState, Editor, Offered, Replica};
+//! use sg_edit::{EditState, Editor, Replica};
+//! use sg_proto::replica::Replica as _;
 //! use sg_proto::scene::{Color, Command, SetColor, Target, command::Action};
 //! use sg_scene::synthetic::test_scene;
 //!
@@ -23,8 +24,8 @@
 //! let applied = editor.apply(&Command { id: "1".to_owned(), expected_revision: 0, action })?;
 //! assert_eq!(applied.result.summary, "coloured bone #ff0000");
 //!
-//! assert_eq!(replica.offer(&applied.event)?, Offered::Accepted);
-//! assert_eq!(replica.state(), editor.state());
+//! replica.apply(&applied.event)?;
+//! assert_eq!(**replica.state(), *editor.state());
 //! # Ok(())
 //! # }
 //! ```
@@ -52,7 +53,7 @@ pub mod wire;
 pub use editor::{Applied, Editor};
 pub use error::EditError;
 pub use history::HistoryMove;
-pub use replica::{Offered, Replica, ReplicaError};
+pub use replica::{Replica, ReplicaError};
 pub use state::{BaseUnitState, Change, EditState, Geometry, Selection, StateMismatch, Unit, UnitRef, mask_hash};
 
 pub use editor::{check_id, stored_entry};

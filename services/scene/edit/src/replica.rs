@@ -1,6 +1,8 @@
 //! A reader's copy of the state, updated by events.
 
-use sg_proto::scene::{Changes, Event, change};
+use std::sync::Arc;
+
+use sg_proto::scene::{Event, State, change};
 
 use super::state::{EditState, StateMismatch};
 use super::wire::{WireError, decode_change};
@@ -24,16 +26,6 @@ pub enum ReplicaError {
         /// The mismatch.
         source: StateMismatch,
     },
-    /// It belongs to other geometry.
-    #[error("revision {revision} is of geometry {found}, not {expected}")]
-    Geometry {
-        /// Of the snapshot.
-        revision: u64,
-        /// Its content hash.
-        found: String,
-        /// That of the copy.
-        expected: String,
-    },
     /// The event does not follow the copy's revision.
     #[error("event {got} does not follow revision {have}")]
     Gap {
@@ -44,28 +36,18 @@ pub enum ReplicaError {
     },
 }
 
-/// The outcome of an offered event.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Offered {
-    /// It was the next one; the copy is at its revision.
-    Accepted,
-    /// Events in between are missing: ask the scene for changes from `have` on.
-    Gap {
-        /// Revision of the copy.
-        have: u64,
-        /// Revision of the event.
-        got: u64,
-    },
-    /// The copy has it already.
-    Old,
-}
-
 impl EditState {
     /// Takes the next event, whole or not at all.
     ///
     /// # Errors
     /// [`ReplicaError`]; the state is then as it was.
     pub fn apply_event(&mut self, event: &Event) -> Result<(), ReplicaError> {
+        *self = self.after_event(event)?;
+        Ok(())
+    }
+
+    /// The state after the next event.
+    fn after_event(&self, event: &Event) -> Result<Self, ReplicaError> {
         let revision = event.revision;
         if revision != self.revision + 1 {
             return Err(ReplicaError::Gap { have: self.revision, got: revision });
@@ -77,18 +59,17 @@ impl EditState {
             next.apply_change(change).map_err(|source| ReplicaError::StateMismatch { revision, source })?;
         }
         next.revision = revision;
-        *self = next;
-        Ok(())
+        Ok(next)
     }
 }
 
-/// A copy of the state at a known revision.
+/// A copy of the state at a known revision. A clone is cheap: it shares the state.
 ///
-/// A reader starts with [`Replica::new`] from its geometry or from a snapshot. It offers every received event. After a
-/// gap, it asks the scene for changes from [`Replica::revision`] until [`Replica::take`] brings nothing new.
+/// The trait [`sg_proto::replica::Replica`] makes it from a snapshot and applies events to it. A reader on the bus gives it
+/// to `SceneReplica` of `sg-runtime`, which asks the scene for both.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replica {
-    state: EditState,
+    state: Arc<EditState>,
     selected_at: u64,
 }
 
@@ -96,101 +77,84 @@ impl Replica {
     /// A copy that begins at this state.
     #[must_use]
     pub fn new(state: EditState) -> Self {
-        Self { selected_at: state.revision, state }
+        Self { selected_at: state.revision, state: Arc::new(state) }
     }
 
-    /// The last revision with a new selection.
+    /// The last revision with a new selection. A copy from a snapshot counts the snapshot's selection as new.
     #[must_use]
     pub fn selected_at(&self) -> u64 {
         self.selected_at
     }
 
-    /// The state.
+    /// The state. All clones of one revision share it, so pointer equality means the same revision.
     #[must_use]
-    pub fn state(&self) -> &EditState {
+    pub fn state(&self) -> &Arc<EditState> {
         &self.state
     }
+}
 
-    /// Its revision.
-    #[must_use]
-    pub fn revision(&self) -> u64 {
+impl sg_proto::replica::Replica for Replica {
+    type Error = ReplicaError;
+
+    fn from_snapshot(snapshot: &State) -> Result<Self, ReplicaError> {
+        let revision = snapshot.revision;
+        let state = EditState::from_snapshot(snapshot);
+        Ok(Self::new(state.map_err(|source| ReplicaError::Message { revision, source })?))
+    }
+
+    fn revision(&self) -> u64 {
         self.state.revision
     }
 
-    /// Offers an event as it was heard.
-    ///
-    /// # Errors
-    /// [`ReplicaError`] if it is the next one but cannot be taken; ask for a snapshot then.
-    pub fn offer(&mut self, event: &Event) -> Result<Offered, ReplicaError> {
-        let have = self.revision();
-        if event.revision <= have {
-            return Ok(Offered::Old);
-        }
-        if event.revision > have + 1 {
-            return Ok(Offered::Gap { have, got: event.revision });
-        }
-        self.state.apply_event(event)?;
+    fn apply(&mut self, event: &Event) -> Result<(), ReplicaError> {
+        self.state = Arc::new(self.state.after_event(event)?);
         if event.changes.iter().any(|c| matches!(c.item, Some(change::Item::Selection(_)))) {
             self.selected_at = event.revision;
         }
-        Ok(Offered::Accepted)
-    }
-
-    /// Takes the scene's messages for a gap; returns whether they brought anything new. Ask again as long as they did: one
-    /// answer holds a bounded number of events.
-    ///
-    /// # Errors
-    /// [`ReplicaError`]; events before the failing one have been taken.
-    pub fn take(&mut self, changes: &Changes) -> Result<bool, ReplicaError> {
-        let before = self.revision();
-        if let Some(snapshot) = &changes.snapshot {
-            let revision = snapshot.revision;
-            let state =
-                EditState::from_snapshot(snapshot).map_err(|source| ReplicaError::Message { revision, source })?;
-            let (found, expected) = (&state.geometry.hash, &self.state.geometry.hash);
-            if found != expected {
-                return Err(ReplicaError::Geometry { revision, found: found.clone(), expected: expected.clone() });
-            }
-            // A late snapshot must not revert newer events.
-            if revision > before {
-                self.selected_at = revision;
-                self.state = state;
-            }
-        }
-        for event in &changes.events {
-            if let Offered::Gap { have, got } = self.offer(event)? {
-                return Err(ReplicaError::Gap { have, got });
-            }
-        }
-        Ok(self.revision() > before)
+        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sg_proto::replica::Replica as _;
     use sg_proto::scene::{Change, Color, Mask, Selection, change::Item};
     use sg_scene::synthetic::test_scene;
+
+    use crate::wire::encode_mask;
 
     fn replica() -> Replica {
         Replica::new(EditState::of_scene(&test_scene(&[("bone", 4)]), "", "hash"))
     }
 
+    fn event(revision: u64, item: Item) -> Event {
+        Event { revision, changes: vec![Change { item: Some(item) }], ..Event::default() }
+    }
+
     fn background(revision: u64, red: f32) -> Event {
-        let item = Some(Item::Background(Color { red, green: 0.0, blue: 0.0 }));
-        Event { revision, changes: vec![Change { item }], ..Event::default() }
+        event(revision, Item::Background(Color { red, green: 0.0, blue: 0.0 }))
+    }
+
+    fn selection(revision: u64, selected: &[usize]) -> Event {
+        let mask = sg_scene::mask::Mask::from_fn(4, |i| selected.contains(&i));
+        let (count, hash) = (mask.count() as u64, crate::mask_hash(&mask));
+        event(
+            revision,
+            Item::Selection(Selection { count, hash, mask: Some(encode_mask(&mask)), ..Selection::default() }),
+        )
     }
 
     #[test]
-    fn events_are_taken_in_order_once() {
+    fn only_the_event_of_the_next_revision_is_applied() {
         let mut replica = replica();
-        assert_eq!(replica.offer(&background(1, 0.5)), Ok(Offered::Accepted));
-        assert_eq!(replica.offer(&background(1, 0.7)), Ok(Offered::Old));
-        assert_eq!(replica.offer(&background(3, 0.9)), Ok(Offered::Gap { have: 1, got: 3 }));
-        assert_eq!(replica.state().background().x, 0.5);
-        let missed = Changes { revision: 3, events: vec![background(2, 0.8), background(3, 0.9)], snapshot: None };
-        assert_eq!(replica.take(&missed), Ok(true));
-        assert_eq!(replica.take(&missed), Ok(false));
+        assert_eq!(replica.apply(&background(1, 0.5)), Ok(()));
+        assert_eq!(replica.apply(&background(1, 0.7)), Err(ReplicaError::Gap { have: 1, got: 1 }));
+        let gap = replica.apply(&background(3, 0.9)).unwrap_err();
+        assert_eq!(gap.to_string(), "event 3 does not follow revision 1");
+        assert_eq!((replica.revision(), replica.state().background().x), (1, 0.5));
+        assert_eq!(replica.apply(&background(2, 0.8)), Ok(()));
+        assert_eq!(replica.apply(&background(3, 0.9)), Ok(()));
         assert_eq!((replica.revision(), replica.state().background().x), (3, 0.9));
     }
 
@@ -201,21 +165,49 @@ mod tests {
         let mut torn = background(1, 0.5);
         let mask = Some(Mask { length: 9, bits: vec![0, 0] });
         torn.changes.push(Change { item: Some(Item::Selection(Selection { mask, ..Selection::default() })) });
-        assert!(matches!(replica.offer(&torn), Err(ReplicaError::Message { revision: 1, .. })));
+        assert!(matches!(replica.apply(&torn), Err(ReplicaError::Message { revision: 1, .. })));
         torn.changes[1] = Change { item: None };
-        assert!(replica.offer(&torn).is_err());
+        assert!(replica.apply(&torn).is_err());
         assert_eq!(replica, before);
     }
 
     #[test]
-    fn a_snapshot_of_other_geometry_is_refused_and_an_older_one_ignored() {
+    fn a_copy_from_a_snapshot_goes_on_with_events() {
+        let mut first = replica();
+        first.apply(&background(1, 0.5)).unwrap();
+        let mut second = Replica::from_snapshot(&first.state().state(true)).unwrap();
+        assert_eq!((second.revision(), second.selected_at(), second.state()), (1, 1, first.state()));
+        for replica in [&mut first, &mut second] {
+            replica.apply(&background(2, 0.8)).unwrap();
+        }
+        assert_eq!(second.state(), first.state());
+    }
+
+    #[test]
+    fn a_snapshot_without_masks_is_refused_with_its_revision() {
         let mut replica = replica();
-        let other = EditState::of_scene(&test_scene(&[("bone", 4)]), "", "other").state(true);
-        let changes = |state| Changes { revision: 0, events: vec![], snapshot: Some(state) };
-        assert!(matches!(replica.take(&changes(other)), Err(ReplicaError::Geometry { .. })));
-        let old = replica.state().state(true);
-        replica.offer(&background(1, 0.5)).unwrap();
-        assert_eq!(replica.take(&changes(old)), Ok(false));
-        assert_eq!(replica.revision(), 1);
+        replica.apply(&background(1, 0.5)).unwrap();
+        let error = Replica::from_snapshot(&replica.state().state(false)).unwrap_err();
+        assert_eq!(error, ReplicaError::Message { revision: 1, source: WireError::Missing("selection.mask") });
+    }
+
+    #[test]
+    fn the_revision_of_the_newest_selection_is_known() {
+        let mut replica = replica();
+        assert_eq!(replica.selected_at(), 0);
+        replica.apply(&background(1, 0.5)).unwrap();
+        assert_eq!(replica.selected_at(), 0);
+        replica.apply(&selection(2, &[1, 3])).unwrap();
+        replica.apply(&background(3, 0.6)).unwrap();
+        assert_eq!((replica.revision(), replica.selected_at()), (3, 2));
+    }
+
+    #[test]
+    fn a_clone_shares_the_state_until_the_next_event() {
+        let mut replica = replica();
+        let clone = replica.clone();
+        assert!(Arc::ptr_eq(replica.state(), clone.state()));
+        replica.apply(&background(1, 0.5)).unwrap();
+        assert!(!Arc::ptr_eq(replica.state(), clone.state()));
     }
 }

@@ -83,8 +83,7 @@ async fn load(host: Host) -> Result<(), StartError> {
         let deadline = Instant::now() + TAKE_OVER_TIMEOUT;
         Ok(promoted.ask(deadline, |reply| Message::TakeOver { project: Box::new(project), reply }).await?)
     });
-    let commands = mailbox.clone();
-    host.route(&keys::SCENE_APPLY, QUEUE, &commands, |command, context, reply| Message::Apply {
+    host.route(&keys::SCENE_APPLY, QUEUE, &mailbox, |command, context, reply| Message::Apply {
         command,
         context,
         reply,

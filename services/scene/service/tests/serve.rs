@@ -20,6 +20,7 @@ use sg_proto::scene::{
 };
 use sg_runtime::bus::{Bus, endpoint_of};
 use sg_runtime::context::Context;
+use sg_runtime::scene_replica::SceneReplica;
 use supergaussian_scene::project::Project;
 use tokio::sync::Mutex;
 
@@ -209,9 +210,7 @@ async fn a_burst_survives_kill_9_and_readers_catch_up() {
     let mut stack = Stack::open(3000).await;
     let cli = stack.join(role::CLI).await;
     let mut scene = stack.start();
-    let start = snapshot(&cli).await;
-    let mut replica = Replica::new(EditState::from_snapshot(&start).unwrap());
-    let mut events = cli.subscribe(&keys::SCENE_EVENT, role::SCENE, 256).await.unwrap();
+    let reader = SceneReplica::<Replica>::follow(&cli).await.unwrap();
 
     let results = Arc::new(Mutex::new(BTreeMap::new()));
     let done = Arc::new(AtomicBool::new(false));
@@ -247,18 +246,9 @@ async fn a_burst_survives_kill_9_and_readers_catch_up() {
     }
     assert_eq!(snapshot(&cli).await, newest, "repeated commands change nothing");
 
-    // A reader that received a part and asks for the rest holds the same state.
-    while let Ok(Some((event, _))) = tokio::time::timeout(Duration::from_millis(100), events.next()).await {
-        let _ = replica.offer(&event).unwrap();
-    }
-    loop {
-        let request = ChangesRequest { from: replica.revision(), snapshot: false };
-        let changes = cli.ask(&keys::SCENE_CHANGES, &request, &soon()).await.unwrap();
-        if !replica.take(&changes).unwrap() {
-            break;
-        }
-    }
-    assert_eq!(replica.state(), &EditState::from_snapshot(&newest).unwrap());
+    // A reader that followed through all of this holds the same state.
+    let followed = reader.at_least(newest.revision, soon().deadline).await.unwrap();
+    assert_eq!(**followed.replica.state(), EditState::from_snapshot(&newest).unwrap());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

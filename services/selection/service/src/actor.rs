@@ -20,14 +20,13 @@ use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
-use sg_runtime::scene_feed::{SceneFeed, Update};
+use sg_runtime::scene_replica::{SceneReplica, SceneRevision};
 use sg_scene::mask::Mask;
 use sg_selection::preview::{Preview, differing};
 use sg_selection::selection_index::WalkOptions;
 use sg_selection::session::{SelectionError, SelectionSession};
 use sg_selection::steps::Step;
 use sg_selection::strokes::Stroke;
-use tokio::sync::watch;
 
 use crate::wire;
 
@@ -51,15 +50,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         WalkOptions { leak: params.leak, sigma_s: params.sigma_s, sigma_f: params.sigma_f, ..WalkOptions::default() };
     walk.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
 
-    let mut feed = SceneFeed::open(host.bus()).await?;
-    let state = loop {
-        match feed.next().await {
-            Some((Update::Snapshot(state), _)) => break state,
-            Some((Update::Event(_), _)) => (),
-            None => return Err(StartError::Failed("the bus closed before the scene was known".to_owned())),
-        }
-    };
-    let state = EditState::from_snapshot(&state).map_err(|e| StartError::Failed(format!("scene snapshot: {e}")))?;
+    let scene = SceneReplica::<Replica>::follow(host.bus()).await?;
+    let state = Arc::clone(scene.newest().replica.state());
     let cache = ClusterCache::new(&params.cache.clone().unwrap_or_else(|| host.run_dir().join("clusters")));
     let geometry = state.geometry();
     let path = host.scene_path(&geometry.path, &geometry.hash).await?;
@@ -89,13 +81,12 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     };
     host.serve_content(&keys::SELECTION_CONTENT).await?;
     let owned = host.bus().retain(&keys::SELECTION_STATE, state_message.clone()).await?;
-    let (newest, state) = watch::channel(Arc::new(state));
-    tokio::spawn(follow(feed, newest, owned, state_message));
+    tokio::spawn(publish_revisions(scene.clone(), owned, state_message));
 
     let selector = Selector {
         bus: host.bus().clone(),
         session: SelectionSession::new(prepared.index),
-        state,
+        scene,
         open: None,
         answered: 0,
         last_walk_ms: 0.0,
@@ -115,33 +106,16 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Follows the scene and publishes the revision of the newest state.
-async fn follow(
-    mut feed: SceneFeed,
-    newest: watch::Sender<Arc<EditState>>,
+/// Publishes the newest revision of the local copy.
+async fn publish_revisions(
+    mut scene: SceneReplica<Replica>,
     owned: RetainedValue<selection::State>,
     mut state_message: selection::State,
 ) {
-    let mut replica = Replica::new(EditState::clone(&newest.borrow()));
-    while let Some((update, context)) = feed.next().await {
-        if let Err(error) = take(&mut replica, &update) {
-            tracing::error!("the scene cannot be followed: {error}");
-            continue;
-        }
-        newest.send_replace(Arc::new(replica.state().clone()));
-        state_message.revision = replica.revision();
+    while let Some(SceneRevision { replica, context }) = scene.changed().await {
+        state_message.revision = replica.state().revision();
         if let Err(fault) = owned.set(state_message.clone(), &context.next()).await {
             tracing::warn!(%fault, "the state could not be published");
-        }
-    }
-}
-
-fn take(replica: &mut Replica, update: &Update) -> Result<(), String> {
-    match update {
-        Update::Event(event) => replica.offer(event).map(drop).map_err(|e| e.to_string()),
-        Update::Snapshot(state) => {
-            *replica = Replica::new(EditState::from_snapshot(state).map_err(|e| e.to_string())?);
-            Ok(())
         }
     }
 }
@@ -170,7 +144,7 @@ struct OpenStroke {
 struct Selector {
     bus: Bus,
     session: SelectionSession,
-    state: watch::Receiver<Arc<EditState>>,
+    scene: SceneReplica<Replica>,
     open: Option<OpenStroke>,
     answered: u64,
     last_walk_ms: f64,
@@ -202,7 +176,7 @@ impl Actor for Selector {
 
     fn state(&self) -> SelectorState {
         SelectorState {
-            revision: self.state.borrow().revision(),
+            revision: self.local_state().revision(),
             answered: self.answered,
             steps: self.session.steps().len(),
             last_walk_ms: self.last_walk_ms,
@@ -244,7 +218,7 @@ impl Selector {
         }
         let outcome = self.take(request.restart, &steps, context).await;
         if outcome.is_err() {
-            let state = Arc::clone(&self.state.borrow());
+            let state = self.local_state();
             self.show(state.selection().mask(), &state, context).await;
         }
         outcome
@@ -259,7 +233,7 @@ impl Selector {
     ) -> Result<selection::StrokesReply, Fault> {
         // The first attempt uses the local state and requires the same revision of the scene. It saves a round trip in the
         // usual case. Revision 0 means any revision.
-        let mut state = Arc::clone(&self.state.borrow());
+        let mut state = self.local_state();
         let mut only_at = state.revision();
         loop {
             if only_at == 0 {
@@ -291,15 +265,16 @@ impl Selector {
         }
     }
 
+    /// The newest local state. The scene may be ahead of it.
+    fn local_state(&self) -> Arc<EditState> {
+        Arc::clone(self.scene.newest().replica.state())
+    }
+
     /// Waits until the local state is at least as new as the scene, and returns it.
-    async fn newest(&mut self, context: &Context) -> Result<Arc<EditState>, Fault> {
+    async fn newest(&self, context: &Context) -> Result<Arc<EditState>, Fault> {
         let revision = self.bus.newest(&keys::SCENE_STATE, &context.next()).await?.revision;
-        let caught_up = self.state.wait_for(|state| state.revision() >= revision);
-        match tokio::time::timeout_at(context.deadline.into(), caught_up).await {
-            Ok(Ok(state)) => Ok(Arc::clone(&state)),
-            Ok(Err(_)) => Err(Fault::unavailable("the connection to the scene is lost; try again in a moment")),
-            Err(_) => Err(Fault::deadline(format!("revision {revision} of the scene did not arrive in time"))),
-        }
+        let SceneRevision { replica, .. } = self.scene.at_least(revision, context.deadline).await?;
+        Ok(Arc::clone(replica.state()))
     }
 
     /// The session of the scene's selection, rebuilt if another client changed it.
@@ -341,7 +316,7 @@ impl Selector {
         let start = Instant::now();
         let samples = request.samples.as_ref().ok_or_else(|| Fault::invalid("no samples; send some"))?;
         let stroke = wire::decode_stroke(samples)?;
-        let state = Arc::clone(&self.state.borrow());
+        let state = self.local_state();
         let over = state.selection().hash();
         let goes_on = self.open.as_ref().is_some_and(|o| o.name == request.stroke && o.over == over);
         if !goes_on {
@@ -387,7 +362,7 @@ impl Selector {
         let start = Instant::now();
         let tuning = request.tuning.as_ref().ok_or_else(|| Fault::invalid("no leak and threshold; send both"))?;
         let tuning = wire::decode_tuning(tuning)?;
-        let state = Arc::clone(&self.state.borrow());
+        let state = self.local_state();
         let mut session = self.present(&state)?;
         self.session = session.clone();
         session.tune(tuning).map_err(refusal)?;
@@ -407,7 +382,7 @@ impl Selector {
         if !(1..=most).contains(&request.count) {
             return Err(Fault::invalid(format!("{} places; ask for 1 to {most}", request.count)));
         }
-        let state = Arc::clone(&self.state.borrow());
+        let state = self.local_state();
         self.session = self.present(&state)?;
         if self.session.walk().is_none() {
             return Err(Fault::precondition("the selection has no walk to continue; brush in walk mode first"));

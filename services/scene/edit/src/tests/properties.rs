@@ -2,13 +2,14 @@
 
 use proptest::prelude::*;
 use prost::Message as _;
+use sg_proto::replica::Replica as _;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
     Event, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight, SetTerm, SetView, Undo,
 };
 
 use super::*;
-use crate::{HistoryMove, Offered, Replica, UnitRef};
+use crate::{HistoryMove, Replica, UnitRef};
 
 const NAMES: [&str; 8] = ["bone", "SKIN", "vessel", "sac", "neck", "selection 1", "everything but sac", "nobody"];
 
@@ -181,8 +182,8 @@ proptest! {
 
             // Events suffice for a copy, and so does a snapshot.
             let event = Event::decode(applied.event.encode_to_vec().as_slice()).unwrap();
-            prop_assert_eq!(replica.offer(&event), Ok(Offered::Accepted));
-            prop_assert_eq!(replica.state(), editor.state());
+            prop_assert_eq!(replica.apply(&event), Ok(()));
+            prop_assert_eq!(&**replica.state(), editor.state());
             prop_assert_eq!(&EditState::from_snapshot(&editor.message(true)).unwrap(), editor.state());
 
             // Undo takes exactly this back, redo brings exactly this back.

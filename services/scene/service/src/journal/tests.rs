@@ -4,12 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use sg_proto::bus::Code;
+use sg_proto::replica::Replica as _;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{ChangesRequest, Color, Command, Redo, SaveUnit, Select, SetBackground, SetColor, Target, Undo};
 
 use super::{CHECKPOINT_EVERY, JournalError};
 use crate::project::{Project, ProjectError};
-use sg_edit::{EditState, Offered, Replica};
+use sg_edit::{EditState, Replica, ReplicaError};
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
 
@@ -118,9 +119,9 @@ fn readers_get_events_or_a_snapshot() {
     let far = changes(1, false);
     assert!(far.events.is_empty() && far.snapshot.is_some());
     let mut replica = Replica::new(start);
-    assert_eq!(replica.offer(&near.events[0]), Ok(Offered::Gap { have: 0, got: 291 }));
-    assert_eq!(replica.take(&changes(0, true)), Ok(true));
-    assert_eq!(replica.state(), project.editor().state());
+    assert_eq!(replica.apply(&near.events[0]), Err(ReplicaError::Gap { have: 0, got: 291 }));
+    let replica = Replica::from_snapshot(&changes(0, true).snapshot.unwrap()).unwrap();
+    assert_eq!(&**replica.state(), project.editor().state());
 }
 
 #[test]
