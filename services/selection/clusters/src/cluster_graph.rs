@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sprs::CsMatI;
 
 use crate::bridges::bridges;
 use crate::clustering::{Cluster, Clustering};
@@ -33,6 +34,15 @@ pub enum GraphForm {
     Euclidean,
 }
 
+/// The distances between two clusters of a base unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distances {
+    /// g, in the scene's length unit.
+    pub length: f64,
+    /// δ, the feature distance. Each feature block (scale, normal, shape) is in units of its spread over the clusters.
+    pub feature: f64,
+}
+
 /// An edge between two clusters of a base unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Link {
@@ -40,19 +50,17 @@ pub struct Link {
     pub u: u32,
     /// The larger id.
     pub v: u32,
-    /// g, in the scene's length unit.
-    pub length: f64,
-    /// δ, the feature distance. Each feature block (scale, normal, shape) is in units of its spread over the clusters.
-    pub feature: f64,
+    /// The distances between the two.
+    pub distances: Distances,
 }
 
-/// Edges between the clusters of a scene, one list per base unit.
+/// The graph of a scene's clusters, one sparse matrix per base unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClusterGraph {
     /// Number of clusters.
     pub clusters: usize,
-    /// Edges of each base unit, ascending by (u, v).
-    pub units: Vec<Vec<Link>>,
+    /// The edges of each base unit: a symmetric matrix over all clusters. Entry (u, v) compares the clusters u and v.
+    pub units: Vec<CsMatI<Distances, u32>>,
     /// Connected component of each cluster's centre in the neighbour graph without bridges. Numbers are unique over all base
     /// units.
     pub component: Vec<u32>,
@@ -74,20 +82,24 @@ impl ClusterGraph {
             let lengths = match form {
                 GraphForm::Contact => contacts(unit, clustering, &ids),
                 GraphForm::Printed => nearest_centres(clusters, &ids, geometry.neighbours)?,
-                GraphForm::AllPairs => all_pairs(&contacts(unit, clustering, &ids), clusters.len(), &ids),
-                GraphForm::Euclidean => contacts(unit, clustering, &ids)
-                    .into_iter()
-                    .map(|(a, b, _)| (a, b, straight(clusters, a, b)))
-                    .collect(),
+                GraphForm::AllPairs => all_pairs(&contacts(unit, clustering, &ids), &ids),
+                GraphForm::Euclidean => {
+                    let straight = |e: Edge| Edge { length: straight(clusters, e.a, e.b), ..e };
+                    Graph::from_edges(clusters.len(), contacts(unit, clustering, &ids).edges().map(straight))
+                }
             };
             let features = ids.iter().map(|&i| clusters[i as usize].feature).collect();
             let features = block_scaled(features, unit.features.kind);
             let row = |i: u32| ids.binary_search(&i).ok().map(|at| &features[at]);
-            let links = lengths
-                .into_iter()
-                .map(|(a, b, length)| Link { u: a, v: b, length, feature: distance(row(a), row(b)) })
+            let links: Vec<Link> = lengths
+                .edges()
+                .map(|Edge { a, b, length }| Link {
+                    u: a,
+                    v: b,
+                    distances: Distances { length, feature: distance(row(a), row(b)) },
+                })
                 .collect();
-            units.push(links);
+            units.push(matrix_of(clusters.len(), &links));
             let vertex_of = centre_vertices(unit, clusters, &ids);
             for (&i, v) in ids.iter().zip(vertex_of) {
                 component[i as usize] = first_component + v.map_or(0, |v| unit.component[v as usize]);
@@ -101,13 +113,54 @@ impl ClusterGraph {
     #[must_use]
     pub fn network(&self, sigma_s: f64, sigma_f: f64) -> Network {
         let mut edges = Vec::new();
-        for links in &self.units {
-            let s = sigma_s * typical(links.iter().map(|l| l.length));
-            let f = sigma_f * typical(links.iter().map(|l| l.feature));
-            edges.extend(links.iter().map(|l| (l.u, l.v, weight(l.length, s, l.feature, f))));
+        for unit in &self.units {
+            let s = sigma_s * typical(links(unit).map(|l| l.distances.length));
+            let f = sigma_f * typical(links(unit).map(|l| l.distances.feature));
+            edges.extend(links(unit).map(|l| (l.u, l.v, weight(l.distances.length, s, l.distances.feature, f))));
         }
         Network::new(self.clusters, edges.into_iter())
     }
+
+    /// Every edge of all base units once, unit after unit, ascending by (u, v).
+    pub fn links(&self) -> impl Iterator<Item = Link> + '_ {
+        self.units.iter().flat_map(links)
+    }
+
+    /// The graph of the distances g.
+    #[must_use]
+    pub fn lengths(&self) -> Graph {
+        let edges = self.links().map(|l| Edge { a: l.u, b: l.v, length: l.distances.length });
+        Graph::from_edges(self.clusters, edges)
+    }
+}
+
+/// Every edge of a base unit once, ascending by (u, v): the upper triangle of its matrix.
+pub fn links(unit: &CsMatI<Distances, u32>) -> impl Iterator<Item = Link> + '_ {
+    unit.iter().filter(|(_, (u, v))| u < v).map(|(&distances, (u, v))| Link { u, v, distances })
+}
+
+/// The symmetric matrix of edges that ascend by (u, v).
+pub(crate) fn matrix_of(clusters: usize, links: &[Link]) -> CsMatI<Distances, u32> {
+    let mut offsets = vec![0_u32; clusters + 1];
+    for end in links.iter().flat_map(|l| [l.u, l.v]) {
+        offsets[end as usize + 1] += 1;
+    }
+    for i in 0..clusters {
+        offsets[i + 1] += offsets[i];
+    }
+    // Row v gets its entries left of the diagonal first, with the rows u < v.
+    let mut next = offsets.clone();
+    let mut columns = vec![0; 2 * links.len()];
+    let mut entries = vec![Distances { length: 0.0, feature: 0.0 }; 2 * links.len()];
+    for l in links {
+        for (row, column) in [(l.u, l.v), (l.v, l.u)] {
+            let at = &mut next[row as usize];
+            columns[*at as usize] = column;
+            entries[*at as usize] = l.distances;
+            *at += 1;
+        }
+    }
+    CsMatI::new((clusters, clusters), offsets, columns, entries)
 }
 
 /// exp(−(length/s)² − (feature/f)²). A spread of zero means equal values, so its term is dropped.
@@ -174,9 +227,8 @@ fn centre_vertices(unit: &UnitGeometry, clusters: &[Cluster], ids: &[u32]) -> Ve
         .collect()
 }
 
-type Lengths = Vec<(u32, u32, f64)>;
-
-fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Lengths {
+/// The contact graph of a base unit, over all clusters of the scene.
+fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Graph {
     let graph = unit.joined();
     let label: Vec<i32> = unit.vertices.gaussian.iter().map(|&g| clustering.labels[g as usize]).collect();
     let centres = centre_vertices(unit, &clustering.clusters, ids);
@@ -206,7 +258,7 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Length
     for (v, d) in found.into_iter().flatten() {
         inside[v as usize] = d;
     }
-    let mut crossing: Lengths = (0..graph.len() as u32)
+    let mut crossing: Vec<(u32, u32, f64)> = (0..graph.len() as u32)
         .into_par_iter()
         .with_min_len(256)
         .flat_map_iter(|a| {
@@ -219,46 +271,38 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Length
         .collect();
     crossing.par_sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
     crossing.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
-    crossing
+    let edges = crossing.into_iter().map(|(a, b, length)| Edge { a, b, length });
+    Graph::from_edges(clustering.clusters.len(), edges)
 }
 
 /// The k nearest clusters by mean position, symmetric, with bridges between components.
 ///
 /// No path is shorter than the straight line, so the shortest path between the ends of an edge is the edge itself.
-fn nearest_centres(clusters: &[Cluster], ids: &[u32], k: usize) -> Result<Lengths, GraphError> {
+fn nearest_centres(clusters: &[Cluster], ids: &[u32], k: usize) -> Result<Graph, GraphError> {
     let points = Vertices::ordered(ids.iter().map(|&i| (i, clusters[i as usize].position)).collect());
     let graph = neighbour_graph(&points, k)?;
     let joining = bridges(&points, &graph);
-    let mut lengths: Lengths = graph
-        .edges()
-        .chain(joining)
-        .map(|e| {
-            let (a, b) = (points.gaussian[e.a as usize], points.gaussian[e.b as usize]);
-            (a.min(b), a.max(b), e.length)
-        })
-        .collect();
-    lengths.sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
-    lengths.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
-    Ok(lengths)
+    let of_clusters =
+        |e: Edge| Edge { a: points.gaussian[e.a as usize], b: points.gaussian[e.b as usize], length: e.length };
+    Ok(Graph::from_edges(clusters.len(), graph.edges().chain(joining).map(of_clusters)))
 }
 
-fn all_pairs(contacts: &Lengths, clusters: usize, ids: &[u32]) -> Lengths {
-    let graph = Graph::from_edges(clusters, contacts.iter().map(|&(a, b, length)| Edge { a, b, length }));
+fn all_pairs(contacts: &Graph, ids: &[u32]) -> Graph {
     let pool = SearchPool::default();
-    ids.par_iter()
-        .flat_map_iter(|&u| {
-            let mut found = pool.with(|s| s.reach(&graph, u, |_| f64::INFINITY).to_vec());
-            found.sort_unstable_by_key(|f| f.0);
-            found.into_iter().filter(move |f| f.0 > u).map(move |(v, d)| (u, v, d))
+    let edges: Vec<Edge> = ids
+        .par_iter()
+        .flat_map_iter(|&a| {
+            let found = pool.with(|s| s.reach(contacts, a, |_| f64::INFINITY).to_vec());
+            found.into_iter().filter(move |f| f.0 > a).map(move |(b, length)| Edge { a, b, length })
         })
-        .collect()
+        .collect();
+    Graph::from_edges(contacts.len(), edges.into_iter())
 }
 
 /// Length of the shortest path from any source to each node; infinite for unreachable nodes.
 #[must_use]
 pub fn path_lengths(graph: &ClusterGraph, sources: &[u32]) -> Vec<f64> {
-    let edges = graph.units.iter().flatten().map(|l| Edge { a: l.u, b: l.v, length: l.length });
-    nearest_source(&Graph::from_edges(graph.clusters, edges), sources).0
+    nearest_source(&graph.lengths(), sources).0
 }
 
 /// The weighted graph of single Gaussians. Nodes are scene-wide indices; edges come from the neighbour graphs and bridges.
@@ -270,21 +314,18 @@ pub fn gaussian_network(geometry: &Geometry, sigma_s: f64, sigma_f: f64) -> Netw
     for unit in &geometry.units {
         let rows = unit.features.rows.par_iter().map(|r| r.map(f64::from)).collect();
         let rows = block_scaled(rows, unit.features.kind);
-        let links: Vec<Link> = unit
+        let found: Vec<(Edge, f64)> = unit
             .joined()
             .edges()
-            .map(|e| Link {
-                u: e.a,
-                v: e.b,
-                length: e.length,
-                feature: distance(Some(&rows[e.a as usize]), Some(&rows[e.b as usize])),
-            })
+            .map(|e| (e, distance(Some(&rows[e.a as usize]), Some(&rows[e.b as usize]))))
             .collect();
-        let s = sigma_s * typical(links.iter().map(|l| l.length));
-        let f = sigma_f * typical(links.iter().map(|l| l.feature));
+        let s = sigma_s * typical(found.iter().map(|(e, _)| e.length));
+        let f = sigma_f * typical(found.iter().map(|(_, feature)| *feature));
         let index = &unit.vertices.gaussian;
         edges.extend(
-            links.iter().map(|l| (index[l.u as usize], index[l.v as usize], weight(l.length, s, l.feature, f))),
+            found
+                .iter()
+                .map(|(e, feature)| (index[e.a as usize], index[e.b as usize], weight(e.length, s, *feature, f))),
         );
     }
     Network::new(geometry.gaussians, edges.into_iter())
@@ -314,9 +355,13 @@ mod tests {
         assert_eq!(geometry.units[0].components, 2);
         for form in [GraphForm::Contact, GraphForm::Printed, GraphForm::AllPairs, GraphForm::Euclidean] {
             let graph = ClusterGraph::new(&geometry, &clustering, form).unwrap();
-            let edges = graph.units[0].iter().map(|l| Edge { a: l.u, b: l.v, length: l.length });
-            assert_eq!(Graph::from_edges(graph.clusters, edges).components().1, 1, "{form:?}");
-            assert!(graph.units[0].iter().all(|l| l.u < l.v && l.length.is_finite() && l.feature.is_finite()));
+            assert_eq!(graph.lengths().components().1, 1, "{form:?}");
+            assert!(sprs::is_symmetric(&graph.units[0]));
+            let finite = |d: &Distances| d.length.is_finite() && d.feature.is_finite();
+            assert!(graph.links().all(|l| l.u < l.v && finite(&l.distances)));
+            let listed: Vec<Link> = graph.links().collect();
+            assert!(listed.is_sorted_by_key(|l| (l.u, l.v)) && 2 * listed.len() == graph.units[0].nnz());
+            assert_eq!(matrix_of(graph.clusters, &listed), graph.units[0]);
             let distinct: std::collections::BTreeSet<u32> = graph.component.iter().copied().collect();
             assert_eq!(distinct.len(), 2);
         }
@@ -328,22 +373,20 @@ mod tests {
         let (geometry, clustering) = clustered(&scene, 150);
         let contact = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
         let euclidean = ClusterGraph::new(&geometry, &clustering, GraphForm::Euclidean).unwrap();
-        for (a, b) in contact.units[0].iter().zip(&euclidean.units[0]) {
+        for (a, b) in contact.links().zip(euclidean.links()) {
             assert_eq!((a.u, a.v), (b.u, b.v));
             // Between the centres' Gaussians no path is shorter than the straight line; mean positions lie off them.
             let ends = [a.u, a.v].map(|c| scene.position(clustering.clusters[c as usize].centre as usize).unwrap());
-            assert!(a.length >= (ends[0] - ends[1]).length() * (1.0 - 1e-9));
+            assert!(a.distances.length >= (ends[0] - ends[1]).length() * (1.0 - 1e-9));
         }
         // The printed form: shortest paths along the centre graph between ends of an edge are the edges themselves.
         let printed = ClusterGraph::new(&geometry, &clustering, GraphForm::Printed).unwrap();
-        let graph = Graph::from_edges(
-            printed.clusters,
-            printed.units[0].iter().map(|l| Edge { a: l.u, b: l.v, length: l.length }),
-        );
+        let graph = printed.lengths();
         let mut search = Search::default();
-        for l in &printed.units[0] {
+        for l in printed.links() {
             let along = search.reach(&graph, l.u, |_| f64::INFINITY).iter().find(|r| r.0 == l.v).unwrap().1;
-            assert!((along - l.length).abs() <= 1e-12 * l.length, "{along} against {}", l.length);
+            let length = l.distances.length;
+            assert!((along - length).abs() <= 1e-12 * length, "{along} against {length}");
         }
     }
 

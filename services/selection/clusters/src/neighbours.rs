@@ -6,18 +6,16 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
+use sprs::{CsMatI, CsMatViewI};
 
 use crate::vertices::{Vertices, distance_squared};
 
-/// An undirected graph with edge lengths. Each edge is stored in both directions; rows ascend by neighbour.
-#[derive(Debug, Clone, Default, PartialEq)]
+/// An undirected graph with edge lengths: a symmetric sparse matrix of Euclidean lengths in the points' unit.
+///
+/// An edge between coincident points is a stored entry of 0.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Graph {
-    /// Row `v` is `offsets[v]..offsets[v + 1]`.
-    pub offsets: Vec<u32>,
-    /// Neighbours.
-    pub targets: Vec<u32>,
-    /// Euclidean lengths in the points' unit, zero for coincident points.
-    pub lengths: Vec<f64>,
+    lengths: CsMatI<f64, u32>,
 }
 
 /// An undirected edge between two vertices.
@@ -71,7 +69,7 @@ impl Graph {
     /// Number of vertices.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.offsets.len().saturating_sub(1)
+        self.lengths.rows()
     }
 
     /// Whether there is no vertex.
@@ -80,11 +78,28 @@ impl Graph {
         self.len() == 0
     }
 
+    /// The matrix of lengths, in compressed rows.
+    #[must_use]
+    pub fn lengths(&self) -> CsMatViewI<'_, f64, u32> {
+        self.lengths.view()
+    }
+
+    /// Neighbours of a vertex, ascending, and the lengths of the edges to them.
+    #[inline]
+    #[must_use]
+    pub fn row(&self, v: u32) -> (&[u32], &[f64]) {
+        // An owned matrix is never a part of another one, so its storage starts at 0.
+        let offsets = self.lengths.indptr();
+        let offsets = offsets.raw_storage();
+        let row = offsets[v as usize] as usize..offsets[v as usize + 1] as usize;
+        (&self.lengths.indices()[row.clone()], &self.lengths.data()[row])
+    }
+
     /// Neighbours of a vertex with the lengths of the edges to them.
     #[inline]
     pub fn neighbours(&self, v: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
-        let row = self.offsets[v as usize] as usize..self.offsets[v as usize + 1] as usize;
-        self.targets[row.clone()].iter().copied().zip(self.lengths[row].iter().copied())
+        let (neighbours, lengths) = self.row(v);
+        neighbours.iter().copied().zip(lengths.iter().copied())
     }
 
     /// The graph of `n` vertices with the given edges. Of duplicate edges the shorter is kept. Self-loops are dropped.
@@ -101,11 +116,8 @@ impl Graph {
         for i in 0..n {
             offsets[i + 1] += offsets[i];
         }
-        Self {
-            offsets,
-            targets: directed.iter().map(|d| d.1).collect(),
-            lengths: directed.iter().map(|d| d.2).collect(),
-        }
+        let (targets, lengths) = directed.into_iter().map(|d| (d.1, d.2)).unzip();
+        Self { lengths: CsMatI::new((n, n), offsets, targets, lengths) }
     }
 
     /// Every edge once, `a < b`, ascending.
@@ -161,7 +173,7 @@ pub fn neighbour_graph(vertices: &Vertices, k: usize) -> Result<Graph, GraphErro
         return Err(GraphError::TooManyEdges { vertices: n, neighbours: k });
     }
     if k == 0 {
-        return Ok(Graph { offsets: vec![0; n + 1], targets: Vec::new(), lengths: Vec::new() });
+        return Ok(Graph { lengths: CsMatI::zero((n, n)) });
     }
     let forward = nearest_lists(vertices, k)?;
     Ok(symmetric_union(vertices, &forward, k))
@@ -315,7 +327,7 @@ fn symmetric_union(vertices: &Vertices, forward: &[u32], k: usize) -> Graph {
             }
         }
     });
-    Graph { offsets, targets, lengths }
+    Graph { lengths: CsMatI::new((n, n), offsets, targets, lengths) }
 }
 
 #[cfg(test)]
@@ -358,9 +370,10 @@ mod tests {
         let v = vertices(points);
         let graph = neighbour_graph(&v, k).unwrap();
         assert_eq!(by_index(&v, &graph), brute(points, k));
-        for (a, row) in graph.offsets.windows(2).enumerate() {
-            let row = &graph.targets[row[0] as usize..row[1] as usize];
-            assert!(row.is_sorted() && !row.contains(&(a as u32)));
+        assert!(sprs::is_symmetric(&graph.lengths));
+        for a in 0..graph.len() as u32 {
+            let (row, _) = graph.row(a);
+            assert!(row.is_sorted() && !row.contains(&a));
         }
     }
 
@@ -384,7 +397,7 @@ mod tests {
         check(&points, 8);
         let v = vertices(&points);
         let graph = neighbour_graph(&v, 8).unwrap();
-        let zero = graph.lengths.iter().filter(|l| **l == 0.0).count();
+        let zero = graph.lengths().data().iter().filter(|l| **l == 0.0).count();
         assert!(zero > 2 * 8 * 100, "{zero}");
     }
 

@@ -6,8 +6,9 @@ use std::marker::PhantomData;
 
 use rayon::prelude::*;
 
-use super::cholesky::Float;
 use super::conductance::Conductance;
+use super::float::Float;
+use super::laplacian::Laplacian;
 use super::system::System;
 use super::{SystemSolver, WalkError};
 
@@ -33,43 +34,18 @@ impl<T: Float> Default for ConjugateGradients<T> {
     }
 }
 
-struct Matrix<T> {
-    offsets: Vec<usize>,
-    links: Vec<(u32, T)>,
-    diagonal: Vec<T>,
-}
-
-impl<T: Float> Matrix<T> {
-    fn of(system: &System) -> Self {
-        let shift = system.shift();
-        let n = system.len();
-        let mut offsets = Vec::with_capacity(n + 1);
-        let mut links = Vec::new();
-        let mut diagonal = Vec::with_capacity(n);
-        offsets.push(0);
-        for k in (0..).take(n) {
-            let terminal = system.foreground()[k as usize] + system.background()[k as usize];
-            let mut d = T::of(terminal.scaled(shift));
-            for &(j, c) in system.links(k) {
-                let w = T::of(c.scaled(shift));
-                d = d + w;
-                links.push((j, w));
+/// L·x. Each row is summed from its diagonal on.
+fn times<T: Float>(laplacian: &Laplacian<T>, x: &[T], out: &mut [T]) {
+    out.par_iter_mut().with_min_len(1024).enumerate().for_each(|(k, out)| {
+        let row = laplacian.row(k);
+        let mut sum = row.own * x[k];
+        for (columns, entries) in [row.earlier, row.later] {
+            for (&j, &entry) in columns.iter().zip(entries) {
+                sum = sum + entry * x[j as usize];
             }
-            diagonal.push(d);
-            offsets.push(links.len());
         }
-        Self { offsets, links, diagonal }
-    }
-
-    fn times(&self, x: &[T], out: &mut [T]) {
-        out.par_iter_mut().with_min_len(1024).enumerate().for_each(|(k, out)| {
-            let mut sum = self.diagonal[k] * x[k];
-            for &(j, w) in &self.links[self.offsets[k]..self.offsets[k + 1]] {
-                sum = sum - w * x[j as usize];
-            }
-            *out = sum;
-        });
-    }
+        *out = sum;
+    });
 }
 
 /// Σ a·b by fixed blocks, so that the sum does not depend on the number of threads.
@@ -83,14 +59,14 @@ fn dot<T: Float>(a: &[T], b: &[T]) -> T {
 }
 
 impl<T: Float> ConjugateGradients<T> {
-    fn solve_for(&self, matrix: &Matrix<T>, terminal: &[Conductance], shift: i64) -> Result<Vec<f64>, WalkError> {
+    fn solve_for(&self, laplacian: &Laplacian<T>, terminal: &[Conductance], shift: i64) -> Result<Vec<f64>, WalkError> {
         let n = terminal.len();
         let most = 20 * n + 1000;
         let mut x = vec![T::of(0.0); n];
         let mut residual: Vec<T> = terminal.iter().map(|c| T::of(c.scaled(shift))).collect();
         let zero = T::of(0.0);
         // Nodes whose conductances all underflow are skipped here. The final sweep sets their values.
-        let inverse: Vec<T> = matrix.diagonal.iter().map(|&d| if d > zero { T::of(1.0) / d } else { zero }).collect();
+        let inverse: Vec<T> = laplacian.diagonal().map(|d| if d > zero { T::of(1.0) / d } else { zero }).collect();
         let mut z: Vec<T> = residual.iter().zip(&inverse).map(|(&r, &i)| r * i).collect();
         let mut direction = z.clone();
         let mut product = vec![T::of(0.0); n];
@@ -102,7 +78,7 @@ impl<T: Float> ConjugateGradients<T> {
             if rz.value() <= enough {
                 return Ok(x.into_iter().map(T::value).collect());
             }
-            matrix.times(&direction, &mut product);
+            times(laplacian, &direction, &mut product);
             let curvature = dot(&direction, &product);
             let step = rz / curvature;
             if curvature.partial_cmp(&T::of(0.0)) != Some(std::cmp::Ordering::Greater) || !step.value().is_finite() {
@@ -135,18 +111,18 @@ fn sweep(system: &System, terminal: &[Conductance], x: &[f64]) -> Vec<f64> {
         .map(|k| {
             let links = system.links(k);
             let ends = system.foreground()[k as usize] + system.background()[k as usize];
-            let total = links.iter().fold(ends, |sum, l| sum + l.1);
+            let total = links.clone().fold(ends, |sum, l| sum + l.1);
             let share = |c: Conductance| (c / total).scaled(0);
-            links.iter().fold(share(terminal[k as usize]), |sum, l| sum + share(l.1) * x[l.0 as usize])
+            links.fold(share(terminal[k as usize]), |sum, l| sum + share(l.1) * x[l.0 as usize])
         })
         .collect()
 }
 
 impl<T: Float> SystemSolver for ConjugateGradients<T> {
     fn solve(&self, system: &System) -> Result<(Vec<f64>, Vec<f64>), WalkError> {
-        let matrix = Matrix::<T>::of(system);
-        let p = self.solve_for(&matrix, system.foreground(), system.shift())?;
-        let q = self.solve_for(&matrix, system.background(), system.shift())?;
+        let laplacian = Laplacian::<T>::of(system);
+        let p = self.solve_for(&laplacian, system.foreground(), system.shift())?;
+        let q = self.solve_for(&laplacian, system.background(), system.shift())?;
         Ok((sweep(system, system.foreground(), &p), sweep(system, system.background(), &q)))
     }
 

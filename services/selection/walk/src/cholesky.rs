@@ -3,47 +3,12 @@
 //! It subtracts from a stored diagonal, so its error grows with the condition of the graph.
 
 use std::marker::PhantomData;
-use std::ops::{Add, Div, Mul, Sub};
 
+use super::float::Float;
 use super::gth::wait;
+use super::laplacian::Laplacian;
 use super::system::System;
 use super::{SystemSolver, WalkError};
-
-/// Plain floating point.
-pub trait Float:
-    Copy + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + PartialOrd
-{
-    /// Name in messages.
-    const NAME: &'static str;
-    /// Rounded from f64.
-    fn of(x: f64) -> Self;
-    /// Converted to f64.
-    fn value(self) -> f64;
-}
-
-impl Float for f64 {
-    const NAME: &'static str = "f64";
-
-    fn of(x: f64) -> Self {
-        x
-    }
-
-    fn value(self) -> f64 {
-        self
-    }
-}
-
-impl Float for f32 {
-    const NAME: &'static str = "f32";
-
-    fn of(x: f64) -> Self {
-        x as Self
-    }
-
-    fn value(self) -> f64 {
-        f64::from(self)
-    }
-}
 
 /// Sparse LDLᵀ factorization in `T`.
 #[derive(Debug, Clone, Copy, Default)]
@@ -63,6 +28,7 @@ impl<T: Float> SystemSolver for Cholesky<T> {
         let n = system.len();
         let shift = system.shift();
         let zero = T::of(0.0);
+        let laplacian = Laplacian::<T>::of(system);
         let fill = system.fill();
         let rows = fill.rows();
         let mut lower = vec![zero; rows.len()];
@@ -73,13 +39,10 @@ impl<T: Float> SystemSolver for Cholesky<T> {
         let mut position = vec![0_usize; n];
         for k in 0..n {
             let column = fill.column(k);
-            let mut d = T::of((system.foreground()[k] + system.background()[k]).scaled(shift));
-            for &(j, c) in system.links(k as u32) {
-                let w = T::of(c.scaled(shift));
-                d = d + w;
-                if j as usize > k {
-                    work[j as usize] = zero - w;
-                }
+            let row = laplacian.row(k);
+            let mut d = row.own;
+            for (&j, &entry) in row.later.0.iter().zip(row.later.1) {
+                work[j as usize] = entry;
             }
             let mut earlier = waiting[k];
             while earlier != u32::MAX {

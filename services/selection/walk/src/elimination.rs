@@ -11,8 +11,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use sprs::{CsMatI, PermOwnedI, transform_mat_papt};
+
 use super::conductance::Conductance;
 use super::gth::{F64_RANGE, Real};
+use super::network::{links, row};
 use super::ordering::minimum_degree;
 use super::system::Fill;
 use super::{Network, Seed, Solution, WalkError};
@@ -28,20 +31,17 @@ struct Structure {
     before: Vec<(u32, u32)>,
     /// First position of the contiguous rows at the end of each column.
     dense: Vec<usize>,
-    /// Conductances of the graph to later ranks.
-    own_offsets: Vec<usize>,
-    own: Vec<(u32, Conductance)>,
+    /// Conductances of the graph to later ranks: the upper triangle of its matrix in elimination order.
+    upper: CsMatI<Conductance, u32, usize>,
     degree: Vec<Conductance>,
 }
 
 impl Structure {
-    fn new(network: &Network, order: Vec<u32>) -> Self {
+    fn new(network: &Network, order: &PermOwnedI<u32>) -> Self {
         let n = network.len();
-        let mut rank = vec![0_u32; n];
-        for (k, &u) in (0..).zip(&order) {
-            rank[u as usize] = k;
-        }
-        let fill = Fill::new(n, |k| network.links(order[k as usize]).iter().map(|l| rank[l.0 as usize]));
+        let ordered = transform_mat_papt(network.adjacency(), order.view());
+        let order = order.vec();
+        let fill = Fill::new(&ordered);
         let rows = fill.rows();
         let mut before_offsets = vec![0_usize; n + 1];
         for &j in rows {
@@ -66,22 +66,28 @@ impl Structure {
             }
             dense.push(from);
         }
-        let mut own_offsets = vec![0];
-        let mut own = Vec::new();
-        for (k, &u) in (0_u32..).zip(&order) {
-            own.extend(network.links(u).iter().map(|l| (rank[l.0 as usize], l.1)).filter(|l| l.0 > k));
-            own_offsets.push(own.len());
+        let mut offsets = Vec::with_capacity(n + 1);
+        let (mut columns, mut values) = (Vec::new(), Vec::new());
+        offsets.push(0);
+        for k in (0..).take(n) {
+            let (own_columns, own_values) = row(&ordered, k);
+            let later = own_columns.partition_point(|&j| j < k);
+            columns.extend_from_slice(&own_columns[later..]);
+            values.extend_from_slice(&own_values[later..]);
+            offsets.push(columns.len());
         }
+        let upper = CsMatI::new((n, n), offsets, columns, values);
         let degree = order.iter().map(|&u| network.degree(u)).collect();
-        Self { order, fill, before_offsets, before, dense, own_offsets, own, degree }
+        Self { order, fill, before_offsets, before, dense, upper, degree }
     }
 
     /// Smallest and largest binary exponent of the conductances, including a leak.
     fn exponents(&self, leak: Conductance) -> (i64, i64) {
         let leaks = self.degree.iter().map(|&d| d * leak);
-        self.own
+        self.upper
+            .data()
             .iter()
-            .map(|o| o.1)
+            .copied()
             .chain(leaks)
             .filter(|c| !c.is_zero())
             .map(Conductance::exponent)
@@ -145,7 +151,7 @@ impl<T: Real> Columns<T> {
     /// Computes column k from the earlier columns.
     fn compute(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
         let rows = s.fill.rows();
-        for &(j, c) in &s.own[s.own_offsets[k]..s.own_offsets[k + 1]] {
+        for (j, c) in links(&s.upper, k as u32) {
             self.work[j as usize] = T::of(c, self.shift);
         }
         let (mut f, mut b) = (T::ZERO, T::of(s.degree[k] * leak, self.shift));
@@ -316,11 +322,16 @@ pub struct Elimination {
 
 impl Elimination {
     /// Prepares the elimination of a graph. `order` is as for [`super::solve`].
+    ///
+    /// # Panics
+    /// If the order is that of a graph with another number of nodes.
     #[must_use]
-    pub fn new(network: &Network, order: Option<Vec<u32>>) -> Self {
+    pub fn new(network: &Network, order: Option<&PermOwnedI<u32>>) -> Self {
         let n = network.len();
-        let order = order.unwrap_or_else(|| minimum_degree(n, |u| network.links(u).iter().map(|l| l.0)));
-        let structure = Arc::new(Structure::new(network, order));
+        let structure = Arc::new(match order {
+            Some(order) => Structure::new(network, order),
+            None => Structure::new(network, &minimum_degree(network.adjacency())),
+        });
         Self { structure, seeds: vec![Seed::None; n], leaking: vec![true; n], leak: 0.0, numbers: None, made: 0 }
     }
 
@@ -442,8 +453,7 @@ impl Elimination {
     /// [`WalkError`] if the numbers break down.
     pub(super) fn grounded(network: &Network, ground: &[f64]) -> Result<Self, WalkError> {
         let n = network.len();
-        let order = minimum_degree(n, |u| network.links(u).iter().map(|l| l.0));
-        let mut structure = Structure::new(network, order);
+        let mut structure = Structure::new(network, &minimum_degree(network.adjacency()));
         let of = |u: &u32| Conductance::new(ground[*u as usize]).unwrap_or(Conductance::ZERO);
         structure.degree = structure.order.iter().map(of).collect();
         let structure = Arc::new(structure);
