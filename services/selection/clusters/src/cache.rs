@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 
 use sg_scene::model::Scene;
 
-use crate::cluster_graph::{ClusterGraph, Distances, Link, links, matrix_of};
+use crate::cluster_graph::{ClusterGraph, Distances, Link, links};
 use crate::clustering::{Cluster, Clustering, ClusteringOptions};
 use crate::features::{FeatureKind, WIDTH};
 use crate::geometry::GeometryOptions;
+use crate::neighbours::symmetric;
 
 /// First bytes of an entry: format and version.
 const MAGIC: &[u8; 8] = b"SGCLUS01";
@@ -215,17 +216,14 @@ fn decode(bytes: &[u8], gaussians: usize) -> Option<(Clustering, ClusterGraph)> 
             _ => return None,
         });
         let links = r.count(24)?;
-        let links: Vec<Link> = (0..links)
-            .map(|_| {
-                let (u, v) = (r.u32()?, r.u32()?);
-                Some(Link { u, v, distances: Distances { length: r.f64()?, feature: r.f64()? } })
-            })
+        let links: Vec<(u32, u32, Distances)> = (0..links)
+            .map(|_| Some((r.u32()?, r.u32()?, Distances { length: r.f64()?, feature: r.f64()? })))
             .collect::<Option<_>>()?;
-        let ascending = links.windows(2).all(|pair| (pair[0].u, pair[0].v) < (pair[1].u, pair[1].v));
-        if !ascending || links.iter().any(|l| l.u >= l.v || l.v as usize >= count) {
+        let ascending = links.windows(2).all(|pair| (pair[0].0, pair[0].1) < (pair[1].0, pair[1].1));
+        if !ascending || links.iter().any(|&(u, v, _)| u >= v || v as usize >= count) {
             return None;
         }
-        matrices.push(matrix_of(count, &links));
+        matrices.push(symmetric(count, &links));
     }
     let fits = n == gaussians && r.0.is_empty() && labels.iter().all(|l| *l >= -1 && *l < count as i32);
     let graph = ClusterGraph { clusters: count, units: matrices, component };

@@ -11,7 +11,7 @@ use crate::bridges::bridges;
 use crate::clustering::{Cluster, Clustering};
 use crate::features::{FeatureKind, WIDTH, median};
 use crate::geometry::{Geometry, UnitGeometry};
-use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph};
+use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph, symmetric};
 use crate::shortest::{Search, SearchPool, nearest_source};
 use crate::vertices::{Vertices, distance_squared};
 use sg_walk::{Conductance, Network};
@@ -35,7 +35,7 @@ pub enum GraphForm {
 }
 
 /// The distances between two clusters of a base unit.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Distances {
     /// g, in the scene's length unit.
     pub length: f64,
@@ -82,24 +82,21 @@ impl ClusterGraph {
             let lengths = match form {
                 GraphForm::Contact => contacts(unit, clustering, &ids),
                 GraphForm::Printed => nearest_centres(clusters, &ids, geometry.neighbours)?,
-                GraphForm::AllPairs => all_pairs(&contacts(unit, clustering, &ids), &ids),
-                GraphForm::Euclidean => {
-                    let straight = |e: Edge| Edge { length: straight(clusters, e.a, e.b), ..e };
-                    Graph::from_edges(clusters.len(), contacts(unit, clustering, &ids).edges().map(straight))
-                }
+                GraphForm::AllPairs => all_pairs(&contacts(unit, clustering, &ids), clusters.len(), &ids),
+                GraphForm::Euclidean => contacts(unit, clustering, &ids)
+                    .into_iter()
+                    .map(|(a, b, _)| (a, b, straight(clusters, a, b)))
+                    .collect(),
             };
             let features = ids.iter().map(|&i| clusters[i as usize].feature).collect();
             let features = block_scaled(features, unit.features.kind);
             let row = |i: u32| ids.binary_search(&i).ok().map(|at| &features[at]);
-            let links: Vec<Link> = lengths
-                .edges()
-                .map(|Edge { a, b, length }| Link {
-                    u: a,
-                    v: b,
-                    distances: Distances { length, feature: distance(row(a), row(b)) },
-                })
+            let entries: Vec<(u32, u32, Distances)> = lengths
+                .into_par_iter()
+                .with_min_len(4096)
+                .map(|(a, b, length)| (a, b, Distances { length, feature: distance(row(a), row(b)) }))
                 .collect();
-            units.push(matrix_of(clusters.len(), &links));
+            units.push(symmetric(clusters.len(), &entries));
             let vertex_of = centre_vertices(unit, clusters, &ids);
             for (&i, v) in ids.iter().zip(vertex_of) {
                 component[i as usize] = first_component + v.map_or(0, |v| unit.component[v as usize]);
@@ -136,31 +133,12 @@ impl ClusterGraph {
 
 /// Every edge of a base unit once, ascending by (u, v): the upper triangle of its matrix.
 pub fn links(unit: &CsMatI<Distances, u32>) -> impl Iterator<Item = Link> + '_ {
-    unit.iter().filter(|(_, (u, v))| u < v).map(|(&distances, (u, v))| Link { u, v, distances })
-}
-
-/// The symmetric matrix of edges that ascend by (u, v).
-pub(crate) fn matrix_of(clusters: usize, links: &[Link]) -> CsMatI<Distances, u32> {
-    let mut offsets = vec![0_u32; clusters + 1];
-    for end in links.iter().flat_map(|l| [l.u, l.v]) {
-        offsets[end as usize + 1] += 1;
-    }
-    for i in 0..clusters {
-        offsets[i + 1] += offsets[i];
-    }
-    // Row v gets its entries left of the diagonal first, with the rows u < v.
-    let mut next = offsets.clone();
-    let mut columns = vec![0; 2 * links.len()];
-    let mut entries = vec![Distances { length: 0.0, feature: 0.0 }; 2 * links.len()];
-    for l in links {
-        for (row, column) in [(l.u, l.v), (l.v, l.u)] {
-            let at = &mut next[row as usize];
-            columns[*at as usize] = column;
-            entries[*at as usize] = l.distances;
-            *at += 1;
-        }
-    }
-    CsMatI::new((clusters, clusters), offsets, columns, entries)
+    (0..).zip(unit.outer_iterator()).flat_map(|(u, row)| {
+        let (columns, entries) = row.into_raw_storage();
+        let later = columns.partition_point(|&v| v < u);
+        let pairs = columns[later..].iter().zip(&entries[later..]);
+        pairs.map(move |(&v, &distances)| Link { u, v, distances })
+    })
 }
 
 /// exp(−(length/s)² − (feature/f)²). A spread of zero means equal values, so its term is dropped.
@@ -227,8 +205,10 @@ fn centre_vertices(unit: &UnitGeometry, clusters: &[Cluster], ids: &[u32]) -> Ve
         .collect()
 }
 
-/// The contact graph of a base unit, over all clusters of the scene.
-fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Graph {
+/// Edges (a, b, g) with a < b, ascending.
+type Lengths = Vec<(u32, u32, f64)>;
+
+fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Lengths {
     let graph = unit.joined();
     let label: Vec<i32> = unit.vertices.gaussian.iter().map(|&g| clustering.labels[g as usize]).collect();
     let centres = centre_vertices(unit, &clustering.clusters, ids);
@@ -258,7 +238,7 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Graph 
     for (v, d) in found.into_iter().flatten() {
         inside[v as usize] = d;
     }
-    let mut crossing: Vec<(u32, u32, f64)> = (0..graph.len() as u32)
+    let mut crossing: Lengths = (0..graph.len() as u32)
         .into_par_iter()
         .with_min_len(256)
         .flat_map_iter(|a| {
@@ -271,32 +251,39 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Graph 
         .collect();
     crossing.par_sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
     crossing.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
-    let edges = crossing.into_iter().map(|(a, b, length)| Edge { a, b, length });
-    Graph::from_edges(clustering.clusters.len(), edges)
+    crossing
 }
 
 /// The k nearest clusters by mean position, symmetric, with bridges between components.
 ///
 /// No path is shorter than the straight line, so the shortest path between the ends of an edge is the edge itself.
-fn nearest_centres(clusters: &[Cluster], ids: &[u32], k: usize) -> Result<Graph, GraphError> {
+fn nearest_centres(clusters: &[Cluster], ids: &[u32], k: usize) -> Result<Lengths, GraphError> {
     let points = Vertices::ordered(ids.iter().map(|&i| (i, clusters[i as usize].position)).collect());
     let graph = neighbour_graph(&points, k)?;
     let joining = bridges(&points, &graph);
-    let of_clusters =
-        |e: Edge| Edge { a: points.gaussian[e.a as usize], b: points.gaussian[e.b as usize], length: e.length };
-    Ok(Graph::from_edges(clusters.len(), graph.edges().chain(joining).map(of_clusters)))
-}
-
-fn all_pairs(contacts: &Graph, ids: &[u32]) -> Graph {
-    let pool = SearchPool::default();
-    let edges: Vec<Edge> = ids
-        .par_iter()
-        .flat_map_iter(|&a| {
-            let found = pool.with(|s| s.reach(contacts, a, |_| f64::INFINITY).to_vec());
-            found.into_iter().filter(move |f| f.0 > a).map(move |(b, length)| Edge { a, b, length })
+    let mut lengths: Lengths = graph
+        .edges()
+        .chain(joining)
+        .map(|e| {
+            let (a, b) = (points.gaussian[e.a as usize], points.gaussian[e.b as usize]);
+            (a.min(b), a.max(b), e.length)
         })
         .collect();
-    Graph::from_edges(contacts.len(), edges.into_iter())
+    lengths.sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
+    lengths.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
+    Ok(lengths)
+}
+
+fn all_pairs(contacts: &Lengths, clusters: usize, ids: &[u32]) -> Lengths {
+    let graph = Graph::from_edges(clusters, contacts.iter().map(|&(a, b, length)| Edge { a, b, length }));
+    let pool = SearchPool::default();
+    ids.par_iter()
+        .flat_map_iter(|&u| {
+            let mut found = pool.with(|s| s.reach(&graph, u, |_| f64::INFINITY).to_vec());
+            found.sort_unstable_by_key(|f| f.0);
+            found.into_iter().filter(move |f| f.0 > u).map(move |(v, d)| (u, v, d))
+        })
+        .collect()
 }
 
 /// Length of the shortest path from any source to each node; infinite for unreachable nodes.
@@ -359,9 +346,9 @@ mod tests {
             assert!(sprs::is_symmetric(&graph.units[0]));
             let finite = |d: &Distances| d.length.is_finite() && d.feature.is_finite();
             assert!(graph.links().all(|l| l.u < l.v && finite(&l.distances)));
-            let listed: Vec<Link> = graph.links().collect();
-            assert!(listed.is_sorted_by_key(|l| (l.u, l.v)) && 2 * listed.len() == graph.units[0].nnz());
-            assert_eq!(matrix_of(graph.clusters, &listed), graph.units[0]);
+            let listed: Vec<_> = graph.links().map(|l| (l.u, l.v, l.distances)).collect();
+            assert!(listed.is_sorted_by_key(|l| (l.0, l.1)) && 2 * listed.len() == graph.units[0].nnz());
+            assert_eq!(symmetric(graph.clusters, &listed), graph.units[0]);
             let distinct: std::collections::BTreeSet<u32> = graph.component.iter().copied().collect();
             assert_eq!(distinct.len(), 2);
         }

@@ -105,19 +105,11 @@ impl Graph {
     /// The graph of `n` vertices with the given edges. Of duplicate edges the shorter is kept. Self-loops are dropped.
     #[must_use]
     pub fn from_edges(n: usize, edges: impl Iterator<Item = Edge>) -> Self {
-        let mut directed: Vec<(u32, u32, f64)> =
-            edges.filter(|e| e.a != e.b).flat_map(|e| [(e.a, e.b, e.length), (e.b, e.a, e.length)]).collect();
-        directed.sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
-        directed.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
-        let mut offsets = vec![0_u32; n + 1];
-        for d in &directed {
-            offsets[d.0 as usize + 1] += 1;
-        }
-        for i in 0..n {
-            offsets[i + 1] += offsets[i];
-        }
-        let (targets, lengths) = directed.into_iter().map(|d| (d.1, d.2)).unzip();
-        Self { lengths: CsMatI::new((n, n), offsets, targets, lengths) }
+        let mut edges: Vec<(u32, u32, f64)> =
+            edges.filter(|e| e.a != e.b).map(|e| (e.a.min(e.b), e.a.max(e.b), e.length)).collect();
+        edges.sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
+        edges.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
+        Self { lengths: symmetric(n, &edges) }
     }
 
     /// Every edge once, `a < b`, ascending.
@@ -157,6 +149,29 @@ impl Graph {
         }
         (component, count as usize)
     }
+}
+
+/// The symmetric matrix of edges (a, b, entry) with a < b, ascending by (a, b).
+pub(crate) fn symmetric<N: Copy + Default>(n: usize, edges: &[(u32, u32, N)]) -> CsMatI<N, u32> {
+    let mut offsets = vec![0_u32; n + 1];
+    for end in edges.iter().flat_map(|e| [e.0, e.1]) {
+        offsets[end as usize + 1] += 1;
+    }
+    for i in 0..n {
+        offsets[i + 1] += offsets[i];
+    }
+    // Row b gets its entries left of the diagonal first, with the rows a < b.
+    let mut next = offsets.clone();
+    let mut columns = vec![0; 2 * edges.len()];
+    let mut entries = vec![N::default(); 2 * edges.len()];
+    for &(a, b, entry) in edges {
+        for (row, column) in [(a, b), (b, a)] {
+            let at = &mut next[row as usize];
+            (columns[*at as usize], entries[*at as usize]) = (column, entry);
+            *at += 1;
+        }
+    }
+    CsMatI::new((n, n), offsets, columns, entries)
 }
 
 /// The symmetric union of the `k` nearest neighbours of each point, in order of (distance, index).

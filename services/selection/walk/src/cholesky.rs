@@ -6,7 +6,6 @@ use std::marker::PhantomData;
 
 use super::float::Float;
 use super::gth::wait;
-use super::laplacian::Laplacian;
 use super::system::System;
 use super::{SystemSolver, WalkError};
 
@@ -28,7 +27,6 @@ impl<T: Float> SystemSolver for Cholesky<T> {
         let n = system.len();
         let shift = system.shift();
         let zero = T::of(0.0);
-        let laplacian = Laplacian::<T>::of(system);
         let fill = system.fill();
         let rows = fill.rows();
         let mut lower = vec![zero; rows.len()];
@@ -39,10 +37,13 @@ impl<T: Float> SystemSolver for Cholesky<T> {
         let mut position = vec![0_usize; n];
         for k in 0..n {
             let column = fill.column(k);
-            let row = laplacian.row(k);
-            let mut d = row.own;
-            for (&j, &entry) in row.later.0.iter().zip(row.later.1) {
-                work[j as usize] = entry;
+            let mut d = T::of((system.foreground()[k] + system.background()[k]).scaled(shift));
+            for (j, c) in system.links(k as u32) {
+                let w = T::of(c.scaled(shift));
+                d = d + w;
+                if j as usize > k {
+                    work[j as usize] = zero - w;
+                }
             }
             let mut earlier = waiting[k];
             while earlier != u32::MAX {

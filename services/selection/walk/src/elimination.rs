@@ -15,7 +15,7 @@ use sprs::{CsMatI, PermOwnedI, transform_mat_papt};
 
 use super::conductance::Conductance;
 use super::gth::{F64_RANGE, Real};
-use super::network::{links, row};
+use super::network::{range, row};
 use super::ordering::minimum_degree;
 use super::system::Fill;
 use super::{Network, Seed, Solution, WalkError};
@@ -31,8 +31,12 @@ struct Structure {
     before: Vec<(u32, u32)>,
     /// First position of the contiguous rows at the end of each column.
     dense: Vec<usize>,
-    /// Conductances of the graph to later ranks: the upper triangle of its matrix in elimination order.
-    upper: CsMatI<Conductance, u32, usize>,
+    /// The matrix of the graph in elimination order.
+    ordered: CsMatI<Conductance, u32, usize>,
+    /// First position of each row right of the diagonal: the conductances to later ranks.
+    later: Vec<usize>,
+    /// Smallest and largest binary exponent of the conductances.
+    exponents: Option<(i64, i64)>,
     degree: Vec<Conductance>,
 }
 
@@ -66,34 +70,37 @@ impl Structure {
             }
             dense.push(from);
         }
-        let mut offsets = Vec::with_capacity(n + 1);
-        let (mut columns, mut values) = (Vec::new(), Vec::new());
-        offsets.push(0);
-        for k in (0..).take(n) {
-            let (own_columns, own_values) = row(&ordered, k);
-            let later = own_columns.partition_point(|&j| j < k);
-            columns.extend_from_slice(&own_columns[later..]);
-            values.extend_from_slice(&own_values[later..]);
-            offsets.push(columns.len());
-        }
-        let upper = CsMatI::new((n, n), offsets, columns, values);
+        let later = (0..)
+            .take(n)
+            .map(|k| range(&ordered, k as usize).start + row(&ordered, k).0.partition_point(|&j| j < k))
+            .collect();
+        let exponents = exponent_range(ordered.data().iter().copied());
         let degree = order.iter().map(|&u| network.degree(u)).collect();
-        Self { order, fill, before_offsets, before, dense, upper, degree }
+        Self { order, fill, before_offsets, before, dense, ordered, later, exponents, degree }
     }
 
     /// Smallest and largest binary exponent of the conductances, including a leak.
     fn exponents(&self, leak: Conductance) -> (i64, i64) {
-        let leaks = self.degree.iter().map(|&d| d * leak);
-        self.upper
-            .data()
-            .iter()
-            .copied()
-            .chain(leaks)
-            .filter(|c| !c.is_zero())
-            .map(Conductance::exponent)
-            .fold(None, |range: Option<(i64, i64)>, e| Some(range.map_or((e, e), |r| (r.0.min(e), r.1.max(e)))))
-            .unwrap_or((0, 0))
+        let leaks = exponent_range(self.degree.iter().map(|&d| d * leak));
+        match (self.exponents, leaks) {
+            (Some(a), Some(b)) => (a.0.min(b.0), a.1.max(b.1)),
+            (range, other) => range.or(other).unwrap_or((0, 0)),
+        }
     }
+
+    /// Ranks and conductances of the later neighbours of a rank in the graph.
+    fn own(&self, k: usize) -> impl Iterator<Item = (u32, Conductance)> + '_ {
+        let later = self.later[k]..range(&self.ordered, k).end;
+        self.ordered.indices()[later.clone()].iter().copied().zip(self.ordered.data()[later].iter().copied())
+    }
+}
+
+/// Smallest and largest binary exponent of conductances above 0.
+fn exponent_range(conductances: impl Iterator<Item = Conductance>) -> Option<(i64, i64)> {
+    conductances
+        .filter(|c| !c.is_zero())
+        .map(Conductance::exponent)
+        .fold(None, |range, e| Some(range.map_or((e, e), |r: (i64, i64)| (r.0.min(e), r.1.max(e)))))
 }
 
 /// The values of an elimination.
@@ -151,7 +158,7 @@ impl<T: Real> Columns<T> {
     /// Computes column k from the earlier columns.
     fn compute(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
         let rows = s.fill.rows();
-        for (j, c) in links(&s.upper, k as u32) {
+        for (j, c) in s.own(k) {
             self.work[j as usize] = T::of(c, self.shift);
         }
         let (mut f, mut b) = (T::ZERO, T::of(s.degree[k] * leak, self.shift));

@@ -56,7 +56,6 @@ pub mod elimination;
 pub mod float;
 pub mod gth;
 mod hierarchy;
-mod laplacian;
 pub mod multilevel;
 mod network;
 pub mod ordering;
@@ -246,6 +245,7 @@ pub fn solve(
         q: problem.seeds.iter().map(|s| f64::from(u8::from(is(Seed::Background)(s)))).collect(),
         reached: problem.seeds.iter().map(|s| *s != Seed::None).collect(),
     };
+    let rank = order.map(PermOwnedI::inv_vec);
     for nodes in unknown_components(problem) {
         let foreground = touches(problem, &nodes, Seed::Foreground);
         let background = touches(problem, &nodes, Seed::Background) || leaks(problem, &nodes);
@@ -258,7 +258,7 @@ pub fn solve(
             (true, false) => nodes.iter().for_each(|&u| solution.p[u as usize] = 1.0),
             (false, true) => nodes.iter().for_each(|&u| solution.q[u as usize] = 1.0),
             (true, true) => {
-                let system = System::new(problem, nodes, order, solver);
+                let system = System::new(problem, nodes, rank.as_deref(), solver);
                 let (p, q) = solver.solve(&system)?;
                 for (&u, (p, q)) in system.nodes().iter().zip(p.into_iter().zip(q)) {
                     solution.p[u as usize] = p;

@@ -470,6 +470,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
     /// Forward sweep from 0.
     fn forwards(&self, l: usize, r: &[f64]) -> Vec<f64> {
         let (level, weights, inverse) = (&self.hierarchy.levels[l], self.weights(l), &self.inverse[l]);
+        let targets = level.targets();
         let mut x = vec![0.0; level.len()];
         x.par_chunks_mut(BLOCK).enumerate().for_each(|(b, block)| {
             let start = b * BLOCK;
@@ -479,7 +480,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
                 }
                 let mut sum = r[i];
                 for at in level.row(i) {
-                    let j = level.targets()[at] as usize;
+                    let j = targets[at] as usize;
                     if j >= i {
                         break;
                     }
@@ -496,6 +497,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
     /// Backward sweep from `old`.
     fn backwards(&self, l: usize, r: &[f64], old: &[f64]) -> Vec<f64> {
         let (level, weights, inverse) = (&self.hierarchy.levels[l], self.weights(l), &self.inverse[l]);
+        let targets = level.targets();
         let mut x = old.to_vec();
         x.par_chunks_mut(BLOCK).enumerate().for_each(|(b, block)| {
             let start = b * BLOCK;
@@ -505,7 +507,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
                 }
                 let mut sum = r[i];
                 for at in level.row(i) {
-                    let j = level.targets()[at] as usize;
+                    let j = targets[at] as usize;
                     let x = block.get(j.wrapping_sub(start)).copied().unwrap_or_else(|| old[j]);
                     sum += weights[at].get() * x;
                 }

@@ -58,30 +58,43 @@ impl Network {
     /// Edges with an end outside `0..nodes` are also ignored; check input from files first.
     #[must_use]
     pub fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, Conductance)>) -> Self {
-        let mut directed: Vec<(u32, u32, Conductance)> = edges
+        let edges: Vec<(u32, u32, Conductance)> = edges
             .filter(|(u, v, w)| u != v && !w.is_zero() && (*u as usize) < nodes && (*v as usize) < nodes)
-            .flat_map(|(u, v, w)| [(u, v, w), (v, u, w)])
             .collect();
-        // A stable sort: duplicates add up in the order of the list, the same from both ends. Triplets of `sprs` are sorted
-        // without that order, so their sums could differ between the ends.
-        directed.sort_by_key(|d| (d.0, d.1));
-        let mut offsets = vec![0; nodes + 1];
-        let mut neighbours: Vec<u32> = Vec::with_capacity(directed.len());
-        let mut conductances: Vec<Conductance> = Vec::with_capacity(directed.len());
-        let mut last = None;
-        for (u, v, w) in directed {
-            match conductances.last_mut() {
-                Some(sum) if last == Some((u, v)) => *sum = *sum + w,
-                _ => {
-                    neighbours.push(v);
-                    conductances.push(w);
-                    offsets[u as usize + 1] += 1;
-                }
-            }
-            last = Some((u, v));
+        let mut starts = vec![0; nodes + 1];
+        for end in edges.iter().flat_map(|&(u, v, _)| [u, v]) {
+            starts[end as usize + 1] += 1;
         }
         for u in 0..nodes {
-            offsets[u + 1] += offsets[u];
+            starts[u + 1] += starts[u];
+        }
+        let mut next = starts.clone();
+        let mut links = vec![(0, Conductance::ZERO); 2 * edges.len()];
+        for &(u, v, w) in &edges {
+            for (from, to) in [(u, v), (v, u)] {
+                links[next[from as usize]] = (to, w);
+                next[from as usize] += 1;
+            }
+        }
+        let mut offsets = Vec::with_capacity(nodes + 1);
+        let mut neighbours: Vec<u32> = Vec::with_capacity(links.len());
+        let mut conductances: Vec<Conductance> = Vec::with_capacity(links.len());
+        offsets.push(0);
+        for u in 0..nodes {
+            let row = &mut links[starts[u]..starts[u + 1]];
+            // A stable sort: duplicates add up in the order of the list, the same from both ends. Triplets of `sprs` are
+            // sorted without that order, so their sums could differ between the ends.
+            row.sort_by_key(|l| l.0);
+            for &(v, w) in &*row {
+                match conductances.last_mut() {
+                    Some(sum) if neighbours.len() > offsets[u] && neighbours.last() == Some(&v) => *sum = *sum + w,
+                    _ => {
+                        neighbours.push(v);
+                        conductances.push(w);
+                    }
+                }
+            }
+            offsets.push(neighbours.len());
         }
         Self { adjacency: CsMatI::new((nodes, nodes), offsets, neighbours, conductances) }
     }

@@ -1,6 +1,6 @@
 //! One connected part of a walk: unknowns, conductances, and the structure of the elimination.
 
-use sprs::{CsMatI, CsMatViewI, PermOwnedI};
+use sprs::{CsMatI, CsMatViewI};
 
 use super::network::{links, row};
 use super::ordering::minimum_degree;
@@ -22,12 +22,12 @@ impl System {
     pub(super) fn new(
         problem: &Problem<'_>,
         mut nodes: Vec<u32>,
-        order: Option<&PermOwnedI<u32>>,
+        rank: Option<&[u32]>,
         solver: &dyn SystemSolver,
     ) -> Self {
         if solver.eliminates(nodes.len()) {
-            match order {
-                Some(order) => nodes.sort_by_key(|&u| order.at_inv(u as usize)),
+            match rank {
+                Some(rank) => nodes.sort_by_key(|&u| rank[u as usize]),
                 None => {
                     let natural = Self::in_order(problem, nodes);
                     nodes = &minimum_degree(natural.conductances()) * &natural.nodes[..];
@@ -46,25 +46,32 @@ impl System {
         let leak = Conductance::new(problem.leak).unwrap_or(Conductance::ZERO);
         let (mut foreground, mut background) = (vec![Conductance::ZERO; n], vec![Conductance::ZERO; n]);
         let mut offsets = Vec::with_capacity(n + 1);
-        let (mut columns, mut values) = (Vec::new(), Vec::new());
-        let mut row: Vec<(u32, Conductance)> = Vec::new();
         offsets.push(0);
         for (k, &u) in nodes.iter().enumerate() {
             if problem.leaking.is_none_or(|l| l[u as usize]) {
                 background[k] = problem.network.degree(u) * leak;
             }
-            row.clear();
+            let mut unknown = 0;
             for (v, w) in problem.network.links(u) {
                 match problem.seeds[v as usize] {
-                    Seed::None => row.push((local[v as usize], w)),
+                    Seed::None => unknown += 1,
                     Seed::Foreground => foreground[k] = foreground[k] + w,
                     Seed::Background => background[k] = background[k] + w,
                 }
             }
-            row.sort_unstable_by_key(|l| l.0);
-            columns.extend(row.iter().map(|l| l.0));
-            values.extend(row.iter().map(|l| l.1));
-            offsets.push(columns.len());
+            offsets.push(offsets[k] + unknown);
+        }
+        // The matrix is symmetric: its columns in order fill its rows in order, without a sort.
+        let mut next = offsets.clone();
+        let mut columns = vec![0; offsets[n]];
+        let mut values = vec![Conductance::ZERO; offsets[n]];
+        for (k, &u) in (0..).zip(&nodes) {
+            for (v, w) in problem.network.links(u) {
+                if let Some(next) = next.get_mut(local[v as usize] as usize) {
+                    (columns[*next], values[*next]) = (k, w);
+                    *next += 1;
+                }
+            }
         }
         let conductances = CsMatI::new((n, n), offsets, columns, values);
         Self { nodes, conductances, foreground, background }
@@ -160,7 +167,9 @@ impl Fill {
     pub fn new<N>(matrix: &CsMatI<N, u32, usize>) -> Self {
         // The later neighbours of an unknown become neighbours of the first of them, its parent in the elimination tree.
         let n = matrix.rows();
-        let mut children: Vec<Vec<u32>> = vec![Vec::new(); n];
+        const NONE: u32 = u32::MAX;
+        let mut first_child = vec![NONE; n];
+        let mut next_child = vec![NONE; n];
         let mut mark = vec![u32::MAX; n];
         let mut offsets = Vec::with_capacity(n + 1);
         let mut rows: Vec<u32> = Vec::new();
@@ -173,7 +182,10 @@ impl Fill {
                 mark[j as usize] = k;
                 rows.push(j);
             }
-            for c in std::mem::take(&mut children[k as usize]) {
+            let mut next = first_child[k as usize];
+            while next != NONE {
+                let c = next;
+                next = next_child[c as usize];
                 for at in offsets[c as usize]..offsets[c as usize + 1] {
                     let j = rows[at];
                     if mark[j as usize] != k {
@@ -184,7 +196,8 @@ impl Fill {
             }
             rows[start..].sort_unstable();
             if let Some(&parent) = rows.get(start) {
-                children[parent as usize].push(k);
+                next_child[k as usize] = first_child[parent as usize];
+                first_child[parent as usize] = k;
             }
             offsets.push(rows.len());
         }
