@@ -56,6 +56,9 @@ impl Network {
     /// The graph of `nodes` nodes. Duplicate edges add up. Self-loops and zero conductances are ignored.
     ///
     /// Edges with an end outside `0..nodes` are also ignored; check input from files first.
+    ///
+    /// # Panics
+    /// If there are more than 4294967295 nodes, since indices are 32 bits wide.
     #[must_use]
     pub fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, Conductance)>) -> Self {
         let edges: Vec<(u32, u32, Conductance)> = edges

@@ -8,7 +8,7 @@ use sprs::{CsMatViewI, PermOwnedI, SpIndex};
 ///
 /// Row k of the permutation is the node that is eliminated as number k.
 #[must_use]
-pub fn minimum_degree<N, Iptr: SpIndex>(matrix: CsMatViewI<'_, N, u32, Iptr>) -> PermOwnedI<u32> {
+pub fn minimum_degree<N: Copy, Iptr: SpIndex>(matrix: CsMatViewI<'_, N, u32, Iptr>) -> PermOwnedI<u32> {
     let n = matrix.rows();
     let mut graph = Quotient::new(matrix);
     let mut order = Vec::with_capacity(n);
@@ -43,7 +43,7 @@ struct Quotient {
 }
 
 impl Quotient {
-    fn new<N, Iptr: SpIndex>(matrix: CsMatViewI<'_, N, u32, Iptr>) -> Self {
+    fn new<N: Copy, Iptr: SpIndex>(matrix: CsMatViewI<'_, N, u32, Iptr>) -> Self {
         let n = matrix.rows();
         let variables: Vec<Vec<u32>> = (0..)
             .zip(matrix.outer_iterator())
