@@ -111,7 +111,7 @@ fn measure(n: usize, leak: f64, rounds: usize, points: &mut Vec<Point>) -> Outco
     let boundary = Boundary { known: &known, leak, leaking: None };
     let network_shared = Arc::new(network.clone());
     let wide = Multilevel::new(Arc::clone(&network_shared), Precision::F64);
-    let order = (n <= MOST_ELIMINATED).then(|| minimum_degree(n, |u| network.links(u).iter().map(|l| l.0)));
+    let order = (n <= MOST_ELIMINATED).then(|| minimum_degree(network.adjacency()));
     // The truth: elimination in another order than the one measured, or the iteration to a tight tolerance.
     let truth = if n <= MOST_ELIMINATED {
         solve(&problem, Solver::Gth.with(Precision::F64).as_ref(), None)?.p
@@ -135,7 +135,7 @@ fn measure(n: usize, leak: f64, rounds: usize, points: &mut Vec<Point>) -> Outco
             let (ms, got) = fastest(rounds, || solve(&problem, solver.as_ref(), Some(order)));
             put(method, ms, got.ok().map(p));
         }
-        let mut kept = Elimination::new(&network, Some(order.clone()));
+        let mut kept = Elimination::new(&network, Some(order));
         let start = kept.solve(&seeds, leak, None)?;
         let late = (0..n).find(|&u| seeds[u] == Seed::None).unwrap_or(0);
         let mut other = seeds.clone();

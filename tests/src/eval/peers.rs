@@ -208,7 +208,7 @@ pub fn walk_times(subject: &Subject, folder: &Path, repeats: usize) -> Result<Ve
     let seeds = seeded(network.len(), &by_cluster);
     let algorithm = Solver::Gth.with(Precision::F64);
     let (start, used) = (Instant::now(), processor_seconds());
-    let order = minimum_degree(network.len(), |u| network.links(u).iter().map(|l| l.0));
+    let order = minimum_degree(network.adjacency());
     let setup = [start.elapsed().as_secs_f64(), processor_seconds() - used];
     let problem = Problem { network: &network, seeds: &seeds, leak: LEAK, leaking: None };
     let eliminate = || solve(&problem, &*algorithm, Some(&order)).map(|s| s.p);
@@ -239,8 +239,8 @@ pub fn walk_times(subject: &Subject, folder: &Path, repeats: usize) -> Result<Ve
 
 impl WalkTimes {
     fn of(on: &'static str, network: &Network, solvers: Vec<SolverTimes>) -> Self {
-        let ends: usize = (0..network.len() as u32).map(|u| network.links(u).len()).sum();
-        Self { on, nodes: network.len(), edges: ends / 2, solvers }
+        // Both triangles of the matrix are stored.
+        Self { on, nodes: network.len(), edges: network.adjacency().nnz() / 2, solvers }
     }
 }
 
@@ -272,8 +272,8 @@ fn timed(
 fn hand_over(folder: &Path, on: &str, network: &Network, seeds: &[Seed], p: &[Vec<f64>]) -> Result<(), EvalError> {
     let mut edges: Vec<f64> = Vec::new();
     for u in 0..network.len() as u32 {
-        for (v, w) in network.links(u).iter().filter(|l| l.0 > u) {
-            edges.extend([f64::from(u), f64::from(*v), w.scaled(0)]);
+        for (v, w) in network.links(u).filter(|l| l.0 > u) {
+            edges.extend([f64::from(u), f64::from(v), w.scaled(0)]);
         }
     }
     let number = |s: &Seed| match s {

@@ -38,13 +38,9 @@ impl<'a> Joined<'a> {
     /// Neighbours of a vertex, ascending, with the lengths of the edges to them.
     #[inline]
     pub fn neighbours(self, v: u32) -> impl Iterator<Item = (u32, f64)> + 'a {
-        let row = self.graph.offsets[v as usize] as usize..self.graph.offsets[v as usize + 1] as usize;
+        let (targets, lengths) = self.graph.row(v);
         let ways = &self.ways[self.ways.partition_point(|e| e.a < v)..];
-        Neighbours {
-            targets: &self.graph.targets[row.clone()],
-            lengths: &self.graph.lengths[row],
-            ways: ways.iter().take_while(move |e| e.a == v).peekable(),
-        }
+        Neighbours { targets, lengths, ways: ways.iter().take_while(move |e| e.a == v).peekable() }
     }
 
     /// Every edge once, `a < b`, ascending.

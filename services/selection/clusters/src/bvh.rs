@@ -266,7 +266,7 @@ mod tests {
     use crate::polyline::VISITS;
     use glam::DVec3;
     use proptest::prelude::*;
-    use sg_scene::synthetic::{random_points_f64, segment_distance};
+    use sg_scene::synthetic::{in_tube, random_points_f64, segment_distance};
 
     fn brute(points: &[[f64; 3]], line: &[DVec3]) -> Vec<f64> {
         points
@@ -277,18 +277,6 @@ mod tests {
                 line.windows(2).map(|w| segment_distance(p, w[0], w[1])).fold(single, f64::min)
             })
             .collect()
-    }
-
-    /// Whether a point is in the tube, written out sample by sample and segment by segment.
-    fn by_definition(p: DVec3, samples: &[DVec3], radius: f64, factors: &[f64]) -> bool {
-        let ball = |(s, f): (&DVec3, &f64)| (p - *s).length() < radius * f;
-        let segment = |(s, f): (&[DVec3], &[f64])| {
-            let length = (s[1] - s[0]).length();
-            let along = (p - s[0]).dot((s[1] - s[0]) / length) / length;
-            let along = if length > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
-            (p - s[0].lerp(s[1], along)).length() < radius * ((1.0 - along) * f[0] + along * f[1])
-        };
-        samples.iter().zip(factors).any(ball) || samples.windows(2).zip(factors.windows(2)).any(segment)
     }
 
     proptest! {
@@ -376,7 +364,7 @@ mod tests {
             let hits = tree.closer_than(&Polyline::with_pressure(&samples, if pressed { &factors } else { &[] }), 0.05);
             if pressed {
                 for g in (0..20_000).step_by(997) {
-                    let want = by_definition(DVec3::from_array(points[g as usize]), &samples, 0.05, &factors);
+                    let want = in_tube(DVec3::from_array(points[g as usize]), &samples, 0.05, &factors);
                     assert_eq!(hits.binary_search(&g).is_ok(), want);
                 }
             }

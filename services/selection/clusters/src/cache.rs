@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 
 use sg_scene::model::Scene;
 
-use crate::cluster_graph::{ClusterGraph, Link};
+use crate::cluster_graph::{ClusterGraph, Distances, Link, links};
 use crate::clustering::{Cluster, Clustering, ClusteringOptions};
 use crate::features::{FeatureKind, WIDTH};
 use crate::geometry::GeometryOptions;
+use crate::neighbours::symmetric;
 
 /// First bytes of an entry: format and version.
 const MAGIC: &[u8; 8] = b"SGCLUS01";
@@ -134,16 +135,17 @@ fn encode(clustering: &Clustering, graph: &ClusterGraph) -> Vec<u8> {
     }
     graph.component.iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
     number(&mut out, clustering.kinds.len());
-    for (kind, links) in clustering.kinds.iter().zip(&graph.units) {
+    for (kind, unit) in clustering.kinds.iter().zip(&graph.units) {
         out.push(match kind {
             FeatureKind::Oriented => 0,
             FeatureKind::Invariant => 1,
             FeatureKind::Printed => 2,
         });
-        number(&mut out, links.len());
-        for l in links {
-            [l.u, l.v].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
-            [l.length, l.feature].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+        // Both triangles of the matrix are stored, and one is written.
+        number(&mut out, unit.nnz() / 2);
+        for Link { u, v, distances } in links(unit) {
+            [u, v].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+            [distances.length, distances.feature].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
         }
     }
     let checksum = blake3::hash(&out);
@@ -205,7 +207,7 @@ fn decode(bytes: &[u8], gaussians: usize) -> Option<(Clustering, ClusterGraph)> 
     let component = (0..count).map(|_| r.u32()).collect::<Option<_>>()?;
     let units = r.count(9)?;
     let mut kinds = Vec::with_capacity(units);
-    let mut lists = Vec::with_capacity(units);
+    let mut matrices = Vec::with_capacity(units);
     for _ in 0..units {
         kinds.push(match r.take::<1>()? {
             [0] => FeatureKind::Oriented,
@@ -214,16 +216,18 @@ fn decode(bytes: &[u8], gaussians: usize) -> Option<(Clustering, ClusterGraph)> 
             _ => return None,
         });
         let links = r.count(24)?;
-        let links: Vec<Link> = (0..links)
-            .map(|_| Some(Link { u: r.u32()?, v: r.u32()?, length: r.f64()?, feature: r.f64()? }))
+        let links: Vec<(u32, u32, Distances)> = (0..links)
+            .map(|_| Some((r.u32()?, r.u32()?, Distances { length: r.f64()?, feature: r.f64()? })))
             .collect::<Option<_>>()?;
-        lists.push(links);
+        let ascending = links.windows(2).all(|pair| (pair[0].0, pair[0].1) < (pair[1].0, pair[1].1));
+        if !ascending || links.iter().any(|&(u, v, _)| u >= v || v as usize >= count) {
+            return None;
+        }
+        matrices.push(symmetric(count, &links));
     }
-    let fits = n == gaussians
-        && r.0.is_empty()
-        && labels.iter().all(|l| *l >= -1 && *l < count as i32)
-        && lists.iter().flatten().all(|l| (l.u as usize) < count && (l.v as usize) < count);
-    fits.then_some((Clustering { labels, clusters, kinds }, ClusterGraph { clusters: count, units: lists, component }))
+    let fits = n == gaussians && r.0.is_empty() && labels.iter().all(|l| *l >= -1 && *l < count as i32);
+    let graph = ClusterGraph { clusters: count, units: matrices, component };
+    fits.then_some((Clustering { labels, clusters, kinds }, graph))
 }
 
 #[cfg(test)]

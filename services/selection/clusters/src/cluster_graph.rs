@@ -5,12 +5,13 @@
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sprs::CsMatI;
 
 use crate::bridges::bridges;
 use crate::clustering::{Cluster, Clustering};
 use crate::features::{FeatureKind, WIDTH, median};
 use crate::geometry::{Geometry, UnitGeometry};
-use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph};
+use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph, symmetric};
 use crate::shortest::{Search, SearchPool, nearest_source};
 use crate::vertices::{Vertices, distance_squared};
 use sg_walk::{Conductance, Network};
@@ -33,6 +34,15 @@ pub enum GraphForm {
     Euclidean,
 }
 
+/// The distances between two clusters of a base unit.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Distances {
+    /// g, in the scene's length unit.
+    pub length: f64,
+    /// δ, the feature distance. Each feature block (scale, normal, shape) is in units of its spread over the clusters.
+    pub feature: f64,
+}
+
 /// An edge between two clusters of a base unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Link {
@@ -40,19 +50,17 @@ pub struct Link {
     pub u: u32,
     /// The larger id.
     pub v: u32,
-    /// g, in the scene's length unit.
-    pub length: f64,
-    /// δ, the feature distance. Each feature block (scale, normal, shape) is in units of its spread over the clusters.
-    pub feature: f64,
+    /// The distances between the two.
+    pub distances: Distances,
 }
 
-/// Edges between the clusters of a scene, one list per base unit.
+/// The graph of a scene's clusters, one sparse matrix per base unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClusterGraph {
     /// Number of clusters.
     pub clusters: usize,
-    /// Edges of each base unit, ascending by (u, v).
-    pub units: Vec<Vec<Link>>,
+    /// The edges of each base unit: a symmetric matrix over all clusters. Entry (u, v) compares the clusters u and v.
+    pub units: Vec<CsMatI<Distances, u32>>,
     /// Connected component of each cluster's centre in the neighbour graph without bridges. Numbers are unique over all base
     /// units.
     pub component: Vec<u32>,
@@ -83,11 +91,12 @@ impl ClusterGraph {
             let features = ids.iter().map(|&i| clusters[i as usize].feature).collect();
             let features = block_scaled(features, unit.features.kind);
             let row = |i: u32| ids.binary_search(&i).ok().map(|at| &features[at]);
-            let links = lengths
-                .into_iter()
-                .map(|(a, b, length)| Link { u: a, v: b, length, feature: distance(row(a), row(b)) })
+            let entries: Vec<(u32, u32, Distances)> = lengths
+                .into_par_iter()
+                .with_min_len(4096)
+                .map(|(a, b, length)| (a, b, Distances { length, feature: distance(row(a), row(b)) }))
                 .collect();
-            units.push(links);
+            units.push(symmetric(clusters.len(), &entries));
             let vertex_of = centre_vertices(unit, clusters, &ids);
             for (&i, v) in ids.iter().zip(vertex_of) {
                 component[i as usize] = first_component + v.map_or(0, |v| unit.component[v as usize]);
@@ -101,13 +110,35 @@ impl ClusterGraph {
     #[must_use]
     pub fn network(&self, sigma_s: f64, sigma_f: f64) -> Network {
         let mut edges = Vec::new();
-        for links in &self.units {
-            let s = sigma_s * typical(links.iter().map(|l| l.length));
-            let f = sigma_f * typical(links.iter().map(|l| l.feature));
-            edges.extend(links.iter().map(|l| (l.u, l.v, weight(l.length, s, l.feature, f))));
+        for unit in &self.units {
+            let s = sigma_s * typical(links(unit).map(|l| l.distances.length));
+            let f = sigma_f * typical(links(unit).map(|l| l.distances.feature));
+            edges.extend(links(unit).map(|l| (l.u, l.v, weight(l.distances.length, s, l.distances.feature, f))));
         }
         Network::new(self.clusters, edges.into_iter())
     }
+
+    /// Every edge of all base units once, unit after unit, ascending by (u, v).
+    pub fn links(&self) -> impl Iterator<Item = Link> + '_ {
+        self.units.iter().flat_map(links)
+    }
+
+    /// The graph of the distances g.
+    #[must_use]
+    pub fn lengths(&self) -> Graph {
+        let edges = self.links().map(|l| Edge { a: l.u, b: l.v, length: l.distances.length });
+        Graph::from_edges(self.clusters, edges)
+    }
+}
+
+/// Every edge of a base unit once, ascending by (u, v): the upper triangle of its matrix.
+pub fn links(unit: &CsMatI<Distances, u32>) -> impl Iterator<Item = Link> + '_ {
+    (0..).zip(unit.outer_iterator()).flat_map(|(u, row)| {
+        let (columns, entries) = row.into_raw_storage();
+        let later = columns.partition_point(|&v| v < u);
+        let pairs = columns[later..].iter().zip(&entries[later..]);
+        pairs.map(move |(&v, &distances)| Link { u, v, distances })
+    })
 }
 
 /// exp(−(length/s)² − (feature/f)²). A spread of zero means equal values, so its term is dropped.
@@ -174,6 +205,7 @@ fn centre_vertices(unit: &UnitGeometry, clusters: &[Cluster], ids: &[u32]) -> Ve
         .collect()
 }
 
+/// Edges (a, b, g) with a < b, ascending.
 type Lengths = Vec<(u32, u32, f64)>;
 
 fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Lengths {
@@ -257,8 +289,7 @@ fn all_pairs(contacts: &Lengths, clusters: usize, ids: &[u32]) -> Lengths {
 /// Length of the shortest path from any source to each node; infinite for unreachable nodes.
 #[must_use]
 pub fn path_lengths(graph: &ClusterGraph, sources: &[u32]) -> Vec<f64> {
-    let edges = graph.units.iter().flatten().map(|l| Edge { a: l.u, b: l.v, length: l.length });
-    nearest_source(&Graph::from_edges(graph.clusters, edges), sources).0
+    nearest_source(&graph.lengths(), sources).0
 }
 
 /// The weighted graph of single Gaussians. Nodes are scene-wide indices; edges come from the neighbour graphs and bridges.
@@ -270,21 +301,18 @@ pub fn gaussian_network(geometry: &Geometry, sigma_s: f64, sigma_f: f64) -> Netw
     for unit in &geometry.units {
         let rows = unit.features.rows.par_iter().map(|r| r.map(f64::from)).collect();
         let rows = block_scaled(rows, unit.features.kind);
-        let links: Vec<Link> = unit
+        let found: Vec<(Edge, f64)> = unit
             .joined()
             .edges()
-            .map(|e| Link {
-                u: e.a,
-                v: e.b,
-                length: e.length,
-                feature: distance(Some(&rows[e.a as usize]), Some(&rows[e.b as usize])),
-            })
+            .map(|e| (e, distance(Some(&rows[e.a as usize]), Some(&rows[e.b as usize]))))
             .collect();
-        let s = sigma_s * typical(links.iter().map(|l| l.length));
-        let f = sigma_f * typical(links.iter().map(|l| l.feature));
+        let s = sigma_s * typical(found.iter().map(|(e, _)| e.length));
+        let f = sigma_f * typical(found.iter().map(|(_, feature)| *feature));
         let index = &unit.vertices.gaussian;
         edges.extend(
-            links.iter().map(|l| (index[l.u as usize], index[l.v as usize], weight(l.length, s, l.feature, f))),
+            found
+                .iter()
+                .map(|(e, feature)| (index[e.a as usize], index[e.b as usize], weight(e.length, s, *feature, f))),
         );
     }
     Network::new(geometry.gaussians, edges.into_iter())
@@ -314,9 +342,13 @@ mod tests {
         assert_eq!(geometry.units[0].components, 2);
         for form in [GraphForm::Contact, GraphForm::Printed, GraphForm::AllPairs, GraphForm::Euclidean] {
             let graph = ClusterGraph::new(&geometry, &clustering, form).unwrap();
-            let edges = graph.units[0].iter().map(|l| Edge { a: l.u, b: l.v, length: l.length });
-            assert_eq!(Graph::from_edges(graph.clusters, edges).components().1, 1, "{form:?}");
-            assert!(graph.units[0].iter().all(|l| l.u < l.v && l.length.is_finite() && l.feature.is_finite()));
+            assert_eq!(graph.lengths().components().1, 1, "{form:?}");
+            assert!(sprs::is_symmetric(&graph.units[0]));
+            let finite = |d: &Distances| d.length.is_finite() && d.feature.is_finite();
+            assert!(graph.links().all(|l| l.u < l.v && finite(&l.distances)));
+            let listed: Vec<_> = graph.links().map(|l| (l.u, l.v, l.distances)).collect();
+            assert!(listed.is_sorted_by_key(|l| (l.0, l.1)) && 2 * listed.len() == graph.units[0].nnz());
+            assert_eq!(symmetric(graph.clusters, &listed), graph.units[0]);
             let distinct: std::collections::BTreeSet<u32> = graph.component.iter().copied().collect();
             assert_eq!(distinct.len(), 2);
         }
@@ -328,22 +360,20 @@ mod tests {
         let (geometry, clustering) = clustered(&scene, 150);
         let contact = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact).unwrap();
         let euclidean = ClusterGraph::new(&geometry, &clustering, GraphForm::Euclidean).unwrap();
-        for (a, b) in contact.units[0].iter().zip(&euclidean.units[0]) {
+        for (a, b) in contact.links().zip(euclidean.links()) {
             assert_eq!((a.u, a.v), (b.u, b.v));
             // Between the centres' Gaussians no path is shorter than the straight line; mean positions lie off them.
             let ends = [a.u, a.v].map(|c| scene.position(clustering.clusters[c as usize].centre as usize).unwrap());
-            assert!(a.length >= (ends[0] - ends[1]).length() * (1.0 - 1e-9));
+            assert!(a.distances.length >= (ends[0] - ends[1]).length() * (1.0 - 1e-9));
         }
         // The printed form: shortest paths along the centre graph between ends of an edge are the edges themselves.
         let printed = ClusterGraph::new(&geometry, &clustering, GraphForm::Printed).unwrap();
-        let graph = Graph::from_edges(
-            printed.clusters,
-            printed.units[0].iter().map(|l| Edge { a: l.u, b: l.v, length: l.length }),
-        );
+        let graph = printed.lengths();
         let mut search = Search::default();
-        for l in &printed.units[0] {
+        for l in printed.links() {
             let along = search.reach(&graph, l.u, |_| f64::INFINITY).iter().find(|r| r.0 == l.v).unwrap().1;
-            assert!((along - l.length).abs() <= 1e-12 * l.length, "{along} against {}", l.length);
+            let length = l.distances.length;
+            assert!((along - length).abs() <= 1e-12 * length, "{along} against {length}");
         }
     }
 

@@ -6,18 +6,16 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
+use sprs::{CsMatI, CsMatViewI};
 
 use crate::vertices::{Vertices, distance_squared};
 
-/// An undirected graph with edge lengths. Each edge is stored in both directions; rows ascend by neighbour.
-#[derive(Debug, Clone, Default, PartialEq)]
+/// An undirected graph with edge lengths: a symmetric sparse matrix of Euclidean lengths in the points' unit.
+///
+/// An edge between coincident points is a stored entry of 0.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Graph {
-    /// Row `v` is `offsets[v]..offsets[v + 1]`.
-    pub offsets: Vec<u32>,
-    /// Neighbours.
-    pub targets: Vec<u32>,
-    /// Euclidean lengths in the points' unit, zero for coincident points.
-    pub lengths: Vec<f64>,
+    lengths: CsMatI<f64, u32>,
 }
 
 /// An undirected edge between two vertices.
@@ -71,7 +69,7 @@ impl Graph {
     /// Number of vertices.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.offsets.len().saturating_sub(1)
+        self.lengths.rows()
     }
 
     /// Whether there is no vertex.
@@ -80,32 +78,38 @@ impl Graph {
         self.len() == 0
     }
 
+    /// The matrix of lengths, in compressed rows.
+    #[must_use]
+    pub fn lengths(&self) -> CsMatViewI<'_, f64, u32> {
+        self.lengths.view()
+    }
+
+    /// Neighbours of a vertex, ascending, and the lengths of the edges to them.
+    #[inline]
+    #[must_use]
+    pub fn row(&self, v: u32) -> (&[u32], &[f64]) {
+        // An owned matrix is never a part of another one, so its storage starts at 0.
+        let offsets = self.lengths.indptr();
+        let offsets = offsets.raw_storage();
+        let row = offsets[v as usize] as usize..offsets[v as usize + 1] as usize;
+        (&self.lengths.indices()[row.clone()], &self.lengths.data()[row])
+    }
+
     /// Neighbours of a vertex with the lengths of the edges to them.
     #[inline]
     pub fn neighbours(&self, v: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
-        let row = self.offsets[v as usize] as usize..self.offsets[v as usize + 1] as usize;
-        self.targets[row.clone()].iter().copied().zip(self.lengths[row].iter().copied())
+        let (neighbours, lengths) = self.row(v);
+        neighbours.iter().copied().zip(lengths.iter().copied())
     }
 
     /// The graph of `n` vertices with the given edges. Of duplicate edges the shorter is kept. Self-loops are dropped.
     #[must_use]
     pub fn from_edges(n: usize, edges: impl Iterator<Item = Edge>) -> Self {
-        let mut directed: Vec<(u32, u32, f64)> =
-            edges.filter(|e| e.a != e.b).flat_map(|e| [(e.a, e.b, e.length), (e.b, e.a, e.length)]).collect();
-        directed.sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
-        directed.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
-        let mut offsets = vec![0_u32; n + 1];
-        for d in &directed {
-            offsets[d.0 as usize + 1] += 1;
-        }
-        for i in 0..n {
-            offsets[i + 1] += offsets[i];
-        }
-        Self {
-            offsets,
-            targets: directed.iter().map(|d| d.1).collect(),
-            lengths: directed.iter().map(|d| d.2).collect(),
-        }
+        let mut edges: Vec<(u32, u32, f64)> =
+            edges.filter(|e| e.a != e.b).map(|e| (e.a.min(e.b), e.a.max(e.b), e.length)).collect();
+        edges.sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
+        edges.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
+        Self { lengths: symmetric(n, &edges) }
     }
 
     /// Every edge once, `a < b`, ascending.
@@ -147,6 +151,29 @@ impl Graph {
     }
 }
 
+/// The symmetric matrix of edges (a, b, entry) with a < b, ascending by (a, b).
+pub(crate) fn symmetric<N: Copy + Default>(n: usize, edges: &[(u32, u32, N)]) -> CsMatI<N, u32> {
+    let mut offsets = vec![0_u32; n + 1];
+    for end in edges.iter().flat_map(|e| [e.0, e.1]) {
+        offsets[end as usize + 1] += 1;
+    }
+    for i in 0..n {
+        offsets[i + 1] += offsets[i];
+    }
+    // Row b gets its entries left of the diagonal first, with the rows a < b.
+    let mut next = offsets.clone();
+    let mut columns = vec![0; 2 * edges.len()];
+    let mut entries = vec![N::default(); 2 * edges.len()];
+    for &(a, b, entry) in edges {
+        for (row, column) in [(a, b), (b, a)] {
+            let at = &mut next[row as usize];
+            (columns[*at as usize], entries[*at as usize]) = (column, entry);
+            *at += 1;
+        }
+    }
+    CsMatI::new((n, n), offsets, columns, entries)
+}
+
 /// The symmetric union of the `k` nearest neighbours of each point, in order of (distance, index).
 ///
 /// Ties go to the smaller scene-wide index, so the graph does not depend on the search tree. A point with fewer than `k`
@@ -161,7 +188,7 @@ pub fn neighbour_graph(vertices: &Vertices, k: usize) -> Result<Graph, GraphErro
         return Err(GraphError::TooManyEdges { vertices: n, neighbours: k });
     }
     if k == 0 {
-        return Ok(Graph { offsets: vec![0; n + 1], targets: Vec::new(), lengths: Vec::new() });
+        return Ok(Graph { lengths: CsMatI::zero((n, n)) });
     }
     let forward = nearest_lists(vertices, k)?;
     Ok(symmetric_union(vertices, &forward, k))
@@ -315,7 +342,7 @@ fn symmetric_union(vertices: &Vertices, forward: &[u32], k: usize) -> Graph {
             }
         }
     });
-    Graph { offsets, targets, lengths }
+    Graph { lengths: CsMatI::new((n, n), offsets, targets, lengths) }
 }
 
 #[cfg(test)]
@@ -358,9 +385,10 @@ mod tests {
         let v = vertices(points);
         let graph = neighbour_graph(&v, k).unwrap();
         assert_eq!(by_index(&v, &graph), brute(points, k));
-        for (a, row) in graph.offsets.windows(2).enumerate() {
-            let row = &graph.targets[row[0] as usize..row[1] as usize];
-            assert!(row.is_sorted() && !row.contains(&(a as u32)));
+        assert!(sprs::is_symmetric(&graph.lengths));
+        for a in 0..graph.len() as u32 {
+            let (row, _) = graph.row(a);
+            assert!(row.is_sorted() && !row.contains(&a));
         }
     }
 
@@ -384,7 +412,7 @@ mod tests {
         check(&points, 8);
         let v = vertices(&points);
         let graph = neighbour_graph(&v, 8).unwrap();
-        let zero = graph.lengths.iter().filter(|l| **l == 0.0).count();
+        let zero = graph.lengths().data().iter().filter(|l| **l == 0.0).count();
         assert!(zero > 2 * 8 * 100, "{zero}");
     }
 

@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     for (u, unit) in geometry.units.iter().enumerate() {
         let n = unit.vertices.len();
-        let degree = unit.graph.targets.len() as f64 / n.max(1) as f64;
+        let degree = unit.graph.lengths().nnz() as f64 / n.max(1) as f64;
         println!("unit {u}: {n} Gaussians, {degree:.1} neighbours each, {} components", unit.components);
         let seeds = voxel_seeds(&unit.vertices, &unit.component, unit.components, 999);
         for m in [0.25, 0.5, 1.0, 2.0] {
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let (seconds, graph) = timed(|| ClusterGraph::new(&geometry, &clustering, GraphForm::Contact));
     let graph = graph?;
-    println!("contact graph {seconds:.4} s, {} edges", graph.units.iter().map(Vec::len).sum::<usize>());
+    println!("contact graph {seconds:.4} s, {} edges", graph.links().count());
     let (seconds, space) = timed(|| SelectionIndex::of_clusters(&scene, &clustering, &graph, WalkOptions::default()));
     println!("space (brush, order) {seconds:.4} s");
     let space = Arc::new(space);

@@ -147,7 +147,7 @@ mod tests {
     use glam::DMat4;
     use proptest::prelude::*;
     use rand::RngExt;
-    use sg_scene::synthetic::{generator, point_scene, random_points, random_unit, segment_distance};
+    use sg_scene::synthetic::{generator, in_tube, point_scene, random_points, random_unit, segment_distance};
 
     #[test]
     fn a_growing_stroke_hits_what_the_whole_one_hits() {
@@ -204,18 +204,6 @@ mod tests {
         assert_eq!(before, whole.len(), "deeper than the brush is thick is no limit");
     }
 
-    /// The definition: a ball at each sample, and along each segment the radius at the nearest point.
-    fn by_definition(p: DVec3, samples: &[DVec3], radius: f64, factors: &[f64]) -> bool {
-        let ball = |(s, f): (&DVec3, &f64)| (p - *s).length() < radius * f;
-        let segment = |(s, f): (&[DVec3], &[f64])| {
-            let length = (s[1] - s[0]).length();
-            let along = (p - s[0]).dot((s[1] - s[0]) / length) / length;
-            let along = if length > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
-            (p - s[0].lerp(s[1], along)).length() < radius * ((1.0 - along) * f[0] + along * f[1])
-        };
-        samples.iter().zip(factors).any(ball) || samples.windows(2).zip(factors.windows(2)).any(segment)
-    }
-
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
@@ -233,7 +221,7 @@ mod tests {
                 factors.push(if odd == 1 { 0.0 } else { factor });
             }
             let want: Vec<u32> = (0..n as u32)
-                .filter(|&g| by_definition(scene.position(g as usize).unwrap(), &samples, radius, &factors))
+                .filter(|&g| in_tube(scene.position(g as usize).unwrap(), &samples, radius, &factors))
                 .collect();
             prop_assert_eq!(&brush.hits_with_pressure(&samples, radius, &factors), &want);
             let mut open = OpenStroke::new(n, radius);

@@ -309,7 +309,7 @@ fn columns_without_variance_weigh_nothing() {
     let g = geometry(&scene, 10);
     let c = clusters(&g, 80);
     let graph = ClusterGraph::new(&g, &c, GraphForm::Contact).unwrap();
-    let delta = graph.units[0].iter().map(|l| l.feature).fold(0.0, f64::max);
+    let delta = graph.links().map(|l| l.distances.feature).fold(0.0, f64::max);
     println!("equal scales: column at most {column:.1e}; equal features: δ between clusters at most {delta:.1e}");
     assert!(column < 1e-4 && delta < 1e-5);
     let p = |sigma_f: f64| {

@@ -47,7 +47,7 @@ impl Refiner {
         let network = Arc::new(gaussian_network(geometry, sigma_s, sigma_f));
         let multilevel = Multilevel::new(Arc::clone(&network), Precision::F32);
         let own = typical(geometry.units.iter().flat_map(|u| u.joined().edges().map(|e| e.length)));
-        let clusters = typical(graph.units.iter().flatten().map(|l| l.length));
+        let clusters = typical(graph.links().map(|l| l.distances.length));
         let ratio = if clusters > 0.0 { (own / clusters).min(1.0) } else { 1.0 };
         Self { network, multilevel, leak_factor: ratio * ratio }
     }
@@ -102,13 +102,13 @@ impl Refiner {
         if hops == 0 {
             return band;
         }
-        let beside = |u: usize| self.network.links(u as u32).iter().any(|l| selected[l.0 as usize] != selected[u]);
+        let beside = |u: usize| self.network.neighbours(u as u32).iter().any(|&v| selected[v as usize] != selected[u]);
         let mut front: Vec<usize> = (0..n).filter(|&u| beside(u)).collect();
         front.iter().for_each(|&u| band[u] = true);
         for _ in 1..hops {
             let mut next = Vec::new();
             for u in front {
-                for &(v, _) in self.network.links(u as u32) {
+                for &v in self.network.neighbours(u as u32) {
                     if !band[v as usize] {
                         band[v as usize] = true;
                         next.push(v as usize);

@@ -5,9 +5,11 @@
 use std::marker::PhantomData;
 
 use rayon::prelude::*;
+use sprs::CsMatI;
 
-use super::cholesky::Float;
 use super::conductance::Conductance;
+use super::float::Float;
+use super::network::row;
 use super::system::System;
 use super::{SystemSolver, WalkError};
 
@@ -33,41 +35,43 @@ impl<T: Float> Default for ConjugateGradients<T> {
     }
 }
 
-struct Matrix<T> {
-    offsets: Vec<usize>,
-    links: Vec<(u32, T)>,
+/// The Laplacian D − A of a system in units of 2^[`System::shift`]. D includes the conductances to both terminals.
+struct Laplacian<T> {
+    /// D.
     diagonal: Vec<T>,
+    /// A.
+    conductances: CsMatI<T, u32, usize>,
 }
 
-impl<T: Float> Matrix<T> {
+impl<T: Float> Laplacian<T> {
     fn of(system: &System) -> Self {
         let shift = system.shift();
-        let n = system.len();
-        let mut offsets = Vec::with_capacity(n + 1);
-        let mut links = Vec::new();
-        let mut diagonal = Vec::with_capacity(n);
-        offsets.push(0);
-        for k in (0..).take(n) {
-            let terminal = system.foreground()[k as usize] + system.background()[k as usize];
-            let mut d = T::of(terminal.scaled(shift));
-            for &(j, c) in system.links(k) {
-                let w = T::of(c.scaled(shift));
-                d = d + w;
-                links.push((j, w));
-            }
-            diagonal.push(d);
-            offsets.push(links.len());
-        }
-        Self { offsets, links, diagonal }
+        let conductances = system.conductances().map(|c| T::of(c.scaled(shift)));
+        let ends = system.foreground().iter().zip(system.background());
+        let diagonal = (0..)
+            .zip(ends)
+            .map(|(k, (&f, &b))| row(&conductances, k).1.iter().fold(T::of((f + b).scaled(shift)), |d, &w| d + w))
+            .collect();
+        Self { diagonal, conductances }
     }
 
+    /// Its product with x. Every row starts at its diagonal, in parallel; a product of `sprs` takes one thread.
     fn times(&self, x: &[T], out: &mut [T]) {
-        out.par_iter_mut().with_min_len(1024).enumerate().for_each(|(k, out)| {
-            let mut sum = self.diagonal[k] * x[k];
-            for &(j, w) in &self.links[self.offsets[k]..self.offsets[k + 1]] {
-                sum = sum - w * x[j as usize];
+        const ROWS: usize = 1024;
+        let (offsets, columns, weights) =
+            (self.conductances.indptr(), self.conductances.indices(), self.conductances.data());
+        out.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, out)| {
+            let first = chunk * ROWS;
+            let ends = offsets.raw_storage()[first..].windows(2);
+            let own = self.diagonal[first..].iter().zip(&x[first..]);
+            for ((out, ends), (&d, &own)) in out.iter_mut().zip(ends).zip(own) {
+                let row = ends[0]..ends[1];
+                let mut sum = d * own;
+                for (&j, &w) in columns[row.clone()].iter().zip(&weights[row]) {
+                    sum = sum - w * x[j as usize];
+                }
+                *out = sum;
             }
-            *out = sum;
         });
     }
 }
@@ -83,14 +87,15 @@ fn dot<T: Float>(a: &[T], b: &[T]) -> T {
 }
 
 impl<T: Float> ConjugateGradients<T> {
-    fn solve_for(&self, matrix: &Matrix<T>, terminal: &[Conductance], shift: i64) -> Result<Vec<f64>, WalkError> {
+    fn solve_for(&self, laplacian: &Laplacian<T>, terminal: &[Conductance], shift: i64) -> Result<Vec<f64>, WalkError> {
         let n = terminal.len();
         let most = 20 * n + 1000;
         let mut x = vec![T::of(0.0); n];
         let mut residual: Vec<T> = terminal.iter().map(|c| T::of(c.scaled(shift))).collect();
         let zero = T::of(0.0);
         // Nodes whose conductances all underflow are skipped here. The final sweep sets their values.
-        let inverse: Vec<T> = matrix.diagonal.iter().map(|&d| if d > zero { T::of(1.0) / d } else { zero }).collect();
+        let inverse: Vec<T> =
+            laplacian.diagonal.iter().map(|&d| if d > zero { T::of(1.0) / d } else { zero }).collect();
         let mut z: Vec<T> = residual.iter().zip(&inverse).map(|(&r, &i)| r * i).collect();
         let mut direction = z.clone();
         let mut product = vec![T::of(0.0); n];
@@ -102,7 +107,7 @@ impl<T: Float> ConjugateGradients<T> {
             if rz.value() <= enough {
                 return Ok(x.into_iter().map(T::value).collect());
             }
-            matrix.times(&direction, &mut product);
+            laplacian.times(&direction, &mut product);
             let curvature = dot(&direction, &product);
             let step = rz / curvature;
             if curvature.partial_cmp(&T::of(0.0)) != Some(std::cmp::Ordering::Greater) || !step.value().is_finite() {
@@ -135,22 +140,54 @@ fn sweep(system: &System, terminal: &[Conductance], x: &[f64]) -> Vec<f64> {
         .map(|k| {
             let links = system.links(k);
             let ends = system.foreground()[k as usize] + system.background()[k as usize];
-            let total = links.iter().fold(ends, |sum, l| sum + l.1);
+            let total = links.clone().fold(ends, |sum, l| sum + l.1);
             let share = |c: Conductance| (c / total).scaled(0);
-            links.iter().fold(share(terminal[k as usize]), |sum, l| sum + share(l.1) * x[l.0 as usize])
+            links.fold(share(terminal[k as usize]), |sum, l| sum + share(l.1) * x[l.0 as usize])
         })
         .collect()
 }
 
 impl<T: Float> SystemSolver for ConjugateGradients<T> {
     fn solve(&self, system: &System) -> Result<(Vec<f64>, Vec<f64>), WalkError> {
-        let matrix = Matrix::<T>::of(system);
-        let p = self.solve_for(&matrix, system.foreground(), system.shift())?;
-        let q = self.solve_for(&matrix, system.background(), system.shift())?;
+        let laplacian = Laplacian::<T>::of(system);
+        let p = self.solve_for(&laplacian, system.foreground(), system.shift())?;
+        let q = self.solve_for(&laplacian, system.background(), system.shift())?;
         Ok((sweep(system, system.foreground(), &p), sweep(system, system.background(), &q)))
     }
 
     fn eliminates(&self, _: usize) -> bool {
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hard_cases::{mesh, network, seeded};
+    use crate::{Problem, gth};
+    use sprs::prod::mul_acc_mat_vec_csr;
+
+    #[test]
+    fn the_product_is_that_of_the_graphs_laplacian() {
+        let g = network(60, &mesh(0, 60, 7));
+        let seeds = seeded(60, &[3, 4], &[40]);
+        let problem = Problem { network: &g, seeds: &seeds, leak: 0.0, leaking: None };
+        let nodes: Vec<u32> = (0..60).filter(|u| ![3, 4, 40].contains(u)).collect();
+        for order in [None, Some(&(0..60).rev().collect::<Vec<u32>>()[..])] {
+            let system = System::new(&problem, nodes.clone(), order, &gth::Gth64);
+            let made = Laplacian::<f64>::of(&system);
+            assert!(sprs::is_symmetric(&made.conductances));
+            let x: Vec<f64> = (0..system.len()).map(|k| (k as f64).sin()).collect();
+            let mut got = vec![0.0; system.len()];
+            made.times(&x, &mut got);
+            // At a seed x is 0.
+            let (mut whole, mut want) = (vec![0.0; 60], vec![0.0; 60]);
+            system.nodes().iter().zip(&x).for_each(|(&u, &x)| whole[u as usize] = x);
+            mul_acc_mat_vec_csr(g.laplacian().view(), &whole[..], &mut want[..]);
+            let unit = Conductance::ONE.scaled(-system.shift());
+            for (&u, got) in system.nodes().iter().zip(got) {
+                assert!((unit * got - want[u as usize]).abs() < 1e-13, "{got} against {}", want[u as usize]);
+            }
+        }
     }
 }

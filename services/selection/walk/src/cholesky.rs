@@ -3,47 +3,11 @@
 //! It subtracts from a stored diagonal, so its error grows with the condition of the graph.
 
 use std::marker::PhantomData;
-use std::ops::{Add, Div, Mul, Sub};
 
+use super::float::Float;
 use super::gth::wait;
 use super::system::System;
 use super::{SystemSolver, WalkError};
-
-/// Plain floating point.
-pub trait Float:
-    Copy + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + PartialOrd
-{
-    /// Name in messages.
-    const NAME: &'static str;
-    /// Rounded from f64.
-    fn of(x: f64) -> Self;
-    /// Converted to f64.
-    fn value(self) -> f64;
-}
-
-impl Float for f64 {
-    const NAME: &'static str = "f64";
-
-    fn of(x: f64) -> Self {
-        x
-    }
-
-    fn value(self) -> f64 {
-        self
-    }
-}
-
-impl Float for f32 {
-    const NAME: &'static str = "f32";
-
-    fn of(x: f64) -> Self {
-        x as Self
-    }
-
-    fn value(self) -> f64 {
-        f64::from(self)
-    }
-}
 
 /// Sparse LDLᵀ factorization in `T`.
 #[derive(Debug, Clone, Copy, Default)]
@@ -74,7 +38,7 @@ impl<T: Float> SystemSolver for Cholesky<T> {
         for k in 0..n {
             let column = fill.column(k);
             let mut d = T::of((system.foreground()[k] + system.background()[k]).scaled(shift));
-            for &(j, c) in system.links(k as u32) {
+            for (j, c) in system.links(k as u32) {
                 let w = T::of(c.scaled(shift));
                 d = d + w;
                 if j as usize > k {

@@ -11,8 +11,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use sprs::{CsMatI, PermOwnedI, transform_mat_papt};
+
 use super::conductance::Conductance;
 use super::gth::{F64_RANGE, Real};
+use super::network::{range, row};
 use super::ordering::minimum_degree;
 use super::system::Fill;
 use super::{Network, Seed, Solution, WalkError};
@@ -28,20 +31,21 @@ struct Structure {
     before: Vec<(u32, u32)>,
     /// First position of the contiguous rows at the end of each column.
     dense: Vec<usize>,
-    /// Conductances of the graph to later ranks.
-    own_offsets: Vec<usize>,
-    own: Vec<(u32, Conductance)>,
+    /// The matrix of the graph in elimination order.
+    ordered: CsMatI<Conductance, u32, usize>,
+    /// First position of each row right of the diagonal: the conductances to later ranks.
+    later: Vec<usize>,
+    /// Smallest and largest binary exponent of the conductances.
+    exponents: Option<(i64, i64)>,
     degree: Vec<Conductance>,
 }
 
 impl Structure {
-    fn new(network: &Network, order: Vec<u32>) -> Self {
+    fn new(network: &Network, order: &PermOwnedI<u32>) -> Self {
         let n = network.len();
-        let mut rank = vec![0_u32; n];
-        for (k, &u) in (0..).zip(&order) {
-            rank[u as usize] = k;
-        }
-        let fill = Fill::new(n, |k| network.links(order[k as usize]).iter().map(|l| rank[l.0 as usize]));
+        let ordered = transform_mat_papt(network.adjacency(), order.view());
+        let order = order.vec();
+        let fill = Fill::new(&ordered);
         let rows = fill.rows();
         let mut before_offsets = vec![0_usize; n + 1];
         for &j in rows {
@@ -66,28 +70,37 @@ impl Structure {
             }
             dense.push(from);
         }
-        let mut own_offsets = vec![0];
-        let mut own = Vec::new();
-        for (k, &u) in (0_u32..).zip(&order) {
-            own.extend(network.links(u).iter().map(|l| (rank[l.0 as usize], l.1)).filter(|l| l.0 > k));
-            own_offsets.push(own.len());
-        }
+        let later = (0..)
+            .take(n)
+            .map(|k| range(&ordered, k as usize).start + row(&ordered, k).0.partition_point(|&j| j < k))
+            .collect();
+        let exponents = exponent_range(ordered.data().iter().copied());
         let degree = order.iter().map(|&u| network.degree(u)).collect();
-        Self { order, fill, before_offsets, before, dense, own_offsets, own, degree }
+        Self { order, fill, before_offsets, before, dense, ordered, later, exponents, degree }
     }
 
     /// Smallest and largest binary exponent of the conductances, including a leak.
     fn exponents(&self, leak: Conductance) -> (i64, i64) {
-        let leaks = self.degree.iter().map(|&d| d * leak);
-        self.own
-            .iter()
-            .map(|o| o.1)
-            .chain(leaks)
-            .filter(|c| !c.is_zero())
-            .map(Conductance::exponent)
-            .fold(None, |range: Option<(i64, i64)>, e| Some(range.map_or((e, e), |r| (r.0.min(e), r.1.max(e)))))
-            .unwrap_or((0, 0))
+        let leaks = exponent_range(self.degree.iter().map(|&d| d * leak));
+        match (self.exponents, leaks) {
+            (Some(a), Some(b)) => (a.0.min(b.0), a.1.max(b.1)),
+            (range, other) => range.or(other).unwrap_or((0, 0)),
+        }
     }
+
+    /// Ranks and conductances of the later neighbours of a rank in the graph.
+    fn own(&self, k: usize) -> impl Iterator<Item = (u32, Conductance)> + '_ {
+        let later = self.later[k]..range(&self.ordered, k).end;
+        self.ordered.indices()[later.clone()].iter().copied().zip(self.ordered.data()[later].iter().copied())
+    }
+}
+
+/// Smallest and largest binary exponent of conductances above 0.
+fn exponent_range(conductances: impl Iterator<Item = Conductance>) -> Option<(i64, i64)> {
+    conductances
+        .filter(|c| !c.is_zero())
+        .map(Conductance::exponent)
+        .fold(None, |range, e| Some(range.map_or((e, e), |r: (i64, i64)| (r.0.min(e), r.1.max(e)))))
 }
 
 /// The values of an elimination.
@@ -145,7 +158,7 @@ impl<T: Real> Columns<T> {
     /// Computes column k from the earlier columns.
     fn compute(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
         let rows = s.fill.rows();
-        for &(j, c) in &s.own[s.own_offsets[k]..s.own_offsets[k + 1]] {
+        for (j, c) in s.own(k) {
             self.work[j as usize] = T::of(c, self.shift);
         }
         let (mut f, mut b) = (T::ZERO, T::of(s.degree[k] * leak, self.shift));
@@ -316,11 +329,16 @@ pub struct Elimination {
 
 impl Elimination {
     /// Prepares the elimination of a graph. `order` is as for [`super::solve`].
+    ///
+    /// # Panics
+    /// If the order is that of a graph with another number of nodes.
     #[must_use]
-    pub fn new(network: &Network, order: Option<Vec<u32>>) -> Self {
+    pub fn new(network: &Network, order: Option<&PermOwnedI<u32>>) -> Self {
         let n = network.len();
-        let order = order.unwrap_or_else(|| minimum_degree(n, |u| network.links(u).iter().map(|l| l.0)));
-        let structure = Arc::new(Structure::new(network, order));
+        let structure = Arc::new(match order {
+            Some(order) => Structure::new(network, order),
+            None => Structure::new(network, &minimum_degree(network.adjacency())),
+        });
         Self { structure, seeds: vec![Seed::None; n], leaking: vec![true; n], leak: 0.0, numbers: None, made: 0 }
     }
 
@@ -442,8 +460,7 @@ impl Elimination {
     /// [`WalkError`] if the numbers break down.
     pub(super) fn grounded(network: &Network, ground: &[f64]) -> Result<Self, WalkError> {
         let n = network.len();
-        let order = minimum_degree(n, |u| network.links(u).iter().map(|l| l.0));
-        let mut structure = Structure::new(network, order);
+        let mut structure = Structure::new(network, &minimum_degree(network.adjacency()));
         let of = |u: &u32| Conductance::new(ground[*u as usize]).unwrap_or(Conductance::ZERO);
         structure.degree = structure.order.iter().map(of).collect();
         let structure = Arc::new(structure);

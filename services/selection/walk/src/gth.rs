@@ -120,7 +120,7 @@ pub(super) fn eliminate<T: Real>(system: &System) -> (Vec<f64>, Vec<f64>) {
     let mut position = vec![0_usize; n];
     for k in 0..n {
         let column = fill.column(k);
-        for &(j, c) in system.links(k as u32) {
+        for (j, c) in system.links(k as u32) {
             if j as usize > k {
                 work[j as usize] = T::of(c, shift);
             }

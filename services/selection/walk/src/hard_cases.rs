@@ -273,7 +273,8 @@ fn three_regions_with_gaps_and_sharp_sigmas() {
         let mut edges = Vec::new();
         for i in 0..n {
             for j in 0..i {
-                let d = sg_clusters::vertices::distance_squared(&points[i as usize], &points[j as usize]).sqrt();
+                let pairs = points[i as usize].iter().zip(&points[j as usize]);
+                let d = pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
                 if d < 0.62 {
                     edges.push((i, j, Conductance::exp(-(sharp * d / 0.2).powi(2))));
                 }
@@ -318,42 +319,20 @@ fn numbers_that_are_no_walk_are_refused() {
         assert!(matches!(run(&g, &seeded(2, &[0], &[]), leak, solver.as_ref()), Err(WalkError::Leak(_))));
     }
     assert!(matches!(run(&g, &[Seed::None], 0.0, solver.as_ref()), Err(WalkError::Seeds { .. })));
+    let problem = Problem { network: &g, seeds: &[Seed::None; 2], leak: 0.0, leaking: None };
+    let refused = solve(&problem, solver.as_ref(), Some(&PermOwnedI::identity(3)));
+    assert_eq!(refused, Err(WalkError::Order { found: 3, nodes: 2 }));
 }
 
 #[test]
 fn a_cached_order_changes_nothing_but_rounding() {
     let g = network(300, &mesh(0, 300, 6));
     let seeds = seeded(300, &[1, 2], &[200]);
-    let order = ordering::minimum_degree(300, |u| g.links(u).iter().map(|l| l.0));
+    let order = ordering::minimum_degree(g.adjacency());
     let solver = Solver::Gth.with(Precision::F64);
     let problem = Problem { network: &g, seeds: &seeds, leak: 0.03, leaking: None };
     let cached = solve(&problem, solver.as_ref(), Some(&order)).unwrap();
     assert!(error(&cached, &gth(&g, &seeds, 0.03)) < 1e-14);
-}
-
-#[test]
-fn a_thousand_clusters_in_milliseconds() {
-    // A volume of clusters: 960 nodes, each joined to its 14 nearest.
-    let points = sg_scene::synthetic::random_points_f64(960, 8);
-    let v = sg_clusters::vertices::Vertices::ordered((0..).zip(points).collect());
-    let graph = sg_clusters::neighbours::neighbour_graph(&v, 11).unwrap();
-    let mut r = generator(9);
-    let g = Network::new(960, graph.edges().map(|e| (e.a, e.b, Conductance::exp(-4.0 * r.random_range(0.0..1.0_f64)))));
-    let order = ordering::minimum_degree(960, |u| g.links(u).iter().map(|l| l.0));
-    let seeds = seeded(960, &[0, 1, 2, 3], &[700, 701]);
-    let problem = Problem { network: &g, seeds: &seeds, leak: 0.03, leaking: None };
-    let solver = Solver::Gth.with(Precision::F64);
-    let mut best = f64::INFINITY;
-    for _ in 0..20 {
-        let start = std::time::Instant::now();
-        solve(&problem, solver.as_ref(), Some(&order)).unwrap();
-        best = best.min(start.elapsed().as_secs_f64());
-    }
-    let start = std::time::Instant::now();
-    ordering::minimum_degree(960, |u| g.links(u).iter().map(|l| l.0));
-    println!("960 nodes: walk {:.2} ms, order {:.2} ms", 1e3 * best, 1e3 * start.elapsed().as_secs_f64());
-    // A busy machine must not fail the test; the aim is 2 ms.
-    assert!(best < 0.1, "{best} s");
 }
 
 proptest! {

@@ -4,7 +4,9 @@
 //! Nodes are renumbered so that the members of an aggregate are contiguous on every level.
 
 use rayon::prelude::*;
+use sprs::CsMatI;
 
+use super::network::{links, range};
 use super::{Conductance, Network};
 
 /// Storage format of conductances: rounded once, relative to the largest, and summed in f64.
@@ -44,9 +46,8 @@ impl Stored for f64 {
 /// One level: a graph and the members of its nodes on the finer level.
 #[derive(Debug, Clone)]
 pub(super) struct Level<W> {
-    pub(super) offsets: Vec<u32>,
-    pub(super) targets: Vec<u32>,
-    pub(super) weights: Vec<W>,
+    /// Conductances: symmetric. Those out of range are stored as 0.
+    matrix: CsMatI<W, u32>,
     /// Members of node i are `members[i]..members[i + 1]` of the finer level; empty at the finest.
     pub(super) members: Vec<u32>,
     /// Node of the next coarser level; empty at the coarsest.
@@ -55,16 +56,26 @@ pub(super) struct Level<W> {
 
 impl<W: Stored> Level<W> {
     pub(super) fn len(&self) -> usize {
-        self.offsets.len() - 1
+        self.matrix.rows()
     }
 
+    /// Neighbours of all nodes, row after row.
+    pub(super) fn targets(&self) -> &[u32] {
+        self.matrix.indices()
+    }
+
+    /// Conductances to these neighbours.
+    pub(super) fn weights(&self) -> &[W] {
+        self.matrix.data()
+    }
+
+    /// Positions of a node's row in [`Level::targets`] and [`Level::weights`].
     pub(super) fn row(&self, i: usize) -> std::ops::Range<usize> {
-        self.offsets[i] as usize..self.offsets[i + 1] as usize
+        range(&self.matrix, i)
     }
 
     pub(super) fn links(&self, i: usize) -> impl Iterator<Item = (u32, W)> + '_ {
-        let row = self.row(i);
-        self.targets[row.clone()].iter().copied().zip(self.weights[row].iter().copied())
+        links(&self.matrix, i as u32)
     }
 }
 
@@ -89,32 +100,28 @@ impl<W: Stored> Hierarchy<W> {
     /// The hierarchy of a graph with conductances divided by 2^`shift`. Conductances out of range become 0.
     pub(super) fn new(network: &Network, shift: i64) -> Self {
         let n = network.len();
-        let rows: Vec<Vec<(u32, f64)>> = (0..n as u32)
-            .into_par_iter()
-            .with_min_len(1024)
-            .map(|u| {
-                let stored = |w: Conductance| if within::<W>(w, shift) { W::of(w.scaled(shift)).get() } else { 0.0 };
-                network.links(u).iter().map(|&(v, w)| (v, stored(w))).collect()
-            })
-            .collect();
-        let mut graphs = vec![Rows::of(&rows)];
+        let stored = |w: &Conductance| if within::<W>(*w, shift) { W::of(w.scaled(shift)).get() } else { 0.0 };
+        let adjacency = network.adjacency();
+        let offsets = adjacency.indptr().raw_storage().iter().map(|&at| at as u32).collect();
+        let weights = adjacency.data().par_iter().with_min_len(16_384).map(stored).collect();
+        let mut graphs = vec![CsMatI::new((n, n), offsets, adjacency.indices().to_vec(), weights)];
         let mut parents: Vec<Vec<u32>> = Vec::new();
         loop {
             let fine = &graphs[graphs.len() - 1];
-            let n = fine.len();
+            let n = fine.rows();
             if n <= COARSEST {
                 break;
             }
             let (mut parent, mut coarse) = matched(fine);
-            while coarse.len() as f64 > SHRINK * n as f64 {
+            while coarse.rows() as f64 > SHRINK * n as f64 {
                 let (next, graph) = matched(&coarse);
-                if graph.len() as f64 > 0.9 * coarse.len() as f64 {
+                if graph.rows() as f64 > 0.9 * coarse.rows() as f64 {
                     break;
                 }
                 parent.iter_mut().for_each(|p| *p = next[*p as usize]);
                 coarse = graph;
             }
-            if coarse.len() as f64 > 0.9 * n as f64 {
+            if coarse.rows() as f64 > 0.9 * n as f64 {
                 break;
             }
             parents.push(parent);
@@ -124,16 +131,16 @@ impl<W: Stored> Hierarchy<W> {
     }
 
     /// Renumbers the nodes so that members are contiguous.
-    fn renumbered(graphs: &[Rows], parents: &[Vec<u32>]) -> Self {
+    fn renumbered(graphs: &[Graph], parents: &[Vec<u32>]) -> Self {
         let mut levels: Vec<Level<W>> = Vec::new();
         // Coarsest first; its numbers stay.
-        let mut order: Vec<u32> = (0..graphs[graphs.len() - 1].len() as u32).collect();
+        let mut order: Vec<u32> = (0..graphs[graphs.len() - 1].rows() as u32).collect();
         let mut rank = order.clone();
         for (l, graph) in graphs.iter().enumerate().rev() {
             if l + 1 < graphs.len() {
                 // Members sorted by the new number of their parent, stably.
                 let parent = &parents[l];
-                let mut members = vec![0_u32; graphs[l + 1].len() + 1];
+                let mut members = vec![0_u32; graphs[l + 1].rows() + 1];
                 for p in parent {
                     members[rank[*p as usize] as usize + 1] += 1;
                 }
@@ -141,8 +148,8 @@ impl<W: Stored> Hierarchy<W> {
                     members[i] += members[i - 1];
                 }
                 let mut next = members.clone();
-                let mut own_rank = vec![0_u32; graph.len()];
-                order = vec![0; graph.len()];
+                let mut own_rank = vec![0_u32; graph.rows()];
+                order = vec![0; graph.rows()];
                 for (i, p) in (0_u32..).zip(parent) {
                     let at = &mut next[rank[*p as usize] as usize];
                     order[*at as usize] = i;
@@ -154,9 +161,9 @@ impl<W: Stored> Hierarchy<W> {
                     coarser.members = members;
                 }
                 rank = own_rank;
-                levels.push(graph.level(&order, &rank, new_parent));
+                levels.push(permuted(graph, &order, &rank, new_parent));
             } else {
-                levels.push(graph.level(&order, &rank, Vec::new()));
+                levels.push(permuted(graph, &order, &rank, Vec::new()));
             }
         }
         levels.reverse();
@@ -164,54 +171,35 @@ impl<W: Stored> Hierarchy<W> {
     }
 }
 
-/// A graph in compressed rows.
-#[derive(Debug, Clone, Default)]
-struct Rows {
-    offsets: Vec<u32>,
-    targets: Vec<u32>,
-    weights: Vec<f64>,
+/// A graph in f64 while the hierarchy is made.
+type Graph = CsMatI<f64, u32>;
+
+/// The matrix of rows that ascend by column.
+fn compressed<W: Stored>(rows: &[Vec<(u32, W)>]) -> CsMatI<W, u32> {
+    let entries = rows.iter().map(Vec::len).sum();
+    let mut offsets = Vec::with_capacity(rows.len() + 1);
+    let (mut targets, mut weights) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
+    offsets.push(0);
+    for row in rows {
+        targets.extend(row.iter().map(|l| l.0));
+        weights.extend(row.iter().map(|l| l.1));
+        offsets.push(targets.len() as u32);
+    }
+    CsMatI::new((rows.len(), rows.len()), offsets, targets, weights)
 }
 
-impl Rows {
-    fn of(rows: &[Vec<(u32, f64)>]) -> Self {
-        let mut out = Self { offsets: vec![0], ..Self::default() };
-        for row in rows {
-            out.targets.extend(row.iter().map(|l| l.0));
-            out.weights.extend(row.iter().map(|l| l.1));
-            out.offsets.push(out.targets.len() as u32);
-        }
-        out
-    }
-
-    fn len(&self) -> usize {
-        self.offsets.len() - 1
-    }
-
-    fn links(&self, i: usize) -> impl Iterator<Item = (u32, f64)> + '_ {
-        let row = self.offsets[i] as usize..self.offsets[i + 1] as usize;
-        self.targets[row.clone()].iter().copied().zip(self.weights[row].iter().copied())
-    }
-
-    fn level<W: Stored>(&self, order: &[u32], rank: &[u32], parent: Vec<u32>) -> Level<W> {
-        let rows: Vec<Vec<(u32, W)>> = order
-            .par_iter()
-            .with_min_len(1024)
-            .map(|&i| {
-                let mut row: Vec<(u32, W)> =
-                    self.links(i as usize).map(|(j, w)| (rank[j as usize], W::of(w))).collect();
-                row.sort_unstable_by_key(|l| l.0);
-                row
-            })
-            .collect();
-        let mut level =
-            Level { offsets: vec![0], targets: Vec::new(), weights: Vec::new(), members: Vec::new(), parent };
-        for row in rows {
-            level.targets.extend(row.iter().map(|l| l.0));
-            level.weights.extend(row.iter().map(|l| l.1));
-            level.offsets.push(level.targets.len() as u32);
-        }
-        level
-    }
+/// The level of a graph in a new order. The permutation of `sprs` takes one thread; this one takes all.
+fn permuted<W: Stored>(graph: &Graph, order: &[u32], rank: &[u32], parent: Vec<u32>) -> Level<W> {
+    let rows: Vec<Vec<(u32, W)>> = order
+        .par_iter()
+        .with_min_len(1024)
+        .map(|&i| {
+            let mut row: Vec<(u32, W)> = links(graph, i).map(|(j, w)| (rank[j as usize], W::of(w))).collect();
+            row.sort_unstable_by_key(|l| l.0);
+            row
+        })
+        .collect();
+    Level { matrix: compressed(&rows), members: Vec::new(), parent }
 }
 
 const NONE: u32 = u32::MAX;
@@ -220,14 +208,14 @@ const NONE: u32 = u32::MAX;
 ///
 /// Nodes without a partner join the aggregate of their strongest neighbour. Returns the aggregate of each node and the graph
 /// of aggregates.
-fn matched(graph: &Rows) -> (Vec<u32>, Rows) {
-    let n = graph.len();
+fn matched(graph: &Graph) -> (Vec<u32>, Graph) {
+    let n = graph.rows();
     let stronger = |best: Option<(u32, f64)>, l: (u32, f64)| match best {
         Some(b) if b.1 >= l.1 => best,
         _ => Some(l),
     };
     let strongest: Vec<Option<(u32, f64)>> =
-        (0..n).map(|i| graph.links(i).filter(|l| l.1 > 0.0).fold(None, stronger)).collect();
+        (0..).take(n).map(|i| links(graph, i).filter(|l| l.1 > 0.0).fold(None, stronger)).collect();
     let bond = |i: usize| strongest[i].map_or(0.0, |l| l.1);
     let mut parent = vec![NONE; n];
     let mut count = 0;
@@ -240,7 +228,7 @@ fn matched(graph: &Rows) -> (Vec<u32>, Rows) {
             let j = l.0 as usize;
             parent[j] == NONE && j != i && l.1 > 0.0 && l.1 >= STRONG * bond(i).max(bond(j))
         };
-        match graph.links(i).filter(fit).fold(None, stronger) {
+        match links(graph, i as u32).filter(fit).fold(None, stronger) {
             Some((j, _)) => {
                 (parent[i], parent[j as usize]) = (count, count);
                 count += 1;
@@ -268,8 +256,9 @@ fn matched(graph: &Rows) -> (Vec<u32>, Rows) {
     (parent, coarse)
 }
 
-/// The graph of aggregates: conductances between members of different ones add up.
-fn quotient(graph: &Rows, parent: &[u32], count: usize) -> Rows {
+/// The graph of aggregates: conductances between members of different ones add up. A product of `sprs` would keep the sums
+/// inside an aggregate, and take one thread.
+fn quotient(graph: &Graph, parent: &[u32], count: usize) -> Graph {
     let mut offsets = vec![0_usize; count + 1];
     for p in parent {
         offsets[*p as usize + 1] += 1;
@@ -289,7 +278,7 @@ fn quotient(graph: &Rows, parent: &[u32], count: usize) -> Rows {
         .map(|c| {
             let mut row: Vec<(u32, f64)> = members[offsets[c]..offsets[c + 1]]
                 .iter()
-                .flat_map(|&i| graph.links(i as usize))
+                .flat_map(|&i| links(graph, i))
                 .map(|(j, w)| (parent[j as usize], w))
                 .filter(|l| l.0 as usize != c)
                 .collect();
@@ -305,7 +294,7 @@ fn quotient(graph: &Rows, parent: &[u32], count: usize) -> Rows {
             row
         })
         .collect();
-    Rows::of(&rows)
+    compressed(&rows)
 }
 
 /// Whether a conductance is in range of the largest one. `shift` is the exponent of the largest.

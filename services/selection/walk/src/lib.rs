@@ -4,6 +4,8 @@
 //! the background terminal. With a leak, foreground seeds alone give a bounded region. The solvers compute p and q = 1 − p
 //! separately. A node is selected if p − q > 1e-12. So ties and unreached nodes (p = q = 0) are not selected.
 //!
+//! Graphs, Laplacians and elimination orders are matrices and permutations of [`sprs`], which this crate exports again.
+//!
 //! - [`Network`], [`Problem`], [`solve`]: one walk.
 //! - [`elimination`]: many walks on one graph, with a subtraction-free elimination.
 //! - [`multilevel`]: iterative walks on graphs too large to eliminate.
@@ -11,14 +13,20 @@
 //!
 //! # Example
 //!
-//! A path of four nodes with a foreground seed at one end and a background seed at the other:
+//! A path of four nodes with a foreground seed at one end and a background seed at the other. The graph is a sparse matrix:
 //!
 //! ```
-//! use sg_walk::{Conductance, Network, Precision, Problem, Seed, Solver, WalkError, solve};
+//! use sg_walk::sprs::prod::mul_acc_mat_vec_csr;
+//! use sg_walk::sprs::{CsMat, TriMat};
+//! use sg_walk::{Network, Precision, Problem, Seed, Solver, solve};
 //!
-//! let edges = [(0, 1, 1.0), (1, 2, 1.0), (2, 3, 2.0)];
-//! let edges = edges.into_iter().filter_map(|(u, v, w)| Some((u, v, Conductance::new(w)?)));
-//! let network = Network::new(4, edges);
+//! let mut triplets = TriMat::new((4, 4));
+//! for (u, v, w) in [(0, 1, 1.0), (1, 2, 1.0), (2, 3, 2.0)] {
+//!     triplets.add_triplet(u, v, w);
+//!     triplets.add_triplet(v, u, w);
+//! }
+//! let adjacency: CsMat<f64> = triplets.to_csr();
+//! let network = Network::from_adjacency(adjacency.view())?;
 //! let seeds = [Seed::Foreground, Seed::None, Seed::None, Seed::Background];
 //! let problem = Problem { network: &network, seeds: &seeds, leak: 0.0, leaking: None };
 //! let solver = Solver::Gth.with(Precision::F64);
@@ -28,8 +36,16 @@
 //! assert!(close(&solution.p, [1.0, 0.6, 0.2, 0.0]));
 //! assert!(close(&solution.q, [0.0, 0.4, 0.8, 1.0]));
 //! assert!(solution.is_selected(1) && !solution.is_selected(2));
-//! # Ok::<(), WalkError>(())
+//!
+//! // p is harmonic: the Laplacian times p is 0 at the nodes without a seed.
+//! let mut flow = [0.0; 4];
+//! mul_acc_mat_vec_csr(network.laplacian().view(), &solution.p[..], &mut flow[..]);
+//! assert!(flow[1].abs() < 1e-15 && flow[2].abs() < 1e-15);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! [`Network::new`] takes a list of edges instead. Its conductances have exponents of their own ([`Conductance`]), so they may
+//! be smaller than any f64.
 
 #![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
 
@@ -37,9 +53,11 @@ pub mod cg;
 pub mod cholesky;
 pub mod conductance;
 pub mod elimination;
+pub mod float;
 pub mod gth;
 mod hierarchy;
 pub mod multilevel;
+mod network;
 pub mod ordering;
 pub mod system;
 pub mod uncertainty;
@@ -56,73 +74,13 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 pub use conductance::Conductance;
+pub use network::{AdjacencyError, Network};
+pub use sprs;
+use sprs::PermOwnedI;
 use system::System;
 
 /// p − q of a selected node exceeds this number.
 pub const THRESHOLD: f64 = 1e-12;
-
-/// A weighted undirected graph.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Network {
-    offsets: Vec<usize>,
-    links: Vec<(u32, Conductance)>,
-}
-
-impl Network {
-    /// The graph of `nodes` nodes. Duplicate edges add up. Self-loops and zero conductances are ignored.
-    ///
-    /// Edges with an end outside `0..nodes` are also ignored; check input from files first.
-    #[must_use]
-    pub fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, Conductance)>) -> Self {
-        let mut directed: Vec<(u32, u32, Conductance)> = edges
-            .filter(|(u, v, w)| u != v && !w.is_zero() && (*u as usize) < nodes && (*v as usize) < nodes)
-            .flat_map(|(u, v, w)| [(u, v, w), (v, u, w)])
-            .collect();
-        // A stable sort: duplicates add up in the order of the list, the same from both ends.
-        directed.sort_by_key(|d| (d.0, d.1));
-        let mut offsets = vec![0; nodes + 1];
-        let mut links: Vec<(u32, Conductance)> = Vec::with_capacity(directed.len());
-        let mut last = None;
-        for (u, v, w) in directed {
-            match links.last_mut() {
-                Some(link) if last == Some((u, v)) => link.1 = link.1 + w,
-                _ => {
-                    links.push((v, w));
-                    offsets[u as usize + 1] += 1;
-                }
-            }
-            last = Some((u, v));
-        }
-        for u in 0..nodes {
-            offsets[u + 1] += offsets[u];
-        }
-        Self { offsets, links }
-    }
-
-    /// Number of nodes.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.offsets.len().saturating_sub(1)
-    }
-
-    /// Whether there is no node.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Neighbours of a node with the conductances to them, ascending.
-    #[must_use]
-    pub fn links(&self, u: u32) -> &[(u32, Conductance)] {
-        &self.links[self.offsets[u as usize]..self.offsets[u as usize + 1]]
-    }
-
-    /// Sum of the conductances at a node.
-    #[must_use]
-    pub fn degree(&self, u: u32) -> Conductance {
-        self.links(u).iter().map(|l| l.1).sum()
-    }
-}
 
 /// Seed of a node.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -184,6 +142,14 @@ pub enum WalkError {
     #[error("{found} seeds were given for a graph of {nodes} nodes")]
     Seeds {
         /// Length of the list.
+        found: usize,
+        /// Nodes of the graph.
+        nodes: usize,
+    },
+    /// An elimination order of another graph.
+    #[error("the elimination order has {found} nodes, and the graph has {nodes}")]
+    Order {
+        /// Length of the order.
         found: usize,
         /// Nodes of the graph.
         nodes: usize,
@@ -258,7 +224,11 @@ impl Solver {
 ///
 /// # Errors
 /// [`WalkError`] if the input is invalid or the solver breaks down.
-pub fn solve(problem: &Problem<'_>, solver: &dyn SystemSolver, order: Option<&[u32]>) -> Result<Solution, WalkError> {
+pub fn solve(
+    problem: &Problem<'_>,
+    solver: &dyn SystemSolver,
+    order: Option<&PermOwnedI<u32>>,
+) -> Result<Solution, WalkError> {
     let n = problem.network.len();
     if !(problem.leak >= 0.0 && problem.leak.is_finite()) {
         return Err(WalkError::Leak(problem.leak));
@@ -266,19 +236,16 @@ pub fn solve(problem: &Problem<'_>, solver: &dyn SystemSolver, order: Option<&[u
     if problem.seeds.len() != n || problem.leaking.is_some_and(|l| l.len() != n) {
         return Err(WalkError::Seeds { found: problem.seeds.len(), nodes: n });
     }
+    if let Some(order) = order.filter(|order| order.dim() != n) {
+        return Err(WalkError::Order { found: order.dim(), nodes: n });
+    }
     let is = |seed| move |s: &Seed| *s == seed;
     let mut solution = Solution {
         p: problem.seeds.iter().map(|s| f64::from(u8::from(is(Seed::Foreground)(s)))).collect(),
         q: problem.seeds.iter().map(|s| f64::from(u8::from(is(Seed::Background)(s)))).collect(),
         reached: problem.seeds.iter().map(|s| *s != Seed::None).collect(),
     };
-    let rank = order.map(|order| {
-        let mut rank = vec![u32::MAX; n];
-        for (k, &u) in (0..).zip(order) {
-            rank[u as usize] = k;
-        }
-        rank
-    });
+    let rank = order.map(PermOwnedI::inv_vec);
     for nodes in unknown_components(problem) {
         let foreground = touches(problem, &nodes, Seed::Foreground);
         let background = touches(problem, &nodes, Seed::Background) || leaks(problem, &nodes);
@@ -318,7 +285,7 @@ fn unknown_components(problem: &Problem<'_>) -> Vec<Vec<u32>> {
         let mut nodes = Vec::new();
         while let Some(u) = queue.pop_front() {
             nodes.push(u);
-            for &(v, _) in problem.network.links(u) {
+            for &v in problem.network.neighbours(u) {
                 if !seen[v as usize] {
                     seen[v as usize] = true;
                     queue.push_back(v);
@@ -332,10 +299,12 @@ fn unknown_components(problem: &Problem<'_>) -> Vec<Vec<u32>> {
 }
 
 fn touches(problem: &Problem<'_>, nodes: &[u32], seed: Seed) -> bool {
-    nodes.iter().any(|&u| problem.network.links(u).iter().any(|l| problem.seeds[l.0 as usize] == seed))
+    nodes.iter().any(|&u| problem.network.neighbours(u).iter().any(|&v| problem.seeds[v as usize] == seed))
 }
 
 fn leaks(problem: &Problem<'_>, nodes: &[u32]) -> bool {
     problem.leak > 0.0
-        && nodes.iter().any(|&u| problem.leaking.is_none_or(|l| l[u as usize]) && !problem.network.links(u).is_empty())
+        && nodes
+            .iter()
+            .any(|&u| problem.leaking.is_none_or(|l| l[u as usize]) && !problem.network.neighbours(u).is_empty())
 }

@@ -114,8 +114,7 @@ impl Multilevel {
     /// are always f64.
     #[must_use]
     pub fn new(network: Arc<Network>, precision: Precision) -> Self {
-        let n = network.len();
-        let shift = (0..n as u32).flat_map(|u| network.links(u).iter().map(|l| l.1.exponent())).max().unwrap_or(0);
+        let shift = network.adjacency().data().iter().map(|w| w.exponent()).max().unwrap_or(0);
         let narrow = (precision == Precision::F32).then(|| reach::<f32>(&network, shift)).filter(|r| !r.1);
         let (stored, (faint, torn)) = match narrow {
             Some(reach) => (Levels::Narrow(Hierarchy::new(&network, shift)), reach),
@@ -205,7 +204,7 @@ impl Multilevel {
                         end[1] |= p < 1.0;
                     }
                     // A node without a neighbour has no leak.
-                    None => end[1] |= leaks(u) && !self.network.links(u as u32).is_empty(),
+                    None => end[1] |= leaks(u) && !self.network.neighbours(u as u32).is_empty(),
                 }
             }
             ends
@@ -268,7 +267,7 @@ impl Multilevel {
         let of = |p: f64| Conductance::new(p).unwrap_or(Conductance::ZERO);
         let mut edges = Vec::new();
         for (k, &u) in (0..).zip(&rest) {
-            for &(v, w) in self.network.links(u) {
+            for (v, w) in self.network.links(u) {
                 match rest.binary_search(&v) {
                     Ok(j) if j as u32 > k => edges.push((k, j as u32, w)),
                     Ok(_) => {}
@@ -305,9 +304,9 @@ fn reach<W: Stored>(network: &Network, shift: i64) -> (Vec<bool>, bool) {
         .into_par_iter()
         .with_min_len(1024)
         .map(|u| {
-            let out = network.links(u).iter().map(|l| l.1).filter(|w| !within::<W>(*w, shift));
+            let out = network.links(u).map(|l| l.1).filter(|w| !within::<W>(*w, shift));
             let (count, sum) = out.fold((0, Conductance::ZERO), |(count, sum), w| (count + 1, sum + w));
-            let faint = count == network.links(u).len();
+            let faint = count == network.neighbours(u).len();
             (faint, !faint && (sum / network.degree(u)).scaled(0) > MAX_LEFT_OUT)
         })
         .collect();
@@ -327,7 +326,7 @@ fn components(network: &Network, least: i64) -> Components {
         of[start as usize] = count;
         stack.push(start);
         while let Some(u) = stack.pop() {
-            for &(v, w) in network.links(u) {
+            for (v, w) in network.links(u) {
                 if w.exponent() >= least && of[v as usize] == u32::MAX {
                     of[v as usize] = count;
                     stack.push(v);
@@ -392,14 +391,14 @@ impl<'a, W: Stored> Cycle<'a, W> {
                 .with_min_len(256)
                 .map(|c| {
                     coarse_changed[c].then(|| {
-                        let targets = &coarse.targets[coarse.row(c)];
+                        let targets = &coarse.targets()[coarse.row(c)];
                         let mut sums = vec![0.0; targets.len()];
                         for i in members(coarse, c).filter(|&i| fine_weights.is_some() || free[i]) {
                             for at in fine.row(i) {
-                                let j = fine.targets[at] as usize;
+                                let j = fine.targets()[at] as usize;
                                 let w = match fine_weights {
                                     Some(weights) => weights[at],
-                                    None if free[j] => fine.weights[at],
+                                    None if free[j] => fine.weights()[at],
                                     None => continue,
                                 };
                                 if let Ok(slot) = targets.binary_search(&fine.parent[j]) {
@@ -411,7 +410,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
                     })
                 })
                 .collect();
-            let mut made = coarse.weights.clone();
+            let mut made = coarse.weights().to_vec();
             for (c, row) in own.into_iter().enumerate() {
                 if let Some(row) = row {
                     made[coarse.row(c)].copy_from_slice(&row);
@@ -429,11 +428,11 @@ impl<'a, W: Stored> Cycle<'a, W> {
             diagonal.iter().map(|d| d.iter().map(|&d| if d > 0.0 { 1.0 / d } else { 0.0 }).collect()).collect();
         let last = hierarchy.levels.len() - 1;
         let level = &hierarchy.levels[last];
-        let own = weights.last().map_or(&level.weights, |w| w);
+        let own = weights.last().map_or(level.weights(), Vec::as_slice);
         let links = (0..level.len()).flat_map(|i| {
             let open = |i: usize| inverse[last][i] > 0.0;
             level.row(i).filter(move |_| open(i)).filter_map(move |at| {
-                let j = level.targets[at];
+                let j = level.targets()[at];
                 (i < j as usize && open(j as usize))
                     .then(|| Some((i as u32, j, Conductance::new(own[at].get())?)))
                     .flatten()
@@ -444,13 +443,13 @@ impl<'a, W: Stored> Cycle<'a, W> {
     }
 
     fn weights(&self, l: usize) -> &[W] {
-        if l == 0 { &self.hierarchy.levels[0].weights } else { &self.weights[l - 1] }
+        if l == 0 { self.hierarchy.levels[0].weights() } else { &self.weights[l - 1] }
     }
 
     /// Contribution of the rows' neighbours: Σ w·x.
     fn gathered(level: &Level<W>, weights: &[W], i: usize, x: &[f64]) -> f64 {
         let row = level.row(i);
-        let links = level.targets[row.clone()].iter().zip(&weights[row]);
+        let links = level.targets()[row.clone()].iter().zip(&weights[row]);
         links.fold(0.0, |sum, (&j, w)| sum + w.get() * x[j as usize])
     }
 
@@ -471,6 +470,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
     /// Forward sweep from 0.
     fn forwards(&self, l: usize, r: &[f64]) -> Vec<f64> {
         let (level, weights, inverse) = (&self.hierarchy.levels[l], self.weights(l), &self.inverse[l]);
+        let targets = level.targets();
         let mut x = vec![0.0; level.len()];
         x.par_chunks_mut(BLOCK).enumerate().for_each(|(b, block)| {
             let start = b * BLOCK;
@@ -480,7 +480,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
                 }
                 let mut sum = r[i];
                 for at in level.row(i) {
-                    let j = level.targets[at] as usize;
+                    let j = targets[at] as usize;
                     if j >= i {
                         break;
                     }
@@ -497,6 +497,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
     /// Backward sweep from `old`.
     fn backwards(&self, l: usize, r: &[f64], old: &[f64]) -> Vec<f64> {
         let (level, weights, inverse) = (&self.hierarchy.levels[l], self.weights(l), &self.inverse[l]);
+        let targets = level.targets();
         let mut x = old.to_vec();
         x.par_chunks_mut(BLOCK).enumerate().for_each(|(b, block)| {
             let start = b * BLOCK;
@@ -506,7 +507,7 @@ impl<'a, W: Stored> Cycle<'a, W> {
                 }
                 let mut sum = r[i];
                 for at in level.row(i) {
-                    let j = level.targets[at] as usize;
+                    let j = targets[at] as usize;
                     let x = block.get(j.wrapping_sub(start)).copied().unwrap_or_else(|| old[j]);
                     sum += weights[at].get() * x;
                 }

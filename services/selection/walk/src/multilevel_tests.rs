@@ -1,4 +1,4 @@
-//! The multilevel walk against the elimination, and its cost.
+//! The multilevel walk against the elimination. Walks on the neighbours of points are tested in `sg-clusters`.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use rand::RngExt;
 
 use super::hard_cases::{gth, mesh, network, run, seeded};
-use super::multilevel::{Answer, Boundary, Multilevel, Quality};
+use super::multilevel::{Answer, Boundary, Multilevel};
 use super::*;
 use sg_scene::synthetic::generator;
 
@@ -20,86 +20,6 @@ fn off(got: &Answer, want: &Solution) -> (f64, usize) {
     let pairs = || got.p.iter().zip(&want.p).zip(&want.reached).filter(|(_, r)| **r).map(|(x, _)| x);
     let flips = pairs().filter(|(a, b)| (**b - 0.5).abs() > 1e-3 && (**a > 0.5) != (**b > 0.5)).count();
     (pairs().map(|(a, b)| (a - b).abs()).fold(0.0, f64::max), flips)
-}
-
-/// Points on the surface of a ball or in a cube. Each is joined to its nearest with the weights that walks on Gaussians have.
-pub(super) fn cloud(n: usize, surface: bool, sharp: f64, seed: u64) -> (Network, Vec<[f64; 3]>) {
-    let mut r = generator(seed);
-    let points: Vec<[f64; 3]> = (0..n)
-        .map(|_| {
-            let p: [f64; 3] = std::array::from_fn(|_| r.random_range(-1.0..1.0));
-            let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if surface { p.map(|x| x / length) } else { p }
-        })
-        .collect();
-    let v = sg_clusters::vertices::Vertices::ordered((0..).zip(points.clone()).collect());
-    let graph = sg_clusters::neighbours::neighbour_graph(&v, 10).unwrap();
-    let middle = sg_clusters::cluster_graph::typical(graph.edges().map(|e| e.length));
-    let edges = graph.edges().map(|e| {
-        let feature = r.random_range(0.0..1.0);
-        let weight = Conductance::exp(-(sharp * e.length / middle).powi(2) - (sharp * feature / 0.5).powi(2));
-        (v.gaussian[e.a as usize], v.gaussian[e.b as usize], weight)
-    });
-    (Network::new(n, edges.collect::<Vec<_>>().into_iter()), points)
-}
-
-/// Foreground near one end, background near the other.
-pub(super) fn ends(points: &[[f64; 3]], background: bool) -> Vec<Seed> {
-    points
-        .iter()
-        .map(|p| match p[0] {
-            x if x > 0.9 => Seed::Foreground,
-            x if x < -0.9 && background => Seed::Background,
-            _ => Seed::None,
-        })
-        .collect()
-}
-
-#[test]
-fn small_enough_to_be_eliminated() {
-    for (surface, sharp) in [(true, 1.0), (false, 1.0), (true, 2.0)] {
-        let (g, points) = cloud(if surface { 12_000 } else { 5000 }, surface, sharp, 1);
-        let (narrow, wide) = (
-            Multilevel::new(Arc::new(g.clone()), Precision::F32),
-            Multilevel::new(Arc::new(g.clone()), Precision::F64),
-        );
-        for (background, leak) in [(false, 0.03), (true, 0.03), (true, 0.0), (false, 1e-4)] {
-            let seeds = ends(&points, background);
-            let want = gth(&g, &seeds, leak);
-            for tolerance in [1e-3, 1e-4, 1e-8] {
-                let made = if tolerance < 1e-6 { &wide } else { &narrow };
-                let got = match walk(made, &seeds, leak, tolerance) {
-                    Ok(got) => got,
-                    Err(e) => {
-                        // Conductances over many orders of magnitude, and hardly a leak: the error is reported, not hidden.
-                        println!("sharp {sharp}, leak {leak}: {e}");
-                        assert!(sharp > 1.0 && leak < 0.01);
-                        continue;
-                    }
-                };
-                let (error, flips) = off(&got, &want);
-                let Quality { iterations, estimate, bound, .. } = got.quality;
-                println!(
-                    "surface {surface}, sharp {sharp}, both {background}, leak {leak}: {iterations} iterations, error {error:.1e}, estimate {estimate:.1e}, bound {bound:?}, {flips} flips"
-                );
-                assert!(error <= estimate && estimate <= tolerance, "{error} {estimate}");
-                assert!(bound.is_none_or(|b| b >= error) && bound.is_some() == (leak > 0.0));
-                assert!(flips == 0 && got.reached == want.reached);
-            }
-        }
-    }
-}
-
-#[test]
-fn the_same_bits_for_any_number_of_threads() {
-    let (g, points) = cloud(20_000, true, 1.0, 2);
-    let seeds = ends(&points, true);
-    let of = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| walk(&Multilevel::new(Arc::new(g.clone()), Precision::F32), &seeds, 0.01, 1e-5).unwrap())
-    };
-    let one = of(1);
-    assert!([2, 3, 5].into_iter().all(|threads| of(threads) == one));
 }
 
 #[test]
@@ -208,53 +128,5 @@ proptest! {
         let Ok(got) = got else { return Ok(()) };
         prop_assert!(off(&got, &want).0 <= 1e-6, "{:?} {:?}", off(&got, &want), got.quality);
         prop_assert_eq!(got.reached, want.reached);
-    }
-}
-
-/// Processor seconds that the threads of this process have used so far.
-fn processor_seconds() -> f64 {
-    let threads = std::fs::read_dir("/proc/self/task").unwrap().flatten();
-    let told = threads.filter_map(|t| std::fs::read_to_string(t.path().join("schedstat")).ok());
-    told.filter_map(|text| text.split_whitespace().next()?.parse::<f64>().ok()).sum::<f64>() / 1e9
-}
-
-/// `cargo test --release --workspace --lib costs_of_a_walk_on_gaussians -- --ignored --nocapture`
-#[test]
-#[ignore = "times, for the documents"]
-fn costs_of_a_walk_on_gaussians() {
-    println!("milliseconds by the clock (of the processor), fastest of seven");
-    for (n, surface) in [(170_000, true), (170_000, false), (1_000_000, true), (1_000_000, false)] {
-        let (g, points) = cloud(n, surface, 1.0, 3);
-        let (start, used) = (std::time::Instant::now(), processor_seconds());
-        let made = Multilevel::new(Arc::new(g.clone()), Precision::F32);
-        println!(
-            "{n} nodes, surface {surface}: levels {:?}, set up in {:.0} ({:.0}); load {}",
-            made.sizes(),
-            1e3 * start.elapsed().as_secs_f64(),
-            1e3 * (processor_seconds() - used),
-            std::fs::read_to_string("/proc/loadavg").unwrap_or_default().trim(),
-        );
-        let wide = Multilevel::new(Arc::new(g), Precision::F64);
-        for (background, leak) in [(false, 0.03), (true, 0.03), (false, 1e-3), (true, 0.0)] {
-            let seeds = ends(&points, background);
-            let fine = walk(&wide, &seeds, leak, 1e-11).unwrap();
-            let want = Solution { q: vec![0.0; n], p: fine.p, reached: fine.reached };
-            for tolerance in [1e-3, 2e-4] {
-                let (mut clock, mut processor) = (f64::INFINITY, f64::INFINITY);
-                let mut answer = None;
-                for _ in 0..7 {
-                    let (start, used) = (std::time::Instant::now(), processor_seconds());
-                    answer = Some(walk(&made, &seeds, leak, tolerance).unwrap());
-                    clock = clock.min(1e3 * start.elapsed().as_secs_f64());
-                    processor = processor.min(1e3 * (processor_seconds() - used));
-                }
-                let answer = answer.unwrap();
-                let (error, flips) = off(&answer, &want);
-                println!(
-                    "  both {background}, leak {leak}, tolerance {tolerance:.0e}: {clock:.0} ({processor:.0}), {:?}, error {error:.1e}, {flips} flips",
-                    answer.quality
-                );
-            }
-        }
     }
 }

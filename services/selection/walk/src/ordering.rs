@@ -1,9 +1,16 @@
 //! Elimination orders of sparse graphs: approximate minimum degree on the quotient graph (Amestoy, Davis, Duff 1996,
 //! without supervariables).
 
-/// An elimination order of `n` nodes with little fill. Deterministic. `neighbours` must be symmetric; self-loops are allowed.
-pub fn minimum_degree<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32) -> I) -> Vec<u32> {
-    let mut graph = Quotient::new(n, neighbours);
+use sprs::{CsMatViewI, PermOwnedI, SpIndex};
+
+/// An elimination order of a symmetric matrix with little fill. Deterministic. Only the places of the entries count, and those
+/// on the diagonal do not.
+///
+/// Row k of the permutation is the node that is eliminated as number k.
+#[must_use]
+pub fn minimum_degree<N: Copy, Iptr: SpIndex>(matrix: CsMatViewI<'_, N, u32, Iptr>) -> PermOwnedI<u32> {
+    let n = matrix.rows();
+    let mut graph = Quotient::new(matrix);
     let mut order = Vec::with_capacity(n);
     while let Some(pivot) = graph.buckets.take_least() {
         order.push(pivot);
@@ -15,7 +22,7 @@ pub fn minimum_degree<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32
             break;
         }
     }
-    order
+    PermOwnedI::new(order)
 }
 
 /// The quotient graph. Remaining nodes are *variables*. An eliminated node is an *element*, the clique of its neighbours.
@@ -36,15 +43,11 @@ struct Quotient {
 }
 
 impl Quotient {
-    fn new<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32) -> I) -> Self {
+    fn new<N: Copy, Iptr: SpIndex>(matrix: CsMatViewI<'_, N, u32, Iptr>) -> Self {
+        let n = matrix.rows();
         let variables: Vec<Vec<u32>> = (0..)
-            .take(n)
-            .map(|u| {
-                let mut row: Vec<u32> = neighbours(u).filter(|&v| v != u && (v as usize) < n).collect();
-                row.sort_unstable();
-                row.dedup();
-                row
-            })
+            .zip(matrix.outer_iterator())
+            .map(|(u, row)| row.indices().iter().copied().filter(|&v| v != u).collect())
             .collect();
         let degree: Vec<usize> = variables.iter().map(Vec::len).collect();
         let mut buckets = Buckets::new(n);
@@ -183,6 +186,7 @@ impl Buckets {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use sprs::{CsMatI, TriMatI};
     use std::collections::BTreeSet;
 
     fn fill(n: usize, edges: &[(u32, u32)], order: &[u32]) -> usize {
@@ -206,9 +210,13 @@ mod tests {
     }
 
     fn order_of(n: usize, edges: &[(u32, u32)]) -> Vec<u32> {
-        minimum_degree(n, |u| {
-            edges.iter().filter_map(move |&(a, b)| if a == u { Some(b) } else { (b == u).then_some(a) })
-        })
+        let mut triplets = TriMatI::new((n, n));
+        for (a, b) in edges.iter().map(|&(a, b)| (a as usize, b as usize)).filter(|&(a, b)| a.max(b) < n) {
+            triplets.add_triplet(a, b, 1);
+            triplets.add_triplet(b, a, 1);
+        }
+        let matrix: CsMatI<u32, u32, usize> = triplets.to_csr();
+        minimum_degree(matrix.view()).vec()
     }
 
     #[test]

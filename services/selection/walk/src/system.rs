@@ -1,5 +1,8 @@
 //! One connected part of a walk: unknowns, conductances, and the structure of the elimination.
 
+use sprs::{CsMatI, CsMatViewI};
+
+use super::network::{links, row};
 use super::ordering::minimum_degree;
 use super::{Conductance, Problem, Seed, SystemSolver};
 
@@ -9,8 +12,7 @@ use super::{Conductance, Problem, Seed, SystemSolver};
 #[derive(Debug, Clone)]
 pub struct System {
     nodes: Vec<u32>,
-    offsets: Vec<usize>,
-    links: Vec<(u32, Conductance)>,
+    conductances: CsMatI<Conductance, u32, usize>,
     foreground: Vec<Conductance>,
     background: Vec<Conductance>,
 }
@@ -28,8 +30,7 @@ impl System {
                 Some(rank) => nodes.sort_by_key(|&u| rank[u as usize]),
                 None => {
                     let natural = Self::in_order(problem, nodes);
-                    let order = minimum_degree(natural.nodes.len(), |u| natural.links(u).iter().map(|l| l.0));
-                    nodes = order.iter().map(|&u| natural.nodes[u as usize]).collect();
+                    nodes = &minimum_degree(natural.conductances()) * &natural.nodes[..];
                 }
             }
         }
@@ -43,31 +44,37 @@ impl System {
         }
         let n = nodes.len();
         let leak = Conductance::new(problem.leak).unwrap_or(Conductance::ZERO);
-        let mut system = Self {
-            nodes,
-            offsets: Vec::with_capacity(n + 1),
-            links: Vec::new(),
-            foreground: vec![Conductance::ZERO; n],
-            background: vec![Conductance::ZERO; n],
-        };
-        system.offsets.push(0);
-        for k in 0..n {
-            let u = system.nodes[k];
+        let (mut foreground, mut background) = (vec![Conductance::ZERO; n], vec![Conductance::ZERO; n]);
+        let mut offsets = Vec::with_capacity(n + 1);
+        offsets.push(0);
+        for (k, &u) in nodes.iter().enumerate() {
             if problem.leaking.is_none_or(|l| l[u as usize]) {
-                system.background[k] = problem.network.degree(u) * leak;
+                background[k] = problem.network.degree(u) * leak;
             }
-            let start = system.links.len();
-            for &(v, w) in problem.network.links(u) {
+            let mut unknown = 0;
+            for (v, w) in problem.network.links(u) {
                 match problem.seeds[v as usize] {
-                    Seed::None => system.links.push((local[v as usize], w)),
-                    Seed::Foreground => system.foreground[k] = system.foreground[k] + w,
-                    Seed::Background => system.background[k] = system.background[k] + w,
+                    Seed::None => unknown += 1,
+                    Seed::Foreground => foreground[k] = foreground[k] + w,
+                    Seed::Background => background[k] = background[k] + w,
                 }
             }
-            system.links[start..].sort_unstable_by_key(|l| l.0);
-            system.offsets.push(system.links.len());
+            offsets.push(offsets[k] + unknown);
         }
-        system
+        // The matrix is symmetric: its columns in order fill its rows in order, without a sort.
+        let mut next = offsets.clone();
+        let mut columns = vec![0; offsets[n]];
+        let mut values = vec![Conductance::ZERO; offsets[n]];
+        for (k, &u) in (0..).zip(&nodes) {
+            for (v, w) in problem.network.links(u) {
+                if let Some(next) = next.get_mut(local[v as usize] as usize) {
+                    (columns[*next], values[*next]) = (k, w);
+                    *next += 1;
+                }
+            }
+        }
+        let conductances = CsMatI::new((n, n), offsets, columns, values);
+        Self { nodes, conductances, foreground, background }
     }
 
     /// The unknowns as nodes of the walk's graph, in this system's order.
@@ -88,10 +95,21 @@ impl System {
         self.nodes.is_empty()
     }
 
-    /// Neighbours of an unknown, with conductances, ascending.
+    /// Conductances between the unknowns: symmetric, in compressed rows, with an empty diagonal.
     #[must_use]
-    pub fn links(&self, k: u32) -> &[(u32, Conductance)] {
-        &self.links[self.offsets[k as usize]..self.offsets[k as usize + 1]]
+    pub fn conductances(&self) -> CsMatViewI<'_, Conductance, u32, usize> {
+        self.conductances.view()
+    }
+
+    /// Neighbours of an unknown, ascending.
+    #[must_use]
+    pub fn neighbours(&self, k: u32) -> &[u32] {
+        row(&self.conductances, k).0
+    }
+
+    /// Neighbours of an unknown, with conductances, ascending.
+    pub fn links(&self, k: u32) -> impl ExactSizeIterator<Item = (u32, Conductance)> + Clone + '_ {
+        links(&self.conductances, k)
     }
 
     /// Conductance of each unknown to the foreground terminal.
@@ -107,9 +125,10 @@ impl System {
     }
 
     fn exponents(&self) -> impl Iterator<Item = i64> + '_ {
-        self.links
+        self.conductances
+            .data()
             .iter()
-            .map(|l| l.1)
+            .copied()
             .chain(self.foreground.iter().copied())
             .chain(self.background.iter().copied())
             .filter(|c| !c.is_zero())
@@ -131,7 +150,7 @@ impl System {
     /// Structure of the elimination of the unknowns in order.
     #[must_use]
     pub fn fill(&self) -> Fill {
-        Fill::new(self.len(), |k| self.links(k).iter().map(|l| l.0))
+        Fill::new(&self.conductances)
     }
 }
 
@@ -143,10 +162,14 @@ pub struct Fill {
 }
 
 impl Fill {
-    /// The structure of eliminating `n` unknowns in order; `neighbours` must be symmetric.
-    pub fn new<I: Iterator<Item = u32>>(n: usize, neighbours: impl Fn(u32) -> I) -> Self {
+    /// The structure of eliminating the unknowns of a symmetric matrix in order.
+    #[must_use]
+    pub fn new<N>(matrix: &CsMatI<N, u32, usize>) -> Self {
         // The later neighbours of an unknown become neighbours of the first of them, its parent in the elimination tree.
-        let mut children: Vec<Vec<u32>> = vec![Vec::new(); n];
+        let n = matrix.rows();
+        const NONE: u32 = u32::MAX;
+        let mut first_child = vec![NONE; n];
+        let mut next_child = vec![NONE; n];
         let mut mark = vec![u32::MAX; n];
         let mut offsets = Vec::with_capacity(n + 1);
         let mut rows: Vec<u32> = Vec::new();
@@ -154,13 +177,15 @@ impl Fill {
         for k in (0..).take(n) {
             let start = rows.len();
             mark[k as usize] = k;
-            for j in neighbours(k) {
-                if j > k {
-                    mark[j as usize] = k;
-                    rows.push(j);
-                }
+            let neighbours = row(matrix, k).0;
+            for &j in &neighbours[neighbours.partition_point(|&j| j <= k)..] {
+                mark[j as usize] = k;
+                rows.push(j);
             }
-            for c in std::mem::take(&mut children[k as usize]) {
+            let mut next = first_child[k as usize];
+            while next != NONE {
+                let c = next;
+                next = next_child[c as usize];
                 for at in offsets[c as usize]..offsets[c as usize + 1] {
                     let j = rows[at];
                     if mark[j as usize] != k {
@@ -171,7 +196,8 @@ impl Fill {
             }
             rows[start..].sort_unstable();
             if let Some(&parent) = rows.get(start) {
-                children[parent as usize].push(k);
+                next_child[k as usize] = first_child[parent as usize];
+                first_child[parent as usize] = k;
             }
             offsets.push(rows.len());
         }

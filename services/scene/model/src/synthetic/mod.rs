@@ -151,6 +151,20 @@ pub fn segment_distance(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     (p - (a + ab * t)).length()
 }
 
+/// Whether a point is in the tube of a brush stroke, written out for comparisons. `factors` scales the radius at each sample.
+///
+/// The tube is a ball at each sample. Along each segment it has the radius at the nearest point.
+pub fn in_tube(p: DVec3, samples: &[DVec3], radius: f64, factors: &[f64]) -> bool {
+    let ball = |(s, f): (&DVec3, &f64)| (p - *s).length() < radius * f;
+    let segment = |(s, f): (&[DVec3], &[f64])| {
+        let length = (s[1] - s[0]).length();
+        let along = (p - s[0]).dot((s[1] - s[0]) / length) / length;
+        let along = if length > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
+        (p - s[0].lerp(s[1], along)).length() < radius * ((1.0 - along) * f[0] + along * f[1])
+    };
+    samples.iter().zip(factors).any(ball) || samples.windows(2).zip(factors.windows(2)).any(segment)
+}
+
 /// A scene of units with these names and numbers of Gaussians, scattered through the box from 0 to 10 on each axis.
 pub fn test_scene(units: &[(&str, usize)]) -> Scene {
     let mut seed = 7_u32;

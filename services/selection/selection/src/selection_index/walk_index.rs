@@ -11,6 +11,7 @@ use sg_scene::model::Scene;
 use sg_walk::elimination::Elimination;
 use sg_walk::multilevel::{Boundary, Multilevel, Quality};
 use sg_walk::ordering::minimum_degree;
+use sg_walk::sprs::PermOwnedI;
 use sg_walk::uncertainty::ProposalQuery;
 use sg_walk::{Network, Precision, Problem, Seed, Solution, Solver, SystemSolver, WalkError, gth, solve};
 
@@ -71,7 +72,7 @@ pub(super) struct WalkIndex {
     mass: Vec<f64>,
     /// Normalized position of the central Gaussian of each cluster. Empty if nodes are Gaussians.
     centres: Vec<Option<[f64; 3]>>,
-    order: Option<Vec<u32>>,
+    order: Option<PermOwnedI<u32>>,
     /// Initial elimination, for walks that are eliminated in f64.
     elimination: Option<Elimination>,
     /// Iterative solver, for walks on many Gaussians.
@@ -93,13 +94,10 @@ impl WalkIndex {
     ) -> Self {
         let network = graph.network(options.sigma_s, options.sigma_f);
         let solver = options.solver.with(options.precision);
-        let order = solver
-            .eliminates(network.len())
-            .then(|| minimum_degree(network.len(), |u| network.links(u).iter().map(|l| l.0)));
+        let order = solver.eliminates(network.len()).then(|| minimum_degree(network.adjacency()));
         let farthest = (options.background == Background::Farthest).then(|| {
-            let edges = graph.units.iter().flatten().map(|l| Edge { a: l.u, b: l.v, length: l.length });
             let component = graph.component.iter().map(|&c| (c != u32::MAX).then_some(c)).collect();
-            FarthestRule { graph: Graph::from_edges(graph.clusters, edges), component }
+            FarthestRule { graph: graph.lengths(), component }
         });
         Self {
             nodes: labels,
@@ -112,7 +110,7 @@ impl WalkIndex {
                 .map(|c| scene.position(c.centre as usize).map(|p| scene.bounds.normalize(p).to_array()))
                 .collect(),
             elimination: (options.solver == Solver::Gth && options.precision == Precision::F64)
-                .then(|| Elimination::new(&network, order.clone())),
+                .then(|| Elimination::new(&network, order.as_ref())),
             network: Arc::new(network),
             order,
             multilevel: None,
@@ -218,7 +216,7 @@ impl WalkIndex {
             }
             None if leak > 0.0 => {
                 let leaks = |(node, s): (usize, &Seed)| {
-                    *s == Seed::None && active[node] && !self.network.links(node as u32).is_empty()
+                    *s == Seed::None && active[node] && !self.network.neighbours(node as u32).is_empty()
                 };
                 summary.auto_background = seeds.iter().enumerate().filter(|&x| leaks(x)).count();
             }
@@ -246,7 +244,7 @@ impl WalkIndex {
                     Err(e) => return Err(e),
                 }
             }
-            (None, None) => solve(&problem, self.solver.as_ref(), self.order.as_deref())?,
+            (None, None) => solve(&problem, self.solver.as_ref(), self.order.as_ref())?,
         };
         summary.unreached = (0..n).filter(|&node| active[node] && !solution.reached[node]).count();
         Ok(Walk { solution, seeds, units, summary, quality })
