@@ -2,31 +2,38 @@
 
 use std::sync::Arc;
 
+use encase::ShaderSize;
 use glam::{DVec3, Vec3, Vec4};
 use sg_scene::appearance::{Appearance, PixelFilter};
 use sg_scene::camera::LightMode;
 use sg_scene::mask::Mask;
 
 use crate::device::Gpu;
-use crate::shader_layout::{Edit, Side, Unit, shading_term_number};
+use crate::resources::Resources;
+use crate::shader_layout::{ClipSide, Edit, Unit, shading_term_number};
 
 /// Gap of unchanged words up to which two changed ranges are uploaded as one.
 const GAP: usize = 64;
 
 /// The appearance on the device.
 pub(super) struct AppearanceBuffers {
-    pub(super) units: wgpu::Buffer,
-    pub(super) edits: wgpu::Buffer,
-    pub(super) masks: wgpu::Buffer,
-    pub(super) sides: wgpu::Buffer,
-    pub(super) colors: wgpu::Buffer,
+    /// [`Unit`]s.
+    units: wgpu::Buffer,
+    /// [`Edit`]s.
+    edits: wgpu::Buffer,
+    /// A bit for each Gaussian, slot by slot.
+    masks: wgpu::Buffer,
+    /// [`ClipSide`]s.
+    clip_sides: wgpu::Buffer,
+    /// Three f32 for each Gaussian.
+    colors: wgpu::Buffer,
     pub(super) state: AppearanceState,
     /// The masks in the buffer, slot by slot: editable units, then the highlight.
     uploaded_masks: Vec<Arc<Mask>>,
     uploaded_colors: Option<Arc<[Vec3]>>,
     table: Vec<Unit>,
     edit_table: Vec<Edit>,
-    side_table: Vec<Side>,
+    side_table: Vec<ClipSide>,
     mask_words: usize,
     /// Number of replaced buffers. A change invalidates their bind groups.
     pub(super) generation: u64,
@@ -43,19 +50,21 @@ pub(super) struct AppearanceState {
     pub(super) colors: bool,
     pub(super) directional: bool,
     pub(super) term: u32,
-    pub(super) overlay_color: Vec4,
-    pub(super) background: Vec4,
-    pub(super) light: Vec4,
+    pub(super) highlight_color: Vec3,
+    pub(super) highlight_mix: f32,
+    pub(super) highlight_opacity: f32,
+    pub(super) background: Vec3,
+    pub(super) light: Vec3,
 }
 
 impl AppearanceBuffers {
     pub(super) fn new(gpu: &Gpu, gaussians: usize, units: &[Unit]) -> Self {
         Self {
-            units: gpu.storage("units", size_of_val(units) as u64),
+            units: gpu.storage("units", Unit::SHADER_SIZE.get() * units.len() as u64),
             edits: gpu.storage("edits", 0),
             masks: gpu.storage("masks", 0),
-            sides: gpu.storage("sides", 0),
-            colors: gpu.storage("colours", 0),
+            clip_sides: gpu.storage("clip sides", 0),
+            colors: gpu.storage("colors", 0),
             state: AppearanceState::default(),
             uploaded_masks: Vec::new(),
             uploaded_colors: None,
@@ -73,12 +82,23 @@ impl AppearanceBuffers {
         self.mask_words as u32
     }
 
+    /// The buffers by name.
+    pub(super) fn resources(&self) -> Resources<'_> {
+        Resources::of([
+            ("units", &self.units),
+            ("edits", &self.edits),
+            ("masks", &self.masks),
+            ("clip_sides", &self.clip_sides),
+            ("colors", &self.colors),
+        ])
+    }
+
     /// Uploads the changes from the last appearance to this one.
     pub(super) fn update(&mut self, gpu: &Gpu, scene_units: &[Unit], origin: DVec3, appearance: &Appearance) {
         self.uploaded_bytes = 0;
         let light = &appearance.light;
         let compensated = |unit: &Unit| match appearance.filter {
-            PixelFilter::FromFile => unit.kind[3],
+            PixelFilter::FromFile => unit.compensated,
             PixelFilter::Plain => 0,
             PixelFilter::Compensated => 1,
         };
@@ -88,34 +108,40 @@ impl AppearanceBuffers {
             .map(|(unit, base)| {
                 let [ka, kd, ks, shininess] = base.multipliers;
                 Unit {
-                    palette: base.palette.extend(base.opacity),
+                    palette: base.palette,
+                    opacity: base.opacity,
                     multipliers: Vec4::new(ka * light.ka, kd * light.kd, ks * light.ks, shininess * light.shininess),
-                    kind: [unit.kind[0], unit.kind[1], u32::from(base.visible), compensated(unit)],
+                    visible: u32::from(base.visible),
+                    compensated: compensated(unit),
                     ..*unit
                 }
             })
             .collect();
         if table != self.table {
-            gpu.queue.write_buffer(&self.units, 0, bytemuck::cast_slice(&table));
-            self.uploaded_bytes += size_of_val(table.as_slice()) as u64;
+            let bytes = gpu.table_bytes(&table);
+            gpu.queue.write_buffer(&self.units, 0, &bytes);
+            self.uploaded_bytes += bytes.len() as u64;
             self.table = table;
         }
         let edits: Vec<Edit> = appearance
             .units
             .iter()
             .map(|u| Edit {
-                color: u.color.unwrap_or(Vec3::ZERO).extend(u.opacity),
-                kind: [u32::from(u.color.is_some()), u32::from(u.visible), 0, 0],
+                color: u.color.unwrap_or(Vec3::ZERO),
+                opacity: u.opacity,
+                colored: u32::from(u.color.is_some()),
+                visible: u32::from(u.visible),
             })
             .collect();
         let mut generation = self.generation;
         if edits != self.edit_table {
-            self.uploaded_bytes += upload(gpu, &mut self.edits, "edits", bytemuck::cast_slice(&edits), &mut generation);
+            self.uploaded_bytes += upload(gpu, &mut self.edits, "edits", &gpu.table_bytes(&edits), &mut generation);
             self.edit_table = edits;
         }
         let sides = clip_sides(appearance, origin);
         if sides != self.side_table {
-            self.uploaded_bytes += upload(gpu, &mut self.sides, "sides", bytemuck::cast_slice(&sides), &mut generation);
+            let bytes = gpu.table_bytes(&sides);
+            self.uploaded_bytes += upload(gpu, &mut self.clip_sides, "clip sides", &bytes, &mut generation);
             self.side_table = sides;
         }
         self.generation = generation;
@@ -130,9 +156,11 @@ impl AppearanceBuffers {
             colors: appearance.colors.is_some(),
             directional: light.mode == LightMode::Direction,
             term: shading_term_number(appearance.term),
-            overlay_color: overlay.map_or(Vec4::ZERO, |o| o.color.extend(o.mix)),
-            background: appearance.background.extend(overlay.map_or(1.0, |o| o.opacity)),
-            light: direction.extend(0.0),
+            highlight_color: overlay.map_or(Vec3::ZERO, |o| o.color),
+            highlight_mix: overlay.map_or(0.0, |o| o.mix),
+            highlight_opacity: overlay.map_or(1.0, |o| o.opacity),
+            background: appearance.background,
+            light: direction,
         };
     }
 
@@ -175,7 +203,7 @@ impl AppearanceBuffers {
         if let Some(colors) = &appearance.colors {
             let safe: Vec<Vec3> = colors.iter().map(|c| c.max(Vec3::ZERO)).collect();
             self.uploaded_bytes +=
-                upload(gpu, &mut self.colors, "colours", bytemuck::cast_slice(&safe), &mut self.generation);
+                upload(gpu, &mut self.colors, "colors", bytemuck::cast_slice(&safe), &mut self.generation);
         }
         self.uploaded_colors.clone_from(&appearance.colors);
     }
@@ -191,18 +219,20 @@ fn upload(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: &[u8], gener
     bytes.len() as u64
 }
 
-fn clip_sides(appearance: &Appearance, origin: DVec3) -> Vec<Side> {
+fn clip_sides(appearance: &Appearance, origin: DVec3) -> Vec<ClipSide> {
     let mut all = Vec::new();
-    for (index, clip) in appearance.clips.iter().enumerate() {
+    for clip in &appearance.clips {
         for (k, side) in clip.sides.iter().enumerate() {
             // Unit length: f32 would round products of long normals away.
             let length = side.normal.length();
             let normal = side.normal / length;
             let offset = side.offset / length - normal.dot(origin);
             let last = k + 1 == clip.sides.len();
-            all.push(Side {
-                plane: normal.as_vec3().extend(offset as f32),
-                kind: [index as u32, u32::from(clip.keep_inside), u32::from(last), 0],
+            all.push(ClipSide {
+                normal: normal.as_vec3(),
+                offset: offset as f32,
+                keep_inside: u32::from(clip.keep_inside),
+                last: u32::from(last),
             });
         }
     }

@@ -1,25 +1,30 @@
 //! Buffers that the passes share, and the target textures of a picture.
 
-use crate::device::Gpu;
-use crate::radix_sort::{SortBindings, SortBuffers};
-use crate::scene_buffers::SceneBuffers;
-use crate::shader_layout::dispatch;
-use crate::textures::picture_texture;
+use std::num::NonZeroU64;
+
+use encase::ShaderSize;
 use sg_raster::TILE;
 
+use crate::device::Gpu;
+use crate::radix_sort::SortBuffers;
 use crate::ray_tiles::RAY_TILE;
-
-/// Bytes of a vector of four f32.
-const VECTOR: u64 = 16;
-
-/// Vectors of a splat's tint in the ray-consistent mode: a color, and the coefficients of its rays.
-const RAY_TINT: u64 = 3;
+use crate::resources::Resources;
+use crate::scene_buffers::SceneBuffers;
+use crate::shader_layout::{
+    DispatchArguments, Dispatches, Ellipse, Level, MARK_WORDS, PartRange, RayCoefficients, Tint, Totals,
+};
+use crate::textures::picture_texture;
 
 /// Projected splats, all views of one list after another.
-pub(super) struct SplatBuffers {
-    pub(super) ellipses: wgpu::Buffer,
-    pub(super) levels: wgpu::Buffer,
-    pub(super) tints: wgpu::Buffer,
+struct SplatBuffers {
+    /// [`Ellipse`]s.
+    ellipses: wgpu::Buffer,
+    /// [`Level`]s.
+    levels: wgpu::Buffer,
+    /// [`Tint`]s.
+    tints: wgpu::Buffer,
+    /// [`RayCoefficients`]; empty in the affine mode.
+    rays: wgpu::Buffer,
 }
 
 /// Buffers whose size depends on the scene and the number of views.
@@ -28,23 +33,25 @@ pub(super) struct WorkBuffers {
     pub(super) capacity: u64,
     /// Number of views that are drawn together.
     pub(super) views: u32,
-    /// Whether tints hold ray coefficients.
+    /// Whether the splats have ray coefficients.
     pub(super) per_ray: bool,
     /// A bit for each Gaussian that may be visible.
-    pub(super) marked: wgpu::Buffer,
+    marked: wgpu::Buffer,
     /// Number of marked Gaussians in each block, then the sums before each block.
-    pub(super) block_counts: wgpu::Buffer,
-    /// First place and length of each part in the list.
-    pub(super) part_ranges: wgpu::Buffer,
-    /// Words of [`crate::shader_layout::Total`].
+    block_counts: wgpu::Buffer,
+    /// A [`PartRange`] for each part.
+    part_ranges: wgpu::Buffer,
+    /// [`Totals`].
     pub(super) totals: wgpu::Buffer,
     /// Length of the longest list of a tile.
-    pub(super) longest: wgpu::Buffer,
-    /// Words of [`dispatch`].
+    pub(super) longest_list: wgpu::Buffer,
+    /// [`Dispatches`].
     pub(super) dispatches: wgpu::Buffer,
+    /// [`DispatchArguments`] of the projection of each part.
+    pub(super) part_dispatches: wgpu::Buffer,
     /// Scene-wide indices of the listed Gaussians.
-    pub(super) listed: wgpu::Buffer,
-    pub(super) splats: SplatBuffers,
+    listed: wgpu::Buffer,
+    splats: SplatBuffers,
     /// Depths of the listed Gaussians as keys, places in the list as values.
     pub(super) depth_keys: SortBuffers,
 }
@@ -52,30 +59,30 @@ pub(super) struct WorkBuffers {
 impl WorkBuffers {
     /// Buffers for `views` views. The capacity is the whole scene unless a binding's limit is smaller.
     pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, views: u32, per_ray: bool) -> Self {
-        let tint = if per_ray { RAY_TINT } else { 1 };
-        let capacity = (scene.len as u64).min(gpu.largest_binding() / (tint * VECTOR * u64::from(views))).max(1);
+        let widest = if per_ray { RayCoefficients::SHADER_SIZE } else { Ellipse::SHADER_SIZE };
+        let capacity = (scene.len as u64).min(gpu.largest_binding() / (widest.get() * u64::from(views))).max(1);
         let blocks = u64::from(scene.blocks);
         let parts = scene.parts.len() as u64;
-        let splats = |label, vectors| gpu.storage(label, vectors * VECTOR * capacity * u64::from(views));
+        let splats = |label, bytes: NonZeroU64| gpu.storage(label, bytes.get() * capacity * u64::from(views));
+        let arguments =
+            |label, bytes| gpu.buffer(label, bytes, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE);
         Self {
             capacity,
             views,
             per_ray,
-            marked: gpu.storage("marked", 128 * blocks),
+            marked: gpu.storage("marked", 4 * u64::from(MARK_WORDS) * blocks),
             block_counts: gpu.storage("block counts", 4 * blocks),
-            part_ranges: gpu.storage("part ranges", 8 * parts),
-            totals: gpu.storage("totals", 16),
-            longest: gpu.storage("longest list", 4),
-            dispatches: gpu.buffer(
-                "dispatches",
-                4 * (dispatch::PARTS + 3 * parts),
-                wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE,
-            ),
+            part_ranges: gpu.storage("part ranges", PartRange::SHADER_SIZE.get() * parts),
+            totals: gpu.storage("totals", Totals::SHADER_SIZE.get()),
+            longest_list: gpu.storage("longest list", 4),
+            dispatches: arguments("dispatches", Dispatches::SHADER_SIZE.get()),
+            part_dispatches: arguments("part dispatches", DispatchArguments::SHADER_SIZE.get() * parts),
             listed: gpu.storage("listed", 4 * capacity),
             splats: SplatBuffers {
-                ellipses: splats("ellipses", 1),
-                levels: splats("levels", 1),
-                tints: splats("tints", tint),
+                ellipses: splats("ellipses", Ellipse::SHADER_SIZE),
+                levels: splats("levels", Level::SHADER_SIZE),
+                tints: splats("tints", Tint::SHADER_SIZE),
+                rays: if per_ray { splats("rays", RayCoefficients::SHADER_SIZE) } else { gpu.storage("rays", 0) },
             },
             depth_keys: SortBuffers::new(gpu, "depths", capacity),
         }
@@ -86,20 +93,25 @@ impl WorkBuffers {
         (self.views, self.per_ray) == (views, per_ray)
     }
 
-    /// The list of splats in the order of depth.
-    pub(super) fn ordered(&self, order: &SortBindings) -> &wgpu::Buffer {
-        &self.depth_keys.values[order.result()]
-    }
-
-    /// Bindings of quads.wgsl.
-    pub(super) fn quad_resources<'a>(
-        &'a self,
-        frame: &'a wgpu::Buffer,
-        order: &SortBindings,
-    ) -> [(u32, wgpu::BindingResource<'a>); 5] {
-        let SplatBuffers { ellipses, levels, tints } = &self.splats;
-        [(0, frame), (1, ellipses), (2, self.ordered(order)), (3, levels), (4, tints)]
-            .map(|(at, b)| (at, b.as_entire_binding()))
+    /// The buffers by name.
+    pub(super) fn resources(&self) -> Resources<'_> {
+        let SplatBuffers { ellipses, levels, tints, rays } = &self.splats;
+        Resources::of([
+            ("marked", &self.marked),
+            ("block_counts", &self.block_counts),
+            ("part_ranges", &self.part_ranges),
+            ("totals", &self.totals),
+            ("longest_list", &self.longest_list),
+            ("dispatches", &self.dispatches),
+            ("part_dispatches", &self.part_dispatches),
+            ("listed", &self.listed),
+            ("ellipses", ellipses),
+            ("levels", levels),
+            ("tints", tints),
+            ("rays", rays),
+            ("depth_keys", &self.depth_keys.keys[0]),
+            ("depth_places", &self.depth_keys.values[0]),
+        ])
     }
 }
 

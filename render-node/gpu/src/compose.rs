@@ -1,55 +1,47 @@
 //! Composes the blended colors over the background.
 
 use crate::device::Gpu;
-use crate::pipeline::{BoundDraw, render_pipeline, shader_module};
+use crate::pipeline::{BoundDraw, DrawPipeline};
+use crate::resources::Resources;
+use crate::shader::Shader;
 use crate::stats::{Attachments, Stage, StatsReadback};
 use crate::textures::{PICTURE_FORMAT, layer_view};
 
 /// Pipelines of the compose pass, one for each view.
 pub(super) struct ComposePasses {
-    from_tiles: [wgpu::RenderPipeline; 2],
-    from_quads: [wgpu::RenderPipeline; 2],
+    from_tiles: [DrawPipeline; 2],
+    from_quads: [DrawPipeline; 2],
 }
 
 impl ComposePasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let compose = shader_module(gpu, "compose", include_str!("shaders/compose.wgsl"));
+        let shader = Shader::new(gpu, "compose", &[include_str!("shaders/compose.wgsl")]);
         let target = wgpu::ColorTargetState { format: PICTURE_FORMAT, blend: None, write_mask: wgpu::ColorWrites::ALL };
         let triangles = wgpu::PrimitiveTopology::TriangleList;
         let pipelines = |entry| {
-            let entries = (&compose, ["cover", entry]);
-            [0.0, 1.0].map(|view| {
-                render_pipeline(gpu, entries, &[("VIEW", view)], triangles, target.clone(), Default::default())
-            })
+            let entries = (&shader, ["cover", entry]);
+            [0.0, 1.0].map(|view| DrawPipeline::new(gpu, entries, &[("VIEW", view)], triangles, target.clone().into()))
         };
         Self { from_tiles: pipelines("from_tiles"), from_quads: pipelines("from_quads") }
     }
 
     /// Binds the pixels of the tile passes.
-    pub(super) fn bind_tiles(
-        &self,
-        gpu: &Gpu,
-        frame: &wgpu::Buffer,
-        pixels: &wgpu::Buffer,
-        views: u32,
-    ) -> ComposeBindings {
-        let resources = [(0, frame.as_entire_binding()), (1, pixels.as_entire_binding())];
+    pub(super) fn bind_tiles(&self, gpu: &Gpu, resources: &Resources<'_>, views: u32) -> ComposeBindings {
         let pipelines = self.from_tiles.iter().take(views as usize);
-        ComposeBindings(pipelines.map(|pipeline| BoundDraw::new(gpu, pipeline, &resources)).collect())
+        ComposeBindings(pipelines.map(|pipeline| pipeline.bind(gpu, resources)).collect())
     }
 
     /// Binds the layers of the quadrilaterals' target.
     pub(super) fn bind_quads(
         &self,
         gpu: &Gpu,
-        frame: &wgpu::Buffer,
+        resources: &Resources<'_>,
         blended: &wgpu::Texture,
         views: u32,
     ) -> ComposeBindings {
         let draws = (0..views).zip(&self.from_quads).map(|(k, pipeline)| {
             let view = layer_view(blended, k);
-            let resources = [(0, frame.as_entire_binding()), (2, wgpu::BindingResource::TextureView(&view))];
-            BoundDraw::new(gpu, pipeline, &resources)
+            pipeline.bind(gpu, &resources.and(&Resources::of_texture("blended", &view)))
         });
         ComposeBindings(draws.collect())
     }

@@ -3,36 +3,34 @@
 //! Tiles visit the layers of a pixel from near to far and store the depth of the layer that reaches the opacity of a surface.
 //! Quadrilaterals do not know the layers before them. They give the weighted mean depth of all layers, at a lower resolution.
 
-use crate::buffers::WorkBuffers;
-use crate::device::Gpu;
-use crate::pipeline::{BoundDraw, render_pipeline, shader_module};
-use crate::radix_sort::SortBindings;
-use crate::settings::Rasterizer;
-use crate::shader_layout::dispatch;
-use crate::shader_source::surface_source;
-use crate::textures::{front_to_back_target, layer_view, picture_texture};
+use std::mem::offset_of;
 
-/// Edge in picture pixels of one depth pixel of the quadrilaterals.
-const COARSE: u32 = 4;
+use crate::device::Gpu;
+use crate::pipeline::{BoundDraw, DrawPipeline};
+use crate::resources::Resources;
+use crate::settings::Rasterizer;
+use crate::shader::Shader;
+use crate::shader_layout::{COARSE, Dispatches};
+use crate::textures::{front_to_back_target, layer_view, picture_texture};
 
 /// Format of a depth texture.
 const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 
 /// Pipelines that write the depths of tiles, one for each view.
-pub(super) struct TileDepthPasses([wgpu::RenderPipeline; 2]);
+pub(super) struct TileDepthPasses([DrawPipeline; 2]);
 
 /// Pipelines that blend and write the depths of quadrilaterals, one for each view.
 pub(super) struct QuadDepthPasses {
-    blend: [wgpu::RenderPipeline; 2],
-    compose: [wgpu::RenderPipeline; 2],
+    blend: [DrawPipeline; 2],
+    compose: [DrawPipeline; 2],
 }
 
-fn compose_pipelines(gpu: &Gpu, entry: &str) -> [wgpu::RenderPipeline; 2] {
-    let compose = shader_module(gpu, "depths", &[&surface_source(), include_str!("shaders/depth.wgsl")].concat());
+fn compose_pipelines(gpu: &Gpu, entry: &'static str) -> [DrawPipeline; 2] {
+    let shader = Shader::new(gpu, "depths", &[include_str!("shaders/depth.wgsl")]);
     let triangles = wgpu::PrimitiveTopology::TriangleList;
-    let entries = (&compose, ["cover", entry]);
+    let target = wgpu::ColorTargetState::from(DEPTH_FORMAT);
     [0.0, 1.0].map(|view| {
-        render_pipeline(gpu, entries, &[("VIEW", view)], triangles, DEPTH_FORMAT.into(), Default::default())
+        DrawPipeline::new(gpu, (&shader, ["cover", entry]), &[("VIEW", view)], triangles, target.clone().into())
     })
 }
 
@@ -42,45 +40,33 @@ impl TileDepthPasses {
     }
 
     /// Binds the fronts of the tile passes.
-    pub(super) fn bind(&self, gpu: &Gpu, frame: &wgpu::Buffer, fronts: &wgpu::Buffer, views: u32) -> DepthBindings {
-        let resources = [(0, frame.as_entire_binding()), (1, fronts.as_entire_binding())];
-        let compose = self.0.iter().take(views as usize).map(|pipeline| BoundDraw::new(gpu, pipeline, &resources));
+    pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>, views: u32) -> DepthBindings {
+        let compose = self.0.iter().take(views as usize).map(|pipeline| pipeline.bind(gpu, resources));
         DepthBindings { coarse: Vec::new(), compose: compose.collect() }
     }
 }
 
 impl QuadDepthPasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let text = format!(
-            "const COARSE: u32 = {COARSE}u;\n{}\n{}",
-            include_str!("shaders/quads.wgsl"),
-            include_str!("shaders/depth_quads.wgsl")
-        );
-        let shader = shader_module(gpu, "depths of quads", &text);
+        let parts = [include_str!("shaders/quads.wgsl"), include_str!("shaders/depth_quads.wgsl")];
+        let shader = Shader::new(gpu, "depths of quads", &parts);
         let blend = [0.0, 1.0].map(|view| {
             let strip = wgpu::PrimitiveTopology::TriangleStrip;
             let entries = (&shader, ["corner_depth", "blend_depth"]);
-            render_pipeline(gpu, entries, &[("VIEW", view)], strip, front_to_back_target(), Default::default())
+            DrawPipeline::new(gpu, entries, &[("VIEW", view)], strip, front_to_back_target().into())
         });
         Self { blend, compose: compose_pipelines(gpu, "depth_from_quads") }
     }
 
     /// Binds the splats for a picture of `size` pixels.
-    pub(super) fn bind(
-        &self,
-        gpu: &Gpu,
-        frame: &wgpu::Buffer,
-        (work, order): (&WorkBuffers, &SortBindings),
-        size: [u32; 2],
-    ) -> DepthBindings {
+    pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>, size: [u32; 2], views: u32) -> DepthBindings {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended = picture_texture(gpu, depth_size(size, Rasterizer::Quads), work.views, usage);
-        let coarse = (0..work.views).zip(&self.blend).map(|(k, pipeline)| {
-            (layer_view(&blended, k), BoundDraw::new(gpu, pipeline, &work.quad_resources(frame, order)))
-        });
-        let compose = (0..work.views).zip(&self.compose).map(|(k, pipeline)| {
+        let blended = picture_texture(gpu, depth_size(size, Rasterizer::Quads), views, usage);
+        let coarse =
+            (0..views).zip(&self.blend).map(|(k, pipeline)| (layer_view(&blended, k), pipeline.bind(gpu, resources)));
+        let compose = (0..views).zip(&self.compose).map(|(k, pipeline)| {
             let view = layer_view(&blended, k);
-            BoundDraw::new(gpu, pipeline, &[(2, wgpu::BindingResource::TextureView(&view))])
+            pipeline.bind(gpu, &Resources::of_texture("blended", &view))
         });
         DepthBindings { coarse: coarse.collect(), compose: compose.collect() }
     }
@@ -102,7 +88,7 @@ impl DepthBindings {
         pictures: &[wgpu::Texture],
     ) {
         for (view, blend) in &self.coarse {
-            blend.draw_indirect(&mut depth_pass(encoder, view), dispatches, dispatch::ALL_QUADS);
+            blend.draw_indirect(&mut depth_pass(encoder, view), dispatches, offset_of!(Dispatches, all_quads));
         }
         for (compose, picture) in self.compose.iter().zip(pictures) {
             let view = picture.create_view(&wgpu::TextureViewDescriptor::default());

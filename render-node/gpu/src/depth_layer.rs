@@ -1,23 +1,16 @@
 //! Converts scene depths to the depth image of a headset.
 
-use bytemuck::{Pod, Zeroable};
-
 use crate::device::Gpu;
+use crate::pipeline::{DrawPipeline, DrawTargets, depth_state};
+use crate::resources::Resources;
+use crate::shader::Shader;
+use crate::shader_layout::DepthRange;
 
 /// Near plane in metres along the viewing axis, stored as 0. Nearer depths are stored as 0 too.
 pub const DEPTH_NEAR: f32 = 0.05;
 
 /// Far plane in metres, stored as 1. Pixels without depth are stored as 1 too.
 pub const DEPTH_FAR: f32 = 1000.0;
-
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Range {
-    scale: f32,
-    nearest: f32,
-    farthest: f32,
-    spare: f32,
-}
 
 /// Writes depths of pictures to depth images of one format.
 ///
@@ -26,7 +19,7 @@ struct Range {
 #[derive(Debug)]
 pub struct DepthLayer {
     gpu: Gpu,
-    pipeline: wgpu::RenderPipeline,
+    pipeline: DrawPipeline,
     range: wgpu::Buffer,
 }
 
@@ -34,41 +27,13 @@ impl DepthLayer {
     /// A pass for images of `format`, a depth format.
     #[must_use]
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("depth layer"),
-            source: wgpu::ShaderSource::Wgsl(
-                concat!(include_str!("shaders/full_screen.wgsl"), include_str!("shaders/depth_layer.wgsl")).into(),
-            ),
-        });
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("depth layer"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("cover"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Always),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("store"),
-                compilation_options: Default::default(),
-                targets: &[],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
-        let range = gpu.buffer("depth range", size_of::<Range>() as u64, wgpu::BufferUsages::UNIFORM);
-        Self { gpu: gpu.clone(), pipeline, range }
+        let parts = [include_str!("shaders/full_screen.wgsl"), include_str!("shaders/depth_layer.wgsl")];
+        let shader = Shader::new(gpu, "depth layer", &parts);
+        let depth = Some(depth_state(format, true, wgpu::CompareFunction::Always));
+        let targets = DrawTargets { depth, ..DrawTargets::default() };
+        let triangles = wgpu::PrimitiveTopology::TriangleList;
+        let pipeline = DrawPipeline::new(gpu, (&shader, ["cover", "store"]), &[], triangles, targets);
+        Self { gpu: gpu.clone(), pipeline, range: gpu.uniform("depth range", &DepthRange::default()) }
     }
 
     /// Writes `depths` (f32, such as one of [`crate::Renderer::depths`]) to the whole of `target`. `scale` is
@@ -80,17 +45,11 @@ impl DepthLayer {
         target: &wgpu::TextureView,
         scale: f64,
     ) {
-        let range = Range { scale: scale as f32, nearest: DEPTH_NEAR, farthest: DEPTH_FAR, spare: 0.0 };
-        self.gpu.queue.write_buffer(&self.range, 0, bytemuck::bytes_of(&range));
+        let range = DepthRange { scale: scale as f32, nearest: DEPTH_NEAR, farthest: DEPTH_FAR };
+        self.gpu.write_uniform(&self.range, &range);
         let view = depths.create_view(&wgpu::TextureViewDescriptor::default());
-        let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("depth layer"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: self.range.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&view) },
-            ],
-        });
+        let resources = Resources::of([("range", &self.range)]).and(&Resources::of_texture("depths", &view));
+        let draw = self.pipeline.bind(&self.gpu, &resources);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("depth layer"),
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
@@ -100,8 +59,6 @@ impl DepthLayer {
             }),
             ..wgpu::RenderPassDescriptor::default()
         });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.draw(0..3, 0..1);
+        draw.draw_full_screen(&mut pass);
     }
 }

@@ -5,6 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use encase::ShaderSize;
+use encase::internal::WriteInto;
+
 use crate::device_class::DeviceClass;
 use crate::error::GpuError;
 
@@ -47,6 +50,14 @@ fn card_may_be_present() -> bool {
         entries.into_iter().any(|e| e.file_name().to_string_lossy().starts_with(begins))
     };
     cfg!(not(target_os = "linux")) || shown("/dev/dri", "render") || shown("/dev", "nvidia") || shown("/dev", "dxg")
+}
+
+/// Keeps an error for the next [`Gpu::check`]. The first error is the cause. A lost device outranks its consequences.
+fn keep(fault: &Mutex<Option<GpuError>>, error: GpuError) {
+    let mut kept = fault.lock().unwrap_or_else(PoisonError::into_inner);
+    if kept.is_none() || matches!(error, GpuError::Lost { .. }) {
+        *kept = Some(error);
+    }
 }
 
 impl Gpu {
@@ -102,13 +113,6 @@ impl Gpu {
     #[must_use]
     pub fn of_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
         let fault = Arc::new(Mutex::new(None));
-        let keep = |fault: &Arc<Mutex<Option<GpuError>>>, error: GpuError| {
-            let mut kept = fault.lock().unwrap_or_else(PoisonError::into_inner);
-            // The first error is the cause. A lost device outranks its consequences.
-            if kept.is_none() || matches!(error, GpuError::Lost { .. }) {
-                *kept = Some(error);
-            }
-        };
         let lost = Arc::new(AtomicBool::new(false));
         let (lost_flag, faults, name) = (Arc::clone(&lost), Arc::clone(&fault), info.name.clone());
         device.set_device_lost_callback(move |_, reason| {
@@ -168,9 +172,8 @@ impl Gpu {
         drop(guard);
         // A poll reports a lost device.
         let _ = self.device.poll(wgpu::PollType::Poll);
-        let failed = |e: wgpu::Error| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
         match refused {
-            Some(error) => Err(failed(error)),
+            Some(error) => Err(self.failed(&error)),
             None if self.is_lost() => Err(self.lost_error()),
             None => Ok(()),
         }
@@ -212,12 +215,17 @@ impl Gpu {
     /// Returns the first error since the last call.
     ///
     /// # Errors
-    /// [`GpuError::Lost`], [`GpuError::Memory`] or [`GpuError::Failed`], each once.
+    /// [`GpuError::Lost`], [`GpuError::Memory`], [`GpuError::Unbound`] or [`GpuError::Failed`], each once.
     pub fn check(&self) -> Result<(), GpuError> {
         match self.fault.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(error) => Err(error),
             None => Ok(()),
         }
+    }
+
+    /// Reports an error at the next [`Self::check`].
+    pub(super) fn report(&self, error: GpuError) {
+        keep(&self.fault, error);
     }
 
     /// Waits for all submitted work, at most `WAIT_TIMEOUT`. It polls, because a wait inside the driver holds a
@@ -229,11 +237,10 @@ impl Gpu {
         self.queue.on_submitted_work_done(move || signal.store(true, Ordering::Release));
         drop(guard);
         let begun = Instant::now();
-        let failed = |reason: String| GpuError::Failed { device: self.info.name.clone(), reason };
         loop {
             let polled = self.device.poll(wgpu::PollType::Poll);
             self.check()?;
-            polled.map_err(|e| failed(e.to_string()))?;
+            polled.map_err(|e| self.failed(&e))?;
             if done.load(Ordering::Acquire) {
                 return Ok(());
             }
@@ -241,7 +248,7 @@ impl Gpu {
                 return Err(self.lost_error());
             }
             if begun.elapsed() > WAIT_TIMEOUT {
-                return Err(failed(format!("no answer within {} s", WAIT_TIMEOUT.as_secs())));
+                return Err(self.failed(&format!("no answer within {} s", WAIT_TIMEOUT.as_secs())));
             }
             std::thread::sleep(POLL_INTERVAL);
         }
@@ -274,6 +281,45 @@ impl Gpu {
             usage: usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         })
+    }
+
+    /// A uniform buffer that holds `value`.
+    pub(super) fn uniform<T: ShaderSize + WriteInto>(&self, label: &str, value: &T) -> wgpu::Buffer {
+        let buffer = self.buffer(label, T::SHADER_SIZE.get(), wgpu::BufferUsages::UNIFORM);
+        self.write_uniform(&buffer, value);
+        buffer
+    }
+
+    /// Writes the value of a uniform buffer.
+    pub(super) fn write_uniform<T: ShaderSize + WriteInto>(&self, buffer: &wgpu::Buffer, value: &T) {
+        let mut bytes = encase::UniformBuffer::new(Vec::<u8>::new());
+        match bytes.write(value) {
+            Ok(()) => self.queue.write_buffer(buffer, 0, bytes.as_ref()),
+            Err(error) => self.report(self.failed(&error)),
+        }
+    }
+
+    /// The bytes of a table in a storage buffer; none for an empty table.
+    pub(super) fn table_bytes<T: ShaderSize + WriteInto>(&self, rows: &[T]) -> Vec<u8> {
+        let mut bytes = encase::StorageBuffer::new(Vec::<u8>::new());
+        if !rows.is_empty()
+            && let Err(error) = bytes.write(rows)
+        {
+            self.report(self.failed(&error));
+        }
+        bytes.into_inner()
+    }
+
+    /// A storage buffer that holds a table.
+    pub(super) fn table<T: ShaderSize + WriteInto>(&self, label: &str, rows: &[T]) -> wgpu::Buffer {
+        let bytes = self.table_bytes(rows);
+        let buffer = self.storage(label, bytes.len() as u64);
+        self.queue.write_buffer(&buffer, 0, &bytes);
+        buffer
+    }
+
+    fn failed(&self, reason: &dyn fmt::Display) -> GpuError {
+        GpuError::Failed { device: self.info.name.clone(), reason: reason.to_string() }
     }
 
     /// A two-dimensional texture without mipmaps.
@@ -315,8 +361,7 @@ impl Gpu {
     pub(super) fn mapped(&self, staging: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
         staging.map_async(wgpu::MapMode::Read, .., |_| ());
         self.wait()?;
-        let failed = |e: &dyn fmt::Display| GpuError::Failed { device: self.info.name.clone(), reason: e.to_string() };
-        let bytes = staging.get_mapped_range(..).map_err(|e| failed(&e))?.to_vec();
+        let bytes = staging.get_mapped_range(..).map_err(|e| self.failed(&e))?.to_vec();
         staging.unmap();
         Ok(bytes)
     }

@@ -45,6 +45,14 @@ pub enum GpuError {
         /// Message of the driver.
         reason: String,
     },
+    /// A pass has no resource for a variable of its shader: a defect of this program.
+    #[error("the pass `{pass}` has no resource named `{resource}`; report this defect, and draw with the CPU")]
+    Unbound {
+        /// Entry point of the pass.
+        pass: &'static str,
+        /// Name of the variable.
+        resource: String,
+    },
     /// The buffers of one picture cannot list all Gaussians in view.
     #[error(
         "{found} Gaussians are in view and {device} can list {capacity} at once; hide or clip a part, or draw with the CPU"

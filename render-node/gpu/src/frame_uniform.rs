@@ -1,6 +1,6 @@
 //! The uniform of a frame.
 
-use glam::{DVec3, Vec4};
+use glam::DVec3;
 use sg_raster::render::Quality;
 use sg_raster::{Limits, NEAR};
 use sg_scene::camera::Camera;
@@ -9,7 +9,7 @@ use crate::appearance_buffers::AppearanceBuffers;
 use crate::buffers::{WorkBuffers, tile_count};
 use crate::scene_buffers::SceneBuffers;
 use crate::settings::Settings;
-use crate::shader_layout::{FrameUniform, ViewUniform};
+use crate::shader_layout::{Frame, View};
 
 /// The uniform of the views of `cameras`, for pictures of `size` pixels.
 pub(super) fn frame_uniform(
@@ -18,33 +18,38 @@ pub(super) fn frame_uniform(
     (scene, appearance, work): (&SceneBuffers, &AppearanceBuffers, &WorkBuffers),
     size: [u32; 2],
     pair_capacity: u32,
-) -> FrameUniform {
+) -> Frame {
     let Limits { cut, ratio, stop } = match settings.quality {
         Quality::Exact | Quality::Standard => Limits::STANDARD,
         Quality::Fast => Limits::FAST,
     };
-    let mut views = [ViewUniform::default(); 2];
+    let mut views = [View::default(); 2];
     for (view, camera) in views.iter_mut().zip(cameras) {
-        *view = ViewUniform::of(camera, scene.origin);
+        *view = View::of(camera, scene.origin);
     }
     let middle = cameras.iter().map(Camera::eye).sum::<DVec3>() / cameras.len() as f64 - scene.origin;
     let shared = settings.shared_shading && cameras.len() > 1;
     let state = &appearance.state;
-    FrameUniform {
+    Frame {
         views,
-        shading_eye: middle.as_vec3().extend(f32::from(u8::from(shared))),
+        shading_eye: middle.as_vec3(),
+        shared_shading: u32::from(shared),
         light: state.light,
-        overlay: state.overlay_color,
-        background: state.background,
-        limits: Vec4::new(cut as f32, ratio as f32, stop, NEAR as f32),
-        size,
-        tiles: tile_count(size, settings.sort_window().is_some()),
         view_count: cameras.len() as u32,
+        highlight_color: state.highlight_color,
+        highlight_mix: state.highlight_mix,
+        background: state.background,
+        highlight_opacity: state.highlight_opacity,
+        least_alpha: cut as f32,
+        alpha_ratio: ratio as f32,
+        least_transmittance: stop,
+        near_plane: NEAR as f32,
+        size: size.into(),
+        tiles: tile_count(size, settings.sort_window().is_some()).into(),
         capacity: work.capacity as u32,
         pair_capacity,
-        edits: state.edits,
+        edit_count: state.edits,
         mask_words: appearance.mask_words(),
-        clips: state.sides,
-        spare: [0; 2],
+        clip_side_count: state.sides,
     }
 }

@@ -20,6 +20,16 @@
 //! assert!(!gpu.name().is_empty() && !gpu.is_lost());
 //! # Ok::<(), GpuError>(())
 //! ```
+//!
+//! # A new pass
+//!
+//! `pass_chain` lists the passes of a frame in their order, with the resources that they read and write.
+//!
+//! 1. Write `shaders/NAME.wgsl`. Its variables have the names of their resources, such as `frame` or `depth_order`.
+//! 2. Declare new structs and constants in `shader_layout`. Rust and all shaders then know them by the same names.
+//! 3. Make a `Shader` of the text, and of it a `Kernel` or a `DrawPipeline` for each entry point.
+//! 4. Bind the pipeline to `Resources`, with new buffers under the names of step 1. A missing one is a [`GpuError::Unbound`].
+//! 5. Encode the bound pass in its place of `pass_chain`, and add its row to the table there.
 
 mod appearance_buffers;
 pub mod backend;
@@ -40,10 +50,11 @@ mod radix_sort;
 mod ray_tiles;
 mod readback;
 mod renderer;
+mod resources;
 mod scene_buffers;
 mod settings;
+mod shader;
 mod shader_layout;
-mod shader_source;
 mod sort_window;
 mod splats;
 mod stats;
@@ -52,6 +63,7 @@ mod tiles;
 mod view_limits;
 mod vignette;
 mod visibility_mask;
+mod wgsl;
 
 pub use depth_layer::{DEPTH_FAR, DEPTH_NEAR, DepthLayer};
 pub use device::{Gpu, OPTIONAL_FEATURES};

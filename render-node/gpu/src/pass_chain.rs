@@ -1,14 +1,17 @@
 //! The chain of passes of one frame.
 //!
-//! | pass | reads | writes |
-//! | --- | --- | --- |
-//! | mark | scene, appearance | marked bits, block counts |
-//! | list | marked bits, block counts | list of Gaussians, dispatches |
-//! | project | list, scene, appearance | splats, depth keys |
-//! | sort | depth keys | depth order |
-//! | blend by tiles or quadrilaterals | splats, depth order | blended colors |
-//! | compose | blended colors | pictures |
-//! | depth (optional) | fronts of tiles, or splats | depth textures |
+//! | pass | module | reads | writes |
+//! | --- | --- | --- | --- |
+//! | mark | `splats` | `centers`, `shapes`, `units`, `edits`, `masks`, `clip_sides` | `marked`, `block_counts` |
+//! | list | `splats` | `marked`, `parts` | `listed`, `part_ranges`, `totals`, `dispatches`, `part_dispatches` |
+//! | project | `splats` | `listed`, columns of the scene, appearance | `ellipses`, `levels`, `tints`, `rays`, `depth_keys` |
+//! | sort | `radix_sort` | `depth_keys` | `depth_order` |
+//! | blend by tiles | `tiles`, `ray_tiles` | splats, `depth_order` | `pixels`, `fronts`, `longest_list` |
+//! | or quadrilaterals | `quads`, `early_out`, `visibility_mask` | splats, `depth_order` | `blended` |
+//! | compose | `compose` | `pixels` or `blended` | pictures |
+//! | depth (optional) | `depth` | `fronts`, or splats and `depth_order` | depth textures |
+//!
+//! The names are those of the shaders' variables. A pass finds its resources by these names: see [`Resources`].
 
 use crate::appearance_buffers::AppearanceBuffers;
 use crate::buffers::WorkBuffers;
@@ -17,6 +20,7 @@ use crate::depth::{DepthBindings, QuadDepthPasses, TileDepthPasses};
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::quads::{QuadBindings, QuadPasses};
+use crate::resources::Resources;
 use crate::scene_buffers::SceneBuffers;
 use crate::settings::Rasterizer;
 use crate::splats::{PipelineKey, SplatBindings, SplatPasses};
@@ -125,12 +129,14 @@ impl Passes {
         let BindGroups { splats, quads, tiles, depths } = groups;
         let pipeline_key = PipelineKey::of(scene, &appearance.state, mode.window.is_some());
         let key = (pipeline_key, appearance.generation);
+        let resources = Resources::of([("frame", frame), ("parts", &scene.part_table)]);
+        let resources = resources.and(&work.resources()).and(&appearance.resources());
         let bindings = match splats.take().filter(|(of, _)| *of == key) {
             Some(fitting) => fitting,
-            None => (key, self.splats.bind(gpu, frame, (scene, appearance, work), pipeline_key)),
+            None => (key, self.splats.bind(gpu, &resources, (scene, work), pipeline_key)),
         };
         let splats = &splats.insert(bindings).1;
-        let order = (work, &splats.sort);
+        let resources = resources.with([("depth_order", &work.depth_keys.values[splats.sort.result()])]);
         let (blend, pair_capacity) = match rasterizer {
             Rasterizer::Tiles => {
                 // Unfitting bind groups are freed here: both at once may exceed the memory.
@@ -138,7 +144,7 @@ impl Passes {
                     Some(fitting) => fitting,
                     None => {
                         *depths = None;
-                        self.tiles.bind(gpu, frame, order, &self.compose, (size, lists, mode))
+                        self.tiles.bind(gpu, &resources, work, &self.compose, (size, lists, mode))
                     }
                 };
                 let bindings = &*tiles.insert(bindings);
@@ -150,7 +156,7 @@ impl Passes {
                 let reject = masked || in_bands;
                 let bindings = match quads.take().filter(|q| q.rejects() == reject) {
                     Some(fitting) => fitting,
-                    None => passes.bind(gpu, frame, order, &self.compose, (size, reject)),
+                    None => passes.bind(gpu, &resources, &self.compose, (size, work.views, reject)),
                 };
                 let pair_capacity = tiles.as_ref().map_or(0, |t| t.capacity as u32);
                 (BlendPasses::Quads { bindings: quads.insert(bindings), in_bands }, pair_capacity)
@@ -161,11 +167,11 @@ impl Passes {
                 (Some(fitting), _) => fitting,
                 (None, BlendPasses::Tiles(tiles)) => {
                     let passes = self.tile_depths.get_or_insert_with(|| TileDepthPasses::new(gpu));
-                    (rasterizer, passes.bind(gpu, frame, &tiles.fronts, work.views))
+                    (rasterizer, passes.bind(gpu, &resources.with([("fronts", &tiles.fronts)]), work.views))
                 }
                 (None, BlendPasses::Quads { .. }) => {
                     let passes = self.quad_depths.get_or_insert_with(|| QuadDepthPasses::new(gpu));
-                    (rasterizer, passes.bind(gpu, frame, order, size))
+                    (rasterizer, passes.bind(gpu, &resources, size, work.views))
                 }
             };
             &depths.insert(bindings).1
@@ -196,10 +202,11 @@ impl FramePasses<'_> {
         (gpu, mask): (&Gpu, Option<&VisibilityMask>),
         encoder: &mut wgpu::CommandEncoder,
         stats: &mut StatsReadback,
-        dispatches: &wgpu::Buffer,
+        work: &WorkBuffers,
         output: FrameOutput<'_>,
     ) {
-        self.splats.encode(encoder, stats, dispatches);
+        let dispatches = &work.dispatches;
+        self.splats.encode(encoder, stats, work);
         match self.blend {
             BlendPasses::Tiles(tiles) => tiles.encode(encoder, stats, dispatches),
             BlendPasses::Quads { bindings, in_bands } => {

@@ -1,23 +1,11 @@
-//! Shader modules, pipelines and their bind groups.
+//! Pipelines, bound to their resources by name.
 
 use std::num::NonZeroU32;
 
 use crate::device::Gpu;
+use crate::resources::Resources;
+use crate::shader::{Binding, Shader};
 use crate::textures::{BOTH_VIEWS, REJECT_DEPTH_FORMAT};
-
-/// Declarations at the beginning of every shader.
-const FRAME: &str = include_str!("shaders/frame.wgsl");
-
-/// A prefix sum over a workgroup.
-const SCAN: &str = include_str!("shaders/workgroup_scan.wgsl");
-
-/// A shader module: the common declarations, then `text`.
-pub(super) fn shader_module(gpu: &Gpu, label: &str, text: &str) -> wgpu::ShaderModule {
-    gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(label),
-        source: wgpu::ShaderSource::Wgsl(format!("{FRAME}\n{SCAN}\n{text}").into()),
-    })
-}
 
 /// Use of the depth buffer by a pipeline.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -33,64 +21,103 @@ pub(super) enum DepthMode {
 
 impl DepthMode {
     pub(super) fn state(self) -> Option<wgpu::DepthStencilState> {
-        let (write, compare) = match self {
-            Self::Ignore => return None,
-            Self::Write => (true, wgpu::CompareFunction::Always),
-            Self::Test => (false, wgpu::CompareFunction::LessEqual),
-        };
-        Some(wgpu::DepthStencilState {
-            format: REJECT_DEPTH_FORMAT,
-            depth_write_enabled: Some(write),
-            depth_compare: Some(compare),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        })
+        match self {
+            Self::Ignore => None,
+            Self::Write => Some(depth_state(REJECT_DEPTH_FORMAT, true, wgpu::CompareFunction::Always)),
+            Self::Test => Some(depth_state(REJECT_DEPTH_FORMAT, false, wgpu::CompareFunction::LessEqual)),
+        }
     }
 }
 
-/// A pipeline that draws onto one target with two entry points of a module and its constants.
-pub(super) fn render_pipeline(
-    gpu: &Gpu,
-    (module, [vertex, fragment]): (&wgpu::ShaderModule, [&str; 2]),
-    constants: &[(&str, f64)],
-    topology: wgpu::PrimitiveTopology,
-    target: wgpu::ColorTargetState,
-    (multiview_mask, depth): (Option<NonZeroU32>, DepthMode),
-) -> wgpu::RenderPipeline {
-    let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(fragment),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some(vertex),
-            compilation_options: options.clone(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-        depth_stencil: depth.state(),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some(fragment),
-            compilation_options: options,
-            targets: &[Some(target)],
-        }),
-        multiview_mask,
-        cache: None,
-    })
+/// Use of a depth buffer of any format.
+pub(super) fn depth_state(
+    format: wgpu::TextureFormat,
+    write: bool,
+    compare: wgpu::CompareFunction,
+) -> wgpu::DepthStencilState {
+    wgpu::DepthStencilState {
+        format,
+        depth_write_enabled: Some(write),
+        depth_compare: Some(compare),
+        stencil: wgpu::StencilState::default(),
+        bias: wgpu::DepthBiasState::default(),
+    }
+}
+
+/// Targets of a draw pipeline.
+#[derive(Debug, Clone, Default)]
+pub(super) struct DrawTargets {
+    pub(super) color: Option<wgpu::ColorTargetState>,
+    pub(super) depth: Option<wgpu::DepthStencilState>,
+    pub(super) multiview: Option<NonZeroU32>,
+}
+
+impl From<wgpu::ColorTargetState> for DrawTargets {
+    fn from(color: wgpu::ColorTargetState) -> Self {
+        Self { color: Some(color), ..Self::default() }
+    }
+}
+
+/// A render pipeline.
+#[derive(Debug, Clone)]
+pub(super) struct DrawPipeline {
+    pipeline: wgpu::RenderPipeline,
+    label: &'static str,
+    bindings: Vec<Binding>,
+}
+
+impl DrawPipeline {
+    /// A pipeline of a vertex and a fragment entry point of a module, with the module's constants.
+    pub(super) fn new(
+        gpu: &Gpu,
+        (shader, [vertex, fragment]): (&Shader, [&'static str; 2]),
+        constants: &[(&str, f64)],
+        topology: wgpu::PrimitiveTopology,
+        targets: DrawTargets,
+    ) -> Self {
+        let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+        let color = targets.color.map(Some);
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(fragment),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &shader.module,
+                entry_point: Some(vertex),
+                compilation_options: options.clone(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+            depth_stencil: targets.depth,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &shader.module,
+                entry_point: Some(fragment),
+                compilation_options: options,
+                targets: color.as_slice(),
+            }),
+            multiview_mask: targets.multiview,
+            cache: None,
+        });
+        Self { pipeline, label: fragment, bindings: shader.bindings(&[vertex, fragment]) }
+    }
+
+    /// Binds the resources that the pipeline uses.
+    pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>) -> BoundDraw {
+        let group = resources.bind(gpu, self.label, &self.pipeline.get_bind_group_layout(0), &self.bindings);
+        BoundDraw { pipeline: self.pipeline.clone(), group }
+    }
 }
 
 /// One pipeline for each view, and one multiview pipeline if the device supports it.
 #[derive(Clone)]
 pub(super) struct ViewPipelines {
-    pub(super) each: [wgpu::RenderPipeline; 2],
-    pub(super) multiview: Option<wgpu::RenderPipeline>,
+    pub(super) each: [DrawPipeline; 2],
+    pub(super) multiview: Option<DrawPipeline>,
 }
 
 impl ViewPipelines {
     /// Pipelines of the passes for `views` views, and the multiview mask: one pass for both views, or one for each.
-    pub(super) fn passes(&self, views: u32) -> (&[wgpu::RenderPipeline], Option<NonZeroU32>) {
+    pub(super) fn passes(&self, views: u32) -> (&[DrawPipeline], Option<NonZeroU32>) {
         match &self.multiview {
             Some(both) if views == 2 => (std::slice::from_ref(both), BOTH_VIEWS),
             _ => (self.each.get(..views as usize).unwrap_or(&self.each), None),
@@ -98,18 +125,51 @@ impl ViewPipelines {
     }
 }
 
-/// One compute entry point of a module.
+/// A render pipeline with its bind group.
+#[derive(Debug)]
+pub(super) struct BoundDraw {
+    pipeline: wgpu::RenderPipeline,
+    group: wgpu::BindGroup,
+}
+
+impl BoundDraw {
+    /// Draws `vertices` vertices of one instance.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, vertices: u32) {
+        self.set(pass);
+        pass.draw(0..vertices, 0..1);
+    }
+
+    /// Draws a triangle that covers the target.
+    pub(super) fn draw_full_screen(&self, pass: &mut wgpu::RenderPass<'_>) {
+        self.draw(pass, 3);
+    }
+
+    /// Draws with the [`crate::shader_layout::DrawArguments`] at byte `offset` of `arguments`.
+    pub(super) fn draw_indirect(&self, pass: &mut wgpu::RenderPass<'_>, arguments: &wgpu::Buffer, offset: usize) {
+        self.set(pass);
+        pass.draw_indirect(arguments, offset as u64);
+    }
+
+    fn set(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+    }
+}
+
+/// A compute pipeline.
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     label: &'static str,
+    bindings: Vec<Binding>,
 }
 
 impl Kernel {
-    pub(super) fn new(gpu: &Gpu, module: &wgpu::ShaderModule, entry: &'static str, constants: &[(&str, f64)]) -> Self {
+    /// A pipeline of one entry point of a module, with the module's constants.
+    pub(super) fn new(gpu: &Gpu, shader: &Shader, entry: &'static str, constants: &[(&str, f64)]) -> Self {
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(entry),
             layout: None,
-            module,
+            module: &shader.module,
             entry_point: Some(entry),
             compilation_options: wgpu::PipelineCompilationOptions {
                 constants,
@@ -118,20 +178,12 @@ impl Kernel {
             },
             cache: None,
         });
-        Self { pipeline, label: entry }
+        Self { pipeline, label: entry, bindings: shader.bindings(&[entry]) }
     }
 
-    /// Binds buffers by binding number. The entry point must use every one of them.
-    pub(super) fn bind(&self, gpu: &Gpu, buffers: &[(u32, &wgpu::Buffer)]) -> BoundKernel {
-        let entries: Vec<wgpu::BindGroupEntry> = buffers
-            .iter()
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
-            .collect();
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(self.label),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
+    /// Binds the resources that the entry point uses.
+    pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>) -> BoundKernel {
+        let group = resources.bind(gpu, self.label, &self.pipeline.get_bind_group_layout(0), &self.bindings);
         BoundKernel { pipeline: self.pipeline.clone(), group }
     }
 }
@@ -145,62 +197,17 @@ pub(super) struct BoundKernel {
 impl BoundKernel {
     /// Runs a fixed number of workgroups.
     pub(super) fn run(&self, pass: &mut wgpu::ComputePass<'_>, [x, y, z]: [u32; 3]) {
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.group, &[]);
+        self.set(pass);
         pass.dispatch_workgroups(x, y, z);
     }
 
-    /// Reads the number of workgroups from three words of `dispatches`, from word `at` on.
-    pub(super) fn run_indirect(&self, pass: &mut wgpu::ComputePass<'_>, dispatches: &wgpu::Buffer, at: u64) {
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.group, &[]);
-        pass.dispatch_workgroups_indirect(dispatches, 4 * at);
-    }
-}
-
-/// A render pipeline with its bind group.
-pub(super) struct BoundDraw {
-    pipeline: wgpu::RenderPipeline,
-    group: wgpu::BindGroup,
-}
-
-impl BoundDraw {
-    /// Binds resources by binding number.
-    pub(super) fn new(
-        gpu: &Gpu,
-        pipeline: &wgpu::RenderPipeline,
-        resources: &[(u32, wgpu::BindingResource<'_>)],
-    ) -> Self {
-        let entries: Vec<wgpu::BindGroupEntry> = resources
-            .iter()
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
-            .collect();
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        Self { pipeline: pipeline.clone(), group }
-    }
-
-    /// Draws `vertices` vertices of one instance.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, vertices: u32) {
+    /// Runs the [`crate::shader_layout::DispatchArguments`] at byte `offset` of `arguments`.
+    pub(super) fn run_indirect(&self, pass: &mut wgpu::ComputePass<'_>, arguments: &wgpu::Buffer, offset: usize) {
         self.set(pass);
-        pass.draw(0..vertices, 0..1);
+        pass.dispatch_workgroups_indirect(arguments, offset as u64);
     }
 
-    /// Draws a triangle that covers the target.
-    pub(super) fn draw_full_screen(&self, pass: &mut wgpu::RenderPass<'_>) {
-        self.draw(pass, 3);
-    }
-
-    /// Reads the draw from four words of `dispatches`, from word `at` on.
-    pub(super) fn draw_indirect(&self, pass: &mut wgpu::RenderPass<'_>, dispatches: &wgpu::Buffer, at: u64) {
-        self.set(pass);
-        pass.draw_indirect(dispatches, 4 * at);
-    }
-
-    fn set(&self, pass: &mut wgpu::RenderPass<'_>) {
+    fn set(&self, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
     }

@@ -1,7 +1,9 @@
 //! Copies a picture onto a window's surface or a headset's image, its numbers unchanged.
 
 use crate::device::Gpu;
-use crate::pipeline::render_pipeline;
+use crate::pipeline::DrawPipeline;
+use crate::resources::Resources;
+use crate::shader::Shader;
 use sg_raster::image::Image;
 
 /// Copies pictures onto targets of one format.
@@ -11,7 +13,7 @@ use sg_raster::image::Image;
 #[derive(Debug)]
 pub struct Present {
     gpu: Gpu,
-    pipeline: wgpu::RenderPipeline,
+    pipeline: DrawPipeline,
     /// The last uploaded CPU picture.
     uploaded: Option<wgpu::Texture>,
 }
@@ -20,22 +22,12 @@ impl Present {
     /// A presenter for targets of `format`, a renderable format.
     #[must_use]
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("present"),
-            source: wgpu::ShaderSource::Wgsl(
-                concat!(include_str!("shaders/full_screen.wgsl"), include_str!("shaders/present.wgsl")).into(),
-            ),
-        });
+        let parts = [include_str!("shaders/full_screen.wgsl"), include_str!("shaders/present.wgsl")];
+        let shader = Shader::new(gpu, "present", &parts);
         let constants = [("CURVED", f64::from(u8::from(format.is_srgb())))];
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline = render_pipeline(
-            gpu,
-            (&module, ["cover", "present"]),
-            &constants,
-            triangles,
-            format.into(),
-            Default::default(),
-        );
+        let target = wgpu::ColorTargetState::from(format);
+        let pipeline = DrawPipeline::new(gpu, (&shader, ["cover", "present"]), &constants, triangles, target.into());
         Self { gpu: gpu.clone(), pipeline, uploaded: None }
     }
 
@@ -50,11 +42,7 @@ impl Present {
         load: wgpu::LoadOp<wgpu::Color>,
     ) {
         let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
-        let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("present"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) }],
-        });
+        let draw = self.pipeline.bind(&self.gpu, &Resources::of_texture("picture", &view));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("present"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -68,9 +56,7 @@ impl Present {
         let [left, top, width, height] = area.map(|n| n as f32);
         if width > 0.0 && height > 0.0 {
             pass.set_viewport(left, top, width, height, 0.0, 1.0);
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.draw(0..3, 0..1);
+            draw.draw_full_screen(&mut pass);
         }
     }
 

@@ -1,14 +1,15 @@
 //! Blends splats as quadrilaterals, near to far, in one draw or in bands.
 
+use std::mem::offset_of;
 use std::num::NonZeroU32;
 
-use crate::buffers::WorkBuffers;
 use crate::compose::{ComposeBindings, ComposePasses};
 use crate::device::Gpu;
 use crate::early_out::EarlyOut;
-use crate::pipeline::{BoundDraw, DepthMode, ViewPipelines, render_pipeline, shader_module};
-use crate::radix_sort::SortBindings;
-use crate::shader_layout::{BANDS, dispatch};
+use crate::pipeline::{BoundDraw, DepthMode, DrawPipeline, DrawTargets, ViewPipelines};
+use crate::resources::Resources;
+use crate::shader::Shader;
+use crate::shader_layout::{BANDS, Dispatches, DrawArguments};
 use crate::stats::{Attachments, Stage, StatsReadback};
 use crate::textures::{BOTH_VIEWS, front_to_back_target, layer_view, pass_view, picture_texture};
 use crate::visibility_mask::{VisibilityMask, depth_texture, mask_pipelines};
@@ -34,14 +35,13 @@ impl QuadPasses {
         Self { blend: blend_pipelines(gpu, multiview, DepthMode::Ignore), rejecting: None }
     }
 
-    /// Binds the passes for pictures of `size` pixels; `reject` adds the depth buffer.
+    /// Binds the passes for `views` pictures of `size` pixels; `reject` adds the depth buffer.
     pub(super) fn bind(
         &mut self,
         gpu: &Gpu,
-        frame: &wgpu::Buffer,
-        (work, order): (&WorkBuffers, &SortBindings),
+        resources: &Resources<'_>,
         compose: &ComposePasses,
-        (size, reject): ([u32; 2], bool),
+        (size, views, reject): ([u32; 2], u32, bool),
     ) -> QuadBindings {
         let multiview = self.blend.multiview.is_some();
         let rejecting = reject.then(|| {
@@ -52,34 +52,33 @@ impl QuadPasses {
             })
         });
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended = picture_texture(gpu, size, work.views, usage);
-        let (pipelines, multiview) = rejecting.map_or(&self.blend, |r| &r.blend).passes(work.views);
-        let blend = pipelines.iter().map(|pipeline| BoundDraw::new(gpu, pipeline, &work.quad_resources(frame, order)));
-        let blend = blend.collect();
+        let blended = picture_texture(gpu, size, views, usage);
+        let (pipelines, multiview) = rejecting.map_or(&self.blend, |r| &r.blend).passes(views);
+        let blend = pipelines.iter().map(|pipeline| pipeline.bind(gpu, resources)).collect();
         let rejection = rejecting.map(|passes| Rejection {
-            early_out: (0..work.views).map(|k| passes.early_out.bind(gpu, frame, &layer_view(&blended, k))).collect(),
-            depth: depth_texture(gpu, size, work.views),
-            mask: passes.mask.passes(work.views).0.to_vec(),
+            early_out: (0..views).map(|k| passes.early_out.bind(gpu, resources, &layer_view(&blended, k))).collect(),
+            depth: depth_texture(gpu, size, views),
+            mask: passes.mask.passes(views).0.to_vec(),
         });
-        let compose = compose.bind_quads(gpu, frame, &blended, work.views);
-        QuadBindings { blended, rejection, blend, multiview, compose, views: work.views }
+        let compose = compose.bind_quads(gpu, resources, &blended, views);
+        QuadBindings { blended, rejection, blend, multiview, compose, views }
     }
 }
 
 fn blend_pipelines(gpu: &Gpu, multiview: bool, depth: DepthMode) -> ViewPipelines {
-    let target = front_to_back_target();
+    let targets = DrawTargets { depth: depth.state(), ..front_to_back_target().into() };
     let strip = wgpu::PrimitiveTopology::TriangleStrip;
     let text = include_str!("shaders/quads.wgsl");
-    let quads = shader_module(gpu, "quads", text);
+    let shader = Shader::new(gpu, "quads", &[text]);
     let each = [0.0, 1.0].map(|view| {
         let view = [("VIEW", view)];
-        render_pipeline(gpu, (&quads, ["corner", "blend"]), &view, strip, target.clone(), (None, depth))
+        DrawPipeline::new(gpu, (&shader, ["corner", "blend"]), &view, strip, targets.clone())
     });
     let multiview = multiview.then(|| {
-        let text = format!("{text}\n{}", include_str!("shaders/quads_multiview.wgsl"));
-        let shader = shader_module(gpu, "quads, both eyes", &text);
-        let entries = (&shader, ["corner_together", "blend"]);
-        render_pipeline(gpu, entries, &[], strip, target.clone(), (BOTH_VIEWS, depth))
+        let parts = [text, include_str!("shaders/quads_multiview.wgsl")];
+        let shader = Shader::new(gpu, "quads, both eyes", &parts);
+        let targets = DrawTargets { multiview: BOTH_VIEWS, ..targets };
+        DrawPipeline::new(gpu, (&shader, ["corner_together", "blend"]), &[], strip, targets)
     });
     ViewPipelines { each, multiview }
 }
@@ -102,7 +101,7 @@ struct Rejection {
     /// A layer for each view.
     depth: wgpu::Texture,
     /// Pipelines of the visibility mask, one for each pass of the quadrilaterals.
-    mask: Vec<wgpu::RenderPipeline>,
+    mask: Vec<DrawPipeline>,
     /// One for each view.
     early_out: Vec<BoundDraw>,
 }
@@ -122,9 +121,12 @@ impl QuadBindings {
         dispatches: &wgpu::Buffer,
         (first_eye, in_bands): (usize, bool),
     ) {
-        let bands = if in_bands { BANDS } else { 1 };
+        let bands = if in_bands { BANDS as usize } else { 1 };
         for band in 0..bands {
-            let draw = if in_bands { dispatch::BAND_QUADS + 4 * band } else { dispatch::ALL_QUADS };
+            let draw = match in_bands {
+                true => offset_of!(Dispatches, bands) + band * size_of::<DrawArguments>(),
+                false => offset_of!(Dispatches, all_quads),
+            };
             let keep = band > 0;
             if let (true, Some(rejection)) = (keep, &self.rejection) {
                 for (k, early_out) in (0..).zip(&rejection.early_out) {

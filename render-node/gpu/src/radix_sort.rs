@@ -1,21 +1,18 @@
 //! A stable radix sort of keys with their values by reduce and scan.
 
 use crate::device::Gpu;
-use crate::pipeline::{BoundKernel, Kernel, shader_module};
-use crate::shader_layout::Total;
+use crate::pipeline::{BoundKernel, Kernel};
+use crate::resources::Resources;
+use crate::shader::Shader;
+use crate::shader_layout::{SORT_BITS, SORT_BLOCK, SortPass};
 
-/// Bits of one pass.
-const BITS: u32 = 4;
-
-/// Number of keys of one workgroup.
-const BLOCK: u64 = 4096;
-
-/// The three kernels of a sort. The number of keys is one word of the totals.
+/// The three kernels of a sort. The number of keys is a member of [`crate::shader_layout::Totals`].
 pub(super) struct RadixSort {
     count: Kernel,
     scan: Kernel,
     scatter: Kernel,
-    shifts: Vec<wgpu::Buffer>,
+    /// The uniform of each pass.
+    sort_passes: Vec<wgpu::Buffer>,
 }
 
 /// The passes of a sort, bound to the two buffer sets of [`SortBuffers`] in turn.
@@ -27,7 +24,7 @@ pub(super) struct SortBindings {
 pub(super) struct SortBuffers {
     pub(super) keys: [wgpu::Buffer; 2],
     pub(super) values: [wgpu::Buffer; 2],
-    counts: wgpu::Buffer,
+    digit_counts: wgpu::Buffer,
 }
 
 impl SortBuffers {
@@ -37,64 +34,54 @@ impl SortBuffers {
         Self {
             keys: [words(), words()],
             values: [words(), words()],
-            counts: gpu.storage(label, 4 * (1 << BITS) * capacity.div_ceil(BLOCK)),
+            digit_counts: gpu.storage(label, 4 * (1 << SORT_BITS) * capacity.div_ceil(SORT_BLOCK.into())),
         }
     }
 }
 
 impl RadixSort {
-    /// A sort of as many keys as the word `count` of the totals says.
-    pub(super) fn new(gpu: &Gpu, count: Total) -> Self {
-        let module = shader_module(gpu, "sort", include_str!("shaders/sort.wgsl"));
-        let constants = [("COUNT", f64::from(count as u32))];
-        let shifts = (0..u32::BITS / BITS)
-            .map(|pass| {
-                let buffer = gpu.buffer("shift", 16, wgpu::BufferUsages::UNIFORM);
-                gpu.queue.write_buffer(&buffer, 0, bytemuck::bytes_of(&[BITS * pass, 0, 0, 0]));
-                buffer
-            })
-            .collect();
+    /// A sort of as many keys as the member `count` of the totals says.
+    pub(super) fn new(gpu: &Gpu, count: &str) -> Self {
+        let key_count = format!("fn key_count() -> u32 {{ return totals.{count}; }}");
+        let shader = Shader::new(gpu, "sort", &[&key_count, include_str!("shaders/sort.wgsl")]);
+        let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
+        let passes = (0..u32::BITS).step_by(SORT_BITS as usize);
         Self {
-            count: Kernel::new(gpu, &module, "count", &constants),
-            scan: Kernel::new(gpu, &module, "scan", &constants),
-            scatter: Kernel::new(gpu, &module, "scatter", &constants),
-            shifts,
+            count: kernel("count"),
+            scan: kernel("scan"),
+            scatter: kernel("scatter"),
+            sort_passes: passes.map(|shift| gpu.uniform("sort pass", &SortPass { shift })).collect(),
         }
     }
 
     /// Binds the passes over the lowest `bits` bits.
     pub(super) fn bind(&self, gpu: &Gpu, totals: &wgpu::Buffer, buffers: &SortBuffers, bits: u32) -> SortBindings {
-        let SortBuffers { keys, values, counts } = buffers;
-        let passes = self.shifts.iter().take(bits.div_ceil(BITS) as usize).enumerate().map(|(pass, shift)| {
-            let (from, to) = (pass % 2, 1 - pass % 2);
-            [
-                self.count.bind(gpu, &[(0, shift), (1, totals), (2, &keys[from]), (6, counts)]),
-                self.scan.bind(gpu, &[(1, totals), (6, counts)]),
-                self.scatter.bind(
-                    gpu,
-                    &[
-                        (0, shift),
-                        (1, totals),
-                        (2, &keys[from]),
-                        (3, &values[from]),
-                        (4, &keys[to]),
-                        (5, &values[to]),
-                        (6, counts),
-                    ],
-                ),
-            ]
+        let SortBuffers { keys, values, digit_counts } = buffers;
+        let passes = self.sort_passes.iter().take(bits.div_ceil(SORT_BITS) as usize).enumerate();
+        let passes = passes.map(|(k, sort_pass)| {
+            let (from, to) = (k % 2, 1 - k % 2);
+            let resources = Resources::of([
+                ("sort_pass", sort_pass),
+                ("totals", totals),
+                ("digit_counts", digit_counts),
+                ("keys", &keys[from]),
+                ("values", &values[from]),
+                ("sorted_keys", &keys[to]),
+                ("sorted_values", &values[to]),
+            ]);
+            [&self.count, &self.scan, &self.scatter].map(|kernel| kernel.bind(gpu, &resources))
         });
         SortBindings { passes: passes.collect() }
     }
 }
 
 impl SortBindings {
-    /// Sorts. `dispatches` holds the number of blocks from word `at` on.
-    pub(super) fn run(&self, pass: &mut wgpu::ComputePass<'_>, dispatches: &wgpu::Buffer, at: u64) {
+    /// Sorts. The number of blocks is at byte `offset` of `arguments`.
+    pub(super) fn run(&self, pass: &mut wgpu::ComputePass<'_>, arguments: &wgpu::Buffer, offset: usize) {
         for [count, scan, scatter] in &self.passes {
-            count.run_indirect(pass, dispatches, at);
+            count.run_indirect(pass, arguments, offset);
             scan.run(pass, [1, 1, 1]);
-            scatter.run_indirect(pass, dispatches, at);
+            scatter.run_indirect(pass, arguments, offset);
         }
     }
 
@@ -111,17 +98,18 @@ mod tests {
 
     use super::*;
     use crate::device::test_device;
+    use crate::shader_layout::{DispatchArguments, Totals};
 
     /// Sorts on the device; positions are the values.
     fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
         let n = keys.len() as u32;
-        let sort = RadixSort::new(gpu, Total::Marked);
+        let sort = RadixSort::new(gpu, "marked");
         let buffers = SortBuffers::new(gpu, "test", u64::from(n));
-        let totals = gpu.storage("totals", 16);
+        let totals = gpu.table("totals", &[Totals { marked: n, ..Totals::default() }]);
         let dispatches = gpu.buffer("dispatches", 16, wgpu::BufferUsages::INDIRECT);
+        let arguments = DispatchArguments { x: n.div_ceil(SORT_BLOCK), y: 1, z: 1 };
         let values: Vec<u32> = (0..n).collect();
-        gpu.queue.write_buffer(&totals, 0, bytemuck::bytes_of(&[0, n, 0, 0]));
-        gpu.queue.write_buffer(&dispatches, 0, bytemuck::bytes_of(&[n.div_ceil(4096), 1, 1, 0]));
+        gpu.queue.write_buffer(&dispatches, 0, &gpu.table_bytes(&[arguments]));
         gpu.queue.write_buffer(&buffers.keys[0], 0, bytemuck::cast_slice(keys));
         gpu.queue.write_buffer(&buffers.values[0], 0, bytemuck::cast_slice(&values));
         let sorting = sort.bind(gpu, &totals, &buffers, bits);

@@ -2,8 +2,8 @@
 //! again in a [`SortWindow`].
 
 use crate::device::Gpu;
-use crate::pipeline::{Kernel, shader_module};
-use crate::shader_source::tile_source;
+use crate::pipeline::Kernel;
+use crate::shader::Shader;
 use crate::sort_window::SortWindow;
 
 /// Edge of a tile in pixels. In tiles of 16 pixels the orders of two rays differ too much for a window of 64 layers on
@@ -22,8 +22,9 @@ pub(super) struct RayPasses {
 impl RayPasses {
     /// Kernels for one sort window; `depths` adds the depth of each pixel's front.
     pub(super) fn new(gpu: &Gpu, window: SortWindow, depths: bool) -> Self {
-        let text = [&window.source(), &tile_source(RAY_TILE), include_str!("shaders/ray_tiles.wgsl")].concat();
-        let shader = shader_module(gpu, "tiles, by ray", &text);
+        let edge = format!("const TILE: u32 = {RAY_TILE};");
+        let [tiles, rays] = [include_str!("shaders/tiles.wgsl"), include_str!("shaders/ray_tiles.wgsl")];
+        let shader = Shader::new(gpu, "tiles, by ray", &[&window.source(), &edge, tiles, rays]);
         let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
         Self {
             touch: kernel("touch"),

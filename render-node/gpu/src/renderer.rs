@@ -17,7 +17,7 @@ use crate::pass_chain::{BindGroups, FrameOutput, FramePlan, FrameResources, Pass
 use crate::readback::texture_bytes;
 use crate::scene_buffers::SceneBuffers;
 use crate::settings::{FrameStats, Options, Rasterizer, Settings};
-use crate::shader_layout::FrameUniform;
+use crate::shader_layout::Frame;
 use crate::stats::{PassSeconds, StatsReadback};
 use crate::tiles::{ListSizes, TileMode};
 use crate::view_limits::{picture_size, pixels_fit};
@@ -79,7 +79,7 @@ impl Renderer {
         let renderer = Self {
             appearance,
             passes,
-            frame: gpu.buffer("frame", size_of::<FrameUniform>() as u64, wgpu::BufferUsages::UNIFORM),
+            frame: gpu.uniform("frame", &Frame::default()),
             readbacks: [StatsReadback::new(gpu), StatsReadback::new(gpu)],
             work,
             targets: RenderTargets::new(gpu, [1, 1], 1),
@@ -271,7 +271,7 @@ impl Renderer {
         let Self { gpu, scene, appearance, passes, frame, readbacks, work, targets, groups, mask, .. } = self;
         let bound = passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work }, plan)?;
         let uniform = frame_uniform(cameras, settings, (scene, appearance, work), size, bound.pair_capacity);
-        gpu.queue.write_buffer(frame, 0, bytemuck::bytes_of(&uniform));
+        gpu.write_uniform(frame, &uniform);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let stats = &mut readbacks[first];
         stats.begin();
@@ -280,8 +280,8 @@ impl Renderer {
             pictures: targets.pictures.get(first..).unwrap_or_default(),
             depths: targets.depths.get(first..).unwrap_or_default(),
         };
-        bound.encode((gpu, mask.as_ref()), &mut encoder, stats, &work.dispatches, output);
-        let copied = stats.copy(&mut encoder, &work.totals, &work.longest);
+        bound.encode((gpu, mask.as_ref()), &mut encoder, stats, work, output);
+        let copied = stats.copy(&mut encoder, &work.totals, &work.longest_list);
         gpu.submit([encoder.finish()]);
         if copied {
             stats.map();
@@ -310,11 +310,11 @@ impl Renderer {
         }
         for picture in read {
             // Eyes with separate orders share the buffers: the larger count decides.
-            stats.listed = stats.listed.max(picture.listed);
-            marked = marked.max(picture.marked);
+            stats.listed = stats.listed.max(picture.totals.listed);
+            marked = marked.max(picture.totals.marked);
             if self.tiled {
-                stats.tile_pairs = stats.tile_pairs.saturating_add(picture.pairs);
-                self.pairs = self.pairs.max(picture.pairs.into());
+                stats.tile_pairs = stats.tile_pairs.saturating_add(picture.totals.pairs);
+                self.pairs = self.pairs.max(picture.totals.pairs.into());
                 self.longest = self.longest.max(picture.longest);
             }
             stats.seconds = match (stats.seconds, picture.seconds) {

@@ -3,27 +3,33 @@
 //! Scenes without shading columns or harmonics pay nothing for them. The buffers store centers with the transforms
 //! of the units, computed in f64, relative to the middle of a distant scene.
 
+use std::cell::Cell;
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bytemuck::Pod;
 use glam::{DMat3, DVec3, Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
+use sg_raster::shading::NormalTransform;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::device::Gpu;
-use crate::shader_layout::{ColorSource, Part, Unit, shading_model_number};
-use sg_raster::shading::NormalTransform;
-
-/// Gaussians of one block of the list.
-pub(super) const BLOCK: usize = 1024;
+use crate::resources::Resources;
+use crate::shader_layout::{
+    BLOCK, COLOR_HARMONICS, COLOR_LIT, COLOR_PALETTE, Center, Part, SURFACE_NUMBERS, Shape, Unit, shading_model_number,
+};
 
 /// Padding behind a column: its last element is read with the word after it.
 const PADDING: u64 = 16;
 
-/// Words of the shading columns of one Gaussian, in full and in half precision.
-const SURFACE: [usize; 2] = [10, 5];
+/// Numbers of the shading columns of one Gaussian.
+type Surface = [f32; SURFACE_NUMBERS as usize];
 
 /// A scene on the device.
 pub(super) struct SceneBuffers {
     pub(super) parts: Vec<PartBuffers>,
+    /// A [`Part`] for each of them.
     pub(super) part_table: wgpu::Buffer,
     pub(super) units: Vec<Unit>,
     /// Origin of the stored centers in the scene frame.
@@ -43,20 +49,42 @@ pub(super) struct SceneBuffers {
 
 /// A range of Gaussians; each of its columns fits one binding.
 pub(super) struct PartBuffers {
-    pub(super) part: Part,
-    pub(super) uniform: wgpu::Buffer,
-    pub(super) centers: wgpu::Buffer,
-    pub(super) shapes: wgpu::Buffer,
-    pub(super) surfaces: wgpu::Buffer,
-    pub(super) harmonics: wgpu::Buffer,
+    part: Part,
+    uniform: wgpu::Buffer,
+    /// [`Center`]s.
+    centers: wgpu::Buffer,
+    /// [`Shape`]s.
+    shapes: wgpu::Buffer,
+    /// [`Surface`]s, in full or half precision.
+    surfaces: wgpu::Buffer,
+    /// Coefficients, in full or half precision.
+    harmonics: wgpu::Buffer,
 }
 
-/// The stored attributes of one Gaussian.
-struct Row {
-    center: Vec4,
-    shape: [Vec4; 2],
-    surface: [f32; 10],
-    finite: bool,
+impl PartBuffers {
+    /// Number of blocks of the list.
+    pub(super) fn blocks(&self) -> u32 {
+        self.part.count.div_ceil(BLOCK)
+    }
+
+    /// The buffers by name.
+    pub(super) fn resources(&self) -> Resources<'_> {
+        Resources::of([
+            ("part", &self.uniform),
+            ("centers", &self.centers),
+            ("shapes", &self.shapes),
+            ("surfaces", &self.surfaces),
+            ("harmonics", &self.harmonics),
+        ])
+    }
+}
+
+/// Columns of a range of Gaussians that every scene has.
+struct Columns {
+    centers: Vec<Center>,
+    shapes: Vec<Shape>,
+    /// Number of Gaussians with a NaN or infinite attribute.
+    non_finite: usize,
 }
 
 impl SceneBuffers {
@@ -71,12 +99,13 @@ impl SceneBuffers {
             .filter_map(|u| u.gaussians.harmonics.as_ref().map(|h| i32::from(h.degree)))
             .max()
             .unwrap_or(-1);
-        let surface_words = if lit { SURFACE[usize::from(half)] } else { 0 };
         let coefficients = if degree < 0 { 0 } else { 3 * ((degree + 1) * (degree + 1)) as usize };
-        let harmonic_bytes = coefficients * if half { 2 } else { 4 };
+        let number = if half { size_of::<f16>() } else { size_of::<f32>() };
+        let surface = if lit { SURFACE_NUMBERS as usize } else { 0 };
         // The widest column limits the range of a binding. Ranges hold whole blocks.
-        let widest = 32.max(4 * surface_words).max(harmonic_bytes) as u64;
-        let most = ((gpu.largest_binding() - PADDING) / widest) as usize / BLOCK * BLOCK;
+        let widest = size_of::<Shape>().max(number * surface.max(coefficients)) as u64;
+        let block = BLOCK as usize;
+        let most = ((gpu.largest_binding() - PADDING) / widest) as usize / block * block;
         let mut buffers = Self {
             parts: Vec::new(),
             part_table: gpu.storage("parts", 0),
@@ -94,77 +123,66 @@ impl SceneBuffers {
             non_finite: 0,
             bytes: 0,
         };
-        for first in (0..scene.len()).step_by(most.max(BLOCK)) {
-            let end = (first + most.max(BLOCK)).min(scene.len());
-            buffers.upload_part(gpu, scene, first..end, [surface_words, coefficients]);
+        for first in (0..scene.len()).step_by(most.max(block)) {
+            let end = (first + most.max(block)).min(scene.len());
+            buffers.upload_part(gpu, scene, first..end, coefficients);
         }
         let table: Vec<Part> = buffers.parts.iter().map(|p| p.part).collect();
-        buffers.part_table = gpu.storage("parts", size_of_val(table.as_slice()) as u64);
-        gpu.queue.write_buffer(&buffers.part_table, 0, bytemuck::cast_slice(&table));
+        buffers.part_table = gpu.table("parts", &table);
         buffers
     }
 
-    fn upload_part(
-        &mut self,
-        gpu: &Gpu,
-        scene: &Scene,
-        range: std::ops::Range<usize>,
-        [surface_words, coefficients]: [usize; 2],
-    ) {
-        let rows: Vec<Row> = range
-            .clone()
-            .into_par_iter()
-            .map(|i| {
-                let index = unit_index(scene, i);
-                match scene.units.get(index as usize) {
-                    Some(unit) => Row::of(unit, i - unit.first, self.origin, index),
-                    None => Row::invisible(index),
-                }
-            })
-            .collect();
-        self.non_finite += rows.iter().filter(|r| !r.finite).count();
+    fn upload_part(&mut self, gpu: &Gpu, scene: &Scene, range: Range<usize>, coefficients: usize) {
         let part = Part {
             first: range.start as u32,
             count: range.len() as u32,
             index: self.parts.len() as u32,
-            block: self.blocks,
+            first_block: self.blocks,
         };
-        let upload = |label: &str, words: &[u8]| {
-            let buffer = gpu.storage(label, words.len() as u64 + PADDING);
-            gpu.queue.write_buffer(&buffer, 0, words);
+        let bytes = Cell::new(0);
+        let upload = |label: &str, column: &[u8]| {
+            bytes.set(bytes.get() + column.len() as u64);
+            let buffer = gpu.storage(label, column.len() as u64 + PADDING);
+            gpu.queue.write_buffer(&buffer, 0, column);
             buffer
         };
-        let centers: Vec<Vec4> = rows.iter().map(|r| r.center).collect();
-        let shapes: Vec<Vec4> = rows.iter().flat_map(|r| r.shape).collect();
-        let surfaces: Vec<u8> = match surface_words {
-            0 => Vec::new(),
-            5 => rows.iter().flat_map(|r| r.surface).flat_map(|x| f16::from_f32(x).to_le_bytes()).collect(),
-            _ => rows.iter().flat_map(|r| r.surface).flat_map(f32::to_le_bytes).collect(),
-        };
-        let harmonics: Vec<u8> = if coefficients == 0 {
-            Vec::new()
-        } else {
-            let values = range.clone().flat_map(|i| harmonics_of(scene, i, coefficients));
-            if self.half {
-                let mut bytes: Vec<u8> = values.flat_map(|x| f16::from_f32(x).to_le_bytes()).collect();
-                bytes.resize(bytes.len().next_multiple_of(4), 0);
-                bytes
-            } else {
-                values.flat_map(f32::to_le_bytes).collect()
+        let (columns, surfaces) = match (self.lit, self.half) {
+            (false, _) => {
+                let (columns, _) = Columns::of(scene, range.clone(), self.origin, |_| ());
+                (columns, upload("surfaces", &[]))
+            }
+            (true, false) => {
+                let (columns, surfaces) = Columns::of(scene, range.clone(), self.origin, |surface| surface);
+                (columns, upload("surfaces", bytemuck::cast_slice(&surfaces)))
+            }
+            (true, true) => {
+                let half = |surface: Surface| surface.map(f16::from_f32);
+                let (columns, surfaces) = Columns::of(scene, range.clone(), self.origin, half);
+                (columns, upload("surfaces", bytemuck::cast_slice(&surfaces)))
             }
         };
-        let uniform = gpu.buffer("part", size_of::<Part>() as u64, wgpu::BufferUsages::UNIFORM);
-        gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&part));
-        self.bytes += (48 * rows.len() + surfaces.len() + harmonics.len()) as u64;
-        self.blocks += (rows.len() as u32).div_ceil(BLOCK as u32);
+        let harmonics = match (coefficients, self.half) {
+            (0, _) => upload("harmonics", &[]),
+            (_, false) => {
+                let column: Vec<f32> = harmonics(scene, range, coefficients, |x| x);
+                upload("harmonics", bytemuck::cast_slice(&column))
+            }
+            (_, true) => {
+                let column: Vec<f16> = harmonics(scene, range, coefficients, f16::from_f32);
+                upload("harmonics", bytemuck::cast_slice(&column))
+            }
+        };
         self.parts.push(PartBuffers {
+            uniform: gpu.uniform("part", &part),
+            centers: upload("centers", bytemuck::cast_slice(&columns.centers)),
+            shapes: upload("shapes", bytemuck::cast_slice(&columns.shapes)),
+            surfaces,
+            harmonics,
             part,
-            uniform,
-            centers: upload("centres", bytemuck::cast_slice(&centers)),
-            shapes: upload("shapes", bytemuck::cast_slice(&shapes)),
-            surfaces: upload("surfaces", &surfaces),
-            harmonics: upload("harmonics", &harmonics),
         });
+        self.blocks += part.count.div_ceil(BLOCK);
+        self.non_finite += columns.non_finite;
+        self.bytes += bytes.get();
     }
 }
 
@@ -186,81 +204,99 @@ fn unit_index(scene: &Scene, i: usize) -> u32 {
 }
 
 fn unit(unit: &BaseUnit) -> Unit {
-    let source = if unit.gaussians.shading.is_some() {
-        ColorSource::Lit
-    } else if unit.gaussians.harmonics.is_some() {
-        ColorSource::Harmonics
-    } else {
-        ColorSource::Palette
-    };
-    let model = shading_model_number(unit.shading);
-    let antialiased = u32::from(unit.gaussians.antialiased);
-    Unit { kind: [model, source as u32, 1, antialiased], ..Unit::of_transform(unit.transform) }
+    Unit {
+        shading_model: shading_model_number(unit.shading),
+        color_source: if unit.gaussians.shading.is_some() {
+            COLOR_LIT
+        } else if unit.gaussians.harmonics.is_some() {
+            COLOR_HARMONICS
+        } else {
+            COLOR_PALETTE
+        },
+        visible: 1,
+        compensated: u32::from(unit.gaussians.antialiased),
+        ..Unit::of_transform(unit.transform)
+    }
 }
 
-impl Row {
-    /// Gaussian `i` of a unit.
-    fn of(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Row {
-        let g = &unit.gaussians;
-        let position = g.position.get(i).copied().unwrap_or(Vec3::NAN);
-        let scale = g.log_scale.get(i).copied().unwrap_or(Vec3::NAN).as_dvec3().exp().as_vec3();
-        let stored = g.rotation.get(i).copied().unwrap_or([f32::NAN; 4]);
-        let logit = g.opacity_logit.get(i).copied().unwrap_or(f32::NAN);
-        let center = (unit.transform.transform_point3(position.as_dvec3()) - origin).as_vec3();
-        let opacity = (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32;
-        let surface = g.shading.as_ref().map_or(Some([0.0; 10]), |s| {
+impl Columns {
+    /// The columns of a range of Gaussians, and their surfaces as `surface` stores them. One pass over the scene's columns
+    /// fills all of them.
+    fn of<S: Send>(
+        scene: &Scene,
+        range: Range<usize>,
+        origin: DVec3,
+        surface: impl Fn(Surface) -> S + Sync,
+    ) -> (Self, Vec<S>) {
+        let non_finite = AtomicUsize::new(0);
+        let gaussian = |i| {
+            let index = unit_index(scene, i);
+            let unit = scene.units.get(index as usize);
+            let (center, shape, numbers) =
+                unit.and_then(|unit| stored(unit, i - unit.first, origin, index)).unwrap_or_else(|| {
+                    non_finite.fetch_add(1, Ordering::Relaxed);
+                    invisible(index)
+                });
+            ((center, shape), surface(numbers))
+        };
+        let ((centers, shapes), surfaces) = range.into_par_iter().map(gaussian).unzip();
+        (Self { centers, shapes, non_finite: non_finite.into_inner() }, surfaces)
+    }
+}
+
+/// Gaussian `i` of a unit; `None` if an attribute is NaN or infinite.
+fn stored(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Option<(Center, Shape, Surface)> {
+    let g = &unit.gaussians;
+    let position = g.position.get(i)?;
+    let scale = g.log_scale.get(i)?.as_dvec3().exp().as_vec3();
+    let rotation = g.rotation.get(i)?;
+    let logit = g.opacity_logit.get(i)?;
+    let center = (unit.transform.transform_point3(position.as_dvec3()) - origin).as_vec3();
+    let opacity = (1.0 / (1.0 + (-f64::from(*logit)).exp())) as f32;
+    let surface = match &g.shading {
+        None => Surface::default(),
+        Some(s) => {
             let normal = NormalTransform::of(DMat3::from_mat4(unit.transform)).apply(s.normal.get(i)?.as_dvec3());
-            let (offset, n) = (*s.offset_color.get(i)?, normal.as_vec3());
-            Some([
-                offset.x,
-                offset.y,
-                offset.z,
-                n.x,
-                n.y,
-                n.z,
-                *s.ambient.get(i)?,
-                *s.diffuse.get(i)?,
-                *s.specular.get(i)?,
-                *s.shininess.get(i)?,
-            ])
-        });
-        let finite = position.is_finite()
-            && center.is_finite()
-            && scale.is_finite()
-            && stored.iter().all(|q| q.is_finite())
-            && opacity.is_finite()
-            && surface.is_some_and(|s| s.iter().all(|x| x.is_finite()));
-        if !finite {
-            return Row::invisible(index);
+            let ([r, g, b], [x, y, z]) = (s.offset_color.get(i)?.to_array(), normal.as_vec3().to_array());
+            let factors = [s.ambient.get(i)?, s.diffuse.get(i)?, s.specular.get(i)?, s.shininess.get(i)?];
+            let [ka, kd, ks, shininess] = factors.map(|x| *x);
+            [r, g, b, x, y, z, ka, kd, ks, shininess]
         }
-        let q = g.unit_rotation(i);
-        let rotation = Vec4::new(q.x as f32, q.y as f32, q.z as f32, q.w as f32);
-        Row {
-            center: center.extend(opacity),
-            shape: [rotation, scale.extend(f32::from_bits(index))],
-            surface: surface.unwrap_or([0.0; 10]),
-            finite,
-        }
-    }
-
-    /// A Gaussian that no pass draws.
-    fn invisible(index: u32) -> Self {
-        let shape = [Vec4::W, Vec3::ZERO.extend(f32::from_bits(index))];
-        Self { center: Vec4::ZERO, shape, surface: [0.0; 10], finite: false }
-    }
+    };
+    let finite = position.is_finite()
+        && center.is_finite()
+        && scale.is_finite()
+        && rotation.iter().all(|q| q.is_finite())
+        && opacity.is_finite()
+        && surface.iter().all(|x| x.is_finite());
+    let rotation = g.unit_rotation(i).as_quat().into();
+    finite.then_some((Center { position: center, opacity }, Shape { rotation, scale, unit: index }, surface))
 }
 
-/// Harmonics of one Gaussian, padded with zeros to the scene's degree.
-fn harmonics_of(scene: &Scene, i: usize, coefficients: usize) -> Vec<f32> {
-    let mut values = Vec::with_capacity(coefficients);
-    if let Some((unit, local)) = scene.locate(i)
-        && let Some(h) = &unit.gaussians.harmonics
-    {
-        values.extend(h.dc.get(local).copied().unwrap_or_default());
+/// A Gaussian that no pass draws.
+fn invisible(index: u32) -> (Center, Shape, Surface) {
+    let shape = Shape { rotation: Vec4::W, scale: Vec3::ZERO, unit: index };
+    (Center::default(), shape, Surface::default())
+}
+
+/// Harmonics of a range of Gaussians as `number` stores them, padded with zeros to the scene's degree and to whole words.
+fn harmonics<T: Pod + Send + Sync>(
+    scene: &Scene,
+    range: Range<usize>,
+    coefficients: usize,
+    number: impl Fn(f32) -> T + Sync,
+) -> Vec<T> {
+    let numbers = coefficients * range.len();
+    let padded = (numbers * size_of::<T>()).next_multiple_of(size_of::<u32>()) / size_of::<T>();
+    let mut column = vec![T::zeroed(); padded];
+    column.par_chunks_exact_mut(coefficients).zip(range).for_each(|(to, i)| {
+        let Some((unit, local)) = scene.locate(i) else { return };
+        let Some(h) = &unit.gaussians.harmonics else { return };
+        let dc = h.dc.get(local).copied().unwrap_or_default();
         let k = h.rest_per_gaussian();
         let rest = h.rest.get(local * k..(local + 1) * k).unwrap_or_default();
-        values.extend(rest.iter().take(coefficients / 3 - 1).flatten());
-    }
-    values.resize(coefficients, 0.0);
-    values
+        let values = std::iter::once(&dc).chain(rest).flatten();
+        to.iter_mut().zip(values).for_each(|(to, x)| *to = number(*x));
+    });
+    column
 }

@@ -4,7 +4,10 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
+use encase::ShaderSize;
+
 use crate::device::Gpu;
+use crate::shader_layout::Totals;
 
 /// Stages of a frame with separate times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,18 +86,22 @@ const PENDING: u8 = 1;
 const READY: u8 = 2;
 const FAILED: u8 = 3;
 
+/// Bytes of the totals, the first thing of a readback. The length of the longest list follows.
+const TOTAL_BYTES: u64 = Totals::SHADER_SIZE.get();
+
+/// Bytes of a length.
+const LENGTH_BYTES: u64 = u32::SHADER_SIZE.get();
+
 /// Bytes of the counts in front of the timestamps.
-const COUNT_BYTES: u64 = 32;
+const COUNT_BYTES: u64 = (TOTAL_BYTES + LENGTH_BYTES).next_multiple_of(wgpu::QUERY_SIZE as u64);
+
+/// Bytes of the two timestamps of a pass.
+const PASS_BYTES: u64 = 2 * wgpu::QUERY_SIZE as u64;
 
 /// Counts and times of one picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct PictureStats {
-    /// Number of listed Gaussians.
-    pub(super) listed: u32,
-    /// Number of Gaussians that may be visible, listed or not.
-    pub(super) marked: u32,
-    /// Number of pairs of a Gaussian and a tile.
-    pub(super) pairs: u32,
+    pub(super) totals: Totals,
     /// Length of the longest list of a tile.
     pub(super) longest: u32,
     /// Times, if the device has timestamps.
@@ -125,7 +132,7 @@ impl StatsReadback {
                 count: 2 * TIMED_PASSES,
             })
         });
-        let bytes = 16 * u64::from(TIMED_PASSES);
+        let bytes = PASS_BYTES * u64::from(TIMED_PASSES);
         Self {
             queries,
             resolved: gpu.buffer("times", bytes, wgpu::BufferUsages::QUERY_RESOLVE),
@@ -219,12 +226,13 @@ impl StatsReadback {
         if self.state.load(Ordering::Acquire) != IDLE {
             return false;
         }
-        encoder.copy_buffer_to_buffer(totals, 0, &self.staging, 0, 16);
-        encoder.copy_buffer_to_buffer(longest, 0, &self.staging, 16, 4);
-        let count = 2 * self.stages.len() as u32;
-        if let (Some(queries), true) = (&self.queries, count > 0) {
-            encoder.resolve_query_set(queries, 0..count, &self.resolved, 0);
-            encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.staging, COUNT_BYTES, 8 * u64::from(count));
+        encoder.copy_buffer_to_buffer(totals, 0, &self.staging, 0, TOTAL_BYTES);
+        encoder.copy_buffer_to_buffer(longest, 0, &self.staging, TOTAL_BYTES, LENGTH_BYTES);
+        let passes = self.stages.len() as u32;
+        if let (Some(queries), true) = (&self.queries, passes > 0) {
+            encoder.resolve_query_set(queries, 0..2 * passes, &self.resolved, 0);
+            let bytes = PASS_BYTES * u64::from(passes);
+            encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.staging, COUNT_BYTES, bytes);
         }
         self.pending.clone_from(&self.stages);
         true
@@ -257,19 +265,20 @@ impl StatsReadback {
     }
 
     fn parse(&self, bytes: &[u8]) -> PictureStats {
-        let mut words = bytes.chunks_exact(4).map(|word| word.try_into().map(u32::from_le_bytes).unwrap_or_default());
-        let [listed, marked, _, pairs, longest] = std::array::from_fn(|_| words.next().unwrap_or_default());
+        let (totals, rest) = bytes.split_at(bytes.len().min(TOTAL_BYTES as usize));
         let times = bytes.get(COUNT_BYTES as usize..).unwrap_or_default();
         let seconds = self.queries.as_ref().map(|_| {
             let mut seconds = PassSeconds::default();
-            for (stage, pair) in self.pending.iter().zip(times.chunks_exact(16)) {
-                let tick = |at: usize| {
-                    pair.get(at..at + 8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes).unwrap_or_default()
-                };
-                seconds.add(*stage, self.period * tick(8).saturating_sub(tick(0)) as f64);
+            for (stage, pass) in self.pending.iter().zip(times.chunks_exact(PASS_BYTES as usize)) {
+                let [begin, end]: [u64; 2] = bytemuck::pod_read_unaligned(pass);
+                seconds.add(*stage, self.period * end.saturating_sub(begin) as f64);
             }
             seconds
         });
-        PictureStats { listed, marked, pairs, longest, seconds }
+        PictureStats {
+            totals: encase::StorageBuffer::new(totals).create().unwrap_or_default(),
+            longest: encase::StorageBuffer::new(rest).create().unwrap_or_default(),
+            seconds,
+        }
     }
 }

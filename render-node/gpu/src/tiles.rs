@@ -1,21 +1,23 @@
 //! Blends splats tile by tile: lists pairs of a splat and a tile in depth order, sorts them by tile, blends each list.
 
 use std::collections::HashMap;
+use std::mem::offset_of;
 
-use crate::buffers::{SplatBuffers, WorkBuffers, tile_count};
-use crate::compose::{ComposeBindings, ComposePasses};
-use crate::device::Gpu;
-use crate::pipeline::{BoundKernel, Kernel, shader_module};
-use crate::radix_sort::{RadixSort, SortBindings, SortBuffers};
-use crate::ray_tiles::RayPasses;
-use crate::shader_layout::{Part, Total, dispatch, pair_dispatch};
-use crate::shader_source::tile_source;
-use crate::sort_window::SortWindow;
-use crate::stats::{Stage, StatsReadback};
+use encase::ShaderSize;
+use glam::Vec4;
 use sg_raster::TILE;
 
-/// Splats of one tile that one dispatch blends: STRETCH of tiles.wgsl.
-const STRETCH: u32 = 32_768;
+use crate::buffers::{WorkBuffers, tile_count};
+use crate::compose::{ComposeBindings, ComposePasses};
+use crate::device::Gpu;
+use crate::pipeline::{BoundKernel, Kernel};
+use crate::radix_sort::{RadixSort, SortBindings, SortBuffers};
+use crate::ray_tiles::RayPasses;
+use crate::resources::Resources;
+use crate::shader::Shader;
+use crate::shader_layout::{Dispatches, LANES, PairDispatches, STRETCH, Stretch, TileList, Window};
+use crate::sort_window::SortWindow;
+use crate::stats::{Stage, StatsReadback};
 
 /// Constants of the passes over tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,7 +48,7 @@ impl ListSizes {
 
 /// Kernels of the passes over tiles.
 pub(super) struct TilePasses {
-    affine: wgpu::ShaderModule,
+    affine: Shader,
     pair_sort: RadixSort,
     touch: Kernel,
     sum_touched: Kernel,
@@ -64,10 +66,11 @@ pub(super) struct TilePasses {
 
 impl TilePasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let affine = shader_module(gpu, "tiles", &tile_source(TILE as u32));
+        let edge = format!("const TILE: u32 = {TILE};");
+        let affine = Shader::new(gpu, "tiles", &[&edge, include_str!("shaders/tiles.wgsl")]);
         let kernel = |entry| Kernel::new(gpu, &affine, entry, &[]);
         Self {
-            pair_sort: RadixSort::new(gpu, Total::WindowPairs),
+            pair_sort: RadixSort::new(gpu, "window_pairs"),
             touch: kernel("touch"),
             sum_touched: kernel("sum_touched"),
             open_window: kernel("open_window"),
@@ -86,8 +89,8 @@ impl TilePasses {
     pub(super) fn bind(
         &mut self,
         gpu: &Gpu,
-        frame: &wgpu::Buffer,
-        (work, order): (&WorkBuffers, &SortBindings),
+        resources: &Resources<'_>,
+        work: &WorkBuffers,
         compose: &ComposePasses,
         (size, lists, mode): ([u32; 2], ListSizes, TileMode),
     ) -> TileBindings {
@@ -109,114 +112,73 @@ impl TilePasses {
         let tiles = views * across * down;
         let pixels = u64::from(views) * u64::from(width) * u64::from(height);
         let touched = gpu.storage("touched", 4 * items);
-        let sums = gpu.storage("touched, summed", 4 * items.div_ceil(256));
+        let touched_sums = gpu.storage("touched, summed", 4 * items.div_ceil(LANES.into()));
         let pairs = SortBuffers::new(gpu, "pairs", lists.capacity);
-        let dispatches = gpu.buffer("pair dispatches", 24, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE);
-        let ranges = gpu.storage("lists", 8 * u64::from(tiles));
+        let arguments = wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE;
+        let dispatches = gpu.buffer("pair dispatches", PairDispatches::SHADER_SIZE.get(), arguments);
+        let tile_lists = gpu.storage("tile lists", TileList::SHADER_SIZE.get() * u64::from(tiles));
         let fronts = gpu.storage("fronts", if mode.depths { 4 * pixels } else { 0 });
-        let pixels = gpu.storage("pixels", 16 * pixels);
-        let ordered = work.ordered(order);
-        let SplatBuffers { ellipses, levels, tints } = &work.splats;
+        let pixels = gpu.storage("pixels", Vec4::SHADER_SIZE.get() * pixels);
+        let resources = resources.with([
+            ("touched", &touched),
+            ("touched_sums", &touched_sums),
+            ("pair_dispatches", &dispatches),
+            ("tile_lists", &tile_lists),
+            ("fronts", &fronts),
+            ("pixels", &pixels),
+        ]);
         // The greatest key is the number of tiles less one.
         let bits = u32::BITS - tiles.saturating_sub(1).leading_zeros();
         let sort = pair_sort.bind(gpu, &work.totals, &pairs, bits.max(1));
-        let (keys, splats) = (&pairs.keys[sort.result()], &pairs.values[sort.result()]);
+        let set = |k: usize| [("pair_tiles", &pairs.keys[k]), ("pair_splats", &pairs.values[k])];
+        // The order by ray reads the second set and writes the first one, the input of the sort by tile.
+        let listed = resources.with(set(usize::from(rays.is_some())));
+        let sorted = resources.with(set(sort.result()));
         let by_ray = rays.map(|rays| {
             let depths = SortBuffers::new(gpu, "pairs by depth", lists.capacity);
             let sort = pair_sort.bind(gpu, &work.totals, &depths, u32::BITS);
-            let order = rays.order.bind(
-                gpu,
-                &[
-                    (4, &work.totals),
-                    (7, &pairs.keys[1]),
-                    (8, &pairs.values[1]),
-                    (16, &depths.values[sort.result()]),
-                    (17, &pairs.keys[0]),
-                    (18, &pairs.values[0]),
-                ],
-            );
-            let measure = rays.measure.bind(
-                gpu,
-                &[
-                    (0, frame),
-                    (2, ellipses),
-                    (4, &work.totals),
-                    (7, &pairs.keys[1]),
-                    (8, &pairs.values[1]),
-                    (12, levels),
-                    (13, tints),
-                    (15, &depths.keys[0]),
-                    (16, &depths.values[0]),
-                ],
-            );
-            RayOrder { measure, sort, order }
-        });
-        // The order by ray reads the second set and writes the first one, the input of the sort by tile.
-        let listed = usize::from(by_ray.is_some());
-        let bind_blend = |window: u32, stretch: u32| {
-            let part = gpu.buffer("stretch", 16, wgpu::BufferUsages::UNIFORM);
-            // From the second dispatch on, blending continues with the stored pixels.
-            let index = window + stretch;
-            let range = Part { index, block: stretch * STRETCH, ..Part::default() };
-            gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&range));
-            let buffers = [
-                (0, frame),
-                (1, &part),
-                (2, ellipses),
-                (8, splats),
-                (10, &ranges),
-                (11, &pixels),
-                (12, levels),
-                (13, tints),
-                (19, &fronts),
+            let measured = [("pair_depths", &depths.keys[0]), ("pair_places", &depths.values[0])];
+            let ordered = [
+                ("pair_places", &depths.values[sort.result()]),
+                ("ordered_tiles", &pairs.keys[0]),
+                ("ordered_splats", &pairs.values[0]),
             ];
-            blend.bind(gpu, &buffers)
+            RayOrder {
+                measure: rays.measure.bind(gpu, &listed.with(measured)),
+                order: rays.order.bind(gpu, &listed.with(ordered)),
+                sort,
+            }
+        });
+        let bind_blend = |index: u32, first_item: u32| {
+            let stretch = gpu.uniform("stretch", &Stretch { index, first_item });
+            blend.bind(gpu, &sorted.with([("stretch", &stretch)]))
         };
         let windows = (0..lists.windows).map(|index| {
-            let first = (lists.capacity * u64::from(index)) as u32;
-            let part = gpu.buffer("window", 16, wgpu::BufferUsages::UNIFORM);
-            gpu.queue.write_buffer(&part, 0, bytemuck::bytes_of(&Part { first, index, ..Part::default() }));
-            Window {
-                open: self
-                    .open_window
-                    .bind(gpu, &[(0, frame), (1, &part), (4, &work.totals), (9, &dispatches), (14, &work.longest)]),
-                list: list_pairs.bind(
-                    gpu,
-                    &[
-                        (0, frame),
-                        (1, &part),
-                        (2, ellipses),
-                        (3, ordered),
-                        (4, &work.totals),
-                        (5, &touched),
-                        (6, &sums),
-                        (7, &pairs.keys[listed]),
-                        (8, &pairs.values[listed]),
-                        (12, levels),
-                    ],
-                ),
-                blend: (0..lists.stretches()).map(|stretch| bind_blend(index, stretch)).collect(),
+            let first_pair = (lists.capacity * u64::from(index)) as u32;
+            let window = gpu.uniform("window", &Window { first_pair, index });
+            let listed = listed.with([("window", &window)]);
+            WindowBindings {
+                open: self.open_window.bind(gpu, &listed),
+                list: list_pairs.bind(gpu, &listed),
+                blend: (0..lists.stretches()).map(|k| bind_blend(index + k, k * STRETCH)).collect(),
             }
         });
         TileBindings {
             capacity: lists.capacity,
             mode,
-            touch: touch.bind(
-                gpu,
-                &[(0, frame), (2, ellipses), (3, ordered), (4, &work.totals), (5, &touched), (6, &sums), (12, levels)],
-            ),
-            sum_touched: self.sum_touched.bind(gpu, &[(0, frame), (4, &work.totals), (6, &sums)]),
             windows: windows.collect(),
+            touch: touch.bind(gpu, &resources),
+            sum_touched: self.sum_touched.bind(gpu, &resources),
             by_ray,
             sort,
-            clear_lists: self.clear_lists.bind(gpu, &[(0, frame), (10, &ranges)]),
-            find_ends: self.find_ends.bind(gpu, &[(4, &work.totals), (7, keys), (10, &ranges)]),
-            longest: self.longest.bind(gpu, &[(0, frame), (10, &ranges), (14, &work.longest)]),
-            compose: compose.bind_tiles(gpu, frame, &pixels, views),
+            clear_lists: self.clear_lists.bind(gpu, &resources),
+            find_ends: self.find_ends.bind(gpu, &sorted),
+            longest: self.longest.bind(gpu, &resources),
+            compose: compose.bind_tiles(gpu, &resources, views),
             fronts,
             dispatches,
             grid: [across, down, views],
-            clear_groups: tiles.div_ceil(256),
+            clear_groups: tiles.div_ceil(LANES),
         }
     }
 }
@@ -228,7 +190,7 @@ pub(super) struct TileBindings {
     mode: TileMode,
     touch: BoundKernel,
     sum_touched: BoundKernel,
-    windows: Vec<Window>,
+    windows: Vec<WindowBindings>,
     /// The ray-consistent mode only.
     by_ray: Option<RayOrder>,
     sort: SortBindings,
@@ -238,7 +200,7 @@ pub(super) struct TileBindings {
     pub(super) compose: ComposeBindings,
     /// Depth of each pixel's front, view after view, if the mode has depths.
     pub(super) fronts: wgpu::Buffer,
-    /// Words of [`pair_dispatch`].
+    /// [`PairDispatches`].
     dispatches: wgpu::Buffer,
     /// Tiles across and down, and views.
     grid: [u32; 3],
@@ -254,7 +216,7 @@ struct RayOrder {
 }
 
 /// One window of pairs.
-struct Window {
+struct WindowBindings {
     open: BoundKernel,
     list: BoundKernel,
     /// Stretches of the lists, one after another.
@@ -289,23 +251,25 @@ impl TileBindings {
         dispatches: &wgpu::Buffer,
     ) {
         let of_pairs = &self.dispatches;
+        let (sort, all_pairs) = (offset_of!(PairDispatches, sort), offset_of!(PairDispatches, pairs));
+        let items = offset_of!(Dispatches, tile_lists);
         for (k, window) in self.windows.iter().enumerate() {
             {
                 let mut pass = stats.compute_pass(encoder, Stage::Bin);
                 if k == 0 {
-                    self.touch.run_indirect(&mut pass, dispatches, dispatch::TILE_LISTS);
+                    self.touch.run_indirect(&mut pass, dispatches, items);
                     self.sum_touched.run(&mut pass, [1, 1, 1]);
                 }
                 window.open.run(&mut pass, [1, 1, 1]);
-                window.list.run_indirect(&mut pass, dispatches, dispatch::TILE_LISTS);
+                window.list.run_indirect(&mut pass, dispatches, items);
                 if let Some(by_ray) = &self.by_ray {
-                    by_ray.measure.run_indirect(&mut pass, of_pairs, pair_dispatch::PAIRS);
-                    by_ray.sort.run(&mut pass, of_pairs, pair_dispatch::SORT);
-                    by_ray.order.run_indirect(&mut pass, of_pairs, pair_dispatch::PAIRS);
+                    by_ray.measure.run_indirect(&mut pass, of_pairs, all_pairs);
+                    by_ray.sort.run(&mut pass, of_pairs, sort);
+                    by_ray.order.run_indirect(&mut pass, of_pairs, all_pairs);
                 }
-                self.sort.run(&mut pass, of_pairs, pair_dispatch::SORT);
+                self.sort.run(&mut pass, of_pairs, sort);
                 self.clear_lists.run(&mut pass, [self.clear_groups, 1, 1]);
-                self.find_ends.run_indirect(&mut pass, of_pairs, pair_dispatch::PAIRS);
+                self.find_ends.run_indirect(&mut pass, of_pairs, all_pairs);
                 self.longest.run(&mut pass, [self.clear_groups, 1, 1]);
             }
             let mut pass = stats.compute_pass(encoder, Stage::Blend);

@@ -1,56 +1,41 @@
 //! A vignette over an eye's picture while the scene moves.
 
-use bytemuck::{Pod, Zeroable};
+use glam::Vec2;
 use sg_scene::camera::Camera;
 
 use crate::device::Gpu;
-use crate::pipeline::render_pipeline;
+use crate::pipeline::{BoundDraw, DrawPipeline};
+use crate::resources::Resources;
+use crate::shader::Shader;
+use crate::shader_layout::VignetteShape;
 
 /// Tangents of the inner and outer angle of the vignette from straight ahead: 20° and 40°.
 const ANGLES: [f32; 2] = [0.364, 0.839];
-
-#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
-#[repr(C)]
-struct Uniform {
-    middle: [f32; 2],
-    focal: [f32; 2],
-    begins: f32,
-    whole: f32,
-    strength: f32,
-    spare: f32,
-}
 
 /// Darkens the edges of two eyes' pictures on targets of one format.
 #[derive(Debug)]
 pub struct Vignette {
     gpu: Gpu,
-    pipeline: wgpu::RenderPipeline,
-    eyes: [(wgpu::Buffer, wgpu::BindGroup); 2],
+    /// The uniform of each eye, and the pass that it is bound to.
+    eyes: [(wgpu::Buffer, BoundDraw); 2],
 }
 
 impl Vignette {
     /// A vignette for targets of `format`, a blendable format.
     #[must_use]
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("vignette"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("shaders/vignette.wgsl").into()),
-        });
+        let shader = Shader::new(gpu, "vignette", &[include_str!("shaders/vignette.wgsl")]);
         let blend = Some(wgpu::BlendState::ALPHA_BLENDING);
         // The target stays opaque.
         let target = wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR };
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipeline = render_pipeline(gpu, (&module, ["cover", "darken"]), &[], triangles, target, Default::default());
+        let pipeline = DrawPipeline::new(gpu, (&shader, ["cover", "darken"]), &[], triangles, target.into());
         let eyes = [0, 1].map(|_| {
-            let buffer = gpu.buffer("vignette", size_of::<Uniform>() as u64, wgpu::BufferUsages::UNIFORM);
-            let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("vignette"),
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
-            });
-            (buffer, group)
+            let vignette = gpu.uniform("vignette", &VignetteShape::default());
+            let draw = pipeline.bind(gpu, &Resources::of([("vignette", &vignette)]));
+            (vignette, draw)
         });
-        Self { gpu: gpu.clone(), pipeline, eyes }
+        Self { gpu: gpu.clone(), eyes }
     }
 
     /// Darkens the edges of `target`, a full picture of `camera`, by `strength` from 0 to 1, between 20° and 40°
@@ -66,16 +51,15 @@ impl Vignette {
         if strength <= 0.0 || strength.is_nan() {
             return;
         }
-        let (buffer, group) = &self.eyes[usize::from(right)];
-        let uniform = Uniform {
-            middle: [camera.cx as f32, camera.cy as f32],
-            focal: [camera.fx as f32, camera.fy as f32],
+        let (uniform, draw) = &self.eyes[usize::from(right)];
+        let vignette = VignetteShape {
+            middle: Vec2::new(camera.cx as f32, camera.cy as f32),
+            focal: Vec2::new(camera.fx as f32, camera.fy as f32),
             begins: ANGLES[0],
             whole: ANGLES[1],
             strength: strength.min(1.0) as f32,
-            spare: 0.0,
         };
-        self.gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(&uniform));
+        self.gpu.write_uniform(uniform, &vignette);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("vignette"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -86,8 +70,6 @@ impl Vignette {
             })],
             ..wgpu::RenderPassDescriptor::default()
         });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, group, &[]);
-        pass.draw(0..3, 0..1);
+        draw.draw_full_screen(&mut pass);
     }
 }

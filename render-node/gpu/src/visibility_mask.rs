@@ -3,10 +3,13 @@
 //! The triangles of the mask write the nearest depth before the quadrilaterals are drawn. The depth test then rejects all
 //! fragments of hidden pixels; visible pixels stay the same to the last bit. Tiles ignore the mask.
 
-use glam::{Vec2, Vec4};
+use glam::Vec2;
 
 use crate::device::Gpu;
-use crate::pipeline::{BoundDraw, DepthMode, ViewPipelines, render_pipeline, shader_module};
+use crate::pipeline::{DepthMode, DrawPipeline, DrawTargets, ViewPipelines};
+use crate::resources::Resources;
+use crate::shader::Shader;
+use crate::shader_layout::MaskCorner;
 use crate::textures::{BOTH_VIEWS, PICTURE_FORMAT, REJECT_DEPTH_FORMAT};
 
 /// Limit of the number of triangle corners for one eye.
@@ -15,19 +18,20 @@ const MAX_CORNERS: usize = 3 << 16;
 /// Pipelines that write the mask's triangles into depth; `multiview` adds one for both eyes in one pass.
 pub(super) fn mask_pipelines(gpu: &Gpu, multiview: bool) -> ViewPipelines {
     let write_mask = wgpu::ColorWrites::empty();
-    let target = wgpu::ColorTargetState { format: PICTURE_FORMAT, blend: None, write_mask };
+    let color = Some(wgpu::ColorTargetState { format: PICTURE_FORMAT, blend: None, write_mask });
+    let targets = DrawTargets { color, depth: DepthMode::Write.state(), multiview: None };
     let text = include_str!("shaders/visibility_mask.wgsl");
-    let shader = shader_module(gpu, "visibility mask", text);
+    let shader = Shader::new(gpu, "visibility mask", &[text]);
     let triangles = wgpu::PrimitiveTopology::TriangleList;
     let each = [0.0, 1.0].map(|view| {
         let view = [("VIEW", view)];
-        render_pipeline(gpu, (&shader, ["hide", "leave"]), &view, triangles, target.clone(), (None, DepthMode::Write))
+        DrawPipeline::new(gpu, (&shader, ["hide", "leave"]), &view, triangles, targets.clone())
     });
     let multiview = multiview.then(|| {
-        let text = format!("{text}\n{}", include_str!("shaders/visibility_mask_multiview.wgsl"));
-        let shader = shader_module(gpu, "visibility mask, both eyes", &text);
-        let entries = (&shader, ["hide_together", "leave"]);
-        render_pipeline(gpu, entries, &[], triangles, target.clone(), (BOTH_VIEWS, DepthMode::Write))
+        let parts = [text, include_str!("shaders/visibility_mask_multiview.wgsl")];
+        let shader = Shader::new(gpu, "visibility mask, both eyes", &parts);
+        let targets = DrawTargets { multiview: BOTH_VIEWS, ..targets };
+        DrawPipeline::new(gpu, (&shader, ["hide_together", "leave"]), &[], triangles, targets)
     });
     ViewPipelines { each, multiview }
 }
@@ -42,22 +46,16 @@ impl VisibilityMask {
     /// Uploads triangles, their corners as shares of the picture's width and height from the upper left; `None` for an empty
     /// mask. Triangles with corners that are not finite are left out.
     pub(super) fn upload(gpu: &Gpu, eyes: [&[[Vec2; 3]]; 2]) -> Option<Self> {
-        let corners = |eye: usize, view: f32| {
+        let corners = |eye: usize, view: u32| {
             let finite = eyes[eye].iter().filter(|t| t.iter().all(|c| c.is_finite()));
-            finite.flatten().take(MAX_CORNERS).map(move |c| Vec4::new(c.x, c.y, view, 0.0))
+            finite.flatten().take(MAX_CORNERS).map(move |at| MaskCorner { at: *at, view })
         };
-        let [left, right] = [0, 1].map(|eye| corners(eye, 0.0).collect::<Vec<_>>());
+        let [left, right] = [0, 1].map(|eye| corners(eye, 0).collect::<Vec<_>>());
         if left.is_empty() && right.is_empty() {
             return None;
         }
-        let both = corners(0, 0.0).chain(corners(1, 1.0)).collect::<Vec<_>>();
-        let corners = [left, right, both].map(|all| {
-            // A binding cannot be empty.
-            let bytes = size_of::<Vec4>() as u64 * all.len().max(1) as u64;
-            let buffer = gpu.storage("visibility mask", bytes);
-            gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&all));
-            (buffer, all.len() as u32)
-        });
+        let both = corners(0, 0).chain(corners(1, 1)).collect::<Vec<_>>();
+        let corners = [left, right, both].map(|all| (gpu.table("visibility mask", &all), all.len() as u32));
         Some(Self { corners })
     }
 
@@ -66,12 +64,12 @@ impl VisibilityMask {
     pub(super) fn encode(
         &self,
         gpu: &Gpu,
-        pipeline: &wgpu::RenderPipeline,
+        pipeline: &DrawPipeline,
         pass: &mut wgpu::RenderPass<'_>,
         (first_eye, views): (usize, u32),
     ) {
         let (buffer, count) = &self.corners[if views == 2 { 2 } else { first_eye.min(1) }];
-        BoundDraw::new(gpu, pipeline, &[(0, buffer.as_entire_binding())]).draw(pass, *count);
+        pipeline.bind(gpu, &Resources::of([("mask_corners", buffer)])).draw(pass, *count);
     }
 }
 

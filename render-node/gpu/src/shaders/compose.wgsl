@@ -12,7 +12,7 @@ fn cover(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
 }
 
 fn over(color: vec3<f32>, transmittance: f32) -> vec4<f32> {
-    return vec4(color + transmittance * frame.background.xyz, 1.0 - transmittance);
+    return vec4(color + transmittance * frame.background, 1.0 - transmittance);
 }
 
 @fragment

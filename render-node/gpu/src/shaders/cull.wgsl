@@ -1,4 +1,4 @@
-// Marks Gaussians that may reach the picture: a bit for each, counted by block of 1024.
+// Marks Gaussians that may reach the picture: a bit for each, counted by block.
 //
 // The order of the list is the order of the scene, so that Gaussians of equal depth keep their order in every picture. No
 // workgroup waits for another: block counts are written by one pass and summed by the next.
@@ -6,16 +6,13 @@
 override CLIPS: bool = false;
 override PER_RAY: bool = false;
 
-const BLOCK: u32 = 1024u;
-const WORDS: u32 = 32u;
-
-@group(0) @binding(7) var<storage, read> sides: array<Side>;
-@group(0) @binding(8) var<storage, read_write> bits: array<u32>;
-@group(0) @binding(9) var<storage, read_write> blocks: array<u32>;
+@group(0) @binding(7) var<storage, read> clip_sides: array<ClipSide>;
+@group(0) @binding(8) var<storage, read_write> marked: array<u32>;
+@group(0) @binding(9) var<storage, read_write> block_counts: array<u32>;
 
 fn hidden(global: u32) -> bool {
-    for (var k = 0u; k < frame.edits; k++) {
-        if edits[k].kind.y == 0u && in_mask(k, global) {
+    for (var k = 0u; k < frame.edit_count; k++) {
+        if edits[k].visible == 0u && in_mask(k, global) {
             return true;
         }
     }
@@ -24,11 +21,11 @@ fn hidden(global: u32) -> bool {
 
 fn clipped(at: vec3<f32>) -> bool {
     var inside = true;
-    for (var k = 0u; k < frame.clips; k++) {
-        let side = sides[k];
-        inside = inside && dot(side.plane.xyz, at) >= side.plane.w;
-        if side.kind.z == 1u {
-            if inside != (side.kind.y == 1u) {
+    for (var k = 0u; k < frame.clip_side_count; k++) {
+        let side = clip_sides[k];
+        inside = inside && dot(side.normal, at) >= side.offset;
+        if side.last == 1u {
+            if inside != (side.keep_inside == 1u) {
                 return true;
             }
             inside = true;
@@ -42,53 +39,53 @@ fn clipped(at: vec3<f32>) -> bool {
 fn may_meet_rays(view: View, at: vec3<f32>, half: f32) -> bool {
     let most = max(max(abs(at.x), abs(at.y)), abs(at.z));
     let c = at / max(most, 1e-30);
-    let dilated = 0.5478 * length(c) * inverseSqrt(abs(view.lens.x * view.lens.y));
-    let reached = 1.001 * (half / max(most, 1e-30) + sqrt(2.0 * log(max(1.0 / frame.limits.x, frame.limits.y))) * dilated);
-    let edge = vec2<f32>(frame.size) - view.lens.zw;
+    let dilated = 0.5478 * length(c) * inverseSqrt(abs(view.focal.x * view.focal.y));
+    let reached = 1.001 * (half / max(most, 1e-30) + sqrt(2.0 * log(max(1.0 / frame.least_alpha, frame.alpha_ratio))) * dilated);
+    let edge = vec2<f32>(frame.size) - view.principal;
     let outside = vec4(
-        -(view.lens.x * c.x + view.lens.z * c.z) / length(view.lens.xz),
-        (view.lens.x * c.x - edge.x * c.z) / length(vec2(view.lens.x, edge.x)),
-        -(view.lens.y * c.y + view.lens.w * c.z) / length(view.lens.yw),
-        (view.lens.y * c.y - edge.y * c.z) / length(vec2(view.lens.y, edge.y)),
+        -(view.focal.x * c.x + view.principal.x * c.z) / length(vec2(view.focal.x, view.principal.x)),
+        (view.focal.x * c.x - edge.x * c.z) / length(vec2(view.focal.x, edge.x)),
+        -(view.focal.y * c.y + view.principal.y * c.z) / length(vec2(view.focal.y, view.principal.y)),
+        (view.focal.y * c.y - edge.y * c.z) / length(vec2(view.focal.y, edge.y)),
     );
     return !(max(max(outside.x, outside.y), max(outside.z, outside.w)) > reached);
 }
 
 fn may_reach(i: u32) -> bool {
     let center = centers[i];
-    let shape = shapes[2u * i + 1u];
-    let unit = bitcast<u32>(shape.w);
-    let opacity = min(center.w * units[unit].palette.w, 1.0);
-    if opacity <= 0.0 || units[unit].kind.z == 0u {
+    let shape = shapes[i];
+    let unit = shape.unit;
+    let opacity = min(center.opacity * units[unit].opacity, 1.0);
+    if opacity <= 0.0 || units[unit].visible == 0u {
         return false;
     }
     if MASKS && hidden(part.first + i) {
         return false;
     }
-    if CLIPS && clipped(center.xyz) {
+    if CLIPS && clipped(center.position) {
         return false;
     }
-    let size = max(max(shape.x, shape.y), shape.z) * units[unit].x.w;
+    let size = max(max(shape.scale.x, shape.scale.y), shape.scale.z) * units[unit].stretch;
     // Edits may raise the opacity to 1 at most.
-    let radius = sqrt(2.0 * log(max(1.0 / frame.limits.x, frame.limits.y)));
+    let radius = sqrt(2.0 * log(max(1.0 / frame.least_alpha, frame.alpha_ratio)));
     for (var v = 0u; v < frame.view_count; v++) {
         let view = frame.views[v];
-        let from_eye = away_from_eye(view, center.xyz);
-        let at = vec3(dot(view.right.xyz, from_eye), dot(view.down.xyz, from_eye), dot(view.forward.xyz, from_eye));
+        let from_eye = away_from_eye(view, center.position);
+        let at = vec3(dot(view.right, from_eye), dot(view.down, from_eye), dot(view.forward, from_eye));
         if PER_RAY {
             if may_meet_rays(view, at, radius * size) {
                 return true;
             }
             continue;
         }
-        if at.z <= frame.limits.w {
+        if at.z <= frame.near_plane {
             continue;
         }
         let slope = at.xy / at.z;
         // |J·M| is at most this times the greatest standard deviation; the dilation adds at most its root.
-        let stretch = view.lens.xy / at.z * sqrt(1.0 + slope * slope);
+        let stretch = view.focal / at.z * sqrt(1.0 + slope * slope);
         let half = radius * (stretch * size + 0.55) + 0.5;
-        let pixel = view.lens.xy * slope + view.lens.zw;
+        let pixel = view.focal * slope + view.principal;
         // The comparison keeps NaN: the projection classifies it.
         if !(any(pixel + half < vec2(0.0)) || any(pixel - half > vec2<f32>(frame.size))) {
             return true;
@@ -97,31 +94,30 @@ fn may_reach(i: u32) -> bool {
     return false;
 }
 
-var<workgroup> words: array<atomic<u32>, WORDS>;
+var<workgroup> words: array<atomic<u32>, MARK_WORDS>;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn mark(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    if lane < WORDS {
+    if lane < MARK_WORDS {
         atomicStore(&words[lane], 0u);
     }
     workgroupBarrier();
-    for (var k = 0u; k < 4u; k++) {
-        let at = k * 256u + lane;
+    for (var at = lane; at < BLOCK; at += LANES) {
         let i = group.x * BLOCK + at;
         if i < part.count && may_reach(i) {
             atomicOr(&words[at >> 5u], 1u << (at & 31u));
         }
     }
     workgroupBarrier();
-    let block = part.block + group.x;
-    if lane < WORDS {
-        bits[block * WORDS + lane] = atomicLoad(&words[lane]);
+    let block = part.first_block + group.x;
+    if lane < MARK_WORDS {
+        marked[block * MARK_WORDS + lane] = atomicLoad(&words[lane]);
     }
     if lane == 0u {
         var sum = 0u;
-        for (var k = 0u; k < WORDS; k++) {
+        for (var k = 0u; k < MARK_WORDS; k++) {
             sum += countOneBits(atomicLoad(&words[k]));
         }
-        blocks[block] = sum;
+        block_counts[block] = sum;
     }
 }

@@ -1,15 +1,7 @@
 // Follows full_screen.wgsl: writes scene depths to a headset's depth image by a perspective projection between two
 // planes.
 
-struct Range {
-    // Metres for each unit of the scene; near and far plane in metres.
-    scale: f32,
-    nearest: f32,
-    farthest: f32,
-    spare: f32,
-}
-
-@group(0) @binding(0) var<uniform> range: Range;
+@group(0) @binding(0) var<uniform> range: DepthRange;
 @group(0) @binding(1) var depths: texture_2d<f32>;
 
 @fragment

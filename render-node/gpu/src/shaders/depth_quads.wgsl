@@ -1,10 +1,9 @@
-// Follows quads.wgsl: the weighted mean depth of all layers, at a lower resolution. COARSE, defined before this
-// text, is the edge of a depth pixel in picture pixels.
+// Follows quads.wgsl: the weighted mean depth of all layers, at a lower resolution.
 
 @vertex
 fn corner_depth(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
     var out = corner_in(VIEW, vertex, instance);
-    out.color = vec3(levels[VIEW * frame.capacity + order[instance]].w, 0.0, 0.0);
+    out.color = vec3(levels[VIEW * frame.capacity + depth_order[instance]].depth, 0.0, 0.0);
     return out;
 }
 

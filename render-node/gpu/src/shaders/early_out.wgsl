@@ -11,7 +11,7 @@ fn cover(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
 @fragment
 fn close(@builtin(position) at: vec4<f32>) {
     // Alpha is 1 - transmittance.
-    if textureLoad(blended, vec2<i32>(at.xy), 0).a <= 1.0 - frame.limits.z {
+    if textureLoad(blended, vec2<i32>(at.xy), 0).a <= 1.0 - frame.least_transmittance {
         discard;
     }
 }

@@ -3,107 +3,88 @@
 override BLOCKS: u32 = 1u;
 override PARTS: u32 = 1u;
 
-const WORDS: u32 = 32u;
-
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> part: Part;
-@group(0) @binding(2) var<storage, read> bits: array<u32>;
-@group(0) @binding(3) var<storage, read_write> blocks: array<u32>;
-// For each part: its first place in the list, and its length.
-@group(0) @binding(4) var<storage, read_write> stretches: array<vec2<u32>>;
-// Listed, marked, pairs in this window, pairs in all.
-@group(0) @binding(5) var<storage, read_write> totals: array<u32>;
-// Dispatches of the sort and of the tiles' lists, draws of all quadrilaterals and of each band of them, then a dispatch for
-// each part.
-@group(0) @binding(6) var<storage, read_write> dispatches: array<u32>;
-@group(0) @binding(7) var<storage, read_write> listed: array<u32>;
-@group(0) @binding(8) var<storage, read> parts: array<Part>;
+@group(0) @binding(2) var<storage, read> marked: array<u32>;
+// Number of marked Gaussians in each block, then the sums before each block.
+@group(0) @binding(3) var<storage, read_write> block_counts: array<u32>;
+@group(0) @binding(4) var<storage, read_write> part_ranges: array<PartRange>;
+@group(0) @binding(5) var<storage, read_write> totals: Totals;
+@group(0) @binding(6) var<storage, read_write> dispatches: Dispatches;
+@group(0) @binding(7) var<storage, read_write> part_dispatches: array<DispatchArguments>;
+@group(0) @binding(8) var<storage, read_write> listed: array<u32>;
+@group(0) @binding(9) var<storage, read> parts: array<Part>;
 
 // Workgroups for so many items; what is beyond the most that can be dispatched is a second item for some of them.
-fn groups(items: u32, each: u32) -> u32 {
-    return min((items + each - 1u) / each, 65535u);
+fn groups(items: u32, each: u32) -> DispatchArguments {
+    return DispatchArguments(min((items + each - 1u) / each, 65535u), 1u, 1u);
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
-    let each = (BLOCKS + 255u) / 256u;
+    let each = (BLOCKS + LANES - 1u) / LANES;
     let first = lane * each;
     let last = min(first + each, BLOCKS);
     var sum = 0u;
     for (var k = first; k < last; k++) {
-        sum += blocks[k];
+        sum += block_counts[k];
     }
     var running = sum_up_to(lane, sum) - sum;
     for (var k = first; k < last; k++) {
-        let count = blocks[k];
-        blocks[k] = running;
+        let count = block_counts[k];
+        block_counts[k] = running;
         running += count;
     }
     storageBarrier();
     if lane == 0u {
-        let marked = scanned[255];
-        let count = min(marked, frame.capacity);
-        totals[0] = count;
-        totals[1] = marked;
-        dispatches[0] = (count + 4095u) / 4096u;
-        dispatches[1] = 1u;
-        dispatches[2] = 1u;
-        dispatches[3] = groups(count * frame.view_count, 256u);
-        dispatches[4] = 1u;
-        dispatches[5] = 1u;
-        dispatches[6] = 4u;
-        dispatches[7] = count;
-        dispatches[8] = 0u;
-        dispatches[9] = 0u;
+        let marked_in_all = scanned[LANES - 1u];
+        let count = min(marked_in_all, frame.capacity);
+        totals.listed = count;
+        totals.marked = marked_in_all;
+        dispatches.depth_sort = DispatchArguments((count + SORT_BLOCK - 1u) / SORT_BLOCK, 1u, 1u);
+        dispatches.tile_lists = groups(count * frame.view_count, LANES);
+        dispatches.all_quads = DrawArguments(4u, count, 0u, 0u);
         // Each band of quadrilaterals but the first is as long as all before it. Where it begins stands in its first vertex.
         for (var b = 0u; b < BANDS; b++) {
             let begin = select(count >> (BANDS - b), 0u, b == 0u);
-            let at = 10u + 4u * b;
-            dispatches[at] = 4u;
-            dispatches[at + 1u] = (count >> (BANDS - 1u - b)) - begin;
-            dispatches[at + 2u] = 4u * begin;
-            dispatches[at + 3u] = 0u;
+            dispatches.bands[b] = DrawArguments(4u, (count >> (BANDS - 1u - b)) - begin, 4u * begin, 0u);
         }
         for (var p = 0u; p < PARTS; p++) {
-            let begin = min(blocks[parts[p].block], count);
+            let begin = min(block_counts[parts[p].first_block], count);
             var end = count;
             if p + 1u < PARTS {
-                end = min(blocks[parts[p + 1u].block], count);
+                end = min(block_counts[parts[p + 1u].first_block], count);
             }
-            stretches[p] = vec2(begin, end - begin);
-            let at = 10u + 4u * BANDS + 3u * p;
-            dispatches[at] = groups(end - begin, 64u);
-            dispatches[at + 1u] = 1u;
-            dispatches[at + 2u] = 1u;
+            part_ranges[p] = PartRange(begin, end - begin);
+            part_dispatches[p] = groups(end - begin, PROJECT_LANES);
         }
     }
 }
 
-var<workgroup> held: array<u32, WORDS>;
-var<workgroup> before: array<u32, WORDS>;
+var<workgroup> held: array<u32, MARK_WORDS>;
+var<workgroup> before: array<u32, MARK_WORDS>;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn list(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let block = part.block + group.x;
-    if lane < WORDS {
-        held[lane] = bits[block * WORDS + lane];
+    let block = part.first_block + group.x;
+    if lane < MARK_WORDS {
+        held[lane] = marked[block * MARK_WORDS + lane];
     }
     workgroupBarrier();
     if lane == 0u {
-        var running = blocks[block];
-        for (var k = 0u; k < WORDS; k++) {
+        var running = block_counts[block];
+        for (var k = 0u; k < MARK_WORDS; k++) {
             before[k] = running;
             running += countOneBits(held[k]);
         }
     }
     workgroupBarrier();
-    for (var k = 0u; k < 4u; k++) {
-        let at = k * 256u + lane;
+    for (var at = lane; at < BLOCK; at += LANES) {
         let word = held[at >> 5u];
         let bit = 1u << (at & 31u);
         let to = before[at >> 5u] + countOneBits(word & (bit - 1u));
         if (word & bit) != 0u && to < frame.capacity {
-            listed[to] = part.first + group.x * 1024u + at;
+            listed[to] = part.first + group.x * BLOCK + at;
         }
     }
 }

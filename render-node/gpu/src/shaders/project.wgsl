@@ -1,14 +1,12 @@
 // Projects and shades each listed Gaussian: the f32 twin of project.rs and shading.rs.
 //
-// A splat is three vectors in three buffers, which raises the limit of a binding threefold. Ellipse: center x, y,
-// slope, per column. Level: per row, log2 of the opacity, log2 of the opacity over the cut (below 0: not drawn),
-// depth. Tint: color, and 0. See splat_f32.rs for the form. With PER_RAY the tint is three vectors of ray
-// coefficients: see ray_project.wgsl.
+// A splat is an ellipse, a level and a tint in three buffers, which raises the limit of a binding threefold. See
+// splat_f32.rs for the form. With PER_RAY it has ray coefficients as well: see ray_project.wgsl.
 
 override LIT: bool = false;
 override DEGREE: i32 = -1;
 override HIGHLIGHTS: bool = true;
-override TERM: u32 = 0u;
+override TERM: u32 = TERM_FULL;
 override DIRECTIONAL: bool = false;
 override OVERLAY: bool = false;
 override COLORS: bool = false;
@@ -16,16 +14,21 @@ override COLORS: bool = false;
 override HALF: bool = false;
 override PER_RAY: bool = false;
 
+// SURFACE_NUMBERS numbers of each Gaussian, f32 or f16: see surface().
 @group(0) @binding(7) var<storage, read> surfaces: array<u32>;
+// Three numbers of each coefficient, f32 or f16: see coefficient().
 @group(0) @binding(8) var<storage, read> harmonics: array<u32>;
-@group(0) @binding(9) var<storage, read> colors: array<u32>;
-@group(0) @binding(10) var<storage, read> stretches: array<vec2<u32>>;
+// A vec3 would take 16 bytes.
+@group(0) @binding(9) var<storage, read> colors: array<array<f32, 3>>;
+@group(0) @binding(10) var<storage, read> part_ranges: array<PartRange>;
 @group(0) @binding(11) var<storage, read> listed: array<u32>;
-@group(0) @binding(12) var<storage, read_write> ellipses: array<vec4<f32>>;
-@group(0) @binding(13) var<storage, read_write> levels: array<vec4<f32>>;
-@group(0) @binding(14) var<storage, read_write> tints: array<vec4<f32>>;
-@group(0) @binding(15) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(16) var<storage, read_write> order: array<u32>;
+@group(0) @binding(12) var<storage, read_write> ellipses: array<Ellipse>;
+@group(0) @binding(13) var<storage, read_write> levels: array<Level>;
+@group(0) @binding(14) var<storage, read_write> tints: array<Tint>;
+@group(0) @binding(15) var<storage, read_write> rays: array<RayCoefficients>;
+@group(0) @binding(16) var<storage, read_write> depth_keys: array<u32>;
+// Places in the list, before the sort by depth.
+@group(0) @binding(17) var<storage, read_write> depth_places: array<u32>;
 
 // sqrt(log2(e) / 2)
 const SCALE: f32 = 0.84932180028801904;
@@ -39,7 +42,7 @@ struct Surface {
 
 fn surface(i: u32) -> Surface {
     if HALF {
-        let at = 5u * i;
+        let at = SURFACE_NUMBERS / 2u * i;
         let a = unpack2x16float(surfaces[at]);
         let b = unpack2x16float(surfaces[at + 1u]);
         let c = unpack2x16float(surfaces[at + 2u]);
@@ -47,9 +50,9 @@ fn surface(i: u32) -> Surface {
         let e = unpack2x16float(surfaces[at + 4u]);
         return Surface(vec3(a, b.x), vec3(b.y, c), vec4(d, e));
     }
-    let at = 10u * i;
-    var x: array<f32, 10>;
-    for (var k = 0u; k < 10u; k++) {
+    let at = SURFACE_NUMBERS * i;
+    var x: array<f32, SURFACE_NUMBERS>;
+    for (var k = 0u; k < SURFACE_NUMBERS; k++) {
         x[k] = bitcast<f32>(surfaces[at + k]);
     }
     return Surface(vec3(x[0], x[1], x[2]), vec3(x[3], x[4], x[5]), vec4(x[6], x[7], x[8], x[9]));
@@ -114,10 +117,10 @@ fn raised(base: f32, exponent: f32) -> f32 {
 
 fn lit(i: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let s = surface(i);
-    let two_sided = unit.kind.x != 0u;
-    var diffuse = unit.palette.xyz + s.offset;
+    let two_sided = unit.shading_model != SHADING_PAPER;
+    var diffuse = unit.palette + s.offset;
     if two_sided {
-        diffuse = clamp(unit.palette.xyz, vec3(0.0), vec3(1.0)) + s.offset;
+        diffuse = clamp(unit.palette, vec3(0.0), vec3(1.0)) + s.offset;
     }
     if replaced {
         diffuse = given;
@@ -125,24 +128,24 @@ fn lit(i: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye: vec3<f32>) 
     let f = s.factors * unit.multipliers;
     var to_light = to_eye;
     if DIRECTIONAL {
-        to_light = frame.light.xyz;
+        to_light = frame.light;
     }
     let cosine = dot(s.normal, to_light);
     let side = select(max(cosine, 0.0), abs(cosine), two_sided);
-    if TERM == 1u {
+    if TERM == TERM_NORMAL {
         return clamp(0.5 * (s.normal + 1.0), vec3(0.0), vec3(1.0));
     }
     var highlight = 0.0;
-    if HIGHLIGHTS && (TERM == 0u || TERM == 4u) && f.z != 0.0 && !(two_sided && cosine == 0.0) {
+    if HIGHLIGHTS && (TERM == TERM_FULL || TERM == TERM_SPECULAR) && f.z != 0.0 && !(two_sided && cosine == 0.0) {
         let across = dot(s.normal, direction(to_light + to_eye));
-        let strength = select(f.z, f.z * f.y, unit.kind.x == 2u);
+        let strength = select(f.z, f.z * f.y, unit.shading_model == SHADING_IVRGS_VIEWER);
         highlight = strength * raised(select(max(across, 0.0), abs(across), two_sided), f.w);
     }
     var color = vec3(0.0);
     switch TERM {
-        case 0u: { color = (f.x + f.y * side) * diffuse + highlight; }
-        case 2u: { color = f.x * diffuse; }
-        case 3u: { color = f.y * side * diffuse; }
+        case TERM_FULL: { color = (f.x + f.y * side) * diffuse + highlight; }
+        case TERM_AMBIENT: { color = f.x * diffuse; }
+        case TERM_DIFFUSE: { color = f.y * side * diffuse; }
         default: { color = vec3(highlight); }
     }
     return clamp(color, vec3(0.0), vec3(1.0));
@@ -150,21 +153,21 @@ fn lit(i: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye: vec3<f32>) 
 
 fn color_of(i: u32, global: u32, unit: Unit, replaced: bool, given: vec3<f32>, at: vec3<f32>, eye: vec3<f32>) -> vec3<f32> {
     if COLORS {
-        let word = 3u * global;
-        return vec3(bitcast<f32>(colors[word]), bitcast<f32>(colors[word + 1u]), bitcast<f32>(colors[word + 2u]));
+        let color = colors[global];
+        return vec3(color[0], color[1], color[2]);
     }
-    if LIT && unit.kind.y == 1u {
+    if LIT && unit.color_source == COLOR_LIT {
         return lit(i, unit, replaced, given, direction(eye - at));
     }
     if replaced {
         return max(given, vec3(0.0));
     }
-    if DEGREE >= 0 && unit.kind.y == 2u {
+    if DEGREE >= 0 && unit.color_source == COLOR_HARMONICS {
         let away = at - eye;
-        let d = direction(unit.ix.xyz * away.x + unit.iy.xyz * away.y + unit.iz.xyz * away.z);
+        let d = direction(unit.inverse[0] * away.x + unit.inverse[1] * away.y + unit.inverse[2] * away.z);
         return max(seen(i, d), vec3(0.0));
     }
-    return max(unit.palette.xyz, vec3(0.0));
+    return max(unit.palette, vec3(0.0));
 }
 
 fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
@@ -173,13 +176,13 @@ fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
 }
 
 fn in_scene(unit: Unit, v: vec3<f32>) -> vec3<f32> {
-    return unit.x.xyz * v.x + unit.y.xyz * v.y + unit.z.xyz * v.z;
+    return unit.linear[0] * v.x + unit.linear[1] * v.y + unit.linear[2] * v.z;
 }
 
 // The ellipse that the affine projection makes of a Gaussian (Zwicker et al. 2002), for axes of which the longest is `longest`.
 fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool) -> Seen {
     let slope = at.xy / at.z;
-    let pixels = view.lens.xy / at.z;
+    let pixels = view.focal / at.z;
     // In units of `size` pixels, so that all below is of order one.
     var m0 = pixels.x * (rows[0] - slope.x * rows[2]);
     var m1 = pixels.y * (rows[1] - slope.y * rows[2]);
@@ -196,25 +199,25 @@ fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: 
     let ellipse_slope = dot(m0, m1) / c;
     let per_column = SCALE / (size * sqrt(variance));
     let per_row = SCALE / (size * root);
-    let pixel = view.lens.xy * slope + view.lens.zw;
+    let pixel = view.focal * slope + view.principal;
     var seen: Seen;
     seen.opacity = opacity;
     if compensated {
         seen.opacity *= compensation(m0, m1, dilation);
     }
-    seen.range = log2(max(seen.opacity / frame.limits.x, frame.limits.y));
-    seen.ellipse = vec4(pixel, ellipse_slope, per_column);
+    seen.range = log2(max(seen.opacity / frame.least_alpha, frame.alpha_ratio));
+    seen.ellipse = Ellipse(pixel, ellipse_slope, per_column);
     seen.per_row = per_row;
-    seen.last = at.z;
-    seen.usable = at.z > frame.limits.w && is_finite(variance) && is_finite(c);
+    seen.depth = at.z;
+    seen.usable = at.z > frame.near_plane && is_finite(variance) && is_finite(c);
     return seen;
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(PROJECT_LANES)
 fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let stretch = stretches[part.index];
-    for (var k = id.x; k < stretch.y; k += 64u * groups.x) {
-        project_one(stretch.x + k);
+    let range = part_ranges[part.index];
+    for (var k = id.x; k < range.count; k += PROJECT_LANES * groups.x) {
+        project_one(range.first + k);
     }
 }
 
@@ -222,81 +225,80 @@ fn project_one(j: u32) {
     let global = listed[j];
     let i = global - part.first;
     let center = centers[i];
-    let rotation = shapes[2u * i];
-    let shape = shapes[2u * i + 1u];
-    let unit = units[bitcast<u32>(shape.w)];
+    let shape = shapes[i];
+    let unit = units[shape.unit];
 
-    var opacity = center.w * unit.palette.w;
+    var opacity = center.opacity * unit.opacity;
     var replaced = false;
     var given = vec3(0.0);
     var highlighted = false;
     if MASKS {
-        for (var k = 0u; k < frame.edits; k++) {
+        for (var k = 0u; k < frame.edit_count; k++) {
             if in_mask(k, global) {
-                opacity *= edits[k].color.w;
-                if edits[k].kind.x == 1u {
+                opacity *= edits[k].opacity;
+                if edits[k].colored == 1u {
                     replaced = true;
-                    given = edits[k].color.xyz;
+                    given = edits[k].color;
                 }
             }
         }
     }
     opacity = clamp(opacity, 0.0, 1.0);
     if OVERLAY {
-        highlighted = in_mask(frame.edits, global);
+        highlighted = in_mask(frame.edit_count, global);
         if highlighted {
-            opacity = clamp(opacity * frame.background.w, 0.0, 1.0);
+            opacity = clamp(opacity * frame.highlight_opacity, 0.0, 1.0);
         }
     }
 
     // Axes of the Gaussian in the scene's frame, the longest of unit length: whatever they are, no square leaves f32.
-    let longest = max(max(max(shape.x, shape.y), shape.z), 1e-30);
-    let ax = in_scene(unit, (shape.x / longest) * turned(rotation, vec3(1.0, 0.0, 0.0)));
-    let ay = in_scene(unit, (shape.y / longest) * turned(rotation, vec3(0.0, 1.0, 0.0)));
-    let az = in_scene(unit, (shape.z / longest) * turned(rotation, vec3(0.0, 0.0, 1.0)));
+    let longest = max(max(max(shape.scale.x, shape.scale.y), shape.scale.z), 1e-30);
+    let ax = in_scene(unit, (shape.scale.x / longest) * turned(shape.rotation, vec3(1.0, 0.0, 0.0)));
+    let ay = in_scene(unit, (shape.scale.y / longest) * turned(shape.rotation, vec3(0.0, 1.0, 0.0)));
+    let az = in_scene(unit, (shape.scale.z / longest) * turned(shape.rotation, vec3(0.0, 0.0, 1.0)));
 
     var shared_color = vec3(0.0);
-    let shares = frame.shading_eye.w == 1.0;
+    let shares = frame.shared_shading == 1u;
     if shares {
-        shared_color = color_of(i, global, unit, replaced, given, center.xyz, frame.shading_eye.xyz);
+        shared_color = color_of(i, global, unit, replaced, given, center.position, frame.shading_eye);
     }
     // Parallel eyes see every centre at one depth, so that one order serves both and neither pops against the other.
     var depth = 0.0;
     var drawn = false;
     for (var v = 0u; v < frame.view_count; v++) {
         let view = frame.views[v];
-        let from_eye = away_from_eye(view, center.xyz);
-        let at = vec3(dot(view.right.xyz, from_eye), dot(view.down.xyz, from_eye), dot(view.forward.xyz, from_eye));
+        let from_eye = away_from_eye(view, center.position);
+        let at = vec3(dot(view.right, from_eye), dot(view.down, from_eye), dot(view.forward, from_eye));
         let rows = array(
-            vec3(dot(view.right.xyz, ax), dot(view.right.xyz, ay), dot(view.right.xyz, az)),
-            vec3(dot(view.down.xyz, ax), dot(view.down.xyz, ay), dot(view.down.xyz, az)),
-            vec3(dot(view.forward.xyz, ax), dot(view.forward.xyz, ay), dot(view.forward.xyz, az)),
+            vec3(dot(view.right, ax), dot(view.right, ay), dot(view.right, az)),
+            vec3(dot(view.down, ax), dot(view.down, ay), dot(view.down, az)),
+            vec3(dot(view.forward, ax), dot(view.forward, ay), dot(view.forward, az)),
         );
         var seen: Seen;
         if PER_RAY {
-            seen = seen_by_rays(view, at, rows, longest, opacity, unit.kind.w == 1u);
+            seen = seen_by_rays(view, at, rows, longest, opacity, unit.compensated == 1u);
         } else {
-            seen = seen_affinely(view, at, rows, longest, opacity, unit.kind.w == 1u);
+            seen = seen_affinely(view, at, rows, longest, opacity, unit.compensated == 1u);
         }
         var color = shared_color;
         if !shares {
-            color = color_of(i, global, unit, replaced, given, center.xyz, view.eye.xyz);
+            color = color_of(i, global, unit, replaced, given, center.position, view.eye);
         }
         if highlighted {
-            color = max(mix(color, frame.overlay.xyz, frame.overlay.w), vec3(0.0));
+            color = max(mix(color, frame.highlight_color, frame.highlight_mix), vec3(0.0));
         }
-        let pixel = seen.ellipse.xy;
+        let pixel = seen.ellipse.center;
         let reach = sqrt(seen.range);
         let tall = reach / seen.per_row;
-        let half = vec2(length(vec2(reach / seen.ellipse.w, seen.ellipse.z * tall)), tall);
+        let half = vec2(length(vec2(reach / seen.ellipse.per_column, seen.ellipse.slope * tall)), tall);
         let usable = seen.usable && seen.opacity > 0.0 && is_finite(pixel.x) && is_finite(pixel.y)
-            && is_finite(seen.ellipse.z) && is_finite(color.x) && is_finite(color.y) && is_finite(color.z);
+            && is_finite(seen.ellipse.slope) && is_finite(color.x) && is_finite(color.y) && is_finite(color.z);
         let inside = all(pixel + half >= vec2(0.0)) && all(pixel - half <= vec2<f32>(frame.size));
         if PER_RAY {
             if v == 0u {
                 depth = length_of(at);
             }
-        } else if depth <= frame.limits.w {
+        } else if depth <= frame.near_plane {
             depth = at.z;
         }
         if usable && inside {
@@ -306,15 +308,12 @@ fn project_one(j: u32) {
         }
         let to = v * frame.capacity + j;
         ellipses[to] = seen.ellipse;
-        levels[to] = vec4(seen.per_row, log2(max(seen.opacity, 1e-30)), seen.range, seen.last);
+        levels[to] = Level(seen.per_row, log2(max(seen.opacity, 1e-30)), seen.range, seen.depth);
+        tints[to] = Tint(color, seen.over_per_row);
         if PER_RAY {
-            tints[3u * to] = vec4(color, seen.over_per_row);
-            tints[3u * to + 1u] = seen.toward;
-            tints[3u * to + 2u] = seen.across;
-        } else {
-            tints[to] = vec4(color, 0.0);
+            rays[to] = seen.ray;
         }
     }
-    keys[j] = select(0xffffffffu, bitcast<u32>(depth), drawn);
-    order[j] = j;
+    depth_keys[j] = select(0xffffffffu, bitcast<u32>(depth), drawn);
+    depth_places[j] = j;
 }

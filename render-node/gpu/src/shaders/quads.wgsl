@@ -3,10 +3,10 @@
 override VIEW: u32 = 0u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> ellipses: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> levels: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> tints: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> order: array<u32>;
+@group(0) @binding(1) var<storage, read> ellipses: array<Ellipse>;
+@group(0) @binding(2) var<storage, read> depth_order: array<u32>;
+@group(0) @binding(3) var<storage, read> levels: array<Level>;
+@group(0) @binding(4) var<storage, read> tints: array<Tint>;
 
 // Pixels beyond which a quadrilateral is cut to the picture.
 const FAR: f32 = 8192.0;
@@ -21,29 +21,29 @@ struct Corner {
 }
 
 fn corner_in(view: u32, vertex: u32, instance: u32) -> Corner {
-    let at = view * frame.capacity + order[(vertex >> 2u) + instance];
+    let at = view * frame.capacity + depth_order[(vertex >> 2u) + instance];
     let a = ellipses[at];
     let b = levels[at];
     var out: Corner;
-    out.ellipse = a;
-    out.level = b.xyz;
-    out.color = tints[at].xyz;
+    out.ellipse = vec4(a.center, a.slope, a.per_column);
+    out.level = vec3(b.per_row, b.log_opacity, b.range);
+    out.color = tints[at].color;
     // The level is a disc in (u, v), and the square around it a parallelogram of pixels. (An octagon has a sixth less to
     // fill, and was twice as slow for splats of some hundred pixels.)
-    let reach = sqrt(max(b.z, 0.0));
+    let reach = sqrt(max(b.range, 0.0));
     let sign = vec2(f32(vertex & 1u) * 2.0 - 1.0, f32((vertex >> 1u) & 1u) * 2.0 - 1.0);
-    let dy = sign.y * (reach / b.x);
-    let dx = sign.x * (reach / a.w) + a.z * dy;
+    let dy = sign.y * (reach / b.per_row);
+    let dx = sign.x * (reach / a.per_column) + a.slope * dy;
     // One that reaches far out of the picture is drawn as the picture's part of its bounding box: rasterizers lose what they
     // cannot clip exactly.
-    let half = vec2(length(vec2(reach / a.w, a.z * (reach / b.x))), reach / b.x);
+    let half = vec2(length(vec2(reach / a.per_column, a.slope * (reach / b.per_row))), reach / b.per_row);
     let size = vec2<f32>(frame.size);
-    var at_corner = a.xy + vec2(dx, dy);
+    var at_corner = a.center + vec2(dx, dy);
     if max(half.x, half.y) > FAR {
-        at_corner = clamp(a.xy + sign * half, vec2(-1.0), size + 1.0);
+        at_corner = clamp(a.center + sign * half, vec2(-1.0), size + 1.0);
     }
     let ndc = at_corner / size * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
-    out.position = select(vec4(ndc, 0.5, 1.0), vec4(-2.0, -2.0, 0.5, 1.0), b.z < 0.0);
+    out.position = select(vec4(ndc, 0.5, 1.0), vec4(-2.0, -2.0, 0.5, 1.0), b.range < 0.0);
     return out;
 }
 

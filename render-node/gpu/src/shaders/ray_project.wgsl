@@ -2,26 +2,22 @@
 // distance.
 //
 // The dilation is at least one pixel, so that |u| is at most focal / 0.55. f32 then leaves an error of some 1e-7 of
-// that in d. Linear functions of the pixel are stored at the pixel nearest to the ellipse's center. They are a
-// (value, per column, per row), half log2(e) |u|^2, U (likewise), the factor of the depth a / (a^2 + U^2 + V^2),
-// and V. V does not change along a row and lies in `last` and `over_per_row`. The ellipse covers at least all drawn
-// pixels.
+// that in d. Linear functions of the pixel, a, U and V, are stored at the pixel nearest to the ellipse's center. V does
+// not change along a row and lies in the level and the tint. The ellipse covers at least all drawn pixels.
 
 const DILATION: f32 = 0.3;
 
 struct Seen {
-    // Centre x, y, slope, per column.
-    ellipse: vec4<f32>,
+    ellipse: Ellipse,
+    // As in the level.
     per_row: f32,
-    opacity: f32,
-    // log2 of the opacity over the cut.
     range: f32,
-    // Depth, or with PER_RAY the value of V at the stored pixel.
-    last: f32,
+    depth: f32,
+    opacity: f32,
     usable: bool,
+    // As in the tint.
     over_per_row: f32,
-    toward: vec4<f32>,
-    across: vec4<f32>,
+    ray: RayCoefficients,
 }
 
 fn largest(v: vec3<f32>) -> f32 {
@@ -94,7 +90,7 @@ fn solve(l: Lower, v: vec3<f32>) -> vec3<f32> {
 
 // Directions of the rays through the picture's corners, in order around it.
 fn corner_ray(view: View, corner: vec2<f32>) -> vec3<f32> {
-    return vec3((corner * vec2<f32>(frame.size) - view.lens.zw) / view.lens.xy, 1.0);
+    return vec3((corner * vec2<f32>(frame.size) - view.principal) / view.focal, 1.0);
 }
 
 // Inner normals of the four planes through the eye and the picture's edges.
@@ -110,7 +106,7 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     let c = at / distance;
     let share = min(longest / distance, 1e15);
     let rows = array(share * given[0], share * given[1], share * given[2]);
-    let dilation = DILATION / abs(view.lens.x * view.lens.y);
+    let dilation = DILATION / abs(view.focal.x * view.focal.y);
     let root = sqrt(dilation);
 
     seen.opacity = opacity;
@@ -122,7 +118,7 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
         let m1 = rows[0] * f.x + rows[1] * f.y + rows[2] * f.z;
         seen.opacity *= compensation(m0, m1, dilation);
     }
-    seen.range = log2(max(seen.opacity / frame.limits.x, frame.limits.y));
+    seen.range = log2(max(seen.opacity / frame.least_alpha, frame.alpha_ratio));
     let l = cholesky(rows, root);
     let u = solve(l, c);
     let eye_squared = dot(u, u);
@@ -152,13 +148,13 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
             let k = square / ahead;
             let x = rows[0] - slope.x * rows[2];
             let y = rows[1] - slope.y * rows[2];
-            let shift = -k * (vec2(dot(x, rows[2]), dot(y, rows[2])) - dilation * slope) * view.lens.xy;
-            center = slope * view.lens.xy + view.lens.zw + shift;
+            let shift = -k * (vec2(dot(x, rows[2]), dot(y, rows[2])) - dilation * slope) * view.focal;
+            center = slope * view.focal + view.principal + shift;
             // Rows of seven numbers: three of the Gaussian, three of the dilation, the shift.
-            let x0 = sqrt(k) * view.lens.x * x;
-            let y0 = sqrt(k) * view.lens.y * y;
-            let x1 = sqrt(k) * root * view.lens.x * vec3(1.0, 0.0, -slope.x);
-            let y1 = sqrt(k) * root * view.lens.y * vec3(0.0, 1.0, -slope.y);
+            let x0 = sqrt(k) * view.focal.x * x;
+            let y0 = sqrt(k) * view.focal.y * y;
+            let x1 = sqrt(k) * root * view.focal.x * vec3(1.0, 0.0, -slope.x);
+            let y1 = sqrt(k) * root * view.focal.y * vec3(0.0, 1.0, -slope.y);
             let y_squared = dot(y0, y0) + dot(y1, y1) + shift.y * shift.y;
             ellipse_slope = (dot(x0, y0) + dot(x1, y1) + shift.x * shift.y) / y_squared;
             let left0 = x0 - ellipse_slope * y0;
@@ -175,14 +171,14 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
         }
     }
     let reach = sqrt(seen.range);
-    seen.ellipse = vec4(center, ellipse_slope, reach / along);
+    seen.ellipse = Ellipse(center, ellipse_slope, reach / along);
     seen.per_row = reach / tall;
 
     // Rays: w is linear in the pixel, and so are its part along u and the parts of its product with u across it.
     let told_at = clamp(center, vec2(0.0), size);
-    var w = solve(l, vec3((told_at - view.lens.zw) / view.lens.xy, 1.0));
-    var per_x = solve(l, vec3(1.0 / view.lens.x, 0.0, 0.0));
-    var per_y = solve(l, vec3(0.0, 1.0 / view.lens.y, 0.0));
+    var w = solve(l, vec3((told_at - view.principal) / view.focal, 1.0));
+    var per_x = solve(l, vec3(1.0 / view.focal.x, 0.0, 0.0));
+    var per_y = solve(l, vec3(0.0, 1.0 / view.focal.y, 0.0));
     // d does not depend on the length of w: take one that squares well.
     let scale = length(w) + size.x * length(per_x) + size.y * length(per_y);
     w /= scale;
@@ -192,17 +188,15 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     let first = unit_or(cross(toward, per_x), across_of(toward));
     let second = cross(toward, first);
     let fall = min(0.72134752044448170 * eye_squared, 1e30);
-    seen.toward = vec4(dot(toward, w), dot(toward, per_x), dot(toward, per_y), fall);
-    seen.across = vec4(
-        dot(first, cross(toward, w)),
-        dot(first, cross(toward, per_x)),
-        dot(first, cross(toward, per_y)),
-        sqrt(eye_squared) / scale * distance,
-    );
-    seen.last = dot(second, cross(toward, w));
+    seen.ray.along = vec3(dot(toward, w), dot(toward, per_x), dot(toward, per_y));
+    seen.ray.fall = fall;
+    seen.ray.across = vec3(dot(first, cross(toward, w)), dot(first, cross(toward, per_x)), dot(first, cross(toward, per_y)));
+    seen.ray.depth_factor = sqrt(eye_squared) / scale * distance;
+    seen.depth = dot(second, cross(toward, w));
     seen.over_per_row = dot(second, cross(toward, per_y));
-    seen.usable = level_is_seen && is_finite(seen.toward.x) && is_finite(seen.toward.y) && is_finite(seen.toward.z)
-        && is_finite(seen.across.x) && is_finite(seen.across.y) && is_finite(seen.across.z) && is_finite(seen.across.w)
-        && is_finite(seen.last) && is_finite(seen.over_per_row) && is_finite(eye_squared);
+    seen.usable = level_is_seen && is_finite(seen.ray.along.x) && is_finite(seen.ray.along.y) && is_finite(seen.ray.along.z)
+        && is_finite(seen.ray.across.x) && is_finite(seen.ray.across.y) && is_finite(seen.ray.across.z)
+        && is_finite(seen.ray.depth_factor) && is_finite(seen.depth) && is_finite(seen.over_per_row)
+        && is_finite(eye_squared);
     return seen;
 }

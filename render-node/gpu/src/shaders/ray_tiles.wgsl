@@ -1,13 +1,15 @@
 // Blends splats ray by ray. Each tile lists its splats in the order of the ray that meets each best within the
 // tile. Each ray sorts its layers again. Follows tiles.wgsl and the text of sort_window.rs.
 
+// Ray coefficients of the splats.
+@group(0) @binding(17) var<storage, read> rays: array<RayCoefficients>;
 // For each pair: depth in its tile, and place in the unsorted list. Depths are not negative, so that their bits
 // have the same order.
-@group(0) @binding(15) var<storage, read_write> pair_depths: array<u32>;
-@group(0) @binding(16) var<storage, read_write> pair_places: array<u32>;
+@group(0) @binding(18) var<storage, read_write> pair_depths: array<u32>;
+@group(0) @binding(19) var<storage, read_write> pair_places: array<u32>;
 // The list in the order of depths.
-@group(0) @binding(17) var<storage, read_write> ordered_tiles: array<u32>;
-@group(0) @binding(18) var<storage, read_write> ordered_splats: array<u32>;
+@group(0) @binding(20) var<storage, read_write> ordered_tiles: array<u32>;
+@group(0) @binding(21) var<storage, read_write> ordered_splats: array<u32>;
 
 struct Meeting {
     // log2 of the opacity over the alpha.
@@ -17,42 +19,41 @@ struct Meeting {
 
 // The point where the ray through a pixel meets a splat.
 fn meet(at: vec2<f32>, splat: u32) -> Meeting {
-    let d = at - clamp(ellipses[splat].xy, vec2(0.0), vec2<f32>(frame.size));
-    let toward = tints[3u * splat + 1u];
-    let across = tints[3u * splat + 2u];
-    let a = toward.x + toward.y * d.x + toward.z * d.y;
-    let u = across.x + across.y * d.x + across.z * d.y;
-    let v = levels[splat].w + tints[3u * splat].w * d.y;
+    let d = at - clamp(ellipses[splat].center, vec2(0.0), vec2<f32>(frame.size));
+    let ray = rays[splat];
+    let a = ray.along.x + ray.along.y * d.x + ray.along.z * d.y;
+    let u = ray.across.x + ray.across.y * d.x + ray.across.z * d.y;
+    let v = levels[splat].depth + tints[splat].over_per_row * d.y;
     let s = u * u + v * v;
     let whole = a * a + s;
     if a > 0.0 {
-        return Meeting(toward.w * (s / whole), min(across.w * (a / whole), 0.999 * EMPTY_DEPTH));
+        return Meeting(ray.fall * (s / whole), min(ray.depth_factor * (a / whole), 0.999 * EMPTY_DEPTH));
     }
-    return Meeting(toward.w, 0.0);
+    return Meeting(ray.fall, 0.0);
 }
 
 // The depth of each listed pair, on the ray through its tile that meets the splat best.
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn measure_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    for (var k = 0u; k < 4u; k++) {
-        let i = group.x * 1024u + k * 256u + lane;
-        if i < totals[2] {
+    for (var at = lane; at < PAIR_BLOCK; at += LANES) {
+        let i = group.x * PAIR_BLOCK + at;
+        if i < totals.window_pairs {
             let splat = pair_splats[i];
             let ellipse = ellipses[splat];
             let tile = pair_tiles[i] % (frame.tiles.x * frame.tiles.y);
             let first = vec2<f32>(vec2(tile % frame.tiles.x, tile / frame.tiles.x) * TILE) + 0.5;
-            let best = clamp(ellipse.xy, first, first + f32(TILE - 1u));
+            let best = clamp(ellipse.center, first, first + f32(TILE - 1u));
             pair_depths[i] = bitcast<u32>(max(meet(best, splat).depth, 0.0));
             pair_places[i] = i;
         }
     }
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn order_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    for (var k = 0u; k < 4u; k++) {
-        let i = group.x * 1024u + k * 256u + lane;
-        if i < totals[2] {
+    for (var at = lane; at < PAIR_BLOCK; at += LANES) {
+        let i = group.x * PAIR_BLOCK + at;
+        if i < totals.window_pairs {
             let unsorted = pair_places[i];
             ordered_tiles[i] = pair_tiles[unsorted];
             ordered_splats[i] = pair_splats[unsorted];
@@ -68,8 +69,8 @@ fn layer_of(k: u32, center: vec2<f32>) -> Layer {
     let splat = pair_splats[k];
     let l = levels[splat];
     let meeting = meet(center, splat);
-    if meeting.below <= l.z {
-        return Layer(meeting.depth, min(exp2(l.y - meeting.below), 1.0), k);
+    if meeting.below <= l.range {
+        return Layer(meeting.depth, min(exp2(l.log_opacity - meeting.below), 1.0), k);
     }
     return Layer(meeting.depth, 0.0, k);
 }
@@ -78,9 +79,9 @@ fn layer_of(k: u32, center: vec2<f32>) -> Layer {
 fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
     if layer.alpha > 0.0 {
         let weight = layer.alpha * (*ray).transmittance;
-        (*ray).color += weight * tints[3u * pair_splats[layer.item]].xyz;
+        (*ray).color += weight * tints[pair_splats[layer.item]].color;
         if surfaces((*ray).transmittance, (*ray).transmittance - weight) {
-            (*ray).front = max(layer.depth, frame.limits.w);
+            (*ray).front = max(layer.depth, frame.near_plane);
         }
         (*ray).transmittance -= weight;
     }
@@ -89,7 +90,7 @@ fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
 // Blends the layers [first, last) of a list in the order of the ray. Each pass over the whole list takes the next
 // layers, as many as fit.
 fn blend_in_order(ray: ptr<function, Ray>, first: u32, last: u32, center: vec2<f32>) {
-    let stop = frame.limits.z;
+    let stop = frame.least_transmittance;
     var rounds = 2u * (last - first);
     var done = Layer(-1.0, 0.0, 0u);
     var more = true;
@@ -131,14 +132,14 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
     let center = vec2<f32>(at) + 0.5;
     var ray = Ray(vec3(0.0), 1.0, 0.0);
-    if part.index > 0u {
+    if stretch.index > 0u {
         ray = Ray(pixels[pixel].xyz, pixels[pixel].w, 0.0);
     }
     let before = ray;
-    let list = lists[tile];
-    let first = list.x + part.block;
-    let last = max(min(list.y, first + STRETCH), first);
-    let stop = frame.limits.z;
+    let list = tile_lists[tile];
+    let first = list.first + stretch.first_item;
+    let last = max(min(list.end, first + STRETCH), first);
+    let stop = frame.least_transmittance;
     var waiting = nobody_before();
     // Transmittance of all layers so far, including the sort window.
     var through = ray.transmittance;
@@ -167,7 +168,7 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         pour(&ray, &waiting);
     }
     pixels[pixel] = vec4(ray.color, ray.transmittance);
-    if DEPTHS && (ray.front > 0.0 || part.index == 0u) {
+    if DEPTHS && (ray.front > 0.0 || stretch.index == 0u) {
         fronts[pixel] = ray.front;
     }
 }

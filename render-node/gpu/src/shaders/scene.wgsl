@@ -4,8 +4,8 @@ override MASKS: bool = false;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> part: Part;
-@group(0) @binding(2) var<storage, read> centers: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> shapes: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> centers: array<Center>;
+@group(0) @binding(3) var<storage, read> shapes: array<Shape>;
 @group(0) @binding(4) var<storage, read> units: array<Unit>;
 @group(0) @binding(5) var<storage, read> edits: array<Edit>;
 @group(0) @binding(6) var<storage, read> masks: array<u32>;

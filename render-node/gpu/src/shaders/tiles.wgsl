@@ -5,27 +5,26 @@
 // collected so far is kept between them.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<uniform> part: Part;
-@group(0) @binding(2) var<storage, read> ellipses: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> order: array<u32>;
-@group(0) @binding(4) var<storage, read_write> totals: array<u32>;
-// Tiles touched by each of the depth order's splats (all views of one before the next), and sums of 256 of them.
-@group(0) @binding(5) var<storage, read_write> touched: array<u32>;
-@group(0) @binding(6) var<storage, read_write> sums: array<u32>;
-@group(0) @binding(7) var<storage, read_write> pair_tiles: array<u32>;
-@group(0) @binding(8) var<storage, read_write> pair_splats: array<u32>;
-// Dispatches: the pairs' sort, the pairs' ends.
-@group(0) @binding(9) var<storage, read_write> dispatches: array<u32>;
-// First pair and end of each tile's list.
-@group(0) @binding(10) var<storage, read_write> lists: array<vec2<u32>>;
+@group(0) @binding(1) var<uniform> window: Window;
+@group(0) @binding(2) var<uniform> stretch: Stretch;
+@group(0) @binding(3) var<storage, read> ellipses: array<Ellipse>;
+@group(0) @binding(4) var<storage, read> depth_order: array<u32>;
+@group(0) @binding(5) var<storage, read_write> totals: Totals;
+// Tiles touched by each of the depth order's splats (all views of one before the next), and sums of LANES of them.
+@group(0) @binding(6) var<storage, read_write> touched: array<u32>;
+@group(0) @binding(7) var<storage, read_write> touched_sums: array<u32>;
+@group(0) @binding(8) var<storage, read_write> pair_tiles: array<u32>;
+@group(0) @binding(9) var<storage, read_write> pair_splats: array<u32>;
+@group(0) @binding(10) var<storage, read_write> pair_dispatches: PairDispatches;
+@group(0) @binding(11) var<storage, read_write> tile_lists: array<TileList>;
 // Composited colour and transmittance of each pixel, view after view.
-@group(0) @binding(11) var<storage, read_write> pixels: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read_write> pixels: array<vec4<f32>>;
 
-@group(0) @binding(14) var<storage, read_write> longest_list: atomic<u32>;
-@group(0) @binding(12) var<storage, read> levels: array<vec4<f32>>;
-@group(0) @binding(13) var<storage, read> tints: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read_write> longest_list: atomic<u32>;
+@group(0) @binding(14) var<storage, read> levels: array<Level>;
+@group(0) @binding(15) var<storage, read> tints: array<Tint>;
 // Depth of each pixel's front, 0 without one; written with DEPTHS.
-@group(0) @binding(19) var<storage, read_write> fronts: array<f32>;
+@group(0) @binding(16) var<storage, read_write> fronts: array<f32>;
 
 override DEPTHS: bool = false;
 
@@ -61,17 +60,17 @@ fn extent(at: u32) -> Extent {
     let a = ellipses[at];
     let b = levels[at];
     var e: Extent;
-    e.center = a.xy;
-    e.slope = a.z;
-    if b.z < 0.0 {
+    e.center = a.center;
+    e.slope = a.slope;
+    if b.range < 0.0 {
         return e;
     }
-    let reach = sqrt(b.z);
-    e.along = reach / a.w;
-    e.tall = reach / b.x;
+    let reach = sqrt(b.range);
+    e.along = reach / a.per_column;
+    e.tall = reach / b.per_row;
     e.wide = length(vec2(e.along, e.slope * e.tall));
     e.tip = e.slope * e.tall * e.tall / e.wide;
-    let rows = pixel_range(a.y - e.tall - MARGIN, a.y + e.tall + MARGIN, frame.size.y);
+    let rows = pixel_range(a.center.y - e.tall - MARGIN, a.center.y + e.tall + MARGIN, frame.size.y);
     if rows.x < rows.y {
         e.first_row = rows.x / TILE;
         e.end_row = (rows.y + TILE - 1u) / TILE;
@@ -101,15 +100,15 @@ fn columns(e: Extent, row: u32) -> vec2<u32> {
 
 // Where the splat of an item lies in the list of splats; an item is a place in the depth order and a view.
 fn splat_of(item: u32) -> u32 {
-    return (item % frame.view_count) * frame.capacity + order[item / frame.view_count];
+    return (item % frame.view_count) * frame.capacity + depth_order[item / frame.view_count];
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32) {
-    let items = totals[0] * frame.view_count;
-    for (var block = group.x; block * 256u < items; block += groups.x) {
-        let item = block * 256u + lane;
+    let items = totals.listed * frame.view_count;
+    for (var block = group.x; block * LANES < items; block += groups.x) {
+        let item = block * LANES + lane;
         var tiles = 0u;
         if item < items {
             let e = extent(splat_of(item));
@@ -120,65 +119,61 @@ fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
             touched[item] = tiles;
         }
         let through = sum_up_to(lane, tiles);
-        if lane == 255u {
-            sums[block] = through;
+        if lane == LANES - 1u {
+            touched_sums[block] = through;
         }
         workgroupBarrier();
     }
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn sum_touched(@builtin(local_invocation_index) lane: u32) {
-    let n = (totals[0] * frame.view_count + 255u) / 256u;
-    let each = (n + 255u) / 256u;
+    let n = (totals.listed * frame.view_count + LANES - 1u) / LANES;
+    let each = (n + LANES - 1u) / LANES;
     let first = lane * each;
     let last = min(first + each, n);
     var sum = 0u;
     for (var k = first; k < last; k++) {
-        sum += sums[k];
+        sum += touched_sums[k];
     }
     var running = sum_up_to(lane, sum) - sum;
     for (var k = first; k < last; k++) {
-        let count = sums[k];
-        sums[k] = running;
+        let count = touched_sums[k];
+        touched_sums[k] = running;
         running += count;
     }
-    if lane == 255u {
-        totals[3] = scanned[255];
+    if lane == LANES - 1u {
+        totals.pairs = scanned[LANES - 1u];
     }
 }
 
 // How many pairs the window holds, and the work that makes.
 @compute @workgroup_size(1)
 fn open_window() {
-    if part.index == 0u {
+    if window.index == 0u {
         atomicStore(&longest_list, 0u);
     }
-    let all = totals[3];
-    let count = min(all - min(all, part.first), frame.pair_capacity);
-    totals[2] = count;
-    dispatches[0] = (count + 4095u) / 4096u;
-    dispatches[1] = 1u;
-    dispatches[2] = 1u;
-    dispatches[3] = (count + 1023u) / 1024u;
-    dispatches[4] = 1u;
-    dispatches[5] = 1u;
+    let all = totals.pairs;
+    let count = min(all - min(all, window.first_pair), frame.pair_capacity);
+    totals.window_pairs = count;
+    pair_dispatches.sort = DispatchArguments((count + SORT_BLOCK - 1u) / SORT_BLOCK, 1u, 1u);
+    pair_dispatches.pairs = DispatchArguments((count + PAIR_BLOCK - 1u) / PAIR_BLOCK, 1u, 1u);
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32) {
-    let items = totals[0] * frame.view_count;
-    let begin = part.first;
+    let items = totals.listed * frame.view_count;
+    let begin = window.first_pair;
     let end = begin + frame.pair_capacity;
     let per_view = frame.tiles.x * frame.tiles.y;
-    for (var block = group.x; block * 256u < items; block += groups.x) {
-        let item = block * 256u + lane;
+    for (var block = group.x; block * LANES < items; block += groups.x) {
+        let item = block * LANES + lane;
         var count = 0u;
         if item < items {
             count = touched[item];
         }
-        var place = sums[block] + sum_up_to(lane, count) - count;
+        var place = touched_sums[block] + sum_up_to(lane, count) - count;
         if count > 0u && place < end && place + count > begin {
             let splat = splat_of(item);
             let e = extent(splat);
@@ -198,25 +193,25 @@ fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
     }
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn clear_lists(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < frame.tiles.x * frame.tiles.y * frame.view_count {
-        lists[id.x] = vec2(0u);
+        tile_lists[id.x] = TileList(0u, 0u);
     }
 }
 
 // The sorted pairs are bound in the place of the unsorted ones.
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn find_ends(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    for (var k = 0u; k < 4u; k++) {
-        let i = group.x * 1024u + k * 256u + lane;
-        if i < totals[2] {
+    for (var at = lane; at < PAIR_BLOCK; at += LANES) {
+        let i = group.x * PAIR_BLOCK + at;
+        if i < totals.window_pairs {
             let tile = pair_tiles[i];
             if i == 0u || pair_tiles[i - 1u] != tile {
-                lists[tile].x = i;
+                tile_lists[tile].first = i;
             }
-            if i + 1u == totals[2] || pair_tiles[i + 1u] != tile {
-                lists[tile].y = i + 1u;
+            if i + 1u == totals.window_pairs || pair_tiles[i + 1u] != tile {
+                tile_lists[tile].end = i + 1u;
             }
         }
     }
@@ -225,24 +220,21 @@ fn find_ends(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 var<workgroup> most: atomic<u32>;
 
 // The longest list of any tile in any window so far.
-@compute @workgroup_size(256)
+@compute @workgroup_size(LANES)
 fn longest(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     if lane == 0u {
         atomicStore(&most, 0u);
     }
     workgroupBarrier();
     if id.x < frame.tiles.x * frame.tiles.y * frame.view_count {
-        let list = lists[id.x];
-        atomicMax(&most, list.y - list.x);
+        let list = tile_lists[id.x];
+        atomicMax(&most, list.end - list.first);
     }
     workgroupBarrier();
     if lane == 0u {
         atomicMax(&longest_list, atomicLoad(&most));
     }
 }
-
-// Splats of one tile that one dispatch blends. A software device silently leaves a loop after 65,535 iterations.
-const STRETCH: u32 = 32768u;
 
 // Every pixel walks its tile's list on its own. The lanes of a tile read the same splat at the same time: a
 // graphics card serves it from the nearest cache. A software device needs no barriers of 256 lanes.
@@ -258,14 +250,14 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
     var color = vec3(0.0);
     var transmittance = 1.0;
     var front = 0.0;
-    if part.index > 0u {
+    if stretch.index > 0u {
         color = pixels[pixel].xyz;
         transmittance = pixels[pixel].w;
     }
-    let list = lists[tile];
-    let first = list.x + part.block;
-    let last = min(list.y, first + STRETCH);
-    let stop = frame.limits.z;
+    let list = tile_lists[tile];
+    let first = list.first + stretch.first_item;
+    let last = min(list.end, first + STRETCH);
+    let stop = frame.least_transmittance;
     for (var k = first; k < last; k++) {
         if transmittance < stop {
             break;
@@ -273,21 +265,21 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
         let splat = pair_splats[k];
         let e = ellipses[splat];
         let l = levels[splat];
-        let d = center - e.xy;
-        let u = (d.x - e.z * d.y) * e.w;
-        let v = d.y * l.x;
+        let d = center - e.center;
+        let u = (d.x - e.slope * d.y) * e.per_column;
+        let v = d.y * l.per_row;
         let below = u * u + v * v;
-        if below <= l.z {
-            let weight = min(exp2(l.y - below), 1.0) * transmittance;
-            color += weight * tints[splat].xyz;
+        if below <= l.range {
+            let weight = min(exp2(l.log_opacity - below), 1.0) * transmittance;
+            color += weight * tints[splat].color;
             if surfaces(transmittance, transmittance - weight) {
-                front = l.w;
+                front = l.depth;
             }
             transmittance -= weight;
         }
     }
     pixels[pixel] = vec4(color, transmittance);
-    if DEPTHS && (front > 0.0 || part.index == 0u) {
+    if DEPTHS && (front > 0.0 || stretch.index == 0u) {
         fronts[pixel] = front;
     }
 }

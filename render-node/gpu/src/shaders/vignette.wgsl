@@ -1,18 +1,6 @@
 // Darkens the edge of an eye's picture, evenly around the straight-ahead direction.
 
-struct Vignette {
-    // The pixel of the straight-ahead direction.
-    middle: vec2<f32>,
-    // Pixels for each unit of the tangent of the angle from there.
-    focal: vec2<f32>,
-    // Tangents of the angles at which it begins and is whole; how dark that is.
-    begins: f32,
-    whole: f32,
-    strength: f32,
-    spare: f32,
-}
-
-@group(0) @binding(0) var<uniform> vignette: Vignette;
+@group(0) @binding(0) var<uniform> vignette: VignetteShape;
 
 @vertex
 fn cover(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {

@@ -2,14 +2,13 @@
 
 override VIEW: u32 = 0u;
 
-// Corners as shares of the picture's width and height, and their view.
-@group(0) @binding(0) var<storage, read> corners: array<vec4<f32>>;
+@group(0) @binding(0) var<storage, read> mask_corners: array<MaskCorner>;
 
 fn corner_in(view: u32, vertex: u32) -> vec4<f32> {
-    let corner = corners[vertex];
-    let at = vec4(corner.xy * vec2(2.0, -2.0) + vec2(-1.0, 1.0), 0.0, 1.0);
+    let corner = mask_corners[vertex];
+    let at = vec4(corner.at * vec2(2.0, -2.0) + vec2(-1.0, 1.0), 0.0, 1.0);
     // A triangle of the other view has no area.
-    return select(vec4(-2.0, -2.0, 0.0, 1.0), at, u32(corner.z) == view);
+    return select(vec4(-2.0, -2.0, 0.0, 1.0), at, corner.view == view);
 }
 
 @vertex
