@@ -229,7 +229,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     let camera = picture.camera.as_deref().map(Camera::read).transpose().map_err(Failure::input)?;
     let scene = read_scene(picture)?;
     let camera = camera.unwrap_or_else(|| {
-        framing::default_view(&scene, picture.width.unwrap_or(DEFAULT_SIZE), picture.height.unwrap_or(DEFAULT_SIZE))
+        framing::default_camera(&scene, picture.width.unwrap_or(DEFAULT_SIZE), picture.height.unwrap_or(DEFAULT_SIZE))
     });
     let mut appearance = Appearance::of(&scene);
     appearance.light = camera.light;
