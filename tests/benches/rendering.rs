@@ -129,7 +129,7 @@ impl Job {
         let (width, height) = (width.parse().unwrap(), height.parse().unwrap());
         let bounds = framing::visible_box(&scene);
         let middle = 0.5 * (bounds.min + bounds.max);
-        let first = framing::default_view(&scene, width, height);
+        let first = framing::default_camera(&scene, width, height);
         let apart = 0.5 * EYES_APART * first.eye().distance(middle);
         let turn: Vec<Vec<Camera>> = (0..arguments.frames)
             .map(|k| {

@@ -106,7 +106,7 @@ impl Bench {
         let mut renderer = Renderer::with_options(&self.gpu, scene, options).unwrap();
         let rasterizer = if renderer.blends_quads() { Rasterizer::Quads } else { Rasterizer::Tiles };
         let settings = Settings { rasterizer, ..Settings::default() };
-        let cameras: [Camera; 1] = [framing::default_view(scene, SIZE, SIZE)];
+        let cameras: [Camera; 1] = [framing::default_camera(scene, SIZE, SIZE)];
         let image = renderer.picture(&cameras, look, settings).unwrap().0.remove(0);
         let passes: Vec<PassSeconds> = (0..self.rounds)
             .filter_map(|_| {

@@ -132,7 +132,7 @@ impl Person {
     async fn press(&mut self, bus: &Bus, panel: Panel, typing: bool, label: &str) {
         let at = place_of(&shown(bus).await, panel, typing, label);
         let Rectangle { pose, .. } = first_place(panel, Stance::Standing, Origin::Floor);
-        let size = panel.size();
+        let size = panel.size;
         let place = first_place(panel, Stance::Standing, Origin::Floor);
         let on = place.point(DVec2::new(f64::from(at.x / size.x), f64::from(at.y / size.y)));
         let from = on + 0.4 * (pose.orientation * DVec3::Z);
@@ -172,15 +172,12 @@ fn place_of(shown: &ViewState, panel: Panel, typing: bool, label: &str) -> egui:
         panels.name_selection();
     }
     let (shown, mut tools) = (shown.clone(), Tools::default());
-    let harness = egui_kittest::Harness::builder().with_size(panel.size()).build_ui(move |ui| {
+    let harness = egui_kittest::Harness::builder().with_size(panel.size).build_ui(move |ui| {
         theme::apply(ui.ctx(), &tools);
         let _ = panels.show(panel, ui, &shown, &mut tools);
     });
     let at = harness.get_by_label(label).rect().center();
-    assert!(
-        egui::Rect::from_min_size(egui::Pos2::ZERO, panel.size()).contains(at),
-        "`{label}` is out of reach at {at}"
-    );
+    assert!(egui::Rect::from_min_size(egui::Pos2::ZERO, panel.size).contains(at), "`{label}` is out of reach at {at}");
     at
 }
 
@@ -223,15 +220,15 @@ fn a_person_brushes_names_and_saves_and_the_runtime_dies() {
         scene(&bus, "a stroke brought back", |s| selected(s) == selected(&walked)).await;
 
         // Panels: everything but the selection, and once more; a name, key by key; saved.
-        person.press(&bus, Panel::Select, false, "invert").await;
+        person.press(&bus, Panel::SELECT, false, "invert").await;
         scene(&bus, "an inversion", |s| selected(s) > 0 && selected(s) != selected(&walked)).await;
-        person.press(&bus, Panel::Select, false, "invert").await;
+        person.press(&bus, Panel::SELECT, false, "invert").await;
         scene(&bus, "the selection again", |s| selected(s) == selected(&walked)).await;
-        person.press(&bus, Panel::Select, false, "name of the new unit").await;
+        person.press(&bus, Panel::SELECT, false, "name of the new unit").await;
         for key in ["s", "1"] {
-            person.press(&bus, Panel::Keyboard, true, key).await;
+            person.press(&bus, Panel::KEYBOARD, true, key).await;
         }
-        person.press(&bus, Panel::Select, false, "save").await;
+        person.press(&bus, Panel::SELECT, false, "save").await;
         let saved = scene(&bus, "a saved unit", |s| !s.units.is_empty()).await;
         assert_eq!(units(&saved), ["s1"]);
         person.reach(Side::Right, away).await;

@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let scene = load(Path::new(scene), &LoadOptions::default())?.scene;
     let appearance = Appearance::of(&scene);
-    let first = framing::default_view(&scene, SIZE, SIZE);
+    let first = framing::default_camera(&scene, SIZE, SIZE);
     let bounds = framing::visible_box(&scene);
     let middle = 0.5 * (bounds.min + bounds.max);
     let turn: Vec<Camera> = (0..VIEWS)

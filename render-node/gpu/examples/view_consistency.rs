@@ -156,7 +156,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The table of one scene.
 fn table(file: &str, scene: &Scene, size: u32, gpu: Option<&Gpu>) -> Result<(), Box<dyn Error>> {
     let look = Appearance::of(scene);
-    let framed = framing::default_view(scene, size, size);
+    let framed = framing::default_camera(scene, size, size);
     let bounds = framing::visible_box(scene);
     let middle = 0.5 * (bounds.min + bounds.max);
     let focal = 0.5 * f64::from(size) / (0.5 * FIELD_OF_VIEW.to_radians()).tan();

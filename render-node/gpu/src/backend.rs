@@ -231,7 +231,7 @@ pub fn fastest(renderer: &mut Renderer, scene: &Scene) -> Result<Rasterizer, Gpu
     if !renderer.blends_quads() {
         return Ok(Rasterizer::Tiles);
     }
-    let camera = [framing::default_view(scene, TRIAL_SIZE, TRIAL_SIZE)];
+    let camera = [framing::default_camera(scene, TRIAL_SIZE, TRIAL_SIZE)];
     let look = Appearance::of(scene);
     let mut seconds = |rasterizer| -> Result<f64, GpuError> {
         let settings = Settings { rasterizer, ..Settings::default() };

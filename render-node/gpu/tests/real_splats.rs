@@ -49,7 +49,7 @@ fn every_level_keeps_its_promise_from_all_sides() {
         let mut device = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
         let mut appearance = Appearance::of(&scene);
         appearance.background = Vec3::ONE;
-        let front = framing::default_view(&scene, 344, 368);
+        let front = framing::default_camera(&scene, 344, 368);
         let bounds = framing::visible_box(&scene);
         let middle = 0.5 * (bounds.min + bounds.max);
         for (right, up, closer) in [(0.0, 0.0, 1.0), (120.0, 25.0, 1.0), (200.0, -40.0, 3.0)] {
@@ -102,7 +102,7 @@ fn held(what: &str, quality: Quality, image: &Image, exact: &Image) {
 fn playbot_stands_upright() {
     let Some(data) = data() else { return };
     let scene = scene(&data.join("splats").join("playbot_lod3_31000.ply.zst"));
-    let camera = framing::default_view(&scene, 256, 256);
+    let camera = framing::default_camera(&scene, 256, 256);
     let image = render(&scene, &Appearance::of(&scene), &camera, Quality::Standard).unwrap().image;
     let mean = |from: u32, to: u32| {
         let sum: DVec3 = (from..to)

@@ -30,85 +30,97 @@ use failure::Failure;
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;
 
+/// Examples in the help of the command.
+pub(crate) const EXAMPLES: &str = "Examples:
+  supergaussian render scene.toml --camera front.json --out front.png --quality exact
+  supergaussian render tooth.ply --out anisotropy.png --show anisotropy --color-map cividis
+  supergaussian render scene.toml --out clusters.png --show clusters --clusters labels.npy --outlines 2
+  supergaussian render scene.toml --out half.png --clip-plane 0,0,0,1,0,0 --mask sac.npy --pick 512,512";
+
+/// Example in the help of `serve`.
+pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
+  supergaussian-render-node serve --session demo --role render-view --instance render-view-1 \\
+    --connect unixsock-stream/$RUN/bus.sock --run-dir $RUN --params '{\"display\": \"window\"}'";
+
 /// Arguments of the render command.
 // One flat list: clap's derive takes an optional group of arguments for absent where it has another group within.
 #[derive(Debug, Args)]
 pub(crate) struct Picture {
     /// The scene: a Gaussian file or `scene.toml`.
     scene: PathBuf,
-    /// Camera file (JSON). By default the scene is framed: plain splats from the front, volume scenes obliquely with z up.
+    /// Camera file (JSON). Without one, the whole scene is framed: plain splats from the front, volume scenes obliquely with
+    /// z up.
     #[arg(long)]
     camera: Option<PathBuf>,
     /// Picture to write: `.png` (8-bit RGB) or `.npy` (float32, height × width × 4).
     #[arg(long)]
     out: PathBuf,
-    /// Width in pixels of a framed view [default: 1024].
+    /// Width of the picture in pixels, where no camera is given [default: 1024].
     #[arg(long, conflicts_with = "camera", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     width: Option<u32>,
-    /// Height in pixels of a framed view [default: 1024].
+    /// Height of the picture in pixels, where no camera is given [default: 1024].
     #[arg(long, conflicts_with = "camera", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     height: Option<u32>,
-    /// The renderer.
+    /// Device that draws.
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
-    /// How a graphics device blends.
+    /// Blending method of a graphics device.
     #[arg(long, value_enum, default_value_t = RasterizerName::Tiles)]
     rasterizer: RasterizerName,
-    /// Error against the reference: none; ≥ 50 dB; ≥ 40 dB.
+    /// Quality of the picture, as its error against the reference.
     #[arg(long, value_enum, default_value_t = QualityName::Standard)]
     quality: QualityName,
-    /// Shading model, instead of the one in the scene file.
+    /// Shading model. Replaces the one of the scene file.
     #[arg(long, value_enum)]
     shading: Option<ShadingName>,
-    /// How the shading columns of iVR-GS files are stored, instead of the reader's own finding.
+    /// Convention of the shading columns in iVR-GS files. Without it, the reader recognizes the convention.
     #[arg(long, value_enum)]
     convention: Option<ConventionName>,
-    /// Palette colour of every base unit with shading columns, each 0 to 1, instead of the one in the files.
+    /// Palette colour of every base unit with shading columns, each number 0 to 1. Replaces the one in the files.
     #[arg(long, value_name = "R,G,B", value_parser = color)]
     palette: Option<Vec3>,
-    /// Projection of a Gaussian: `affine` to an ellipse, as 3DGS, or per pixel ray. The latter stays the same however the
-    /// camera turns.
+    /// Projection of a Gaussian.
     #[arg(long, value_enum, default_value_t = ProjectionName::Affine)]
     projection: ProjectionName,
-    /// Opacity of Gaussians that are widened to a pixel: as trained (from the file), unchanged, or reduced by their growth
-    /// (Mip-Splatting).
+    /// Opacity of small Gaussians, which are widened to a pixel.
     #[arg(long, value_enum, default_value_t = FilterName::FromFile)]
     filter: FilterName,
-    /// Shading term to draw.
+    /// Term of the shading to draw.
     #[arg(long, value_enum, default_value_t = TermName::Full)]
     term: TermName,
-    /// Keep only Gaussians with centres on the side of the plane through P that N points to, scene frame. Repeatable.
+    /// Keeps only Gaussians with centres on one side of a plane: the side to which N points, with P on the plane. Scene
+    /// coordinates. Repeatable.
     #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ", value_parser = numbers::<6>, allow_hyphen_values = true)]
     clip_plane: Vec<[f64; 6]>,
-    /// Keep only Gaussians with centres in the box between two corners, scene frame. Repeatable.
+    /// Keeps only Gaussians with centres in the box between two corners. Scene coordinates. Repeatable.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     clip_box: Vec<[f64; 6]>,
-    /// Leave out Gaussians with centres in the box between two corners, scene frame. Repeatable.
+    /// Leaves out Gaussians with centres in the box between two corners. Scene coordinates. Repeatable.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     cut_box: Vec<[f64; 6]>,
-    /// Colours that say something in place of the shaded ones; the first two need --clusters.
+    /// Draws Super-Gaussians or an attribute as colours, without shading. The first two values need --clusters.
     #[arg(long, value_enum, conflicts_with = "term")]
     show: Option<show::Shown>,
-    /// Super-Gaussians as `supergaussian selection cluster` writes them: `.npy`, int32 (n,), -1 for none.
+    /// Super-Gaussian of each Gaussian: `.npy`, int32 (n,), -1 for none. `supergaussian selection cluster` writes it.
     #[arg(long, value_name = "LABELS.npy")]
     clusters: Option<PathBuf>,
     /// Seed of the random colours of `--show clusters`.
     #[arg(long, requires = "show", default_value_t = 1)]
     seed: u64,
-    /// Colours of numbers.
+    /// Colour map of `--show`.
     #[arg(long, value_enum, requires = "show", default_value_t = show::MapName::Viridis)]
     color_map: show::MapName,
-    /// Numbers at the ends of the colour map [default: those that 2 % of the Gaussians lie below and above].
+    /// Values at the ends of the colour map [default: 2 % of the Gaussians lie below the first, 2 % above the second].
     #[arg(long, requires = "show", value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
-    /// Width in pixels of lines along the edges of the Super-Gaussians in front.
+    /// Draws the outlines of the Super-Gaussians in front, with this width in pixels.
     #[arg(long, requires = "clusters", value_name = "PIXELS", num_args = 0..=1, default_missing_value = "1",
         value_parser = clap::value_parser!(u32).range(1..=64))]
     outlines: Option<u32>,
     /// Colour of the outlines, each 0 to 1.
     #[arg(long, requires = "outlines", value_name = "R,G,B", default_value = "1,1,1", value_parser = color)]
     outline_color: Vec3,
-    /// Also print the Gaussian in front at these pixel coordinates, and its position.
+    /// Also prints the front Gaussian at these pixel coordinates, and its position.
     #[arg(long, value_name = "X,Y", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pick: Option<[f64; 2]>,
     /// Gaussians to highlight: `.npy`, uint8 (n,), 0 or 1.
@@ -123,18 +135,18 @@ pub(crate) struct Picture {
     /// Factor on the opacity of the highlighted Gaussians.
     #[arg(long, requires = "mask", default_value_t = 1.0, value_parser = factor)]
     mask_opacity: f32,
-    /// Print a report as JSON on standard output.
+    /// Prints a report as JSON on standard output.
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum BackendName {
-    /// A graphics card where there is one, else the cores.
+    /// A graphics card if there is one, otherwise the cores.
     Auto,
     /// All cores of this machine.
     Cpu,
-    /// A graphics device of any kind, software ones too.
+    /// A graphics device of any kind, including software devices.
     Gpu,
 }
 
@@ -151,46 +163,66 @@ enum RasterizerName {
 #[derive(Debug, Clone, Copy, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum QualityName {
+    /// No error: the reference itself.
     Exact,
+    /// At least 50 dB.
     Standard,
+    /// At least 40 dB.
     Fast,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum ProjectionName {
+    /// To an ellipse, as 3DGS does.
     Affine,
+    /// For each pixel's ray; the same however the camera turns.
     PerRay,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum FilterName {
+    /// As the scene was trained, from its file.
     FromFile,
+    /// Unchanged.
     Plain,
+    /// Reduced by the growth (Mip-Splatting).
     Compensated,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum TermName {
+    /// All terms together.
     Full,
+    /// The normals as colours.
     Normal,
+    /// The ambient term alone.
     Ambient,
+    /// The diffuse term alone.
     Diffuse,
+    /// The specular term alone.
     Specular,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ShadingName {
+    /// One-sided, clamped to 0 to 1.
     Paper,
+    /// Two-sided, as iVR-GS trains.
     IvrgsTrain,
+    /// Two-sided, as the viewer of iVR-GS draws.
     IvrgsViewer,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ConventionName {
+    /// Stored as used: files of this program.
     Ours,
+    /// Checkpoints of iVR-GS before January 2025.
     Legacy,
+    /// Float files of iVR-GS since January 2025.
     HeadRaw,
+    /// Quantised files of iVR-GS since January 2025.
     HeadActivated,
 }
 
@@ -229,7 +261,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     let camera = picture.camera.as_deref().map(Camera::read).transpose().map_err(Failure::input)?;
     let scene = read_scene(picture)?;
     let camera = camera.unwrap_or_else(|| {
-        framing::default_view(&scene, picture.width.unwrap_or(DEFAULT_SIZE), picture.height.unwrap_or(DEFAULT_SIZE))
+        framing::default_camera(&scene, picture.width.unwrap_or(DEFAULT_SIZE), picture.height.unwrap_or(DEFAULT_SIZE))
     });
     let mut appearance = Appearance::of(&scene);
     appearance.light = camera.light;

@@ -8,14 +8,14 @@ use std::process::ExitCode;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use sg_runtime::process::{self, ServeArgs};
 
-/// Draws one picture of a scene.
+/// Draws one picture of a scene. In a session, serves pictures, a window or a headset.
 #[derive(Debug, Parser)]
 #[command(
     name = "supergaussian-render-node",
     version,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
-    after_help = "Example:\n  supergaussian render scene.toml --camera front.json --out front.png --quality exact"
+    after_help = cli::EXAMPLES
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -26,7 +26,8 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Mode {
-    /// Serve a session (a supervisor starts this)
+    /// Serves pictures, a window or a headset of a running session; a supervisor starts this
+    #[command(after_help = cli::SERVE_EXAMPLE)]
     Serve(ServeArgs),
 }
 
@@ -35,8 +36,10 @@ fn main() -> ExitCode {
         Arguments { mode: Some(Mode::Serve(args)), .. } => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
         Arguments { picture: Some(picture), .. } => cli::run(&picture),
         _ => {
-            let error = Arguments::command()
-                .error(clap::error::ErrorKind::MissingRequiredArgument, "name a scene, and a picture with --out");
+            let error = Arguments::command().error(
+                clap::error::ErrorKind::MissingRequiredArgument,
+                "name a scene, and the picture to write with --out",
+            );
             error.exit()
         }
     }

@@ -231,4 +231,5 @@ fn what_is_wrong_is_said_in_one_line() {
     }
     assert!(!at.join("c.png").exists());
     assert!(good(at, &["--help"]).contains("supergaussian render scene.toml --camera"));
+    assert!(good(at, &["serve", "--help"]).contains("supergaussian-render-node serve --session demo"));
 }

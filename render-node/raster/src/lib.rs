@@ -15,7 +15,7 @@
 //!
 //! let scene = test_scene(&[("vessel", 200)]);
 //! let appearance = Appearance::of(&scene);
-//! let camera = sg_scene::framing::default_view(&scene, 64, 64);
+//! let camera = sg_scene::framing::default_camera(&scene, 64, 64);
 //! let reference = render(&scene, &appearance, &camera, Quality::Exact)?;
 //! let picture = render(&scene, &appearance, &camera, Quality::Standard)?;
 //! let error = Difference::between(&picture.image, &reference.image)?;

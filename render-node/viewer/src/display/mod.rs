@@ -11,6 +11,7 @@ mod channel;
 mod conversation;
 mod draft;
 mod latest_worker;
+pub(crate) mod number_format;
 mod parameter_drag;
 mod request;
 mod request_queue;

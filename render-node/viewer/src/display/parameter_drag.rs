@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use sg_proto::scene::{SelectionStep, WalkTuning, selection_step::Step};
 use sg_proto::selection::StrokesRequest;
 
+use super::number_format::{decimal, percent};
 use super::request::Request;
 use super::view_state::ViewState;
 
@@ -67,9 +68,8 @@ impl WalkParameter {
     #[must_use]
     pub fn written(self, tuning: WalkTuning) -> String {
         match self {
-            Self::Leak => format!("{:.0} %", 100.0 * reach_of(tuning.leak)),
-            // A negative zero reads oddly.
-            Self::Threshold => format!("{:.2}", if tuning.threshold.abs() < 0.005 { 0.0 } else { tuning.threshold }),
+            Self::Leak => percent(reach_of(tuning.leak)),
+            Self::Threshold => decimal(tuning.threshold),
         }
     }
 

@@ -4,7 +4,7 @@ use egui::Ui;
 use glam::Vec3;
 use sg_edit::wire::encode_color;
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{SetColor, SetOpacity, SetVisibility, ShowOnly, Target};
+use sg_proto::scene::{SetColor, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view};
 
 use super::output::{Draft, Output};
 use super::panel::Panel;
@@ -40,18 +40,28 @@ pub(super) fn show_only(name: &str) -> Action {
     Action::ShowOnly(ShowOnly { target: Some(unit(name)) })
 }
 
+/// Frames a target from the present direction.
+pub(super) fn focus(target: Target) -> Action {
+    Action::SetView(SetView { change: Some(set_view::Change::Focus(target)) })
+}
+
+/// Frames the selection from the present direction.
+pub(crate) fn frame_selection() -> Action {
+    focus(Target { selection: true, ..Target::default() })
+}
+
 impl Panels {
-    /// A control is moving: the change is a draft until the hand lets go.
-    pub(super) fn hold(&mut self, panel: Panel, action: Action) {
+    /// A control of the drawn panel is moving: the change is a draft until the hand lets go.
+    pub(super) fn hold(&mut self, action: Action) {
         let said = self.held.as_ref().is_some_and(|held| held.action == action && held.said);
-        self.held = Some(ActiveEdit { panel, action, said });
+        self.held = Some(ActiveEdit { panel: self.drawing, action, said });
     }
 
     /// Called at the end of a panel: continues the edit under the hand, or requests it once after release.
     pub(super) fn settle(&mut self, panel: Panel, ui: &Ui, output: &mut Output) {
         if !ui.input(|i| i.pointer.any_down()) {
             output.join(self.put_away(panel));
-        } else if let Some(held) = self.held.as_mut().filter(|held| held.panel == panel && !held.said) {
+        } else if let Some(held) = self.held.as_mut().filter(|held| held.panel == panel.name && !held.said) {
             held.said = true;
             output.draft = Some(Draft::Hold(held.action.clone()));
         }
@@ -61,11 +71,11 @@ impl Panels {
     #[must_use]
     pub fn put_away(&mut self, panel: Panel) -> Output {
         let mut output = Output::default();
-        if let Some(held) = self.held.take_if(|held| held.panel == panel) {
+        if let Some(held) = self.held.take_if(|held| held.panel == panel.name) {
             output.change(held.action.clone());
             output.draft = Some(Draft::Release(held.action));
         }
-        if panel == Panel::Select {
+        if self.select.dragged_in == panel.name {
             output.requests.extend(self.select.drag.release(self.revision));
         }
         output

@@ -10,6 +10,9 @@ use egui::{
 use super::icon::{Icon, draw};
 use super::theme;
 
+/// The reason why an operation on the selection is disabled.
+pub(super) const NOTHING_SELECTED: &str = "nothing is selected; brush something first";
+
 /// Scale of the panels, 1 for the usual size.
 pub(super) fn scale(ui: &Ui) -> f32 {
     ui.spacing().interact_size.y / 28.0
@@ -82,7 +85,8 @@ pub(super) fn bare_slider(
     slider_of(ui, name, value, range, width, false)
 }
 
-/// Buttons for actions with a number, and the field of that number; returns the pressed button.
+/// Buttons for operations on the selection with a number, and the field of that number; returns the pressed button.
+/// They are enabled where something is selected.
 pub(super) fn by_number(
     ui: &mut Ui,
     enabled: bool,
@@ -93,12 +97,14 @@ pub(super) fn by_number(
     ui.horizontal(|ui| {
         let mut pressed = None;
         for (i, (text, does)) in buttons.iter().enumerate() {
-            if ui.add_enabled(enabled, Button::new(*text)).on_hover_text(*does).clicked() {
+            let response = ui.add_enabled(enabled, Button::new(*text));
+            if response.on_hover_text(*does).on_disabled_hover_text(NOTHING_SELECTED).clicked() {
                 pressed = Some(i);
             }
         }
-        // As wide as the longest number, so that the slider keeps its width.
-        let text_width = button_width(ui, &(number.text)(*number.range.end()));
+        // As wide as the number at either end, so that the slider keeps its width.
+        let ends = [number.range.start(), number.range.end()];
+        let text_width = ends.map(|end| text_width(ui, &(number.text)(*end))).into_iter().fold(0.0, f32::max);
         let width = ui.available_width() - text_width - ui.spacing().item_spacing.x;
         slider_of(ui, number.name, value, number.range, width.max(40.0), number.logarithmic);
         cell(ui, text_width, Align::Max, RichText::new((number.text)(*value)).weak());
@@ -160,34 +166,15 @@ impl Number<'_> {
 
 /// Width of a button with this text.
 pub(super) fn button_width(ui: &Ui, text: &str) -> f32 {
+    text_width(ui, text) + 2.0 * ui.spacing().button_padding.x
+}
+
+/// Width of this text on one line.
+fn text_width(ui: &Ui, text: &str) -> f32 {
     let font = TextStyle::Button.resolve(ui.style());
-    let text = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::PLACEHOLDER).size().x;
+    let galley = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::PLACEHOLDER);
     // One point allows for rounding by the background.
-    text + 2.0 * ui.spacing().button_padding.x + 1.0
-}
-
-/// As a share of a hundred.
-pub(super) fn percent(x: f64) -> String {
-    format!("{:.0} %", 100.0 * x)
-}
-
-/// As a share of a hundred with the digits that a small one needs.
-pub(super) fn fine_percent(x: f64) -> String {
-    let digits = if x < 0.01 { 2 } else { 1 };
-    format!("{:.digits$} %", 100.0 * x)
-}
-
-/// A count with its thousands apart.
-pub(crate) fn count(n: usize) -> String {
-    let digits = n.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push('\u{a0}');
-        }
-        text.push(digit);
-    }
-    text
+    galley.size().x + 1.0
 }
 
 /// A frame with the panel's margins; content that is too high scrolls.

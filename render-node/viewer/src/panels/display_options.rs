@@ -2,10 +2,11 @@
 
 use egui::{Button, Checkbox, Ui};
 
-use super::control::{Number, choice, count, percent};
+use super::control::{Number, choice};
 use super::legend::color_numbers;
 use super::output::PanelHost;
 use super::state::Panels;
+use crate::display::number_format::{count, percent};
 use crate::display::{DisplayMode, Tools, TurnStyle, ViewState};
 use sg_raster::attributes::Attribute;
 use sg_raster::render::Quality;
@@ -106,10 +107,8 @@ impl Panels {
         let (least, most) = Tools::RADII;
         // A person thinks of a brush's width, the stroke carries its radius.
         let mut width = 2.0 * tools.radius;
-        let text = super::control::fine_percent;
-        if (Number { name: "brush width", range: 2.0 * least..=2.0 * most, logarithmic: true, text })
-            .show(ui, &mut width)
-        {
+        let range = 2.0 * least..=2.0 * most;
+        if (Number { name: "brush width", range, logarithmic: true, text: percent }).show(ui, &mut width) {
             tools.radius = (0.5 * width).clamp(least, most);
         }
         if self.host == PanelHost::Headset {
@@ -121,7 +120,6 @@ impl Panels {
             let text = percent;
             Number { name: "brush depth", range: 0.0..=1.0, logarithmic: false, text }.show(ui, &mut tools.brush_depth);
             let (least, most) = Tools::LASSO_DEPTHS;
-            let text = super::control::fine_percent;
             Number { name: "lasso depth", range: least..=most, logarithmic: true, text }
                 .show(ui, &mut tools.lasso_depth);
         }

@@ -7,6 +7,7 @@ use sg_proto::scene::{Redo, Reset, Undo};
 use super::output::Output;
 use super::state::Panels;
 use crate::display::ViewState;
+use crate::display::number_format::count;
 
 /// Most lines of the history shown.
 const LINES: usize = 12;
@@ -56,7 +57,7 @@ impl Panels {
                 });
             }
             if lines.len() > LINES {
-                ui.label(RichText::new(format!("and {} earlier", lines.len() - LINES)).weak());
+                ui.label(RichText::new(format!("and {} earlier", count(lines.len() - LINES))).weak());
             }
             steps
         };

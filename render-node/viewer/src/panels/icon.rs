@@ -1,21 +1,51 @@
-//! Small pictures on buttons, drawn as lines so that they are sharp at every size.
+//! Small pictures on buttons and beside headings, drawn as lines so that they are sharp at every size.
 
 use egui::epaint::CubicBezierShape;
 use egui::{Painter, Rect, Shape, Stroke, pos2, vec2};
 
-/// Icon of a button.
+/// Icon of a button or of a panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Icon {
     /// An eye; crossed out when off.
     Eye,
     /// A lock; open when off.
     Lock,
+    /// Sheets above each other.
+    Layers,
+    /// A loop with a loose end.
+    Lasso,
+    /// A speech bubble.
+    Speech,
 }
 
 /// Draws an icon into a square.
 pub(super) fn draw(painter: &Painter, icon: Icon, on: bool, square: Rect, stroke: Stroke) {
     let at = |x: f32, y: f32| square.center() + 0.5 * square.size() * vec2(x, y);
     match icon {
+        Icon::Layers => {
+            let sheet = |y: f32, points: &[(f32, f32)]| points.iter().map(|(px, py)| at(*px, y + py)).collect();
+            painter.add(Shape::closed_line(sheet(-0.3, &[(0.0, -0.5), (0.9, 0.0), (0.0, 0.5), (-0.9, 0.0)]), stroke));
+            for y in [0.1, 0.5] {
+                painter.add(Shape::line(sheet(y, &[(-0.9, 0.0), (0.0, 0.5), (0.9, 0.0)]), stroke));
+            }
+        }
+        Icon::Lasso => {
+            let loop_of = |k: u32| {
+                let turn = std::f32::consts::TAU * k as f32 / 24.0;
+                at(0.9 * turn.cos(), 0.55 * turn.sin() - 0.35)
+            };
+            painter.add(Shape::closed_line((0..24).map(loop_of).collect(), stroke));
+            let end = [at(-0.45, 0.1), at(-0.6, 0.6), at(-0.2, 0.5), at(-0.3, 0.95)];
+            painter.add(CubicBezierShape::from_points_stroke(end, false, egui::Color32::TRANSPARENT, stroke));
+        }
+        Icon::Speech => {
+            let bubble =
+                [(-0.9, -0.75), (0.9, -0.75), (0.9, 0.35), (-0.1, 0.35), (-0.5, 0.85), (-0.5, 0.35), (-0.9, 0.35)];
+            painter.add(Shape::closed_line(bubble.into_iter().map(|(x, y)| at(x, y)).collect(), stroke));
+            for y in [-0.4, 0.0] {
+                painter.line_segment([at(-0.5, y), at(0.5, y)], stroke);
+            }
+        }
         Icon::Eye => {
             for side in [-1.0, 1.0] {
                 let lid = [at(-0.9, 0.0), at(-0.4, 0.75 * side), at(0.4, 0.75 * side), at(0.9, 0.0)];

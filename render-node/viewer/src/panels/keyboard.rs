@@ -1,11 +1,14 @@
 //! The virtual keyboard: types into the active text field of any panel.
 
-use egui::{Align, Button, Key, RichText, TextWrapMode, Ui, vec2};
+use egui::{Align, Button, Key, RichText, TextWrapMode, Ui, Vec2, vec2};
 
 use super::control::{cell, scale};
+use super::output::Output;
+use super::panel::{Panel, RoomPlace};
 use super::state::Panels;
 use super::text_input::TextInput;
 use super::theme;
+use crate::display::{Tools, ViewState};
 
 /// Letters and signs of each row, as they are and with shift.
 const ROWS: [(&str, &str); 4] = [
@@ -15,9 +18,22 @@ const ROWS: [(&str, &str); 4] = [
     ("zxcvbnm,.", "ZXCVBNM,."),
 ];
 
-impl Panels {
+impl Panel {
     /// The virtual keyboard: letters go to the last field pointed at, in any panel.
-    pub(super) fn keyboard(&mut self, ui: &mut Ui) {
+    pub const KEYBOARD: Self = Self {
+        name: "keyboard",
+        title: "Keyboard",
+        icon: None,
+        size: Vec2::new(760.0, 320.0),
+        dock: None,
+        place: RoomPlace::Below,
+        has_content: |_| true,
+        draw: Panels::keyboard,
+    };
+}
+
+impl Panels {
+    fn keyboard(&mut self, ui: &mut Ui, _: &ViewState, _: &mut Tools) -> Output {
         let drawn = theme::frame(ui).show(ui, |ui| {
             ui.set_min_size(ui.available_size());
             self.typed_line(ui);
@@ -25,6 +41,7 @@ impl Panels {
             ui.add_enabled_ui(waits, |ui| self.keys(ui));
         });
         TextInput::keyboard_at(ui, drawn.response.rect);
+        Output::default()
     }
 
     /// The typed text, in the typist's line of sight.

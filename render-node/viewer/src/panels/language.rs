@@ -1,48 +1,61 @@
 //! The panel "language": a person's utterances, the agents' actions, and their answers.
 
-use egui::{Button, Id, Label, Rect, RichText, ScrollArea, Ui, vec2};
+use egui::{Button, Id, Label, Rect, RichText, ScrollArea, Ui, Vec2, vec2};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 
 use super::control::{button_width, scale};
+use super::icon::Icon;
 use super::output::Output;
-use super::panel::Panel;
+use super::panel::{Dock, Panel, RoomPlace};
 use super::state::Panels;
 use super::text_input::{Field, FieldEvent};
 use super::theme;
-use crate::display::{Entry, Request, Turn, ViewState};
+use crate::display::{Entry, Request, Tools, Turn, ViewState};
+
+impl Panel {
+    /// Language: the conversation with the agents.
+    pub const LANGUAGE: Self = Self {
+        name: "language",
+        title: "Language",
+        icon: Some(Icon::Speech),
+        size: Vec2::new(560.0, 640.0),
+        dock: Some(Dock::Right),
+        place: RoomPlace::Around { degrees: 92.0 },
+        has_content: |state| state.services.agents,
+        draw: Panels::language,
+    };
+}
 
 impl Panels {
     /// The conversation, with a field to continue it. Empty without agents.
-    pub(super) fn language(&mut self, ui: &mut Ui, state: &ViewState) -> Output {
+    fn language(&mut self, ui: &mut Ui, state: &ViewState, _: &mut Tools) -> Output {
         let mut output = Output::default();
         if !state.services.agents {
             self.text_input.forget(Field::Say);
             return output;
         }
-        ui.push_id(Panel::Language.name(), |ui| {
-            theme::frame(ui).show(ui, |ui| {
-                ui.set_min_size(ui.available_size());
-                ui.heading(Panel::Language.name());
-                // The field stays at the bottom, independent of the conversation's length.
-                let below = ui.spacing().interact_size.y + 3.0 * ui.spacing().item_spacing.y;
-                let height = (ui.available_height() - below).max(60.0 * scale(ui));
-                ScrollArea::vertical()
-                    .id_salt("conversation")
-                    .max_height(height)
-                    .min_scrolled_height(height)
-                    .auto_shrink(false)
-                    .stick_to_bottom(true)
-                    .show(ui, |ui| {
-                        if state.conversation.turns.is_empty() {
-                            let hint = "Type a change, such as \"make the sac red\", or ask a question.";
-                            ui.label(RichText::new(hint).weak());
-                        }
-                        for turn in &state.conversation.turns {
-                            show_turn_in_sight(ui, turn);
-                        }
-                    });
-                self.say(ui, state, &mut output);
-            });
+        theme::frame(ui).show(ui, |ui| {
+            ui.set_min_size(ui.available_size());
+            Panel::LANGUAGE.heading(ui);
+            // The field stays at the bottom, independent of the conversation's length.
+            let below = ui.spacing().interact_size.y + 3.0 * ui.spacing().item_spacing.y;
+            let height = (ui.available_height() - below).max(60.0 * scale(ui));
+            ScrollArea::vertical()
+                .id_salt("conversation")
+                .max_height(height)
+                .min_scrolled_height(height)
+                .auto_shrink(false)
+                .stick_to_bottom(true)
+                .show(ui, |ui| {
+                    if state.conversation.turns.is_empty() {
+                        let hint = "Type a change, such as \"make the sac red\", or ask a question.";
+                        ui.label(RichText::new(hint).weak());
+                    }
+                    for turn in &state.conversation.turns {
+                        show_turn_in_sight(ui, turn);
+                    }
+                });
+            self.say(ui, state, &mut output);
         });
         output
     }

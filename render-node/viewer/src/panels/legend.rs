@@ -5,8 +5,9 @@ use egui::{Align, Grid, Label, Mesh, RichText, Sense, Stroke, Ui, vec2};
 use super::control::{cell, scale};
 use super::state::Panels;
 use super::theme;
-use super::transfer::{number, to_color32};
+use super::transfer::to_color32;
 use crate::display::ViewState;
+use crate::display::number_format::number;
 use sg_raster::attributes::Legend;
 
 /// Seconds that a line stays, and an error line.

@@ -10,10 +10,10 @@ use sg_scene::camera::LightMode;
 
 use super::control::{Number, choice};
 use super::output::{DisplayAction, Output};
-use super::panel::Panel;
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
 use crate::display::ViewState;
+use crate::display::number_format::{degrees, factor};
 
 /// Backgrounds that are often wanted.
 const BACKGROUNDS: [(&str, Vec3); 3] = [("black", Vec3::ZERO), ("grey", Vec3::splat(0.5)), ("white", Vec3::ONE)];
@@ -59,7 +59,7 @@ impl Panels {
             let number = |name, range| Number { name, range, logarithmic: false, text: degrees };
             let moved = number("around", -180.0..=180.0).show(ui, &mut around);
             if moved | number("height", -90.0..=90.0).show(ui, &mut height) {
-                self.hold(Panel::Scene, from(proto::LightMode::Unspecified, Some(direction(around, height))));
+                self.hold(from(proto::LightMode::Unspecified, Some(direction(around, height))));
             }
             let view = state.scene.view();
             if ui.button("from the present viewpoint").clicked() {
@@ -74,8 +74,8 @@ impl Panels {
             ("shininess", light.shininess, |x| SetLight { shininess: Some(x), ..SetLight::default() }),
         ] {
             let mut value = f64::from(present);
-            if (Number { name, range: 0.0..=3.0, logarithmic: false, text: times }).show(ui, &mut value) {
-                self.hold(Panel::Scene, Action::SetLight(command(value as f32)));
+            if (Number { name, range: 0.0..=3.0, logarithmic: false, text: factor }).show(ui, &mut value) {
+                self.hold(Action::SetLight(command(value as f32)));
             }
         }
         ui.label("part of the shading");
@@ -99,7 +99,7 @@ impl Panels {
         ui.horizontal_wrapped(|ui| {
             ui.label("background");
             if let Some(Picked::Color(rgb)) = color_button(ui, "background colour", Some(present), None) {
-                self.hold(Panel::Scene, set(rgb));
+                self.hold(set(rgb));
             }
             for (name, rgb) in BACKGROUNDS {
                 if choice(ui, present == rgb, name) {
@@ -149,14 +149,6 @@ fn angles(direction: DVec3) -> [f64; 2] {
 fn direction(around: f64, height: f64) -> DVec3 {
     let (around, height) = (around.to_radians(), height.to_radians());
     DVec3::new(height.cos() * around.sin(), -height.cos() * around.cos(), height.sin())
-}
-
-fn degrees(x: f64) -> String {
-    format!("{x:.0}°")
-}
-
-fn times(x: f64) -> String {
-    format!("× {x:.2}")
 }
 
 #[cfg(test)]

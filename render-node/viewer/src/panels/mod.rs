@@ -1,5 +1,8 @@
 //! Panels: text and controls beside the scene, the same in a window and in a headset.
 //!
+//! [`Panel::ALL`] is the table of panels. A panel is one file and one row of the table: its name, size and places, and the
+//! function that draws it.
+//!
 //! [`Panels`] keeps the state between frames: the chosen unit, locks, the typed text. A display calls one method for each
 //! visible panel. It passes an [`egui::Ui`] of any size (a window, docked) or of [`Panel::size`] (a headset, one
 //! [`egui::Context`] for each panel). It calls [`theme::apply`] on each context first:
@@ -11,7 +14,7 @@
 //! #          drafts: &mut Drafts, view_port: &mut ViewPort) {
 //! theme::apply(ctx, tools);
 //! let _ = ctx.run_ui(input, |ui| {
-//!     let mut output = panels.show(Panel::Scene, ui, state, tools);
+//!     let mut output = panels.show(Panel::SCENE, ui, state, tools);
 //!     output.show_draft(drafts, state);
 //!     for request in output.requests {
 //!         view_port.send(request);
@@ -44,6 +47,7 @@ mod pick_color;
 mod scene_control;
 mod select;
 mod state;
+mod table;
 mod text_input;
 pub mod theme;
 pub mod transfer;
@@ -58,10 +62,10 @@ use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
-pub(crate) use control::count;
+pub(crate) use commands::frame_selection;
 pub use legend::legend;
 pub use output::{DisplayAction, Draft, Output, PanelHost};
-pub use panel::Panel;
+pub use panel::{Dock, Panel, RoomPlace};
 pub use state::Panels;
 
 /// The narrowest dock that everything in it has room in, points, to be multiplied by [`Tools::scale`].
@@ -102,23 +106,16 @@ impl Panels {
     /// lost its focus. The display itself knows about its content and its pointer.
     #[must_use]
     pub fn wants_drawing(&self, panel: Panel) -> bool {
-        self.drawn[panel as usize] != self.text_input.version()
+        self.drawn.get(panel.name).copied().unwrap_or_default() != self.text_input.version()
     }
 
     /// Draws a panel into the rest of a [`Ui`] and returns its requests.
     pub fn show(&mut self, panel: Panel, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         self.revision = state.scene.revision();
-        let output = match panel {
-            Panel::Scene => self.scene_control(ui, state, tools),
-            Panel::Select => self.select_panel(ui, state, tools),
-            Panel::Language => self.language(ui, state),
-            Panel::Keyboard => {
-                self.keyboard(ui);
-                Output::default()
-            }
-            Panel::Wrist => self.wrist(ui, state, tools),
-        };
-        self.drawn[panel as usize] = self.text_input.version();
+        self.drawing = panel.name;
+        let mut output = ui.push_id(panel.name, |ui| (panel.draw)(self, ui, state, tools)).inner;
+        self.settle(panel, ui, &mut output);
+        self.drawn.insert(panel.name, self.text_input.version());
         output
     }
 }

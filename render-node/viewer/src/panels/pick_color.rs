@@ -6,9 +6,10 @@ use egui::{
 };
 use glam::Vec3;
 
-use super::control::{Number, percent, scale};
+use super::control::{Number, scale};
 use super::theme::COLORS;
 use super::transfer::to_color32;
+use crate::display::number_format::{degrees, percent};
 
 /// The picked colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,7 +88,6 @@ fn choose(ui: &mut Ui, of: Id, color: Option<Vec3>, own: Option<&str>) -> Option
         .data(|d| d.get_temp::<[f64; 3]>(known))
         .filter(|hsb| (rgb_of(*hsb) - present).abs().max_element() < 1e-3)
         .unwrap_or_else(|| hsb_of(present));
-    let degrees = |x: f64| format!("{x:.0}°");
     let number = |name, range, text| Number { name, range, logarithmic: false, text };
     let mut moved = number("hue", 0.0..=360.0, degrees).show(ui, &mut hsb[0]);
     moved |= number("saturation", 0.0..=1.0, percent).show(ui, &mut hsb[1]);

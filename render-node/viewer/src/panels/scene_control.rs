@@ -1,27 +1,38 @@
 //! The panel "scene control".
 
-use egui::{RichText, Ui};
+use egui::{RichText, Ui, Vec2};
 
 use super::commands;
 use super::control::{scrolling, section};
+use super::icon::Icon;
 use super::output::Output;
-use super::panel::Panel;
+use super::panel::{Dock, Panel, RoomPlace};
 use super::state::Panels;
 use crate::display::{Tools, ViewState};
 
+impl Panel {
+    /// Scene control: units, light, viewpoint, history, and display options.
+    pub const SCENE: Self = Self {
+        name: "scene",
+        title: "Scene control",
+        icon: Some(Icon::Layers),
+        size: Vec2::new(460.0, 760.0),
+        dock: Some(Dock::Left),
+        place: RoomPlace::Around { degrees: -55.0 },
+        has_content: |_| true,
+        draw: Panels::scene_control,
+    };
+}
+
 impl Panels {
-    /// Units, light, viewpoint, history, and display options.
-    pub(super) fn scene_control(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
+    fn scene_control(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         let mut output = Output::default();
-        ui.push_id(Panel::Scene.name(), |ui| {
-            scrolling(ui, Panel::Scene.name(), |ui| self.scene_sections(ui, state, tools, &mut output));
-        });
-        self.settle(Panel::Scene, ui, &mut output);
+        scrolling(ui, Panel::SCENE.name, |ui| self.scene_sections(ui, state, tools, &mut output));
         output
     }
 
     fn scene_sections(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
-        ui.heading(Panel::Scene.name());
+        Panel::SCENE.heading(ui);
         if state.services.scene {
             self.steps_back(ui, state, output);
         } else {

@@ -1,6 +1,6 @@
 //! The panel "Select": brush, selection, and the resulting unit.
 
-use egui::{Align, Button, Response, RichText, Ui};
+use egui::{Align, Button, Response, RichText, Ui, Vec2};
 use sg_edit::UnitRef;
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
@@ -11,28 +11,41 @@ use sg_proto::scene::{
 };
 use sg_proto::selection::StrokesRequest;
 
-use super::control::{Number, button_width, by_number, count, fine_percent, percent, scrolling, section, section_that};
+use super::commands::frame_selection;
+use super::control::{NOTHING_SELECTED, Number, button_width, by_number, scrolling, section, section_that};
+use super::icon::Icon;
 use super::output::{Output, PanelHost};
-use super::panel::Panel;
+use super::panel::{Dock, Panel, RoomPlace};
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
 use super::text_input::{Field, FieldEvent};
 use super::theme;
+use crate::display::number_format::{count, decimal, percent};
 use crate::display::{Request, Tools, ViewState};
 
+impl Panel {
+    /// Select: brush, selection, and the resulting unit.
+    pub const SELECT: Self = Self {
+        name: "select",
+        title: "Select",
+        icon: Some(Icon::Lasso),
+        size: Vec2::new(420.0, 700.0),
+        dock: Some(Dock::Right),
+        place: RoomPlace::Around { degrees: 50.0 },
+        has_content: |state| state.services.selection || state.services.scene,
+        draw: Panels::select_panel,
+    };
+}
+
 impl Panels {
-    /// Brush, selection, and the resulting unit.
-    pub(super) fn select_panel(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
+    fn select_panel(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         let mut output = Output::default();
-        ui.push_id(Panel::Select.name(), |ui| {
-            scrolling(ui, Panel::Select.name(), |ui| self.select_sections(ui, state, tools, &mut output));
-        });
-        self.settle(Panel::Select, ui, &mut output);
+        scrolling(ui, Panel::SELECT.name, |ui| self.select_sections(ui, state, tools, &mut output));
         output
     }
 
     fn select_sections(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
-        ui.heading(Panel::Select.name());
+        Panel::SELECT.heading(ui);
         if state.services.scene {
             self.steps_back(ui, state, output);
         }
@@ -48,9 +61,7 @@ impl Panels {
         section(ui, "Selection", true, |ui| {
             how_many(ui, state);
             self.highlight(ui, tools);
-            if state.services.selection {
-                self.operations(ui, state, output);
-            }
+            self.operations(ui, state, output);
         });
         if state.services.scene {
             let opens = self.text_input.wants(Field::SaveName);
@@ -87,23 +98,37 @@ impl Panels {
         };
         let own = Combine::Unspecified;
         let button = |ui: &mut Ui, on: bool, text: &str, does: &str| {
-            ui.add_enabled(on, Button::new(text)).on_hover_text(does).clicked()
+            let response = ui.add_enabled(on, Button::new(text));
+            response.on_hover_text(does).on_disabled_hover_text(NOTHING_SELECTED).clicked()
         };
         ui.horizontal_wrapped(|ui| {
-            if button(ui, some, "clear", "forgets all strokes and selects nothing") {
-                output.requests.push(Request::Select(StrokesRequest { restart: true, ..StrokesRequest::default() }));
+            if state.services.selection {
+                if button(ui, some, "clear", "forgets all strokes and selects nothing") {
+                    let restart = StrokesRequest { restart: true, ..StrokesRequest::default() };
+                    output.requests.push(Request::Select(restart));
+                }
+                if button(ui, true, "invert", "within the base units in which something is selected") {
+                    output.requests.push(step(Operation::Invert(Invert {}), own));
+                }
+                if button(ui, some, "largest piece", "keeps only the largest connected piece") {
+                    output.requests.push(step(Operation::LargestPieces(LargestPieces { keep: 1 }), own));
+                }
             }
-            if button(ui, true, "invert", "within the base units in which something is selected") {
-                output.requests.push(step(Operation::Invert(Invert {}), own));
-            }
-            if button(ui, some, "largest piece", "keeps only the largest connected piece") {
-                output.requests.push(step(Operation::LargestPieces(LargestPieces { keep: 1 }), own));
+            if state.services.scene {
+                // The scene frames the selection that it has stored.
+                let stored = !state.scene.selection().mask().is_none();
+                if button(ui, stored, "frame selection", "looks at the selection from the present direction") {
+                    output.change(frame_selection());
+                }
             }
         });
+        if !state.services.selection {
+            return;
+        }
         let select = &mut self.select;
         let number = |name, range, logarithmic, text| Number { name, range, logarithmic, text };
         let does = "by this share of the scene's longest edge";
-        let by = number("distance", 0.0005..=0.1, true, |x| format!("by {}", fine_percent(x)));
+        let by = number("distance", 0.0005..=0.1, true, |x| format!("by {}", percent(x)));
         let pressed = by_number(ui, some, &[("grow", does), ("shrink", does)], by, &mut select.distance);
         let distance = select.distance;
         match pressed {
@@ -119,7 +144,7 @@ impl Panels {
             output.requests.push(step(Operation::FillHoles(FillHoles { most }), own));
         }
         let does = "adds Gaussians this close to the mean features of the selection";
-        let within = number("likeness", 0.5..=5.0, false, |x| format!("similarity {x:.1} σ"));
+        let within = number("likeness", 0.5..=5.0, false, |x| format!("similarity {} σ", decimal(x)));
         if by_number(ui, some, &[("add similar", does)], within, &mut select.likeness).is_some() {
             let threshold = select.likeness;
             output.requests.push(step(Operation::Similar(Similar { threshold }), Combine::Add));
@@ -192,7 +217,7 @@ fn how_many(ui: &mut Ui, state: &ViewState) {
     if selected == 0 {
         ui.label(format!("0 of {} Gaussians selected", count(all)));
     } else {
-        let share = fine_percent(selected as f64 / all.max(1) as f64);
+        let share = percent(selected as f64 / all.max(1) as f64);
         ui.label(RichText::new(format!("{} of {} Gaussians ({share})", count(selected), count(all))).strong());
     }
     if state.uncommitted {

@@ -9,7 +9,6 @@ use sg_raster::attributes;
 use sg_raster::structure::NO_CLUSTER;
 
 use super::output::{DisplayAction, PanelHost};
-use super::panel::Panel;
 use super::text_input::TextInput;
 use super::transfer::Curve;
 use crate::display::ParameterDrag;
@@ -28,8 +27,10 @@ pub struct Panels {
     pub(super) locked: Vec<UnitRef>,
     pub(super) held: Option<ActiveEdit>,
     pub(super) text_input: TextInput,
-    /// The drawn version of that state for each panel, in the order of [`Panel::ALL`].
-    pub(super) drawn: [u64; Panel::ALL.len()],
+    /// Name of the panel that is being drawn.
+    pub(super) drawing: &'static str,
+    /// The drawn version of `text_input`, by the name of the panel.
+    pub(super) drawn: BTreeMap<&'static str, u64>,
     pub(super) shift: bool,
     pub(super) renaming: Option<u64>,
     pub(super) select: SelectState,
@@ -42,8 +43,8 @@ pub struct Panels {
 /// A change under a hand.
 #[derive(Debug)]
 pub(super) struct ActiveEdit {
-    /// Panel under the hand.
-    pub(super) panel: Panel,
+    /// Name of the panel under the hand.
+    pub(super) panel: &'static str,
     /// The change.
     pub(super) action: Action,
     /// Whether the display knows of it.
@@ -63,11 +64,20 @@ pub(super) struct SelectState {
     pub(super) replaces: Option<String>,
     /// The last walk under the hand.
     pub(super) drag: ParameterDrag,
+    /// Name of the panel with the slider of that walk under the hand.
+    pub(super) dragged_in: &'static str,
 }
 
 impl Default for SelectState {
     fn default() -> Self {
-        Self { distance: 0.005, hole: 100.0, likeness: 2.0, replaces: None, drag: ParameterDrag::default() }
+        Self {
+            distance: 0.005,
+            hole: 100.0,
+            likeness: 2.0,
+            replaces: None,
+            drag: ParameterDrag::default(),
+            dragged_in: "",
+        }
     }
 }
 

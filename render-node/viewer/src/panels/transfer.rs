@@ -9,6 +9,8 @@ use sg_scene::model::Scene;
 use sg_volume::scalars::ValueRange;
 use sg_volume::transfer::{Scale, TransferFunction};
 
+use crate::display::number_format::number;
+
 /// Steps of a curve.
 const STEPS: usize = 160;
 
@@ -124,17 +126,6 @@ fn unscaled(scale: Scale, x: f64) -> f64 {
         Scale::Log10 => 10.0_f64.powf(x),
         Scale::Symlog => x.signum() * (10.0_f64.powf(x.abs()) - 1.0),
     }
-}
-
-/// A number in a few characters.
-pub(super) fn number(x: f64) -> String {
-    let size = x.abs();
-    if size != 0.0 && !(1e-3..1e6).contains(&size) {
-        return format!("{x:.1e}");
-    }
-    let digits = if size >= 10.0 || x.fract() == 0.0 { 0 } else { 3 };
-    let text = format!("{x:.digits$}");
-    if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
 }
 
 /// An RGB colour, 0 to 1, as egui holds it; no transfer curve lies between.

@@ -5,17 +5,26 @@ use glam::Vec3;
 use sg_edit::UnitRef;
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation, SetView, set_view};
+use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation};
 
-use super::control::{Number, bare_slider, button_width, cell, count, icon, percent, scale};
+use super::control::{Number, bare_slider, button_width, cell, icon, scale};
 use super::icon::Icon;
 use super::output::Output;
-use super::panel::Panel;
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
 use super::text_input::{Field, FieldEvent};
 use super::{commands, theme};
 use crate::display::ViewState;
+use crate::display::number_format::{count, percent};
+
+/// Width of the number in the line of a unit, points at the usual size of text.
+const NUMBER: f32 = 54.0;
+
+/// Widths of the shortest and the longest slider beside a name, likewise.
+const SLIDER: (f32, f32) = (36.0, 96.0);
+
+/// Width of a name that leaves no room for a longer slider, likewise.
+const NAME: f32 = 100.0;
 
 /// One unit as its row shows it.
 struct Row {
@@ -24,6 +33,49 @@ struct Row {
     color: Option<Vec3>,
     opacity: f32,
     visible: bool,
+}
+
+/// How the line of a unit uses its width, points.
+struct LineLayout {
+    /// Width of the eye and the swatch before the name.
+    before_name: f32,
+    /// Width of the name.
+    name: f32,
+    /// Whether the name is longer than that.
+    is_name_cut: bool,
+    /// Width of the slider; 0 for none.
+    slider: f32,
+    /// Whether the slider and its number are below the name, which is too long to stand beside them.
+    two_lines: bool,
+    /// Height of all of it.
+    height: f32,
+}
+
+impl LineLayout {
+    /// The layout for the width that is left in `ui`.
+    fn of(ui: &Ui, state: &ViewState, row: &Row) -> Self {
+        let (scale, gap, side) = (scale(ui), ui.spacing().item_spacing, ui.spacing().interact_size.y);
+        let text = button_width(ui, &row.name);
+        if !state.services.scene {
+            let name = ui.available_width();
+            let is_name_cut = text > name;
+            return Self { before_name: 0.0, name, is_name_cut, slider: 0.0, two_lines: false, height: side };
+        }
+        let before_name = 2.0 * (side + gap.x);
+        // Between the swatch and the edge stand the name, the slider, its number and the lock. In a narrow dock the slider
+        // gives way to a short name; the chosen unit has another.
+        let room = ui.available_width() - before_name - NUMBER * scale - side - 3.0 * gap.x;
+        let slider = (room - NAME * scale).min(SLIDER.1 * scale);
+        let slider = if slider < SLIDER.0 * scale { 0.0 } else { slider };
+        let beside = (room - slider).max(40.0 * scale);
+        if text <= beside {
+            return Self { before_name, name: beside, is_name_cut: false, slider, two_lines: false, height: side };
+        }
+        let name = ui.available_width() - before_name - side - gap.x;
+        let slider = ui.available_width() - before_name - NUMBER * scale - gap.x;
+        let height = 2.0 * side + gap.y;
+        Self { before_name, name, is_name_cut: text > name, slider, two_lines: true, height }
+    }
 }
 
 impl Panels {
@@ -58,72 +110,88 @@ impl Panels {
         let chosen = self.chosen == Some(row.unit);
         let free = !self.locked.contains(&row.unit);
         // A scene may have a thousand units; a panel shows only about twenty.
-        let place = Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), ui.spacing().interact_size.y));
+        let place =
+            Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), LineLayout::of(ui, state, row).height));
         if !chosen && !ui.is_rect_visible(place) {
             ui.allocate_space(place.size());
             return;
         }
         ui.push_id(&row.name, |ui| {
             if !chosen {
-                ui.horizontal(|ui| self.line(ui, state, row, free, output));
+                self.line(ui, state, row, free, output);
                 return;
             }
             theme::card(ui).show(ui, |ui| {
-                ui.horizontal(|ui| self.line(ui, state, row, free, output));
+                self.line(ui, state, row, free, output);
                 self.details(ui, state, row, free, output);
             });
         });
     }
 
     fn line(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, free: bool, output: &mut Output) {
-        let (scale, gap, side) = (scale(ui), ui.spacing().item_spacing.x, ui.spacing().interact_size.y);
-        let name = &row.name;
-        let chosen = self.chosen == Some(row.unit);
-        if state.services.scene {
-            ui.add_enabled_ui(free, |ui| {
-                let does = if row.visible { format!("hide {name}") } else { format!("show {name}") };
-                if icon(ui, Icon::Eye, row.visible, &does) {
-                    output.change(commands::set_visibility(commands::unit(name), !row.visible));
+        let layout = LineLayout::of(ui, state, row);
+        ui.horizontal(|ui| {
+            if state.services.scene {
+                ui.add_enabled_ui(free, |ui| {
+                    let does = if row.visible { format!("hide {}", row.name) } else { format!("show {}", row.name) };
+                    if icon(ui, Icon::Eye, row.visible, &does) {
+                        output.change(commands::set_visibility(commands::unit(&row.name), !row.visible));
+                    }
+                });
+                ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, output));
+            }
+            self.name(ui, row, &layout);
+            if !state.services.scene {
+                return;
+            }
+            if !layout.two_lines {
+                self.opacity(ui, row, free, layout.slider);
+            }
+            let does = if free { format!("lock {}", row.name) } else { format!("unlock {}", row.name) };
+            if icon(ui, Icon::Lock, !free, &does) {
+                if free {
+                    self.locked.push(row.unit);
+                } else {
+                    self.locked.retain(|u| *u != row.unit);
                 }
+            }
+        });
+        if layout.two_lines {
+            ui.horizontal(|ui| {
+                ui.add_space(layout.before_name);
+                self.opacity(ui, row, free, layout.slider);
             });
-            ui.add_enabled_ui(free, |ui| self.unit_color(ui, row, output));
         }
-        // Controls to the right of the name: a slider, its number, the lock.
-        // In a narrow dock the slider gives way to the name; the chosen unit has another.
-        let number = 54.0 * scale;
-        let room = ui.available_width() - number - side - 3.0 * gap;
-        let slider = (room - 100.0 * scale).min(96.0 * scale);
-        let slider = if slider < 36.0 * scale { 0.0 } else { slider };
-        let name_width = if state.services.scene { room - slider } else { ui.available_width() };
-        let size = vec2(name_width.max(40.0 * scale), side);
-        let text = if row.visible { RichText::new(name) } else { RichText::new(name).weak() };
+    }
+
+    /// The name: a button that opens the controls of the unit.
+    fn name(&mut self, ui: &mut Ui, row: &Row, layout: &LineLayout) {
+        let chosen = self.chosen == Some(row.unit);
+        let size = vec2(layout.name, ui.spacing().interact_size.y);
+        let text = if row.visible { RichText::new(&row.name) } else { RichText::new(&row.name).weak() };
         let button = Button::new(text).selected(chosen).truncate().min_size(size).frame_when_inactive(chosen);
         let shape = egui::Layout::left_to_right(Align::Center).with_main_justify(true).with_main_align(Align::Min);
-        let pressed = ui.allocate_ui_with_layout(size, shape, |ui| ui.add(button).clicked()).inner;
-        if pressed {
+        let mut response = ui.allocate_ui_with_layout(size, shape, |ui| ui.add(button)).inner;
+        if layout.is_name_cut {
+            response = response.on_hover_text(&row.name);
+        }
+        if response.clicked() {
             self.chosen = if chosen { None } else { Some(row.unit) };
             self.renaming = None;
             self.text_input.forget(Field::NewName);
         }
-        if !state.services.scene {
-            return;
-        }
+    }
+
+    /// A slider of the opacity factor, unless it is too short to be dragged, and its number.
+    fn opacity(&mut self, ui: &mut Ui, row: &Row, free: bool, slider: f32) {
         ui.add_enabled_ui(free, |ui| {
             let mut opacity = f64::from(row.opacity);
-            let what = format!("opacity of {name}");
+            let what = format!("opacity of {}", row.name);
             if slider > 0.0 && bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
-                self.hold(Panel::Scene, commands::set_opacity(name, opacity as f32));
+                self.hold(commands::set_opacity(&row.name, opacity as f32));
             }
-            cell(ui, number, Align::Max, RichText::new(percent(opacity)).weak());
+            cell(ui, NUMBER * scale(ui), Align::Max, RichText::new(percent(opacity)).weak());
         });
-        let does = if free { format!("lock {name}") } else { format!("unlock {name}") };
-        if icon(ui, Icon::Lock, !free, &does) {
-            if free {
-                self.locked.push(row.unit);
-            } else {
-                self.locked.retain(|u| *u != row.unit);
-            }
-        }
     }
 
     fn unit_color(&mut self, ui: &mut Ui, row: &Row, output: &mut Output) {
@@ -132,7 +200,7 @@ impl Panels {
             UnitRef::Editable(_) => "Original colours",
         };
         match color_button(ui, &format!("colour of {}", row.name), row.color, Some(own)) {
-            Some(Picked::Color(rgb)) => self.hold(Panel::Scene, commands::set_color(&row.name, Some(rgb))),
+            Some(Picked::Color(rgb)) => self.hold(commands::set_color(&row.name, Some(rgb))),
             Some(Picked::Own) => output.change(commands::set_color(&row.name, None)),
             None => {}
         }
@@ -162,7 +230,7 @@ impl Panels {
             let mut opacity = f64::from(row.opacity);
             let number = Number { name: "opacity factor", range: 0.0..=2.0, logarithmic: false, text: percent };
             if number.show(ui, &mut opacity) {
-                self.hold(Panel::Scene, commands::set_opacity(&row.name, opacity as f32));
+                self.hold(commands::set_opacity(&row.name, opacity as f32));
             }
             if let UnitRef::Editable(id) = row.unit {
                 self.name_or_delete(ui, row, id, output);
@@ -189,8 +257,7 @@ impl Panels {
                 output.change(commands::show_only(&row.name));
             }
             if ui.button("look at it").clicked() {
-                let change = Some(set_view::Change::Focus(commands::unit(&row.name)));
-                output.change(Action::SetView(SetView { change }));
+                output.change(commands::focus(commands::unit(&row.name)));
             }
         });
     }

@@ -2,9 +2,10 @@
 
 use egui::{Button, RichText, Ui};
 
-use super::control::{Number, count, percent};
+use super::control::Number;
 use super::output::{DisplayAction, Output, PanelHost};
 use super::state::Panels;
+use crate::display::number_format::{count, decimal, percent};
 use crate::display::{Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter, leak_of, reach_of};
 
 /// Number of proposals per request.
@@ -15,7 +16,6 @@ impl Panels {
     pub(super) fn walk(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
         let Some(mut tuning) = self.select.drag.tuning(state) else { return };
         let number = |name, range, logarithmic, text| Number { name, range, logarithmic, text };
-        let threshold = |x: f64| format!("{:.2}", if x.abs() < 0.005 { 0.0 } else { x });
         // To the right selects more: less leak reaches farther.
         let before = reach_of(tuning.leak);
         let mut reach = before;
@@ -24,9 +24,10 @@ impl Panels {
         if moved && (reach - before).abs() > 1e-9 {
             tuning.leak = leak_of(reach);
         }
-        moved |= number("Strictness", THRESHOLD_RANGE.0..=THRESHOLD_RANGE.1, false, threshold)
-            .show(ui, &mut tuning.threshold);
+        moved |=
+            number("Strictness", THRESHOLD_RANGE.0..=THRESHOLD_RANGE.1, false, decimal).show(ui, &mut tuning.threshold);
         if moved {
+            self.select.dragged_in = self.drawing;
             output.requests.extend(self.select.drag.set(tuning, state));
         }
         ui.horizontal_wrapped(|ui| {

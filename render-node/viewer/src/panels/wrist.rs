@@ -1,15 +1,29 @@
 //! The wrist menu: actions for any place in a room, independent of the controller's buttons.
 
-use egui::Ui;
+use egui::{Ui, Vec2};
 
 use super::output::{DisplayAction, Output};
+use super::panel::{Panel, RoomPlace};
 use super::state::Panels;
 use super::theme;
 use crate::display::{Tools, ViewState};
 
+impl Panel {
+    /// The wrist menu: the brush mode, one step back and forth, the panels, the scene's placement.
+    pub const WRIST: Self = Self {
+        name: "wrist",
+        title: "Wrist menu",
+        icon: None,
+        size: Vec2::new(340.0, 136.0),
+        dock: None,
+        place: RoomPlace::Wrist,
+        has_content: |_| true,
+        draw: Panels::wrist,
+    };
+}
+
 impl Panels {
-    /// The brush mode, one step back and forth, the panels, the scene's placement.
-    pub(super) fn wrist(&self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
+    fn wrist(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         let mut output = Output::default();
         theme::frame(ui).show(ui, |ui| {
             ui.set_min_size(ui.available_size());

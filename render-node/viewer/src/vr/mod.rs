@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use sg_scene::model::{Scene, SceneBox};
 
+use crate::display::number_format::percent;
 use crate::display::{AppearanceBuilder, Drafts, FrameStats, Request, Tools, ViewPort, ViewState};
 use crate::hands::{Bookmarks, ComfortVignette, Origin, Placement, Rectangle, Stance};
 use crate::panels::{DisplayAction, Output, Panel, PanelHost, Panels};
@@ -307,8 +308,8 @@ impl VrView {
     fn tell(&self, headset: &Headset) {
         let timing = headset.timing();
         let engine = |eyes: &EyeRenderer| {
-            let scale = 100.0 * eyes.level.scale;
-            headset.gpu().map_or_else(String::new, |gpu| format!("{}, {scale:.0} % of the edge", gpu.name()))
+            let scale = percent(eyes.level.scale);
+            headset.gpu().map_or_else(String::new, |gpu| format!("{}, {scale} of the edge", gpu.name()))
         };
         self.view_port.report(FrameStats {
             frames: self.frames,

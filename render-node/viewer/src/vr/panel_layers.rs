@@ -6,14 +6,14 @@ use glam::{DQuat, DVec2, DVec3};
 use super::interaction::{BrushMarker, Interaction, PanelCapture};
 use crate::display::{BrushSign, Tools, ViewState};
 use crate::hands::{Eye, HandInput, Origin, Pointed, Pointer, Pose, Rectangle, Side, Stance, Switch, nearest};
-use crate::panels::{Output, Panel, Panels, legend, theme};
+use crate::panels::{Output, Panel, Panels, RoomPlace, legend, theme};
 use crate::xr::{Counts, Frame, PanelLayer, XrError};
 
 /// Metres from the person to panels that hang around them.
 const DISTANCE: f64 = 1.1;
 
-/// Degrees to the right of straight ahead of each of them.
-const ANGLES: [(Panel, f64); 3] = [(Panel::Scene, -55.0), (Panel::Select, 50.0), (Panel::Language, 92.0)];
+/// Metres from the eyes to a panel below them.
+const BELOW: f64 = 0.7;
 
 /// Pixels of a point.
 const SHARPNESS: f32 = 1.5;
@@ -68,19 +68,20 @@ struct PlacedPanel {
     since: u64,
 }
 
-/// Initial placement of a panel around a person with eyes at this height of the room, metres. It stands upright at an
-/// angle. The keyboard hangs below the eyes and is tilted.
+/// Initial placement of a panel around a person with eyes at this height of the room, metres. The wrist menu gets its
+/// place from a hand.
 fn hangs(panel: Panel, height: f64) -> Rectangle {
-    let (pose, distance) = match ANGLES.iter().find(|(p, _)| *p == panel) {
-        Some((_, degrees)) => {
+    let (pose, distance) = match panel.place {
+        RoomPlace::Around { degrees } => {
             let turn = DQuat::from_rotation_y(-degrees.to_radians());
             let position = turn * DVec3::new(0.0, 0.0, -DISTANCE) + DVec3::new(0.0, height - 0.2, 0.0);
             (Pose { position, orientation: turn }, DISTANCE)
         }
-        None => {
+        RoomPlace::Below => {
             let position = DVec3::new(0.0, height - 0.6, -0.6);
-            (Pose { position, orientation: DQuat::from_rotation_x(-0.6) }, 0.7)
+            (Pose { position, orientation: DQuat::from_rotation_x(-0.6) }, BELOW)
         }
+        RoomPlace::Wrist => (Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY }, WRIST.0),
     };
     Rectangle { pose, size: DVec2::from(panel.least_metres(distance)) }
 }
@@ -100,26 +101,18 @@ impl PanelLayers {
     /// Panels about a person.
     pub(super) fn new(stance: Stance, origin: Origin) -> Self {
         let eyes = eyes(stance, origin);
-        let placed = |panel: Panel| {
-            let layer = PanelLayer::new(panel.size(), SHARPNESS, hangs(panel, eyes));
-            PlacedPanel { panel, layer, stale: true, since: 0 }
+        let placed = |panel: &Panel| {
+            let layer = PanelLayer::new(panel.size, SHARPNESS, hangs(*panel, eyes));
+            PlacedPanel { panel: *panel, layer, stale: true, since: 0 }
         };
-        let mut panels: Vec<_> = [Panel::Scene, Panel::Select, Panel::Language, Panel::Keyboard].map(placed).into();
         let nowhere = |size: Vec2, metres: DVec2| {
             let pose = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
             PanelLayer::new(size, SHARPNESS, Rectangle { pose, size: metres })
         };
-        let wrist = DVec2::from(Panel::Wrist.least_metres(WRIST.0));
-        panels.push(PlacedPanel {
-            panel: Panel::Wrist,
-            layer: nowhere(Panel::Wrist.size(), wrist),
-            stale: true,
-            since: 0,
-        });
         let metres = theme::metres_per_point(LEGEND.1);
         let legend = DVec2::new(f64::from(LEGEND.0.x), f64::from(LEGEND.0.y)) * metres;
         Self {
-            panels,
+            panels: Panel::ALL.iter().map(placed).collect(),
             legend: nowhere(LEGEND.0, legend),
             legend_shown: (None, 0),
             rings: [0, 1].map(|_| nowhere(Vec2::splat(RING), DVec2::ONE)),
@@ -152,16 +145,16 @@ impl PanelLayers {
 
     /// Placement of a panel, unless it is hidden.
     pub(super) fn place(&self, panel: Panel) -> Option<Rectangle> {
-        let hidden = if panel == Panel::Wrist { !self.wrist } else { !self.state };
+        let hidden = if panel.place == RoomPlace::Wrist { !self.wrist } else { !self.state };
         self.panels.iter().find(|placed| placed.panel == panel && !hidden).map(|placed| placed.layer.place)
     }
 
     /// Indices of the visible panels.
     fn visible(&self, panels: &Panels, state: &ViewState) -> Vec<usize> {
-        let hangs = |panel: Panel| match panel {
-            Panel::Wrist => self.wrist,
-            Panel::Keyboard => self.state && panels.is_typing(),
-            panel => self.state && panel.has_content(state),
+        let hangs = |panel: Panel| match panel.place {
+            RoomPlace::Wrist => self.wrist,
+            RoomPlace::Below => self.state && panels.is_typing(),
+            RoomPlace::Around { .. } => self.state && panel.has_content(state),
         };
         let all = self.panels.iter().enumerate().filter(|(_, placed)| hangs(placed.panel));
         all.map(|(k, _)| k).collect()
@@ -192,7 +185,7 @@ impl PanelLayers {
             if !was
                 && let Some((at, ..)) = nearest(&rectangles, &aim)
                 && let layer = visible[at]
-                && self.panels[layer].panel != Panel::Wrist
+                && self.panels[layer].panel.place != RoomPlace::Wrist
             {
                 let pose = self.panels[layer].layer.place.pose;
                 let back = aim.orientation.inverse();
@@ -230,7 +223,7 @@ impl PanelLayers {
         };
         let at = hand.grip.zip(hand.palm).and_then(turned);
         self.wrist = at.is_some();
-        let layer = self.panels.iter_mut().find(|placed| placed.panel == Panel::Wrist);
+        let layer = self.panels.iter_mut().find(|placed| placed.panel.place == RoomPlace::Wrist);
         if let (Some(grip), Some(PlacedPanel { layer, .. })) = (at, layer) {
             let position = grip.position - DVec3::new(0.0, WRIST.1, 0.0);
             layer.place.pose = Pose { position, orientation: facing(position, head.position) };
@@ -279,7 +272,7 @@ impl PanelLayers {
             layer.show(frame, by, Vec::new(), changed, |ui| {
                 theme::apply(ui.ctx(), tools);
                 output.join(panels.show(panel, ui, state, tools));
-                if panel == Panel::Scene {
+                if Panel::ALL.first() == Some(&panel) {
                     // One panel alone shows notices.
                     let notices =
                         egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -16.0]);

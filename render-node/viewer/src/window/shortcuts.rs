@@ -47,6 +47,8 @@ pub enum Action {
     Say,
     /// Frames the scene.
     Fit,
+    /// Frames the selection.
+    FrameSelection,
     /// The next manner of moving the eye.
     NavigationMode,
     /// Keeps a picture.
@@ -113,6 +115,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     with(Modifiers::COMMAND, Key::I, "Ctrl+I", Action::Invert, "invert the selection"),
     with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name the selection and save it"),
     plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
+    with(Modifiers::SHIFT, Key::F, "Shift+F", Action::FrameSelection, "see the whole selection"),
     plain(Key::F, "F", Action::Fit, "see the whole scene"),
     plain(Key::M, "M", Action::NavigationMode, "orbit, trackball, fly"),
     plain(Key::V, "V", Action::NextDisplayMode, "the next view of the structure"),

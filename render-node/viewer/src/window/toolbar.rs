@@ -6,8 +6,9 @@ use super::navigation::NavigationMode;
 use super::scene_view::MouseTool;
 use super::shortcuts::{Action, MOUSE, SHORTCUTS};
 use super::window_ui::WindowUi;
+use crate::display::number_format::{count, milliseconds, percent};
 use crate::display::{BrushMode, BrushSign, Request, ViewState};
-use crate::panels::{count, theme};
+use crate::panels::theme;
 use sg_raster::render::Quality;
 
 /// Least width of the window in points for two columns of shortcuts, at the usual text size.
@@ -73,12 +74,10 @@ impl WindowUi {
                     Quality::Standard => "standard",
                     Quality::Fast => "fast",
                 };
-                let scale = if level.scale < 1.0 {
-                    format!(", {:.0} % of the edge", 100.0 * level.scale)
-                } else {
-                    String::new()
-                };
-                format!("{quality}{scale}, {:.0} ms, {} late", 1e3 * newest.seconds, self.scene_view.late())
+                let scale =
+                    if level.scale < 1.0 { format!(", {} of the edge", percent(level.scale)) } else { String::new() };
+                let late = count(self.scene_view.late() as usize);
+                format!("{quality}{scale}, {}, {late} late", milliseconds(newest.seconds))
             });
             let short = match newest.level {
                 None => "Drawing…",
@@ -95,7 +94,7 @@ impl WindowUi {
             ));
             if self.view_port.dropped() > 0 {
                 ui.separator();
-                ui.label(format!("{} requests refused", self.view_port.dropped()));
+                ui.label(format!("{} requests refused", count(self.view_port.dropped() as usize)));
             }
             if let Some(trouble) = &newest.trouble {
                 ui.separator();

@@ -30,7 +30,7 @@ use crate::display::{
     AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
     ViewPort, ViewState,
 };
-use crate::panels::{DisplayAction, NARROWEST, Output, Panel, PanelHost, Panels, theme};
+use crate::panels::{DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Panels, frame_selection, theme};
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::attributes::Attribute;
@@ -66,6 +66,8 @@ pub struct WindowUi {
     pub(super) exporter: Exporter,
     /// The scene's last known view: a different one moves the eye here.
     shared: View,
+    /// The view that this window has sent and the scene has not confirmed yet.
+    sent: Option<View>,
     panels_shown: bool,
     pub(super) help: bool,
     closes: bool,
@@ -116,6 +118,7 @@ impl WindowUi {
             bookmarks: Bookmarks::default(),
             exporter,
             shared,
+            sent: None,
             panels_shown: settings.panels,
             help: false,
             closes: false,
@@ -180,7 +183,10 @@ impl WindowUi {
         let newest = self.view_port.newest();
         if newest.scene.view() != self.shared {
             self.shared = newest.scene.view();
-            self.scene_view.navigator.view = self.shared;
+            // The eye has been there already, and may have moved on.
+            if self.sent.take() != Some(self.shared) {
+                self.scene_view.navigator.view = self.shared;
+            }
         }
         let drafted = self.drafts.over(&self.scene, &newest.scene);
         let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
@@ -234,7 +240,7 @@ impl WindowUi {
         });
     }
 
-    /// Panels beside the picture: the scene's properties on the left, its editing on the right.
+    /// Panels beside the picture, at the sides that the table of panels gives them.
     fn show_panels(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
         self.panels.numbers = self.appearance_builder.legend();
         self.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Screenshot];
@@ -243,14 +249,19 @@ impl WindowUi {
         let Self { panels, tools, .. } = self;
         let mut output = Output::default();
         let least = NARROWEST * tools.scale;
-        egui::Panel::left("scene").resizable(true).min_size(least).default_size(LEFT.max(least)).show(ui, |ui| {
-            output.join(panels.show(Panel::Scene, ui, state, tools));
-        });
-        let right: Vec<Panel> = [Panel::Select, Panel::Language].into_iter().filter(|p| p.has_content(state)).collect();
-        if !right.is_empty() {
-            egui::Panel::right("hands").resizable(true).min_size(least).default_size(RIGHT.max(least)).show(ui, |ui| {
-                let height = ui.available_height() / right.len() as f32;
-                for panel in right {
+        for dock in Dock::ALL {
+            let docked = Panel::ALL.iter().filter(|panel| panel.dock == Some(dock) && panel.has_content(state));
+            let docked: Vec<Panel> = docked.copied().collect();
+            if docked.is_empty() {
+                continue;
+            }
+            let (side, width) = match dock {
+                Dock::Left => (egui::Panel::left("left"), LEFT),
+                Dock::Right => (egui::Panel::right("right"), RIGHT),
+            };
+            side.resizable(true).min_size(least).default_size(width.max(least)).show(ui, |ui| {
+                let height = ui.available_height() / docked.len() as f32;
+                for panel in docked {
                     ui.allocate_ui(Vec2::new(ui.available_width(), height), |ui| {
                         output.join(panels.show(panel, ui, state, tools));
                     });
@@ -314,12 +325,13 @@ impl WindowUi {
         }
     }
 
-    /// Sends requests. An utterance refers to the visible view, so the view is shared first.
+    /// Sends requests. The view is shared before requests that refer to it.
     fn ask(&mut self, requests: Vec<Request>, newest: &ViewState) {
         for request in requests {
-            if matches!(request, Request::Say(_)) && self.scene_view.navigator.view != newest.scene.view() {
-                self.shared = self.scene_view.navigator.view;
-                let change = Some(set_view::Change::View(encode_view(&self.shared)));
+            let view = self.scene_view.navigator.view;
+            if refers_to_view(&request) && view != newest.scene.view() {
+                self.sent = Some(view);
+                let change = Some(set_view::Change::View(encode_view(&view)));
                 self.view_port.send(Request::Change(Box::new(command::Action::SetView(SetView { change }))));
             }
             if !self.view_port.send(request) {
@@ -366,7 +378,11 @@ impl WindowUi {
                 let step = SelectionStep { step: Some(selection_step::Step::Operation(operation)) };
                 requests.push(Request::Select(StrokesRequest { steps: vec![step], ..StrokesRequest::default() }));
             }
-            Action::Undo | Action::Redo | Action::Clear | Action::Invert => {
+            Action::FrameSelection if state.scene.selection().mask().is_none() => {
+                self.line = "nothing is selected; brush something first".to_owned();
+            }
+            Action::FrameSelection if scene => requests.push(change(frame_selection())),
+            Action::Undo | Action::Redo | Action::Clear | Action::Invert | Action::FrameSelection => {
                 self.line = "the service for this does not answer".to_owned();
             }
             Action::Name => {
@@ -433,6 +449,18 @@ impl WindowUi {
                 Err(why) => why,
             };
         }
+    }
+}
+
+/// Whether a request refers to the visible view: an utterance ("this"), or a change from the present direction.
+fn refers_to_view(request: &Request) -> bool {
+    let from_here = |change: &command::Action| {
+        matches!(change, command::Action::SetView(SetView { change: Some(set_view::Change::Focus(_)) }))
+    };
+    match request {
+        Request::Say(_) => true,
+        Request::Change(change) => from_here(change),
+        _ => false,
     }
 }
 

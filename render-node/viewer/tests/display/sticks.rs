@@ -94,7 +94,7 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     assert!(room.tools.radius > radius);
     room.frame(DVec2::X, DVec2::ZERO, PanelCapture::default());
     assert_eq!(room.tools.walk_parameter, WalkParameter::Threshold);
-    assert!(room.legend(Side::Right).contains("up and down: Strictness 0.00"), "{}", room.legend(Side::Right));
+    assert!(room.legend(Side::Right).contains("up and down: Strictness 0"), "{}", room.legend(Side::Right));
     assert!(room.legend(Side::Left).contains("left: Reach"), "{}", room.legend(Side::Left));
     let did = room.frame(DVec2::ZERO, -UP, PanelCapture::default());
     assert!(matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold < 0.0 && t.leak == newest.leak));

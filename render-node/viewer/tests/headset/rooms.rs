@@ -123,7 +123,7 @@ impl Person {
     /// Points at a place of a panel (points from its upper left) with the right hand and pulls the trigger once.
     fn press(&mut self, panel: Panel, at: egui::Pos2) {
         let place = self.room.panel(panel).unwrap();
-        let size = panel.size();
+        let size = panel.size;
         let on = place.point(DVec2::new(f64::from(at.x / size.x), f64::from(at.y / size.y)));
         let from = on + 0.4 * (place.pose.orientation * DVec3::Z);
         self.aim(Side::Right, from, on - from);
@@ -159,7 +159,7 @@ fn place_under(
         panels.name_selection();
     }
     let (shown, mut tools) = (shown.clone(), tools.clone());
-    let mut harness = egui_kittest::Harness::builder().with_size(panel.size()).build_ui(move |ui| {
+    let mut harness = egui_kittest::Harness::builder().with_size(panel.size).build_ui(move |ui| {
         theme::apply(ui.ctx(), &tools);
         let _ = panels.show(panel, ui, &shown, &mut tools);
     });
@@ -315,26 +315,26 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
 
     // The other palm turned to the eyes has a menu below it. The menu needs no button and does not hide with the panels.
-    assert_eq!(person.room.panel(Panel::Wrist), None);
+    assert_eq!(person.room.panel(Panel::WRIST), None);
     let (at, eyes) = (DVec3::new(-0.15, 1.35, -0.4), DVec3::new(0.0, 1.6, 0.0));
     person.puppet.left.position = at.as_vec3().to_array();
     person.puppet.left.orientation = DQuat::from_rotation_arc(DVec3::X, (eyes - at).normalize()).as_quat().to_array();
     person.puppet.send();
-    person.until("the wrist menu", |p| p.room.panel(Panel::Wrist).is_some());
+    person.until("the wrist menu", |p| p.room.panel(Panel::WRIST).is_some());
     let menu = |person: &mut Person, label: &str| {
         let tools = person.room.tools().clone();
-        person.press(Panel::Wrist, place_of(Panel::Wrist, &shown, &tools, false, label));
+        person.press(Panel::WRIST, place_of(Panel::WRIST, &shown, &tools, false, label));
     };
     person.asked.clear();
     menu(&mut person, "undo");
     person.until("undo from the wrist", |p| p.asked.iter().any(undone));
     menu(&mut person, "panels");
-    person.until("hidden panels", |p| p.room.panel(Panel::Select).is_none() && p.room.panel(Panel::Wrist).is_some());
+    person.until("hidden panels", |p| p.room.panel(Panel::SELECT).is_none() && p.room.panel(Panel::WRIST).is_some());
     menu(&mut person, "panels");
-    person.until("shown panels", |p| p.room.panel(Panel::Select).is_some());
+    person.until("shown panels", |p| p.room.panel(Panel::SELECT).is_some());
     assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "brushed nothing: {:?}", person.asked);
     person.reach(Side::Left, middle + DVec3::new(-0.4, 0.6, 0.5));
-    person.until("no menu", |p| p.room.panel(Panel::Wrist).is_none());
+    person.until("no menu", |p| p.room.panel(Panel::WRIST).is_none());
     person.reach(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5));
 
     // Both grips: the scene grows with the hands.
@@ -363,7 +363,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.service.writer.update(|shown| *shown = selected.clone());
     person.asked.clear();
     let tools = person.room.tools().clone();
-    person.press(Panel::Select, place_of(Panel::Select, &selected, &tools, false, "invert"));
+    person.press(Panel::SELECT, place_of(Panel::SELECT, &selected, &tools, false, "invert"));
     person.until("an inversion", |p| p.asked.iter().any(|r| matches!(r, Request::Select(s) if !s.steps.is_empty())));
     assert!(!person.asked.iter().any(|r| matches!(r, Request::Sample(_))), "{:?}", person.asked);
 
@@ -377,17 +377,17 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
         assert!(mark.0.pose.position.distance(want) < 1e-9 && !mark.1, "{mark:?}, not at {want}");
     }
     let tools = person.room.tools().clone();
-    person.press(Panel::Select, place_of(Panel::Select, &proposed, &tools, false, "Reach and Strictness"));
+    person.press(Panel::SELECT, place_of(Panel::SELECT, &proposed, &tools, false, "Reach and Strictness"));
     let second = "2: about 40 Gaussians would change";
-    let row = place_under(Panel::Select, &proposed, &tools, (false, Some("Reach and Strictness")), second);
+    let row = place_under(Panel::SELECT, &proposed, &tools, (false, Some("Reach and Strictness")), second);
     let unfolded = Instant::now();
     person.until("an unfolded section", |_| unfolded.elapsed() > Duration::from_millis(300));
-    person.press(Panel::Select, row);
+    person.press(Panel::SELECT, row);
     person.until("a mark that stands out", |p| p.room.markers()[1].1);
     let [one, two] = person.room.markers().try_into().unwrap();
     assert!(!one.1 && two.0.size.x > 1.3 * one.0.size.x, "{one:?} {two:?}");
     assert_eq!(person.room.placement(), stands);
-    person.press(Panel::Select, row);
+    person.press(Panel::SELECT, row);
     person.until("none that stands out", |p| !p.room.markers()[1].1);
     person.service.writer.update(|shown| *shown = selected.clone());
     person.until("no marks", |p| p.room.markers().is_empty());
@@ -395,7 +395,7 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     // A scene that changes in every frame has one panel laid out a frame, each in its turn. A change that a panel does not show
     // draws none. At rest all panels are up to date.
     person.aim(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5), DVec3::Y);
-    let counts = |p: &Person| [Panel::Scene, Panel::Select].map(|panel| p.room.counts(panel).unwrap());
+    let counts = |p: &Person| [Panel::SCENE, Panel::SELECT].map(|panel| p.room.counts(panel).unwrap());
     let mut frames = 0_u64;
     let mut begun = counts(&person);
     person.until("changes", |p| {
@@ -423,11 +423,11 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     assert_eq!(rest(&mut person), rest(&mut person));
 
     // A name on the keyboard that hangs there as long as it is needed, and the unit is saved.
-    person.press(Panel::Select, place_of(Panel::Select, &selected, &tools, false, "name of the new unit"));
+    person.press(Panel::SELECT, place_of(Panel::SELECT, &selected, &tools, false, "name of the new unit"));
     for key in ["s", "a", "c"] {
-        person.press(Panel::Keyboard, place_of(Panel::Keyboard, &selected, &tools, true, key));
+        person.press(Panel::KEYBOARD, place_of(Panel::KEYBOARD, &selected, &tools, true, key));
     }
-    person.press(Panel::Select, place_of(Panel::Select, &selected, &tools, false, "save"));
+    person.press(Panel::SELECT, place_of(Panel::SELECT, &selected, &tools, false, "save"));
     let saved = |r: &Request| matches!(r, Request::Change(a) if matches!(&**a, Action::SaveUnit(s) if s.name == "sac"));
     person.until("a saved unit", |p| p.asked.iter().any(saved));
 }

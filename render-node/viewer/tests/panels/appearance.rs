@@ -7,14 +7,14 @@ use egui::{Color32, FontId, Role, Shape, TextStyle};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{By, NodeT, Queryable};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{LightMode, SetLight};
+use sg_proto::scene::{LightMode, SetLight, SetOpacity, Target};
 use sg_raster::attributes::{Attribute, Legend};
 use sg_raster::color_map::ColorMap;
 use sg_viewer::display::{Conversation, DisplayMode, Entry, Tools};
 use sg_viewer::panels::{DisplayAction, NARROWEST, Panel, PanelHost, theme};
 
 use crate::picture::{Canvas, Picture};
-use crate::stage::{Stage, after, harness, press, save, scene, select};
+use crate::stage::{Stage, after, docked, harness, press, save, scene, select};
 
 #[test]
 fn text_stands_out_from_what_it_stands_on() {
@@ -50,8 +50,8 @@ fn a_line_takes_its_angle_before_the_eyes() {
         for panel in Panel::ALL {
             let [width, height] = panel.least_metres(distance);
             let across = theme::points_across(width, distance);
-            assert!((across - f64::from(panel.size().x)).abs() < 1e-6);
-            println!("{} at {distance} m: {width:.2} × {height:.2} m", panel.name());
+            assert!((across - f64::from(panel.size.x)).abs() < 1e-6);
+            println!("{} at {distance} m: {width:.2} × {height:.2} m", panel.title);
         }
     }
 }
@@ -61,28 +61,29 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
     let mut stage = Stage::new(panel);
     stage.tools.light_panels = light;
     stage.pixels_per_point = pixels_per_point;
-    if panel == Panel::Keyboard {
-        stage.show.insert(0, Panel::Select);
+    if panel == Panel::KEYBOARD {
+        stage.show.insert(0, Panel::SELECT);
     }
-    if panel == Panel::Select {
+    if panel == Panel::SELECT {
         stage.walk();
         stage.panels.supported_actions = (0..3).map(DisplayAction::Proposal).collect();
     }
-    if panel == Panel::Wrist {
+    if panel == Panel::WRIST {
         stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
     }
     let mut harness = harness(stage);
-    match panel {
-        Panel::Scene => press(&mut harness, "vessel"),
-        Panel::Select | Panel::Keyboard => press(&mut harness, "name of the new unit"),
-        Panel::Language | Panel::Wrist => {}
+    if panel == Panel::SCENE {
+        press(&mut harness, "vessel");
     }
-    if panel == Panel::Keyboard {
+    if [Panel::SELECT, Panel::KEYBOARD].contains(&panel) {
+        press(&mut harness, "name of the new unit");
+    }
+    if panel == Panel::KEYBOARD {
         for key in ["shift", "a", "n", "e", "u", "r", "y", "s", "m"] {
             press(&mut harness, if key == "a" { "A" } else { key });
         }
-        harness.state_mut().show = vec![Panel::Keyboard];
-        harness.set_size(Panel::Keyboard.size());
+        harness.state_mut().show = vec![Panel::KEYBOARD];
+        harness.set_size(Panel::KEYBOARD.size);
         harness.run();
     }
     harness
@@ -90,7 +91,7 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
 
 /// Scene control with every part open and a colour being chosen.
 fn all_open(light: bool, scale: f32, width: f32) -> Harness<'static, Stage> {
-    let mut stage = Stage::new(Panel::Scene);
+    let mut stage = Stage::new(Panel::SCENE);
     stage.width = Some(width);
     stage.tools.light_panels = light;
     stage.tools.scale = scale;
@@ -114,7 +115,7 @@ fn all_open(light: bool, scale: f32, width: f32) -> Harness<'static, Stage> {
 #[test]
 fn every_part_of_scene_control_has_room_at_every_size() {
     let canvas = Canvas::open();
-    let wide = Panel::Scene.size().x;
+    let wide = Panel::SCENE.size.x;
     for (light, scale, width) in
         [(false, 1.0, wide), (true, 1.0, wide), (false, 1.5, 1.5 * wide), (false, 1.0, NARROWEST)]
     {
@@ -170,6 +171,35 @@ pub(crate) fn faint_text(harness: &Harness<'_, Stage>, picture: &Picture) -> Vec
     faint
 }
 
+/// Text that ends in "…" because its place is too narrow.
+fn shortened_text(harness: &Harness<'_, Stage>) -> Vec<String> {
+    let texts =
+        harness.output().shapes.iter().filter_map(|s| if let Shape::Text(t) = &s.shape { Some(t) } else { None });
+    texts.filter(|text| text.galley.elided).map(|text| text.galley.text().to_owned()).collect()
+}
+
+/// Commands name their units at length. Such a name is read whole in the narrowest dock, and its opacity is still there.
+#[test]
+fn names_that_commands_make_are_read_whole() {
+    for width in [NARROWEST, 340.0, Panel::SCENE.size.x] {
+        let mut stage = Stage::new(Panel::SCENE);
+        stage.panels.host = PanelHost::Window;
+        (stage.width, stage.height) = (Some(width), Some(1000.0));
+        let rest = Target { units: vec!["sac".to_owned()], complement: true, ..Target::default() };
+        let fade = SetOpacity { target: Some(rest), factor: 0.2, relative: false };
+        stage.shown.scene = Arc::new(stage.shown.scene.after(&scene(), Action::SetOpacity(fade)).unwrap());
+        stage.shown.undo = [].into();
+        let mut harness = harness(stage);
+        harness.set_size(egui::vec2(width, 1000.0));
+        press(&mut harness, "Made by commands");
+        assert!(harness.query_by_label("everything but sac").is_some(), "{width}");
+        assert_eq!(shortened_text(&harness), Vec::<String>::new(), "{width}");
+        assert_eq!((cut_text(&harness), beyond(&harness)), (Vec::new(), Vec::new()), "{width}");
+        let slider = harness.get_by_label("opacity of everything but sac").rect();
+        assert!(slider.width() >= 36.0, "{width}: {slider}");
+    }
+}
+
 /// Controls that lie beyond their panel, sideways.
 fn beyond(harness: &Harness<'_, Stage>) -> Vec<String> {
     let panel = harness.ctx.content_rect().expand(0.5);
@@ -182,7 +212,7 @@ fn beyond(harness: &Harness<'_, Stage>) -> Vec<String> {
 fn the_longest_names_and_words_have_room() {
     let scene = scene();
     let long = "Aneurysma".repeat(14);
-    for panel in [Panel::Scene, Panel::Select, Panel::Language] {
+    for panel in docked() {
         let mut stage = Stage::new(panel);
         stage.shown.scene = after(&scene, [select(&scene, 10..70), save(&long)]);
         stage.shown.selected = Arc::clone(stage.shown.scene.selection().mask());
@@ -195,51 +225,47 @@ fn the_longest_names_and_words_have_room() {
         turn.answer = Some((long.repeat(9), false));
         stage.shown.conversation = Arc::new(talk);
         let mut harness = harness(stage);
-        match panel {
-            Panel::Scene => {
-                press(&mut harness, &long);
-                press(&mut harness, "History");
-                press(&mut harness, "rename");
-            }
-            Panel::Select => {
-                press(&mut harness, "name of the new unit");
-                harness.get_by_label("name of the new unit").type_text(&long);
-                press(&mut harness, "save");
-                harness.run();
-                // The question is brought into view, however long the name.
-                let answer = harness.get_by_label("replace it").rect();
-                assert!(answer.bottom() <= panel.size().y, "{answer}");
-            }
-            _ => {}
+        if panel == Panel::SCENE {
+            press(&mut harness, &long);
+            press(&mut harness, "History");
+            press(&mut harness, "rename");
+        } else if panel == Panel::SELECT {
+            press(&mut harness, "name of the new unit");
+            harness.get_by_label("name of the new unit").type_text(&long);
+            press(&mut harness, "save");
+            harness.run();
+            // The question is brought into view, however long the name.
+            let answer = harness.get_by_label("replace it").rect();
+            assert!(answer.bottom() <= panel.size.y, "{answer}");
         }
         assert_eq!(beyond(&harness), Vec::<String>::new(), "{panel:?}");
         if let (Some(canvas), Some(folder)) = (Canvas::open(), std::env::var_os("PANEL_PICTURES")) {
-            canvas.draw(&harness).write(&Path::new(&folder).join(format!("long-{}.png", panel.name())));
+            canvas.draw(&harness).write(&Path::new(&folder).join(format!("long-{}.png", panel.title)));
         }
     }
 }
 
 #[test]
 fn a_narrow_dock_has_room_for_everything() {
-    for panel in [Panel::Scene, Panel::Select, Panel::Language] {
+    for panel in docked() {
         let mut stage = Stage::new(panel);
         stage.panels.host = PanelHost::Window;
         (stage.width, stage.height) = (Some(NARROWEST), Some(1000.0));
-        if panel == Panel::Select {
+        if panel == Panel::SELECT {
             stage.walk();
         }
         let mut harness = harness(stage);
         harness.set_size(egui::vec2(NARROWEST, 1000.0));
         harness.run();
-        match panel {
-            Panel::Scene => press(&mut harness, "sac"),
-            Panel::Select => press(&mut harness, "name of the new unit"),
-            _ => {}
+        if panel == Panel::SCENE {
+            press(&mut harness, "sac");
+        } else if panel == Panel::SELECT {
+            press(&mut harness, "name of the new unit");
         }
         assert_eq!(cut_text(&harness), Vec::<String>::new(), "{panel:?}");
         assert_eq!(beyond(&harness), Vec::<String>::new(), "{panel:?}");
         if let (Some(canvas), Some(folder)) = (Canvas::open(), std::env::var_os("PANEL_PICTURES")) {
-            canvas.draw(&harness).write(&Path::new(&folder).join(format!("narrow-{}.png", panel.name())));
+            canvas.draw(&harness).write(&Path::new(&folder).join(format!("narrow-{}.png", panel.title)));
         }
     }
 }
@@ -247,14 +273,14 @@ fn a_narrow_dock_has_room_for_everything() {
 #[test]
 fn panels_are_drawn_whole_in_dark_and_light_at_one_and_two_pixels_a_point() {
     let Some(canvas) = Canvas::open() else { return };
-    for panel in Panel::ALL {
+    for &panel in Panel::ALL {
         for (light, pixels_per_point) in [(false, 1.0), (false, 2.0), (true, 1.0), (true, 2.0)] {
             let harness = busy(panel, light, pixels_per_point);
             assert_eq!(cut_text(&harness), Vec::<String>::new(), "{panel:?}");
             assert_eq!(beyond(&harness), Vec::<String>::new(), "{panel:?}");
             let picture = canvas.draw(&harness);
             assert_eq!(faint_text(&harness, &picture), Vec::<String>::new(), "{panel:?} light {light}");
-            let want = panel.size() * pixels_per_point;
+            let want = panel.size * pixels_per_point;
             assert_eq!(picture.size, [want.x as u32, want.y as u32]);
             let style = theme::style(light, 1.0);
             let ground = style.visuals.panel_fill;
@@ -278,14 +304,20 @@ fn panels_are_drawn_whole_in_dark_and_light_at_one_and_two_pixels_a_point() {
 fn pictures_for_the_documents() {
     let Some(canvas) = Canvas::open() else { return };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/pictures");
-    for (panel, light, name) in [
-        (Panel::Scene, false, "scene"),
-        (Panel::Scene, true, "scene-light"),
-        (Panel::Select, false, "prompt"),
-        (Panel::Language, false, "language"),
-        (Panel::Keyboard, false, "keyboard"),
-        (Panel::Wrist, false, "wrist"),
-    ] {
-        canvas.draw(&busy(panel, light, 1.5)).write(&folder.join(format!("panel-{name}.png")));
+    for panel in Panel::ALL {
+        canvas.draw(&busy(*panel, false, 1.5)).write(&folder.join(format!("panel-{}.png", panel.name)));
+    }
+    canvas.draw(&busy(Panel::SCENE, true, 1.5)).write(&folder.join("panel-scene-light.png"));
+}
+
+#[test]
+fn the_documents_describe_each_panel_with_its_picture() {
+    let documents = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
+    let text = std::fs::read_to_string(documents.join("panels.md")).unwrap();
+    for panel in Panel::ALL {
+        let picture = format!("pictures/panel-{}.png", panel.name);
+        assert!(text.lines().any(|line| line == format!("## {}", panel.title)), "no section `{}`", panel.title);
+        assert!(text.contains(&format!("]({picture})")), "{picture} is not shown");
+        assert!(documents.join(&picture).is_file(), "{picture} is missing: make it by `pictures_for_the_documents`");
     }
 }

@@ -16,7 +16,7 @@ fn frame(mut stage: Stage) -> f64 {
     let mut times: Vec<f64> = (0..200)
         .map(|frame| {
             let input = egui::RawInput {
-                screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, panel.size())),
+                screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, panel.size)),
                 time: Some(f64::from(frame) / 90.0),
                 ..egui::RawInput::default()
             };
@@ -33,13 +33,13 @@ fn frame(mut stage: Stage) -> f64 {
 
 #[test]
 fn a_panel_takes_a_small_part_of_a_headsets_frame() {
-    for panel in Panel::ALL {
-        println!("{}: {:.2} ms", panel.name(), frame(Stage::new(panel)));
+    for &panel in Panel::ALL {
+        println!("{}: {:.2} ms", panel.title, frame(Stage::new(panel)));
     }
-    let (mut units, scene) = (Stage::new(Panel::Scene), scene());
+    let (mut units, scene) = (Stage::new(Panel::SCENE), scene());
     let saved = (0..900).flat_map(|k| [select(&scene, k..k + 50), save(&format!("unit {k}"))]);
     units.shown.scene = after(&scene, saved);
-    let mut long = Stage::new(Panel::Language);
+    let mut long = Stage::new(Panel::LANGUAGE);
     let mut talk = Conversation::default();
     for turn in 0..64 {
         talk.say(turn.to_string(), "fade all units one after the other");

@@ -20,7 +20,7 @@ fn the_legend_says_what_each_button_does_now() {
 /// The parts of a display beside its panels, for a person to look at.
 #[test]
 fn the_legend_and_the_lines_fit_a_narrow_place() {
-    let mut stage = Stage::new(Panel::Scene);
+    let mut stage = Stage::new(Panel::SCENE);
     stage.show.clear();
     stage.beside = true;
     let mut panel = crate::stage::harness(stage);

@@ -13,7 +13,7 @@ use sg_scene::model::Scene;
 use sg_viewer::display::{Drafts, Request, ServiceAvailability};
 use sg_viewer::panels::{DisplayAction, Draft, Output, Panel};
 
-use crate::stage::{Stage, harness, press, scene};
+use crate::stage::{Stage, docked, harness, press, scene};
 
 /// Presses, drags, scrolls and types at random. Returns the outputs.
 fn play(harness: &mut Harness<'_, Stage>, random: &mut ChaCha8Rng) -> Vec<Output> {
@@ -77,9 +77,10 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
     let scene = scene();
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let (mut changes, mut held, mut selects, mut said, mut wished, mut tuned) = (0, 0, 0, 0, 0, 0);
-    for round in 0..12 {
-        let panel = [Panel::Scene, Panel::Select, Panel::Language][round % 3];
-        let services = if round < 6 {
+    let docked = docked();
+    for round in 0..4 * docked.len() {
+        let panel = docked[round % docked.len()];
+        let services = if round < 2 * docked.len() {
             ServiceAvailability { scene: true, selection: true, agents: true }
         } else {
             ServiceAvailability { scene: random.random(), selection: random.random(), agents: random.random() }
@@ -91,7 +92,7 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
             stage.walk();
         }
         if round % 2 == 1 {
-            stage.show.push(Panel::Keyboard);
+            stage.show.push(Panel::KEYBOARD);
         }
         stage.height = Some(1500.0);
         let mut harness = harness(stage);
@@ -139,7 +140,7 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
 #[test]
 fn a_control_shows_what_the_hand_makes_of_it_until_the_scene_tells_of_it() {
     let scene = scene();
-    let mut panel = harness(Stage::new(Panel::Scene));
+    let mut panel = harness(Stage::new(Panel::SCENE));
     let told = Arc::clone(&panel.state().shown.scene);
     let mut drafts = Drafts::default();
     let value =

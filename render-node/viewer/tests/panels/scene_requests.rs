@@ -16,14 +16,14 @@ use sg_viewer::panels::{DisplayAction, Draft, Output, Panel, PanelHost};
 use crate::stage::{Stage, harness, press};
 
 fn scene() -> Harness<'static, Stage> {
-    tall(Stage::new(Panel::Scene))
+    tall(Stage::new(Panel::SCENE))
 }
 
 /// A panel that is high enough for all of its parts.
 fn tall(stage: Stage) -> Harness<'static, Stage> {
     let mut harness = harness(stage);
     harness.state_mut().height = Some(2400.0);
-    harness.set_size(egui::vec2(Panel::Scene.size().x, 2400.0));
+    harness.set_size(egui::vec2(Panel::SCENE.size.x, 2400.0));
     harness.run();
     harness
 }
@@ -129,10 +129,10 @@ fn a_hand_that_rests_says_nothing_new() {
     panel.run_steps(4);
     assert_eq!(panel.state().asked, []);
     // The panel is put away under the hand: the change is not lost.
-    let away = panel.state_mut().panels.put_away(Panel::Scene);
+    let away = panel.state_mut().panels.put_away(Panel::SCENE);
     assert_eq!(away.requests.len(), 1);
     assert!(matches!(away.draft, Some(Draft::Release(Action::SetOpacity(_)))));
-    assert_eq!(panel.state_mut().panels.put_away(Panel::Scene), Output::default());
+    assert_eq!(panel.state_mut().panels.put_away(Panel::SCENE), Output::default());
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn light_shading_and_background() {
 
 #[test]
 fn viewpoints_and_what_the_display_does_itself() {
-    let mut stage = Stage::new(Panel::Scene);
+    let mut stage = Stage::new(Panel::SCENE);
     stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Place(1)];
     let mut panel = tall(stage);
     press(&mut panel, "Viewpoint");
@@ -289,7 +289,7 @@ fn what_is_shown_is_this_displays_own() {
 
 #[test]
 fn without_the_scenes_owner_nothing_can_be_changed() {
-    let mut stage = Stage::new(Panel::Scene);
+    let mut stage = Stage::new(Panel::SCENE);
     stage.shown.services = ServiceAvailability::default();
     let mut panel = tall(stage);
     press(&mut panel, "sac");

@@ -7,17 +7,17 @@ use egui_kittest::kittest::Queryable;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
-use sg_proto::scene::{Combine, SaveUnit};
+use sg_proto::scene::{Combine, SaveUnit, SetView, Target, set_view};
 use sg_proto::selection::{ProposalsReply, StrokesRequest};
 use sg_scene::mask::Mask;
 use sg_viewer::display::{BrushMode, Request, ServiceAvailability, Tools, WalkParameter};
 use sg_viewer::panels::{DisplayAction, Panel, PanelHost};
 
 use crate::scene_requests::changes;
-use crate::stage::{Stage, harness, press};
+use crate::stage::{Stage, after, harness, press};
 
 fn prompt() -> Harness<'static, Stage> {
-    harness(Stage::new(Panel::Select))
+    harness(Stage::new(Panel::SELECT))
 }
 
 /// The request to the selection of a press on this.
@@ -61,7 +61,7 @@ fn the_brush_is_set_for_this_display() {
 #[test]
 fn the_selection_is_counted_and_highlighted() {
     let mut panel = prompt();
-    assert!(panel.query_by_label("80 of 1\u{a0}000 Gaussians (8.0 %)").is_some());
+    assert!(panel.query_by_label("80 of 1,000 Gaussians (8 %)").is_some());
     assert!(panel.query_by_label_contains("Updating").is_none());
     panel.state_mut().shown.uncommitted = true;
     panel.run();
@@ -94,6 +94,31 @@ fn operations_are_steps_of_the_selection() {
         assert_eq!(panel.state().asked, [], "{label}");
     }
     assert!(matches!(operation(&asks(&mut panel, "invert")), (Operation::Invert(_), _)));
+}
+
+#[test]
+fn the_selection_is_framed_where_there_is_one() {
+    let mut panel = prompt();
+    let focus = set_view::Change::Focus(Target { selection: true, ..Target::default() });
+    let framed = Action::SetView(SetView { change: Some(focus) });
+    press(&mut panel, "frame selection");
+    assert_eq!(changes(&panel.state().asked), std::slice::from_ref(&framed));
+    // The scene accepts it.
+    panel.state().shown.scene.after(&crate::stage::scene(), framed).unwrap();
+
+    // A selection that the scene has not stored is nothing to look at, and the button says why it is disabled.
+    panel.state_mut().asked.clear();
+    panel.state_mut().shown.scene = after(&crate::stage::scene(), []);
+    panel.run();
+    press(&mut panel, "frame selection");
+    assert_eq!(panel.state().asked, []);
+    panel.get_by_label("frame selection").hover();
+    panel.run_steps(60);
+    assert!(panel.query_by_label_contains("nothing is selected").is_some());
+
+    panel.state_mut().shown.services.scene = false;
+    panel.run();
+    assert!(panel.query_by_label("frame selection").is_none(), "the scene frames it");
 }
 
 #[test]
@@ -157,7 +182,7 @@ fn a_unit_is_replaced_only_when_that_was_said_twice() {
 
 #[test]
 fn without_the_services_their_controls_are_not_there() {
-    let mut stage = Stage::new(Panel::Select);
+    let mut stage = Stage::new(Panel::SELECT);
     stage.shown.services = ServiceAvailability { scene: true, ..ServiceAvailability::default() };
     let mut panel = harness(stage);
     for label in ["Region", "brush width", "clear", "invert", "grow", "add similar"] {
@@ -174,8 +199,8 @@ fn without_the_services_their_controls_are_not_there() {
 
 #[test]
 fn the_wrist_menu_has_modes_steps_back_and_what_its_room_does() {
-    let mut stage = Stage::new(Panel::Wrist);
-    let mut menu = harness(std::mem::replace(&mut stage, Stage::new(Panel::Wrist)));
+    let mut stage = Stage::new(Panel::WRIST);
+    let mut menu = harness(std::mem::replace(&mut stage, Stage::new(Panel::WRIST)));
     for label in ["panels", "fit all"] {
         assert!(menu.query_by_label(label).is_none(), "{label} is nobody's");
     }
@@ -258,7 +283,7 @@ fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
     let slider = panel.get_by_label("Reach").rect();
     panel.drag_at(slider.center());
     panel.run();
-    let left = panel.state_mut().panels.put_away(Panel::Select);
+    let left = panel.state_mut().panels.put_away(Panel::SELECT);
     assert!(matches!(left.requests.as_slice(), [Request::Select(_)]), "{left:?}");
 }
 
@@ -273,7 +298,7 @@ fn places_for_a_next_stroke_are_asked_for_and_looked_at() {
     press(&mut panel, "where to brush next?");
     let asked: Vec<_> = panel.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
     assert_eq!(asked, [Request::Propose(5)]);
-    let first = "1: about 1\u{a0}210 Gaussians would change";
+    let first = "1: about 1,210 Gaussians would change";
     panel.state_mut().asked.clear();
     press(&mut panel, first);
     assert_eq!(panel.state().asked, [], "a display that cannot turn there shows it alone");

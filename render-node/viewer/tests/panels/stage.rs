@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use glam::{DMat4, Vec3};
+use glam::Vec3;
 use sg_edit::EditState;
 use sg_edit::wire::encode_mask;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, CommitSelection, SaveUnit, SetColor, Stroke, StrokeKind, StrokeMode, Target, WalkTuning};
 use sg_proto::selection::{Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
-use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
+use sg_scene::model::Scene;
+use sg_scene::synthetic::test_scene;
 use sg_viewer::display::{Conversation, Entry, Notice, ServiceAvailability, Tools, ViewState, WalkCapabilities};
 use sg_viewer::panels::{Output, Panel, PanelHost, Panels, legend, theme};
 use sg_volume::phantom;
@@ -20,35 +21,17 @@ use crate::picture::Textures;
 
 /// A scene of two base units, made without files.
 pub(crate) fn scene() -> Arc<Scene> {
-    let units = [("vessel", 700, Vec3::new(0.835, 0.369, 0.0)), ("tissue", 300, Vec3::new(0.8, 0.475, 0.655))];
-    let units = units.map(|(name, n, palette)| BaseUnit {
-        name: name.to_owned(),
-        file: None,
-        gaussians: Gaussians {
-            position: (0..n).map(|i| Vec3::new(i as f32, (i % 7) as f32, (i % 11) as f32)).collect(),
-            rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
-            log_scale: vec![Vec3::splat(-1.0); n],
-            opacity_logit: vec![0.5; n],
-            shading: Some(ShadingColumns {
-                offset_color: vec![Vec3::ZERO; n],
-                normal: vec![Vec3::Z; n],
-                ambient: vec![0.3; n],
-                diffuse: vec![0.6; n],
-                specular: vec![0.1; n],
-                shininess: vec![8.0; n],
-            }),
-            ..Gaussians::default()
-        },
-        first: 0,
-        palette,
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
-        oriented_normals: true,
-        transfer_function: Some("tf.json".into()),
-    });
-    Arc::new(Scene::compose(units.into(), None))
+    let mut units = test_scene(&[("vessel", 700), ("tissue", 300)]).units;
+    for (unit, palette) in units.iter_mut().zip([Vec3::new(0.835, 0.369, 0.0), Vec3::new(0.8, 0.475, 0.655)]) {
+        unit.palette = palette;
+        unit.transfer_function = Some("tf.json".into());
+    }
+    Arc::new(Scene::compose(units, None))
+}
+
+/// Panels that a window docks.
+pub(crate) fn docked() -> Vec<Panel> {
+    Panel::ALL.iter().copied().filter(|panel| panel.dock.is_some()).collect()
 }
 
 /// A state after these actions, as the scene's owner would make it.
@@ -171,7 +154,7 @@ impl Stage {
         ui.spacing_mut().item_spacing = egui::Vec2::ZERO;
         let mut left = egui::Pos2::ZERO;
         for panel in self.show.clone() {
-            let mut size = panel.size() * self.tools.scale;
+            let mut size = panel.size * self.tools.scale;
             size.y = self.height.unwrap_or(size.y);
             size.x = self.width.unwrap_or(size.x);
             let mut child = ui.new_child(egui::UiBuilder::new().max_rect(egui::Rect::from_min_size(left, size)));
@@ -197,7 +180,7 @@ impl Stage {
 
 /// A harness for a stage's panels.
 pub(crate) fn harness(stage: Stage) -> Harness<'static, Stage> {
-    let sizes: Vec<_> = stage.show.iter().map(|p| p.size() * stage.tools.scale).collect();
+    let sizes: Vec<_> = stage.show.iter().map(|p| p.size * stage.tools.scale).collect();
     let size = egui::vec2(sizes.iter().map(|s| s.x).sum(), sizes.iter().map(|s| s.y).fold(0.0, f32::max));
     let looks = stage.tools.clone();
     Harness::builder()

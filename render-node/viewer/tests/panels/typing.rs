@@ -11,8 +11,8 @@ use crate::stage::{Stage, harness, press};
 
 #[test]
 fn a_name_typed_by_pointing_saves_a_unit() {
-    let mut stage = Stage::new(Panel::Select);
-    stage.show.push(Panel::Keyboard);
+    let mut stage = Stage::new(Panel::SELECT);
+    stage.show.push(Panel::KEYBOARD);
     let mut panels = harness(stage);
     assert!(!panels.state().panels.is_typing());
     press(&mut panels, "name of the new unit");
@@ -29,20 +29,20 @@ fn a_name_typed_by_pointing_saves_a_unit() {
 
 #[test]
 fn the_keyboard_types_into_another_context() {
-    let mut field = harness(Stage::new(Panel::Select));
-    let mut keys = harness(Stage::new(Panel::Keyboard));
+    let mut field = harness(Stage::new(Panel::SELECT));
+    let mut keys = harness(Stage::new(Panel::KEYBOARD));
     press(&mut field, "name of the new unit");
     // One set of panels, drawn by turns in two contexts, as a headset does.
     let mut type_one = |field: &mut egui_kittest::Harness<'_, Stage>, key: &str| {
-        assert!(field.state().panels.wants_drawing(Panel::Keyboard), "it shows what was typed");
+        assert!(field.state().panels.wants_drawing(Panel::KEYBOARD), "it shows what was typed");
         std::mem::swap(&mut field.state_mut().panels, &mut keys.state_mut().panels);
         keys.run();
-        assert!(!keys.state().panels.wants_drawing(Panel::Keyboard));
+        assert!(!keys.state().panels.wants_drawing(Panel::KEYBOARD));
         press(&mut keys, key);
         std::mem::swap(&mut field.state_mut().panels, &mut keys.state_mut().panels);
-        assert!(field.state().panels.wants_drawing(Panel::Select), "a letter waits for it");
+        assert!(field.state().panels.wants_drawing(Panel::SELECT), "a letter waits for it");
         field.run();
-        assert!(!field.state().panels.wants_drawing(Panel::Select));
+        assert!(!field.state().panels.wants_drawing(Panel::SELECT));
     };
     for key in ["n", "e", "w"] {
         type_one(&mut field, key);
@@ -60,8 +60,8 @@ fn the_keyboard_types_into_another_context() {
 
 #[test]
 fn a_field_that_is_left_for_one_of_another_panel_is_done() {
-    let mut scene = harness(Stage::new(Panel::Scene));
-    let mut language = harness(Stage::new(Panel::Language));
+    let mut scene = harness(Stage::new(Panel::SCENE));
+    let mut language = harness(Stage::new(Panel::LANGUAGE));
     press(&mut scene, "sac");
     press(&mut scene, "rename");
     scene.get_by_label("new name").type_text(" 7");
@@ -70,7 +70,7 @@ fn a_field_that_is_left_for_one_of_another_panel_is_done() {
     std::mem::swap(&mut scene.state_mut().panels, &mut language.state_mut().panels);
     press(&mut language, "say");
     std::mem::swap(&mut scene.state_mut().panels, &mut language.state_mut().panels);
-    assert!(scene.state().panels.wants_drawing(Panel::Scene));
+    assert!(scene.state().panels.wants_drawing(Panel::SCENE));
     scene.run();
     let renamed = Action::RenameUnit(RenameUnit { name: "sac".to_owned(), new_name: "sac 7".to_owned() });
     assert_eq!(changes(&scene.state().asked), [renamed]);
@@ -79,7 +79,7 @@ fn a_field_that_is_left_for_one_of_another_panel_is_done() {
 
 #[test]
 fn keys_without_a_field_do_nothing() {
-    let mut panel = harness(Stage::new(Panel::Keyboard));
+    let mut panel = harness(Stage::new(Panel::KEYBOARD));
     assert!(panel.query_by_label_contains("Point at a text field").is_some());
     press(&mut panel, "a");
     press(&mut panel, "enter");
@@ -89,7 +89,7 @@ fn keys_without_a_field_do_nothing() {
 
 #[test]
 fn a_conversation_is_read_gone_on_with_and_stopped() {
-    let mut panel = harness(Stage::new(Panel::Language));
+    let mut panel = harness(Stage::new(Panel::LANGUAGE));
     for text in ["how large is the neck?", "measure neck", "coloured sac #0072b2"] {
         assert!(panel.query_by_label(text).is_some(), "{text}");
     }

@@ -7,11 +7,12 @@ use egui::{Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use sg_gpu::backend::{self, Engine};
-use sg_proto::scene::{InLasso, selection_operation, selection_step};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{InLasso, SetView, Target, selection_operation, selection_step, set_view};
 use sg_viewer::display::{Backend, Request, ServiceAvailability, Tools, ViewPort, ViewState};
 use sg_viewer::window::{MouseTool, Settings, WindowUi};
 
-use crate::stage::{after, scene};
+use crate::stage::{after, scene, select};
 
 /// A desk that a mouse works on with a tool, and the other side of its seat.
 fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
@@ -59,6 +60,60 @@ fn dropped_scenes_and_volumes_are_asked_to_be_opened_and_nothing_else() {
     assert_eq!(asked, opened);
     harness.step();
     assert_eq!(service.requests.try_iter().count(), 0, "a file is dropped once");
+}
+
+/// Shift and F as a keyboard sends them.
+fn frame_selection(harness: &mut Harness<'_, WindowUi>, service: &Backend) -> Vec<Option<set_view::Change>> {
+    harness.key_press_modifiers(egui::Modifiers::SHIFT, egui::Key::F);
+    harness.step();
+    let of = |request: Request| match request {
+        Request::Change(action) => match *action {
+            Action::SetView(SetView { change }) => change,
+            other => panic!("{other:?}"),
+        },
+        other => panic!("{other:?}"),
+    };
+    service.requests.try_iter().map(of).collect()
+}
+
+#[test]
+fn the_selection_is_framed_from_where_the_eye_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
+    harness.step();
+    assert_eq!(frame_selection(&mut harness, &service), [], "nothing is selected");
+    assert!(harness.query_by_label_contains("nothing is selected").is_some());
+
+    let scene = scene();
+    let chosen = after(&scene, [select(&scene, 10..60)]);
+    let first = chosen.view();
+    service.writer.update(|state| state.scene = Arc::clone(&chosen));
+    harness.step();
+    let focus = Some(set_view::Change::Focus(Target { selection: true, ..Target::default() }));
+    assert_eq!(frame_selection(&mut harness, &service), std::slice::from_ref(&focus));
+
+    // The mouse moves only the window's eye, so the scene hears of it first.
+    harness.hover_at(Pos2::new(300.0, 300.0));
+    harness.step();
+    harness.drag_at(Pos2::new(300.0, 300.0));
+    for x in [340.0, 380.0, 420.0] {
+        harness.hover_at(Pos2::new(x, 330.0));
+        harness.step();
+    }
+    harness.drop_at(Pos2::new(420.0, 330.0));
+    harness.step();
+    let asked = frame_selection(&mut harness, &service);
+    let [Some(set_view::Change::View(view)), second] = asked.as_slice() else { panic!("{asked:?}") };
+    assert_eq!(*second, focus);
+    let seen = sg_edit::wire::decode_view(view).unwrap();
+    assert!(seen.eye.distance(first.eye) > 1e-3, "{seen:?}");
+    // The eye stays where it is until the scene has moved it, and where it is when the scene repeats its place.
+    assert_eq!(frame_selection(&mut harness, &service), asked);
+    let change = Some(set_view::Change::View(*view));
+    let moved = Arc::new(chosen.after(&scene, Action::SetView(SetView { change })).unwrap());
+    service.writer.update(|state| state.scene = Arc::clone(&moved));
+    harness.step();
+    assert_eq!(frame_selection(&mut harness, &service), [focus]);
 }
 
 #[test]

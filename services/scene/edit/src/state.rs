@@ -10,7 +10,7 @@ use sg_proto::scene::SelectionStep;
 
 use sg_scene::appearance::{Appearance, BaseAppearance, PixelFilter, ShadingTerm, UnitAppearance};
 use sg_scene::camera::Light;
-use sg_scene::framing::front_view;
+use sg_scene::framing::initial_view;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_scene::view::View;
@@ -175,7 +175,7 @@ impl EditState {
             selection: Selection::new(Arc::new(Mask::empty(scene.len())), Arc::new([])),
             light: look.light,
             background: look.background,
-            view: front_view(scene),
+            view: initial_view(scene),
             term: look.term,
             focus: Vec::new(),
             geometry: Arc::new(geometry),

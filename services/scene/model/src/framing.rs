@@ -1,9 +1,12 @@
 //! Framing: the boxes and first views that put a scene into a picture. Scene coordinates, angles in degrees.
 //!
-//! Two first views exist, and both stay as they are because stored pictures and scenes depend on them:
+//! Two first views exist, for two purposes:
 //!
-//! - [`default_view`] is the first view of pictures: oblique for scenes from volumes, over [`visible_box`].
-//! - [`front_view`] is the first view of an edited scene, as the window opens it: from the front, over [`framed_box`].
+//! - [`initial_view`]: a scene as a window or headset opens it, at any aspect. It looks from the front over [`framed_box`].
+//!   Agents mean this direction by "front", "reset the view" returns to it, and stored scenes contain it.
+//! - [`default_camera`]: one picture of a file, without a camera. It looks obliquely over [`visible_box`], so that a single
+//!   picture shows depth. Plain 3DGS scenes are seen from the side of their cameras. Committed pictures and measurements
+//!   show it.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -43,12 +46,12 @@ pub fn frame(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64, 
     at(distance)
 }
 
-/// A first look at a scene.
+/// The camera of a picture of a file for which nobody gives a camera.
 ///
 /// Scenes with editable shading come from volumes and are seen obliquely, z up. Plain 3DGS scenes have y down and z
 /// forward like their cameras, and are seen from the front. The box framed is [`visible_box`]; the background is black.
 #[must_use]
-pub fn default_view(scene: &Scene, width: u32, height: u32) -> Camera {
+pub fn default_camera(scene: &Scene, width: u32, height: u32) -> Camera {
     let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
     let (direction, up) = if from_volume { (DVec3::new(-0.5, 0.8, -0.35), DVec3::Z) } else { (DVec3::Z, DVec3::NEG_Y) };
     frame(visible_box(scene), direction, up, FIELD_OF_VIEW, width, height)
@@ -71,9 +74,10 @@ pub fn visible_box(scene: &Scene) -> SceneBox {
     }
 }
 
-/// The first view of an edited scene: [`framed_box`] from the front, with a vertical field of view of [`FIELD_OF_VIEW`].
+/// The first view of an edited scene, as a display opens it: [`framed_box`] from the front, with a vertical field of view
+/// of [`FIELD_OF_VIEW`].
 #[must_use]
-pub fn front_view(scene: &Scene) -> View {
+pub fn initial_view(scene: &Scene) -> View {
     View::from_side(framed_box(scene), Side::Front, FIELD_OF_VIEW)
 }
 
