@@ -26,7 +26,7 @@ fn chaos(folder: &Path, arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn fifty_faults_leave_the_scene_as_it_would_be_without() {
+fn fifty_faults_leave_the_same_scene() {
     let folder = tempfile::tempdir().unwrap();
     let output = chaos(folder.path(), &["--faults", "50", "--seed", "1", "--gaussians", "5000", "--json"]);
     if !output.status.success() {
@@ -47,7 +47,7 @@ fn fifty_faults_leave_the_scene_as_it_would_be_without() {
 }
 
 #[test]
-fn a_plan_is_told_beforehand_and_repeats_for_its_seed() {
+fn a_plan_is_printed_first_and_repeats_for_its_seed() {
     let folder = tempfile::tempdir().unwrap();
     let plan = |seed: &str| {
         let output = chaos(folder.path(), &["--plan", "--faults", "40", "--seed", seed]);
@@ -74,7 +74,7 @@ fn a_launch_file_without_a_scene_is_refused() {
 
 /// The agents forget their words and actions when they are killed; the scene does not.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_sentence_that_is_said_again_after_its_agents_were_killed_is_found_done() {
+async fn a_repeated_utterance_after_killed_agents_finds_its_result() {
     let stack = Stack::up().unwrap();
     let bus = stack.join(role::CLI).await.unwrap();
     let soon = || Context::root().deadline_in(Duration::from_secs(60));

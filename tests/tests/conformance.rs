@@ -84,7 +84,7 @@ fn every_role_of_the_stack_can_be_tried() {
 
 /// The checks are only worth something if they notice a program that does not fulfil the role.
 #[test]
-fn what_cannot_fill_a_role_is_found_out() {
+fn an_unfit_program_fails_the_conformance_of_its_role() {
     // Another role's executable never serves this one.
     let failed = tried_whole(role::AGENT_INTENT, &executable("supergaussian-scene").unwrap());
     assert!(failed.contains(&"gets ready in time"), "{failed:?}");

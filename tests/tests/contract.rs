@@ -55,7 +55,7 @@ fn edit(path: &Path, from: &str, to: &str) {
 }
 
 #[test]
-fn this_checkout_keeps_what_was_promised() {
+fn this_checkout_is_compatible_with_the_last_release() {
     let (status, said) = contract(&proto(), &["check"]);
     assert_eq!(status, Some(0), "{said}");
     for what in ["structure against v0.1.0", "golden bytes of the release", "key table"] {
@@ -75,7 +75,7 @@ fn away_from_a_checkout_the_compiled_schema_is_looked_at() {
 }
 
 #[test]
-fn without_buf_it_says_so_and_fails_where_tools_are_required() {
+fn without_buf_the_check_reports_it_and_fails_where_tools_are_required() {
     let run = |required: &str| {
         let mut check = command(&proto()).unwrap();
         check.current_dir(proto()).args(["contract", "check"]).env("PATH", "");
@@ -89,7 +89,7 @@ fn without_buf_it_says_so_and_fails_where_tools_are_required() {
 }
 
 #[test]
-fn what_another_image_held_is_missed() {
+fn a_scene_of_another_image_is_not_found() {
     let folder = tempfile::tempdir().unwrap();
     let mut files = FileDescriptorSet::decode(sg_proto::released::IMAGE).unwrap();
     let bus = files.file.iter_mut().find(|f| f.package() == "supergaussian.bus.v1").unwrap();

@@ -75,7 +75,7 @@ fn rows(subject: &SubjectRows, clusters: usize) {
 }
 
 #[test]
-fn what_must_hold_holds_and_a_seed_gives_the_same_numbers() {
+fn evaluation_invariants_hold_and_a_seed_repeats() {
     let first = quick();
     assert_eq!(first.subjects.len(), 2);
     for subject in &first.subjects {
@@ -114,7 +114,7 @@ fn what_must_hold_holds_and_a_seed_gives_the_same_numbers() {
 }
 
 #[test]
-fn every_shape_has_what_is_wanted_and_other_parts() {
+fn every_shape_has_its_target_and_other_parts() {
     let mut sizes = BTreeSet::new();
     for name in REPORTED.into_iter().chain(TUNING) {
         let made = shape(name, 3000, 1).unwrap();

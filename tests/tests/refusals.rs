@@ -61,7 +61,7 @@ fn bad(request: &str, sender: &str, open: bool) -> Vec<(&'static str, RawMessage
 }
 
 #[test]
-fn every_row_of_every_role_refuses_what_it_must() {
+fn every_key_of_every_role_refuses_invalid_requests() {
     let stack = Stack::up().unwrap();
     let before = stack.ps();
     sg_runtime::process::block_on(async {

@@ -255,7 +255,7 @@ fn a_person_brushes_names_and_saves_and_the_runtime_dies() {
 }
 
 #[test]
-fn a_runtime_that_stands_still_holds_nobody_for_ever() {
+fn a_blocked_openxr_runtime_does_not_block_shutdown() {
     if monado::folder().is_none() {
         return;
     }
@@ -305,7 +305,7 @@ fn a_runtime_that_stands_still_holds_nobody_for_ever() {
 }
 
 #[test]
-fn a_window_on_the_desk_shows_what_the_headset_does() {
+fn a_mirror_window_shows_the_headset_view() {
     if monado::folder().is_none() {
         return;
     }

@@ -169,7 +169,7 @@ fn alone() -> (u64, Picture) {
 }
 
 #[test]
-fn a_stack_over_two_hosts_does_what_one_on_one_host_does_and_survives_the_network_between_them() {
+fn a_stack_on_two_hosts_equals_one_host_and_survives_network_faults() {
     let Some(hosts) = two_hosts().unwrap() else {
         println!("SKIPPED: network namespaces cannot be made here; run as root with iproute2");
         return;

@@ -249,7 +249,7 @@ fn a_dropped_scene_opens_in_a_window_and_a_session_of_its_own() {
 }
 
 #[test]
-fn without_a_display_it_is_said_what_to_do() {
+fn without_a_display_the_error_names_a_remedy() {
     let env = [("DISPLAY", ":4711"), ("WAYLAND_DISPLAY", "")];
     let error = Stack::up_of("desktop.toml", &[], &env).map(drop).unwrap_err();
     assert!(error.contains("no window can be opened") && error.contains("DISPLAY"), "{error}");
@@ -464,7 +464,7 @@ fn picture(screen: &Screen) -> Vec<[u8; 3]> {
 }
 
 #[test]
-fn pictures_that_stay_on_the_device_are_those_that_are_copied_and_come_back_when_it_is_lost() {
+fn pictures_kept_on_the_device_equal_copied_ones_and_survive_device_loss() {
     let Some(screen) = Screen::open().unwrap() else { return };
     if let Err(error) = Gpu::open(DeviceClass::Any) {
         assert!(std::env::var_os("SUPERGAUSSIAN_REQUIRE_GPU").is_none_or(|v| v != "1"), "{error}");

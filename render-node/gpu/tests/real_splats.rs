@@ -41,7 +41,7 @@ fn scene(path: &Path) -> Scene {
 }
 
 #[test]
-fn every_level_keeps_its_promise_from_all_sides() {
+fn every_quality_level_meets_its_error_bound_from_all_sides() {
     let Some(data) = data() else { return };
     let gpu = device();
     for name in ["donut_fused.ply", "biker.compressed.ply", "playbot_lod3_31000.ply.zst"] {

@@ -189,7 +189,7 @@ fn clusters_and_attributes_are_shown_outlined_and_picked() {
 }
 
 #[test]
-fn what_is_wrong_is_said_in_one_line() {
+fn errors_are_one_line() {
     let folder = folder();
     let at = folder.path();
     std::fs::write(at.join("broken.json"), "{\"width\": 4, \"widht\": 5}").unwrap();

@@ -280,7 +280,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn what_is_written_is_read(dims in prop::array::uniform3(1..6_usize), seed in any::<u64>(), kind in 0..4) {
+    fn a_written_file_reads_back(dims in prop::array::uniform3(1..6_usize), seed in any::<u64>(), kind in 0..4) {
         let n: usize = dims.iter().product();
         let noise = |i: usize| seed.wrapping_mul(2 * i as u64 + 1).rotate_left(17);
         let scalars: Scalars = match kind {

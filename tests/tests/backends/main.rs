@@ -71,7 +71,7 @@ fn one_agent_of_a_stack_thinks_with_a_program_in_python_and_falls_back_when_that
 }
 
 #[test]
-fn one_agent_of_a_running_stack_is_given_another_backend_and_nobody_else_notices() {
+fn one_agent_of_a_running_stack_swaps_its_backend_alone() {
     let Some(german) = Program::german("127.0.0.1:0") else { return };
     let stack = Stack::up().unwrap();
     let words = "verstecke das sac";
@@ -154,7 +154,7 @@ fn every_agent_thinks_with_its_own() {
 }
 
 #[test]
-fn a_llama_cpp_server_holds_to_the_form_and_what_it_makes_up_is_not_taken() {
+fn a_llama_cpp_server_follows_the_schema_and_invented_units_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let Some(llama) = Program::llama(folder.path()) else { return };
     let intent = executable("supergaussian-agent-intent").unwrap();

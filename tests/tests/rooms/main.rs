@@ -98,7 +98,7 @@ const TOP_LEVEL: [&str; 23] = [
     "tests",
 ];
 
-fn top_level_is_what_it_is(files: &[File]) -> Vec<String> {
+fn top_level_lists_all_commands(files: &[File]) -> Vec<String> {
     let found: std::collections::BTreeSet<&str> =
         files.iter().map(|f| f.path.split('/').next().unwrap_or_default()).collect();
     let strange =
@@ -108,12 +108,12 @@ fn top_level_is_what_it_is(files: &[File]) -> Vec<String> {
 }
 
 #[test]
-fn the_top_level_is_what_it_is() {
-    hold(top_level_is_what_it_is);
+fn the_top_level_lists_all_commands() {
+    hold(top_level_lists_all_commands);
     let complete: Vec<(&str, &str)> = TOP_LEVEL.iter().map(|name| (*name, "")).collect();
-    assert_eq!(complaints_about(top_level_is_what_it_is, &complete), 0);
-    assert_eq!(complaints_about(top_level_is_what_it_is, &[&complete[..], &[("notes/plan.md", "")]].concat()), 1);
-    assert_eq!(complaints_about(top_level_is_what_it_is, &complete[1..]), 1);
+    assert_eq!(complaints_about(top_level_lists_all_commands, &complete), 0);
+    assert_eq!(complaints_about(top_level_lists_all_commands, &[&complete[..], &[("notes/plan.md", "")]].concat()), 1);
+    assert_eq!(complaints_about(top_level_lists_all_commands, &complete[1..]), 1);
 }
 
 fn no_drawers_for_everything(files: &[File]) -> Vec<String> {

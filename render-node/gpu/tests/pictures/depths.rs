@@ -57,7 +57,7 @@ fn compare(got: &[f32], want: &[f64]) -> [usize; 3] {
 }
 
 #[test]
-fn tiles_and_rays_tell_the_depth_of_what_picking_finds() {
+fn tiles_and_rays_depths_equal_exact_picking() {
     let Some(gpu) = device() else { return };
     let (mut compared, mut broken) = (0, Vec::new());
     for case in cases::all() {
@@ -146,7 +146,7 @@ fn the_mean_depth_of_a_solid_surface_is_near_its_front() {
 }
 
 #[test]
-fn depths_are_made_for_who_asks_and_change_no_picture() {
+fn depths_are_optional_and_change_no_picture() {
     let Some(gpu) = device() else { return };
     let scene = scene(&surface(3000, 9));
     let look = Appearance::of(&scene);
@@ -173,7 +173,7 @@ fn depths_are_made_for_who_asks_and_change_no_picture() {
 
 /// Lists that are blended in windows and stretches note the depth once.
 #[test]
-fn the_front_lies_in_whichever_window_reaches_it() {
+fn the_front_depth_is_found_in_every_sort_window() {
     let Some(gpu) = device() else { return };
     let scene = scene(&fog(6000, 0.01, 14));
     let look = Appearance::of(&scene);
@@ -189,7 +189,7 @@ fn the_front_lies_in_whichever_window_reaches_it() {
 }
 
 #[test]
-fn a_depth_image_holds_what_a_projection_between_its_planes_would() {
+fn a_depth_image_equals_the_projection_between_its_planes() {
     let Some(gpu) = device() else { return };
     // In units of half a metre, the last two nearer and farther than the planes.
     let depths = [0.0_f32, 0.2, 1.0, 4.0, 30.0, 900.0, 0.01, 5000.0];
@@ -248,7 +248,7 @@ fn a_depth_image_holds_what_a_projection_between_its_planes_would() {
 
 /// A camera inside a Gaussian has it at the near plane, not far away.
 #[test]
-fn what_is_around_the_eye_is_near() {
+fn gaussians_around_the_eye_are_near() {
     let Some(gpu) = device() else { return };
     let around = Blob { position: Vec3::ZERO, log_scale: Vec3::splat(0.0), logit: 9.0, ..Blob::default() };
     let scene = scene(&[around]);

@@ -160,7 +160,7 @@ fn the_overlay_comes_after_shading() {
 }
 
 #[test]
-fn clips_take_away_what_they_do_not_keep() {
+fn clips_hide_gaussians_outside() {
     let at = |x: f32, z: f32| Blob { position: Vec3::new(x, 0.0, z), ..Blob::default() };
     let row = [at(-0.5, 2.0), at(0.0, 2.0), at(0.5, 2.0), at(0.5, 4.0)];
     let scene = scene(&row);

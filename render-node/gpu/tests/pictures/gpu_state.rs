@@ -34,7 +34,7 @@ fn decibel(image: &Image, want: &Image) -> f64 {
 }
 
 #[test]
-fn two_eyes_see_what_each_sees_alone() {
+fn two_eyes_drawn_together_equal_each_drawn_alone() {
     let Some(gpu) = device() else { return };
     let scene = scene(&surface(8000, 3));
     let appearance = Appearance::of(&scene);
@@ -215,7 +215,7 @@ fn half_precision_is_worth_its_error() {
 }
 
 #[test]
-fn a_lost_device_is_told_and_a_new_one_draws_the_same() {
+fn a_lost_device_is_reported_and_a_new_one_draws_the_same() {
     let Some(gpu) = device() else { return };
     let scene = scene(&cloud(2000, 9));
     let appearance = Appearance::of(&scene);
@@ -265,7 +265,7 @@ fn an_engine_opens_a_lost_device_again() {
 }
 
 #[test]
-fn what_makes_no_picture_is_refused_in_words() {
+fn impossible_pictures_are_refused_with_a_reason() {
     let Some(gpu) = device() else { return };
     let scene = scene(&cloud(10, 9));
     let appearance = Appearance::of(&scene);

@@ -21,14 +21,14 @@ fn alpha(image: &Image, x: u32, y: u32) -> f32 {
 }
 
 #[test]
-fn every_level_keeps_its_promise_on_every_case() {
+fn every_quality_level_meets_its_error_bound_on_every_case() {
     for case in cases::all() {
         promises_are_kept(case.name, &case.scene, &case.appearance, &case.camera);
     }
 }
 
 #[test]
-fn a_needle_seen_far_from_its_centre() {
+fn a_needle_far_from_its_centre() {
     let cases = cases::all();
     let case = cases.iter().find(|c| c.name == "needle far from its centre").unwrap();
     let picture = |quality| render(&case.scene, &case.appearance, &case.camera, quality).unwrap().image;
@@ -55,7 +55,7 @@ fn smaller_than_a_pixel_and_of_no_size() {
 }
 
 #[test]
-fn huge_ones_cover_everything() {
+fn huge_gaussians_cover_everything() {
     for size in [1e6_f32, 1e20, 1e38] {
         let huge = Blob { log_scale: Vec3::splat(size.ln()), logit: logit(0.5), ..Blob::default() };
         for quality in LEVELS {
@@ -67,7 +67,7 @@ fn huge_ones_cover_everything() {
 }
 
 #[test]
-fn what_is_not_a_number_is_dropped_and_counted() {
+fn non_finite_gaussians_are_dropped_and_counted() {
     let camera = camera(80.0, 33, 33);
     for quality in LEVELS {
         let want = draw(&scene(&[Blob::default()]), &camera, quality).image;
@@ -109,7 +109,7 @@ fn equal_depths_everywhere() {
 }
 
 #[test]
-fn opacity_one_hides_what_is_behind() {
+fn opacity_one_hides_gaussians_behind() {
     for logit in [40.0, f32::INFINITY] {
         let front = Blob { logit, color: Vec3::X, ..Blob::default() };
         let behind = Blob { position: Vec3::new(0.0, 0.0, 4.0), color: Vec3::Y, logit, ..Blob::default() };

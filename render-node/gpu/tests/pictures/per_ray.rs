@@ -94,7 +94,7 @@ fn on_the_axis_it_is_the_affine_picture() {
 }
 
 #[test]
-fn every_level_keeps_its_promise_on_every_case() {
+fn every_quality_level_meets_its_error_bound_on_every_case() {
     for case in cases::all() {
         let draw = |quality| render(&case.scene, &case.appearance, &case.camera, per_ray(quality)).unwrap();
         let exact = draw(Exact).image;

@@ -79,7 +79,7 @@ fn the_front_is_where_pictures_say() {
 }
 
 #[test]
-fn every_pixel_of_the_ids_is_what_picking_there_gives() {
+fn every_pixel_of_the_id_image_equals_picking() {
     let scene = scene(&surface(1500, 32));
     let look = Appearance::of(&scene);
     let camera = side_view(45, 37, 45.0);
@@ -102,7 +102,7 @@ fn every_pixel_of_the_ids_is_what_picking_there_gives() {
 }
 
 #[test]
-fn a_sheet_is_hit_where_it_stands() {
+fn a_sheet_is_hit_at_its_depth() {
     // A flat opaque Gaussian across the view at depth 3, tilted by 45° about y, and a faint one before it.
     let tilt = std::f32::consts::FRAC_PI_8;
     let sheet = Blob {
@@ -142,7 +142,7 @@ fn a_sheet_is_hit_where_it_stands() {
 }
 
 #[test]
-fn what_is_not_drawn_is_not_hit() {
+fn hidden_gaussians_are_not_hit() {
     let near = Blob { logit: 9.0, ..Blob::default() };
     let far = Blob { position: Vec3::new(0.0, 0.0, 4.0), log_scale: Vec3::splat(-0.5), ..near };
     let scene = scene(&[near, far]);

@@ -106,7 +106,7 @@ fn an_image_with_fewer_numbers_than_its_size_is_one_black_pixel() {
 }
 
 #[test]
-fn a_vignette_darkens_the_edge_and_leaves_what_is_looked_at() {
+fn a_vignette_darkens_the_edge_and_not_the_centre() {
     let Some(gpu) = device() else { return };
     let image = Image { width: 1, height: 1, rgba: vec![1.0; 4] };
     // Straight ahead is off the middle, as for eyes in a headset; the picture reaches to 63° on its right.

@@ -60,6 +60,41 @@ impl Default for Settings {
     }
 }
 
+/// Settings that cannot be read or saved.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsError {
+    /// The file cannot be read or written.
+    #[error("{}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        reason: std::io::Error,
+    },
+    /// The file is no valid TOML of settings.
+    #[error("{}: {reason}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The place and the mistake.
+        reason: Box<toml::de::Error>,
+    },
+    /// A value has no TOML form.
+    #[error("{}: {reason}", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// The value and the reason.
+        reason: Box<toml::ser::Error>,
+    },
+}
+
+impl SettingsError {
+    fn file(path: &Path, reason: std::io::Error) -> Self {
+        Self::File { path: path.to_owned(), reason }
+    }
+}
+
 impl Settings {
     /// Path of the file: `supergaussian/window.toml` of the user's configuration; `None` for a user without a home.
     #[must_use]
@@ -70,30 +105,34 @@ impl Settings {
     /// The saved settings; `None` without a file.
     ///
     /// # Errors
-    /// An error for an unreadable or invalid file, a line for a person.
-    pub fn load(path: &Path) -> Result<Option<Self>, String> {
+    /// [`SettingsError`] for an unreadable or invalid file.
+    pub fn load(path: &Path) -> Result<Option<Self>, SettingsError> {
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(format!("{}: {error}", path.display())),
+            Err(error) => return Err(SettingsError::file(path, error)),
         };
-        let settings = toml::from_str::<Self>(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+        let settings = toml::from_str::<Self>(&text)
+            .map_err(|reason| SettingsError::Invalid { path: path.to_owned(), reason: reason.into() })?;
         Ok(Some(settings.validated()))
     }
 
-    /// Keeps it, whole or not at all.
+    /// Saves the settings, whole or not at all. Creates the folder.
     ///
     /// # Errors
-    /// The system's error, with the path.
-    pub fn save(&self, path: &Path) -> Result<(), String> {
-        let said = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
-        let text = toml::to_string(self).map_err(|e| said(&e))?;
+    /// [`SettingsError`] if the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), SettingsError> {
+        let text = toml::to_string(self)
+            .map_err(|reason| SettingsError::Unwritable { path: path.to_owned(), reason: reason.into() })?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder).map_err(|e| said(&e))?;
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| said(&e))?;
-        file.write_all(text.as_bytes()).map_err(|e| said(&e))?;
-        file.persist(path).map_err(|e| said(&e))?;
-        Ok(())
+        let write = || {
+            std::fs::create_dir_all(folder)?;
+            let mut file = tempfile::NamedTempFile::new_in(folder)?;
+            file.write_all(text.as_bytes())?;
+            file.persist(path)?;
+            Ok(())
+        };
+        write().map_err(|error: std::io::Error| SettingsError::file(path, error))
     }
 
     /// Copies saved settings into tools; a quality `given` for this run takes precedence.
@@ -146,7 +185,7 @@ mod tests {
     fn what_is_kept_is_read_and_what_makes_no_sense_is_not() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/window.toml");
-        assert_eq!(Settings::load(&path), Ok(None));
+        assert_eq!(Settings::load(&path).unwrap(), None);
         let settings = Settings {
             width: 800.0,
             navigation_mode: NavigationMode::Fly,
@@ -154,13 +193,13 @@ mod tests {
             ..Settings::default()
         };
         settings.save(&path).unwrap();
-        assert_eq!(Settings::load(&path), Ok(Some(settings)));
+        assert_eq!(Settings::load(&path).unwrap(), Some(settings));
         std::fs::write(&path, "width = 1e9\nradius = nan\nmanner = \"fly\"\nnews = 3\n").unwrap();
         assert_eq!(
-            Settings::load(&path),
-            Ok(Some(Settings { navigation_mode: NavigationMode::Fly, ..Settings::default() }))
+            Settings::load(&path).unwrap(),
+            Some(Settings { navigation_mode: NavigationMode::Fly, ..Settings::default() })
         );
         std::fs::write(&path, "manner = \"swim\"").unwrap();
-        assert!(Settings::load(&path).unwrap_err().contains("window.toml"));
+        assert!(Settings::load(&path).unwrap_err().to_string().contains("window.toml"));
     }
 }

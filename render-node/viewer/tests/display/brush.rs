@@ -53,7 +53,7 @@ fn tools(scene: &Scene, mode: BrushMode) -> Tools {
 }
 
 #[test]
-fn a_brush_over_a_surface_reaches_only_so_far_behind_it() {
+fn a_surface_brush_has_a_depth_limit() {
     // Seen along the row: Gaussians behind are further along.
     let scene = row_of_gaussians(10);
     let mut hand = hand(&scene);
@@ -76,7 +76,7 @@ fn a_brush_over_a_surface_reaches_only_so_far_behind_it() {
 }
 
 #[test]
-fn what_would_change_is_seen_before_the_brush_is_pressed() {
+fn a_hovering_brush_previews_its_change() {
     let scene = row_of_gaussians(10);
     let (hand, none) = (hand(&scene), Mask::empty(10));
     let labels: Vec<u32> = vec![0, 0, 0, 1, 1, 1, NO_CLUSTER, NO_CLUSTER, 2, 2];
@@ -96,7 +96,7 @@ fn what_would_change_is_seen_before_the_brush_is_pressed() {
 }
 
 #[test]
-fn a_stroke_is_told_as_it_grows_each_sample_once_and_whole_at_its_end() {
+fn a_growing_stroke_sends_each_sample_once_and_the_whole_at_its_end() {
     let scene = row_of_gaussians(10);
     let (mut hand, tools) = (hand(&scene), tools(&scene, BrushMode::Point));
     let none = Arc::new(Mask::empty(10));
@@ -129,7 +129,7 @@ fn a_stroke_is_told_as_it_grows_each_sample_once_and_whole_at_its_end() {
 }
 
 #[test]
-fn pressure_is_told_where_it_is_an_option_and_only_there() {
+fn pressure_is_reported_only_where_it_is_an_option() {
     let scene = row_of_gaussians(10);
     let mut hand = hand(&scene);
     let tools = Tools { pressure: true, ..tools(&scene, BrushMode::Point) };

@@ -20,7 +20,7 @@ fn opened(scene: &Scene) -> Arc<EditState> {
 }
 
 #[test]
-fn a_draft_is_seen_and_the_state_is_as_it_was() {
+fn a_draft_changes_the_picture_and_not_the_state() {
     let scene = Arc::new(row_of_gaussians(6));
     let state = opened(&scene);
     let mut drafts = Drafts::default();
@@ -35,7 +35,7 @@ fn a_draft_is_seen_and_the_state_is_as_it_was() {
 }
 
 #[test]
-fn a_draft_that_was_asked_for_stays_until_the_scene_has_told_of_something() {
+fn a_requested_draft_stays_until_the_next_scene_event() {
     let scene = Arc::new(row_of_gaussians(6));
     let state = opened(&scene);
     let mut drafts = Drafts::default();
@@ -47,7 +47,7 @@ fn a_draft_that_was_asked_for_stays_until_the_scene_has_told_of_something() {
 }
 
 #[test]
-fn what_the_scene_would_refuse_shows_nothing() {
+fn a_draft_that_the_scene_would_refuse_shows_nothing() {
     let scene = Arc::new(row_of_gaussians(6));
     let state = opened(&scene);
     let mut drafts = Drafts::default();

@@ -38,7 +38,7 @@ pub(crate) fn stroke(mode: StrokeMode) -> Step {
 }
 
 #[test]
-fn only_a_walk_is_done_again_and_only_by_somebody_who_can() {
+fn only_walk_steps_are_solved_again_where_a_solver_exists() {
     let scene = Arc::new(row_of_gaussians(6));
     assert_eq!(after_steps(&scene, vec![stroke(StrokeMode::Point)]).tuning(), None);
     let walked = after_steps(&scene, vec![stroke(StrokeMode::Walk), stroke(StrokeMode::Point)]);
@@ -56,7 +56,7 @@ fn only_a_walk_is_done_again_and_only_by_somebody_who_can() {
 }
 
 #[test]
-fn what_a_hand_makes_is_tried_and_then_one_step() {
+fn a_hand_gesture_is_previewed_and_becomes_one_step() {
     let scene = Arc::new(row_of_gaussians(6));
     let shown = after_steps(&scene, vec![stroke(StrokeMode::Walk)]);
     let mut drag = ParameterDrag::default();
@@ -94,7 +94,7 @@ fn a_hand_stays_within_the_range() {
 }
 
 #[test]
-fn what_a_newer_value_has_passed_by_is_never_looked_at() {
+fn superseded_values_are_never_processed() {
     let scene = Arc::new(row_of_gaussians(6));
     let shown = after_steps(&scene, vec![stroke(StrokeMode::Walk)]);
     let (mut view_port, service) = ViewPort::new(shown.clone());

@@ -35,7 +35,7 @@ fn sees_a_place_of(eye: &Eye, rectangle: &Rectangle) -> bool {
 }
 
 #[test]
-fn what_hangs_behind_or_far_aside_is_not_seen() {
+fn panels_behind_or_far_aside_are_not_visible() {
     let fov = Fov { left: -0.9, right: 0.7, up: 0.8, down: -0.6 };
     let eye = Eye { pose: Pose::IDENTITY, fov };
     let hung = |degrees: f64| {
@@ -49,7 +49,7 @@ fn what_hangs_behind_or_far_aside_is_not_seen() {
 
 proptest! {
     #[test]
-    fn what_is_seen_of_a_rectangle_is_not_taken_for_hidden(
+    fn the_visible_part_of_a_rectangle_is_not_masked(
         turn in proptest::array::uniform4(-1.0..1.0_f64), at in proptest::array::uniform3(-2.0..2.0_f64),
         size in proptest::array::uniform2(0.01..4.0_f64), head in proptest::array::uniform4(-1.0..1.0_f64),
     ) {
@@ -61,7 +61,7 @@ proptest! {
     }
 
     #[test]
-    fn a_scene_point_is_seen_where_it_stands_in_the_room(
+    fn a_scene_point_projects_to_its_place_in_the_room(
         scale in 1e-3..1e3_f64, turn in proptest::array::uniform4(-1.0..1.0_f64), head in proptest::array::uniform4(-1.0..1.0_f64),
         at in proptest::array::uniform3(-3.0..3.0_f64), eye in proptest::array::uniform3(-3.0..3.0_f64),
         offset in proptest::array::uniform3(-0.5..0.5_f64),

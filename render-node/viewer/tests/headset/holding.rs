@@ -65,7 +65,7 @@ fn a_fitted_scene_is_a_metre_long_and_stands_upright_in_front() {
 
 proptest! {
     #[test]
-    fn what_one_hand_holds_stays_in_it(path in prop::collection::vec((vector(1.0), vector(3.0)), 2..20), side in 0..2_usize) {
+    fn one_hand_keeps_the_grabbed_point(path in prop::collection::vec((vector(1.0), vector(3.0)), 2..20), side in 0..2_usize) {
         let mut scene = scene();
         let rest = HandInput::default();
         let both = |h: HandInput| if side == 0 { [h, rest] } else { [rest, h] };
@@ -86,7 +86,7 @@ proptest! {
     }
 
     #[test]
-    fn what_two_hands_hold_stays_under_them(path in prop::collection::vec((vector(0.5), vector(0.5)), 2..20)) {
+    fn two_hands_keep_their_grabbed_points(path in prop::collection::vec((vector(0.5), vector(0.5)), 2..20)) {
         let mut scene = scene();
         let mut held: Option<[DVec3; 2]> = None;
         for (left, right) in path {
@@ -118,7 +118,7 @@ proptest! {
     }
 
     #[test]
-    fn a_hand_that_is_lost_lets_go_and_what_is_no_number_moves_nothing(
+    fn a_lost_hand_lets_go_and_nan_moves_nothing(
         away in vector(2.0), bad in prop_oneof![Just(f64::NAN), Just(f64::INFINITY)], which in 0..4_usize, squeeze in 0.5..1.0_f64,
     ) {
         let mut scene = scene();

@@ -55,7 +55,7 @@ fn eye(x: f64, yaw: f64) -> Eye {
 }
 
 #[test]
-fn what_lenses_hide_is_not_drawn_and_the_rest_is_the_same_to_the_last_bit() {
+fn masked_pixels_are_not_drawn_and_the_rest_is_bit_for_bit_equal() {
     if let Some(gpu) = device() {
         hides(&gpu, Some(false));
     }
@@ -64,14 +64,14 @@ fn what_lenses_hide_is_not_drawn_and_the_rest_is_the_same_to_the_last_bit() {
 /// In one pass for both eyes, with the driver of the runtime's folder: older ones draw the right eye wrongly so.
 #[cfg(feature = "xr")]
 #[test]
-fn one_pass_for_both_eyes_leaves_out_what_is_hidden_of_each() {
-    crate::monado::run_inside("mask::inside_one_pass_for_both_eyes_leaves_out_what_is_hidden_of_each");
+fn one_stereo_pass_skips_the_hidden_pixels_of_each_eye() {
+    crate::monado::run_inside("mask::inside_one_stereo_pass_skips_the_hidden_pixels_of_each_eye");
 }
 
 #[cfg(feature = "xr")]
 #[test]
 #[ignore = "run by the test without `inside`"]
-fn inside_one_pass_for_both_eyes_leaves_out_what_is_hidden_of_each() {
+fn inside_one_stereo_pass_skips_the_hidden_pixels_of_each_eye() {
     if crate::monado::is_inside()
         && let Some(gpu) = device()
     {
@@ -138,7 +138,7 @@ fn compare(whole: &Image, masked: &Image, mesh: &[[DVec2; 3]], background: glam:
 /// The cost and the saving of a mask, in seconds for a pair of pictures. Run by hand.
 #[test]
 #[ignore = "a measurement"]
-fn what_a_mask_spares() {
+fn savings_of_a_visibility_mask() {
     let Some(gpu) = device() else { return };
     let scene = scenes::scene(&scenes::surface(4000, 5));
     let appearance = Appearance::of(&scene);

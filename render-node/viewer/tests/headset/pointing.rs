@@ -43,7 +43,7 @@ fn the_nearer_of_two_is_pointed_at() {
 }
 
 #[test]
-fn the_pointer_goes_with_the_hand_that_presses_and_stays_with_what_is_pressed() {
+fn the_pointer_follows_the_pressing_hand_and_stays_with_its_control() {
     let panel = |x: f64| Rectangle {
         pose: Pose { position: DVec3::new(x, 0.0, -1.0), orientation: DQuat::IDENTITY },
         size: DVec2::ONE,

@@ -32,13 +32,13 @@ fn near(hand: &HandInput, at: [f32; 3]) -> bool {
 }
 
 #[test]
-fn a_scene_is_seen_held_and_scaled() {
-    run_inside("sessions::inside_a_scene_is_seen_held_and_scaled");
+fn a_scene_is_drawn_held_and_scaled() {
+    run_inside("sessions::inside_a_scene_is_drawn_held_and_scaled");
 }
 
 #[test]
 #[ignore = "run by the test without `inside`"]
-fn inside_a_scene_is_seen_held_and_scaled() {
+fn inside_a_scene_is_drawn_held_and_scaled() {
     if !is_inside() {
         return;
     }
@@ -391,7 +391,7 @@ fn inside_a_lost_device_is_opened_again_with_its_session() {
 
 /// Outside Monado's folder there is usually no headset. The message names the missing part and the remedy.
 #[test]
-fn what_is_missing_is_said_in_a_line() {
+fn missing_files_are_reported_in_one_line() {
     match Headset::open(Options::default()) {
         Ok(headset) => println!("SKIPPED without a headset: there is {:?}", headset.names()),
         Err(error) => {

@@ -35,7 +35,7 @@ fn a_curve_runs_evenly_over_the_scaled_domain() {
 }
 
 #[test]
-fn a_curve_that_cannot_be_read_is_said_and_not_shown() {
+fn an_unreadable_transfer_function_is_reported_and_not_shown() {
     let folder = tempfile::tempdir().unwrap();
     let (none, problems) = curves(&scene(), &folder.path().join("scene.toml"));
     assert_eq!(none, [None, None]);

@@ -73,7 +73,7 @@ fn take(harness: &mut Harness<'_, Stage>, scene: &Arc<Scene>, action: &Action) {
 }
 
 #[test]
-fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
+fn only_available_requests_are_sent_and_they_are_valid() {
     let scene = scene();
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let (mut changes, mut held, mut selects, mut said, mut wished, mut tuned) = (0, 0, 0, 0, 0, 0);
@@ -138,7 +138,7 @@ fn only_what_is_offered_is_asked_for_and_it_makes_sense() {
 }
 
 #[test]
-fn a_control_shows_what_the_hand_makes_of_it_until_the_scene_tells_of_it() {
+fn a_control_shows_its_draft_until_the_scene_confirms_it() {
     let scene = scene();
     let mut panel = harness(Stage::new(Panel::SCENE));
     let told = Arc::clone(&panel.state().shown.scene);

@@ -207,7 +207,7 @@ fn light_shading_and_background() {
 }
 
 #[test]
-fn viewpoints_and_what_the_display_does_itself() {
+fn viewpoints_and_requests_handled_by_the_display() {
     let mut stage = Stage::new(Panel::SCENE);
     stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Place(1)];
     let mut panel = tall(stage);
@@ -244,7 +244,7 @@ fn history_takes_back_as_far_as_is_pointed_at() {
 }
 
 #[test]
-fn what_is_shown_is_this_displays_own() {
+fn display_options_belong_to_one_display() {
     let mut panel = scene();
     press(&mut panel, "What is shown");
     // A headset's pictures have no lines drawn into them.
@@ -315,7 +315,7 @@ fn without_the_scenes_owner_nothing_can_be_changed() {
 }
 
 #[test]
-fn a_new_name_is_asked_for_when_it_was_typed() {
+fn a_typed_name_is_requested() {
     let mut panel = scene();
     press(&mut panel, "sac");
     press(&mut panel, "rename");

@@ -143,7 +143,7 @@ fn a_selection_is_saved_under_a_free_name() {
 }
 
 #[test]
-fn the_field_for_the_name_is_found_though_it_was_folded_away() {
+fn the_name_field_is_found_in_a_folded_panel() {
     let mut panel = prompt();
     press(&mut panel, "Save as a unit");
     assert!(panel.query_by_label("name of the new unit").is_none());
@@ -157,7 +157,7 @@ fn the_field_for_the_name_is_found_though_it_was_folded_away() {
 }
 
 #[test]
-fn a_unit_is_replaced_only_when_that_was_said_twice() {
+fn a_unit_is_replaced_only_after_a_confirmation() {
     let mut panel = prompt();
     press(&mut panel, "name of the new unit");
     panel.get_by_label("name of the new unit").type_text("SAC");
@@ -237,7 +237,7 @@ fn slide(panel: &mut Harness<'_, Stage>, label: &str, shares: &[f32]) {
 }
 
 #[test]
-fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
+fn a_moving_slider_previews_the_walk_and_its_release_commits_it() {
     let mut panel = prompt();
     for label in ["Reach", "Strictness", "where to brush next?"] {
         assert!(panel.query_by_label(label).is_none(), "{label} without a walk");
@@ -273,7 +273,7 @@ fn the_last_walk_is_tried_while_a_slider_moves_and_taken_when_it_is_let_go() {
 }
 
 #[test]
-fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
+fn a_hidden_panel_commits_the_open_draft() {
     let mut panel = prompt();
     panel.state_mut().walk();
     panel.run();
@@ -288,7 +288,7 @@ fn what_is_under_a_hand_is_taken_when_the_panel_is_put_away() {
 }
 
 #[test]
-fn places_for_a_next_stroke_are_asked_for_and_looked_at() {
+fn proposals_are_requested_and_viewed() {
     let mut panel = prompt();
     panel.state_mut().walk();
     panel.run();

@@ -46,7 +46,7 @@ impl egui::DroppedFile for File {
 }
 
 #[test]
-fn dropped_scenes_and_volumes_are_asked_to_be_opened_and_nothing_else() {
+fn only_dropped_scenes_and_volumes_are_opened() {
     let folder = tempfile::tempdir().unwrap();
     let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
     harness.step();

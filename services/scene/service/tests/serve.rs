@@ -156,7 +156,7 @@ fn limit_files(scene: &Scene, bytes: Option<u64>) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_command_that_finds_no_room_is_refused_and_kept_when_there_is_room_again() {
+async fn a_full_disk_refuses_a_command_and_a_retry_with_space_is_kept() {
     let mut stack = Stack::open(500).await;
     let cli = stack.join(role::CLI).await;
     let mut scene = stack.start();

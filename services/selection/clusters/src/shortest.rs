@@ -299,7 +299,7 @@ mod tests {
         }
 
         #[test]
-        fn a_search_continued_is_a_search_begun_anew(graph in graphs(), low in 0..8_u32, source in 0..30_u32) {
+        fn a_continued_search_equals_a_new_search(graph in graphs(), low in 0..8_u32, source in 0..30_u32) {
             let source = source % graph.len() as u32;
             let first = |v: u32| f64::from((v * 31 + low * 17) % 7);
             let second = |v: u32| first(v) + f64::from((v * 13 + low) % 4);

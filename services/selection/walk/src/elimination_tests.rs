@@ -54,7 +54,7 @@ proptest! {
     }
 
     #[test]
-    fn what_a_seed_would_do_is_what_it_does(
+    fn the_predicted_effect_of_a_seed_equals_its_effect(
         seed in 0..1000_u64,
         marks in proptest::collection::vec(0..40_usize, 2..5),
         node in 0..40_usize,

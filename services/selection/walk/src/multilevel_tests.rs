@@ -80,7 +80,7 @@ fn far_off_nodes_and_islands_are_settled_exactly() {
 }
 
 #[test]
-fn what_it_cannot_do_it_refuses() {
+fn unsupported_requests_are_refused() {
     // A chain whose every conductance is e⁻¹⁰⁰ of the one before: each node is faint beside the largest, none beside the next.
     let chain = (0..40).map(|i| (i, i + 1, Conductance::exp(-100.0 * f64::from(i))));
     let mut edges: Vec<_> = chain.collect();

@@ -91,7 +91,7 @@ fn unchanged_file_cancels_a_swap() {
 }
 
 #[test]
-fn the_same_file_again_does_not_begin_a_swap_again_but_tries_one_that_failed() {
+fn the_same_file_repeats_only_a_failed_swap() {
     let list = vec![Service { start: start(1), ..service(0, &[], patient()) }];
     let mut world = running(vec![service(0, &[], patient())]);
     world.behaviours = vec![(Behaviour::Slow, millis(20))];

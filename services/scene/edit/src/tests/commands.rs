@@ -244,7 +244,7 @@ fn selecting_combines_sets_and_forgets_strokes() {
 }
 
 #[test]
-fn a_committed_selection_must_fit_the_scene_and_follow_the_one_it_was_made_from() {
+fn a_committed_selection_must_match_the_scene_and_its_base_selection() {
     let mut editor = editor();
     let stroke = Stroke {
         mode: StrokeMode::Walk.into(),

@@ -38,7 +38,7 @@ fn select(id: &str, unit: &str) -> Command {
 }
 
 #[test]
-fn everything_is_there_after_a_restart_history_and_ids_included() {
+fn a_restart_keeps_scene_history_and_ids() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.sgproj");
     let mut project = open(&path);

@@ -47,7 +47,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn growing_and_shrinking_are_what_they_say(seeds in prop::collection::vec(0..500_usize, 0..40), distance in 0.0..0.2_f64) {
+    fn growing_and_shrinking_match_their_definitions(seeds in prop::collection::vec(0..500_usize, 0..40), distance in 0.0..0.2_f64) {
         let s = two_units();
         let mask = mask_of(500, &seeds);
         let r = distance * s.scene().bounds.longest_edge();
@@ -130,7 +130,7 @@ proptest! {
 }
 
 #[test]
-fn nothing_inverted_is_everything_that_has_a_place() {
+fn inverting_an_empty_selection_selects_all_finite_gaussians() {
     let s = two_units();
     let all = done(&s, &Operation::Invert, &Mask::empty(500));
     assert_eq!((all.count(), all.get(7)), (499, false));
@@ -144,7 +144,7 @@ fn lattice() -> OperationContext {
 }
 
 #[test]
-fn holes_are_filled_up_to_a_size_and_pieces_are_told_apart() {
+fn holes_are_filled_up_to_a_size_and_pieces_are_separated() {
     let s = lattice();
     let at = |i: usize| s.scene().position(i).unwrap();
     let (centre, far) = (DVec3::splat(5.0), DVec3::splat(10.0));
@@ -171,7 +171,7 @@ fn holes_are_filled_up_to_a_size_and_pieces_are_told_apart() {
 }
 
 #[test]
-fn what_is_alike_is_found_and_what_is_not_is_not() {
+fn similar_clusters_are_found_and_others_are_not() {
     // Two kinds in one unit: small and large.
     let mut unit = random_unit(400, 5);
     for (i, log_scale) in unit.gaussians.log_scale.iter_mut().enumerate() {

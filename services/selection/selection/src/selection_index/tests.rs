@@ -97,7 +97,7 @@ fn sharp_sphere(n: usize, sigma: f64, leak: f64) -> (Scene, SelectionIndex) {
 }
 
 #[test]
-fn what_cannot_be_iterated_is_eliminated_and_says_so() {
+fn a_failed_iteration_falls_back_to_elimination_with_a_note() {
     let mut said = 0;
     for (sigma, leak) in [(1.0, 0.03), (0.5, 1e-4), (0.25, 1e-6)] {
         let (scene, space) = sharp_sphere(6000, sigma, leak);
