@@ -42,7 +42,7 @@ pub use drawing::threads;
 pub use error::WindowError;
 pub use navigation::{NavigationMode, Navigator};
 pub use scene_view::MouseTool;
-pub use settings::Settings;
+pub use settings::{Settings, SettingsError};
 pub use shortcuts::{MOUSE, SHORTCUTS, Shortcut};
 pub use window_ui::WindowUi;
 
