@@ -127,7 +127,7 @@ fn every_agent_thinks_with_its_own() {
     let stack = Stack::up_with(&[&settings[..], &knows[..]].concat()).unwrap();
     let answer = say(&stack, "verstecke die beule");
     assert_eq!(answer["ok"], true, "{answer:#}");
-    let resolved = &stage(&answer, "ActionResult")["resolvedNames"][0];
+    let resolved = &stage(&answer, "ActionResult")["resolved_names"][0];
     assert_eq!((&resolved["spoken"], &resolved["unit"]), (&"beule".into(), &"sac".into()));
     starts(&answer["reply"]["facts"], "Interpreted “beule” as the unit “sac”. The sac is now hidden.");
     assert_eq!(answer["text"], format!("Erledigt: {}", answer["reply"]["facts"].as_str().unwrap()));
@@ -139,10 +139,10 @@ fn every_agent_thinks_with_its_own() {
     let stack = Stack::up_with(&[&settings[..], &chooses[..]].concat()).unwrap();
     let answer = say(&stack, "verstecke die leber");
     let action = stage(&answer, "ActionResult");
-    match action["resolvedNames"][0]["unit"].as_str() {
+    match action["resolved_names"][0]["unit"].as_str() {
         Some(unit) => {
             assert!(["sac", "body"].contains(&unit) && answer["ok"] == true, "{answer:#}");
-            assert!(action["resolvedNames"][0]["model"].as_str().is_some_and(|m| m.contains("random")), "{action:#}");
+            assert!(action["resolved_names"][0]["model"].as_str().is_some_and(|m| m.contains("random")), "{action:#}");
         }
         None => starts(&action["text"], "Nothing is named “leber” yet."),
     }
