@@ -62,7 +62,7 @@ pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
     for files in [&authority.files, &at_home].into_iter().chain(&of_nodes) {
         files.write()?;
     }
-    if SystemTime::now() + Duration::from_secs(days * DAY) > authority.expires {
+    if in_days(*days) > authority.expires {
         terminal::print_status(&format!(
             "{}: expires before {days} days; the certificates end with it. Start a new authority in another folder in time",
             authority.files.certificate.display()
@@ -130,7 +130,7 @@ struct Authority {
 impl Authority {
     fn of(dir: &Path) -> Result<Self, Failure> {
         let (pair, new_key) = key(dir, AUTHORITY_FILE)?;
-        let mut params = params(AUTHORITY, &[], SystemTime::now() + Duration::from_secs(AUTHORITY_DAYS * DAY))?;
+        let mut params = params(AUTHORITY, &[], in_days(AUTHORITY_DAYS))?;
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
         let certificate = dir.join(format!("{AUTHORITY_FILE}.pem"));
@@ -160,7 +160,7 @@ impl Authority {
         purpose: ExtendedKeyUsagePurpose,
         days: u64,
     ) -> Result<SignedFiles, Failure> {
-        let expires = (SystemTime::now() + Duration::from_secs(days * DAY)).min(self.expires);
+        let expires = in_days(days).min(self.expires);
         let mut params = params(name, hosts, expires)?;
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
         params.extended_key_usages = vec![purpose];
@@ -203,6 +203,11 @@ fn expiry(pem: &str) -> Result<SystemTime, String> {
     let certificate = pem.parse_x509().map_err(|e| format!("no certificate: {e}"))?;
     let seconds = u64::try_from(certificate.validity().not_after.timestamp()).unwrap_or_default();
     Ok(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds))
+}
+
+/// The time in so many days.
+fn in_days(days: u64) -> SystemTime {
+    SystemTime::now() + Duration::from_secs(days * DAY)
 }
 
 fn params(name: &str, hosts: &[String], expires: SystemTime) -> Result<CertificateParams, Failure> {

@@ -97,6 +97,7 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
         Some(path) => Some(read_script(path)?),
         None => None,
     };
+    let session = SessionDir::named(session_name.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
     let out = folder.prepare()?;
     let files = shipped::unpack(&out, input.shipped_name())?;
     let mut steps = match own_steps {
@@ -127,9 +128,7 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
         format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string())),
         format!("service.scene.params.project={}", toml::Value::String(project.display().to_string())),
     ];
-    outputs::list(&out, &steps, windowed)?;
     forget_dead_demos();
-    let session = SessionDir::named(session_name.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
     // A session that was there before may hold a person's project.
     let is_new = !session.path().exists();
     let remove_session = || {
@@ -164,7 +163,7 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
             }
         }
     }
-    outputs::list(&out, &steps, false)?;
+    outputs::list(&out, &steps)?;
     let settings = Settings {
         out,
         conversation: format!("demo-{}", Context::root().id),

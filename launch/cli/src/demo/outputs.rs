@@ -66,19 +66,22 @@ impl<'a> OutputFolder<'a> {
             }
         }
         set_project_aside(&out)?;
-        list(&out, &[], true)?;
+        write_manifest(&out, &[])?;
         Ok(out)
     }
 }
 
-/// Lists the files that a script writes into the folder.
+/// Lists the files that a script writes into the folder, before it is played.
 ///
-/// A window's project holds a person's edits. It is not listed, and the next demo moves it aside.
-pub(super) fn list(out: &Path, steps: &[Step], windowed: bool) -> Result<(), Failure> {
+/// A window lists nothing. Its project holds a person's edits, and the next demo moves it aside.
+pub(super) fn list(out: &Path, steps: &[Step]) -> Result<(), Failure> {
+    write_manifest(out, &file_names(steps))
+}
+
+fn write_manifest(out: &Path, names: &[String]) -> Result<(), Failure> {
     let path = out.join(MANIFEST);
-    let names = if windowed { Vec::new() } else { file_names(steps) };
     let written =
-        serde_json::to_vec_pretty(&names).map_err(std::io::Error::from).and_then(|text| std::fs::write(&path, text));
+        serde_json::to_vec_pretty(names).map_err(std::io::Error::from).and_then(|text| std::fs::write(&path, text));
     written.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))
 }
 
@@ -158,7 +161,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out");
         let out = OutputFolder::check(&path).unwrap().prepare().unwrap();
-        list(&out, &[capture("before")], false).unwrap();
+        list(&out, &[capture("before")]).unwrap();
         for name in ["01-before.png", "01-before.npy", "transcript.json", "scene.sgproj", "02-mine.png", "notes.txt"] {
             std::fs::write(out.join(name), "").unwrap();
         }
@@ -172,7 +175,6 @@ mod tests {
         let out = folder.path();
         for _ in 0..2 {
             OutputFolder::check(out).unwrap().prepare().unwrap();
-            list(out, &[], true).unwrap();
             std::fs::write(out.join(PROJECT), "edits").unwrap();
         }
         OutputFolder::check(out).unwrap().prepare().unwrap();

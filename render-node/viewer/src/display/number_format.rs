@@ -4,18 +4,7 @@
 //! - No digit is written that says nothing: trailing zeros after the decimal point are dropped.
 //! - A space stands between a number and its unit, except before °.
 
-/// A whole number.
-pub(crate) fn count(n: usize) -> String {
-    let digits = n.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
+pub(crate) use sg_edit::grouped as count;
 
 /// A share or a factor in percent: two decimals below 1 %, one below 10 %.
 pub(crate) fn percent(x: f64) -> String {

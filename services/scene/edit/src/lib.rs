@@ -53,6 +53,7 @@ pub mod wire;
 pub use editor::{Applied, Editor};
 pub use error::EditError;
 pub use history::HistoryMove;
+pub use membership::grouped;
 pub use replica::{Replica, ReplicaError};
 pub use state::{BaseUnitState, Change, EditState, Geometry, Selection, StateMismatch, Unit, UnitRef, mask_hash};
 

@@ -243,17 +243,23 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
     Ok(())
 }
 
-/// A number of Gaussians in words, digits in groups of three.
+/// A number of Gaussians in words.
 fn gaussians(count: usize) -> String {
-    let digits = count.to_string();
-    let mut text = String::new();
+    grouped(count) + if count == 1 { " Gaussian" } else { " Gaussians" }
+}
+
+/// A whole number with commas between thousands, as in the summaries of edits.
+#[must_use]
+pub fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
     for (i, digit) in digits.chars().enumerate() {
         if i > 0 && (digits.len() - i).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);
     }
-    text + if count == 1 { " Gaussian" } else { " Gaussians" }
+    text
 }
 
 #[cfg(test)]
