@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use sg_formats::staged_file::{self, StagedFile};
 use sg_proto::keys;
 use sg_proto::render::CaptureRequest;
 use sg_runtime::blobs::{BlobError, Blobs};
@@ -38,6 +39,7 @@ pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> C
         Some("npy") => true,
         _ => return Err(Failure::Input(format!("{}: the name must end with .png or .npy", out.display()))),
     };
+    staged_file::check_outputs([out.as_path()], []).map_err(|e| Failure::Input(e.to_string()))?;
     let (session, bus) = supervisor_client::join(session).await?;
     let context = Context::root().deadline_in(TIMEOUT);
     let request =
@@ -62,10 +64,10 @@ pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> C
 
 /// Copies a file. A failed copy leaves no file.
 fn keep(from: &Path, to: &Path) -> Result<(), BlobError> {
-    let part = to.with_extension("part");
-    std::fs::copy(from, &part).and_then(|_| std::fs::rename(&part, to)).map_err(|source| {
-        // The file may not exist. The first error is the one to report.
-        let _ = std::fs::remove_file(&part);
-        BlobError { path: to.to_owned(), source }
-    })
+    let copy = || {
+        let mut out = StagedFile::create(to)?;
+        std::io::copy(&mut std::fs::File::open(from)?, &mut out)?;
+        out.commit()
+    };
+    copy().map(|_| ()).map_err(|source| BlobError { path: to.to_owned(), source })
 }

@@ -10,6 +10,7 @@ use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
 };
 
+use crate::certificate_expiry::expiry;
 use crate::terminal::{self, CommandResult, Failure};
 
 /// Name of the authority in its certificate.
@@ -195,14 +196,6 @@ fn key(dir: &Path, name: &str) -> Result<(KeyPair, Option<(PathBuf, String)>), F
         }
         Err(error) => Err(Failure::Work(format!("{}: {error}", path.display()))),
     }
-}
-
-/// The end of the validity of a certificate.
-fn expiry(pem: &str) -> Result<SystemTime, String> {
-    let (_, pem) = x509_parser::pem::parse_x509_pem(pem.as_bytes()).map_err(|e| format!("no certificate: {e}"))?;
-    let certificate = pem.parse_x509().map_err(|e| format!("no certificate: {e}"))?;
-    let seconds = u64::try_from(certificate.validity().not_after.timestamp()).unwrap_or_default();
-    Ok(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds))
 }
 
 /// The time in so many days.

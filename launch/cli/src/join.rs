@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use sg_runtime::bus::{Certificates, Link, TLS_PREFIX};
 use sg_stack::node::{self, NodeSettings};
 
+use crate::certificate_expiry::check_expiry;
 use crate::terminal::{CommandResult, Failure};
 
 #[derive(Debug, clap::Args)]
@@ -39,6 +40,7 @@ pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> Command
         certificate: absolute(&arguments.certificate)?,
         key: absolute(&arguments.key)?,
     };
+    check_expiry([certificates.authority.as_path(), certificates.certificate.as_path()])?;
     let link = Link { endpoint: arguments.endpoint.clone(), certificates: Some(certificates) };
     node::run(NodeSettings { session: session.to_owned(), name: arguments.name.clone(), link }).await?;
     Ok(())

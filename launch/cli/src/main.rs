@@ -1,6 +1,7 @@
 //! The `supergaussian` command: starts and supervises stacks, talks to them, and dispatches to other executables.
 
 mod capture;
+mod certificate_expiry;
 mod certificates;
 mod chaos;
 mod cli;

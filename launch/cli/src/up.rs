@@ -7,6 +7,7 @@ use sg_runtime::session::SessionDir;
 use sg_stack::file::{self, LaunchFile, Restart, Service};
 use sg_stack::reconcile::Outcome;
 
+use crate::certificate_expiry::check_expiry;
 use crate::opener::CommandOpener;
 use crate::reload;
 use crate::terminal::{self, CommandResult, Failure, columns};
@@ -55,6 +56,9 @@ pub(crate) async fn up(arguments: &UpArgs, session_name: Option<&str>) -> Comman
     let FileArgs { path, overrides } = &arguments.file;
     let file = launch_file(path, overrides, &arguments.only)?;
     let session = session(session_name, &file, path)?;
+    if let Some(listen) = &file.listen {
+        check_expiry([listen.authority.as_path(), listen.certificate.as_path()])?;
+    }
     let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
     if session.is_running() {
         let request = ReloadRequest {

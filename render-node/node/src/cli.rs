@@ -10,6 +10,7 @@ use clap::{Args, ValueEnum};
 use glam::{DVec2, DVec3, Vec3};
 use serde::Serialize;
 use sg_formats::load::{LoadOptions, load};
+use sg_formats::staged_file;
 use sg_gpu::backend::{Backend, Engine};
 use sg_gpu::{GpuError, Rasterizer};
 use sg_raster::image::ImageFormat;
@@ -258,6 +259,9 @@ pub(crate) fn run(picture: &Picture) -> ExitCode {
 fn draw(picture: &Picture) -> Result<(), Failure> {
     // A wrong ending is found before any work is done.
     ImageFormat::of(&picture.out).map_err(Failure::input)?;
+    let inputs = [Some(&picture.scene), picture.camera.as_ref(), picture.clusters.as_ref(), picture.mask.as_ref()];
+    staged_file::check_outputs([picture.out.as_path()], inputs.into_iter().flatten().map(PathBuf::as_path))
+        .map_err(Failure::input)?;
     let camera = picture.camera.as_deref().map(Camera::read).transpose().map_err(Failure::input)?;
     let scene = read_scene(picture)?;
     let camera = camera.unwrap_or_else(|| {

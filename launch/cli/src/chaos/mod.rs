@@ -146,6 +146,9 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
         Some(path) => Some((path, launch(path, &read_text(path)?, &overrides)?)),
         None => None,
     };
+    if let Some(path) = arguments.script.as_deref().filter(|name| *name != "generic").map(Path::new) {
+        check_strokes(&script::read(path, &read_text(path)?).map_err(|e| Failure::Input(e.to_string()))?)?;
+    }
     let out = fresh_folder(&arguments.out)?;
     let shipped = shipped::unpack(&out, given.is_none().then_some("vessel"))?;
     let path = match arguments.script.as_deref() {
@@ -344,8 +347,13 @@ async fn join(stack: &mut Stack) -> Result<Bus, Failure> {
     }
 }
 
-/// Creates the folder, and removes the output of an earlier run.
+/// Creates the folder, and removes the output of an earlier run. A folder with other files is refused.
 fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
+    let is_used = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
+    if is_used && !out.join("script/generic.toml").is_file() {
+        let text = format!("{}: holds files of something else; give --out a new folder", out.display());
+        return Err(Failure::Input(text));
+    }
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}; give a folder that can be written", out.display()));
     std::fs::create_dir_all(out).map_err(fail)?;
     let out = std::fs::canonicalize(out).map_err(fail)?;

@@ -13,7 +13,7 @@ use serde::Serialize;
 use sg_fit::direct::MAX_GAUSSIANS;
 use sg_fit::labels::labels_of;
 use sg_fit::{Options, Progress, Report, direct_start};
-use sg_formats::{npy, staged_file};
+use sg_formats::{check_scene_target, npy, staged_file};
 use sg_scene::model::Scene;
 use sg_volume::phantom::{self, VesselTree};
 use sg_volume::{
@@ -184,6 +184,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         None => automatic_transfer_function(&field, volume.variable())
             .map_err(|e| input(format!("{}: {e}", path.display())))?,
     };
+    check_outputs(args, out)?;
     let bar = progress_bar();
     let options =
         Options { gaussians: args.gaussians, seed: args.seed, flattening: args.flattening, ..Options::default() };
@@ -241,6 +242,22 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Refuses outputs that would replace foreign files, before the long work starts.
+fn check_outputs(args: &FitArgs, out: &Path) -> Result<(), Failure> {
+    let scene = out.join("scene.toml");
+    check_scene_target(&scene).map_err(|e| input(format!("{}: {e}", scene.display())))?;
+    // The scene keeps the unchanged transfer function, so its own file may be the input.
+    let inputs = [args.volume.as_deref(), args.labels.as_deref()];
+    let function = function_file(out, args.transfer_function.as_deref());
+    let outputs = [Some(function.as_path()), args.out_truth.as_deref(), args.report.as_deref()];
+    staged_file::check_outputs(outputs.into_iter().flatten(), inputs.into_iter().flatten()).map_err(input)
+}
+
+/// The place of the transfer function beside the scene.
+fn function_file(out: &Path, given: Option<&Path>) -> PathBuf {
+    out.join(given.and_then(Path::file_name).unwrap_or_else(|| "automatic.tf.json".as_ref()))
+}
+
 /// Writes the transfer function and then the scene with its name.
 fn write_scene(
     out: &Path,
@@ -249,15 +266,15 @@ fn write_scene(
     function: &TransferFunction,
 ) -> Result<Vec<PathBuf>, Failure> {
     make_folder(out)?;
-    let name = given.and_then(Path::file_name).map_or_else(|| "automatic.tf.json".into(), PathBuf::from);
-    let target = out.join(&name);
+    let target = function_file(out, given);
+    let name = target.file_name().map(PathBuf::from);
     match given {
         // The unchanged file, with unknown keys.
         Some(file) => write(&target, &std::fs::read(file).map_err(|e| input(format!("{}: {e}", file.display())))?)?,
         None => write(&target, function.to_json().map_err(work)?.as_bytes())?,
     }
     for unit in &mut scene.units {
-        unit.transfer_function = Some(name.clone());
+        unit.transfer_function.clone_from(&name);
     }
     let saved = sg_formats::save(&out.join("scene.toml"), scene, &sg_formats::SaveOptions::default()).map_err(work)?;
     for warning in &saved.warnings {

@@ -31,4 +31,6 @@ pub mod validation;
 
 pub use load::{LoadOptions, Loaded, load};
 pub use save::{SaveError, Saved, save};
-pub use splat::{Format, LoadError, Problem, SaveOptions, UnknownFormat, Warning, WarningCode, scene_file};
+pub use splat::{
+    Format, LoadError, Problem, SaveOptions, UnknownFormat, Warning, WarningCode, check_scene_target, scene_file,
+};

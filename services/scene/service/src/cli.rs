@@ -13,6 +13,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use glam::Vec3;
 use serde::Serialize;
+use sg_formats::staged_file::{OutputError, check_outputs};
 use sg_formats::summary::Summary;
 use sg_formats::{Format, LoadOptions, Loaded, SaveError, SaveOptions, Warning};
 use sg_formats::{load, save};
@@ -207,6 +208,9 @@ fn convert(arguments: &Convert) -> ExitCode {
         Err(error) => return fail(&error, WRONG_INPUT),
     };
     let read_seconds = start.elapsed().as_secs_f64();
+    if let Err(error) = check_output(arguments, &loaded) {
+        return fail(&error, WRONG_INPUT);
+    }
     keep_transfer_functions(&mut loaded, &arguments.input, &arguments.output);
     let options =
         SaveOptions { format: arguments.format, convention: arguments.to_convention, reorder: arguments.reorder };
@@ -243,6 +247,17 @@ fn convert(arguments: &Convert) -> ExitCode {
     );
     warn(&warnings);
     ExitCode::SUCCESS
+}
+
+/// Refuses an output that would replace a foreign file, the input, or a file of its units. Saving checks folders.
+fn check_output(arguments: &Convert, loaded: &Loaded) -> Result<(), OutputError> {
+    if arguments.output.is_dir() {
+        return Ok(());
+    }
+    let scene_file = arguments.input.join("scene.toml");
+    let units = loaded.scene.units.iter().filter_map(|unit| unit.file.as_deref());
+    let inputs = units.chain([arguments.input.as_path(), scene_file.as_path()]);
+    check_outputs([arguments.output.as_path()], inputs)
 }
 
 /// Scene files name transfer functions by relative paths; in another folder these become absolute.

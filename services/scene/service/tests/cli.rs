@@ -85,8 +85,8 @@ fn convert_goes_by_extension_and_back() {
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         json(&output)
     };
-    assert_eq!(convert(&["a.ply", "scene.toml"])["files"], serde_json::json!(["scene.toml", "a.ply"]));
-    // The unit's file is the input itself, now in binary form; nothing of it is lost.
+    assert_eq!(convert(&["a.ply", "scene.toml"])["files"], serde_json::json!(["scene.toml", "a-2.ply"]));
+    // The input keeps its name and its bytes.
     let report = json(&run(folder.path(), &["info", "scene.toml", "--json"]));
     assert_eq!(report["units"][0]["not_finite"]["positions"], 1);
     let hash = |file: &str| json(&run(folder.path(), &["info", file, "--json"]))["content_hash"].clone();

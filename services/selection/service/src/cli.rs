@@ -24,7 +24,7 @@ use sg_clusters::features::FeatureKind;
 use sg_clusters::geometry::GeometryOptions;
 use sg_clusters::progress::{Progress, Stage};
 use sg_formats::npy::NpyError;
-use sg_formats::{LoadOptions, Loaded, load};
+use sg_formats::{LoadOptions, Loaded, load, staged_file};
 
 /// Subcommands that work on files alone.
 #[derive(Debug, Subcommand)]
@@ -175,8 +175,16 @@ fn write_report(report: &impl Serialize, file: Option<&PathBuf>, to_stdout: bool
     Ok(())
 }
 
+/// Refuses outputs that would replace foreign files or inputs, before the work starts.
+fn check_outputs(outputs: &[Option<&PathBuf>], inputs: &[Option<&PathBuf>]) -> Result<(), Failure> {
+    let paths = |list: &[Option<&PathBuf>]| -> Vec<PathBuf> { list.iter().flatten().map(|p| (*p).clone()).collect() };
+    let (outputs, inputs) = (paths(outputs), paths(inputs));
+    staged_file::check_outputs(outputs.iter().map(PathBuf::as_path), inputs.iter().map(PathBuf::as_path))
+        .map_err(Failure::input)
+}
+
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    sg_formats::staged_file::replace(path, bytes)
+    staged_file::replace(path, bytes)
         .map_err(|e| Failure::work(format!("{}: {e}; nothing was changed", path.display())))
 }
 

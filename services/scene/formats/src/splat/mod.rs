@@ -51,3 +51,4 @@ mod unlit;
 pub use format::{Format, LoadError, SaveOptions};
 pub use problem::{Problem, Warning, WarningCode};
 pub use registry::UnknownFormat;
+pub use scene_toml::check_target as check_scene_target;

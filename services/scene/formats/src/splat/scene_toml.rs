@@ -1,5 +1,6 @@
 //! `scene.toml` with one PLY for each base unit ([`crate::splat::scene_file`]).
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::splat::editable_ply::{self, Alone, Storage};
@@ -55,8 +56,42 @@ impl SplatFormat for SceneToml {
     }
 }
 
+/// Checks that a scene file can be saved at a path: nothing is there, or an earlier scene file.
+///
+/// # Errors
+/// [`io::ErrorKind::AlreadyExists`] for another file; the system's error if it cannot be read.
+pub fn check_target(path: &Path) -> io::Result<()> {
+    earlier_scene(path).map(|_| ())
+}
+
+/// The scene file that a save replaces.
+fn earlier_scene(path: &Path) -> io::Result<Option<SceneFile>> {
+    staged_file::check_replaceable(path)?;
+    if !std::fs::metadata(path).is_ok_and(|found| found.len() > 0) {
+        return Ok(None);
+    }
+    SceneFile::read(path).map(Some).map_err(|_| {
+        let message = "the file there is no scene file; move it away or give another name";
+        io::Error::new(io::ErrorKind::AlreadyExists, message)
+    })
+}
+
+/// Whether a unit's file of this name would replace something else than the file of an earlier save: a foreign file, or one
+/// that the scene was read from.
+fn replaces_another(job: &WriteJob<'_>, earlier: Option<&SceneFile>, name: &str) -> bool {
+    let file = job.path.with_file_name(name);
+    let is_own = || earlier.is_some_and(|scene| scene.units.iter().any(|unit| unit.file == Path::new(name)));
+    let is_source = || {
+        let place = file.canonicalize().ok();
+        let sources = job.scene.units.iter().filter_map(|unit| unit.file.as_deref()?.canonicalize().ok());
+        sources.into_iter().any(|source| Some(source) == place)
+    };
+    file.symlink_metadata().is_ok() && (!is_own() || is_source())
+}
+
 fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
-    let names = file_names(&job.scene.units);
+    let earlier = earlier_scene(job.path)?;
+    let names = file_names(&job.scene.units, |name| replaces_another(job, earlier.as_ref(), name));
     let mut staged = Vec::with_capacity(names.len());
     let paths: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
     let mut file = SceneFile::of_scene(job.scene, &paths);
@@ -84,16 +119,16 @@ fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>
     Ok(files)
 }
 
-/// A file name for each unit: its name in plain letters, distinct on file systems that ignore case.
-fn file_names(units: &[BaseUnit]) -> Vec<String> {
+/// A file name for each unit: its name in plain letters, distinct on file systems that ignore case, and not taken.
+fn file_names(units: &[BaseUnit], is_taken: impl Fn(&str) -> bool) -> Vec<String> {
     let mut names: Vec<String> = Vec::with_capacity(units.len());
     for unit in units {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
         let stem: String = unit.name.chars().take(64).map(plain).collect();
         let stem = if stem.is_empty() { "unit".to_owned() } else { stem };
-        let is_taken = |name: &str| names.iter().any(|n| n.eq_ignore_ascii_case(name));
+        let is_free = |name: &str| !names.iter().any(|n| n.eq_ignore_ascii_case(name)) && !is_taken(name);
         let numbered = (2_usize..).map(|k| format!("{stem}-{k}.ply"));
-        let name = std::iter::once(format!("{stem}.ply")).chain(numbered).find(|n| !is_taken(n));
+        let name = std::iter::once(format!("{stem}.ply")).chain(numbered).find(|n| is_free(n));
         names.push(name.unwrap_or_default());
     }
     names

@@ -9,7 +9,7 @@ use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, FixedSeeds, M
 use sg_clusters::geometry::Geometry;
 use sg_formats::npy::{read_indices, write_labels};
 
-use super::{Bar, Clustering, Failure, named, read_scene, write_report};
+use super::{Bar, Clustering, Failure, check_outputs, named, read_scene, write_report};
 
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -56,6 +56,8 @@ struct Report<'a> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let geometry_options = arguments.clustering.geometry()?;
+    let inputs = [Some(&arguments.scene), arguments.seeds.as_ref()];
+    check_outputs(&[Some(&arguments.out), arguments.report.as_ref()], &inputs)?;
     let start = Instant::now();
     let scene = read_scene(&arguments.scene)?.scene;
     let read_seconds = start.elapsed().as_secs_f64();

@@ -27,7 +27,7 @@ use sg_walk::multilevel::Quality;
 
 use crate::wire;
 
-use super::{Bar, Failure, named, read_scene, write, write_report};
+use super::{Bar, Failure, check_outputs, named, read_scene, write, write_report};
 
 /// Nodes of the walks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -174,6 +174,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.method == Method::Gaussian && arguments.refine.is_some() {
         return Err(Failure::input("--refine refines a walk on clusters; use it with --method cluster"));
     }
+    let outputs = [&arguments.probabilities, &arguments.proposals, &arguments.report].map(Option::as_ref);
+    let inputs =
+        [Some(&arguments.scene), Some(&arguments.strokes), arguments.clusters.as_ref(), arguments.truth.as_ref()];
+    check_outputs(&[&[Some(&arguments.out)], &outputs[..]].concat(), &inputs)?;
     let steps = read_steps(&arguments.strokes)?;
     let mut clock = StageTimer::default();
     let scene = Arc::new(clock.time("read", || read_scene(&arguments.scene))?.scene);

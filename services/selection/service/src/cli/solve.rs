@@ -6,7 +6,7 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 use sg_walk::{Conductance, Network, Precision, Problem, Seed, Solver, WalkError, solve};
 
-use super::{Failure, named, write};
+use super::{Failure, check_outputs, named, write};
 
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -49,6 +49,7 @@ struct Answer {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.graph;
+    check_outputs(&[Some(&arguments.out)], &[Some(path)])?;
     let text = std::fs::read_to_string(path)
         .map_err(|e| Failure::input(format!("{}: {e}; give the path of a graph JSON file", path.display())))?;
     let graph: Graph = serde_json::from_str(&text).map_err(|e| wrong(path, &e.to_string()))?;
