@@ -6,6 +6,7 @@
 
 mod circles;
 mod dependencies;
+mod guarantees;
 
 use std::path::Path;
 use std::process::Command;
