@@ -74,6 +74,7 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["certificates", "new", "--home", "localhost", "--node", "gpu1", "--node", "../gpu2"],
             ],
         ),
+        ("doctor", vec![&["doctor", "launch.toml"]]),
         ("check", vec![&["check", "launch.toml"]]),
         ("graph", vec![&["graph", "launch.toml"]]),
         ("say", vec![&["say", "hello", "--session", "none"]]),

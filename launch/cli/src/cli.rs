@@ -9,8 +9,8 @@ use sg_stack::spawn;
 
 use crate::terminal::{self, CommandResult, Failure};
 use crate::{
-    capture, certificates, chaos, contract, demo, join, metrics, open, say, subcommands, supervisor_client, swap, up,
-    watch,
+    capture, certificates, chaos, contract, demo, doctor, join, metrics, open, say, subcommands, supervisor_client,
+    swap, up, watch,
 };
 
 /// Edit scientific volumes as 3D Gaussians: start the services, watch them, talk to them
@@ -91,6 +91,9 @@ enum Command {
         after_help = "Example: supergaussian certificates tls --home lab.example.org,10.0.0.1 --node gpu1 --node gpu2"
     )]
     Certificates(certificates::CertificatesArgs),
+    /// Check this machine and this installation: executables, folders, graphics device, display, headset
+    #[command(after_help = "Example: supergaussian doctor launch/desktop.toml")]
+    Doctor(doctor::DoctorArgs),
     /// Check a launch file
     #[command(after_help = "Example: supergaussian check launch/headless.toml")]
     Check(up::FileArgs),
@@ -172,6 +175,7 @@ fn run(cli: Cli) -> CommandResult {
         Command::Swap(arguments) => wait(swap::swap(session, &arguments)),
         Command::Join(arguments) => wait(join::join(session, &arguments)),
         Command::Certificates(arguments) => certificates::certificates(&arguments),
+        Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Check(file) => up::check(&file),
         Command::Graph { file, dot } => up::graph(&file, dot),
         Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),

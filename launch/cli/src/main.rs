@@ -11,6 +11,7 @@ mod demo;
 mod densest;
 mod densest_strokes;
 mod display;
+mod doctor;
 mod input;
 mod join;
 mod metrics;

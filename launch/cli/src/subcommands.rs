@@ -29,6 +29,11 @@ pub(crate) static HELP: LazyLock<String> = LazyLock::new(|| {
     format!("Offline, on files (`supergaussian NAME --help`):\n{}\n\nExample: supergaussian demo", rows.join("\n"))
 });
 
+/// The executables of all commands.
+pub(crate) fn executables() -> impl Iterator<Item = &'static str> {
+    TABLE.iter().map(|(_, executable, _)| *executable)
+}
+
 /// The executable of a command. `built_in` are the other commands, for a suggestion.
 fn executable(name: &str, built_in: &[String]) -> Result<PathBuf, Failure> {
     match TABLE.iter().find(|(command, ..)| *command == name) {

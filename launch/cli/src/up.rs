@@ -25,6 +25,18 @@ pub(crate) struct FileArgs {
     overrides: Vec<String>,
 }
 
+impl FileArgs {
+    /// A launch file as it is.
+    pub(crate) fn of(path: &Path) -> Self {
+        Self { path: path.to_owned(), overrides: Vec::new() }
+    }
+
+    /// Reads the launch file.
+    pub(crate) fn load(&self) -> Result<LaunchFile, Failure> {
+        launch_file(&self.path, &self.overrides, &[])
+    }
+}
+
 #[derive(Debug, clap::Args)]
 pub(crate) struct UpArgs {
     #[command(flatten)]
@@ -86,7 +98,7 @@ pub(crate) fn outcome(outcome: Outcome) -> CommandResult {
 }
 
 pub(crate) fn check(arguments: &FileArgs) -> CommandResult {
-    let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
+    let file = arguments.load()?;
     let session = session(None, &file, &arguments.path)?;
     let names: Vec<_> = file.services.iter().map(|s| s.name.as_str()).collect();
     terminal::print_line(&format!(
@@ -100,7 +112,7 @@ pub(crate) fn check(arguments: &FileArgs) -> CommandResult {
 }
 
 pub(crate) fn graph(arguments: &FileArgs, dot: bool) -> CommandResult {
-    let file = launch_file(&arguments.path, &arguments.overrides, &[])?;
+    let file = arguments.load()?;
     let lines = if dot { graphviz(&file) } else { table(&file) };
     for line in lines {
         terminal::print_line(&line);
