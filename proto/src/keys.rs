@@ -1,7 +1,7 @@
 //! The table of key expressions, `sg/<session>/<role>/<name>`, with their message types and permitted senders.
 //!
 //! Each row is a typed constant, so the compiler rejects a message of another type. [`rows`] lists all rows for tools and
-//! tests. The role `*` stands for every role.
+//! tests. The role `*` stands for every role. A process on a node has keys with its identity in front: see [`Identity`].
 
 use std::marker::PhantomData;
 
@@ -392,10 +392,16 @@ pub fn instance(instance: &str) -> String {
     format!("@instance/{instance}")
 }
 
-/// Instance name of a joined machine. Names of services contain no `.`, so none is equal.
+/// Instance name of a joined machine. Names of services contain no `:`, so none is equal.
 #[must_use]
 pub fn node_instance(node: &str) -> String {
-    format!("node.{node}")
+    format!("node:{node}")
+}
+
+/// Prefix of the instance names of a service. Names of services contain no `.`, so no service has the prefix of another.
+#[must_use]
+pub fn instance_prefix(service: &str) -> String {
+    format!("{service}.")
 }
 
 /// Key expression of the liveliness token of an instance.
@@ -404,10 +410,86 @@ pub fn alive(session: &str, role: &str, instance: &str) -> String {
     format!("{ROOT}/{session}/@alive/{role}/{instance}")
 }
 
+/// A process on a node.
+///
+/// A node sends under keys that carry its name, `sg/<session>/@node/<node>/<role>/<instance>/<segment>/<name>`. The router
+/// compares this name with the node's certificate, and role and instance with the node's services. So a receiver reads
+/// the sender of a message from its key, and need not believe the message.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Identity {
+    /// Name of the node: the common name of its certificate.
+    pub node: String,
+    /// Role.
+    pub role: String,
+    /// Instance.
+    pub instance: String,
+}
+
+/// Segment in front of the sender in the keys of nodes.
+const NODE: &str = "@node";
+
+impl Identity {
+    /// Key expression of a message that this process sends. `rest` is the part behind the session in the same key at home.
+    #[must_use]
+    pub fn key(&self, session: &str, rest: &str) -> String {
+        let Self { node, role, instance } = self;
+        format!("{ROOT}/{session}/{NODE}/{node}/{role}/{instance}/{rest}")
+    }
+
+    /// Whether this process serves and publishes under a segment: its role, or its instance.
+    #[must_use]
+    pub fn owns(&self, segment: &str) -> bool {
+        segment == self.role || segment.strip_prefix("@instance/") == Some(&self.instance)
+    }
+}
+
+/// Key expression that matches the messages of every process on every node. `rest` is as in [`Identity::key`].
+#[must_use]
+pub fn from_nodes(session: &str, rest: &str) -> String {
+    format!("{ROOT}/{session}/{NODE}/*/*/*/{rest}")
+}
+
+/// Key expression that matches every stream and retained value that nodes publish.
+#[must_use]
+pub fn all_from_nodes(session: &str) -> String {
+    format!("{ROOT}/{session}/{NODE}/**")
+}
+
+/// Splits the key of a message: its sender if that is a process on a node, and the part behind the session and the sender.
+///
+/// `None` for a key of another session, and for an incomplete or ambiguous one.
+#[must_use]
+pub fn split<'a>(session: &str, key: &'a str) -> Option<(Option<Identity>, &'a str)> {
+    let rest = key.strip_prefix(ROOT)?.strip_prefix('/')?.strip_prefix(session)?.strip_prefix('/')?;
+    let Some(sent) = rest.strip_prefix(NODE).and_then(|r| r.strip_prefix('/')) else { return Some((None, rest)) };
+    // A wildcard stands for several senders.
+    if key.contains(['*', '$']) {
+        return None;
+    }
+    let mut parts = sent.splitn(4, '/').map(str::to_owned);
+    let identity = Identity { node: parts.next()?, role: parts.next()?, instance: parts.next()? };
+    let rest = sent.splitn(4, '/').nth(3)?;
+    Some((Some(identity), rest))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::collections::HashSet;
+
+    #[test]
+    fn keys_of_nodes_carry_their_sender() {
+        let identity = Identity { node: "gpu1".into(), role: "render-view".into(), instance: "view.3".into() };
+        let key = identity.key("s", "scene/cmd/apply");
+        assert_eq!(key, "sg/s/@node/gpu1/render-view/view.3/scene/cmd/apply");
+        assert_eq!(split("s", &key), Some((Some(identity.clone()), "scene/cmd/apply")));
+        assert_eq!(split("s", "sg/s/scene/cmd/apply"), Some((None, "scene/cmd/apply")));
+        for bad in ["sg/t/scene/cmd/apply", "sg/s", "sg/s/@node/gpu1/scene", "sg/s/@node/gpu1/scene/$*/scene/state"] {
+            assert_eq!(split("s", bad), None, "{bad}");
+        }
+        assert!(identity.owns("render-view") && identity.owns("@instance/view.3"));
+        assert!(!identity.owns("scene") && !identity.owns("@instance/view.30") && !identity.owns("view.3"));
+    }
 
     #[test]
     fn rows_name_known_messages_and_roles() {

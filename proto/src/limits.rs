@@ -34,3 +34,15 @@ pub const DEFAULT_DEADLINE: Duration = Duration::from_secs(5);
 
 /// Period of the health messages of each process.
 pub const HEALTH_PERIOD: Duration = Duration::from_secs(1);
+
+/// Most messages that one process takes from one node, per second.
+pub const NODE_MESSAGES_PER_SECOND: u32 = 5000;
+
+/// Most bytes that one process takes from one node, per second. Sixty previews of the largest mask fit.
+pub const NODE_BYTES_PER_SECOND: u32 = 256 << 20;
+
+/// Seconds of unused quota that a node can save up for a burst.
+pub const NODE_BURST_SECONDS: u32 = 4;
+
+/// Most requests of one node that wait for an answer of one process.
+pub const NODE_OPEN_REQUESTS: usize = 64;

@@ -271,16 +271,22 @@ fn rules(runtime: &tokio::runtime::Runtime, trial: &Trial) {
     let authority = trial.tls.join("authority.pem");
     runtime.block_on(async {
         let short = || Context::root().deadline_in(Duration::from_millis(700));
-        let guest = Bus::connect(SESSION, role::CLI, link(&authority, "gpu1")).await.unwrap();
-        let status = guest.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &short()).await;
+        let connect =
+            |role, instance, node| Bus::connect_instance(SESSION, role, instance, 0, false, link(&authority, node));
+        let node = connect(role::RENDER_VIEW, "render-view.77", "gpu1").await.unwrap();
+        let status = node.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &short()).await;
         assert!(status.is_ok(), "anybody may ask how somebody is: {status:?}");
-        let down = guest.ask(&keys::DOWN, &DownRequest {}, &short()).await;
-        assert!(down.is_err(), "a guest may not stop the stack");
-        // A caller with a good certificate that is no guest of this stack receives and sends nothing.
-        let stranger = Bus::connect(SESSION, role::RENDER_VIEW, link(&authority, "gpu9")).await.unwrap();
+        let claimed = connect(role::CLI, "cli.1", "gpu1").await.unwrap();
+        for bus in [&node, &claimed] {
+            let down = bus.ask(&keys::DOWN, &DownRequest {}, &short()).await;
+            assert!(down.is_err(), "a node may not stop the stack");
+        }
+        claimed.close().await;
+        // A caller with a good certificate that is no node of this stack receives and sends nothing.
+        let stranger = connect(role::RENDER_VIEW, "render-view.77", "gpu9").await.unwrap();
         assert!(stranger.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &short()).await.is_err());
         assert!(stranger.newest(&keys::SCENE_STATE, &short()).await.is_err());
-        guest.close().await;
+        node.close().await;
         stranger.close().await;
         // A certificate of another authority does not even come in.
         let other = trial.tls.join("../other");
@@ -295,7 +301,7 @@ fn rules(runtime: &tokio::runtime::Runtime, trial: &Trial) {
             }),
             ..link(&authority, "gpu1")
         };
-        assert!(Bus::connect(SESSION, role::CLI, forged).await.is_err());
+        assert!(Bus::connect_instance(SESSION, role::CLI, "cli.1", 0, false, forged).await.is_err());
     });
     // Beside its socket in a folder of its own the home listens at the address that it was given, and nowhere else.
     let listening = Command::new("ip")

@@ -6,8 +6,10 @@ use std::time::Duration;
 use sg_formats::staged_file::{self, StagedFile};
 use sg_proto::keys;
 use sg_proto::render::CaptureRequest;
-use sg_runtime::blobs::{BlobError, Blobs};
+use sg_runtime::blobs::{BlobError, Blobs, StoredFile};
+use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
+use sg_runtime::session::SessionDir;
 
 use crate::supervisor_client;
 use crate::terminal::{self, CommandResult, Failure, format_time};
@@ -44,12 +46,10 @@ pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> C
     let context = Context::root().deadline_in(TIMEOUT);
     let request =
         CaptureRequest { width: *width, height: *height, highlight_selection: *highlight, ..CaptureRequest::default() };
-    let frame = bus.ask(&keys::CAPTURE, &request, &context).await.map_err(supervisor_client::refused)?;
-    let kept = if floats { (&frame.npy_path, &frame.hash) } else { (&frame.png_path, &frame.png_hash) };
-    let blobs = Blobs::open(&session.path().join("blobs")).map_err(|e| Failure::Work(e.to_string()))?;
-    let context = Context::root().deadline_in(TIMEOUT);
-    let path = blobs.fetch(&bus, &keys::CAPTURE_CONTENT, (kept.0, kept.1), &context).await?;
-    keep(&path, out).map_err(|e| Failure::Work(e.to_string()))?;
+    let asked = bus.ask_identified(&keys::CAPTURE, &request, &context).await;
+    let (frame, sender) = asked.map_err(supervisor_client::refused)?;
+    let (path, hash) = if floats { (&frame.npy_path, &frame.hash) } else { (&frame.png_path, &frame.png_hash) };
+    keep_picture(&bus, &session, StoredFile { path, hash, sender: sender.as_ref() }, out).await?;
     bus.close().await;
     terminal::print_line(&format!(
         "{}: {} x {}, revision {}, drawn in {}",
@@ -60,6 +60,19 @@ pub(crate) async fn capture(session: Option<&str>, arguments: &CaptureArgs) -> C
         format_time(frame.render_ms)
     ));
     Ok(())
+}
+
+/// Copies a picture of the capture process, from this machine or another one, and checks it against its hash.
+pub(crate) async fn keep_picture(
+    bus: &Bus,
+    session: &SessionDir,
+    picture: StoredFile<'_>,
+    out: &Path,
+) -> CommandResult {
+    let blobs = Blobs::open(&session.path().join("blobs")).map_err(|e| Failure::Work(e.to_string()))?;
+    let context = Context::root().deadline_in(TIMEOUT);
+    let path = blobs.fetch(bus, &keys::CAPTURE_CONTENT, picture, &context).await?;
+    keep(&path, out).map_err(|e| Failure::Work(e.to_string()))
 }
 
 /// Copies a file. A failed copy leaves no file.

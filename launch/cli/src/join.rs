@@ -41,6 +41,14 @@ pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> Command
         key: absolute(&arguments.key)?,
     };
     check_expiry([certificates.authority.as_path(), certificates.certificate.as_path()])?;
+    let certified = certificates.machine().map_err(|e| Failure::Input(e.to_string()))?;
+    if certified != arguments.name {
+        return Err(Failure::Input(format!(
+            "{}: the certificate of `{certified}`, not of `{}`; give the certificate of this machine, or --name {certified}",
+            arguments.certificate.display(),
+            arguments.name
+        )));
+    }
     let link = Link { endpoint: arguments.endpoint.clone(), certificates: Some(certificates) };
     node::run(NodeSettings { session: session.to_owned(), name: arguments.name.clone(), link }).await?;
     Ok(())

@@ -7,19 +7,22 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
-use sg_proto::keys::{self, Request};
+use sg_proto::keys::{self, Identity, Request};
 use sg_proto::language::{Reply, Source, Utterance};
 use sg_proto::prost::{Message, Name};
-use sg_proto::render::{CaptureRequest, Frame};
+use sg_proto::render::CaptureRequest;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Command, SaveUnit, SetView, StrokeMode, set_view};
 use sg_proto::selection::StrokesRequest;
 use sg_proto::stroke_file::stroke_of;
+use sg_runtime::blobs::StoredFile;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
+use sg_runtime::session::SessionDir;
 
 use sg_stack::spawn;
 
+use crate::capture::keep_picture;
 use crate::decode::Decoder;
 use crate::script::Step;
 use crate::strokes::read_strokes;
@@ -177,12 +180,26 @@ impl Player {
         Q: Message + Name,
         R: Message + Name + Default,
     {
+        Ok(self.ask_identified(row, request, context).await?.0)
+    }
+
+    /// As [`Player::ask`], with the sender of the reply.
+    async fn ask_identified<Q, R>(
+        &self,
+        row: &Request<Q, R>,
+        request: &Q,
+        context: &Context,
+    ) -> Result<(R, Option<Identity>), Failure>
+    where
+        Q: Message + Name,
+        R: Message + Name + Default,
+    {
         self.transcript.note(row.role, row.name, request, context);
         loop {
-            match self.bus.ask(row, request, context).await {
-                Ok(reply) => {
+            match self.bus.ask_identified(row, request, context).await {
+                Ok((reply, sender)) => {
                     self.transcript.note(row.role, row.name, &reply, context);
-                    return Ok(reply);
+                    return Ok((reply, sender));
                 }
                 Err(fault) => {
                     let pause = fault.retry_after.unwrap_or(Duration::from_millis(100));
@@ -272,12 +289,21 @@ impl Player {
             ..CaptureRequest::default()
         };
         let context = self.context();
-        let frame = self.ask(&keys::CAPTURE, &request, &context).await?;
+        let (frame, sender) = self.ask_identified(&keys::CAPTURE, &request, &context).await?;
         self.measured.frame.push(frame.render_ms);
         self.hashes.push(frame.hash.clone());
         let base = picture_base(self.pictures.len() + 1, name);
         let out = &self.settings.out;
-        let picture = keep(&frame, &out.join(format!("{base}.npy")), &out.join(format!("{base}.png")))?;
+        let session = SessionDir::named(self.bus.session()).map_err(|e| Failure::Work(e.to_string()))?;
+        let picture = out.join(format!("{base}.png"));
+        let files = [
+            (&frame.npy_path, &frame.hash, &out.join(format!("{base}.npy"))),
+            (&frame.png_path, &frame.png_hash, &picture),
+        ];
+        for (path, hash, to) in files {
+            let stored = StoredFile { path, hash, sender: sender.as_ref() };
+            keep_picture(&self.bus, &session, stored, to).await?;
+        }
         let shown = picture.file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.pictures.push(picture);
         Ok(format!("capture {shown}, drawn in {}", format_time(frame.render_ms)))
@@ -301,17 +327,6 @@ impl Player {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
-}
-
-/// Copies a picture from the session's folder. A failed copy leaves no file. Returns the PNG.
-fn keep(frame: &Frame, npy: &Path, png: &Path) -> Result<PathBuf, Failure> {
-    for (from, to) in [(&frame.npy_path, npy), (&frame.png_path, png)] {
-        let part = to.with_extension("part");
-        std::fs::copy(from, &part)
-            .and_then(|_| std::fs::rename(&part, to))
-            .map_err(|e| Failure::Work(format!("{from} → {}: {e}", to.display())))?;
-    }
-    Ok(png.to_owned())
 }
 
 /// File name of the n-th picture of a script, counted from 1, without the extension.

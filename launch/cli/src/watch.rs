@@ -60,6 +60,7 @@ fn line(decoder: &Decoder, seen: &WatchedMessage, at: Duration, json: bool) -> S
         return json!({
             "t_seconds": at.as_secs_f64(), "key": seen.key, "conversation": seen.context.conversation,
             "step": seen.context.step, "sender": seen.context.sender, "id": seen.context.id, "cause": seen.context.cause,
+            "node": seen.context.identity.as_ref().map_or("", |i| &i.node),
             "type": seen.message, "message": message,
         })
         .to_string();

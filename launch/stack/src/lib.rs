@@ -35,7 +35,7 @@
 //!
 //! let mut reconciler = Reconciler::new(file.services, 1, 0);
 //! let actions = reconciler.step(Event::Tick, Duration::ZERO);
-//! assert!(matches!(&actions[0], Action::Spawn(spawn) if spawn.instance == "scene-1" && spawn.epoch == 1));
+//! assert!(matches!(&actions[0], Action::Spawn(spawn) if spawn.instance == "scene.1" && spawn.epoch == 1));
 //! # Ok::<(), sg_stack::document::Problems>(())
 //! ```
 

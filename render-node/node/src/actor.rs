@@ -68,9 +68,10 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let params: Params = host.params()?;
     params.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
     let replica = SceneReplica::<Replica>::follow(host.bus()).await?;
-    let state = Arc::clone(replica.newest().replica.state());
+    let newest = replica.newest();
+    let state = Arc::clone(newest.replica.state());
     let geometry = state.geometry();
-    let path = host.scene_path(&geometry.path, &geometry.hash).await?;
+    let path = host.scene_path(&geometry.path, &geometry.hash, &newest.context).await?;
     let scene = tokio::task::block_in_place(|| load_verified(&path, &geometry.hash))
         .map_err(|e| StartError::Input(e.to_string()))?;
     let gaussians = scene.len() as u64;

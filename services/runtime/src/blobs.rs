@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use sg_proto::bus::{ContentReply, ContentRequest};
-use sg_proto::keys::Request;
+use sg_proto::keys::{Identity, Request};
 
 use crate::bus::Bus;
 use crate::context::Context;
@@ -18,8 +18,10 @@ use crate::fault::Fault;
 const MAX_BYTES: u64 = 1 << 30;
 /// Size of one part of a transfer, bytes.
 const PART_BYTES: u64 = 1 << 20;
-/// Largest file to fetch, bytes.
-const MAX_FETCH_BYTES: u64 = 64 << 30;
+/// Largest picture or other stored file to fetch, bytes. The largest picture in float32 has 1 GiB.
+const MAX_FILE_BYTES: u64 = (1 << 30) + (1 << 20);
+/// Smallest part of a transfer, except for the last one. It bounds the number of requests.
+const MIN_PART_BYTES: usize = 64 << 10;
 
 /// A folder of content-addressed files. Each process removes only its own files.
 #[derive(Debug, Clone)]
@@ -35,6 +37,17 @@ struct Index {
     bytes: u64,
     /// Paths of the files that other processes may read, by hash.
     offered: HashMap<String, PathBuf>,
+}
+
+/// A file that a process has stored: where, under which hash, and who says so.
+#[derive(Debug, Clone, Copy)]
+pub struct StoredFile<'a> {
+    /// Path on the machine of the sender.
+    pub path: &'a str,
+    /// BLAKE3 of its content, hexadecimal.
+    pub hash: &'a str,
+    /// Sender of the message with the path; `None` for a process of the supervisor's machine.
+    pub sender: Option<&'a Identity>,
 }
 
 /// A file could not be stored or read.
@@ -121,30 +134,34 @@ impl Blobs {
         })
     }
 
-    /// Returns a local path of a file that a role has stored under `path`.
+    /// Returns a local path of a file that a process has stored, with the content that its hash promises.
     ///
-    /// On the same machine that is `path` itself. From another machine the file is fetched in parts and checked against its
-    /// hash.
+    /// A path is opened only if its sender runs on the same machine. From another machine the file is fetched in parts.
     ///
     /// # Errors
-    /// The fault of the role; `DataLoss` for another hash; `ResourceExhausted` for a file that cannot be stored.
+    /// The fault of the role; `InvalidArgument` for a malformed hash; `DataLoss` for other content; `ResourceExhausted` for a
+    /// file that is too large or cannot be stored.
     pub async fn fetch(
         &self,
         bus: &Bus,
         row: &Request<ContentRequest, ContentReply>,
-        (path, hash): (&str, &str),
+        stored: StoredFile<'_>,
         context: &Context,
     ) -> Result<PathBuf, Fault> {
+        let StoredFile { path, hash, sender } = stored;
+        check_hash(hash)?;
         let path = Path::new(path);
-        if path.is_file() {
+        let is_local = sender.map(|s| s.node.as_str()) == bus.node();
+        if is_local && path.is_file() {
+            tokio::task::block_in_place(|| check_content(path, hash, row.role))?;
             return Ok(path.to_owned());
         }
-        let extension = path.extension().unwrap_or_default().to_string_lossy();
-        let local = self.path_of(hash, &extension);
-        if !local.is_file() {
-            let bytes = fetch_to(bus, row, hash, &local, context).await?;
-            self.lock().record(&local, bytes);
+        let local = self.path_of(hash, extension_of(path));
+        if local.is_file() && tokio::task::block_in_place(|| check_content(&local, hash, row.role)).is_ok() {
+            return Ok(local);
         }
+        let bytes = fetch_to(bus, row, (hash, MAX_FILE_BYTES), &local, context).await?;
+        self.lock().record(&local, bytes);
         Ok(local)
     }
 
@@ -190,20 +207,47 @@ fn part_of(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.{}", std::process::id()))
 }
 
-/// Fetches something by its hash into a file, which is there only when it is whole; its bytes. Each part has the context's
-/// deadline anew.
+/// Checks that a hash has the form of a BLAKE3 hash, since it becomes a file name.
+fn check_hash(hash: &str) -> Result<(), Fault> {
+    let is_hash = hash.len() == 64 && hash.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
+    if is_hash { Ok(()) } else { Err(Fault::invalid(format!("`{}` is no BLAKE3 hash", hash.escape_debug()))) }
+}
+
+/// Checks a file against its hash.
+fn check_content(path: &Path, hash: &str, role: &str) -> Result<(), Fault> {
+    let fail = |source| BlobError { path: path.to_owned(), source };
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(File::open(path).map_err(fail)?).map_err(fail)?;
+    if hasher.finalize().to_hex().as_str() == hash { Ok(()) } else { Err(other_content(role, hash)) }
+}
+
+fn other_content(role: &str, hash: &str) -> Fault {
+    let text = format!("`{role}` sent other content under hash {hash}; has the file changed?");
+    Fault::new(sg_proto::bus::Code::DataLoss, text)
+}
+
+/// Extension of a path from another machine, if it is safe in a file name.
+fn extension_of(path: &Path) -> &str {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    let is_plain = (1..=8).contains(&extension.len()) && extension.bytes().all(|b| b.is_ascii_alphanumeric());
+    if is_plain { extension } else { "bin" }
+}
+
+/// Fetches a file of at most `limit` bytes by its hash. It exists at `path` only when it is whole. Returns its size. Each
+/// part has the context's deadline anew.
 ///
 /// # Errors
 /// As [`Blobs::fetch`].
 pub(crate) async fn fetch_to(
     bus: &Bus,
     row: &Request<ContentRequest, ContentReply>,
-    hash: &str,
+    (hash, limit): (&str, u64),
     path: &Path,
     context: &Context,
 ) -> Result<u64, Fault> {
+    check_hash(hash)?;
     let part = part_of(path);
-    let outcome = fetch_parts(bus, row, hash, &part, context).await;
+    let outcome = fetch_parts(bus, row, (hash, limit), &part, context).await;
     let outcome = outcome.and_then(|bytes| {
         std::fs::rename(&part, path).map_err(|source| BlobError { path: path.to_owned(), source })?;
         Ok(bytes)
@@ -218,7 +262,7 @@ pub(crate) async fn fetch_to(
 async fn fetch_parts(
     bus: &Bus,
     row: &Request<ContentRequest, ContentReply>,
-    hash: &str,
+    (hash, limit): (&str, u64),
     part: &Path,
     context: &Context,
 ) -> Result<u64, Fault> {
@@ -229,24 +273,28 @@ async fn fetch_parts(
     loop {
         let request = ContentRequest { hash: hash.to_owned(), offset };
         let reply = bus.ask(row, &request, &context.next().deadline_in(time)).await?;
-        if reply.total > MAX_FETCH_BYTES {
+        if reply.total > limit {
             return Err(Fault::exhausted(format!(
-                "a file of {} bytes is over the limit of {MAX_FETCH_BYTES} bytes",
+                "a file of {} bytes is over the limit of {limit} bytes",
                 reply.total
             )));
+        }
+        let is_last = offset + reply.data.len() as u64 >= reply.total;
+        if reply.data.len() < MIN_PART_BYTES && !is_last {
+            return Err(Fault::invalid(format!("`{}` sent a part of only {} bytes", row.role, reply.data.len())));
         }
         hasher.update(&reply.data);
         file.write_all(&reply.data).map_err(fail)?;
         offset += reply.data.len() as u64;
-        if offset >= reply.total || reply.data.is_empty() {
+        if offset > limit {
+            return Err(Fault::exhausted(format!("`{}` sent more than {limit} bytes", row.role)));
+        }
+        if is_last {
             break;
         }
     }
     if hasher.finalize().to_hex().as_str() != hash {
-        return Err(Fault::new(
-            sg_proto::bus::Code::DataLoss,
-            format!("`{}` sent other content under hash {hash}; has the file changed?", row.role),
-        ));
+        return Err(other_content(row.role, hash));
     }
     file.sync_all().map_err(fail)?;
     Ok(offset)
@@ -265,6 +313,27 @@ mod tests {
         assert_eq!(blobs.put(b"gaussian", "bin").unwrap().1, path);
         assert_eq!(std::fs::read(&path).unwrap(), b"gaussian");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn names_from_messages_stay_in_the_folder() {
+        assert!(check_hash(&blake3::hash(b"gaussian").to_hex()).is_ok());
+        for bad in ["", "abc", "../../etc/passwd", &"A".repeat(64), &"g".repeat(64), &format!("{}/..", "a".repeat(61))]
+        {
+            assert!(check_hash(bad).is_err(), "{bad}");
+        }
+        let extension = |path| extension_of(Path::new(path));
+        assert_eq!((extension("/a/b.npy"), extension("/a/b"), extension("b.n\u{1b}y")), ("npy", "bin", "bin"));
+    }
+
+    #[test]
+    fn other_content_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let blobs = Blobs::open(folder.path()).unwrap();
+        let (hash, path) = blobs.put(b"gaussian", "bin").unwrap();
+        assert!(check_content(&path, &hash, "scene").is_ok());
+        std::fs::write(&path, b"laplacian").unwrap();
+        assert_eq!(check_content(&path, &hash, "scene").unwrap_err().code, sg_proto::bus::Code::DataLoss);
     }
 
     #[test]

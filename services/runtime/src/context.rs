@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use sg_proto::bus::Envelope;
+use sg_proto::keys::Identity;
 use sg_proto::limits::DEFAULT_DEADLINE;
 use uuid::Uuid;
 
@@ -27,8 +28,10 @@ pub struct Context {
     pub parent_span: String,
     /// Time at which the caller gives up.
     pub deadline: Instant,
-    /// Role of the sender, as given by the sender; not verified.
+    /// Role of the sender. For a process on a node the router has confirmed it; others state it themselves.
     pub sender: String,
+    /// The sender, if it is a process on a node. Not sent.
+    pub identity: Option<Identity>,
 }
 
 impl Context {
@@ -45,6 +48,7 @@ impl Context {
             parent_span: String::new(),
             deadline: Instant::now() + DEFAULT_DEADLINE,
             sender: String::new(),
+            identity: None,
         }
     }
 
@@ -127,7 +131,7 @@ impl Context {
         }
     }
 
-    pub(crate) fn from_envelope(envelope: Envelope) -> Self {
+    pub(crate) fn from_envelope(envelope: Envelope, identity: Option<Identity>) -> Self {
         let time = match envelope.deadline_ms {
             0 => DEFAULT_DEADLINE,
             ms => Duration::from_millis(ms.into()),
@@ -141,6 +145,7 @@ impl Context {
             parent_span: String::new(),
             deadline: Instant::now() + time,
             sender: envelope.sender,
+            identity,
         }
     }
 }

@@ -84,8 +84,8 @@ impl SceneFeed {
     async fn catch_up(&mut self, from: Option<u64>) {
         let request = ChangesRequest { from: from.unwrap_or(0), snapshot: from.is_none() };
         let context = Context::root().deadline_in(REQUEST_TIMEOUT);
-        match self.bus.ask(&keys::SCENE_CHANGES, &request, &context).await {
-            Ok(changes) => self.accept(changes, from, &context),
+        match self.bus.ask_identified(&keys::SCENE_CHANGES, &request, &context).await {
+            Ok((changes, identity)) => self.accept(changes, from, &Context { identity, ..context }),
             Err(fault) => self.wait_after(&fault).await,
         }
     }

@@ -13,6 +13,8 @@ use crate::fault::Fault;
 
 /// Deadline of the file list and of each part of a file. The list is slow: the scene hashes its files for it.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(30);
+/// Largest file of a scene, bytes.
+const MAX_FILE_BYTES: u64 = 64 << 30;
 /// Most files of one scene.
 const MAX_FILES: usize = 10_000;
 
@@ -35,7 +37,7 @@ pub(crate) async fn fetch(bus: &Bus, run_dir: &Path, geometry_hash: &str) -> Res
         }
         let parent = path.parent().unwrap_or(&folder);
         std::fs::create_dir_all(parent).map_err(|source| BlobError { path: parent.to_owned(), source })?;
-        fetch_to(bus, &keys::SCENE_CONTENT, &file.hash, &path, &context).await?;
+        fetch_to(bus, &keys::SCENE_CONTENT, (&file.hash, MAX_FILE_BYTES), &path, &context).await?;
         tracing::info!(file = file.name, bytes = file.bytes, "fetched from the scene's machine");
     }
     Ok(if listed.open.is_empty() { folder } else { folder.join(within(&listed.open)?) })

@@ -308,8 +308,8 @@ async fn waiting_and_running_requests_are_cancelled() {
     let _serving = serve_scene(&scene).await;
     let bus = scene.clone();
     let _cancel = scene
-        .serve(&keys::CANCEL, 4, move |request, _| {
-            std::future::ready(Ok(sg_proto::bus::CancelReply { found: bus.cancel_pending(&request.id) }))
+        .serve(&keys::CANCEL, 4, move |request, context| {
+            std::future::ready(Ok(sg_proto::bus::CancelReply { found: bus.cancel_pending(&request.id, &context) }))
         })
         .await
         .unwrap();

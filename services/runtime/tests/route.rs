@@ -70,8 +70,8 @@ async fn an_actor_answers_through_its_mailbox() {
     let message = |command, context, reply| Message::Apply { command, context, reply };
     let _serving = scene.route(&keys::SCENE_APPLY, 8, &mailbox, message).await.unwrap();
     let bus = scene.clone();
-    let cancel = move |request: sg_proto::bus::CancelRequest, _| {
-        std::future::ready(Ok(CancelReply { found: bus.cancel_pending(&request.id) }))
+    let cancel = move |request: sg_proto::bus::CancelRequest, context: Context| {
+        std::future::ready(Ok(CancelReply { found: bus.cancel_pending(&request.id, &context) }))
     };
     let _cancel = scene.serve(&keys::CANCEL, 4, cancel).await.unwrap();
     let ask = async |id: &str, context: Context| cli.ask(&keys::SCENE_APPLY, &command(id), &context).await;

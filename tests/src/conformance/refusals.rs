@@ -27,6 +27,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     };
     checks.note("counts what it refuses", counted.await);
     checks.note("serves everybody who may ask", everybody_who_may(stage).await);
+    checks.note("serves a node as the sender in its key", asked_from_a_node(stage).await);
     checks.note("goes on after garbage on the streams it follows", garbage_on_streams(stage).await);
 }
 
@@ -124,4 +125,20 @@ async fn everybody_who_may(stage: &mut Stage<'_>) -> Result<(), String> {
         question.replied(heard).map_err(|why| format!("asked by `{sender}`: {why}"))?;
     }
     Ok(())
+}
+
+/// A node asks under a key with its identity. The envelope cannot name another sender, and raises no epoch of one.
+async fn asked_from_a_node(stage: &mut Stage<'_>) -> Result<(), String> {
+    let role = stage.subject.role;
+    let id = stage.new_id();
+    let question = Question::of(&keys::STATUS, &StatusRequest {});
+    let segment = format!("@node/gpu1/selection/selection.1/{role}");
+    let of = |sender: &str, epoch| {
+        let envelope = Envelope { epoch, sender: sender.to_owned(), ..question.envelope(&id) };
+        question.within(&envelope)
+    };
+    question.replied(stage.cli.ask_raw(&segment, question.name, &of("selection", 0), ANSWER).await)?;
+    let forged = stage.cli.ask_raw(&segment, question.name, &of("impersonated", u64::MAX), ANSWER).await;
+    refused_as(forged, &[Code::PermissionDenied])?;
+    question.replied(stage.cli.ask_raw(role, question.name, &of("impersonated", 1), ANSWER).await).map(drop)
 }

@@ -124,7 +124,7 @@ fn garbage_on_the_bus() {
     assert_eq!(log.matches("garbage was refused").count(), 40, "{log}");
     // The supervisor ignores these messages and answers requests.
     let bad = sandbox.ready("f", "bad");
-    assert_eq!((&bad["restarts"], &bad["instance"]), (&0.into(), &"bad-1".into()));
+    assert_eq!((&bad["restarts"], &bad["instance"]), (&0.into(), &"bad.1".into()));
     survived(&sandbox, up);
 }
 

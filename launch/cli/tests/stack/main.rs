@@ -41,7 +41,7 @@ fn stack_starts_lists_restarts_and_stops() {
     let scene = sandbox.ready("two", "scene");
     assert_eq!(
         (&scene["role"], &view["role"], &view["instance"]),
-        (&"scene".into(), &"render-view".into(), &"view-1".into())
+        (&"scene".into(), &"render-view".into(), &"view.1".into())
     );
     assert!(scene["uptime_ms"].as_u64() >= Some(view["uptime_ms"].as_u64().unwrap() + 200), "{scene} {view}");
     assert!(scene["start_ms"].as_u64() >= Some(200));
@@ -62,7 +62,7 @@ fn stack_starts_lists_restarts_and_stops() {
 
     kill(Pid::from_raw(pid(&scene)), Signal::SIGKILL).unwrap();
     let reborn = sandbox.wait("two", "scene", |s| s["state"] == "READY" && s["restarts"] == 1);
-    assert_eq!(reborn["instance"], "scene-2");
+    assert_eq!(reborn["instance"], "scene.2");
 
     let (_, log, _) = sandbox.run(&["logs", "scene"]);
     assert_eq!(log.matches("loaded greeting=\"hello there\"").count(), 2, "{log}");

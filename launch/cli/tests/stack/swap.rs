@@ -49,7 +49,7 @@ fn a_service_is_swapped_to_another_executable_and_answers() {
     assert!(!runs(pid(&before)) && runs(pid(&after)));
     assert_eq!(
         (&after["state"], &after["executable"], &after["instance"], &after["restarts"], &after["swap"]["state"]),
-        (&"READY".into(), &path(&sandbox, "other").into(), &"core-2".into(), &0.into(), &"DONE".into())
+        (&"READY".into(), &path(&sandbox, "other").into(), &"core.2".into(), &0.into(), &"DONE".into())
     );
     assert!(after["epoch"].as_u64() > before["epoch"].as_u64(), "{before} {after}");
     assert_eq!(sandbox.run(&["say", "make it red"]).1, "you said: make it red\n");
@@ -119,7 +119,7 @@ fn unready_candidate_is_listed_and_given_up() {
     let seen = sandbox.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
     assert_eq!(
         (&seen["state"], &seen["pid"], &seen["swap"]["instance"]),
-        (&"READY".into(), &before["pid"], &"core-2".into())
+        (&"READY".into(), &before["pid"], &"core.2".into())
     );
     let candidate = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
     assert!(runs(candidate));

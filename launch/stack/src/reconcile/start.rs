@@ -1,5 +1,6 @@
 //! Starting processes: after their dependencies, and never two in one role.
 
+use sg_proto::keys;
 use sg_proto::launch::SwapState;
 
 use super::model::{Action, Exit, ProcessId, Spawn, Time};
@@ -87,7 +88,7 @@ impl Reconciler {
         self.processes_started += 1;
         slot.processes += 1;
         slot.order.get_or_insert(order);
-        let instance = format!("{}-{}", slot.service.name, slot.processes);
+        let instance = format!("{}{}", keys::instance_prefix(&slot.service.name), slot.processes);
         actions.push(Action::Spawn(Box::new(Spawn {
             service: index,
             id,

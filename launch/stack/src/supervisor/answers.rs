@@ -50,8 +50,8 @@ impl Supervisor {
                 let _ = reply.send(answer);
                 event
             }
-            Request::Join(request, reply) => {
-                let (answer, events) = match self.nodes.handle_join(&request, Instant::now()) {
+            Request::Join(request, sender, reply) => {
+                let (answer, events) = match self.nodes.handle_join(&request, sender.as_ref(), Instant::now()) {
                     Ok((answer, events)) => (Ok(answer), events),
                     Err(fault) => (Err(fault), Vec::new()),
                 };

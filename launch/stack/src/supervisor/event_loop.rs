@@ -25,7 +25,6 @@ use crate::error::StackError;
 use crate::file::LaunchFile;
 use crate::pid_registry::PidRegistry;
 use crate::reconcile::{Action, Event, Exit, Outcome, ProcessId, Reconciler, Time};
-use crate::spawn::LineSink as _;
 
 /// Key part that matches every candidate in standby, in place of a role.
 const STANDING_BY: &str = "@instance/*";
@@ -200,15 +199,15 @@ impl Supervisor {
             let deadline = tokio::time::Instant::from_std(deadline.unwrap_or_else(Instant::now));
             let event = tokio::select! {
                 Some((id, exit)) = self.exits.recv() => self.process_exited(id, exit),
-                Some((ready, _)) = self.ready.next() => ready_event(ready),
-                Some((health, _)) = self.health.next() => health_event(health),
-                Some((ready, _)) = self.candidates_ready.next() => self.candidate_ready(ready),
-                Some((health, _)) = self.candidates_health.next() => health_event(health),
+                Some((ready, context)) = self.ready.next() => self.ready_event(ready, &context),
+                Some((health, context)) = self.health.next() => self.health_event(health, &context),
+                Some((ready, context)) = self.candidates_ready.next() => self.candidate_ready(ready, &context),
+                Some((health, context)) = self.candidates_health.next() => self.health_event(health, &context),
                 Some(event) = self.outcomes.recv() => event,
-                Some(seen) = self.alive.recv() => Event::Presence { instance: seen.instance, alive: seen.alive },
+                Some(seen) = self.alive.recv() => self.presence_event(seen),
                 Some(placed) = self.placed.recv() => self.nodes.start_finished(placed),
-                Some((message, _)) = self.node_logs.next() => {
-                    self.log_remote_lines(&message);
+                Some((message, context)) = self.node_logs.next() => {
+                    self.log_remote_lines(&message, &context);
                     Event::Tick
                 }
                 Some(request) = self.requests.recv() => {
@@ -252,31 +251,12 @@ impl Supervisor {
         Event::Down
     }
 
-    fn candidate_ready(&mut self, ready: Ready) -> Event {
-        // Keep only announcements of our own processes. Others would stay for ever.
-        let here = self.pids.values().any(|(_, instance)| *instance == ready.instance);
-        if here || self.nodes.runs(&ready.instance) {
-            self.candidates.insert(ready.instance.clone(), ready.clone());
-        }
-        ready_event(ready)
-    }
-
     fn process_exited(&mut self, id: ProcessId, exit: Exit) -> Event {
         if let Some((pid, instance)) = self.pids.remove(&id) {
             self.registry.remove(pid);
             self.candidates.remove(&instance);
         }
         Event::Exited { id, exit }
-    }
-
-    /// Logs the lines of a process on another machine.
-    fn log_remote_lines(&mut self, message: &LogLines) {
-        let service = self.nodes.running.values().find(|p| p.instance == message.instance).map(|p| p.service);
-        let Some(service) = service else { return };
-        let log = self.log(service);
-        for line in &message.lines {
-            log.line(line);
-        }
     }
 
     /// Events for nodes whose lease has run out.
@@ -287,13 +267,4 @@ impl Supervisor {
         }
         away.into_iter().map(|name| Event::Node { name, present: false }).collect()
     }
-}
-
-fn ready_event(ready: Ready) -> Event {
-    Event::Ready { instance: ready.instance, start_ms: ready.start_ms, standby: ready.standby }
-}
-
-fn health_event(health: Health) -> Event {
-    let answer_ms = (health.answer_ms, health.answer_ms_p99);
-    Event::Health { instance: health.instance, memory_bytes: health.memory_bytes, answer_ms }
 }

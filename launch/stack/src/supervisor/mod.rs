@@ -6,6 +6,7 @@ mod event_loop;
 mod nodes;
 mod open_session;
 mod opener;
+mod process_messages;
 mod requests;
 mod session_lock;
 mod status;

@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
-use sg_proto::keys;
+use sg_proto::keys::{self, Identity};
 use sg_proto::launch::{Ended, JoinReply, JoinRequest, SignalRequest, StartReply, StartRequest, Variable};
-use sg_runtime::bus::{Bus, Certificates, RemoteMachine, TlsListener};
+use sg_runtime::bus::{Bus, Certificates, RemoteMachine, RemoteService, TlsListener};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use tokio::sync::mpsc;
 
-use crate::file::{LaunchFile, Node};
+use crate::file::{LaunchFile, Node, Service};
 use crate::reconcile::{Event, Exit, ProcessId, Spawn};
 use crate::suggestion::suggestion;
 
@@ -68,10 +68,10 @@ pub(super) struct Nodes {
 /// Access rules of the bus: each node may hold the roles of its services.
 pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
     let listening = file.listen.as_ref()?;
-    let guest = |node: &Node| RemoteMachine {
+    let service = |s: &Service| RemoteService { name: s.name.clone(), role: s.role.clone() };
+    let machine = |node: &Node| RemoteMachine {
         name: node.name.clone(),
-        roles: file.roles_on(&node.name).map(|s| s.role.clone()).collect(),
-        instances: file.roles_on(&node.name).map(|s| format!("{}-", s.name)).collect(),
+        services: file.roles_on(&node.name).map(service).collect(),
     };
     Some(TlsListener {
         endpoint: listening.endpoint.clone(),
@@ -80,7 +80,7 @@ pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
             certificate: listening.certificate.clone(),
             key: listening.key.clone(),
         },
-        machines: file.nodes.iter().map(guest).collect(),
+        machines: file.nodes.iter().map(machine).collect(),
     })
 }
 
@@ -112,12 +112,20 @@ impl Nodes {
         away
     }
 
-    /// Handles a report: the answer, and the events that follow.
+    /// Handles a report: the answer, and the events that follow. `sender` is the node of the certificate.
     pub(super) fn handle_join(
         &mut self,
         request: &JoinRequest,
+        sender: Option<&Identity>,
         now: Instant,
     ) -> Result<(JoinReply, Vec<Event>), Fault> {
+        if sender.is_none_or(|s| s.node != request.node) {
+            let certified = sender.map_or("of no node".to_owned(), |s| format!("of node `{}`", s.node));
+            return Err(Fault::new(
+                Code::PermissionDenied,
+                format!("a machine with the certificate {certified} cannot join as `{}`", request.node.escape_debug()),
+            ));
+        }
         let names: Vec<_> = self.known.keys().cloned().collect();
         let known = self.known.get_mut(&request.node).ok_or_else(|| {
             let hint = suggestion(&request.node, names.iter().map(String::as_str));
@@ -232,8 +240,20 @@ impl Nodes {
         true
     }
 
-    pub(super) fn runs(&self, instance: &str) -> bool {
-        self.running.values().any(|p| p.instance == instance)
+    /// Whether a message about an instance comes from the machine that runs it.
+    ///
+    /// A process of a node speaks for itself alone. A process of this machine cannot speak for one of a node.
+    pub(super) fn confirms(&self, sender: Option<&Identity>, instance: &str) -> bool {
+        let node = self.node_of(instance);
+        match sender {
+            Some(sender) => sender.instance == instance && node == Some(&sender.node),
+            None => node.is_none(),
+        }
+    }
+
+    /// Node that runs an instance.
+    pub(super) fn node_of(&self, instance: &str) -> Option<&str> {
+        self.running.values().find(|p| p.instance == instance).map(|p| p.node.as_str())
     }
 }
 
@@ -257,27 +277,62 @@ mod tests {
         }
     }
 
+    fn gpu1(instance: &str) -> Identity {
+        Identity { node: "gpu1".into(), role: "render-view".into(), instance: instance.into() }
+    }
+
+    /// A report of the node that the certificate names.
+    fn join(nodes: &mut Nodes, request: &JoinRequest, now: Instant) -> Result<(JoinReply, Vec<Event>), Fault> {
+        nodes.handle_join(request, Some(&gpu1("node:gpu1")), now)
+    }
+
     fn run(nodes: &mut Nodes, id: u64, instance: &str, number: Option<u64>) {
         let away = RemoteProcess { node: "gpu1".into(), instance: instance.into(), service: 0, number };
         nodes.running.insert(ProcessId(id), away);
     }
 
     #[test]
+    fn a_machine_joins_under_the_name_in_its_certificate_only() {
+        let (mut nodes, _placed) = nodes();
+        let now = Instant::now();
+        let gpu2 = Identity { node: "gpu2".into(), ..gpu1("node:gpu2") };
+        for sender in [Some(&gpu2), None] {
+            let refused = nodes.handle_join(&request("a", 0, &[]), sender, now).unwrap_err();
+            assert_eq!(refused.code, Code::PermissionDenied, "{refused}");
+        }
+        assert_eq!(nodes.deadline(), None);
+        assert!(join(&mut nodes, &request("a", 0, &[]), now).is_ok());
+    }
+
+    #[test]
+    fn a_process_speaks_for_itself_only() {
+        let (mut nodes, _placed) = nodes();
+        run(&mut nodes, 1, "view.1", Some(1));
+        assert!(nodes.confirms(Some(&gpu1("view.1")), "view.1"));
+        assert!(!nodes.confirms(Some(&gpu1("view.2")), "view.1"), "another instance of the node");
+        assert!(!nodes.confirms(Some(&gpu1("scene.1")), "scene.1"), "an instance of the supervisor's machine");
+        assert!(!nodes.confirms(Some(&gpu1("view.1")), "scene.1"));
+        let gpu2 = Identity { node: "gpu2".into(), ..gpu1("view.1") };
+        assert!(!nodes.confirms(Some(&gpu2), "view.1"), "another node");
+        assert!(nodes.confirms(None, "scene.1") && !nodes.confirms(None, "view.1"));
+    }
+
+    #[test]
     fn node_joins_and_expires_after_its_lease() {
         let (mut nodes, _placed) = nodes();
         let began = Instant::now();
-        assert!(nodes.handle_join(&JoinRequest { node: "gpu2".into(), ..JoinRequest::default() }, began).is_err());
+        assert!(join(&mut nodes, &JoinRequest { node: "gpu2".into(), ..JoinRequest::default() }, began).is_err());
         assert_eq!(nodes.deadline(), None);
-        let (reply, events) = nodes.handle_join(&request("a", 0, &[]), began).unwrap();
+        let (reply, events) = join(&mut nodes, &request("a", 0, &[]), began).unwrap();
         assert_eq!((reply.lease_ms, events), (5000, vec![Event::Node { name: "gpu1".into(), present: true }]));
         let later = began + Duration::from_secs(4);
-        assert_eq!(nodes.handle_join(&request("b", 0, &[]), later).unwrap_err().code, Code::FailedPrecondition);
-        assert_eq!(nodes.handle_join(&request("a", 0, &[]), later).unwrap().1, []);
+        assert_eq!(join(&mut nodes, &request("b", 0, &[]), later).unwrap_err().code, Code::FailedPrecondition);
+        assert_eq!(join(&mut nodes, &request("a", 0, &[]), later).unwrap().1, []);
         run(&mut nodes, 1, "view-1", Some(1));
         assert!(nodes.expired(later + Duration::from_millis(5900)).is_empty());
         assert_eq!(nodes.expired(later + Duration::from_secs(6)), ["gpu1"]);
         assert!(nodes.running.is_empty());
-        assert!(nodes.handle_join(&request("b", 0, &[]), later + Duration::from_secs(7)).is_ok());
+        assert!(join(&mut nodes, &request("b", 0, &[]), later + Duration::from_secs(7)).is_ok());
     }
 
     #[test]
@@ -288,17 +343,17 @@ mod tests {
         run(&mut nodes, 2, "view-2", Some(2));
         run(&mut nodes, 3, "view-3", None);
         // The report covers the first start only. The second is still unknown to the node.
-        let (reply, events) = nodes.handle_join(&request("a", 1, &["other-1"]), now).unwrap();
+        let (reply, events) = join(&mut nodes, &request("a", 1, &["other-1"]), now).unwrap();
         assert_eq!(reply.unknown_instances, ["other-1"]);
         let gone: Vec<_> =
             events.iter().filter_map(|e| if let Event::Exited { id, .. } = e { Some(id.0) } else { None }).collect();
         assert_eq!(gone, [1]);
         let ended = Ended { instance: "view-2".into(), exited: true, status: 2, reason: "bad input".into() };
         let (_, events) =
-            nodes.handle_join(&JoinRequest { ended: vec![ended], ..request("a", 2, &["view-3"]) }, now).unwrap();
+            join(&mut nodes, &JoinRequest { ended: vec![ended], ..request("a", 2, &["view-3"]) }, now).unwrap();
         let exit = Exit { status: Some(2), reason: "bad input".into() };
         assert_eq!(events, [Event::Exited { id: ProcessId(2), exit }]);
-        assert!(nodes.runs("view-3") && !nodes.runs("view-2"));
+        assert!(nodes.node_of("view-3").is_some() && nodes.node_of("view-2").is_none());
     }
 
     #[test]

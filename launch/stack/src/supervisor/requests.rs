@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use sg_proto::bus::MetricsReply;
-use sg_proto::keys;
+use sg_proto::keys::{self, Identity};
 use sg_proto::launch::{
     DownReply, JoinReply, JoinRequest, OpenReply, OpenRequest, PsReply, PsRequest, ReloadReply, ReloadRequest,
     RestartReply, RestartRequest, SwapReply, SwapRequest,
@@ -22,7 +22,8 @@ pub(super) enum Request {
     Restart(RestartRequest, Reply<RestartReply>),
     Swap(SwapRequest, Reply<SwapReply>),
     Reload(ReloadRequest, Reply<ReloadReply>),
-    Join(JoinRequest, Reply<JoinReply>),
+    /// With its sender, as its certificate proves.
+    Join(JoinRequest, Option<Identity>, Reply<JoinReply>),
     Open(OpenRequest, Reply<OpenReply>),
 }
 
@@ -63,7 +64,10 @@ pub(super) async fn serve(
         bus.route(&keys::RESTART, CAPACITY, mailbox, |request, _, reply| Request::Restart(request, reply)).await?,
         bus.route(&keys::SWAP, CAPACITY, mailbox, |request, _, reply| Request::Swap(request, reply)).await?,
         bus.route(&keys::RELOAD, CAPACITY, mailbox, |request, _, reply| Request::Reload(request, reply)).await?,
-        bus.route(&keys::JOIN, CAPACITY, mailbox, |request, _, reply| Request::Join(request, reply)).await?,
+        bus.route(&keys::JOIN, CAPACITY, mailbox, |request, context, reply| {
+            Request::Join(request, context.identity, reply)
+        })
+        .await?,
         bus.route(&keys::OPEN, CAPACITY, mailbox, |request, _, reply| Request::Open(request, reply)).await?,
         down.await?,
         metrics.await?,

@@ -6,7 +6,7 @@ use std::time::Duration;
 use sg_formats::npy;
 use sg_proto::keys;
 use sg_raster::structure::labels_of;
-use sg_runtime::blobs::Blobs;
+use sg_runtime::blobs::{Blobs, StoredFile};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
@@ -35,12 +35,13 @@ impl ClusterLabels {
         gaussians: usize,
         context: &Context,
     ) -> Result<Arc<[u32]>, Fault> {
-        let state = bus.newest(&keys::SELECTION_STATE, &context.next().within(SELECTION_WAIT)).await?;
+        let asking = context.next().within(SELECTION_WAIT);
+        let (state, sender) = bus.newest_identified(&keys::SELECTION_STATE, &asking).await?;
         if let Some(labels) = self.labels.as_ref().filter(|_| self.hash == state.labels_hash) {
             return Ok(Arc::clone(labels));
         }
-        let place = (state.labels_path.as_str(), state.labels_hash.as_str());
-        let path = blobs.fetch(bus, &keys::SELECTION_CONTENT, place, &context.next()).await?;
+        let stored = StoredFile { path: &state.labels_path, hash: &state.labels_hash, sender: sender.as_ref() };
+        let path = blobs.fetch(bus, &keys::SELECTION_CONTENT, stored, &context.next()).await?;
         let labels = tokio::task::block_in_place(|| npy::read_labels(&path));
         let labels = labels.map_err(|e| Fault::internal(e.to_string()))?;
         let labels: Arc<[u32]> = labels_of(labels, gaussians).map_err(|e| Fault::internal(e.to_string()))?.into();

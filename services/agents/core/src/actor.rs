@@ -247,7 +247,7 @@ impl CoreAgent {
         });
         let after = if changed { Some(self.observe("after", outcome.revision, turn).await) } else { None };
         let frames = after.as_ref().and_then(|a| Some((before.frame.as_ref()?, a.frame.as_ref()?)));
-        let changed = tokio::task::block_in_place(|| frames.and_then(|(b, a)| images_differ(b, a)));
+        let changed = frames.and_then(|(b, a)| images_differ(b, a));
         let evidence = Evidence { before: &before, after: after.as_ref(), changed };
         Ok(reply::compose(&intent, &outcome, &evidence))
     }

@@ -117,10 +117,12 @@ class Context:
     sender: str = ""
     epoch: int = 0
     deadline: float = 0.0
+    # Node of the sender; empty for the supervisor's machine.
+    node: str = ""
 
     @classmethod
-    def of(cls, envelope: bus.Envelope) -> Context:
-        """From the envelope."""
+    def of(cls, envelope: bus.Envelope, node: str) -> Context:
+        """From the envelope, and the node in the key."""
         seconds = envelope.deadline_ms / 1000 if envelope.deadline_ms else DEFAULT_DEADLINE
         return cls(
             id=envelope.id,
@@ -130,6 +132,7 @@ class Context:
             sender=envelope.sender,
             epoch=envelope.epoch,
             deadline=time.monotonic() + seconds,
+            node=node,
         )
 
     def is_late(self) -> bool:
@@ -173,7 +176,7 @@ class Slot:
     def answer(self, query: zenoh.Query) -> None:
         """Sends the current value to a late reader."""
         with query:
-            reply(query, self._value)
+            self._service.reply(query, self._value)
 
 
 def encoding(message: Message) -> zenoh.Encoding:
@@ -181,16 +184,18 @@ def encoding(message: Message) -> zenoh.Encoding:
     return zenoh.Encoding(PROTOBUF + message.DESCRIPTOR.full_name)
 
 
-def reply(query: zenoh.Query, message: Message) -> None:
-    """Sends a reply or an error. The client may be gone."""
-    payload = message.SerializeToString()
-    try:
-        if isinstance(message, bus.Error):
-            query.reply_err(payload, encoding=encoding(message))
-        else:
-            query.reply(query.key_expr, payload, encoding=encoding(message))
-    except zenoh.ZError as error:
-        log("DEBUG", "a reply could not be sent", error=str(error))
+def sender_of(session: str, key: str) -> tuple[str, str] | None:
+    """Node and role of the process on a node that sent a message, from its key; None for the supervisor's machine.
+
+    The router lets a node send only under keys with its own name, `sg/<session>/@node/<node>/<role>/<instance>/…`.
+    """
+    prefix = f"sg/{session}/@node/"
+    if not key.startswith(prefix):
+        return None
+    parts = key.removeprefix(prefix).split("/", 3)
+    if len(parts) < 4 or "*" in key or "$" in key:
+        raise invalid(f"`{key}` is no key of a single sender")
+    return parts[0], parts[1]
 
 
 class Service:
@@ -270,6 +275,18 @@ class Service:
             )
         except zenoh.ZError as error:
             log("WARN", "a message could not be published", key=key, error=str(error))
+
+    def reply(self, query: zenoh.Query, message: Message) -> None:
+        """Sends a reply or an error. The client may be gone."""
+        payload = message.SerializeToString()
+        envelope = bus.Envelope(sender=self.args.role, epoch=self._present_epoch()).SerializeToString()
+        try:
+            if isinstance(message, bus.Error):
+                query.reply_err(payload, encoding=encoding(message))
+            else:
+                query.reply(query.key_expr, payload, encoding=encoding(message), attachment=envelope)
+        except zenoh.ZError as error:
+            log("DEBUG", "a reply could not be sent", error=str(error))
 
     def run(self) -> int:
         """Serves until it is stopped; the exit status is then 0."""
@@ -375,7 +392,9 @@ class Service:
         return f"sg/{self.args.session}/{segment}/{name}"
 
     def _queryable(self, name: str, segment: str, callback: Callable[[zenoh.Query], None]) -> None:
-        self._declared.append(self._session.declare_queryable(self._key(name, segment), callback, complete=True))
+        # Processes on nodes ask under keys with their identity.
+        for key in (self._key(name, segment), self._key(name, f"@node/*/*/*/{segment}")):
+            self._declared.append(self._session.declare_queryable(key, callback, complete=True))
 
     def _declare(self, segment: str) -> None:
         """Answers every row under the role or under the instance."""
@@ -421,6 +440,10 @@ class Service:
             envelope = bus.Envelope.FromString(attachment)
         except DecodeError as error:
             raise invalid(f"malformed envelope: {error}") from error
+        sender = sender_of(self.args.session, str(query.key_expr))
+        if sender is not None and envelope.sender != sender[1]:
+            message = f"a process of role `{sender[1]}` on node `{sender[0]}` may not send as `{envelope.sender}`"
+            raise Refusal(bus.CODE_PERMISSION_DENIED, message)
         if row.senders is not ANYBODY and envelope.sender not in row.senders:
             allowed = ", ".join(row.senders)
             message = f"`{envelope.sender}` may not ask {row.name}; only {allowed} may"
@@ -438,7 +461,8 @@ class Service:
             size = len(query.payload)
             raise exhausted(f"a {wanted} of {size} bytes is over the limit of {MAX_MESSAGE_BYTES} bytes for one message")
         try:
-            return row.request.FromString(query.payload.to_bytes()), Context.of(envelope)
+            node = sender[0] if sender is not None else ""
+            return row.request.FromString(query.payload.to_bytes()), Context.of(envelope, node)
         except DecodeError as error:
             raise invalid(f"malformed {wanted}: {error}") from error
 
@@ -455,7 +479,7 @@ class Service:
 
     def _refuse(self, query: zenoh.Query, refusal: Refusal) -> None:
         self._counts["refused"] += 1
-        reply(query, refusal.error)
+        self.reply(query, refusal.error)
 
     def _accept(self, row: Row, query: zenoh.Query) -> None:
         """Queues or refuses a request."""
@@ -487,20 +511,23 @@ class Service:
                     del self._open[request.context.id]
             self._counts["answered"] += 1
             with request.query:
-                reply(request.query, outcome)
+                self.reply(request.query, outcome)
             return True
 
     def _answer_at_once(self, row: Row, query: zenoh.Query) -> None:
         with query:
             try:
-                reply(query, row.handler(*self._admit(row, query)))
+                self.reply(query, row.handler(*self._admit(row, query)))
                 self._counts["answered"] += 1
             except Refusal as refusal:
                 self._refuse(query, refusal)
 
-    def _cancel(self, request: bus.CancelRequest, _context: Context) -> bus.CancelReply:
+    def _cancel(self, request: bus.CancelRequest, context: Context) -> bus.CancelReply:
         with self._lock:
             found = self._open.get(request.id)
+        # A node can cancel its own requests only.
+        if found is not None and context.node and context.node != found.context.node:
+            found = None
         withdrawn = bus.Error(code=bus.CODE_CANCELLED, message="the request was withdrawn")
         return bus.CancelReply(found=found is not None and self._answer(found, withdrawn))
 

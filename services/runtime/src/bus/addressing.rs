@@ -38,6 +38,10 @@ impl Address {
         Self { instance, assignment: RwLock::new(Assignment { epoch, standby }), declared: Mutex::default() }
     }
 
+    pub(super) fn instance(&self) -> Option<&str> {
+        self.instance.as_deref()
+    }
+
     fn assignment(&self) -> Assignment {
         *self.assignment.read().unwrap_or_else(PoisonError::into_inner)
     }
@@ -49,6 +53,8 @@ pub(super) type Callback = Arc<dyn Fn(Query) + Send + Sync>;
 /// A row that is answered under every key of this process.
 pub(super) struct DeclaredRow {
     name: &'static str,
+    /// Whether processes on nodes may ask.
+    for_nodes: bool,
     /// Absent once the row is undeclared: the callback feeds a queue, and a reader waits for the end of that queue.
     callback: Mutex<Option<Callback>>,
     queryables: Mutex<Vec<Queryable<()>>>,
@@ -128,12 +134,13 @@ impl Bus {
         &self,
         role: &str,
         name: &'static str,
+        for_nodes: bool,
         callback: Callback,
     ) -> Result<Arc<DeclaredRow>, BusError> {
         self.check_role(role, name)
             .map_err(|reason| BusError::Declare { key: keys::key(self.session(), role, name), reason })?;
-        let declared =
-            Arc::new(DeclaredRow { name, callback: Mutex::new(Some(callback)), queryables: Mutex::default() });
+        let callback = Mutex::new(Some(callback));
+        let declared = Arc::new(DeclaredRow { name, for_nodes, callback, queryables: Mutex::default() });
         let address = &self.inner.address;
         address.declared.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(&declared));
         if let Some(instance) = &address.instance {
@@ -147,19 +154,23 @@ impl Bus {
 
     fn declare_at<'a>(&'a self, segment: &'a str, declared: &'a DeclaredRow) -> BoxFuture<'a, Result<(), BusError>> {
         Box::pin(async move {
-            let key = keys::key(self.session(), segment, declared.name);
             let Some(callback) = declared.callback.lock().unwrap_or_else(PoisonError::into_inner).clone() else {
                 return Ok(());
             };
-            let queryable = self
-                .inner
-                .zenoh
-                .declare_queryable(&key)
-                .complete(true)
-                .callback(move |query| callback(query))
-                .await
-                .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
-            declared.queryables.lock().unwrap_or_else(PoisonError::into_inner).push(queryable);
+            let home = keys::key(self.session(), segment, declared.name);
+            let nodes = keys::from_nodes(self.session(), &format!("{segment}/{}", declared.name));
+            for key in [Some(home), declared.for_nodes.then_some(nodes)].into_iter().flatten() {
+                let callback = Arc::clone(&callback);
+                let queryable = self
+                    .inner
+                    .zenoh
+                    .declare_queryable(&key)
+                    .complete(true)
+                    .callback(move |query| callback(query))
+                    .await
+                    .map_err(|e| BusError::Declare { key, reason: e.to_string() })?;
+                declared.queryables.lock().unwrap_or_else(PoisonError::into_inner).push(queryable);
+            }
             Ok(())
         })
     }

@@ -4,10 +4,12 @@ use std::time::{Duration, Instant, SystemTime};
 
 use prost::{Message, Name};
 use sg_proto::bus::{CancelRequest, Code, Error as WireError};
-use sg_proto::keys::{self, Priority, Request, Retained};
+use sg_proto::keys::{self, Identity, Priority, Request, Retained};
 use zenoh::bytes::{Encoding, ZBytes};
-use zenoh::query::QueryTarget;
+use zenoh::query::{QueryTarget, ReplyKeyExpr};
+use zenoh::sample::Sample;
 
+use super::identity::Origin;
 use super::{BoxFuture, Bus};
 use crate::context::Context;
 use crate::fault::Fault;
@@ -22,6 +24,13 @@ struct RoleQuery<'a> {
     priority: Priority,
     /// Reference counted, so a retry copies nothing.
     payload: Option<(ZBytes, Encoding)>,
+}
+
+/// A reply, with its sender if that is a process on a node.
+struct QueryReply {
+    encoding: Encoding,
+    payload: ZBytes,
+    identity: Option<Identity>,
 }
 
 /// First pause between two tries.
@@ -67,6 +76,25 @@ impl Bus {
     {
         let payload = Some((ZBytes::from(wire::encode(request)?), wire::encoding::<Q>()));
         let query = RoleQuery { role, name: row.name, priority: row.priority, payload };
+        Ok(self.query(&query, context).await?.0)
+    }
+
+    /// As [`Bus::ask`], with the sender of the reply: a process on a node, or `None` for the supervisor's machine.
+    ///
+    /// # Errors
+    /// As in [`Bus::ask`].
+    pub async fn ask_identified<Q, R>(
+        &self,
+        row: &Request<Q, R>,
+        request: &Q,
+        context: &Context,
+    ) -> Result<(R, Option<Identity>), Fault>
+    where
+        Q: Message + Name,
+        R: Message + Name + Default,
+    {
+        let payload = Some((ZBytes::from(wire::encode(request)?), wire::encoding::<Q>()));
+        let query = RoleQuery { role: row.role, name: row.name, priority: row.priority, payload };
         self.query(&query, context).await
     }
 
@@ -75,6 +103,21 @@ impl Bus {
     /// # Errors
     /// As in [`Bus::ask`].
     pub async fn newest<M>(&self, row: &Retained<M>, context: &Context) -> Result<M, Fault>
+    where
+        M: Message + Name + Default,
+    {
+        Ok(self.newest_identified(row, context).await?.0)
+    }
+
+    /// As [`Bus::newest`], with the sender of the value, as in [`Bus::ask_identified`].
+    ///
+    /// # Errors
+    /// As in [`Bus::ask`].
+    pub async fn newest_identified<M>(
+        &self,
+        row: &Retained<M>,
+        context: &Context,
+    ) -> Result<(M, Option<Identity>), Fault>
     where
         M: Message + Name + Default,
     {
@@ -93,12 +136,12 @@ impl Bus {
     }
 
     /// Sends a query and decodes its reply.
-    async fn query<R>(&self, query: &RoleQuery<'_>, context: &Context) -> Result<R, Fault>
+    async fn query<R>(&self, query: &RoleQuery<'_>, context: &Context) -> Result<(R, Option<Identity>), Fault>
     where
         R: Message + Name + Default,
     {
-        let (encoding, payload) = self.query_until_answered(query, context).await?;
-        self.counted(query.name, wire::decode::<R>(&encoding, &payload))
+        let QueryReply { encoding, payload, identity } = self.query_until_answered(query, context).await?;
+        Ok((self.counted(query.name, wire::decode::<R>(&encoding, &payload))?, identity))
     }
 
     /// Sends a query until a process answers it or the deadline passes.
@@ -108,7 +151,7 @@ impl Bus {
         &'a self,
         query: &'a RoleQuery<'a>,
         context: &'a Context,
-    ) -> BoxFuture<'a, Result<(Encoding, ZBytes), Fault>> {
+    ) -> BoxFuture<'a, Result<QueryReply, Fault>> {
         Box::pin(async move {
             let (begun, started) = (Instant::now(), SystemTime::now());
             let mut pause = FIRST_PAUSE;
@@ -130,19 +173,21 @@ impl Bus {
         })
     }
 
-    async fn query_once(&self, query: &RoleQuery<'_>, context: &Context) -> Result<(Encoding, ZBytes), Fault> {
+    async fn query_once(&self, query: &RoleQuery<'_>, context: &Context) -> Result<QueryReply, Fault> {
         let RoleQuery { role, name, priority, payload } = query;
         let remaining = context.remaining();
         let late = || Fault::deadline(format!("`{role}` did not answer {name} in time"));
         if remaining.is_zero() {
             return Err(late());
         }
-        let key = keys::key(&self.inner.session, role, name);
+        let key = self.sending_key(role, name);
         let mut get = self
             .inner
             .zenoh
             .get(&key)
             .target(QueryTarget::BestMatching)
+            // A process on a node replies under its own key.
+            .accept_replies(ReplyKeyExpr::Any)
             .priority(zenoh_priority(*priority))
             .timeout(remaining);
         if let Some((payload, encoding)) = payload {
@@ -160,7 +205,7 @@ impl Bus {
                 Err(Fault::unavailable(format!("no process serves `{role}` at the moment; try again in a moment")))
             }
             Ok(Ok(reply)) => match reply.result() {
-                Ok(sample) => Ok((sample.encoding().clone(), sample.payload().clone())),
+                Ok(sample) => self.check_reply(query, &key, sample),
                 Err(error) => match wire::decode::<WireError>(error.encoding(), error.payload()) {
                     Ok(wire) => Err(Fault::from_wire(wire)),
                     // The bus reports its own timeout as an error in its own encoding.
@@ -168,6 +213,42 @@ impl Bus {
                 },
             },
         }
+    }
+
+    /// Checks that the asked role or instance has sent a reply, and that its role has not passed to another instance.
+    fn check_reply(&self, query: &RoleQuery<'_>, key: &str, reply: &Sample) -> Result<QueryReply, Fault> {
+        let RoleQuery { role, name, .. } = query;
+        let replied = reply.key_expr().as_str();
+        let refused = |reason: String| {
+            self.inner.counters.refuse(name);
+            Fault::new(Code::Unauthenticated, reason)
+        };
+        let identity = match self.origin(replied, name) {
+            // The supervisor's machine replies under the key of the query. No node may.
+            _ if replied == key => None,
+            Ok(Origin { identity: Some(identity), segment }) if segment == *role && identity.owns(role) => {
+                Some(identity)
+            }
+            _ => return Err(refused(format!("a reply under `{replied}` is not one of `{role}` to {name}"))),
+        };
+        let envelope = wire::envelope(reply.attachment()).inspect_err(|_| self.inner.counters.refuse(name))?;
+        let named = identity.as_ref().map_or(*role, |i| i.role.as_str());
+        // Processes of another language may omit the envelope. An instance has any role.
+        let is_unnamed = identity.is_none() && (envelope.sender.is_empty() || role.starts_with('@'));
+        if !is_unnamed && envelope.sender != named {
+            return Err(refused(format!("`{}` replied to {name} in place of `{role}`", envelope.sender)));
+        }
+        if !role.starts_with('@') && self.check_epoch(&envelope).is_err() {
+            self.inner.counters.refuse(name);
+            // The new instance of the role answers the next try.
+            return Err(Fault::unavailable(format!("`{role}` has passed to another instance; try again in a moment")));
+        }
+        let (encoding, payload) = (reply.encoding().clone(), reply.payload().clone());
+        // A process on a node cannot send the bus's own form of an error.
+        if identity.is_some() && wire::message_name(&encoding).is_some_and(|n| n == WireError::full_name()) {
+            return Err(wire::decode::<WireError>(&encoding, &payload).map_or_else(|fault| fault, Fault::from_wire));
+        }
+        Ok(QueryReply { encoding, payload, identity })
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use sg_proto::keys::Identity;
+
 /// Endpoint of a unix socket: `unixsock-stream/PATH`.
 #[must_use]
 pub fn endpoint_of(socket: &Path) -> String {
@@ -20,6 +22,31 @@ pub struct Certificates {
     pub certificate: PathBuf,
     /// Own private key.
     pub key: PathBuf,
+}
+
+/// A certificate that does not name its machine.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: {reason}; make it with `supergaussian certificates`")]
+pub struct CertificateError {
+    /// The certificate.
+    pub path: PathBuf,
+    /// Reason.
+    pub reason: String,
+}
+
+impl Certificates {
+    /// Name of the machine in its own certificate: the common name.
+    ///
+    /// # Errors
+    /// [`CertificateError`] for a file that cannot be read, is no certificate or has no common name.
+    pub fn machine(&self) -> Result<String, CertificateError> {
+        let fail = |reason: String| CertificateError { path: self.certificate.clone(), reason };
+        let pem = std::fs::read(&self.certificate).map_err(|e| fail(e.to_string()))?;
+        let (_, pem) = x509_parser::pem::parse_x509_pem(&pem).map_err(|e| fail(format!("no certificate: {e}")))?;
+        let certificate = pem.parse_x509().map_err(|e| fail(format!("no certificate: {e}")))?;
+        let name = certificate.subject().iter_common_name().next().and_then(|n| n.as_str().ok());
+        name.map(str::to_owned).ok_or_else(|| fail("it has no common name".to_owned()))
+    }
 }
 
 /// Endpoint of a session's router, with the certificates for it.
@@ -49,6 +76,17 @@ impl Link {
     pub fn is_remote(&self) -> bool {
         self.endpoint.starts_with(TLS_PREFIX)
     }
+
+    /// Identity of a process that connects by this link; `None` on the supervisor's machine.
+    pub(super) fn identity(&self, role: &str, instance: Option<&str>) -> Result<Option<Identity>, String> {
+        if !self.is_remote() {
+            return Ok(None);
+        }
+        let certificates = self.certificates.as_ref().ok_or("a router on another machine needs certificates")?;
+        let instance = instance.ok_or("a process on another machine needs an instance")?;
+        let node = certificates.machine().map_err(|e| e.to_string())?;
+        Ok(Some(Identity { node, role: role.to_owned(), instance: instance.to_owned() }))
+    }
 }
 
 /// TLS listener of a router, and the machines that may connect.
@@ -62,13 +100,20 @@ pub struct TlsListener {
     pub machines: Vec<RemoteMachine>,
 }
 
-/// Another machine. It has the rights of its roles in the contract's table.
+/// Another machine. It has the rights of its roles in the contract's table, and sends under its own name only.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RemoteMachine {
     /// Common name of its certificate.
     pub name: String,
-    /// Roles of the services that it runs for the session.
-    pub roles: Vec<String>,
-    /// Prefixes of its instance names, without the number.
-    pub instances: Vec<String>,
+    /// Services that it runs for the session.
+    pub services: Vec<RemoteService>,
+}
+
+/// A service on another machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RemoteService {
+    /// Name; its instances are named after it ([`sg_proto::keys::instance_prefix`]).
+    pub name: String,
+    /// Role.
+    pub role: String,
 }

@@ -9,8 +9,10 @@ mod client;
 mod config;
 mod counters;
 mod epochs;
+mod identity;
 mod link;
 mod liveliness;
+mod quotas;
 mod raw;
 mod retained;
 mod route;
@@ -24,7 +26,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 pub use counters::Counters;
-pub use link::{Certificates, Link, RemoteMachine, TLS_PREFIX, TlsListener, endpoint_of};
+pub use link::{
+    CertificateError, Certificates, Link, RemoteMachine, RemoteService, TLS_PREFIX, TlsListener, endpoint_of,
+};
 pub use liveliness::{LivelinessChange, LivelinessToken};
 pub use raw::{DeclaredKey, RawMessage, RawReply};
 pub use retained::RetainedValue;
@@ -34,7 +38,9 @@ pub use stream::{SessionWatch, Subscription, WatchedMessage};
 use crate::fault::Fault;
 use addressing::Address;
 use epochs::Epochs;
+use quotas::Quotas;
 use server::PendingRequests;
+use sg_proto::keys::Identity;
 use stream::Sequences;
 
 /// A boxed future, so that its code is compiled once, in this package.
@@ -57,6 +63,9 @@ struct Inner {
     counters: Counters,
     address: Address,
     epochs: Epochs,
+    /// Absent on the supervisor's machine.
+    identity: Option<Identity>,
+    quotas: Quotas,
     pending: PendingRequests,
     sequences: Sequences,
 }
@@ -91,7 +100,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 
 impl Bus {
-    /// Connects to the router of a session, as a client.
+    /// Connects to the router of a session, as a client of the same machine.
     ///
     /// # Errors
     /// [`BusError::Open`] if the router does not answer within five seconds, or a certificate is unusable.
@@ -128,7 +137,7 @@ impl Bus {
     ) -> Result<Self, BusError> {
         let endpoint = listener.map_or_else(|| endpoint_of(socket), |l| l.endpoint.clone());
         let config = config::router(session, socket, listener);
-        Self::open(session, role, endpoint, config, Address::of_role()).await
+        Self::open(session, role, endpoint, config, Address::of_role(), None).await
     }
 
     fn join<'a>(
@@ -138,8 +147,12 @@ impl Bus {
         address: Address,
     ) -> BoxFuture<'a, Result<Self, BusError>> {
         Box::pin(async move {
-            let config = config::client(&link);
-            Self::open(session, role, link.endpoint, config, address).await
+            let identity = link.identity(role, address.instance());
+            let (identity, config) = match identity {
+                Ok(identity) => (identity, config::client(&link)),
+                Err(reason) => (None, Err(reason)),
+            };
+            Self::open(session, role, link.endpoint, config, address, identity).await
         })
     }
 
@@ -149,6 +162,7 @@ impl Bus {
         endpoint: String,
         config: Result<zenoh::Config, String>,
         address: Address,
+        identity: Option<Identity>,
     ) -> BoxFuture<'a, Result<Self, BusError>> {
         Box::pin(async move {
             let fail = |reason: String| BusError::Open { session: session.into(), endpoint: endpoint.clone(), reason };
@@ -167,6 +181,8 @@ impl Bus {
                 counters: Counters::default(),
                 address,
                 epochs: Epochs::default(),
+                identity,
+                quotas: Quotas::default(),
                 pending: PendingRequests::default(),
                 sequences: Sequences::default(),
             };
@@ -190,6 +206,11 @@ impl Bus {
     #[must_use]
     pub fn counters(&self) -> &Counters {
         &self.inner.counters
+    }
+
+    /// Counts a message that its receiver has refused for its content, such as one about another instance than its sender.
+    pub fn refuse_message(&self, row: &'static str) {
+        self.inner.counters.refuse(row);
     }
 
     /// Disconnects within two seconds. Unsent messages are lost after that.

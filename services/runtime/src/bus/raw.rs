@@ -2,9 +2,11 @@
 
 use std::time::Duration;
 
+use prost::Name as _;
 use serde::Deserialize;
+use sg_proto::bus::Error;
 use sg_proto::keys;
-use zenoh::query::QueryTarget;
+use zenoh::query::{QueryTarget, ReplyKeyExpr};
 
 use super::{Bus, BusError};
 
@@ -60,10 +62,12 @@ struct Declaration {
 const LIST_TIMEOUT: Duration = Duration::from_secs(2);
 
 impl Bus {
-    /// Sends a query byte for byte. `segment` replaces the role in the key.
+    /// Sends a query byte for byte. `segment` replaces the role in the key, also on a node.
     pub async fn ask_raw(&self, segment: &str, name: &str, raw: &RawMessage, timeout: Duration) -> RawReply {
         let key = keys::key(self.session(), segment, name);
         let mut get = self.inner.zenoh.get(&key).target(QueryTarget::BestMatching).timeout(timeout);
+        // A process on a node replies under its own key.
+        get = get.accept_replies(ReplyKeyExpr::Any);
         if let Some(payload) = &raw.payload {
             get = get.payload(payload.clone()).encoding(raw.encoding.as_str());
         }
@@ -75,10 +79,12 @@ impl Bus {
         let first = tokio::time::timeout(timeout + Duration::from_millis(500), replies.recv_async()).await;
         let Ok(Ok(reply)) = first else { return RawReply::Nothing };
         match reply.result() {
-            Ok(sample) => RawReply::Reply {
-                encoding: sample.encoding().to_string(),
-                payload: sample.payload().to_bytes().into_owned(),
-            },
+            Ok(sample) => {
+                let (encoding, payload) = (sample.encoding().to_string(), sample.payload().to_bytes().into_owned());
+                // So a process on a node sends its errors.
+                let is_error = crate::wire::message_name(sample.encoding()).is_some_and(|n| n == Error::full_name());
+                if is_error { RawReply::Refusal { encoding, payload } } else { RawReply::Reply { encoding, payload } }
+            }
             // The bus reports its own timeout as an error in its own encoding.
             Err(error) if crate::wire::message_name(error.encoding()).is_none() => RawReply::Nothing,
             Err(error) => RawReply::Refusal {

@@ -8,7 +8,6 @@ use tokio::sync::watch;
 use zenoh::query::Query;
 
 use super::addressing::DeclaredRow;
-use super::server::reply;
 use super::{Bus, BusError};
 use crate::context::Context;
 use crate::fault::Fault;
@@ -24,11 +23,15 @@ impl Bus {
         M: Message + Name + Clone + Sync + 'static,
     {
         let (sender, receiver) = watch::channel(initial);
+        let (bus, name) = (self.clone(), row.name);
         let answer = move |query: Query| {
-            let newest = wire::encode(&*receiver.borrow());
-            reply(&query, newest.map(|bytes| (bytes, wire::encoding::<M>())));
+            let newest = match bus.admit(&query, name) {
+                Ok(_) => wire::encode(&*receiver.borrow()),
+                Err(fault) => Err(fault),
+            };
+            bus.reply(&query, newest.map(|bytes| (bytes, wire::encoding::<M>())));
         };
-        let declared = self.declare(row.role, row.name, Arc::new(answer)).await?;
+        let declared = self.declare(row.role, row.name, true, Arc::new(answer)).await?;
         Ok(RetainedValue { sender, bus: self.clone(), name: row.name, _declared: declared })
     }
 }

@@ -7,12 +7,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 use prost::{Message, Name};
-use sg_proto::bus::{Code, Error as WireError};
-use sg_proto::keys::{self, Request};
+use sg_proto::bus::{Code, Envelope, Error as WireError};
+use sg_proto::keys::{self, Identity, Request};
+use sg_proto::limits::NODE_OPEN_REQUESTS;
 use tokio::sync::{Notify, mpsc};
 use tokio::task::JoinHandle;
 use tracing::Instrument as _;
 use zenoh::Wait;
+use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::query::Query;
 
 use super::addressing::DeclaredRow;
@@ -33,6 +35,8 @@ pub(super) struct PendingRequests {
 #[derive(Debug)]
 struct PendingRequest {
     id: String,
+    /// Node of the caller; absent for the supervisor's machine.
+    node: Option<String>,
     query: Query,
     cancelled: Arc<Notify>,
 }
@@ -63,7 +67,8 @@ struct QueuedRequest<Q> {
 impl Bus {
     /// Answers the requests of a row, one at a time, from a queue of `capacity`.
     ///
-    /// - A request of a wrong type, form, size, sender or epoch is refused before `handler` sees it.
+    /// - A request of a wrong type, form, size, sender or epoch is refused before `handler` sees it. So is one of a node that
+    ///   has used up its quota.
     /// - A request that waited past its deadline gets `DeadlineExceeded` without work.
     /// - A cancelled request gets `Cancelled`, and the future of its handler is dropped.
     ///
@@ -83,28 +88,41 @@ impl Bus {
     {
         let (sender, mut queue) = mpsc::channel::<QueuedRequest<Q>>(capacity);
         let (bus, row) = (self.clone(), *row);
-        let receive = move |query: Query| match bus.validate(&row, &query) {
-            Err(fault) => {
-                bus.inner.counters.refuse(row.name);
-                refuse(&query, &fault);
-            }
-            Ok((request, context)) => {
-                let pending = bus.add_pending(&context.id, &query);
-                if let Err(error) =
-                    sender.try_send(QueuedRequest { query, request, context, pending, received: Instant::now() })
-                {
-                    bus.inner.counters.drop(row.name, 1);
-                    let (fault, refused) = match error {
-                        mpsc::error::TrySendError::Full(item) => (busy(row.name, capacity), item),
-                        mpsc::error::TrySendError::Closed(item) => {
-                            (Fault::unavailable("the service is stopping; try again in a moment"), item)
-                        }
-                    };
-                    refuse(&refused.query, &fault);
+        let receive = move |query: Query| {
+            let identity = match bus.admit(&query, row.name) {
+                Ok(identity) => identity,
+                Err(fault) => return bus.refuse(&query, &fault),
+            };
+            let (request, context) = match bus.validate(&row, &query, identity) {
+                Ok(valid) => valid,
+                Err(fault) => {
+                    bus.inner.counters.refuse(row.name);
+                    return bus.refuse(&query, &fault);
                 }
+            };
+            let Some(pending) = bus.add_pending(&context, &query) else {
+                bus.inner.counters.drop(row.name, 1);
+                return bus.refuse(&query, &too_many_open());
+            };
+            // Nodes leave a quarter of the queue to the supervisor's machine.
+            if context.identity.is_some() && sender.capacity() <= sender.max_capacity() / 4 {
+                bus.inner.counters.drop(row.name, 1);
+                return bus.refuse(&query, &busy(row.name, capacity));
+            }
+            if let Err(error) =
+                sender.try_send(QueuedRequest { query, request, context, pending, received: Instant::now() })
+            {
+                bus.inner.counters.drop(row.name, 1);
+                let (fault, refused) = match error {
+                    mpsc::error::TrySendError::Full(item) => (busy(row.name, capacity), item),
+                    mpsc::error::TrySendError::Closed(item) => {
+                        (Fault::unavailable("the service is stopping; try again in a moment"), item)
+                    }
+                };
+                bus.refuse(&refused.query, &fault);
             }
         };
-        let declared = self.declare(row.role, row.name, Arc::new(receive)).await?;
+        let declared = self.declare(row.role, row.name, !row.local_only, Arc::new(receive)).await?;
 
         let bus = self.clone();
         let worker = tokio::spawn(async move {
@@ -134,15 +152,31 @@ impl Bus {
                 // The cancellation has answered it already.
                 if !cancelled {
                     let encoded = outcome.and_then(|r| wire::encode(&r).map(|bytes| (bytes, wire::encoding::<R>())));
-                    reply(&query, encoded);
+                    bus.reply(&query, encoded);
                 }
             }
         });
         Ok(ServerHandle { declared, worker })
     }
 
+    /// Reads the sender of a query from its key, and takes the query out of the sender's quota. Counts a failure.
+    pub(super) fn admit(&self, query: &Query, name: &'static str) -> Result<Option<Identity>, Fault> {
+        let identity = self.counted(name, self.origin(query.key_expr().as_str(), name))?.identity;
+        let bytes = query.payload().map_or(0, ZBytes::len) + query.attachment().map_or(0, ZBytes::len);
+        if let Err(fault) = self.check_quota(identity.as_ref(), bytes) {
+            self.inner.counters.drop(name, 1);
+            return Err(fault);
+        }
+        Ok(identity)
+    }
+
     /// Checks type, size, form, sender and epoch of a request.
-    fn validate<Q, R>(&self, row: &Request<Q, R>, query: &Query) -> Result<(Q, Context), Fault>
+    fn validate<Q, R>(
+        &self,
+        row: &Request<Q, R>,
+        query: &Query,
+        identity: Option<Identity>,
+    ) -> Result<(Q, Context), Fault>
     where
         Q: Message + Name + Default + 'static,
     {
@@ -153,35 +187,82 @@ impl Bus {
                 format!("`{}` may not send {}; only {} may", envelope.sender, row.name, row.senders.join(", ")),
             ));
         }
-        self.check_epoch(&envelope)?;
+        self.check_sender(identity.as_ref(), &envelope)?;
         let (Some(encoding), Some(payload)) = (query.encoding(), query.payload()) else {
             return Err(Fault::invalid(format!("a request without payload; send `{}`", Q::full_name())));
         };
-        Ok((wire::decode(encoding, payload)?, Context::from_envelope(envelope)))
+        Ok((wire::decode(encoding, payload)?, Context::from_envelope(envelope, identity)))
     }
 
-    fn add_pending(&self, id: &str, query: &Query) -> PendingGuard {
+    /// Notes a request until it is answered; `None` if too many of the same node wait.
+    fn add_pending(&self, context: &Context, query: &Query) -> Option<PendingGuard> {
         let number = self.inner.pending.next.fetch_add(1, Ordering::Relaxed);
         let cancelled = Arc::new(Notify::new());
-        let request = PendingRequest { id: id.to_owned(), query: query.clone(), cancelled: Arc::clone(&cancelled) };
+        let node = context.identity.as_ref().map(|i| i.node.clone());
         // The queues of all rows bound their number.
-        self.inner.pending.requests.lock().unwrap_or_else(PoisonError::into_inner).insert(number, request);
-        PendingGuard { bus: self.clone(), number, cancelled }
+        let mut requests = self.inner.pending.requests.lock().unwrap_or_else(PoisonError::into_inner);
+        if node.is_some() && requests.values().filter(|r| r.node == node).count() >= NODE_OPEN_REQUESTS {
+            return None;
+        }
+        let (id, query) = (context.id.clone(), query.clone());
+        requests.insert(number, PendingRequest { id, node, query, cancelled: Arc::clone(&cancelled) });
+        Some(PendingGuard { bus: self.clone(), number, cancelled })
     }
 
     /// Answers every pending request of this id with `Cancelled` and drops its handler. Returns whether there was one.
+    ///
+    /// `by` is the context of the cancellation. A node can cancel its own requests only.
     #[must_use]
-    pub fn cancel_pending(&self, id: &str) -> bool {
+    pub fn cancel_pending(&self, id: &str, by: &Context) -> bool {
+        let node = by.identity.as_ref().map(|i| i.node.as_str());
+        let may_cancel = |r: &PendingRequest| node.is_none() || node == r.node.as_deref();
         let mut requests = self.inner.pending.requests.lock().unwrap_or_else(PoisonError::into_inner);
         let numbers: Vec<u64> =
-            requests.iter().filter(|(_, r)| !id.is_empty() && r.id == id).map(|(n, _)| *n).collect();
+            requests.iter().filter(|(_, r)| !id.is_empty() && r.id == id && may_cancel(r)).map(|(n, _)| *n).collect();
         for number in &numbers {
             if let Some(request) = requests.remove(number) {
-                refuse(&request.query, &cancellation());
+                self.refuse(&request.query, &cancellation());
                 request.cancelled.notify_one();
             }
         }
         !numbers.is_empty()
+    }
+
+    fn refuse(&self, query: &Query, fault: &Fault) {
+        let bytes = fault.to_wire().encode_to_vec();
+        let encoding = wire::encoding::<WireError>();
+        // The bus gives an error the key of its query. A node may answer under its own keys only, so it sends a reply.
+        let sent = match self.replying_key(query) {
+            Some(key) => self.send_reply(query, &key, bytes, encoding),
+            None => query.reply_err(bytes).encoding(encoding).wait(),
+        };
+        if let Err(error) = sent {
+            tracing::debug!(key = %query.key_expr(), %error, "an error could not be sent: the caller has gone");
+        }
+    }
+
+    pub(super) fn reply(&self, query: &Query, outcome: Result<(Vec<u8>, Encoding), Fault>) {
+        match outcome {
+            Err(fault) => self.refuse(query, &fault),
+            Ok((bytes, encoding)) => {
+                let key = self.replying_key(query).unwrap_or_else(|| query.key_expr().to_string());
+                if let Err(error) = self.send_reply(query, &key, bytes, encoding) {
+                    tracing::debug!(key = %query.key_expr(), %error, "a reply could not be sent: the caller has gone");
+                }
+            }
+        }
+    }
+
+    /// Key of a reply that carries the identity of this process; `None` on the supervisor's machine.
+    fn replying_key(&self, query: &Query) -> Option<String> {
+        let identity = self.inner.identity.as_ref()?;
+        let (_, rest) = keys::split(self.session(), query.key_expr().as_str())?;
+        Some(identity.key(self.session(), rest))
+    }
+
+    fn send_reply(&self, query: &Query, key: &str, bytes: Vec<u8>, encoding: Encoding) -> zenoh::Result<()> {
+        let envelope = Envelope { sender: self.role().to_owned(), epoch: self.epoch(), ..Envelope::default() };
+        query.reply(key, bytes).encoding(encoding).attachment(envelope.encode_to_vec()).wait()
     }
 }
 
@@ -189,28 +270,17 @@ fn cancellation() -> Fault {
     Fault::new(Code::Cancelled, "the request was cancelled; changes made before that remain")
 }
 
+fn too_many_open() -> Fault {
+    Fault {
+        retry_after: Some(Duration::from_millis(100)),
+        ..Fault::exhausted(format!("{NODE_OPEN_REQUESTS} requests of this node wait already; try again in a moment"))
+    }
+}
+
 fn busy(name: &str, capacity: usize) -> Fault {
     Fault {
         retry_after: Some(Duration::from_millis(100)),
         ..Fault::exhausted(format!("the queue of {name} is full ({capacity} requests); try again in a moment"))
-    }
-}
-
-fn refuse(query: &Query, fault: &Fault) {
-    let bytes = fault.to_wire().encode_to_vec();
-    if let Err(error) = query.reply_err(bytes).encoding(wire::encoding::<WireError>()).wait() {
-        tracing::debug!(key = %query.key_expr(), %error, "an error could not be sent: the caller has gone");
-    }
-}
-
-pub(super) fn reply(query: &Query, outcome: Result<(Vec<u8>, zenoh::bytes::Encoding), Fault>) {
-    match outcome {
-        Err(fault) => refuse(query, &fault),
-        Ok((bytes, encoding)) => {
-            if let Err(error) = query.reply(query.key_expr().clone(), bytes).encoding(encoding).wait() {
-                tracing::debug!(key = %query.key_expr(), %error, "a reply could not be sent: the caller has gone");
-            }
-        }
     }
 }
 

@@ -6,15 +6,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
 use prost::{Message, Name};
-use sg_proto::keys::{self, Priority, Stream};
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, Identity, Priority, Stream};
 use tokio::sync::broadcast;
 use zenoh::Wait;
-use zenoh::bytes::Encoding;
+use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Sample;
 
 use super::client::zenoh_priority;
+use super::identity::Origin;
 use super::{BoxFuture, Bus, BusError};
 use crate::context::Context;
 use crate::fault::Fault;
@@ -97,7 +99,7 @@ impl Bus {
         encoding: Encoding,
         context: &Context,
     ) -> Result<(), Fault> {
-        let key = keys::key(self.session(), &self.segment(), name);
+        let key = self.sending_key(&self.segment(), name);
         // Sent once per process: a supervisor that missed it would wait until its deadline.
         let once = name == keys::READY.name;
         let congestion = if once { CongestionControl::Block } else { CongestionControl::Drop };
@@ -129,7 +131,10 @@ impl Bus {
 
     /// Subscribes to a stream of one role, of one instance, or of all ([`keys::ANY`]).
     ///
-    /// At most `capacity` messages wait; a slow reader loses the oldest.
+    /// The context of a message from a node has its [`Identity`]. A message that a node sends for another role or instance
+    /// is refused. One that exceeds the node's quota is dropped. Both are counted.
+    ///
+    /// At most `capacity` messages of the supervisor's machine wait, and as many of nodes; a slow reader loses the oldest.
     ///
     /// # Errors
     /// [`BusError::Declare`].
@@ -137,15 +142,21 @@ impl Bus {
     where
         M: Message + Name + Default + Clone + 'static,
     {
-        let key = keys::key(&self.inner.session, role, row.name);
-        let (sender, receiver) = broadcast::channel(capacity);
+        // Nodes have a queue of their own, so that none can push out the messages of the supervisor's machine.
+        let (home_sender, home) = broadcast::channel(capacity);
+        let (nodes_sender, nodes) = broadcast::channel(capacity);
         let (bus, name) = (self.clone(), row.name);
         let received = Received::default();
         let missed = Arc::new(AtomicU64::new(0));
         let missing = Arc::clone(&missed);
         let receive = move |sample: Sample| {
+            let Ok(identity) = bus.counted(name, bus.publisher(&sample, name)) else { return };
+            let bytes = sample.payload().len() + sample.attachment().map_or(0, ZBytes::len);
+            if bus.check_quota(identity.as_ref(), bytes).is_err() {
+                return bus.inner.counters.drop(name, 1);
+            }
             let parts = wire::envelope(sample.attachment()).and_then(|envelope| {
-                bus.check_epoch(&envelope)?;
+                bus.check_sender(identity.as_ref(), &envelope)?;
                 Ok((wire::decode::<M>(sample.encoding(), sample.payload())?, envelope))
             });
             if let Ok((message, envelope)) = bus.counted(name, parts) {
@@ -154,12 +165,14 @@ impl Bus {
                     missing.fetch_add(lost, Ordering::Relaxed);
                     bus.inner.counters.drop(name, lost);
                 }
+                let sender = if identity.is_none() { &home_sender } else { &nodes_sender };
                 // Fails only while the reader is being dropped.
-                let _ = sender.send((message, Context::from_envelope(envelope)));
+                let _ = sender.send((message, Context::from_envelope(envelope, identity)));
             }
         };
-        let subscriber = self.declare_subscriber(key, Box::new(receive)).await?;
-        Ok(Subscription { receiver, late: 0, missed, bus: self.clone(), name, _subscriber: subscriber })
+        let keys = [keys::key(self.session(), role, name), keys::from_nodes(self.session(), &format!("{role}/{name}"))];
+        let subscribers = self.declare_subscribers(keys, Arc::new(receive)).await?;
+        Ok(Subscription { home, nodes, late: 0, missed, bus: self.clone(), name, _subscribers: subscribers })
     }
 
     /// Subscribes to every stream and retained value of the session, undecoded. For tools that show messages to people.
@@ -167,32 +180,57 @@ impl Bus {
     /// # Errors
     /// [`BusError::Declare`].
     pub async fn watch_all(&self, capacity: usize) -> Result<SessionWatch, BusError> {
-        let key = format!("{}/{}/**", keys::ROOT, self.inner.session);
+        let home = format!("{}/{}/**", keys::ROOT, self.inner.session);
+        let nodes = keys::all_from_nodes(self.session());
         let (sender, receiver) = broadcast::channel(capacity);
+        let session = self.session().to_owned();
         let receive = move |sample: Sample| {
             let envelope = wire::envelope(sample.attachment()).unwrap_or_default();
+            let Some((identity, rest)) = keys::split(&session, sample.key_expr().as_str()) else { return };
+            let segment = rest.split('/').next().unwrap_or_default();
+            if identity.as_ref().is_some_and(|i| i.role != envelope.sender || i.role != segment) {
+                return;
+            }
             let message = WatchedMessage {
-                key: sample.key_expr().to_string(),
+                key: format!("{}/{session}/{rest}", keys::ROOT),
                 message: wire::message_name(sample.encoding()).unwrap_or_default(),
                 payload: sample.payload().to_bytes().into_owned(),
-                context: Context::from_envelope(envelope),
+                context: Context::from_envelope(envelope, identity),
             };
             let _ = sender.send(message);
         };
-        let subscriber = self.declare_subscriber(key, Box::new(receive)).await?;
-        Ok(SessionWatch { receiver, lost: 0, _subscriber: subscriber })
+        let subscribers = self.declare_subscribers([home, nodes], Arc::new(receive)).await?;
+        Ok(SessionWatch { receiver, lost: 0, _subscribers: subscribers })
     }
 }
 
 impl Bus {
-    fn declare_subscriber(
+    /// Sender of a message in a stream, from its key: a process on a node, or `None` for the supervisor's machine.
+    fn publisher(&self, sample: &Sample, name: &str) -> Result<Option<Identity>, Fault> {
+        let Origin { identity, segment } = self.origin(sample.key_expr().as_str(), name)?;
+        match identity {
+            Some(identity) if !identity.owns(segment) => Err(Fault::new(
+                Code::PermissionDenied,
+                format!("`{}` on node `{}` may not publish as `{segment}`", identity.instance, identity.node),
+            )),
+            identity => Ok(identity),
+        }
+    }
+
+    /// Subscribes to messages of the supervisor's machine and of nodes.
+    fn declare_subscribers(
         &self,
-        key: String,
-        receive: Box<dyn Fn(Sample) + Send + Sync>,
-    ) -> BoxFuture<'_, Result<Subscriber<()>, BusError>> {
+        keys: [String; 2],
+        receive: Arc<dyn Fn(Sample) + Send + Sync>,
+    ) -> BoxFuture<'_, Result<[Subscriber<()>; 2], BusError>> {
         Box::pin(async move {
-            let declaring = self.inner.zenoh.declare_subscriber(&key).callback(receive);
-            declaring.await.map_err(|e| BusError::Declare { key, reason: e.to_string() })
+            let declare = async |key: String| {
+                let receive = Arc::clone(&receive);
+                let declaring = self.inner.zenoh.declare_subscriber(&key).callback(move |sample| receive(sample));
+                declaring.await.map_err(|e| BusError::Declare { key, reason: e.to_string() })
+            };
+            let [home, nodes] = keys;
+            Ok([declare(home).await?, declare(nodes).await?])
         })
     }
 }
@@ -200,19 +238,27 @@ impl Bus {
 /// The reading end of a stream.
 #[derive(Debug)]
 pub struct Subscription<M: Clone> {
-    receiver: broadcast::Receiver<(M, Context)>,
+    home: broadcast::Receiver<(M, Context)>,
+    nodes: broadcast::Receiver<(M, Context)>,
     late: u64,
     missed: Arc<AtomicU64>,
     bus: Bus,
     name: &'static str,
-    _subscriber: Subscriber<()>,
+    _subscribers: [Subscriber<()>; 2],
 }
 
 impl<M: Clone> Subscription<M> {
-    /// Waits for the next message; `None` when the bus is closed. Lost messages are skipped and counted.
+    /// Waits for the next message; `None` when the bus is closed. Lost messages are skipped and counted. Safe to cancel.
+    ///
+    /// Messages of the supervisor's machine come before those of nodes.
     pub async fn next(&mut self) -> Option<(M, Context)> {
         loop {
-            match self.receiver.recv().await {
+            let received = tokio::select! {
+                biased;
+                received = self.home.recv() => received,
+                received = self.nodes.recv() => received,
+            };
+            match received {
                 Ok(item) => return Some(item),
                 Err(broadcast::error::RecvError::Lagged(n)) => {
                     self.late += n;
@@ -233,7 +279,7 @@ impl<M: Clone> Subscription<M> {
 /// An undecoded message of any sender.
 #[derive(Debug, Clone)]
 pub struct WatchedMessage {
-    /// Key expression.
+    /// Key expression, without the identity of a node.
     pub key: String,
     /// Full name of the message type; empty if the payload is not a protobuf message.
     pub message: String,
@@ -248,7 +294,7 @@ pub struct WatchedMessage {
 pub struct SessionWatch {
     receiver: broadcast::Receiver<WatchedMessage>,
     lost: u64,
-    _subscriber: Subscriber<()>,
+    _subscribers: [Subscriber<()>; 2],
 }
 
 impl SessionWatch {

@@ -110,12 +110,13 @@ impl Host {
 
     /// Returns a local path of the scene's geometry.
     ///
-    /// On the machine of the scene that is `path` itself. On another machine the files are fetched once.
+    /// On the machine of the scene that is `path` itself. On another machine the files are fetched once. `scene` is the
+    /// context of the scene's message with the path.
     ///
     /// # Errors
     /// [`StartError::Input`] if the scene can't be sent; [`StartError::Failed`] if a transfer failed.
-    pub async fn scene_path(&self, path: &str, geometry_hash: &str) -> Result<PathBuf, StartError> {
-        if !self.inner.args.link().is_remote() {
+    pub async fn scene_path(&self, path: &str, geometry_hash: &str, scene: &Context) -> Result<PathBuf, StartError> {
+        if scene.identity.as_ref().map(|i| i.node.as_str()) == self.bus().node() {
             return Ok(PathBuf::from(path));
         }
         scene_files::fetch(self.bus(), self.run_dir(), geometry_hash).await.map_err(|fault| match fault.code {

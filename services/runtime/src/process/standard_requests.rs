@@ -16,8 +16,8 @@ impl Host {
         let host = self.clone();
         self.serve(&keys::STATUS, 16, move |_, _| std::future::ready(Ok(host.health()))).await?;
         let bus = self.bus().clone();
-        let cancel = move |request: CancelRequest, _| {
-            std::future::ready(Ok(CancelReply { found: bus.cancel_pending(&request.id) }))
+        let cancel = move |request: CancelRequest, context: Context| {
+            std::future::ready(Ok(CancelReply { found: bus.cancel_pending(&request.id, &context) }))
         };
         self.serve(&keys::CANCEL, 16, cancel).await?;
         let host = self.clone();

@@ -51,10 +51,11 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     walk.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
 
     let scene = SceneReplica::<Replica>::follow(host.bus()).await?;
-    let state = Arc::clone(scene.newest().replica.state());
+    let newest = scene.newest();
+    let state = Arc::clone(newest.replica.state());
     let cache = ClusterCache::new(&params.cache.clone().unwrap_or_else(|| host.run_dir().join("clusters")));
     let geometry = state.geometry();
-    let path = host.scene_path(&geometry.path, &geometry.hash).await?;
+    let path = host.scene_path(&geometry.path, &geometry.hash, &newest.context).await?;
     let prepared = tokio::task::block_in_place(|| prepare(&path, &geometry.hash, &params, walk, &cache))?;
     tracing::info!(
         clusters = prepared.index.clusters(),

@@ -40,11 +40,11 @@ fn only_the_difference_is_applied() {
     let services = world.stack.services(world.now);
     let told: Vec<_> = services.iter().map(|s| (s.name.as_str(), s.instance.as_str(), s.role.as_str())).collect();
     let expected = [
-        ("s5", "s5-1", "r5"),
-        ("s0", "s0-1", "r0"),
-        ("s1", "s1-2", "r1"),
-        ("s2", "s2-1", "r2"),
-        ("s3", "s3-2", "other"),
+        ("s5", "s5.1", "r5"),
+        ("s0", "s0.1", "r0"),
+        ("s1", "s1.2", "r1"),
+        ("s2", "s2.1", "r2"),
+        ("s3", "s3.2", "other"),
     ];
     assert_eq!(told, expected);
     assert_eq!(world.stack.find_service("s2").unwrap().1.policy.liveness, millis(9000));
@@ -55,7 +55,7 @@ fn only_the_difference_is_applied() {
     assert_eq!(changes(&world, &list).last().unwrap(), &(name(4), Change::Added));
     world.give(Event::SetServices(list));
     world.run_until(millis(3000));
-    assert_eq!(world.stack.service(4, world.now).unwrap().instance, "s4-2");
+    assert_eq!(world.stack.service(4, world.now).unwrap().instance, "s4.2");
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn unchanged_file_cancels_a_swap() {
         (SwapState::Failed, "withdrawn: the launch file has the present executable again".to_owned())
     );
     world.run_until(millis(2000));
-    assert_eq!((world.serving(0).unwrap().instance.as_str(), world.alive.len()), ("s0-1", 1));
+    assert_eq!((world.serving(0).unwrap().instance.as_str(), world.alive.len()), ("s0.1", 1));
 }
 
 #[test]

@@ -30,7 +30,7 @@ fn a_swap_goes_through_its_states_and_the_service_is_never_counted_as_restarted(
     assert_eq!(states(&world), [Waiting, Starting, Verifying, HandingOver, Promoting, Done]);
     let service = world.stack.service(0, world.now).unwrap();
     assert_eq!((service.state(), service.executable.as_str(), service.restarts), (ServiceState::Ready, "/v1", 0));
-    assert_eq!((service.instance.as_str(), service.epoch), ("s0-2", 102));
+    assert_eq!((service.instance.as_str(), service.epoch), ("s0.2", 102));
     assert_eq!(world.serving(0).unwrap().start, start(1));
     assert_eq!(world.spawned.len(), 2);
 }
@@ -51,7 +51,7 @@ fn candidate_failure_before_handover_leaves_the_old_process() {
         assert_eq!(world.swap(0), (SwapState::Failed, why.to_owned()), "{behaviour:?}");
         assert_eq!(world.asked_to_stop.iter().filter(|s| **s == 0).count(), usize::from(why.contains(' ')));
         let serving = world.serving(0).unwrap();
-        assert_eq!((serving.instance.as_str(), &serving.start), ("s0-1", &start(0)), "{behaviour:?}");
+        assert_eq!((serving.instance.as_str(), &serving.start), ("s0.1", &start(0)), "{behaviour:?}");
         assert_eq!((world.alive.len(), world.spawned.len()), (1, 2), "{behaviour:?}");
         assert_eq!(world.stack.find_service("s0").unwrap().1.start, start(0));
     }
@@ -59,7 +59,7 @@ fn candidate_failure_before_handover_leaves_the_old_process() {
     assert_eq!(world.swap(0).0, SwapState::Verifying);
     world.run_until(PROBE_TIME + millis(2000));
     assert_eq!(world.swap(0), (SwapState::Failed, "no result of the probe within 10 s".to_owned()));
-    assert_eq!(world.serving(0).unwrap().instance, "s0-1");
+    assert_eq!(world.serving(0).unwrap().instance, "s0.1");
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn candidate_failure_after_handover_restarts_the_old_start() {
         let world = swapped(&[Behaviour::Good, behaviour, Behaviour::Good]);
         assert_eq!(world.swap(0), (SwapState::Failed, why.to_owned()));
         let serving = world.serving(0).unwrap();
-        assert_eq!((serving.instance.as_str(), &serving.start), ("s0-3", &start(0)));
+        assert_eq!((serving.instance.as_str(), &serving.start), ("s0.3", &start(0)));
         let (at, _) = &world.spawned[2];
         let ended = millis(100) + millis(50) * 2;
         assert!(*at >= ended + millis(80), "the pause is counted: {at:?}");
@@ -96,7 +96,7 @@ fn candidate_death_during_handover_restarts_the_old_start() {
     world.run_until(millis(3000));
     assert_eq!(world.swap(0), (SwapState::Failed, "Some(1)".to_owned()));
     let serving = world.serving(0).unwrap();
-    assert_eq!((serving.instance.as_str(), &serving.start), ("s0-3", &start(0)));
+    assert_eq!((serving.instance.as_str(), &serving.start), ("s0.3", &start(0)));
     // The old process did not fail.
     assert_eq!(world.ended[&ProcessId(1)], End::Stopped);
 }
