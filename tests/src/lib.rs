@@ -38,13 +38,18 @@ pub enum Missing {
     Io(#[from] std::io::Error),
 }
 
-/// The `supergaussian` command of the build that this test belongs to, with a run folder of its own.
+/// The `supergaussian` command of the build that this test belongs to, with a run folder of its own. Projects of its stacks lie
+/// there too, and not among the user's.
 ///
 /// # Errors
 /// [`Missing::Command`] if it was not built.
 pub fn command(run_root: &Path) -> Result<Command, Missing> {
     let mut command = Command::new(executable("supergaussian")?);
-    command.env("SUPERGAUSSIAN_RUN_ROOT", run_root).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    command
+        .env("SUPERGAUSSIAN_RUN_ROOT", run_root)
+        .env("XDG_DATA_HOME", run_root.join(".data"))
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY");
     Ok(command)
 }
 

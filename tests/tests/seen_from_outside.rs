@@ -225,3 +225,54 @@ fn nothing_listens_metrics_are_counted_and_one_trace_runs_through_the_loop() {
         std::thread::sleep(Duration::from_millis(100));
     }
 }
+
+#[test]
+fn an_operator_lists_copies_and_deletes_the_project_of_a_scene() {
+    let mut stack = Stack::up().unwrap();
+    let run = |stack: &Stack, arguments: &[&str]| stack.run(arguments).unwrap();
+    let (status, _, all) = run(&stack, &["say", "make the sac red"]);
+    assert_eq!(status, Some(0), "{all}");
+    let listed = |stack: &Stack| -> Vec<serde_json::Value> {
+        let (status, text, all) = stack.run(&["projects", "--json"]).unwrap();
+        assert_eq!(status, Some(0), "{all}");
+        serde_json::from_str(&text).unwrap()
+    };
+    let projects = listed(&stack);
+    assert!(projects.len() == 1 && projects[0]["in_use"] == true && projects[0]["revision"] == 1, "{projects:?}");
+    let name = projects[0]["name"].as_str().unwrap();
+    let (_, table, _) = run(&stack, &["projects"]);
+    assert!(table.contains(name) && table.contains("yes") && table.contains("scene.toml"), "{table}");
+
+    let copy = stack.folder().join("copy.sgproj").display().to_string();
+    let (status, _, all) = run(&stack, &["backup", name, &copy]);
+    assert_eq!(status, Some(0), "{all}");
+    for (arguments, want, said) in [
+        (&["backup", name, &copy][..], 2, "exists already"),
+        (&["restore", &copy, name], 2, "exists already"),
+        (&["projects", "delete", name], 1, "in use"),
+        (&["projects", "delete", "none"], 2, "no project `none`"),
+        (&["projects", "open", "none"], 2, "no project `none`"),
+        (&["projects", "open", name], 1, "DISPLAY is not set"),
+    ] {
+        let (status, _, all) = run(&stack, arguments);
+        assert!(status == Some(want) && all.contains(said), "{arguments:?}: {all}");
+    }
+
+    // Another scene under the same launch file: not into a running session, whose other services have loaded this one.
+    let other = stack.folder().join("body.ply").display().to_string();
+    let (status, _, all) = stack.up_again(&[format!("service.scene.params.scene={other}")]).unwrap();
+    assert!(status != Some(0) && all.contains("the session shows another scene"), "{all}");
+    let (status, _, all) = run(&stack, &["say", "make the sac blue"]);
+    assert_eq!(status, Some(0), "{all}");
+    assert!(stack.ps().iter().all(|s| s["state"] == "READY" && s["restarts"] == 0), "{:?}", stack.ps());
+
+    let (status, _, all) = run(&stack, &["down"]);
+    assert_eq!(status, Some(0), "{all}");
+    assert_eq!(stack.ended(Duration::from_secs(10)), Some(Some(0)));
+    let projects = listed(&stack);
+    assert!(projects.len() == 1 && projects[0]["in_use"] == false && projects[0]["revision"] == 2, "{projects:?}");
+    assert_eq!(run(&stack, &["projects", "delete", name]).0, Some(0));
+    assert_eq!(listed(&stack).len(), 0);
+    assert_eq!(run(&stack, &["restore", &copy, name]).0, Some(0));
+    assert_eq!(listed(&stack)[0]["revision"], 1);
+}

@@ -174,10 +174,11 @@ impl Opened {
         }
     }
 
-    /// Whether edits in one are kept.
+    /// Whether edits in one are kept: a project begins with the same short name of the scene.
     fn keeps(&self, name: &str) -> bool {
-        let files = std::fs::read_dir(self.0.join(name)).unwrap().flatten();
-        files.map(|f| f.path()).any(|path| path.extension().is_some_and(|e| e == "sgproj"))
+        let files = std::fs::read_dir(self.0.join(".data/supergaussian/projects")).unwrap().flatten();
+        let scene = name.rsplit_once('-').unwrap().0;
+        files.map(|f| f.file_name().into_string().unwrap()).any(|f| f.starts_with(scene) && f.ends_with(".sgproj"))
     }
 }
 
@@ -196,6 +197,9 @@ fn a_dropped_scene_opens_in_a_window_and_a_session_of_its_own() {
     let other = home.path().join("an other");
     std::fs::create_dir(&other).unwrap();
     let scene = small_scene::write(&other).unwrap();
+    // Its content differs from that of the stack's scene, or both would be one project.
+    let text = std::fs::read_to_string(&scene).unwrap().replace("max = [3.0", "max = [3.5");
+    std::fs::write(&scene, text).unwrap();
     let broken = home.path().join("broken.ply");
     std::fs::write(&broken, "ply\nno header\n").unwrap();
     let volume = home.path().join("cube_24x24x24_uint8.raw");

@@ -9,8 +9,8 @@ use sg_stack::spawn;
 
 use crate::terminal::{self, CommandResult, Failure};
 use crate::{
-    capture, certificates, chaos, contract, demo, doctor, join, metrics, open, say, subcommands, supervisor_client,
-    swap, up, watch,
+    capture, certificates, chaos, contract, demo, doctor, join, metrics, open, projects, say, subcommands,
+    supervisor_client, swap, up, watch,
 };
 
 /// Edit scientific volumes as 3D Gaussians: start the services, watch them, talk to them
@@ -31,10 +31,15 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Open a scene or volume in its own window and session
     ///
-    /// A volume is turned into Gaussians first. Edits are kept in the session's folder and found again at the next
-    /// start. A file dropped on a window opens the same way.
+    /// A volume is turned into Gaussians first. Edits are kept in a project of the scene (`supergaussian projects`) and found
+    /// again at the next start. A file dropped on a window opens the same way.
     #[command(after_help = "Example: supergaussian open skull/scene.toml")]
     Open(open::OpenArgs),
+    /// List, open and delete the projects that keep the edits of scenes
+    ///
+    /// They lie in the user's data folder, one for each scene. A launch file can name another project file.
+    #[command(after_help = "Example: supergaussian projects")]
+    Projects(projects::ProjectsArgs),
     /// Start a launch file and supervise its services; reload it if it runs already
     ///
     /// A reload applies the difference. Added services start, and removed services stop. A changed executable,
@@ -167,6 +172,7 @@ fn run(cli: Cli) -> CommandResult {
     match cli.command {
         Command::Demo(arguments) => wait(demo::demo(arguments, session)),
         Command::Open(arguments) => wait(open::open(&arguments, session)),
+        Command::Projects(arguments) => wait(projects::projects(&arguments, session)),
         Command::Up(arguments) => wait(up::up(&arguments, session)),
         Command::Down => wait(supervisor_client::down(session)),
         Command::Ps { json } => wait(supervisor_client::ps(session, json)),

@@ -18,6 +18,7 @@ mod metrics;
 mod open;
 mod opener;
 mod playback;
+mod projects;
 mod reload;
 mod say;
 mod script;

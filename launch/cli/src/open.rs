@@ -1,7 +1,7 @@
 //! `open`: a scene or volume in its own window and session.
 
 use std::fs::{File, TryLockError};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use sg_runtime::session::SessionDir;
 use sg_stack::console::Verbosity;
@@ -24,7 +24,15 @@ pub(crate) struct OpenArgs {
 }
 
 pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> CommandResult {
-    let path = &arguments.path;
+    open_path(&arguments.path, None, session_name).await
+}
+
+/// Opens a scene with one of its projects.
+pub(crate) async fn open_project(scene: &Path, project: &Path, session_name: Option<&str>) -> CommandResult {
+    open_path(scene, Some(project), session_name).await
+}
+
+async fn open_path(path: &Path, project: Option<&Path>, session_name: Option<&str>) -> CommandResult {
     let input = Input::of(Some(path))?;
     if !has_display() {
         return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));
@@ -39,8 +47,12 @@ pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> Co
     let function = shipped::unpack(session.path(), input.shipped_name())?.transfer_function;
     // The Gaussians must be the same each time, so that earlier edits fit.
     let scene = input.scene(session.path(), function.as_deref(), GAUSSIANS, 0)?;
-    let scene = format!("service.scene.params.scene={}", toml::Value::String(scene.path.display().to_string()));
-    let file = shipped::launch_file(DESKTOP, &[scene], &search)?;
+    let param = |name: &str, path: &Path| {
+        format!("service.scene.params.{name}={}", toml::Value::String(path.display().to_string()))
+    };
+    let mut overrides = vec![param("scene", &scene.path)];
+    overrides.extend(project.map(|project| param("project", project)));
+    let file = shipped::launch_file(DESKTOP, &overrides, &search)?;
     let stack = Stack {
         file,
         path: PathBuf::from(DESKTOP.0),

@@ -1,30 +1,23 @@
 //! Session names for opened files.
 
-use std::ffi::OsStr;
 use std::path::Path;
+
+use sg_formats::files::short_name;
 
 use crate::terminal::Failure;
 
-/// Number of letters from the file's name, and from the hash of its path.
-const LETTERS: (usize, usize) = (24, 8);
+/// Number of letters from the hash of the file's path.
+const HASH_LETTERS: usize = 8;
 
-/// Session name of a file. The same file always has the same session, so its edits are found again.
+/// Session name of a file. The same file always has the same session, so its Gaussians are found again.
 ///
 /// # Errors
 /// The file does not exist.
 pub(crate) fn session_of(path: &Path) -> Result<String, Failure> {
     let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
-    let stem = |name: Option<&OsStr>| {
-        let name = name.unwrap_or_default().to_string_lossy().into_owned();
-        name.split('.').find(|part| !part.is_empty()).unwrap_or_default().to_owned()
-    };
-    let own = stem(path.file_name());
-    // Scene files share one name. Their folder tells them apart.
-    let own = if own == "scene" { stem(path.parent().and_then(Path::file_name)) } else { own };
-    let letters = own.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' });
     let hash = blake3::hash(path.as_os_str().as_encoded_bytes()).to_hex();
-    let hash: String = hash.chars().take(LETTERS.1).collect();
-    Ok(format!("{}-{hash}", letters.take(LETTERS.0).collect::<String>()))
+    let hash: String = hash.chars().take(HASH_LETTERS).collect();
+    Ok(format!("{}-{hash}", short_name(&path)))
 }
 
 #[cfg(test)]

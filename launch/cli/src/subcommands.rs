@@ -14,14 +14,22 @@ use sg_stack::suggestion::suggestion;
 use crate::terminal::{CommandResult, Failure};
 
 /// The command table: name, executable, help line. A new command is one row.
-const TABLE: [(&str, &str, &str); 6] = [
-    ("scene", "supergaussian-scene", "Show and convert Gaussian files"),
+const TABLE: [(&str, &str, &str); 8] = [
+    ("scene", SCENE, "Show and convert Gaussian files"),
     ("render", "supergaussian-render-node", "Render one picture of a scene"),
     ("selection", "supergaussian-selection", "Cluster a scene and select by strokes"),
     ("fit", "supergaussian-fit", "Turn a volume into an editable scene"),
     ("conformance", "supergaussian-conformance", "Test whether an executable can serve a role"),
     ("eval", "supergaussian-eval", "Make evaluation tables on scenes with known truth"),
+    ("backup", SCENE, "Copy a project, also while it is open"),
+    ("restore", SCENE, "Make a project from a backup"),
 ];
+
+/// The executable of the scene. It also knows project files.
+const SCENE: &str = "supergaussian-scene";
+
+/// Commands of the table that are subcommands of their executable.
+const INNER: [&str; 2] = ["backup", "restore"];
 
 /// Help text for the table.
 pub(crate) static HELP: LazyLock<String> = LazyLock::new(|| {
@@ -55,7 +63,19 @@ pub(crate) fn run(words: &[OsString], built_in: &[String]) -> CommandResult {
     };
     let name = name.to_string_lossy();
     let executable = executable(&name, built_in)?;
-    let error = std::process::Command::new(&executable).arg0(format!("supergaussian {name}")).args(arguments).exec();
+    if INNER.contains(&&*name) {
+        return become_program(&executable, "supergaussian", words);
+    }
+    become_program(&executable, &format!("supergaussian {name}"), arguments)
+}
+
+/// Replaces this process by a subcommand of the scene's executable.
+pub(crate) fn run_of_scene(words: &[OsString]) -> CommandResult {
+    become_program(&executable("scene", &[])?, "supergaussian", words)
+}
+
+fn become_program(executable: &Path, name: &str, arguments: &[OsString]) -> CommandResult {
+    let error = std::process::Command::new(executable).arg0(name).args(arguments).exec();
     Err(Failure::Work(format!("{} cannot be started: {error}", executable.display())))
 }
 

@@ -43,6 +43,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("tells and shows an accepted change", change(stage).await);
     checks.note("refuses what does not fit the scene", misfits(stage).await);
     checks.note("applies a command once", once(stage).await);
+    checks.note("refuses another command under the same id", taken(stage).await);
     checks.note("takes back what it is told to", undo(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
     checks.note("sends its files to other machines", files(stage).await);
@@ -108,6 +109,18 @@ async fn once(stage: &mut Stage<'_>) -> Result<(), String> {
     let first = stage.cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.map_err(|f| f.to_string())?;
     let second = stage.cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.map_err(|f| f.to_string())?;
     hold(second == CommandResult { repeated: true, ..first.clone() }, || format!("{first:?}, then {second:?}"))?;
+    let now = stage.scene_state().await?.revision;
+    hold(now == first.revision, || format!("revision {now} after one change to {}", first.revision))
+}
+
+async fn taken(stage: &mut Stage<'_>) -> Result<(), String> {
+    let id = stage.new_id();
+    let first = stage.cli.ask(&keys::SCENE_APPLY, &background(&id, 0.5), &soon()).await.map_err(|f| f.to_string())?;
+    let other = Question::of(&keys::SCENE_APPLY, &background(&id, 0.6));
+    refused_as(stage.put(&other, &id).await, &[Code::AlreadyExists])?;
+    let question = Command { id, ..Command::default() };
+    let stored = stage.cli.ask(&keys::SCENE_APPLY, &question, &soon()).await.map_err(|f| f.to_string())?;
+    hold(stored == CommandResult { repeated: true, ..first.clone() }, || format!("{first:?}, but stored {stored:?}"))?;
     let now = stage.scene_state().await?.revision;
     hold(now == first.revision, || format!("revision {now} after one change to {}", first.revision))
 }

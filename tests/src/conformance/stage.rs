@@ -130,7 +130,13 @@ impl<'a> Stage<'a> {
             .args(self.arguments(role, instance, params))
             .args(["--supervisor-pid", &std::process::id().to_string()]);
         command.args(more);
+        self.apart(&mut command);
         command
+    }
+
+    /// A scene that is given no project keeps it here, and not among the user's.
+    fn apart(&self, command: &mut Command) {
+        command.env("XDG_DATA_HOME", self.folder.path().join("data"));
     }
 
     fn arguments(&self, role: &str, instance: &str, params: &str) -> Vec<String> {
@@ -175,6 +181,7 @@ impl<'a> Stage<'a> {
         // The shell stays the parent as long as it waits.
         command.args(["-c", "\"$@\" --supervisor-pid $$ & wait", "sh"]).arg(&self.candidate.executable);
         command.args(self.arguments(role, instance, &params));
+        self.apart(&mut command);
         Process::start(command, instance, &self.log(instance))
     }
 

@@ -57,6 +57,7 @@ impl Sandbox {
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_supergaussian"));
         command.args(arguments).env("SUPERGAUSSIAN_RUN_ROOT", self.path().join("run")).env_remove("SUPERGAUSSIAN_LOG");
+        command.env("XDG_DATA_HOME", self.path().join("data"));
         command
     }
 
@@ -97,6 +98,7 @@ impl Sandbox {
         let stderr = std::fs::File::create(&errors).unwrap();
         let mut up = Command::new(command);
         up.arg("up").arg(file).env("SUPERGAUSSIAN_RUN_ROOT", self.path().join("run")).env("DISPLAY", display);
+        up.env("XDG_DATA_HOME", self.path().join("data"));
         Up { child: up.stdin(Stdio::null()).stderr(stderr).spawn().unwrap(), errors }
     }
 

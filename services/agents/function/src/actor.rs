@@ -296,7 +296,7 @@ impl FunctionAgent {
             Step::Change { action, units } => (action, units),
         };
         let command = Command { id: id.clone(), expected_revision: 0, action: Some(action.clone()) };
-        match self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id)).await {
+        match self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id.clone())).await {
             Ok(result) => {
                 let text = report::action(clause, &action, state, &result);
                 let units = if units.is_empty() { result.units.clone() } else { units };
@@ -310,7 +310,15 @@ impl FunctionAgent {
                 })
             }
             Err(fault) if is_transient(&fault) => Err(scene_fault(fault)),
-            Err(fault) => Ok(ActionResult { command: Some(command), ..failure(fault.message) }),
+            Err(fault) => {
+                // An earlier try may have applied the clause, which resolves to another command now.
+                let is_taken = fault.code == Code::AlreadyExists;
+                let stored = if is_taken { self.stored_event(&id, context).await? } else { None };
+                Ok(stored.map_or_else(
+                    || ActionResult { command: Some(command), ..failure(fault.message) },
+                    |event| stored_result(&id, &event),
+                ))
+            }
         }
     }
 }

@@ -62,6 +62,9 @@ pub enum EditError {
         /// The scene's revision.
         found: u64,
     },
+    /// An accepted command with other content has this id.
+    #[error("the id `{0}` belongs to another command; a new change needs a new id")]
+    IdTaken(String),
     /// The selection is not the one that the new one was made from.
     #[error("the selection changed meanwhile; start again from the present one")]
     SelectionConflict {
@@ -127,7 +130,7 @@ impl EditError {
     pub fn code(&self) -> Code {
         match self {
             Self::UnknownUnit { .. } => Code::NotFound,
-            Self::NameTaken(_) => Code::AlreadyExists,
+            Self::NameTaken(_) | Self::IdTaken(_) => Code::AlreadyExists,
             Self::BaseUnit { .. }
             | Self::NothingSelected
             | Self::EmptyTarget(_)
@@ -148,7 +151,7 @@ impl EditError {
         }
     }
 
-    /// Facts for a program: valid names, or the present revision or hash.
+    /// Facts for a program: valid names, the present revision or hash, or the id.
     #[must_use]
     pub fn details(&self) -> Vec<String> {
         match self {
@@ -156,6 +159,7 @@ impl EditError {
             Self::Ambiguous { meant, .. } => meant.clone(),
             Self::RevisionConflict { found, .. } => vec![found.to_string()],
             Self::SelectionConflict { found } => vec![found.clone()],
+            Self::IdTaken(id) => vec![id.clone()],
             _ => Vec::new(),
         }
     }

@@ -1,4 +1,4 @@
-//! The files of a scene, for readers on other machines.
+//! The files of a scene, for readers on other machines, and short names of scenes.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -43,6 +43,23 @@ pub fn files_of(scene: &Scene, path: &Path) -> Result<SceneFiles, OutsideError> 
     names.dedup();
     let open = if is_folder { String::new() } else { below(folder, &path)? };
     Ok(SceneFiles { folder: folder.to_owned(), open, names })
+}
+
+/// Most letters of [`short_name`].
+const SHORT_NAME: usize = 24;
+
+/// A short name for a scene or volume, from its path: ASCII letters, digits, `-` and `_`, at most 24 of them.
+///
+/// Scene files share one name, so the name of the folder stands for `scene.toml`.
+#[must_use]
+pub fn short_name(path: &Path) -> String {
+    let stem = |name: Option<&std::ffi::OsStr>| {
+        let name = name.unwrap_or_default().to_string_lossy().into_owned();
+        name.split('.').find(|part| !part.is_empty()).unwrap_or_default().to_owned()
+    };
+    let own = stem(path.file_name());
+    let own = if own == "scene" { stem(path.parent().and_then(Path::file_name)) } else { own };
+    own.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' }).take(SHORT_NAME).collect()
 }
 
 /// The canonical name of a folder. Callers may name it relative to their working folder, or by links.

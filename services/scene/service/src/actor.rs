@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use serde::Deserialize;
+use sg_edit::Geometry;
 use sg_formats::LoadOptions;
 use sg_formats::files::files_of;
 use sg_proto::bus::Code;
@@ -27,12 +28,16 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::OnceCell;
 use tokio::task::block_in_place;
 
+use crate::project_folder::ProjectFolder;
+
 /// Capacity of the request queue: edits and a burst of brush strokes.
 const QUEUE: usize = 64;
-/// The project of a session that names none, in its folder.
-const DEFAULT_PROJECT: &str = "session.sgproj";
+/// The project of a standby process, in its temporary folder.
+const SCRATCH_PROJECT: &str = "standby.sgproj";
 /// Time limit for the change to the role's project.
 const TAKE_OVER_TIMEOUT: Duration = Duration::from_secs(10);
+/// Time limit for the question which scene the session shows.
+const PRESENT_SCENE_TIMEOUT: Duration = Duration::from_millis(1500);
 /// Warnings of a scene file that are logged one by one.
 const MAX_LOGGED_WARNINGS: usize = 20;
 
@@ -42,7 +47,7 @@ const MAX_LOGGED_WARNINGS: usize = 20;
 struct Params {
     /// The scene file or folder.
     scene: PathBuf,
-    /// The project file. It is made if there is none.
+    /// The project file. It is made if there is none. By default it is the scene's own one in the user's data folder.
     project: Option<PathBuf>,
 }
 
@@ -57,15 +62,21 @@ async fn load(host: Host) -> Result<(), StartError> {
     }
     turn_file_size_signal_into_error()?;
     let params: Params = host.params()?;
-    let path = params.project.unwrap_or_else(|| host.run_dir().join(DEFAULT_PROJECT));
     let (scene, scene_path) = block_in_place(|| read(&params.scene))?;
+    let path = match params.project {
+        Some(path) => path,
+        None => block_in_place(|| default_project(&scene, &scene_path))?,
+    };
     let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), listed: OnceCell::new() });
     // A standby process works on a temporary project: the active process holds the role's project.
     let (project, scratch) = if host.is_standby() {
         let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
         let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
-        let file = scratch.path().join(DEFAULT_PROJECT);
-        (block_in_place(|| open(&scene, &scene_path, &file))?, Some(scratch))
+        let file = scratch.path().join(SCRATCH_PROJECT);
+        let project = block_in_place(|| open(&scene, &scene_path, &file))?;
+        let geometry = project.editor().state().geometry().clone();
+        must_be_the_sessions(host.bus(), &geometry).await?;
+        (project, Some(scratch))
     } else {
         (block_in_place(|| open(&scene, &scene_path, &path))?, None)
     };
@@ -149,6 +160,27 @@ fn read(path: &Path) -> Result<(Arc<Scene>, String), StartError> {
     let absolute = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string();
     tracing::info!(scene = absolute, read_ms = begun.elapsed().as_secs_f64() * 1e3, "scene read");
     Ok((Arc::new(loaded.scene), absolute))
+}
+
+/// Refuses to take the role with another scene: the other services have loaded the present one.
+async fn must_be_the_sessions(bus: &Bus, geometry: &Geometry) -> Result<(), StartError> {
+    let context = Context::root().deadline_in(PRESENT_SCENE_TIMEOUT);
+    // Without an answer there is no present scene to keep.
+    let Ok(present) = bus.newest(&keys::SCENE_STATE, &context).await else { return Ok(()) };
+    if present.scene_hash == geometry.hash {
+        return Ok(());
+    }
+    Err(StartError::Input(format!(
+        "{}: the session shows another scene, {}; end it first (`supergaussian down`), or show this one beside it \
+         (`supergaussian open`)",
+        geometry.path, present.scene_path
+    )))
+}
+
+/// The project of a scene for which the launch file names none.
+fn default_project(scene: &Scene, scene_path: &str) -> Result<PathBuf, StartError> {
+    let found = ProjectFolder::of_user().and_then(|folder| folder.project_of(scene, Path::new(scene_path)));
+    found.map_err(|e| if e.is_input() { StartError::Input(e.to_string()) } else { StartError::Failed(e.to_string()) })
 }
 
 fn open(scene: &Arc<Scene>, scene_path: &str, project: &Path) -> Result<Project, StartError> {

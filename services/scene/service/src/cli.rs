@@ -118,7 +118,7 @@ fn palette(text: &str) -> Result<Vec3, String> {
 }
 
 /// Exit status where the arguments or the input are wrong.
-const WRONG_INPUT: u8 = 2;
+pub(crate) const WRONG_INPUT: u8 = 2;
 
 /// Runs a subcommand: 0 done, 1 the work failed, 2 the arguments or the input are wrong.
 pub(crate) fn run(command: &Command) -> ExitCode {
@@ -281,7 +281,7 @@ fn warn(warnings: &[Warning]) {
     }
 }
 
-fn print_json(report: &impl Serialize) -> ExitCode {
+pub(crate) fn print_json(report: &impl Serialize) -> ExitCode {
     use std::io::Write;
     let printed = serde_json::to_string_pretty(report)
         .map_err(std::io::Error::from)
@@ -294,7 +294,7 @@ fn print_json(report: &impl Serialize) -> ExitCode {
     }
 }
 
-fn fail(error: &dyn std::error::Error, status: u8) -> ExitCode {
+pub(crate) fn fail(error: &dyn std::error::Error, status: u8) -> ExitCode {
     eprintln!("supergaussian-scene: {error}");
     ExitCode::from(status)
 }

@@ -1,10 +1,13 @@
 //! The project file: every accepted command of a scene, stored before its event is published.
 //!
-//! SQLite in WAL mode with `synchronous = FULL`. A row of `commands` is one accepted command with its result, its event
-//! and the values before it. `snapshots` holds the opened state (revision 0) and the newest checkpoint. Start-up
-//! replays the rows after the checkpoint. Rows carry a checksum of their content. The file is locked while it is open.
-//! The system frees it when its process dies.
+//! SQLite in WAL mode with `synchronous = FULL`. An accepted command makes a row of `results`, which answers its
+//! repetition, and a row of `changes`: its event and the values before it. `snapshots` holds the opened state (revision 0)
+//! and the newest checkpoint. Start-up replays the changes after the checkpoint. Rows carry a checksum of their content.
+//!
+//! A checkpoint also removes what nobody can ask for any more (`retention.rs`). So size and start-up depend on the scene
+//! and on the reach of undo, not on the number of commands.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,60 +17,67 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension, Row};
 use sg_proto::scene::{Command, CommandResult, Event};
 
 use self::error::failure;
-use self::rows::{CommandRow, SnapshotRow, damaged, message, revision_of, signed};
-use sg_edit::{Applied, EditState, Editor, Entry, History, HistoryMove, stored_entry};
+use self::rows::{ChangeRow, ResultRow, SnapshotRow, damaged, digest, message, revision_of, signed};
+use self::schema::{APPLICATION, LASTING_TABLES, SCHEMA, TABLES};
+use sg_edit::{Applied, EditState, Editor, Entry, History, stored_entry};
 use sg_formats::staged_file::sync_folder;
 use sg_scene::model::Scene;
 
 mod error;
+mod lock;
+mod reader;
+mod retention;
 mod rows;
+mod schema;
 #[cfg(test)]
 mod tests;
+mod values;
 
 pub use self::error::JournalError;
+pub use self::lock::{ProjectLock, is_in_use};
+pub use self::reader::{Description, copy, describe};
 
-/// Version of the tables, in SQLite's `user_version`.
-const SCHEMA: i64 = 1;
-/// Marks a project file, in SQLite's `application_id`: `SGPJ`.
-const APPLICATION: i64 = 0x5347_504a;
 /// Accepted commands from one checkpoint to the next.
 const CHECKPOINT_EVERY: u64 = 64;
+/// Bytes of changes from one checkpoint to the next.
+const CHECKPOINT_BYTES: usize = 16 << 20;
 /// Time limit for a lock of another process.
 const PATIENCE: Duration = Duration::from_secs(3);
-
-const TABLES: &str = "
-    CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;
-    CREATE TABLE commands (
-        revision INTEGER PRIMARY KEY,
-        id TEXT NOT NULL UNIQUE,
-        command BLOB NOT NULL,
-        result BLOB NOT NULL,
-        event BLOB NOT NULL,
-        inverse BLOB NOT NULL,
-        history TEXT NOT NULL,
-        steps INTEGER NOT NULL,
-        checksum BLOB NOT NULL
-    ) STRICT;
-    CREATE TABLE snapshots (
-        revision INTEGER PRIMARY KEY,
-        state BLOB NOT NULL,
-        next_unit INTEGER NOT NULL,
-        undo BLOB NOT NULL,
-        redo BLOB NOT NULL,
-        checksum BLOB NOT NULL
-    ) STRICT;
-";
+/// Size that SQLite's log shrinks to after a large transaction, bytes.
+const LOG_BYTES: i64 = 16 << 20;
 
 /// The open project file.
 #[derive(Debug)]
 pub struct Journal {
     connection: Connection,
     path: PathBuf,
+    /// Revision of the newest checkpoint.
     checkpoint: u64,
+    /// Bytes of changes since.
+    since: usize,
+    // The last field: it is dropped after the connection.
+    _lock: ProjectLock,
+}
+
+/// The stored result of an accepted command.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredResult {
+    /// The result, marked as repeated.
+    pub result: CommandResult,
+    digest: Vec<u8>,
+}
+
+impl StoredResult {
+    /// Whether it is the result of this command, with this content.
+    #[must_use]
+    pub fn is_of(&self, command: &Command) -> bool {
+        self.digest == digest(&command.encode_to_vec())
+    }
 }
 
 impl Journal {
-    /// Opens or creates a project, and restores the editor after the last accepted command.
+    /// Opens or creates a project, and restores the editor after the last accepted command. A project of an older schema
+    /// is brought to the present one.
     ///
     /// `opened` is the state of the scene as its files say. A project keeps the looks that the scene had when the project
     /// was made.
@@ -76,15 +86,10 @@ impl Journal {
     /// [`JournalError`]; a file that is there is left as it is.
     pub fn open(path: &Path, scene: Arc<Scene>, opened: EditState) -> Result<(Self, Editor), JournalError> {
         let storage = |reason: std::io::Error| JournalError::Storage { path: path.into(), reason: reason.to_string() };
-        match std::fs::metadata(path) {
-            Ok(metadata) if !metadata.is_file() => return Err(JournalError::NotAProject { path: path.into() }),
-            Ok(_) => {}
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => return Err(storage(error)),
-        }
-        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let lock = ProjectLock::take(path)?;
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let connection = Connection::open_with_flags(path, flags).map_err(|e| failure(path, &e))?;
-        let mut journal = Self { connection, path: path.into(), checkpoint: 0 };
+        let mut journal = Self { connection, path: path.into(), checkpoint: 0, since: 0, _lock: lock };
         journal.prepare().map_err(|e| failure(path, &e))?;
         let application: i64 = journal.pragma("application_id")?;
         let tables: i64 =
@@ -104,13 +109,12 @@ impl Journal {
         &self.path
     }
 
-    /// Settings of the connection. Nothing is written before the file is recognized. The lock and the journal mode come
-    /// first, because SQLite fixes them at the first access.
+    /// Settings of the connection. Nothing is written before the file is recognized.
     fn prepare(&self) -> rusqlite::Result<()> {
         self.connection.busy_timeout(PATIENCE)?;
-        self.connection.pragma_update(None, "locking_mode", "EXCLUSIVE")?;
         self.connection.pragma_update(None, "synchronous", "FULL")?;
         self.connection.pragma_update(None, "foreign_keys", true)?;
+        self.connection.pragma_update_and_check(None, "journal_size_limit", LOG_BYTES, |_| Ok(()))?;
         self.connection.set_prepared_statement_cache_capacity(16);
         Ok(())
     }
@@ -132,12 +136,15 @@ impl Journal {
     }
 
     fn create(&mut self, scene: Arc<Scene>, opened: EditState) -> Result<Editor, JournalError> {
+        // SQLite fixes it with the first page.
+        self.connection.pragma_update(None, "auto_vacuum", "INCREMENTAL").map_err(|e| self.failed(&e))?;
         self.use_wal()?;
         let editor = Editor::new(scene, opened);
         let row = SnapshotRow::of(&editor);
         let geometry = editor.state().geometry().clone();
         // One transaction: a crash leaves a project or an empty file. The next start makes an empty file a project.
         self.transaction(|t| {
+            t.execute_batch(LASTING_TABLES)?;
             t.execute_batch(TABLES)?;
             t.pragma_update(None, "application_id", APPLICATION)?;
             t.pragma_update(None, "user_version", SCHEMA)?;
@@ -161,14 +168,32 @@ impl Journal {
         if found > SCHEMA {
             return Err(JournalError::Newer { path: self.path.clone(), found, known: SCHEMA });
         }
-        if found != SCHEMA {
+        if found < 1 {
             return Err(self.damaged(format!("schema {found} was never written")));
         }
-        self.use_wal()?;
         let sound: String = self.query("PRAGMA quick_check(1)", [], |row| row.get(0))?.unwrap_or_default();
         if sound != "ok" {
             return Err(self.damaged(sound));
         }
+        let initial = self.initial_state(opened)?;
+        // A copy comes without the log.
+        self.use_wal()?;
+        let newest = self.snapshot("revision = (SELECT max(revision) FROM snapshots)")?;
+        let (state, undo, redo) = newest.decoded(&self.path, opened)?;
+        if found < SCHEMA {
+            let reached = undo.iter().chain(&redo).copied().collect();
+            schema::migrate(&mut self.connection, &self.path, newest.revision, &reached)?;
+        }
+        self.checkpoint = newest.revision;
+        let history = History::restored(self.entries(&undo, opened)?, self.entries(&redo, opened)?);
+        let mut editor = Editor::restored(scene, initial, state, history, newest.next_unit);
+        self.replay(&mut editor)?;
+        self.note_scene_path(&opened.geometry().path)?;
+        Ok(editor)
+    }
+
+    /// The state at revision 0, if the project is of the scene.
+    fn initial_state(&self, opened: &EditState) -> Result<EditState, JournalError> {
         let of_scene: Option<String> =
             self.query("SELECT value FROM meta WHERE key = 'scene_hash'", [], |r| r.get(0))?;
         let of_scene = of_scene.ok_or_else(|| self.damaged("it does not say which scene it is of".to_owned()))?;
@@ -186,17 +211,11 @@ impl Journal {
         if initial.geometry().bounds != opened.geometry().bounds {
             return Err(other("its box for strokes is another".to_owned()));
         }
-        let newest = self.snapshot("revision = (SELECT max(revision) FROM snapshots)")?;
-        self.checkpoint = newest.revision;
-        let (state, undo, redo) = newest.decoded(&self.path, opened)?;
-        let history = History::restored(self.entries(&undo, opened)?, self.entries(&redo, opened)?);
-        let mut editor = Editor::restored(scene, initial, state, history, newest.next_unit);
-        self.replay(&mut editor)?;
-        Ok(editor)
+        Ok(initial)
     }
 
     /// Brings an editor up to the last accepted command.
-    fn replay(&self, editor: &mut Editor) -> Result<(), JournalError> {
+    fn replay(&mut self, editor: &mut Editor) -> Result<(), JournalError> {
         let mut last = editor.state().revision();
         loop {
             let rows = self.rows("WHERE revision > ?1 ORDER BY revision LIMIT 64", last)?;
@@ -208,26 +227,39 @@ impl Journal {
                     return Err(self.damaged(format!("revision {} is missing", last + 1)));
                 }
                 last = row.revision;
-                let (event, inverse, step) =
-                    (row.event(&self.path)?, row.inverse(&self.path)?, row.history(&self.path)?);
+                self.since += row.change.len();
+                let ((event, inverse), step) = (row.values(&self.path)?, row.history(&self.path)?);
                 editor.replay(&event, &inverse.changes, step).map_err(|e| self.damaged(e.to_string()))?;
             }
         }
-        let rows: Option<i64> = self.query("SELECT max(revision) FROM commands", [], |row| row.get(0))?.flatten();
+        let rows: Option<i64> = self.query("SELECT max(revision) FROM changes", [], |row| row.get(0))?.flatten();
         if revision_of(rows.unwrap_or(0)) < last {
             return Err(self.damaged(format!("commands behind revision {last} are missing")));
         }
         Ok(())
     }
 
-    /// The stored result of a command, if it was accepted before.
+    /// Remembers where the scene is, if it has moved.
+    fn note_scene_path(&mut self, path: &str) -> Result<(), JournalError> {
+        let known: Option<String> =
+            self.query("SELECT value FROM meta WHERE key = 'scene_path'", [], |row| row.get(0))?;
+        if known.as_deref() == Some(path) {
+            return Ok(());
+        }
+        let sql = "INSERT OR REPLACE INTO meta (key, value) VALUES ('scene_path', ?1)";
+        self.transaction(|t| t.execute(sql, [path]).map(drop))
+    }
+
+    /// The stored result of a command, if it was accepted before. Those of the last 20,000 commands are kept.
     ///
     /// # Errors
     /// [`JournalError`].
-    pub fn find(&self, id: &str) -> Result<Option<CommandResult>, JournalError> {
-        let Some(row) = self.row("WHERE id = ?1", [id])? else { return Ok(None) };
-        message::<CommandResult>(&self.path, &row.result, row.revision)
-            .map(|r| Some(CommandResult { repeated: true, ..r }))
+    pub fn find(&self, id: &str) -> Result<Option<StoredResult>, JournalError> {
+        let found = self.query(&format!("{} WHERE id = ?1", ResultRow::SELECT), [id], ResultRow::read)?;
+        let Some(row) = found else { return Ok(None) };
+        let row = row.checked(&self.path)?;
+        let result = message::<CommandResult>(&self.path, &row.result, row.revision)?;
+        Ok(Some(StoredResult { result: CommandResult { repeated: true, ..result }, digest: row.digest }))
     }
 
     /// Makes an accepted command durable. When this returns without an error it survives a crash of the machine.
@@ -235,49 +267,47 @@ impl Journal {
     /// # Errors
     /// [`JournalError`]; nothing of it is then stored.
     pub fn append(&mut self, command: &Command, applied: &Applied) -> Result<(), JournalError> {
-        let inverse = Event { changes: applied.inverse.clone(), ..Event::default() };
-        let (history, steps) = match applied.history {
-            HistoryMove::Keep => ("keep", 0),
-            HistoryMove::Push => ("push", 0),
-            HistoryMove::Undo(n) => ("undo", n),
-            HistoryMove::Redo(n) => ("redo", n),
-        };
-        let mut row = CommandRow {
-            revision: applied.event.revision,
-            id: command.id.clone(),
-            command: command.encode_to_vec(),
-            result: applied.result.encode_to_vec(),
-            event: applied.event.encode_to_vec(),
-            inverse: inverse.encode_to_vec(),
-            history: history.to_owned(),
-            steps: i64::try_from(steps).unwrap_or(i64::MAX),
-            checksum: Vec::new(),
-        };
-        row.checksum = row.sum();
-        self.transaction(|t| row.insert(t))
-    }
-
-    /// Stores a checkpoint after enough commands, so that the next start is fast.
-    ///
-    /// # Errors
-    /// [`JournalError`]; nothing is lost by that but the next start's speed.
-    pub fn checkpoint_if_due(&mut self, editor: &Editor) -> Result<(), JournalError> {
-        let revision = editor.state().revision();
-        if revision < self.checkpoint + CHECKPOINT_EVERY {
-            return Ok(());
-        }
-        let row = SnapshotRow::of(editor);
+        let result = ResultRow::of(command, &applied.result);
+        let change = ChangeRow::of(applied)
+            .map_err(|e| JournalError::Storage { path: self.path.clone(), reason: e.to_string() })?;
         self.transaction(|t| {
-            row.insert(t)?;
-            t.execute("DELETE FROM snapshots WHERE revision > 0 AND revision < ?1", [signed(revision)])?;
-            Ok(())
+            result.insert(t)?;
+            change.insert(t)
         })?;
-        self.checkpoint = revision;
+        self.since += change.change.len();
         Ok(())
     }
 
+    /// Stores a checkpoint after enough commands or bytes.
+    ///
+    /// # Errors
+    /// As [`Journal::checkpoint`].
+    pub fn checkpoint_if_due(&mut self, editor: &Editor) -> Result<(), JournalError> {
+        let is_due = editor.state().revision() >= self.checkpoint + CHECKPOINT_EVERY || self.since >= CHECKPOINT_BYTES;
+        if is_due { self.checkpoint(editor) } else { Ok(()) }
+    }
+
+    /// Stores the whole state, so that the next start is fast, and removes what nobody can ask for any more. Both happen in
+    /// one transaction.
+    ///
+    /// # Errors
+    /// [`JournalError`]; nothing is lost by that but the next start's speed.
+    pub fn checkpoint(&mut self, editor: &Editor) -> Result<(), JournalError> {
+        let revision = editor.state().revision();
+        let row = SnapshotRow::of(editor);
+        let (undo, redo) = editor.history().revisions();
+        let reached: HashSet<u64> = undo.into_iter().chain(redo).collect();
+        self.transaction(|t| {
+            row.insert(t)?;
+            t.execute("DELETE FROM snapshots WHERE revision > 0 AND revision < ?1", [signed(revision)])?;
+            retention::remove_old(t, revision, &reached)
+        })?;
+        (self.checkpoint, self.since) = (revision, 0);
+        retention::give_back_free_pages(&self.connection).map_err(|e| self.failed(&e))
+    }
+
     /// Events after a revision, oldest first: at most `most` and, encoded, at most `bytes` together. The flag says whether
-    /// these are all.
+    /// these are all. There is none if the first of them is no longer kept.
     ///
     /// # Errors
     /// [`JournalError`].
@@ -290,12 +320,16 @@ impl Journal {
                 return Ok((events, true));
             }
             for row in rows {
-                taken += row.event.len() + 8;
+                if row.revision != last + 1 {
+                    return Ok((Vec::new(), false));
+                }
+                let (event, _) = row.values(&self.path)?;
+                taken += event.encoded_len() + 8;
                 if events.len() == most || taken > bytes {
                     return Ok((events, false));
                 }
                 last = row.revision;
-                events.push(row.event(&self.path)?);
+                events.push(event);
             }
         }
     }
@@ -306,7 +340,7 @@ impl Journal {
     /// [`JournalError`].
     pub fn last_event(&self) -> Result<Option<Event>, JournalError> {
         let row = self.row("ORDER BY revision DESC LIMIT 1", [])?;
-        row.map(|row| row.event(&self.path)).transpose()
+        row.map(|row| row.values(&self.path).map(|(event, _)| event)).transpose()
     }
 
     fn entries(&self, revisions: &[u64], opened: &EditState) -> Result<Vec<Entry>, JournalError> {
@@ -315,21 +349,21 @@ impl Journal {
             .iter()
             .map(|&revision| {
                 let row = self.row("WHERE revision = ?1", [signed(revision)])?.ok_or_else(|| missing(revision))?;
-                let (event, inverse) = (row.event(&self.path)?, row.inverse(&self.path)?);
+                let (event, inverse) = row.values(&self.path)?;
                 stored_entry(&event, &inverse.changes, opened.count()).map_err(|e| self.damaged(e.to_string()))
             })
             .collect()
     }
 
-    fn row(&self, clause: &str, params: impl rusqlite::Params) -> Result<Option<CommandRow>, JournalError> {
-        let found = self.query(&format!("{} {clause}", CommandRow::SELECT), params, CommandRow::read)?;
+    fn row(&self, clause: &str, params: impl rusqlite::Params) -> Result<Option<ChangeRow>, JournalError> {
+        let found = self.query(&format!("{} {clause}", ChangeRow::SELECT), params, ChangeRow::read)?;
         found.map(|row| row.checked(&self.path)).transpose()
     }
 
-    fn rows(&self, clause: &str, after: u64) -> Result<Vec<CommandRow>, JournalError> {
+    fn rows(&self, clause: &str, after: u64) -> Result<Vec<ChangeRow>, JournalError> {
         let all = || {
-            let mut statement = self.connection.prepare_cached(&format!("{} {clause}", CommandRow::SELECT))?;
-            statement.query_map([signed(after)], CommandRow::read)?.collect::<rusqlite::Result<Vec<_>>>()
+            let mut statement = self.connection.prepare_cached(&format!("{} {clause}", ChangeRow::SELECT))?;
+            statement.query_map([signed(after)], ChangeRow::read)?.collect::<rusqlite::Result<Vec<_>>>()
         };
         let rows = all().map_err(|e| self.failed(&e))?;
         rows.into_iter().map(|row| row.checked(&self.path)).collect()

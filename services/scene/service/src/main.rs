@@ -2,6 +2,8 @@
 
 mod actor;
 mod cli;
+mod project_commands;
+mod project_folder;
 
 use std::process::ExitCode;
 
@@ -19,6 +21,8 @@ struct Arguments {
 enum Command {
     #[command(flatten)]
     Offline(cli::Command),
+    #[command(flatten)]
+    Projects(project_commands::Command),
     /// Owns the scene of a running session: applies commands, stores them and publishes events
     #[command(after_help = EXAMPLE)]
     Serve(ServeArgs),
@@ -32,5 +36,6 @@ fn main() -> ExitCode {
     match Arguments::parse().command {
         Command::Serve(args) => actor::serve(args),
         Command::Offline(command) => cli::run(&command),
+        Command::Projects(command) => project_commands::run(&command),
     }
 }

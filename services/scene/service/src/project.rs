@@ -87,15 +87,21 @@ impl Project {
         &self.journal
     }
 
-    /// Applies a command at most once: the same id again returns the stored result, also after a restart. When this
-    /// returns an outcome, it survives a crash.
+    /// Applies a command at most once: the same command again returns the stored result, also after a restart. A command
+    /// without an action asks for the stored result of its id. When this returns an outcome, it survives a crash.
+    ///
+    /// The results of the last 20,000 accepted commands are kept.
     ///
     /// # Errors
-    /// [`ProjectError`]; nothing has changed, and the same id may be tried again.
+    /// [`ProjectError`]; nothing has changed, and the same id may be tried again. [`EditError::IdTaken`] for an accepted
+    /// command's id with other content.
     pub fn apply(&mut self, command: &Command) -> Result<Outcome, ProjectError> {
         check_id(&command.id)?;
-        if let Some(result) = self.journal.find(&command.id)? {
-            return Ok(Outcome { result, event: None });
+        if let Some(stored) = self.journal.find(&command.id)? {
+            if command.action.is_some() && !stored.is_of(command) {
+                return Err(EditError::IdTaken(command.id.clone()).into());
+            }
+            return Ok(Outcome { result: stored.result, event: None });
         }
         let journal = &mut self.journal;
         let applied =
@@ -112,7 +118,16 @@ impl Project {
         self.journal.checkpoint_if_due(&self.editor)
     }
 
-    /// The changes since revision `request.from`: all events if they fit one message, else the whole state.
+    /// Stores the whole state now, and removes what nobody can ask for any more.
+    ///
+    /// # Errors
+    /// As [`Project::checkpoint_if_due`].
+    pub fn checkpoint(&mut self) -> Result<(), JournalError> {
+        self.journal.checkpoint(&self.editor)
+    }
+
+    /// The changes since revision `request.from`: all events if they are kept and fit one message, else the whole
+    /// state.
     ///
     /// # Errors
     /// [`JournalError`].
@@ -124,8 +139,8 @@ impl Project {
                 return Ok(Changes { revision, events, snapshot: None });
             }
             let snapshot = self.editor.message(true);
-            if snapshot.encoded_len() > MAX_EVENT_BYTES {
-                let revision = events.last().map_or(revision, |e| e.revision);
+            if let Some(last) = events.last().filter(|_| snapshot.encoded_len() > MAX_EVENT_BYTES) {
+                let revision = last.revision;
                 return Ok(Changes { revision, events, snapshot: None });
             }
             return Ok(Changes { revision, events: Vec::new(), snapshot: Some(snapshot) });

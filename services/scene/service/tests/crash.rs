@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 
 use sg_formats::LoadOptions;
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Color, Command, SaveUnit, Select, SetColor, Target, Undo};
+use sg_proto::scene::{Color, Command, CommitSelection, SaveUnit, Select, SetColor, Target, Undo};
+use sg_scene::mask::Mask;
 use supergaussian_scene::project::Project;
 
 const FOLDER: &str = "SUPERGAUSSIAN_CRASH_TEST_FOLDER";
@@ -50,7 +51,10 @@ fn writer() {
         let result = project.apply(&command(n)).unwrap().result;
         writeln!(out, "ack {n} {} {}", result.revision, result.selection_hash).unwrap();
         out.flush().unwrap();
-        project.checkpoint_if_due().unwrap();
+        // More often than in service, so that many kills meet a checkpoint and the removal of old rows.
+        if n % 3 == 0 {
+            project.checkpoint().unwrap();
+        }
     }
 }
 
@@ -113,4 +117,58 @@ fn acknowledged_commands_survive_kill_9() {
     }
     assert!(acknowledged.len() > 50, "only {} commands were tried", acknowledged.len());
     assert!(acknowledged.iter().zip(1..).all(|((_, revision, _), want)| *revision == want), "revisions have no gaps");
+}
+
+/// Measures a project by the number of its selections: size on disk, time of a command, and time to open.
+/// `cargo test --release -p supergaussian-scene --test crash -- --ignored --nocapture growth`.
+#[test]
+#[ignore = "prints sizes and times"]
+fn growth() {
+    for (gaussians, commits) in [(8_000, [500, 4_000, 16_500]), (1_000_000, [64, 500, 1_500])] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.sgproj");
+        let scene = Arc::new(support::shaded_scene(gaussians));
+        let open = || Project::open(&path, Arc::clone(&scene), "").unwrap();
+        let size = || {
+            let files = std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().metadata().unwrap().len());
+            files.sum::<u64>() as f64 / 1e6
+        };
+        // Indices say nothing about places, as in a fitted scene: masks compress little.
+        let mut bits = 1_u64;
+        let mut coordinate = || {
+            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (bits >> 40) as f32 / (1_u64 << 23) as f32 - 1.0
+        };
+        let places: Vec<_> =
+            (0..gaussians).map(|_| glam::Vec3::new(coordinate(), coordinate(), coordinate())).collect();
+        let mut project = open();
+        let mut done = 0;
+        for commits in commits {
+            let begun = Instant::now();
+            let first = done;
+            while done < commits {
+                // A ball that wanders through the scene.
+                let t = done as f32 * 0.07;
+                let centre = glam::Vec3::new(t.sin(), (1.3 * t).cos(), (0.7 * t).sin()) * 0.7;
+                let mask = Mask::from_fn(gaussians, |i| places[i].distance_squared(centre) < 0.2);
+                let mask = Some(sg_edit::wire::encode_mask(&mask));
+                let action = Action::CommitSelection(CommitSelection { mask, ..CommitSelection::default() });
+                let id = format!("strokes-0193a5f0-0000-7000-8000-{done:012}");
+                project.apply(&Command { id, expected_revision: 0, action: Some(action) }).unwrap();
+                project.checkpoint_if_due().unwrap();
+                done += 1;
+            }
+            let each = begun.elapsed().as_secs_f64() * 1e3 / f64::from(done - first);
+            let running = size();
+            drop(project);
+            let begun = Instant::now();
+            project = open();
+            let opened = begun.elapsed().as_secs_f64() * 1e3;
+            let line = format!(
+                "{gaussians} Gaussians, {done} selections: {running:.1} MB while open, {:.1} MB closed, opened in {opened:.0} ms, {each:.2} ms each",
+                std::fs::metadata(&path).unwrap().len() as f64 / 1e6,
+            );
+            writeln!(std::io::stderr(), "{line}").unwrap();
+        }
+    }
 }

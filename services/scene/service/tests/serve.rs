@@ -61,18 +61,30 @@ impl Stack {
             .arg("--run-dir")
             .arg(self.folder.path())
             .args(["--params", params])
+            .env("XDG_DATA_HOME", self.folder.path().join("data"))
             .stderr(Stdio::piped());
         process
     }
 
-    fn params(&self) -> String {
-        format!(r#"{{"scene": "{}"}}"#, self.path("spiral.ply").display())
-    }
-
     /// Starts a scene process; it may take a moment until it serves.
     fn start(&mut self) -> Scene {
+        self.start_with("spiral.ply")
+    }
+
+    /// As [`Stack::start`], with another scene of the stack's folder.
+    fn start_with(&mut self, scene: &str) -> Scene {
         self.instance += 1;
-        Scene(self.process(&self.params()).stderr(Stdio::null()).spawn().unwrap())
+        let params = format!(r#"{{"scene": "{}"}}"#, self.path(scene).display());
+        Scene(self.process(&params).stderr(Stdio::null()).spawn().unwrap())
+    }
+
+    /// The projects that no launch file names.
+    fn projects(&self) -> Vec<PathBuf> {
+        let folder = self.path("data/supergaussian/projects");
+        let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        files.retain(|file| file.extension().is_some_and(|e| e == "sgproj"));
+        files.sort();
+        files
     }
 
     async fn join(&self, role: &str) -> Bus {
@@ -140,8 +152,14 @@ async fn a_command_is_answered_published_and_retained_with_its_chain() {
     let refused = command("refused", Action::SetColor(SetColor { target: unknown, color: red }));
     let fault = cli.ask(&keys::SCENE_APPLY, &refused, &soon()).await.unwrap_err();
     assert_eq!((fault.code, fault.details), (Code::NotFound, vec!["all".to_owned()]));
-    let again = cli.ask(&keys::SCENE_APPLY, &select, &soon()).await.unwrap();
-    assert_eq!(again, CommandResult { repeated: true, ..result });
+    let question = Command { id: "select".to_owned(), ..Command::default() };
+    for again in [&select, &question] {
+        let again = cli.ask(&keys::SCENE_APPLY, again, &soon()).await.unwrap();
+        assert_eq!(again, CommandResult { repeated: true, ..result.clone() });
+    }
+    let fault = cli.ask(&keys::SCENE_APPLY, &background("select", 0.5), &soon()).await.unwrap_err();
+    assert_eq!((fault.code, fault.details), (Code::AlreadyExists, vec!["select".to_owned()]));
+    assert!(fault.message.contains("`select` belongs to another command"), "{}", fault.message);
 
     let health = cli.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &soon()).await.unwrap();
     assert_eq!(health.actors[0].state, "revision 2, 1 editable units, 500 Gaussians selected");
@@ -181,16 +199,19 @@ async fn a_full_disk_refuses_a_command_and_a_retry_with_space_is_kept() {
     assert_eq!(snapshot(&cli).await, after);
 }
 
+fn of_burst(id: &str, n: u32) -> Command {
+    if n.is_multiple_of(3) {
+        return command(id, Action::Select(Select { target: everything(), operation: 0 }));
+    }
+    background(id, (n % 100) as f32 / 100.0)
+}
+
 /// Sends commands one after another, each until it is acknowledged, and writes the results down.
 async fn burst(bus: Bus, worker: u32, done: Arc<AtomicBool>, results: Arc<Mutex<BTreeMap<String, CommandResult>>>) {
     let mut n = 0_u32;
     while !done.load(Ordering::Relaxed) {
         let id = format!("{worker}-{n}");
-        let command = if n.is_multiple_of(3) {
-            command(&id, Action::Select(Select { target: everything(), operation: 0 }))
-        } else {
-            background(&id, (n % 100) as f32 / 100.0)
-        };
+        let command = of_burst(&id, n);
         match bus.ask(&keys::SCENE_APPLY, &command, &soon()).await {
             Ok(result) => {
                 results.lock().await.insert(id, result);
@@ -240,7 +261,8 @@ async fn a_burst_survives_kill_9_and_readers_catch_up() {
     revisions.sort_unstable();
     assert!(revisions.iter().zip(1..).all(|(have, want)| *have == want));
     for (id, result) in results.iter() {
-        let again = cli.ask(&keys::SCENE_APPLY, &background(id, 0.0), &soon()).await.unwrap();
+        let n = id.split_once('-').unwrap().1.parse().unwrap();
+        let again = cli.ask(&keys::SCENE_APPLY, &of_burst(id, n), &soon()).await.unwrap();
         assert!(again.repeated, "{id}");
         assert_eq!(CommandResult { repeated: result.repeated, ..again }, *result);
     }
@@ -282,8 +304,74 @@ async fn a_terminated_process_exits_with_0_and_frees_the_project() {
     };
     assert_eq!(status.code(), Some(0));
     let loaded = sg_formats::load(&stack.path("spiral.ply"), &sg_formats::LoadOptions::default()).unwrap();
-    let project = Project::open(&stack.path("session.sgproj"), Arc::new(loaded.scene), "").unwrap();
+    let project = Project::open(&stack.projects()[0], Arc::new(loaded.scene), "").unwrap();
     assert_eq!(project.editor().state().revision(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn each_scene_keeps_its_edits_in_the_data_folder() {
+    let mut stack = Stack::open(100).await;
+    support::write_ply(&stack.path("other.ply"), 101);
+    let cli = stack.join(role::CLI).await;
+    let mut revisions = Vec::new();
+    let scenes = ["spiral.ply", "other.ply", "spiral.ply", "other.ply", "moved/spiral.ply"];
+    std::fs::create_dir(stack.path("moved")).unwrap();
+    for (n, scene) in scenes.into_iter().enumerate() {
+        if scene.starts_with("moved") {
+            std::fs::rename(stack.path("spiral.ply"), stack.path(scene)).unwrap();
+        }
+        let running = stack.start_with(scene);
+        let result = cli.ask(&keys::SCENE_APPLY, &background(&format!("edit-{n}"), 0.5), &soon()).await.unwrap();
+        revisions.push(result.revision);
+        drop(running);
+    }
+    assert_eq!(revisions, [1, 1, 2, 2, 3]);
+    let names: Vec<_> = stack.projects().iter().map(|p| p.file_stem().unwrap().to_str().unwrap().to_owned()).collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+    assert!(names[0].starts_with("other-") && names[1].starts_with("spiral-"), "{names:?}");
+    let beside: Vec<_> = std::fs::read_dir(stack.folder.path()).unwrap().map(|e| e.unwrap().path()).collect();
+    assert!(beside.iter().all(|path| path.extension().is_none_or(|e| e != "sgproj")), "{beside:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_project_is_listed_and_copied_while_a_process_has_it() {
+    let mut stack = Stack::open(100).await;
+    let cli = stack.join(role::CLI).await;
+    let scene = stack.start();
+    cli.ask(&keys::SCENE_APPLY, &background("one", 0.5), &soon()).await.unwrap();
+    let run = |arguments: &[&str]| {
+        let mut process = Process::new(env!("CARGO_BIN_EXE_supergaussian-scene"));
+        process.args(arguments).current_dir(stack.folder.path()).env("XDG_DATA_HOME", stack.path("data"));
+        let output = process.output().unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+    };
+    let (status, listed, _) = run(&["projects"]);
+    let listed: serde_json::Value = serde_json::from_str(&listed).unwrap();
+    assert_eq!((status, listed.as_array().unwrap().len()), (0, 1), "{listed}");
+    let (entry, name) = (&listed[0], listed[0]["name"].as_str().unwrap());
+    assert!(entry["in_use"] == true && entry["revision"] == 1 && entry["error"].is_null(), "{listed}");
+    assert!(entry["scene"].as_str().unwrap().ends_with("spiral.ply"), "{listed}");
+
+    assert_eq!(run(&["backup", name, "monday.sgproj"]).0, 0);
+    for refused in
+        [&["backup", name, "monday.sgproj"][..], &["restore", "monday.sgproj", name], &["backup", "none", "b"]]
+    {
+        let (status, _, words) = run(refused);
+        assert_eq!((status, words.lines().count()), (2, 1), "{refused:?}: {words}");
+    }
+    let (status, _, words) = run(&["projects", "delete", name]);
+    assert!(status == 1 && words.contains("in use"), "{words}");
+    cli.ask(&keys::SCENE_APPLY, &background("two", 0.6), &soon()).await.unwrap();
+    drop(scene);
+    assert_eq!(run(&["projects", "delete", name]).0, 0);
+    assert_eq!(stack.projects(), [] as [PathBuf; 0]);
+    assert_eq!(run(&["projects", "delete", name]).0, 2);
+
+    // Restored under the name that the scene looks for.
+    assert_eq!(run(&["restore", "monday.sgproj", name]).0, 0);
+    let _scene = stack.start();
+    assert_eq!(snapshot(&cli).await.revision, 1);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -344,7 +432,7 @@ async fn start_up_times() {
                 };
                 cli.ask(&keys::SCENE_APPLY, &command, &soon()).await.unwrap();
             }
-            let bytes = std::fs::metadata(stack.path("session.sgproj")).unwrap().len();
+            let bytes = std::fs::metadata(&stack.projects()[0]).unwrap().len();
             told.push(format!(
                 "one selection command: {:.2} ms to the answer; 1000 took {bytes} bytes of project",
                 begun.elapsed().as_secs_f64()

@@ -406,11 +406,19 @@ impl Selector {
             strokes: alone.unwrap_or_default(),
             expected_hash: state.selection().hash().to_owned(),
         };
-        // A retry has the same command id, so the scene returns its first result.
+        // A retry has the same command id.
         let id = format!("strokes-{}", context.id);
         let action = Some(command::Action::CommitSelection(commit));
+        let context = context.next().with_id(id.clone()).within(Duration::from_secs(10));
         let command = Command { id: id.clone(), expected_revision: only_at, action };
-        self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id).within(Duration::from_secs(10))).await
+        match self.bus.ask(&keys::SCENE_APPLY, &command, &context).await {
+            // An earlier process committed these strokes, and this one played them over the result. A command without an
+            // action asks for the first result.
+            Err(fault) if fault.code == Code::AlreadyExists => {
+                self.bus.ask(&keys::SCENE_APPLY, &Command { id, ..Command::default() }, &context).await
+            }
+            outcome => outcome,
+        }
     }
 
     fn reply(&self, result: &CommandResult) -> selection::StrokesReply {

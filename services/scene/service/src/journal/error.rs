@@ -56,6 +56,12 @@ pub enum JournalError {
         /// The file.
         path: PathBuf,
     },
+    /// A copy would replace a file.
+    #[error("{path}: exists already and is left as it is; name a new file")]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
     /// There is no room left.
     #[error("{path}: the disk or quota is full; nothing was changed: make room and repeat the command")]
     Full {
@@ -77,9 +83,11 @@ impl JournalError {
     #[must_use]
     pub fn code(&self) -> Code {
         match self {
-            Self::NotAProject { .. } | Self::Newer { .. } | Self::OtherScene { .. } | Self::Unopenable { .. } => {
-                Code::FailedPrecondition
-            }
+            Self::NotAProject { .. }
+            | Self::Newer { .. }
+            | Self::OtherScene { .. }
+            | Self::Unopenable { .. }
+            | Self::Exists { .. } => Code::FailedPrecondition,
             Self::Damaged { .. } | Self::Storage { .. } => Code::DataLoss,
             Self::InUse { .. } => Code::Unavailable,
             Self::Full { .. } => Code::ResourceExhausted,
@@ -96,6 +104,7 @@ impl JournalError {
                 | Self::Damaged { .. }
                 | Self::OtherScene { .. }
                 | Self::Unopenable { .. }
+                | Self::Exists { .. }
         )
     }
 }

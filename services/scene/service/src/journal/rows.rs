@@ -4,67 +4,119 @@ use std::path::Path;
 
 use prost::Message;
 use rusqlite::{Connection, Row, params};
-use sg_proto::scene::{Event, State};
+use sg_proto::scene::{Command, CommandResult, Event, State};
 
 use super::error::JournalError;
-use sg_edit::{EditState, Editor, HistoryMove};
+use super::values;
+use sg_edit::{Applied, EditState, Editor, HistoryMove};
 
-/// One accepted command as it is stored.
-pub(super) struct CommandRow {
+/// The result of an accepted command, for its repetition.
+pub(super) struct ResultRow {
     pub(super) revision: u64,
     pub(super) id: String,
-    pub(super) command: Vec<u8>,
+    /// [`digest`] of the command.
+    pub(super) digest: Vec<u8>,
     pub(super) result: Vec<u8>,
-    pub(super) event: Vec<u8>,
-    pub(super) inverse: Vec<u8>,
-    pub(super) history: String,
-    pub(super) steps: i64,
     pub(super) checksum: Vec<u8>,
 }
 
-impl CommandRow {
-    pub(super) const SELECT: &str =
-        "SELECT revision, id, command, result, event, inverse, history, steps, checksum FROM commands";
+impl ResultRow {
+    pub(super) const SELECT: &str = "SELECT revision, id, digest, result, checksum FROM results";
+
+    pub(super) fn of(command: &Command, result: &CommandResult) -> Self {
+        Self::new(result.revision, command.id.clone(), digest(&command.encode_to_vec()), result.encode_to_vec())
+    }
+
+    pub(super) fn new(revision: u64, id: String, digest: Vec<u8>, result: Vec<u8>) -> Self {
+        let mut row = Self { revision, id, digest, result, checksum: Vec::new() };
+        row.checksum = row.sum();
+        row
+    }
 
     pub(super) fn read(row: &Row<'_>) -> rusqlite::Result<Self> {
         Ok(Self {
             revision: revision_of(row.get(0)?),
             id: row.get(1)?,
-            command: row.get(2)?,
+            digest: row.get(2)?,
             result: row.get(3)?,
-            event: row.get(4)?,
-            inverse: row.get(5)?,
-            history: row.get(6)?,
-            steps: row.get(7)?,
-            checksum: row.get(8)?,
+            checksum: row.get(4)?,
         })
     }
 
     pub(super) fn insert(&self, connection: &Connection) -> rusqlite::Result<()> {
-        let sql = "INSERT INTO commands (revision, id, command, result, event, inverse, history, steps, checksum)
-                   VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)";
-        connection.prepare_cached(sql)?.execute(params![
-            signed(self.revision),
-            self.id,
-            self.command,
-            self.result,
-            self.event,
-            self.inverse,
-            self.history,
-            self.steps,
-            self.checksum,
-        ])?;
+        let sql = "INSERT INTO results (revision, id, digest, result, checksum) VALUES (?1, ?2, ?3, ?4, ?5)";
+        let values = params![signed(self.revision), self.id, self.digest, self.result, self.checksum];
+        connection.prepare_cached(sql)?.execute(values)?;
         Ok(())
     }
 
-    pub(super) fn sum(&self) -> Vec<u8> {
+    fn sum(&self) -> Vec<u8> {
+        let revision = self.revision.to_le_bytes();
+        checksum([self.id.as_bytes(), &revision, &self.digest, &self.result])
+    }
+
+    pub(super) fn checked(self, path: &Path) -> Result<Self, JournalError> {
+        if self.checksum == self.sum() {
+            return Ok(self);
+        }
+        Err(damaged(path, format!("the result of revision {} has another checksum", self.revision)))
+    }
+}
+
+/// What an accepted command changed.
+pub(super) struct ChangeRow {
+    pub(super) revision: u64,
+    /// The event and the values before it, as [`values::pack`] makes them.
+    pub(super) change: Vec<u8>,
+    pub(super) history: String,
+    pub(super) steps: i64,
+    pub(super) checksum: Vec<u8>,
+}
+
+impl ChangeRow {
+    pub(super) const SELECT: &str = "SELECT revision, change, history, steps, checksum FROM changes";
+
+    /// # Errors
+    /// The compressor's error.
+    pub(super) fn of(applied: &Applied) -> std::io::Result<Self> {
+        let inverse = Event { changes: applied.inverse.clone(), ..Event::default() };
+        let change = values::pack(&applied.event.encode_to_vec(), &inverse.encode_to_vec())?;
+        let (history, steps) = match applied.history {
+            HistoryMove::Keep => ("keep", 0),
+            HistoryMove::Push => ("push", 0),
+            HistoryMove::Undo(n) => ("undo", n),
+            HistoryMove::Redo(n) => ("redo", n),
+        };
+        let steps = i64::try_from(steps).unwrap_or(i64::MAX);
+        Ok(Self::new(applied.event.revision, change, history.to_owned(), steps))
+    }
+
+    pub(super) fn new(revision: u64, change: Vec<u8>, history: String, steps: i64) -> Self {
+        let mut row = Self { revision, change, history, steps, checksum: Vec::new() };
+        row.checksum = row.sum();
+        row
+    }
+
+    pub(super) fn read(row: &Row<'_>) -> rusqlite::Result<Self> {
+        Ok(Self {
+            revision: revision_of(row.get(0)?),
+            change: row.get(1)?,
+            history: row.get(2)?,
+            steps: row.get(3)?,
+            checksum: row.get(4)?,
+        })
+    }
+
+    pub(super) fn insert(&self, connection: &Connection) -> rusqlite::Result<()> {
+        let sql = "INSERT INTO changes (revision, change, history, steps, checksum) VALUES (?1, ?2, ?3, ?4, ?5)";
+        let values = params![signed(self.revision), self.change, self.history, self.steps, self.checksum];
+        connection.prepare_cached(sql)?.execute(values)?;
+        Ok(())
+    }
+
+    fn sum(&self) -> Vec<u8> {
         let numbers = [self.revision, self.steps.unsigned_abs()].map(u64::to_le_bytes).concat();
-        let texts = [self.id.as_bytes(), self.history.as_bytes()];
-        checksum(
-            texts
-                .into_iter()
-                .chain([&numbers, &self.command, &self.result, &self.event, &self.inverse].map(Vec::as_slice)),
-        )
+        checksum([self.history.as_bytes(), &numbers, &self.change])
     }
 
     pub(super) fn checked(self, path: &Path) -> Result<Self, JournalError> {
@@ -74,12 +126,11 @@ impl CommandRow {
         Err(damaged(path, format!("revision {} has another checksum", self.revision)))
     }
 
-    pub(super) fn event(&self, path: &Path) -> Result<Event, JournalError> {
-        message(path, &self.event, self.revision)
-    }
-
-    pub(super) fn inverse(&self, path: &Path) -> Result<Event, JournalError> {
-        message(path, &self.inverse, self.revision)
+    /// The event, and the values before it in the form of an event.
+    pub(super) fn values(&self, path: &Path) -> Result<(Event, Event), JournalError> {
+        let torn = |reason: String| damaged(path, format!("revision {}: {reason}", self.revision));
+        let (event, inverse) = values::unpack(&self.change).map_err(torn)?;
+        Ok((message(path, &event, self.revision)?, message(path, &inverse, self.revision)?))
     }
 
     pub(super) fn history(&self, path: &Path) -> Result<HistoryMove, JournalError> {
@@ -168,8 +219,13 @@ impl SnapshotRow {
     }
 }
 
+/// First half of the BLAKE3 of a command's encoding. It tells a repeated command from another one of the same id.
+pub(super) fn digest(command: &[u8]) -> Vec<u8> {
+    blake3::hash(command).as_bytes().iter().take(16).copied().collect()
+}
+
 /// First half of the BLAKE3 of parts with their lengths.
-fn checksum<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> Vec<u8> {
+pub(super) fn checksum<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> Vec<u8> {
     let mut hasher = blake3::Hasher::new();
     for part in parts {
         hasher.update(&(part.len() as u64).to_le_bytes());

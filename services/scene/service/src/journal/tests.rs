@@ -8,9 +8,10 @@ use sg_proto::replica::Replica as _;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{ChangesRequest, Color, Command, Redo, SaveUnit, Select, SetBackground, SetColor, Target, Undo};
 
-use super::{CHECKPOINT_EVERY, JournalError};
+use super::retention::{RECENT_CHANGES, RESULTS_KEPT};
+use super::{CHECKPOINT_EVERY, JournalError, copy, describe, is_in_use};
 use crate::project::{Project, ProjectError};
-use sg_edit::{EditState, Replica, ReplicaError};
+use sg_edit::{EditError, EditState, Replica, ReplicaError};
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
 
@@ -191,6 +192,11 @@ fn files_that_are_no_project_of_this_scene_are_refused_and_left_alone() {
     rusqlite::Connection::open(&newer).unwrap().pragma_update(None, "user_version", 7).unwrap();
     assert!(matches!(refused(&newer, scene()), JournalError::Newer { found: 7, .. }));
 
+    // A copy has another journal mode, and its refusal leaves that too.
+    let backup = folder.path().join("backup.sgproj");
+    copy(&path, &backup).unwrap();
+    refused(&backup, Arc::new(test_scene(&[("bone", 701), ("skin", 300)])));
+
     for missing in [folder.path().join("none/a.sgproj"), folder.path().to_path_buf()] {
         let error = Project::open(&missing, scene(), "").unwrap_err();
         assert!(error.is_input(), "{error}");
@@ -219,17 +225,27 @@ fn damage_is_noticed() {
         let error = reopened(&good[..keep]).unwrap_err();
         assert!(error.is_input(), "{keep}: {error}");
     }
-    // A bit that flips inside a command's summary leaves the tables whole; the checksum detects it.
-    let line = b"set the background to (0";
-    let mut flipped = good.clone();
-    for place in (0..good.len() - line.len()).filter(|&i| good[i..].starts_with(line)) {
-        flipped[place] ^= 1;
-    }
-    let error = reopened(&flipped).unwrap_err();
+    // A bit that flips inside a row leaves the tables whole; the checksum detects it.
+    let flip = |table: &str, column: &str| {
+        std::fs::write(&torn, &good).unwrap();
+        let connection = rusqlite::Connection::open(&torn).unwrap();
+        let select = format!("SELECT {column} FROM {table} WHERE revision = 20");
+        let mut blob: Vec<u8> = connection.query_row(&select, [], |row| row.get(0)).unwrap();
+        *blob.last_mut().unwrap() ^= 1;
+        let update = format!("UPDATE {table} SET {column} = ?1 WHERE revision = 20");
+        connection.execute(&update, [blob]).unwrap();
+    };
+    flip("changes", "change");
+    let error = Project::open(&torn, scene(), "").unwrap_err();
     assert!(matches!(error, JournalError::Damaged { .. }) && error.to_string().contains("checksum"), "{error}");
+    for column in ["digest", "result"] {
+        flip("results", column);
+        let error = Project::open(&torn, scene(), "").unwrap().apply(&background(19)).unwrap_err();
+        assert!(error.code() == Code::DataLoss && error.to_string().contains("checksum"), "{error}");
+    }
     // A missing row.
     std::fs::write(&torn, &good).unwrap();
-    rusqlite::Connection::open(&torn).unwrap().execute("DELETE FROM commands WHERE revision = 20", []).unwrap();
+    rusqlite::Connection::open(&torn).unwrap().execute("DELETE FROM changes WHERE revision = 20", []).unwrap();
     let error = Project::open(&torn, scene(), "").unwrap_err();
     assert!(error.to_string().contains("revision 20 is missing"), "{error}");
 }
@@ -243,4 +259,243 @@ fn an_empty_file_becomes_a_project_and_the_path_of_the_scene_may_change() {
     let moved = Project::open(&path, scene(), "elsewhere.toml").unwrap();
     let state: &EditState = moved.editor().state();
     assert_eq!((state.geometry().path.as_str(), state.revision()), ("elsewhere.toml", 1));
+    assert_eq!(describe(&path).unwrap().scene, Path::new("elsewhere.toml"));
+}
+
+#[test]
+fn an_id_with_another_command_is_refused_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sgproj");
+    let mut project = open(&path);
+    let first = project.apply(&background(1)).unwrap().result;
+    for _ in 0..2 {
+        let before = project.editor().message(true);
+        let later = Command { expected_revision: 1, ..background(1) };
+        for other in [Command { id: background(1).id, ..background(2) }, select("command-1", "skin"), later] {
+            let error = project.apply(&other).unwrap_err();
+            assert!(matches!(&error, ProjectError::Edit(EditError::IdTaken(id)) if id == "command-1"), "{error}");
+            assert_eq!((error.code(), error.details()), (Code::AlreadyExists, vec!["command-1".to_owned()]));
+        }
+        assert_eq!(project.editor().message(true), before);
+        // The same command, and a question for the result, are answered as before.
+        for again in [background(1), Command { id: background(1).id, ..Command::default() }] {
+            let outcome = project.apply(&again).unwrap();
+            assert!(outcome.event.is_none() && outcome.result.repeated);
+            assert_eq!((outcome.result.revision, &outcome.result.summary), (first.revision, &first.summary));
+        }
+        drop(project);
+        project = open(&path);
+    }
+    // A refused command has not taken its id.
+    assert!(project.apply(&select("free", "hair")).is_err());
+    assert!(!project.apply(&select("free", "skin")).unwrap().result.repeated);
+}
+
+fn rows(project: &Project, table: &str) -> u64 {
+    let sql = format!("SELECT count(*) FROM {table}");
+    project.journal().connection.query_row(&sql, [], |row| row.get::<_, i64>(0)).unwrap().unsigned_abs()
+}
+
+#[test]
+fn the_size_does_not_grow_with_the_number_of_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sgproj");
+    let mut project = open(&path);
+    // Without undo entries, so that only readers and repeated ids need rows.
+    project.apply(&background(0)).unwrap();
+    let mut sizes = Vec::new();
+    let n = u32::try_from(RESULTS_KEPT).unwrap() + 2500;
+    project.journal().connection.pragma_update(None, "synchronous", "OFF").unwrap();
+    for i in 1..=n {
+        let same = Command { id: format!("command-{i}"), ..background(0) };
+        project.apply(&same).unwrap();
+        project.checkpoint_if_due().unwrap();
+        if i > n - 2000 && i % 500 == 0 {
+            sizes.push(std::fs::metadata(&path).unwrap().len());
+        }
+    }
+    assert!(rows(&project, "changes") <= RECENT_CHANGES + CHECKPOINT_EVERY + 1, "{}", rows(&project, "changes"));
+    assert!(rows(&project, "results") <= RESULTS_KEPT + CHECKPOINT_EVERY, "{}", rows(&project, "results"));
+    assert!(sizes.iter().all(|size| *size <= sizes[0] + (256 << 10)), "{sizes:?}");
+    // The oldest ids are forgotten, as documented; the others are not.
+    let kept = Command { id: format!("command-{}", n - u32::try_from(RESULTS_KEPT).unwrap() + 1), ..background(0) };
+    assert!(project.apply(&kept).unwrap().result.repeated);
+    assert!(project.apply(&Command { id: "command-1".to_owned(), ..Command::default() }).is_err());
+    let before = project.editor().clone();
+    drop(project);
+    let project = open(&path);
+    assert_eq!((project.editor().message(true), project.editor().history()), (before.message(true), before.history()));
+}
+
+#[test]
+fn undo_reaches_as_far_after_a_checkpoint_and_readers_get_the_whole_state() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sgproj");
+    let mut project = open(&path);
+    for i in 0..1500 {
+        project.apply(&background(i)).unwrap();
+        project.checkpoint_if_due().unwrap();
+    }
+    project.checkpoint().unwrap();
+    assert!(rows(&project, "changes") <= 1000, "{}", rows(&project, "changes"));
+    // Revisions in the middle belong to undo, but the ones after them need not all be there.
+    project.apply(&act("back", Action::Undo(Undo { steps: 900 }))).unwrap();
+    project.apply(&select("forward", "skin")).unwrap();
+    project.checkpoint().unwrap();
+    let changes = |from| project.changes(&ChangesRequest { from, snapshot: false }).unwrap();
+    for from in [0, 400, 550, 700, 1000] {
+        let far = changes(from);
+        assert!(far.events.is_empty() && far.snapshot.is_some_and(|s| s.revision == 1502), "{from}");
+    }
+    assert_eq!(changes(1500).events.len(), 2);
+    let before = project.editor().clone();
+    drop(project);
+    let mut project = open(&path);
+    assert_eq!(project.editor().history(), before.history());
+    project.apply(&act("all", Action::Undo(Undo { steps: 1000 }))).unwrap();
+    assert_eq!(project.editor().history().undoable(1).count(), 0);
+}
+
+#[test]
+fn pages_of_a_long_history_are_given_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sgproj");
+    let scene = Arc::new(test_scene(&[("bone", 200_000)]));
+    let mut project = Project::open(&path, Arc::clone(&scene), "").unwrap();
+    let mut bits = 1_u64;
+    for i in 0..200 {
+        let mask = sg_scene::mask::Mask::from_fn(scene.len(), |_| {
+            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            bits >> 63 == 1
+        });
+        let mask = Some(sg_edit::wire::encode_mask(&mask));
+        let commit = sg_proto::scene::CommitSelection { mask, ..Default::default() };
+        project.apply(&act(&format!("stroke-{i}"), Action::CommitSelection(commit))).unwrap();
+        project.checkpoint_if_due().unwrap();
+    }
+    project.checkpoint().unwrap();
+    let long = std::fs::metadata(&path).unwrap().len();
+    assert!(long > 8 << 20, "{long}");
+    project.apply(&act("back", Action::Undo(Undo { steps: 200 }))).unwrap();
+    for i in 0..300 {
+        project.apply(&background(i)).unwrap();
+    }
+    project.checkpoint().unwrap();
+    drop(project);
+    let short = std::fs::metadata(&path).unwrap().len();
+    assert!(short < long / 2, "{long} bytes, then {short}");
+    Project::open(&path, scene, "").unwrap();
+}
+
+/// The scene of the golden project.
+fn golden_scene() -> Arc<Scene> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/spiral.ply");
+    Arc::new(sg_formats::load(&file, &sg_formats::LoadOptions::default()).unwrap().scene)
+}
+
+#[test]
+fn a_project_of_schema_1_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("old.sgproj");
+    // Made by version 0.1.0 with schema 1: 65 commands, a checkpoint at 64.
+    let packed = include_bytes!("../../tests/golden/schema-1.sgproj.zst");
+    let old = zstd::stream::decode_all(&packed[..]).unwrap();
+    std::fs::write(&path, &old).unwrap();
+    assert_eq!(describe(&path).unwrap().revision, 65);
+    let refused = Project::open(&path, scene(), "").unwrap_err();
+    assert!(matches!(refused, JournalError::OtherScene { .. }), "{refused}");
+    assert_eq!(std::fs::read(&path).unwrap(), old, "a refused project keeps its schema");
+
+    let mut project = Project::open(&path, golden_scene(), "spiral.ply").unwrap();
+    let editor = project.editor();
+    assert_eq!(editor.state().revision(), 65);
+    assert_eq!(editor.state().base_units()[0].opacity, 0.2);
+    assert_eq!(editor.state().units().map(|u| (u.name.as_str(), u.mask.count())).collect::<Vec<_>>(), [("core", 8)]);
+    let labels: Vec<_> = editor.history().undoable(9).map(|e| e.label.as_str()).collect();
+    assert_eq!(
+        (labels[0], labels[1], labels[2]),
+        ("set the opacity of spiral to 20 %", "coloured spiral #ffff00", "coloured spiral #0000ff"),
+        "{labels:?}"
+    );
+    assert_eq!(editor.history().redoable(9).map(|e| e.label.as_str()).collect::<Vec<_>>(), ["coloured core #0000ff"]);
+    assert_eq!(project.last_event().unwrap().unwrap().summary, "undid: coloured core #0000ff");
+    let whole = project.changes(&ChangesRequest { from: 0, snapshot: false }).unwrap();
+    assert_eq!(whole.events.len(), 65, "readers find all recent events");
+    let size = std::fs::metadata(&path).unwrap().len();
+    assert!(size <= old.len() as u64, "{size} bytes instead of {}", old.len());
+
+    // Ids of schema 1 are known with their commands.
+    let id = whole.events[0].command_id.clone();
+    let target = Some(Target { units: vec!["spiral".to_owned()], ..Target::default() });
+    let operation = sg_proto::scene::SetOperation::Replace.into();
+    let first = project.apply(&act(&id, Action::Select(Select { target, operation }))).unwrap();
+    assert!(first.event.is_none() && first.result.revision == 1, "{first:?}");
+    let other = project.apply(&Command { id: id.clone(), ..background(1) }).unwrap_err();
+    assert!(matches!(other, ProjectError::Edit(EditError::IdTaken(taken)) if taken == id));
+
+    project.apply(&act("redo", Action::Redo(Redo { steps: 1 }))).unwrap();
+    project.checkpoint().unwrap();
+    let before = project.editor().clone();
+    drop(project);
+    let project = Project::open(&path, golden_scene(), "spiral.ply").unwrap();
+    assert_eq!((project.editor().message(true), project.editor().history()), (before.message(true), before.history()));
+}
+
+#[test]
+fn a_damaged_project_of_schema_1_keeps_its_schema() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("old.sgproj");
+    let packed = include_bytes!("../../tests/golden/schema-1.sgproj.zst");
+    std::fs::write(&path, zstd::stream::decode_all(&packed[..]).unwrap()).unwrap();
+    let tear = "UPDATE commands SET event = x'00' WHERE revision = 40";
+    rusqlite::Connection::open(&path).unwrap().execute(tear, []).unwrap();
+    let error = Project::open(&path, golden_scene(), "").unwrap_err();
+    assert!(matches!(error, JournalError::Damaged { .. }) && error.to_string().contains("revision 40"), "{error}");
+    let connection = rusqlite::Connection::open(&path).unwrap();
+    let schema: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
+    let commands: i64 = connection.query_row("SELECT count(*) FROM commands", [], |row| row.get(0)).unwrap();
+    assert_eq!((schema, commands), (1, 65));
+}
+
+#[test]
+fn a_copy_of_an_open_project_is_a_project() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, backup) = (folder.path().join("a.sgproj"), folder.path().join("backup.sgproj"));
+    let mut project = open(&path);
+    for i in 0..100 {
+        project.apply(&background(i)).unwrap();
+        project.checkpoint_if_due().unwrap();
+    }
+    assert!(is_in_use(&path));
+    copy(&path, &backup).unwrap();
+    let then = project.editor().message(true);
+    project.apply(&background(100)).unwrap();
+    let before = std::fs::read(&backup).unwrap();
+    for (from, to) in [(&path, &backup), (&backup, &path)] {
+        assert!(matches!(copy(from, to).unwrap_err(), JournalError::Exists { .. }));
+    }
+    assert_eq!(std::fs::read(&backup).unwrap(), before);
+    assert_eq!(open(&backup).editor().message(true), then);
+    assert_eq!(project.editor().state().revision(), 101, "the copied project goes on");
+    drop(project);
+    assert!(!is_in_use(&path));
+    assert_eq!(open(&path).editor().state().revision(), 101);
+
+    let text = folder.path().join("text.sgproj");
+    std::fs::write(
+        &text,
+        "notes
+"
+        .repeat(500),
+    )
+    .unwrap();
+    let none = folder.path().join("none");
+    for (from, to) in [(&text, &none), (&none, &folder.path().join("other")), (&path, &none.join("a"))] {
+        let error = copy(from, to).unwrap_err();
+        assert!(error.is_input() && !to.exists(), "{error}");
+    }
+    let mut left: Vec<_> =
+        std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    left.sort();
+    assert_eq!(left, ["a.sgproj", "backup.sgproj", "text.sgproj"]);
 }
