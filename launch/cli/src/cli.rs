@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use sg_runtime::process::EXIT_FAILED;
-use sg_stack::spawn;
+use sg_stack::{descendants, spawn};
 
 use crate::terminal::{self, CommandResult, Failure};
 use crate::{
@@ -158,6 +158,11 @@ pub(crate) fn main() -> ExitCode {
     if arguments.next_if(|a| a == spawn::BECOME_CHILD).is_some() {
         terminal::print_status(&spawn::become_child(arguments).to_string());
         return ExitCode::from(EXIT_FAILED);
+    }
+    if arguments.next_if(|a| a == descendants::REAP_AFTER).is_some() {
+        spawn::close_inherited();
+        descendants::reap_after(arguments);
+        return ExitCode::SUCCESS;
     }
     if arguments.next_if(|a| a == spawn::DETACHED).is_some() {
         spawn::close_inherited();

@@ -78,7 +78,7 @@ fn as_json(ps: &PsReply) -> serde_json::Value {
             "name": s.name, "role": s.role, "state": state(s), "pid": s.pid, "instance": s.instance,
             "restarts": s.restarts, "uptime_ms": s.uptime_ms, "memory_bytes": s.memory_bytes,
             "start_ms": s.start_ms, "reason": s.reason, "executable": s.executable, "epoch": s.epoch, "node": s.node,
-            "answer_ms": s.answer_ms, "answer_ms_p99": s.answer_ms_p99,
+            "answer_ms": s.answer_ms, "answer_ms_p99": s.answer_ms_p99, "busy": s.busy,
             "swap": s.swap.as_ref().map(|swap| serde_json::json!({
                 "number": swap.number, "state": swap_state(swap), "executable": swap.executable, "pid": swap.pid,
                 "instance": swap.instance, "reason": swap.reason,
@@ -114,7 +114,7 @@ fn as_rows(ps: &PsReply) -> Vec<Vec<String>> {
     rows
 }
 
-/// The reason for a service's state, and the state of its swap.
+/// The reason for a service's state, its long work, and the state of its swap.
 fn why(service: &Service) -> String {
     let swap = service.swap.as_ref().filter(|s| s.state() != SwapState::Done).map(|swap| {
         let reason = if swap.reason.is_empty() { String::new() } else { format!(": {}", swap.reason) };
@@ -122,7 +122,8 @@ fn why(service: &Service) -> String {
         format!("swap to {} {state}{reason}", swap.executable)
     });
     let own = Some(service.reason.clone()).filter(|r| !r.is_empty());
-    own.into_iter().chain(swap).collect::<Vec<_>>().join("; ")
+    let busy = Some(service.busy.clone()).filter(|b| !b.is_empty());
+    own.into_iter().chain(busy).chain(swap).collect::<Vec<_>>().join("; ")
 }
 
 fn swap_state(swap: &Swap) -> &'static str {

@@ -1,4 +1,4 @@
-//! Lines that a supervisor writes to its terminal.
+//! Lines that a supervisor writes to its terminal, and its own ones to its log.
 //!
 //! A bounded queue and a thread of its own carry the lines. A blocked terminal (Ctrl-S, a pipe without a reader) must
 //! not block supervision. Lines beyond the queue's capacity are dropped and counted.
@@ -35,6 +35,8 @@ pub(crate) struct Console {
     dropped: Arc<AtomicU64>,
     verbosity: Verbosity,
     colored: bool,
+    /// The supervisor's own log.
+    log: Arc<Mutex<LogFile>>,
 }
 
 /// The writing thread.
@@ -42,8 +44,8 @@ pub(crate) struct Console {
 pub(crate) struct Writer(Receiver<()>);
 
 impl Console {
-    /// Starts the writing thread.
-    pub(crate) fn open(verbosity: Verbosity) -> (Self, Writer) {
+    /// Starts the writing thread. `log` gets the supervisor's own lines.
+    pub(crate) fn open(verbosity: Verbosity, log: LogFile) -> (Self, Writer) {
         let (sender, lines) = sync_channel::<String>(CAPACITY);
         let (ended, end) = sync_channel(1);
         let dropped = Arc::new(AtomicU64::new(0));
@@ -59,21 +61,39 @@ impl Console {
             // Nothing waits for the end any more. Ignore the error.
             let _ = ended.send(());
         });
-        (Self { sender, dropped, verbosity, colored: terminal::may_color(&std::io::stderr()) }, Writer(end))
+        let (log, colored) = (Arc::new(Mutex::new(log)), terminal::may_color(&std::io::stderr()));
+        (Self { sender, dropped, verbosity, colored, log }, Writer(end))
     }
 
     /// Writes a line.
     pub(crate) fn print(&self, line: String) {
+        self.note(&line);
+        self.send(line);
+    }
+
+    /// Writes a line that a quiet supervisor omits at its terminal.
+    pub(crate) fn print_detail(&self, line: String) {
+        self.note(&line);
+        if self.verbosity == Verbosity::Full {
+            self.send(line);
+        }
+    }
+
+    fn send(&self, line: String) {
         if self.sender.try_send(line).is_err() {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Writes a line that a quiet supervisor omits.
-    pub(crate) fn print_detail(&self, line: String) {
-        if self.verbosity == Verbosity::Full {
-            self.print(line);
-        }
+    /// Writes a line to the supervisor's log, as services do.
+    fn note(&self, line: &str) {
+        let message = terminal::without_color(line);
+        let entry = serde_json::json!({
+            "timestamp": timestamp(SystemTime::now()), "level": "INFO", "message": message.trim(),
+        });
+        let mut log = self.log.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        // On a full disk the services' logs already give the warning.
+        let _ = log.line(&entry.to_string());
     }
 
     /// Whether lines may be coloured.
@@ -86,7 +106,7 @@ impl Console {
         let least = if self.verbosity == Verbosity::Full { Level::Trace } else { Level::Warn };
         if parsed.level >= least {
             let time = if parsed.timestamp.is_empty() { clock() } else { parsed.time().to_owned() };
-            self.print(format_line(&time, service, width, color, &parsed, self.colored));
+            self.send(format_line(&time, service, width, color, &parsed, self.colored));
         }
     }
 }
@@ -113,6 +133,28 @@ pub fn format_line(time: &str, service: &str, width: usize, color: Color, line: 
 fn clock() -> String {
     let seconds = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs() % 86_400;
     format!("{:02}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
+}
+
+/// A time in UTC, as in the logs of services: `2026-11-21T09:30:05.123Z`.
+fn timestamp(time: SystemTime) -> String {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
+    let (days, seconds) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
+    let (year, month, day) = date(days);
+    let (hour, minute, second) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{:03}Z", since.subsec_millis())
+}
+
+/// Year, month and day, from days since 1970 (Howard Hinnant, "chrono-compatible low-level date algorithms").
+fn date(days: u64) -> (u64, u64, u64) {
+    // Years begin in March here, so that the leap day is the last one.
+    let days = days + 719_468;
+    let (era, of_era) = (days / 146_097, days % 146_097);
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    (era * 400 + year + u64::from(month <= 2), month, day)
 }
 
 /// A colour for each service, in turn.
@@ -162,10 +204,29 @@ mod tests {
     #[test]
     fn excess_lines_are_dropped() {
         let (sender, _unread) = sync_channel(1);
-        let console = Console { sender, dropped: Arc::default(), verbosity: Verbosity::Full, colored: false };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("supervisor.log");
+        let log = Arc::new(Mutex::new(LogFile::create(path.clone())));
+        let console = Console { sender, dropped: Arc::default(), verbosity: Verbosity::Quiet, colored: false, log };
         for _ in 0..3 {
-            console.print("x".into());
+            console.print("  \u{1b}[32mx\u{1b}[0m y".into());
         }
+        console.print_detail("more".into());
         assert_eq!(console.dropped.load(Ordering::Relaxed), 2);
+        // The log has them all, without colours.
+        let text = std::fs::read_to_string(&path).unwrap();
+        let lines: Vec<_> = text.lines().map(LogLine::parse).collect();
+        let messages: Vec<_> = lines.iter().map(|l| l.message.as_str()).collect();
+        assert_eq!(messages, ["x y", "x y", "x y", "more"]);
+        assert!(lines.iter().all(|l| l.timestamp.len() == 24 && l.time().len() == 8), "{text}");
+    }
+
+    #[test]
+    fn times_are_those_of_the_calendar() {
+        let at = |seconds: u64| timestamp(UNIX_EPOCH + Duration::from_secs(seconds));
+        assert_eq!(at(0), "1970-01-01T00:00:00.000Z");
+        assert_eq!(at(951_827_696), "2000-02-29T12:34:56.000Z");
+        assert_eq!(at(1_795_391_999), "2026-11-22T23:59:59.000Z");
+        assert_eq!(at(4_107_542_400), "2100-03-01T00:00:00.000Z");
     }
 }

@@ -42,6 +42,12 @@ pub enum StackError {
     /// The system's signals cannot be received.
     #[error("signals cannot be received: {0}")]
     Signals(std::io::Error),
+    /// The process that cleans up after this one cannot be started.
+    #[error("the process that ends leftover processes cannot be started: {0}")]
+    Reaper(std::io::Error),
+    /// A thread or task of this process has panicked.
+    #[error("stopped, because this process {0}")]
+    Panicked(String),
     /// The supervisor refuses this node for good.
     #[error(transparent)]
     Refused(Fault),

@@ -11,12 +11,14 @@
 //! | [`supervisor`] | processes and bus around the reconciler, and requests to it |
 //! | [`node`] | a machine that runs services for a stack of another machine |
 //! | [`spawn`], [`pid_registry`] | processes that die with their supervisor, and leftovers of earlier runs |
+//! | [`descendants`], [`process_stat`] | children of services' children, which end with the service |
 //! | [`log_file`], [`log_line`] | bounded logs of services, and their lines for people |
 //! | [`console`], [`terminal`] | output of a supervisor |
 //!
 //! The supervisor knows no command line. A [`supervisor::SessionOpener`] prepares commands that open further sessions.
 //! The program's `main` must call [`spawn::become_child`] if its first argument is [`spawn::BECOME_CHILD`], and
-//! [`spawn::close_inherited`] if it is [`spawn::DETACHED`].
+//! [`spawn::close_inherited`] if it is [`spawn::DETACHED`], and both that and [`descendants::reap_after`] if it is
+//! [`descendants::REAP_AFTER`].
 //!
 //! # Example
 //!
@@ -39,16 +41,21 @@
 //! # Ok::<(), sg_stack::document::Problems>(())
 //! ```
 
+mod boot_time;
 pub mod console;
+pub mod descendants;
 pub mod document;
 mod error;
 pub mod file;
 pub mod log_file;
 pub mod log_line;
 pub mod node;
+mod params_file;
 pub mod pid_registry;
 mod probe;
+pub mod process_stat;
 pub mod reconcile;
+mod run_folder;
 mod serve_arguments;
 pub mod snippet;
 pub mod spawn;

@@ -1,12 +1,14 @@
-//! Log files of services: bounded, with one previous generation, readable while they are written.
+//! Log files of services and supervisors: bounded, with a few previous generations, readable while they are written.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// Size at which a log is rotated. One previous generation is kept.
-const MAX_BYTES: u64 = 8 << 20;
+/// Size at which a log is rotated.
+const MAX_BYTES: u64 = 4 << 20;
+/// Number of previous generations. Each start of a stack begins one, so the log of a crash outlives several starts.
+const GENERATIONS: usize = 5;
 
 /// A log that a supervisor writes.
 #[derive(Debug)]
@@ -23,8 +25,14 @@ pub fn path_of(folder: &Path, service: &str) -> PathBuf {
     folder.join(format!("{service}.log"))
 }
 
-fn previous_path(path: &Path) -> PathBuf {
-    path.with_extension("log.1")
+/// Path of a previous generation: 1 is the newest.
+fn previous_path(path: &Path, generation: usize) -> PathBuf {
+    path.with_extension(format!("log.{generation}"))
+}
+
+/// All generations that may exist, oldest first.
+fn generations(path: &Path) -> impl Iterator<Item = PathBuf> {
+    (1..=GENERATIONS).rev().map(|generation| previous_path(path, generation)).chain([path.to_owned()])
 }
 
 impl LogFile {
@@ -36,8 +44,14 @@ impl LogFile {
     }
 
     fn rotate(&mut self) {
-        // A missing log cannot be renamed. Other errors show when the new file is created.
-        let _ = std::fs::rename(&self.path, previous_path(&self.path));
+        // An empty log is no generation of its own.
+        if std::fs::symlink_metadata(&self.path).is_ok_and(|m| m.len() > 0) {
+            let paths: Vec<_> = generations(&self.path).collect();
+            for (older, newer) in paths.iter().zip(paths.iter().skip(1)) {
+                // A missing log cannot be renamed. Other errors show when the new file is created.
+                let _ = std::fs::rename(newer, older);
+            }
+        }
         self.file = File::create(&self.path).ok();
         self.bytes = 0;
     }
@@ -67,20 +81,26 @@ pub struct LogReader {
 }
 
 impl LogReader {
-    /// A reader that begins with the previous generation, if there is one.
+    /// A reader that begins with the oldest generation.
     pub fn open(path: PathBuf) -> Self {
-        let before = previous_path(&path);
-        let mut reader = Self { path, file: None, inode: 0, part: String::new() };
-        reader.attach(&before);
-        reader
+        Self { path, file: None, inode: 0, part: String::new() }
     }
 
-    fn attach(&mut self, path: &Path) {
+    /// The generation after the present one.
+    fn next_generation(&self) -> Option<PathBuf> {
+        let existing = |path: PathBuf| Some((std::fs::symlink_metadata(&path).ok()?.ino(), path));
+        let all: Vec<_> = generations(&self.path).filter_map(existing).collect();
+        // The open file keeps its inode number from being reused. A generation that is gone was older than all others.
+        let present = all.iter().position(|(inode, _)| self.file.is_some() && *inode == self.inode);
+        all.into_iter().nth(present.map_or(0, |index| index + 1)).map(|(_, path)| path)
+    }
+
+    fn attach(&mut self, path: &Path) -> bool {
         let opened = File::open(path).and_then(|f| Ok((f.metadata()?.ino(), f)));
-        if let Ok((inode, file)) = opened {
-            self.inode = inode;
-            self.file = Some(BufReader::new(file));
-        }
+        let Ok((inode, file)) = opened else { return false };
+        self.inode = inode;
+        self.file = Some(BufReader::new(file));
+        true
     }
 
     /// Complete lines since the last call.
@@ -92,14 +112,10 @@ impl LogReader {
         loop {
             self.read_into(&mut lines)?;
             // Finish this generation before the next one begins.
-            let current = std::fs::metadata(&self.path).ok().map(|m| m.ino());
-            match current {
-                Some(inode) if inode != self.inode || self.file.is_none() => {
-                    self.read_into(&mut lines)?;
-                    let path = self.path.clone();
-                    self.attach(&path);
-                }
-                _ => return Ok(lines),
+            let Some(next) = self.next_generation() else { return Ok(lines) };
+            self.read_into(&mut lines)?;
+            if !self.attach(&next) {
+                return Ok(lines);
             }
         }
     }
@@ -122,7 +138,7 @@ impl LogReader {
     }
 }
 
-/// Names of the services that have a log in this folder, sorted.
+/// Names of the services and supervisors that have a log in this folder, sorted.
 pub fn services(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<_> =
@@ -151,9 +167,24 @@ mod tests {
         }
         seen += reader.lines().unwrap().len();
         assert_eq!(seen, 200);
-        let sizes = [&path, &previous_path(&path)].map(|p| std::fs::metadata(p).unwrap().len());
+        let sizes: Vec<_> = generations(&path).map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
         assert!(sizes.iter().all(|s| *s <= MAX_BYTES + 200_000), "{sizes:?}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), sizes.iter().filter(|s| **s > 0).count());
         assert_eq!(services(folder.path()), ["scene"]);
+    }
+
+    #[test]
+    fn the_log_of_a_crash_outlives_several_starts_and_is_read_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = path_of(folder.path(), "scene");
+        for start in 0..=GENERATIONS {
+            LogFile::create(path.clone()).line(&format!("start {start}")).unwrap();
+            // A start that says nothing takes no generation.
+            drop(LogFile::create(path.clone()));
+        }
+        let lines = LogReader::open(path.clone()).lines().unwrap();
+        let all: Vec<_> = (1..=GENERATIONS).map(|start| format!("start {start}")).collect();
+        assert!(lines.ends_with(&all) && lines.len() <= GENERATIONS + 1, "{lines:?}");
     }
 
     #[test]

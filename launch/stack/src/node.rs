@@ -1,11 +1,12 @@
 //! A node: this machine runs services for a stack of another machine.
 //!
 //! The supervisor sends requests to start and signal processes. The node reports its processes once a second. If the
-//! reports stay unanswered for the lease, the node ends all its processes, and the supervisor assumes the same.
+//! reports stay unanswered for the lease, the node ends all its processes, and the supervisor assumes the same. Time in
+//! which this machine is suspended counts.
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use sg_proto::bus::Code;
@@ -20,10 +21,14 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 
+use crate::boot_time::BootTime;
+use crate::descendants;
 use crate::error::StackError;
 use crate::file::ExecutableSearch;
+use crate::params_file;
 use crate::pid_registry::PidRegistry;
 use crate::reconcile::{Exit, ProcessId};
+use crate::run_folder::Cleaner;
 use crate::serve_arguments;
 use crate::spawn::{self, LineSink, SpawnRequest};
 use crate::terminal;
@@ -65,7 +70,7 @@ enum Request {
 
 /// The answer to a report.
 struct ReportAnswer {
-    sent: Instant,
+    sent: BootTime,
     /// Number of ended processes in the report.
     ended: usize,
     outcome: Result<JoinReply, Fault>,
@@ -80,15 +85,14 @@ pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     let folder = SessionDir::for_node(&session, &name)?;
     folder.create()?;
     let lock = lock(&folder)?;
+    params_file::remove_all(folder.path()).map_err(|e| StackError::io(folder.path(), e))?;
+    descendants::adopt();
+    let _reaper = descendants::start_reaper().map_err(StackError::Reaper)?;
     let registry = PidRegistry::open(folder.path()).await?;
-    for stale in ["blobs", "scenes"] {
-        let path = folder.path().join(stale);
-        match std::fs::remove_dir_all(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(StackError::io(&path, error));
-            }
-            _ => {}
-        }
+    let blobs = folder.path().join("blobs");
+    match std::fs::remove_dir_all(&blobs) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(StackError::io(&blobs, error)),
+        _ => {}
     }
     let watch = |kind| signal(kind).map_err(StackError::Signals);
     let mut interrupt = watch(SignalKind::interrupt())?;
@@ -100,8 +104,10 @@ pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
         _ = terminate.recv() => return Ok(()),
     };
     let mut node = Node::new(reached, &name, link, folder, registry).await?;
+    let mut panicked = sg_runtime::process::report_panics();
     let outcome = tokio::select! {
         refused = node.run() => Err(refused),
+        Ok(text) = panicked.wait_for(Option::is_some) => Err(StackError::Panicked(text.clone().unwrap_or_default())),
         _ = interrupt.recv() => Ok(()),
         _ = terminate.recv() => Ok(()),
     };
@@ -171,7 +177,7 @@ struct Node {
     starts: u64,
     lease: Duration,
     /// Time of the last report that was answered.
-    answered: Option<Instant>,
+    answered: Option<BootTime>,
     waits_for_answer: bool,
     /// Last reason for a missing answer, to print each reason once.
     last_problem: String,
@@ -220,6 +226,7 @@ impl Node {
     async fn run(&mut self) -> StackError {
         let mut report_timer = tokio::time::interval(REPORT_PERIOD);
         report_timer.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut cleaner = Cleaner::new(self.folder.path());
         loop {
             tokio::select! {
                 _ = report_timer.tick() => self.send_report(),
@@ -235,6 +242,7 @@ impl Node {
                 }
             }
             self.check_lease();
+            cleaner.clean_if_due(|| self.running.values().map(|r| r.instance.clone()).collect());
         }
     }
 
@@ -246,7 +254,7 @@ impl Node {
         let request = self.report();
         let (bus, sender, ended) = (self.bus.clone(), self.answer_sender.clone(), request.ended.len());
         tokio::spawn(async move {
-            let sent = Instant::now();
+            let sent = BootTime::now();
             let outcome = bus.ask(&keys::JOIN, &request, &Context::root().deadline_in(ANSWER)).await;
             // After the end of the node the answer is of no use.
             let _ = sender.send(ReportAnswer { sent, ended, outcome }).await;
@@ -339,13 +347,15 @@ impl Node {
         let executable = ExecutableSearch::here_then_path().find(&request.exec, std::path::Path::new(""));
         let executable = executable.map_err(|e| Fault::not_found(e.to_string()))?;
         let stop = Duration::from_millis(request.stop_ms);
+        let params_file = params_file::write(self.folder.path(), &request.instance, &request.params);
+        let params_file = params_file.map_err(|e| Fault::internal(format!("parameters cannot be stored: {e}")))?;
         let serving = serve_arguments::ServeArguments {
             session: self.folder.name(),
             role: &request.role,
             instance: &request.instance,
             link: &self.link,
             run_dir: self.folder.path(),
-            params: &request.params,
+            params_file: &params_file,
             epoch: request.epoch,
             standby: request.standby,
             stop,
@@ -370,6 +380,7 @@ impl Node {
     fn process_ended(&mut self, id: ProcessId, exit: Exit) {
         let Some(process) = self.running.remove(&id) else { return };
         self.registry.remove(process.pid);
+        params_file::remove(self.folder.path(), &process.instance);
         terminal::print_status(&format!("{}: {}", process.instance, exit.reason));
         self.ended.push(Ended {
             instance: process.instance,

@@ -1,6 +1,7 @@
 //! A session's file of process ids, with which a new supervisor ends the processes of the last one.
 //!
-//! Services die with their supervisor, but not at once. Two processes must never serve one role.
+//! Services die with their supervisor, but not at once. Two processes must never serve one role. The file also holds the
+//! mark of the supervisor, by which the children of its services are found, and the highest epoch that it has granted.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
+use crate::descendants;
 use crate::error::StackError;
+use crate::process_stat::start_time;
 use crate::spawn::signal;
 
 /// How long old processes may take to end before they are killed.
@@ -21,6 +24,8 @@ const REMOVAL_TIME: Duration = Duration::from_secs(3);
 pub(crate) struct PidRegistry {
     path: PathBuf,
     running: BTreeMap<u32, u64>,
+    /// Highest epoch that was granted in this session.
+    epoch: u64,
 }
 
 impl PidRegistry {
@@ -29,8 +34,9 @@ impl PidRegistry {
     /// # Errors
     /// [`StackError::Leftover`] names a process that stays.
     pub(crate) async fn open(session: &Path) -> Result<Self, StackError> {
-        let registry = Self { path: session.join("processes"), running: BTreeMap::new() };
+        let mut registry = Self { path: session.join("processes"), running: BTreeMap::new(), epoch: 0 };
         let text = std::fs::read_to_string(&registry.path).unwrap_or_default();
+        registry.epoch = text.lines().find_map(|l| l.strip_prefix("epoch ")?.parse().ok()).unwrap_or(0);
         let old: Vec<(u32, u64)> = text.lines().filter_map(entry).collect();
         let left = || {
             old.iter().filter(|(pid, start)| start_time(*pid) == Some(*start)).map(|(pid, _)| *pid).collect::<Vec<_>>()
@@ -52,7 +58,27 @@ impl PidRegistry {
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
+        // Children of the old processes, which their deaths did not end.
+        if let Some(mark) = text.lines().find_map(|l| l.strip_prefix("mark ")).filter(|m| m.ends_with('-')) {
+            let mark = mark.to_owned();
+            // The task cannot fail: it does not panic.
+            let _ = tokio::task::spawn_blocking(move || descendants::end_marked(&mark)).await;
+        }
         Ok(registry)
+    }
+
+    /// Highest epoch that was granted in this session, by this supervisor or an earlier one; 0 without one. A supervisor's
+    /// own epochs are above it, also after the time of day was set back.
+    pub(crate) fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// Records a granted epoch.
+    pub(crate) fn grant(&mut self, epoch: u64) {
+        if epoch > self.epoch {
+            self.epoch = epoch;
+            self.write();
+        }
     }
 
     /// Adds a started process.
@@ -70,7 +96,8 @@ impl PidRegistry {
     }
 
     fn write(&self) {
-        let text: String = self.running.iter().map(|(pid, start)| format!("{pid} {start}\n")).collect();
+        let running: String = self.running.iter().map(|(pid, start)| format!("{pid} {start}\n")).collect();
+        let text = format!("mark {}\nepoch {}\n{running}", descendants::own_mark(), self.epoch);
         let part = self.path.with_extension("tmp");
         // Only the next run after a crash reads this file. It works without it.
         let _ = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &self.path));
@@ -80,16 +107,6 @@ impl PidRegistry {
 fn entry(line: &str) -> Option<(u32, u64)> {
     let (pid, start) = line.split_once(' ')?;
     Some((pid.parse().ok()?, start.parse().ok()?))
-}
-
-/// Start time of a living process, in clock ticks since boot. Process ids are reused, so id and start time together
-/// identify a process. `None` for a missing process or a zombie.
-pub fn start_time(pid: u32) -> Option<u64> {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The second field is the name in brackets, with any characters. Count fields from its end.
-    let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
-    let state = *fields.first()?;
-    if state == "Z" || state == "X" { None } else { fields.get(19)?.parse().ok() }
 }
 
 #[cfg(test)]
@@ -113,9 +130,25 @@ mod tests {
         assert_eq!(std::os::unix::process::ExitStatusExt::signal(&child.wait().unwrap()), Some(9));
     }
 
-    #[test]
-    fn this_process_has_a_start_time() {
-        assert!(start_time(std::process::id()).is_some_and(|b| b > 0));
-        assert_eq!(start_time(u32::MAX), None);
+    #[tokio::test]
+    async fn epochs_outlive_their_supervisor() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut registry = PidRegistry::open(folder.path()).await.unwrap();
+        assert_eq!(registry.epoch(), 0);
+        registry.grant(u64::MAX - 7);
+        registry.grant(3);
+        assert_eq!(PidRegistry::open(folder.path()).await.unwrap().epoch(), u64::MAX - 7);
+    }
+
+    #[tokio::test]
+    async fn children_of_a_killed_supervisors_services_are_ended() {
+        let folder = tempfile::tempdir().unwrap();
+        let mark = format!("{}-0-", u32::MAX);
+        std::fs::write(folder.path().join("processes"), format!("mark {mark}\nepoch 4\n")).unwrap();
+        let mut command = std::process::Command::new("setsid");
+        let mut child = command.args(["sleep", "60"]).env(descendants::MARK, format!("{mark}1")).spawn().unwrap();
+        tokio::time::sleep(Duration::from_millis(50)).await;
+        PidRegistry::open(folder.path()).await.unwrap();
+        assert_eq!(std::os::unix::process::ExitStatusExt::signal(&child.wait().unwrap()), Some(9));
     }
 }

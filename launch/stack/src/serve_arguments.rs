@@ -13,8 +13,8 @@ pub(crate) struct ServeArguments<'a> {
     pub(crate) instance: &'a str,
     pub(crate) link: &'a Link,
     pub(crate) run_dir: &'a Path,
-    /// A JSON object.
-    pub(crate) params: &'a str,
+    /// File with a JSON object.
+    pub(crate) params_file: &'a Path,
     pub(crate) epoch: u64,
     pub(crate) standby: bool,
     /// Time between SIGTERM and SIGKILL.
@@ -25,6 +25,7 @@ impl ServeArguments<'_> {
     /// The arguments. The process dies with this one.
     pub(crate) fn arguments(&self) -> Vec<String> {
         let run_dir = self.run_dir.display().to_string();
+        let params_file = self.params_file.display().to_string();
         let supervisor = std::process::id().to_string();
         let epoch = self.epoch.to_string();
         // Leave a fifth of the time for the exit itself.
@@ -36,7 +37,7 @@ impl ServeArguments<'_> {
             ("--instance", self.instance),
             ("--connect", self.link.endpoint.as_str()),
             ("--run-dir", &run_dir),
-            ("--params", self.params),
+            ("--params-file", &params_file),
             ("--supervisor-pid", &supervisor),
             ("--epoch", &epoch),
             ("--grace-ms", &grace),

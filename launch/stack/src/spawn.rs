@@ -8,12 +8,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use nix::errno::Errno;
+use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::{Pid, getppid};
 use tokio::io::{AsyncBufRead, AsyncBufReadExt, BufReader};
 use tokio::process::Command;
 use tokio::sync::mpsc;
 
+use crate::descendants;
 use crate::log_line::{Level, LogLine};
 use crate::reconcile::{Exit, ProcessId};
 
@@ -25,6 +27,9 @@ pub const DETACHED: &str = "on-its-own";
 
 /// Longest log line, bytes. The rest of a longer line is dropped.
 const MAX_LINE_BYTES: usize = 64 << 10;
+
+/// Most files that a service has open at a time.
+const MAX_OPEN_FILES: u64 = 8192;
 
 /// How long to read the output of an ended process. Its children may keep it open.
 const LAST_OUTPUT_TIME: Duration = Duration::from_millis(500);
@@ -58,7 +63,7 @@ pub fn tied_to_parent(program: &std::path::Path) -> std::process::Command {
 /// This program, as a command that outlives this process. The new process calls [`close_inherited`] first.
 pub fn detached() -> std::process::Command {
     let mut command = std::process::Command::new("/proc/self/exe");
-    command.arg0("supergaussian").arg(DETACHED);
+    command.arg0("supergaussian").arg(DETACHED).env_remove(descendants::MARK);
     command
 }
 
@@ -71,6 +76,9 @@ pub enum BecomeChildError {
     /// The kernel refused the parent-death signal.
     #[error("the parent-death signal cannot be set: {0}")]
     DeathSignal(Errno),
+    /// The kernel refused a limit of the new process.
+    #[error("the limits of a service cannot be set: {0}")]
+    Limits(Errno),
     /// The parent ended before the signal was set.
     #[error("the parent has ended already")]
     ParentGone,
@@ -97,8 +105,20 @@ pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> 
         return BecomeChildError::ParentGone;
     }
     close_inherited();
+    if let Err(error) = contain() {
+        return BecomeChildError::Limits(error);
+    }
     let source = std::process::Command::new(&program).args(arguments).exec();
     BecomeChildError::Exec { program: program.into(), source }
+}
+
+/// Limits this process and its children: no privileges beyond those of the parent, no core dumps, which could hold keys and
+/// take the disk's room, and a bounded number of open files.
+fn contain() -> Result<(), Errno> {
+    nix::sys::prctl::set_no_new_privs()?;
+    setrlimit(Resource::RLIMIT_CORE, 0, 0)?;
+    let (soft, hard) = getrlimit(Resource::RLIMIT_NOFILE)?;
+    setrlimit(Resource::RLIMIT_NOFILE, soft.min(MAX_OPEN_FILES), hard.min(MAX_OPEN_FILES))
 }
 
 /// Closes all descriptors but the standard streams. The bus opens its socket lock without close-on-exec. A service that
@@ -125,12 +145,16 @@ pub(crate) fn start(
     lines: impl LineSink + Clone,
     exits: mpsc::Sender<(ProcessId, Exit)>,
 ) -> io::Result<u32> {
+    let mark = format!("{}{}", descendants::own_mark(), request.id.0);
     let mut command = tied_to_parent(&request.executable);
-    command.args(&request.arguments).envs(request.env);
+    command.args(&request.arguments).envs(request.env).env(descendants::MARK, &mark);
     let (pid, ended) = run(command, lines)?;
     tokio::spawn(async move {
+        let exit = ended.await;
+        // Before the end is known: a process that is left could hold the service's files.
+        let _ = tokio::task::spawn_blocking(move || descendants::end_marked(&mark)).await;
         // Without a supervisor the exit is of no use.
-        let _ = exits.send((request.id, ended.await)).await;
+        let _ = exits.send((request.id, exit)).await;
     });
     Ok(pid)
 }
@@ -146,8 +170,11 @@ pub(crate) fn run(
     let mut command = Command::from(command);
     command.process_group(0);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut own = descendants::own();
     let mut child = command.spawn()?;
     let pid = child.id().ok_or_else(|| io::Error::other("the process ended at once"))?;
+    own.insert(pid);
+    drop(own);
     let last = LastLines::default();
     let streams = [
         child.stdout.take().map(|s| tokio::spawn(read_lines(BufReader::new(s), lines.clone(), last.clone()))),
@@ -155,6 +182,7 @@ pub(crate) fn run(
     ];
     let ended = async move {
         let status = child.wait().await;
+        descendants::own().remove(&pid);
         // Kill the whole group, with all children of the process.
         let _ = signal(pid, Signal::SIGKILL);
         for stream in streams.into_iter().flatten() {

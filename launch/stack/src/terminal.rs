@@ -50,6 +50,14 @@ pub fn paint(color: Color, text: &str, colored: bool) -> String {
     format!("\u{1b}[{code}m{text}\u{1b}[0m")
 }
 
+/// The text without escape codes of colours.
+#[must_use]
+pub fn without_color(text: &str) -> String {
+    let mut parts = text.split("\u{1b}[");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |plain, part| plain + part.split_once('m').map_or(part, |(_, rest)| rest))
+}
+
 /// A time in milliseconds for people: `312 ms`, `1.4 s`, `2 min 5 s`, `3 h 20 min`.
 #[must_use]
 pub fn format_time(ms: f64) -> String {
@@ -66,6 +74,13 @@ pub fn format_time(ms: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn colors_are_removed() {
+        let text = format!("  scene  {} after 1 s", paint(Color::Green, "ready", true));
+        assert_eq!(without_color(&text), "  scene  ready after 1 s");
+        assert_eq!(without_color("plain [m]"), "plain [m]");
+    }
 
     #[test]
     fn times_have_a_unit_that_fits() {

@@ -27,6 +27,7 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::metrics::{self, Metric};
 use sg_runtime::process::{Host, StartError};
+use sg_runtime::progress::{self, Progress};
 use sg_runtime::scene_replica::SceneReplica;
 use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
@@ -74,6 +75,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let path = host.scene_path(&geometry.path, &geometry.hash, &newest.context).await?;
     let scene = tokio::task::block_in_place(|| load_verified(&path, &geometry.hash))
         .map_err(|e| StartError::Input(e.to_string()))?;
+    progress::current().step();
     let gaussians = scene.len() as u64;
     if params.display != Display::None {
         if host.role() != role::RENDER_VIEW {
@@ -112,6 +114,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         owned: host.bus().retain(row, status.clone()).await?,
         status,
         preview_feed: preview::follow(host.bus()).await?,
+        steps: Progress::default(),
         params,
     };
     let mut preview_feed = actor.preview_feed.clone();
@@ -192,6 +195,8 @@ struct RenderActor {
     clusters: ClusterLabels,
     /// The newest preview of the selection.
     preview_feed: watch::Receiver<Option<Preview>>,
+    /// Progress of the present request. The drawing threads report it.
+    steps: Progress,
     params: Params,
 }
 
@@ -222,6 +227,7 @@ impl Actor for RenderActor {
     }
 
     async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
+        self.steps = progress::current();
         match message {
             Message::View { context, done } => {
                 self.draw_view(&context).await;
@@ -285,6 +291,7 @@ impl RenderActor {
         };
         let selected = Arc::clone(state.selection().mask());
         let mut frame = self.work(|actor| actor.draw(state, request, selected, labels.as_deref()))?;
+        self.steps.step();
         if request.measure_units {
             frame.units = self.work(|actor| actor.measure(state, request))?;
         }
@@ -428,12 +435,14 @@ impl RenderActor {
         let clips = clips(&request.clips)?;
         let options = Options { quality: Quality::Fast, projection: projection(request.projection()) };
         let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());
+        let steps = self.steps.clone();
         let base = state.base_units().iter().map(|b| b.name.clone());
         base.chain(saved)
             .take(MEASURE_UNITS)
             .map(|unit| {
                 let look = Appearance { clips: clips.clone(), ..alone(state, std::slice::from_ref(&unit))? };
                 let Rendered { image, .. } = self.render(&look, &camera, options)?;
+                steps.step();
                 let (share, color) = covered(&image, look.background);
                 Ok(proto::UnitCoverage { unit, share, mean_color: color.map(encode_color) })
             })

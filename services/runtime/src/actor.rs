@@ -1,10 +1,11 @@
 //! Actors: a bounded mailbox, typed messages, an observable state, an exit reason.
 
+use std::collections::VecDeque;
 use std::fmt::Display;
 use std::future::Future;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use sg_proto::bus::ActorHealth;
 use tokio::sync::{Notify, mpsc, oneshot, watch};
@@ -12,6 +13,7 @@ use tokio::task::JoinHandle;
 use tracing::Instrument as _;
 
 use crate::fault::Fault;
+use crate::progress::Progress;
 
 /// State that one task owns. It handles one message at a time.
 pub trait Actor: Send + 'static {
@@ -27,6 +29,9 @@ pub trait Actor: Send + 'static {
     fn state(&self) -> Self::State;
 
     /// Handles one message. An error ends the actor and, with it, its process.
+    ///
+    /// The health of the process tells how long this takes. Long work reports its parts by
+    /// [`progress::current`](crate::progress::current).
     ///
     /// # Errors
     /// [`ActorError`] with the reason.
@@ -70,8 +75,11 @@ pub struct Mailbox<M> {
     shared: Arc<Shared>,
 }
 
-/// A message with the span of its sender, so that logs about it carry the trace.
-type Traced<M> = (tracing::Span, M);
+/// A message with the span of its sender, so that logs about it carry the trace, and the key of its request.
+type Traced<M> = (tracing::Span, &'static str, M);
+
+/// Name of the work of a message that is no request.
+const NO_KEY: &str = "a message";
 
 // Written out because a derive would require the message to be `Clone`.
 impl<M> Clone for Mailbox<M> {
@@ -86,6 +94,16 @@ struct Shared {
     handled: AtomicU64,
     dropped: AtomicU64,
     closing: Notify,
+    progress: Progress,
+    /// Times at which the waiting messages came, oldest first. As many as the mailbox has messages.
+    waiting: Mutex<VecDeque<Instant>>,
+}
+
+impl Shared {
+    /// Ignores poisoning: each change is a single push or take.
+    fn waiting(&self) -> MutexGuard<'_, VecDeque<Instant>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl<M: Send + 'static> Mailbox<M> {
@@ -94,7 +112,18 @@ impl<M: Send + 'static> Mailbox<M> {
     /// # Errors
     /// `ResourceExhausted` (counted) if the mailbox is full; `Unavailable` if the actor has ended.
     pub fn tell(&self, message: M) -> Result<(), Fault> {
-        self.sender.try_send((tracing::Span::current(), message)).map_err(|error| match error {
+        self.send(NO_KEY, message)
+    }
+
+    fn send(&self, key: &'static str, message: M) -> Result<(), Fault> {
+        // Locked while sending, so that the receiver finds the time of each message.
+        let mut waiting = self.shared.waiting();
+        let sent = self.sender.try_send((tracing::Span::current(), key, message));
+        if sent.is_ok() {
+            waiting.push_back(Instant::now());
+        }
+        drop(waiting);
+        sent.map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => {
                 self.shared.dropped.fetch_add(1, Ordering::Relaxed);
                 Fault::exhausted(format!("the mailbox of `{}` is full; try again in a moment", self.shared.name))
@@ -110,8 +139,18 @@ impl<M: Send + 'static> Mailbox<M> {
     /// # Errors
     /// The fault of the actor; those of [`Mailbox::tell`]; `DeadlineExceeded`.
     pub async fn ask<T>(&self, deadline: Instant, message: impl FnOnce(Reply<T>) -> M) -> Result<T, Fault> {
+        self.ask_for(NO_KEY, deadline, message).await
+    }
+
+    /// As [`Mailbox::ask`], for the request of a key.
+    pub(crate) async fn ask_for<T>(
+        &self,
+        key: &'static str,
+        deadline: Instant,
+        message: impl FnOnce(Reply<T>) -> M,
+    ) -> Result<T, Fault> {
         let (reply, answer) = oneshot::channel();
-        self.tell(message(reply))?;
+        self.send(key, message(reply))?;
         match tokio::time::timeout_at(deadline.into(), answer).await {
             Ok(Ok(outcome)) => outcome,
             Ok(Err(_)) => Err(Fault::unavailable(format!("`{}` ended before it answered", self.shared.name))),
@@ -126,12 +165,21 @@ impl<M: Send + 'static> Mailbox<M> {
 #[derive(Debug)]
 pub struct Inbox<M> {
     receiver: mpsc::Receiver<Traced<M>>,
+    shared: Arc<Shared>,
 }
 
 impl<M> Inbox<M> {
     /// The next message, or `None` when all mailboxes are dropped. Safe to cancel: no message is lost.
     pub async fn recv(&mut self) -> Option<M> {
-        self.receiver.recv().await.map(|(_, message)| message)
+        self.next().await.map(|(_, _, message)| message)
+    }
+
+    async fn next(&mut self) -> Option<Traced<M>> {
+        let message = self.receiver.recv().await;
+        if message.is_some() {
+            self.shared.waiting().pop_front();
+        }
+        message
     }
 }
 
@@ -140,8 +188,9 @@ impl<M> Inbox<M> {
 pub fn mailbox<M>(name: &'static str, capacity: usize) -> (Mailbox<M>, Inbox<M>) {
     let (sender, receiver) = mpsc::channel(capacity);
     let (handled, dropped) = (AtomicU64::new(0), AtomicU64::new(0));
-    let shared = Arc::new(Shared { name, handled, dropped, closing: Notify::new() });
-    (Mailbox { sender, shared }, Inbox { receiver })
+    let (progress, waiting) = (Progress::default(), Mutex::default());
+    let shared = Arc::new(Shared { name, handled, dropped, closing: Notify::new(), progress, waiting });
+    (Mailbox { sender, shared: Arc::clone(&shared) }, Inbox { receiver, shared })
 }
 
 /// Handle of a running actor.
@@ -175,6 +224,8 @@ impl<M: Send, S: Display + Send + Sync> ActorControl for Control<M, S> {
             .mailbox
             .upgrade()
             .map_or((0, 0), |sender| (sender.max_capacity() - sender.capacity(), sender.max_capacity()));
+        let (busy_with, busy) = self.shared.progress.busy().unwrap_or_default();
+        let oldest = self.shared.waiting().front().map(Instant::elapsed).unwrap_or_default();
         ActorHealth {
             name: self.shared.name.to_owned(),
             queued: u32::try_from(queued).unwrap_or(u32::MAX),
@@ -182,6 +233,9 @@ impl<M: Send, S: Display + Send + Sync> ActorControl for Control<M, S> {
             handled: self.shared.handled.load(Ordering::Relaxed),
             dropped: self.shared.dropped.load(Ordering::Relaxed),
             state: self.state.borrow().to_string(),
+            busy_with: busy_with.to_owned(),
+            busy_ms: millis(busy),
+            waited_ms: millis(oldest),
         }
     }
 
@@ -190,26 +244,33 @@ impl<M: Send, S: Display + Send + Sync> ActorControl for Control<M, S> {
     }
 }
 
+/// Whole milliseconds of a time.
+pub(crate) fn millis(time: Duration) -> u64 {
+    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
+}
+
 /// Starts an actor with a mailbox of `capacity` messages.
 pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, ActorHandle<A::State>) {
-    let (mailbox, inbox) = mailbox(actor.name(), capacity);
-    let mut messages = inbox.receiver;
+    let (mailbox, mut inbox) = mailbox(actor.name(), capacity);
     let (publish, state) = watch::channel(actor.state());
     let shared = Arc::clone(&mailbox.shared);
     let control = Control { mailbox: mailbox.sender.downgrade(), shared, state: state.clone() };
     let counters = Arc::clone(&mailbox.shared);
-    let exit = tokio::spawn(async move {
+    let progress = mailbox.shared.progress.clone();
+    let exit = tokio::spawn(progress.clone().scope(async move {
         let mut exit = Exit::Finished;
         loop {
             let message = tokio::select! {
-                message = messages.recv() => message,
+                message = inbox.next() => message,
                 () = counters.closing.notified() => {
-                    messages.close();
+                    inbox.receiver.close();
                     continue;
                 }
             };
-            let Some((span, message)) = message else { break };
+            let Some((span, key, message)) = message else { break };
+            progress.begin(key);
             let outcome = actor.handle(message).instrument(span).await;
+            progress.end();
             counters.handled.fetch_add(1, Ordering::Relaxed);
             publish.send_replace(actor.state());
             if let Err(reason) = outcome {
@@ -217,17 +278,16 @@ pub fn spawn<A: Actor>(mut actor: A, capacity: usize) -> (Mailbox<A::Message>, A
                 break;
             }
         }
-        messages.close();
+        inbox.receiver.close();
         actor.stop().await;
         exit
-    });
+    }));
     (mailbox, ActorHandle { state, exit, control: Arc::new(control) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     struct Counter {
         sum: u64,
@@ -301,6 +361,26 @@ mod tests {
         let refused = (0..10).filter(|_| mailbox.tell(Message::Add(1)).is_err()).count();
         assert!(refused >= 8, "{refused}");
         assert_eq!(running.control.health().dropped, refused as u64);
+    }
+
+    #[tokio::test]
+    async fn health_tells_the_work_its_duration_and_the_oldest_message() {
+        let (mailbox, running) = spawn(Counter { sum: 0 }, 4);
+        let idle = running.control.health();
+        assert_eq!((idle.busy_with.as_str(), idle.busy_ms, idle.waited_ms), ("", 0, 0));
+        let asking = mailbox.ask_for("cmd/wait", soon(), |reply| {
+            // The reply is dropped with the message.
+            drop::<Reply<u64>>(reply);
+            Message::Wait(Duration::from_secs(5))
+        });
+        assert_eq!(asking.await.unwrap_err().code, sg_proto::bus::Code::Unavailable);
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        mailbox.tell(Message::Add(1)).unwrap();
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        mailbox.tell(Message::Add(1)).unwrap();
+        let busy = running.control.health();
+        assert_eq!((busy.busy_with.as_str(), busy.queued), ("cmd/wait", 2));
+        assert!(busy.busy_ms >= 40 && (20..busy.busy_ms).contains(&busy.waited_ms), "{busy:?}");
     }
 
     #[tokio::test]

@@ -13,6 +13,7 @@ use sg_proto::keys::{Identity, Request};
 use crate::bus::Bus;
 use crate::context::Context;
 use crate::fault::Fault;
+use crate::progress;
 
 /// Most bytes that one process keeps. Beyond that it removes its oldest files.
 const MAX_BYTES: u64 = 1 << 30;
@@ -74,6 +75,12 @@ impl Blobs {
     pub fn open(folder: &Path) -> Result<Self, BlobError> {
         std::fs::create_dir_all(folder).map_err(|source| BlobError { path: folder.to_owned(), source })?;
         Ok(Self { folder: folder.to_owned(), index: Arc::default() })
+    }
+
+    /// The folder. It holds the files of this process alone, and goes some time after the end of the process.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// Stores bytes under their hash, with an extension such as `npy`, and offers them. Equal bytes are stored once.
@@ -286,6 +293,7 @@ async fn fetch_parts(
         hasher.update(&reply.data);
         file.write_all(&reply.data).map_err(fail)?;
         offset += reply.data.len() as u64;
+        progress::current().step();
         if offset > limit {
             return Err(Fault::exhausted(format!("`{}` sent more than {limit} bytes", row.role)));
         }

@@ -5,6 +5,7 @@
 //! - [`bus::Bus`]: requests, streams, retained values, liveliness.
 //! - [`actor::Actor`]: a bounded mailbox, typed messages, an observable state.
 //! - [`process::Host`]: one lifecycle for every process.
+//! - [`progress::Progress`]: signs of progress of long work.
 //! - [`scene_replica::SceneReplica`]: a copy of the scene that stays current.
 //! - [`fault::Fault`]: a typed error of a request.
 //!
@@ -46,6 +47,7 @@ pub mod context;
 pub mod fault;
 pub mod metrics;
 pub mod process;
+pub mod progress;
 mod scene_feed;
 mod scene_files;
 pub mod scene_replica;

@@ -40,6 +40,10 @@ pub(crate) async fn fetch(bus: &Bus, run_dir: &Path, geometry_hash: &str) -> Res
         fetch_to(bus, &keys::SCENE_CONTENT, (&file.hash, MAX_FILE_BYTES), &path, &context).await?;
         tracing::info!(file = file.name, bytes = file.bytes, "fetched from the scene's machine");
     }
+    // The time of the last use. The node clears scenes that were not used for long.
+    if let Err(error) = std::fs::File::open(&folder).and_then(|f| f.set_modified(std::time::SystemTime::now())) {
+        tracing::debug!(%error, folder = %folder.display(), "the use of a scene cannot be noted");
+    }
     Ok(if listed.open.is_empty() { folder } else { folder.join(within(&listed.open)?) })
 }
 

@@ -1,9 +1,10 @@
 //! Sessions on this machine: their folders, sockets and discovery.
 
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use nix::fcntl::OFlag;
 use sg_proto::limits::MAX_NAME_BYTES;
 
 use crate::bus::endpoint_of;
@@ -35,9 +36,14 @@ pub enum SessionError {
         /// Error of the system.
         source: io::Error,
     },
-    /// Another user could read or write the folder.
-    #[error("{0} belongs to another user or is open to others; remove it or set {RUN_ROOT} to a private folder")]
+    /// Another user could read or write the folder, or it is a link.
+    #[error(
+        "{0} is a link, belongs to another user or is open to others; remove it or set {RUN_ROOT} to a private folder"
+    )]
     NotPrivate(PathBuf),
+    /// Something in the folder is neither a file, a folder nor a socket.
+    #[error("{0} is {1}; a session's folder holds only files, folders and sockets: remove it")]
+    Foreign(PathBuf, &'static str),
     /// The path of the socket is too long.
     #[error("{0}: too long for a socket; set {RUN_ROOT} to a shorter folder")]
     SocketPathTooLong(PathBuf),
@@ -86,19 +92,24 @@ impl SessionDir {
         Ok(Self { name: session.name, path })
     }
 
-    /// Creates the folder with mode 0700, or checks the mode of an existing one.
+    /// Creates the folder with mode 0700, or checks an existing one: it and the folder of all sessions must belong to this
+    /// user alone, and links and pipes in it are refused.
     ///
     /// # Errors
-    /// [`SessionError::Folder`], [`SessionError::NotPrivate`].
+    /// [`SessionError::Folder`], [`SessionError::NotPrivate`], [`SessionError::Foreign`].
     pub fn create(&self) -> Result<(), SessionError> {
         for path in [&run_root(), &self.path] {
             let fail = |source| SessionError::Folder { path: path.clone(), source };
             std::fs::DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(fail)?;
             let metadata = std::fs::symlink_metadata(path).map_err(fail)?;
-            let private = metadata.is_dir() && metadata.permissions().mode() & 0o077 == 0;
+            let own = metadata.uid() == nix::unistd::geteuid().as_raw();
+            let private = metadata.is_dir() && own && metadata.permissions().mode() & 0o077 == 0;
             if !private {
                 return Err(SessionError::NotPrivate(path.clone()));
             }
+        }
+        for folder in [self.path.clone(), self.logs(), self.path.join("blobs")] {
+            check_entries(&folder)?;
         }
         Ok(())
     }
@@ -142,10 +153,33 @@ impl SessionDir {
     /// Whether the supervisor of this session is running.
     #[must_use]
     pub fn is_running(&self) -> bool {
-        let Ok(file) = std::fs::File::open(self.lock_file()) else { return false };
+        // Non-blocking: a pipe of that name must not stop the search.
+        let flags = OFlag::O_NONBLOCK | OFlag::O_NOFOLLOW;
+        let file = std::fs::File::options().read(true).custom_flags(flags.bits()).open(self.lock_file());
+        let Ok(file) =
+            file.and_then(|f| if f.metadata()?.is_file() { Ok(f) } else { Err(io::ErrorKind::Other.into()) })
+        else {
+            return false;
+        };
         // The system releases the locks of dead processes, so a held lock means a running supervisor.
         matches!(file.try_lock_shared(), Err(std::fs::TryLockError::WouldBlock))
     }
+}
+
+/// Checks that a folder, if it exists, holds only files, folders and sockets. A link could lead writes elsewhere, and a pipe
+/// would block a reader.
+fn check_entries(folder: &Path) -> Result<(), SessionError> {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let Ok(kind) = entry.file_type() else { continue };
+        let what = match () {
+            () if kind.is_file() || kind.is_dir() || kind.is_socket() => continue,
+            () if kind.is_symlink() => "a symbolic link",
+            () if kind.is_fifo() => "a named pipe",
+            () => "a device",
+        };
+        return Err(SessionError::Foreign(entry.path(), what));
+    }
+    Ok(())
 }
 
 /// Folder of all sessions: `SUPERGAUSSIAN_RUN_ROOT`, else a folder of this user below the system's runtime folder.

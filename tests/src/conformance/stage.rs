@@ -75,7 +75,7 @@ impl<'a> Stage<'a> {
         for role in subject.needs {
             let mut ready = stage.hear_ready(role).await?;
             let params = stage.params(role, &serde_json::Map::new());
-            let command = stage.command(&ours(role)?, role, role, &params, &[]);
+            let command = stage.command(&ours(role)?, role, role, &params, &[])?;
             let process = Process::start(command, role, &stage.log(role))?;
             if next_ready(&mut ready, role, NEIGHBOUR).await.is_none() {
                 return Err(format!(
@@ -124,14 +124,21 @@ impl<'a> Stage<'a> {
         self.folder.path().join(format!("{instance}.log"))
     }
 
-    fn command(&self, executable: &Path, role: &str, instance: &str, params: &str, more: &[&str]) -> Command {
+    fn command(
+        &self,
+        executable: &Path,
+        role: &str,
+        instance: &str,
+        params: &str,
+        more: &[&str],
+    ) -> Result<Command, String> {
         let mut command = Command::new(executable);
         command
-            .args(self.arguments(role, instance, params))
+            .args(self.arguments(role, instance, params)?)
             .args(["--supervisor-pid", &std::process::id().to_string()]);
         command.args(more);
         self.apart(&mut command);
-        command
+        Ok(command)
     }
 
     /// A scene that is given no project keeps it here, and not among the user's.
@@ -139,7 +146,10 @@ impl<'a> Stage<'a> {
         command.env("XDG_DATA_HOME", self.folder.path().join("data"));
     }
 
-    fn arguments(&self, role: &str, instance: &str, params: &str) -> Vec<String> {
+    fn arguments(&self, role: &str, instance: &str, params: &str) -> Result<Vec<String>, String> {
+        let params_file = self.folder.path().join(format!("{instance}.json"));
+        std::fs::write(&params_file, params).map_err(|e| format!("{}: {e}", params_file.display()))?;
+        let params_file = params_file.display().to_string();
         let run_dir = self.folder.path().display().to_string();
         let connect = endpoint_of(&self.folder.path().join("bus.sock"));
         let words = [
@@ -154,10 +164,10 @@ impl<'a> Stage<'a> {
             &connect,
             "--run-dir",
             &run_dir,
-            "--params",
-            params,
+            "--params-file",
+            &params_file,
         ];
-        words.map(str::to_owned).to_vec()
+        Ok(words.map(str::to_owned).to_vec())
     }
 
     /// Starts the candidate with further arguments.
@@ -169,7 +179,7 @@ impl<'a> Stage<'a> {
 
     /// Starts the candidate in any role, with any parameters.
     pub(super) fn start_as(&self, instance: &str, role: &str, params: &str, more: &[&str]) -> Result<Process, String> {
-        let command = self.command(&self.candidate.executable, role, instance, params, more);
+        let command = self.command(&self.candidate.executable, role, instance, params, more)?;
         Process::start(command, instance, &self.log(instance))
     }
 
@@ -180,7 +190,7 @@ impl<'a> Stage<'a> {
         let mut command = Command::new("sh");
         // The shell stays the parent as long as it waits.
         command.args(["-c", "\"$@\" --supervisor-pid $$ & wait", "sh"]).arg(&self.candidate.executable);
-        command.args(self.arguments(role, instance, &params));
+        command.args(self.arguments(role, instance, &params)?);
         self.apart(&mut command);
         Process::start(command, instance, &self.log(instance))
     }

@@ -27,6 +27,9 @@ const TARGET_TIME: Duration = Duration::from_secs(30);
 /// Longest wait for the refusal of a command on a full disk.
 const REFUSAL_TIME: Duration = Duration::from_secs(10);
 
+/// Time after a supervisor's standstill in which it could take a service for hung.
+const JUDGEMENT_TIME: Duration = Duration::from_secs(4);
+
 /// A fault that the stack has recovered from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Recovery {
@@ -111,6 +114,8 @@ impl Injector<'_> {
             Kind::AtStart => ended = self.kill_twice(fault).await?,
             Kind::Supervisor => ended = self.kill_supervisor(false).await?,
             Kind::Everything => ended = self.kill_supervisor(true).await?,
+            Kind::Standstill => self.stand_still(fault, Signal::SIGSTOP).await?,
+            Kind::Suspended => self.stand_still(fault, Signal::SIGTSTP).await?,
             Kind::NoRoom => {}
         }
         self.recovery(&ended).await?;
@@ -162,6 +167,35 @@ impl Injector<'_> {
         let pids = self.signal_all(fault, Signal::SIGSTOP).await?;
         tokio::time::sleep(Duration::from_millis(fault.pause_ms)).await;
         pids.into_iter().try_for_each(|pid| signal(pid, Signal::SIGCONT))
+    }
+
+    /// Stops the supervisor for longer than services may be silent, and lets it go on. All processes must stay.
+    async fn stand_still(&mut self, fault: &Fault, stop: Signal) -> Result<(), Failure> {
+        self.recovery(&[]).await?;
+        let before = stack::ps(self.bus).await.map(|ps| ps.services).unwrap_or_default();
+        let Some(supervisor) = self.stack.supervisor() else { return Ok(()) };
+        stack::signal_group(supervisor, stop)?;
+        let began = Instant::now();
+        while !stack::is_stopped(supervisor) {
+            if began.elapsed() > TARGET_TIME {
+                return Err(Failure::Work(format!("{stop} did not stop the supervisor")));
+            }
+            tokio::time::sleep(POLL_PERIOD).await;
+        }
+        tokio::time::sleep(Duration::from_millis(fault.pause_ms)).await;
+        stack::signal_group(supervisor, Signal::SIGCONT)?;
+        // Long enough for every judgement that a supervisor could make of the silence.
+        tokio::time::sleep(JUDGEMENT_TIME).await;
+        self.recovery(&[]).await?;
+        let after = stack::ps(self.bus).await.map(|ps| ps.services).unwrap_or_default();
+        let stays = |old: &Service| after.iter().any(|new| new.name == old.name && new.pid == old.pid);
+        match before.iter().find(|old| !stays(old)) {
+            None => Ok(()),
+            Some(lost) => Err(Failure::Work(format!(
+                "`{}` (process {}) was restarted, although only the supervisor had stopped",
+                lost.name, lost.pid
+            ))),
+        }
     }
 
     /// Kills a process, waits for its successor, and kills that too after a pause.

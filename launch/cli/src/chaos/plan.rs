@@ -11,6 +11,9 @@ use sg_proto::keys::role;
 const DENSITY: f64 = 0.75;
 /// Shortest and longest pause of a stopped process, milliseconds. Both are below any sensible `liveness`.
 const PAUSE_MS: std::ops::Range<u64> = 30..700;
+/// Shortest and longest time for which the supervisor stands still, milliseconds. Both are above the `liveness` of a run,
+/// and above the time after which the bus takes a connection for dead.
+const STANDSTILL_MS: std::ops::Range<u64> = 3000..7500;
 
 /// Kind of a fault.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -38,11 +41,15 @@ pub(super) enum Kind {
     Everything,
     /// The scene's process cannot write to disk.
     NoRoom,
+    /// SIGSTOP of the supervisor for longer than any sign of life may take. No service may be restarted.
+    Standstill,
+    /// The same as at a suspended terminal: SIGTSTP to the supervisor's process group, as by Ctrl-Z, and SIGCONT, as by `fg`.
+    Suspended,
 }
 
 impl Kind {
     /// All kinds, with their numbers in one deck.
-    const DECK: [(Self, usize); 11] = [
+    const DECK: [(Self, usize); 13] = [
         (Self::Kill, 7),
         (Self::Terminate, 2),
         (Self::Restart, 2),
@@ -54,6 +61,8 @@ impl Kind {
         (Self::Supervisor, 1),
         (Self::Everything, 1),
         (Self::NoRoom, 2),
+        (Self::Standstill, 1),
+        (Self::Suspended, 1),
     ];
 
     pub(super) fn name(self) -> &'static str {
@@ -69,6 +78,8 @@ impl Kind {
             Self::Supervisor => "kill -9 supervisor",
             Self::Everything => "kill -9 everything",
             Self::NoRoom => "disk full",
+            Self::Standstill => "SIGSTOP supervisor",
+            Self::Suspended => "Ctrl-Z, fg",
         }
     }
 }
@@ -93,6 +104,7 @@ impl fmt::Display for Fault {
         write!(f, "step {}, {:.0} % in: {}", step + 1, 100.0 * moment, kind.name())?;
         match kind {
             Kind::Supervisor | Kind::Everything => Ok(()),
+            Kind::Standstill | Kind::Suspended => write!(f, " ({pause_ms} ms)"),
             Kind::Pause | Kind::AtStart => write!(f, " {} ({pause_ms} ms between)", targets.join(", ")),
             _ => write!(f, " {}", targets.join(", ")),
         }
@@ -151,7 +163,9 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
                 let other = Deck::of(others).draw(&mut random);
                 vec![one, other]
             }
-            Kind::Supervisor | Kind::Everything => vec![role::SUPERVISOR.to_owned()],
+            Kind::Supervisor | Kind::Everything | Kind::Standstill | Kind::Suspended => {
+                vec![role::SUPERVISOR.to_owned()]
+            }
             Kind::NoRoom => vec![session.scene.to_owned()],
         };
         // A stack of one service has no second target.
@@ -161,7 +175,10 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
             targets,
             step: places.swap_remove(place),
             moment: if kind == Kind::NoRoom { 0.0 } else { random.random_range(0.0..1.0) },
-            pause_ms: random.random_range(PAUSE_MS),
+            pause_ms: match kind {
+                Kind::Standstill | Kind::Suspended => random.random_range(STANDSTILL_MS),
+                _ => random.random_range(PAUSE_MS),
+            },
         });
     }
     plan.sort_by_key(|fault| fault.step);
@@ -216,10 +233,11 @@ mod tests {
 
     #[test]
     fn all_kinds_and_services_are_drawn_once_per_step() {
-        let (rounds, faults) = drawn(50, 3);
-        assert_eq!(faults.len(), 50);
+        let two_decks = 2 * Kind::DECK.iter().map(|(_, n)| n).sum::<usize>();
+        let (rounds, faults) = drawn(two_decks, 3);
+        assert_eq!(faults.len(), two_decks);
         let steps: BTreeSet<_> = faults.iter().map(|f| f.step).collect();
-        assert_eq!(steps.len(), 50);
+        assert_eq!(steps.len(), two_decks);
         assert!(steps.iter().all(|s| *s < 4 + 5 * (rounds - 1)));
         let mut kinds = BTreeMap::new();
         for fault in &faults {

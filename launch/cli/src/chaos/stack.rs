@@ -6,7 +6,7 @@ use std::process::{ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
-use nix::sys::signal::{Signal, kill};
+use nix::sys::signal::{Signal, kill, killpg};
 use nix::unistd::Pid;
 use sg_proto::keys;
 use sg_proto::launch::{DownRequest, PsReply, PsRequest};
@@ -149,6 +149,19 @@ pub(super) fn signal(pid: u32, signal: Signal) -> Result<(), Failure> {
     }
 }
 
+/// Sends a signal to a process group, as a terminal does.
+pub(super) fn signal_group(leader: u32, signal: Signal) -> Result<(), Failure> {
+    let failed = |e: &dyn std::fmt::Display| Failure::Work(format!("{signal} cannot be sent to group {leader}: {e}"));
+    let leader = i32::try_from(leader).map_err(|e| failed(&e))?;
+    killpg(Pid::from_raw(leader), signal).map_err(|e| failed(&e))
+}
+
+/// Whether a signal has stopped a process.
+pub(super) fn is_stopped(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    stat.rsplit(')').next().is_some_and(|rest| rest.trim_start().starts_with('T'))
+}
+
 /// A process, identified by its id and start time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Process {
@@ -160,7 +173,7 @@ pub(super) struct Process {
 impl Process {
     /// `None` for a missing process or a zombie.
     fn of(pid: u32) -> Option<Self> {
-        let start_time = sg_stack::pid_registry::start_time(pid)?;
+        let start_time = sg_stack::process_stat::start_time(pid)?;
         let line = std::fs::read(format!("/proc/{pid}/cmdline")).ok()?;
         let arguments = line.split(|b| *b == 0).map(|a| String::from_utf8_lossy(a).into_owned()).collect();
         Some(Self { pid, start_time, arguments })
@@ -173,6 +186,6 @@ impl Process {
     }
 
     fn runs(&self) -> bool {
-        sg_stack::pid_registry::start_time(self.pid) == Some(self.start_time)
+        sg_stack::process_stat::start_time(self.pid) == Some(self.start_time)
     }
 }

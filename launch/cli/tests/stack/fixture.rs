@@ -5,17 +5,19 @@ use std::io::Write as _;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use nix::sys::signal::{SigSet, SigmaskHow, Signal, sigprocmask};
 use serde::Deserialize;
 use sg_proto::keys;
 use sg_proto::language::{AgentState, Reply, Utterance};
+use sg_runtime::actor::{Actor, ActorError};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{EXIT_INPUT, Host, ServeArgs, StartError, run};
+use sg_runtime::progress;
 
 #[derive(Parser)]
 struct Fixture {
@@ -50,13 +52,57 @@ struct Params {
     late_ms: u64,
     /// File that collects the id of each request that takes effect.
     ledger: Option<PathBuf>,
+    /// An actor that works this long, milliseconds, beside a process that sends signs of life.
+    work_ms: u64,
+    /// Milliseconds between two parts of that work; 0 for work that reports no progress.
+    part_ms: u64,
+    /// Milliseconds of loading in parts of 100 ms, each reported.
+    load_ms: u64,
+    /// Panics in the handler of an utterance (role agent-core).
+    panics: bool,
+    /// A value that nobody else may see.
+    secret: Option<String>,
+}
+
+/// An actor that works for long.
+struct Worker {
+    work: Duration,
+    part: Duration,
+}
+
+impl Actor for Worker {
+    type Message = ();
+    type State = String;
+
+    fn name(&self) -> &'static str {
+        "worker"
+    }
+
+    fn state(&self) -> String {
+        String::new()
+    }
+
+    async fn handle(&mut self, (): ()) -> Result<(), ActorError> {
+        let began = Instant::now();
+        while began.elapsed() < self.work {
+            if self.part.is_zero() {
+                tokio::time::sleep(self.work).await;
+            } else {
+                tokio::time::sleep(self.part).await;
+                progress::current().step();
+            }
+        }
+        tracing::info!("the work is done");
+        Ok(())
+    }
 }
 
 #[test]
 #[ignore = "not a test: the services that the other tests start"]
 fn fixture() {
     let arguments = std::env::var("ARGUMENTS").expect("started by a script of the sandbox");
-    let fixture = Fixture::parse_from(arguments.lines());
+    let mut fixture = Fixture::parse_from(arguments.lines());
+    fixture.serve.read_params().unwrap();
     let params: serde_json::Value = serde_json::from_str(&fixture.serve.params).unwrap();
     if params["deaf"] == true {
         // Before the first thread, so that all threads inherit the mask.
@@ -78,6 +124,24 @@ async fn load(host: Host) -> Result<(), StartError> {
         return Err(StartError::Failed("crashed on purpose".to_owned()));
     }
     tokio::time::sleep(Duration::from_millis(params.start_ms)).await;
+    for _ in 0..params.load_ms / 100 {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        progress::current().step();
+    }
+    if params.work_ms > 0 {
+        let worker =
+            Worker { work: Duration::from_millis(params.work_ms), part: Duration::from_millis(params.part_ms) };
+        let (mailbox, _) = host.spawn(worker, 4);
+        mailbox.tell(())?;
+        mailbox.tell(())?;
+        forever(mailbox);
+    }
+    if params.panics {
+        host.serve(&keys::UTTER, 4, |_: Utterance, _| async { panic!("broke\non purpose") }).await?;
+    }
+    if let Some(secret) = &params.secret {
+        tracing::info!(length = secret.len(), "the secret is known");
+    }
     if params.never_ready {
         std::future::pending::<()>().await;
     }

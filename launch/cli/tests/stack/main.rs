@@ -2,8 +2,10 @@
 
 #![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
+mod containment;
 mod faults;
 mod fixture;
+mod liveness;
 mod open;
 mod reload;
 mod sandbox;

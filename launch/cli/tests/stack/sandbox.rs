@@ -40,7 +40,7 @@ impl Sandbox {
         self.folder.path()
     }
 
-    fn script(&self, name: &str, text: &str) {
+    pub(crate) fn script(&self, name: &str, text: &str) {
         let path = self.path().join(name);
         std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
         std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
@@ -58,6 +58,7 @@ impl Sandbox {
         let mut command = Command::new(env!("CARGO_BIN_EXE_supergaussian"));
         command.args(arguments).env("SUPERGAUSSIAN_RUN_ROOT", self.path().join("run")).env_remove("SUPERGAUSSIAN_LOG");
         command.env("XDG_DATA_HOME", self.path().join("data"));
+        command.env_remove("RUST_BACKTRACE");
         command
     }
 

@@ -15,8 +15,9 @@
 //! restart = "always"                  # always | on-failure | never
 //! backoff = { initial_ms = 100, max_ms = 5000 }
 //! intensity = { restarts = 5, within_s = 30 }
-//! ready = 60                          # longest time from start to readiness, seconds
+//! ready = 60                          # longest time from start to readiness, or without progress before it, seconds
 //! liveness = 5                        # silence after which a ready service counts as hung, seconds
+//! progress = 300                      # work without progress after which it counts as hung too, seconds
 //! stop = 5                            # time between SIGTERM and SIGKILL, seconds
 //! critical = true                     # the stack stops when this service ends for good
 //! memory_mib = 4096                   # resident memory that triggers a restart; by default no limit

@@ -98,10 +98,12 @@ pub struct Policy {
     pub restarts: u32,
     /// … within this time.
     pub within: Duration,
-    /// Longest time from start to readiness.
+    /// Longest time from start to readiness, or from the last progress that the loading service has reported.
     pub ready: Duration,
     /// Longest silence of a ready service.
     pub liveness: Duration,
+    /// Longest time without progress in the work of a ready service.
+    pub progress: Duration,
     /// Time between SIGTERM and SIGKILL.
     pub stop: Duration,
     /// Whether the stack stops when this service ends for good.
@@ -121,6 +123,7 @@ impl Default for Policy {
             within: Duration::from_secs(30),
             ready: Duration::from_secs(60),
             liveness: Duration::from_secs(5),
+            progress: Duration::from_secs(300),
             stop: Duration::from_secs(5),
             critical: false,
             memory_bytes: None,

@@ -112,6 +112,10 @@ fn launch_file(table: &Table, path: &Path, search: &ExecutableSearch, problems: 
             let text = format!("service `{}`: use 1 to {MAX_SERVICE_NAME} letters, digits, `-` or `_`", entry.key);
             problems.push(Problem { place: entry.place.clone(), text });
         }
+        if entry.key == role::SUPERVISOR {
+            let text = "service `supervisor`: the supervisor's own log has this name; choose another one";
+            problems.push(Problem { place: entry.place.clone(), text: text.to_owned() });
+        }
         read.push(service(entry, table, &base, &nodes, &mut edges, path, search, problems));
     }
     duplicate_roles(&read, problems);
@@ -228,6 +232,9 @@ fn read_policy(reader: &mut Reader<'_, '_>, base: &mut Defaults) {
     }
     if let Some(time) = reader.time("liveness", "seconds", 1.0) {
         policy.liveness = time;
+    }
+    if let Some(time) = reader.time("progress", "seconds", 1.0) {
+        policy.progress = time;
     }
     if let Some(time) = reader.time("stop", "seconds", 1.0) {
         policy.stop = time;

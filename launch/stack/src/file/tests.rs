@@ -61,6 +61,7 @@ backoff = { initial_ms = 50, max_ms = 400 }
 intensity = { restarts = 2, within_s = 1.5 }
 ready = 0.5
 liveness = 2
+progress = 7
 stop = 1
 critical = true
 memory_mib = 512
@@ -88,6 +89,7 @@ env = { B = "3" }
             within: millis(1500),
             ready: millis(500),
             liveness: millis(2000),
+            progress: millis(7000),
             stop: millis(1000),
             critical: true,
             memory_bytes: Some(512 << 20),
@@ -104,6 +106,10 @@ fn every_mistake_is_one_line_with_place_and_remedy() {
     let cases: &[(&str, &[&str])] = &[
         ("[service.a]\nexec = \"worker\"\n", &["x.toml:1:1: `schema` is missing; begin the file with `schema = 1`"]),
         ("schema = 2\n[service.a]\nexec = \"worker\"\n", &["x.toml:1:10: this version reads schema 1 only"]),
+        (
+            "schema = 1\n[service.supervisor]\nexec = \"worker\"\nrole = \"scene\"\n",
+            &["x.toml:2:10: service `supervisor`: the supervisor's own log has this name; choose another one"],
+        ),
         (HEAD, &["x.toml:1:1: no service; add a table such as `[service.scene]`"]),
         ("schema = 1\nschema = 1\n", &["x.toml:2:1: duplicate key"]),
         (
@@ -171,7 +177,7 @@ fn every_mistake_is_one_line_with_place_and_remedy() {
         (
             "schema = 1\n[defaults]\nexec = \"worker\"\nrestart = \"alway\"\nstop = -1\nready = \"5\"\ncritical = 1\n[service.a]\nexec = \"worker\"\nbackoff = { initial_ms = 900, max_ms = 100 }\nintensity = { restart = 3, restarts = -1 }\nliveness = nan\n",
             &[
-                "x.toml:3:1: unknown key `exec` in [defaults]; there are `restart`, `backoff`, `intensity`, `env`, `ready`, `liveness`, `stop`, `critical`, `memory_mib`",
+                "x.toml:3:1: unknown key `exec` in [defaults]; there are `restart`, `backoff`, `intensity`, `env`, `ready`, `liveness`, `progress`, `stop`, `critical`, `memory_mib`",
                 "x.toml:4:11: `restart` is `alway`; did you mean `always`?",
                 "x.toml:5:8: `stop` is -1 seconds; it must be above 0 and at most a day",
                 "x.toml:6:9: `ready` must be a number of seconds, not a string",

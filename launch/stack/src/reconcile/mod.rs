@@ -18,7 +18,7 @@ mod start;
 mod stop;
 mod view;
 
-pub use model::{Action, End, Event, Exit, Outcome, PROBE_TIME, ProcessId, Spawn, Time};
+pub use model::{Action, End, Event, Exit, Outcome, PROBE_TIME, ProcessId, Spawn, Time, Work};
 pub use reconciler::Reconciler;
 
 #[cfg(test)]

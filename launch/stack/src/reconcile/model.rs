@@ -18,6 +18,8 @@ pub(super) const KILL_TIME: Duration = Duration::from_secs(5);
 pub(super) const KILLS: u32 = 2;
 /// How long a ready service may be missing from the bus.
 pub(super) const AWAY_TIME: Duration = Duration::from_secs(1);
+/// How long signs of life may take after the supervisor was stopped: services connect to the bus again.
+pub(super) const AWAKENING_TIME: Duration = Duration::from_secs(5);
 /// Longest time of a candidate's probe.
 pub const PROBE_TIME: Duration = Duration::from_secs(10);
 
@@ -75,7 +77,11 @@ pub enum Event {
         memory_bytes: u64,
         /// Milliseconds from a request's receipt to its answer: median and 99th percentile.
         answer_ms: (f64, f64),
+        /// Its present work.
+        work: Work,
     },
+    /// The supervisor runs again after it was stopped or starved. Signs of life may still be under way.
+    Awoke,
     /// An instance appeared on the bus (true) or left it.
     Presence {
         /// Name of the instance.
@@ -108,6 +114,19 @@ pub enum Event {
     Down,
     /// Request to stop the stack at once, by kill.
     Kill,
+}
+
+/// Work of an instance, from its health.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Work {
+    /// Longest time without progress of any of its actors and rows.
+    pub stalled: Duration,
+    /// That actor or row, in words; empty without work.
+    pub stalled_in: String,
+    /// Everything that takes long, one line for people; may be empty.
+    pub summary: String,
+    /// Number of steps that it has reported while loading.
+    pub loading_steps: u64,
 }
 
 /// How a process ended.

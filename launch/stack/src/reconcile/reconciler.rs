@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::backoff::Jitter;
-use super::model::{AWAY_TIME, Action, Event, Outcome, Time};
-use super::slot::{AfterStop, Occupant, Process, ProcessIndex, Slot, Stage, State};
+use super::model::{AWAKENING_TIME, AWAY_TIME, Action, Event, Outcome, Time, Work};
+use super::slot::{AfterStop, Occupant, Process, ProcessIndex, Slot, Stage, State, seconds};
 use crate::file::Service;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +27,8 @@ pub struct Reconciler {
     pub(super) jitter: Jitter,
     /// Nodes that have joined.
     pub(super) nodes: BTreeSet<String>,
+    /// Until then, missing signs of life may be the supervisor's own fault.
+    pub(super) awake_at: Time,
 }
 
 impl Reconciler {
@@ -41,11 +43,22 @@ impl Reconciler {
             epoch,
             jitter: Jitter::new(seed),
             nodes: BTreeSet::new(),
+            awake_at: Time::ZERO,
         }
     }
 
-    /// Applies one event and returns the actions, in order.
+    /// Applies one event, handles the passed deadlines, and returns the actions, in order.
     pub fn step(&mut self, event: Event, now: Time) -> Vec<Action> {
+        self.apply(event, now, true)
+    }
+
+    /// As [`Self::step`], but leaves passed deadlines alone. A sign of life that waits behind this event may extend them.
+    /// The caller ends its queue with a [`Self::step`].
+    pub fn observe(&mut self, event: Event, now: Time) -> Vec<Action> {
+        self.apply(event, now, false)
+    }
+
+    fn apply(&mut self, event: Event, now: Time, judge: bool) -> Vec<Action> {
         let mut actions = Vec::new();
         if self.goal == Goal::Finished {
             return actions;
@@ -72,24 +85,37 @@ impl Reconciler {
                 }
             }
             Event::Presence { instance, alive: false } => {
+                let awake_at = self.awake_at;
                 if let Some((_, process)) = self.find_process(|p| p.instance == instance)
                     // The connection to a node may be cut for a while. The lease decides.
                     && process.start.node.is_none()
                     && let Stage::Ready { deadline, .. } = &mut process.stage
                 {
-                    *deadline = (*deadline).min(now + AWAY_TIME);
+                    *deadline = (*deadline).min((now + AWAY_TIME).max(awake_at));
+                }
+            }
+            Event::Awoke => {
+                self.awake_at = now + AWAKENING_TIME;
+                for at in self.all_processes() {
+                    self.extend_deadline(at, now);
                 }
             }
             Event::Node { name, present: true } => {
                 self.nodes.insert(name);
             }
             Event::Node { name, present: false } => self.node_away(&name, now, &mut actions),
-            Event::Health { instance, memory_bytes, answer_ms } => {
+            Event::Health { instance, memory_bytes, answer_ms, work } => {
                 if let Some((at, process)) = self.find_process(|p| p.instance == instance) {
                     process.memory_bytes = memory_bytes;
                     process.answer_ms = answer_ms;
+                    let loads = work.loading_steps > process.work.loading_steps;
+                    process.work = work;
                     self.extend_deadline(at, now);
+                    if loads {
+                        self.extend_start(at, now);
+                    }
                     self.check_memory(at, now, &mut actions);
+                    self.check_progress(at, now, &mut actions);
                 }
             }
             Event::Verified { id, outcome } => self.on_verified(id, outcome, now, &mut actions),
@@ -106,7 +132,7 @@ impl Reconciler {
                 }
             }
         }
-        self.settle(now, &mut actions);
+        self.settle(now, judge, &mut actions);
         actions
     }
 
@@ -117,8 +143,8 @@ impl Reconciler {
     }
 
     /// Moves the stack towards its goal, until nothing is due at this time.
-    fn settle(&mut self, now: Time, actions: &mut Vec<Action>) {
-        for at in self.all_processes() {
+    fn settle(&mut self, now: Time, judge: bool, actions: &mut Vec<Action>) {
+        for at in self.all_processes().into_iter().filter(|_| judge) {
             self.handle_deadline(at, now, actions);
         }
         match &self.goal {
@@ -126,11 +152,11 @@ impl Reconciler {
             Goal::Run => {
                 if let Some((service, reason)) = self.critical_failure() {
                     self.down(Outcome::Failed { service, reason });
-                    return self.settle(now, actions);
+                    return self.settle(now, judge, actions);
                 }
                 if self.slots.iter().any(|s| s.service.policy.critical && s.state == State::Stopped && !s.removed) {
                     self.down(Outcome::Finished);
-                    return self.settle(now, actions);
+                    return self.settle(now, judge, actions);
                 }
                 // Stop before start: a dependent starts after its dependency has stopped.
                 for index in 0..self.slots.len() {
@@ -214,12 +240,37 @@ impl Reconciler {
     /// Moves the liveness deadline of a process.
     pub(super) fn extend_deadline(&mut self, (index, part): ProcessIndex, now: Time) {
         let Some(slot) = self.slots.get_mut(index) else { return };
-        let until = now + slot.service.policy.liveness;
+        let until = (now + slot.service.policy.liveness).max(self.awake_at);
         if let Some(Process { stage: Stage::Ready { deadline, .. } | Stage::StandingBy { deadline }, .. }) =
             slot.process_mut(part)
         {
             *deadline = until;
         }
+    }
+
+    /// Moves the readiness deadline of a process that makes progress while it loads.
+    fn extend_start(&mut self, (index, part): ProcessIndex, now: Time) {
+        let Some(slot) = self.slots.get_mut(index) else { return };
+        let until = now + slot.service.policy.ready;
+        if let Some(Process { stage: Stage::Starting { deadline }, .. }) = slot.process_mut(part) {
+            *deadline = until;
+        }
+    }
+
+    /// Ends a process whose work makes no progress, although it sends signs of life.
+    fn check_progress(&mut self, at: ProcessIndex, now: Time, actions: &mut Vec<Action>) {
+        let Some(slot) = self.slots.get(at.0) else { return };
+        let Some(Process { stage, work, .. }) = slot.process(at.1) else { return };
+        let most = slot.service.policy.progress;
+        let Work { stalled, stalled_in, .. } = work;
+        // While this supervisor was stopped, the bus stood still too. Work that waits for another service is no hang.
+        if *stalled < most || now < self.awake_at || !matches!(stage, Stage::Ready { .. } | Stage::StandingBy { .. }) {
+            return;
+        }
+        let reason = format!("hung: {stalled_in} has made no progress for {:.0} s", seconds(*stalled));
+        self.stop(at, AfterStop::Fail(reason), now, actions);
+        // Hung work would delay the answer to SIGTERM.
+        self.kill(at, now, actions);
     }
 
     /// Stops a process above its memory limit.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use sg_proto::launch::{self, SwapState};
 
-use super::model::{Action, ProcessId, Time};
+use super::model::{Action, ProcessId, Time, Work};
 use crate::file::{Service, Start};
 
 /// A service and its processes.
@@ -67,6 +67,8 @@ pub(super) struct Process {
     pub(super) memory_bytes: u64,
     /// Milliseconds from a request's receipt to its answer: median and 99th percentile.
     pub(super) answer_ms: (f64, f64),
+    /// Its present work.
+    pub(super) work: Work,
     /// `None` until it is ready or in standby.
     pub(super) start_ms: Option<u64>,
     /// Number of the swap that it is the candidate of.

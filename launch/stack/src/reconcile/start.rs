@@ -3,7 +3,7 @@
 use sg_proto::keys;
 use sg_proto::launch::SwapState;
 
-use super::model::{Action, Exit, ProcessId, Spawn, Time};
+use super::model::{Action, Exit, ProcessId, Spawn, Time, Work};
 use super::reconciler::Reconciler;
 use super::slot::{AfterStop, Occupant, Process, Slot, Stage, State};
 use crate::file::Start;
@@ -108,6 +108,7 @@ impl Reconciler {
             started: now,
             memory_bytes: 0,
             answer_ms: (0.0, 0.0),
+            work: Work::default(),
             start_ms: None,
             swap: None,
             stage: Stage::Starting { deadline: now + slot.service.policy.ready },

@@ -71,6 +71,7 @@ impl Slot {
             node: process.map_or(&self.service.start, |p| &p.start).node.clone().unwrap_or_default(),
             answer_ms: process.map_or(0.0, |p| p.answer_ms.0),
             answer_ms_p99: process.map_or(0.0, |p| p.answer_ms.1),
+            busy: process.map(|p| p.work.summary.clone()).unwrap_or_default(),
         }
     }
 }

@@ -12,6 +12,7 @@ use sg_runtime::context::Context;
 use super::event_loop::Supervisor;
 use crate::console::{self, ServiceLog};
 use crate::log_file::{self, LogFile};
+use crate::params_file;
 use crate::probe;
 use crate::reconcile::{Action, Event, Exit, ProcessId, Spawn};
 use crate::serve_arguments::ServeArguments;
@@ -27,6 +28,7 @@ impl Supervisor {
                 None
             }
             Action::Promote { id, instance, epoch, within } => {
+                self.registry.grant(epoch);
                 self.promote(id, &instance, epoch, within);
                 None
             }
@@ -47,18 +49,28 @@ impl Supervisor {
 
     /// Starts a process. For a node, the result arrives later.
     fn spawn(&mut self, spawn: Spawn) -> Option<Event> {
+        self.registry.grant(spawn.epoch);
         if let Some(node) = spawn.start.node.clone() {
             self.nodes.start(&self.bus, node, &spawn);
             return None;
         }
         let id = spawn.id;
+        let run_dir = self.stack.session.path();
+        let params = serde_json::Value::Object(spawn.start.params.clone()).to_string();
+        let params_file = match params_file::write(run_dir, &spawn.instance, &params) {
+            Ok(path) => path,
+            Err(error) => {
+                let reason = format!("its parameters cannot be stored in {}: {error}", run_dir.display());
+                return Some(Event::Exited { id, exit: Exit { status: None, reason } });
+            }
+        };
         let arguments = ServeArguments {
             session: self.stack.session.name(),
             role: &spawn.role,
             instance: &spawn.instance,
             link: &Link::from(&self.endpoint),
-            run_dir: self.stack.session.path(),
-            params: &serde_json::Value::Object(spawn.start.params.clone()).to_string(),
+            run_dir,
+            params_file: &params_file,
             epoch: spawn.epoch,
             standby: spawn.standby,
             stop: spawn.stop,

@@ -1,7 +1,6 @@
 //! Answers to requests.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use sg_proto::launch::{
     PsReply, ReloadReply, ReloadRequest, RestartReply, Service as ServiceMessage, SwapReply, SwapRequest,
@@ -51,7 +50,7 @@ impl Supervisor {
                 event
             }
             Request::Join(request, sender, reply) => {
-                let (answer, events) = match self.nodes.handle_join(&request, sender.as_ref(), Instant::now()) {
+                let (answer, events) = match self.nodes.handle_join(&request, sender.as_ref(), self.clock.instant()) {
                     Ok((answer, events)) => (Ok(answer), events),
                     Err(fault) => (Err(fault), Vec::new()),
                 };

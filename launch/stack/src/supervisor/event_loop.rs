@@ -3,31 +3,42 @@
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
 use std::path::PathBuf;
+use std::process::Child;
 use std::sync::Arc;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::task::{self, Poll, Waker};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use sg_proto::bus::{Health, Ready};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::LogLines;
 use sg_runtime::actor::{Inbox, mailbox};
 use sg_runtime::bus::{Bus, LivelinessChange, ServerHandle, Subscription};
+use sg_runtime::context::Context;
 use sg_runtime::metrics;
 use sg_runtime::session::SessionDir;
-use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::{Semaphore, mpsc};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::{Semaphore, mpsc, watch};
 
+use super::awake_clock::{AwakeClock, TURN};
 use super::nodes::{self, Nodes, StartResult};
 use super::opener::{MAX_OPEN, SessionOpener};
 use super::requests::{CAPACITY, Handle, Request, serve};
 use super::session_lock::{forget, lock};
 use crate::console::{Console, ServiceLog, Verbosity, Writer};
+use crate::descendants;
 use crate::error::StackError;
 use crate::file::LaunchFile;
+use crate::log_file::{self, LogFile};
+use crate::params_file;
 use crate::pid_registry::PidRegistry;
 use crate::reconcile::{Action, Event, Exit, Outcome, ProcessId, Reconciler, Time};
+use crate::run_folder::Cleaner;
 
 /// Key part that matches every candidate in standby, in place of a role.
 const STANDING_BY: &str = "@instance/*";
+
+/// Most observations of one turn. Beyond that, deadlines are judged before the next one.
+const MOST_AT_ONCE: usize = 1024;
 
 /// The stack to supervise.
 pub struct Stack {
@@ -47,7 +58,7 @@ pub struct Stack {
 pub struct Supervisor {
     pub(super) stack: Stack,
     pub(super) reconciler: Reconciler,
-    began: Instant,
+    pub(super) clock: AwakeClock,
     pub(super) bus: Bus,
     pub(super) endpoint: String,
     requests: Inbox<Request>,
@@ -79,8 +90,51 @@ pub struct Supervisor {
     writer: Writer,
     pub(super) registry: PidRegistry,
     pub(super) all_ready_printed: bool,
+    /// The first panic of this process.
+    panicked: watch::Receiver<Option<String>>,
+    /// Clears what dead processes leave in the session's folder.
+    cleaner: Cleaner,
+    /// The panic that ends this process.
+    panic: Option<String>,
+    /// Kills the children of services if this process is killed.
+    _reaper: Child,
     _serving: Vec<ServerHandle>,
     _lock: File,
+}
+
+/// One thing that the event loop has received.
+enum Observation {
+    Exit(ProcessId, Exit),
+    Ready(Ready, Context),
+    CandidateReady(Ready, Context),
+    Health(Health, Context),
+    Outcome(Event),
+    Presence(LivelinessChange),
+    Placed(StartResult),
+    NodeLog(LogLines, Context),
+    Request(Request),
+    Stop,
+    StopSignal,
+    Panic(String),
+}
+
+/// Signals that stop a stack.
+struct StopSignals([Signal; 3]);
+
+impl StopSignals {
+    fn watch() -> Result<Self, StackError> {
+        let watch = |kind| signal(kind).map_err(StackError::Signals);
+        Ok(Self([watch(SignalKind::interrupt())?, watch(SignalKind::terminate())?, watch(SignalKind::hangup())?]))
+    }
+
+    async fn recv(&mut self) {
+        let [interrupt, terminate, hang_up] = &mut self.0;
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+            _ = hang_up.recv() => {}
+        }
+    }
 }
 
 impl Supervisor {
@@ -115,17 +169,20 @@ impl Supervisor {
         let alive = bus.watch_liveliness(CAPACITY).await?;
         let (exit_sender, exits) = mpsc::channel(CAPACITY);
         let (outcome_sender, outcomes) = mpsc::channel(CAPACITY);
-        let (console, writer) = Console::open(stack.verbosity);
+        let cleaner = Cleaner::new(session.path());
+        let reaper = descendants::start_reaper().map_err(StackError::Reaper)?;
+        let (console, writer) =
+            Console::open(stack.verbosity, LogFile::create(log_file::path_of(&folder, role::SUPERVISOR)));
         let width = stack.file.services.iter().map(|s| s.name.len()).max().unwrap_or(0);
-        // From the clock, so that epochs also grow across supervisors.
+        // From the time of day and the last run, so that epochs also grow across supervisors.
         let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
-        let epoch = u64::try_from(epoch).unwrap_or(u64::MAX);
+        let epoch = u64::try_from(epoch).unwrap_or(u64::MAX).max(registry.epoch());
         let reconciler = Reconciler::new(stack.file.services.clone(), u64::from(std::process::id()), epoch);
         let mut supervisor = Self {
             endpoint: session.endpoint(),
             stack,
             reconciler,
-            began: Instant::now(),
+            clock: AwakeClock::new(),
             bus,
             requests,
             handle,
@@ -150,9 +207,14 @@ impl Supervisor {
             writer,
             registry,
             all_ready_printed: false,
+            panicked: sg_runtime::process::report_panics(),
+            cleaner,
+            panic: None,
+            _reaper: reaper,
             _serving: serving,
             _lock: lock,
         };
+        descendants::adopt();
         // Rotate the logs of all services, started or not.
         for index in 0..supervisor.stack.file.services.len() {
             supervisor.log(index);
@@ -171,10 +233,7 @@ impl Supervisor {
     /// # Errors
     /// The system's signals cannot be received.
     pub async fn run(mut self) -> Result<Outcome, StackError> {
-        let watch = |kind| signal(kind).map_err(StackError::Signals);
-        let mut interrupt = watch(SignalKind::interrupt())?;
-        let mut terminate = watch(SignalKind::terminate())?;
-        let mut hang_up = watch(SignalKind::hangup())?;
+        let mut signals = StopSignals::watch()?;
         self.console.print_detail(format!(
             "session {} · {} · {} services · {}",
             self.stack.session.name(),
@@ -182,52 +241,129 @@ impl Supervisor {
             self.stack.file.services.len(),
             self.stack.session.path().display()
         ));
-        let mut events = VecDeque::from([Event::Tick]);
+        let mut received = None;
         let outcome = 'watching: loop {
-            while let Some(event) = events.pop_front() {
-                let now = self.now();
-                for action in self.reconciler.step(event, now) {
-                    match action {
-                        Action::Finish(outcome) => break 'watching outcome,
-                        action => events.extend(self.perform(action).await),
+            let mut events = VecDeque::from_iter(self.begin_turn());
+            // Take in everything that waits before a deadline is judged: a sign of life may be among it.
+            for _ in 0..MOST_AT_ONCE {
+                while let Some(event) = events.pop_front() {
+                    let actions = self.reconciler.observe(event, self.now());
+                    if let Some(outcome) = self.perform_all(actions, &mut events).await {
+                        break 'watching outcome;
                     }
                 }
+                let Some(observation) = received.take().or_else(|| self.waiting(&mut signals)) else { break };
+                events.extend(self.take_in(observation));
             }
-            // Without a deadline only an event changes the state. An hour stands for never.
-            let deadline = self.reconciler.next_deadline().unwrap_or(self.now() + Duration::from_secs(3600));
-            let deadline = self.nodes.deadline().into_iter().chain([self.began + deadline]).min();
-            let deadline = tokio::time::Instant::from_std(deadline.unwrap_or_else(Instant::now));
-            let event = tokio::select! {
-                Some((id, exit)) = self.exits.recv() => self.process_exited(id, exit),
-                Some((ready, context)) = self.ready.next() => self.ready_event(ready, &context),
-                Some((health, context)) = self.health.next() => self.health_event(health, &context),
-                Some((ready, context)) = self.candidates_ready.next() => self.candidate_ready(ready, &context),
-                Some((health, context)) = self.candidates_health.next() => self.health_event(health, &context),
-                Some(event) = self.outcomes.recv() => event,
-                Some(seen) = self.alive.recv() => self.presence_event(seen),
-                Some(placed) = self.placed.recv() => self.nodes.start_finished(placed),
-                Some((message, context)) = self.node_logs.next() => {
-                    self.log_remote_lines(&message, &context);
-                    Event::Tick
-                }
-                Some(request) = self.requests.recv() => {
-                    events.extend(self.answer(request));
-                    continue;
-                }
-                () = self.handle.stop_requested() => Event::Down,
-                _ = interrupt.recv() => self.stop_event(),
-                _ = terminate.recv() => self.stop_event(),
-                _ = hang_up.recv() => self.stop_event(),
-                () = tokio::time::sleep_until(deadline) => Event::Tick,
-            };
-            events.push_back(event);
             events.extend(self.expired_leases());
+            self.cleaner.clean_if_due(|| self.pids.values().map(|(_, instance)| instance.clone()).collect());
+            events.push_back(Event::Tick);
+            while let Some(event) = events.pop_front() {
+                let actions = self.reconciler.step(event, self.now());
+                if let Some(outcome) = self.perform_all(actions, &mut events).await {
+                    break 'watching outcome;
+                }
+            }
+            let pause = self.pause();
+            received = tokio::time::timeout(pause, self.next_observation(&mut signals)).await.ok();
         };
         self.close(outcome).await
     }
 
+    /// Begins a turn of the event loop. Tells of a gap in which this supervisor did not run.
+    fn begin_turn(&mut self) -> Option<Event> {
+        let gap = self.clock.turn()?;
+        self.console.print_detail(format!(
+            "the supervisor did not run for {:.1} s: it was stopped, or the machine is overloaded; the services get that time too",
+            gap.as_secs_f64()
+        ));
+        Some(Event::Awoke)
+    }
+
+    /// Time until the next turn. Turns are frequent, so that the clock notices a gap.
+    fn pause(&self) -> Duration {
+        let deadline = self.reconciler.next_deadline().map(|deadline| deadline.saturating_sub(self.now()));
+        let lease = self.nodes.deadline().map(|deadline| self.clock.until(deadline));
+        deadline.into_iter().chain(lease).min().map_or(TURN, |pause| pause.min(TURN))
+    }
+
+    /// An observation that waits already.
+    fn waiting(&mut self, signals: &mut StopSignals) -> Option<Observation> {
+        // Unconstrained: the budget of a task would end before a long queue does.
+        let mut next = std::pin::pin!(tokio::task::unconstrained(self.next_observation(signals)));
+        match next.as_mut().poll(&mut task::Context::from_waker(Waker::noop())) {
+            Poll::Ready(observation) => Some(observation),
+            Poll::Pending => None,
+        }
+    }
+
+    /// Waits for an observation. Safe to cancel: none is lost.
+    async fn next_observation(&mut self, signals: &mut StopSignals) -> Observation {
+        let (panicked, known) = (&mut self.panicked, self.panic.is_some());
+        let panic = async move {
+            match panicked.wait_for(Option::is_some).await {
+                Ok(text) if !known => text.clone().unwrap_or_default(),
+                // Only the first one counts.
+                _ => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            Some((id, exit)) = self.exits.recv() => Observation::Exit(id, exit),
+            Some((ready, context)) = self.ready.next() => Observation::Ready(ready, context),
+            Some((health, context)) = self.health.next() => Observation::Health(health, context),
+            Some((ready, context)) = self.candidates_ready.next() => Observation::CandidateReady(ready, context),
+            Some((health, context)) = self.candidates_health.next() => Observation::Health(health, context),
+            Some(event) = self.outcomes.recv() => Observation::Outcome(event),
+            Some(seen) = self.alive.recv() => Observation::Presence(seen),
+            Some(placed) = self.placed.recv() => Observation::Placed(placed),
+            Some((message, context)) = self.node_logs.next() => Observation::NodeLog(message, context),
+            Some(request) = self.requests.recv() => Observation::Request(request),
+            () = self.handle.stop_requested() => Observation::Stop,
+            () = signals.recv() => Observation::StopSignal,
+            text = panic => Observation::Panic(text),
+        }
+    }
+
+    /// Turns an observation into events.
+    fn take_in(&mut self, observation: Observation) -> Vec<Event> {
+        let event = match observation {
+            Observation::Exit(id, exit) => self.process_exited(id, exit),
+            Observation::Ready(ready, context) => self.ready_event(ready, &context),
+            Observation::CandidateReady(ready, context) => self.candidate_ready(ready, &context),
+            Observation::Health(health, context) => self.health_event(health, &context),
+            Observation::Outcome(event) => event,
+            Observation::Presence(seen) => self.presence_event(seen),
+            Observation::Placed(placed) => self.nodes.start_finished(placed),
+            Observation::NodeLog(message, context) => {
+                self.log_remote_lines(&message, &context);
+                return Vec::new();
+            }
+            Observation::Request(request) => return self.answer(request),
+            Observation::Stop => Event::Down,
+            Observation::StopSignal => self.stop_event(),
+            Observation::Panic(text) => {
+                // A worker of this process is gone. Without it the stack cannot be served.
+                self.console.print(text.clone());
+                self.panic = Some(text);
+                Event::Down
+            }
+        };
+        vec![event]
+    }
+
+    /// Performs actions. Returns the outcome once the stack has ended.
+    async fn perform_all(&mut self, actions: Vec<Action>, events: &mut VecDeque<Event>) -> Option<Outcome> {
+        for action in actions {
+            match action {
+                Action::Finish(outcome) => return Some(outcome),
+                action => events.extend(self.perform(action).await),
+            }
+        }
+        None
+    }
+
     async fn close(self, outcome: Outcome) -> Result<Outcome, StackError> {
-        let Self { stack, bus, console, writer, logs, _serving: serving, _lock: lock, .. } = self;
+        let Self { stack, bus, console, writer, logs, panic, _serving: serving, _lock: lock, .. } = self;
         drop(serving);
         bus.close().await;
         forget(&stack.session)?;
@@ -235,11 +371,11 @@ impl Supervisor {
         writer.flush();
         // Last, because other commands wait for the lock.
         drop(lock);
-        Ok(outcome)
+        panic.map_or(Ok(outcome), |text| Err(StackError::Panicked(text)))
     }
 
     pub(super) fn now(&self) -> Time {
-        self.began.elapsed()
+        self.clock.now()
     }
 
     fn stop_event(&self) -> Event {
@@ -255,13 +391,14 @@ impl Supervisor {
         if let Some((pid, instance)) = self.pids.remove(&id) {
             self.registry.remove(pid);
             self.candidates.remove(&instance);
+            params_file::remove(self.stack.session.path(), &instance);
         }
         Event::Exited { id, exit }
     }
 
     /// Events for nodes whose lease has run out.
     fn expired_leases(&mut self) -> VecDeque<Event> {
-        let away = self.nodes.expired(Instant::now());
+        let away = self.nodes.expired(self.clock.instant());
         for name in &away {
             self.console.print(format!("  node {name} does not answer; its services start again when it returns"));
         }

@@ -2,6 +2,7 @@
 
 mod actions;
 mod answers;
+mod awake_clock;
 mod event_loop;
 mod nodes;
 mod open_session;
@@ -10,6 +11,7 @@ mod process_messages;
 mod requests;
 mod session_lock;
 mod status;
+mod work;
 
 pub use event_loop::{Stack, Supervisor};
 pub use opener::{OpenCommand, SessionOpener};

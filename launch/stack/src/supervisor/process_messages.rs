@@ -8,6 +8,7 @@ use sg_runtime::context::Context;
 
 use super::event_loop::Supervisor;
 use super::nodes::RemoteProcess;
+use super::work::work_of;
 use crate::reconcile::Event;
 use crate::spawn::LineSink as _;
 
@@ -32,8 +33,10 @@ impl Supervisor {
 
     /// A process reports its health.
     pub(super) fn health_event(&self, health: Health, context: &Context) -> Event {
+        let work = work_of(&health);
         let Health { instance, memory_bytes, answer_ms, answer_ms_p99, .. } = health;
-        let event = Event::Health { instance: instance.clone(), memory_bytes, answer_ms: (answer_ms, answer_ms_p99) };
+        let answer_ms = (answer_ms, answer_ms_p99);
+        let event = Event::Health { instance: instance.clone(), memory_bytes, answer_ms, work };
         self.confirmed(context.identity.as_ref(), keys::HEALTH.name, &instance, event)
     }
 

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use sg_runtime::session::SessionDir;
 
 use crate::error::StackError;
+use crate::params_file;
 
 /// How long to try the lock. A process that tests the lock holds it for a moment.
 const LOCK_TIME: Duration = Duration::from_millis(300);
@@ -35,7 +36,7 @@ pub(super) async fn lock(session: &SessionDir) -> Result<File, StackError> {
     Ok(file)
 }
 
-/// Removes the socket and the pictures of a session.
+/// Removes the socket, the pictures and the parameters of a session.
 pub(super) fn forget(session: &SessionDir) -> Result<(), StackError> {
     let absent = |e: &io::Error| e.kind() == io::ErrorKind::NotFound;
     let socket = session.socket();
@@ -47,5 +48,5 @@ pub(super) fn forget(session: &SessionDir) -> Result<(), StackError> {
             return Err(StackError::io(path, error));
         }
     }
-    Ok(())
+    params_file::remove_all(session.path()).map_err(|e| StackError::io(session.path(), e))
 }

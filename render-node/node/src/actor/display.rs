@@ -79,6 +79,8 @@ pub(super) async fn open(
     state_sync::follow(host, &replica, &writer).await?;
     request_executor::run(host.bus().clone(), requests, writer.clone())
         .map_err(|e| StartError::Failed(format!("no thread for what is asked for: {e}")))?;
+    let turns = writer.clone();
+    host.watch_loop("display", move || turns.silent_for());
     let loop_watchdog = LoopWatchdog::new(blocked_call, Duration::from_secs_f64(params.patience));
     tokio::spawn(tell(host.clone(), owned, state_message, CloseOnDrop { writer, thread }, loop_watchdog));
     Ok(())

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use super::request::Request;
 use super::view_state::{NOTICES, Notice, ViewState};
@@ -34,6 +35,8 @@ struct SharedState {
     state: Mutex<(u64, Arc<ViewState>)>,
     frame_stats: Mutex<FrameStats>,
     closed: AtomicBool,
+    /// Time of the display's last look for an update.
+    last_turn: Mutex<Instant>,
 }
 
 /// A display's side: newest value in, requests out, neither ever waited for.
@@ -89,6 +92,12 @@ impl StateWriter {
         self.0.closed.store(true, Ordering::Relaxed);
     }
 
+    /// Time since the display's loop last looked for an update. It looks many times a second, unless it hangs.
+    #[must_use]
+    pub fn silent_for(&self) -> Duration {
+        lock(&self.0.last_turn).elapsed()
+    }
+
     /// Pace of the display.
     #[must_use]
     pub fn frame_stats(&self) -> FrameStats {
@@ -108,6 +117,7 @@ impl ViewPort {
             state: Mutex::new((0, Arc::new(first))),
             frame_stats: Mutex::default(),
             closed: AtomicBool::new(false),
+            last_turn: Mutex::new(Instant::now()),
         });
         let (requests, queue) = sync_channel(REQUESTS);
         let writer = StateWriter(Arc::clone(&shared));
@@ -117,6 +127,7 @@ impl ViewPort {
     /// The newest.
     #[must_use]
     pub fn newest(&mut self) -> Arc<ViewState> {
+        *lock(&self.shared.last_turn) = Instant::now();
         let state = lock(&self.shared.state);
         self.taken_version = state.0;
         Arc::clone(&state.1)
@@ -125,12 +136,14 @@ impl ViewPort {
     /// Whether the state has changed since the last read.
     #[must_use]
     pub fn has_update(&self) -> bool {
+        *lock(&self.shared.last_turn) = Instant::now();
         lock(&self.shared.state).0 != self.taken_version
     }
 
     /// Whether the display must close.
     #[must_use]
     pub fn is_closed(&self) -> bool {
+        *lock(&self.shared.last_turn) = Instant::now();
         self.shared.closed.load(Ordering::Relaxed)
     }
 

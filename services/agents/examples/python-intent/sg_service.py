@@ -19,6 +19,7 @@ import ctypes
 import datetime
 import json
 import os
+import pathlib
 import queue
 import resource
 import secrets
@@ -98,7 +99,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     serve.add_argument("--instance", required=True, help="instance name, unique within the session")
     serve.add_argument("--connect", required=True, help="endpoint of the session's router")
     serve.add_argument("--run-dir", required=True, help="folder of the session")
-    serve.add_argument("--params", default="{}", help="parameters from the launch file, as JSON")
+    serve.add_argument("--params", default="{}", help="parameters as JSON; other users can read them")
+    serve.add_argument("--params-file", help="file with the parameters from the launch file, as JSON")
     serve.add_argument("--supervisor-pid", type=int, help="the process ends when this one is gone")
     serve.add_argument("--epoch", type=int, default=0, help="epoch of the role, granted by the supervisor")
     serve.add_argument("--standby", action="store_true", help="serve only under the instance until promoted")
@@ -227,8 +229,11 @@ class Service:
             Row("cmd/promote", bus.PromoteRequest, ("supervisor",), self._promote),
         ]
         try:
-            self.params = json.loads(args.params)
-        except json.JSONDecodeError as error:
+            text = args.params
+            if args.params_file is not None:
+                text = pathlib.Path(args.params_file).read_text(encoding="utf-8")
+            self.params = json.loads(text)
+        except (OSError, ValueError) as error:
             raise InputError(f"parameters of `{args.role}`: {error}") from error
         if not isinstance(self.params, dict):
             raise InputError(f"parameters of `{args.role}`: a JSON object is expected")

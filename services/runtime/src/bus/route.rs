@@ -6,6 +6,7 @@ use sg_proto::keys::Request;
 use super::{Bus, BusError, ServerHandle};
 use crate::actor::{Mailbox, Reply};
 use crate::context::Context;
+use crate::progress;
 
 impl Bus {
     /// Answers the requests of a row through an actor's mailbox.
@@ -32,10 +33,14 @@ impl Bus {
         M: Send + 'static,
         F: FnOnce(Q, Context, Reply<R>) -> M + Clone + Send + 'static,
     {
-        let mailbox = mailbox.clone();
+        let (mailbox, key) = (mailbox.clone(), row.name);
         let handler = move |request: Q, context: Context| {
             let (mailbox, message) = (mailbox.clone(), message.clone());
-            async move { mailbox.ask(context.deadline, |reply| message(request, context, reply)).await }
+            async move {
+                // From here on the actor's progress counts.
+                progress::current().end();
+                mailbox.ask_for(key, context.deadline, |reply| message(request, context, reply)).await
+            }
         };
         self.serve(row, capacity, handler).await
     }

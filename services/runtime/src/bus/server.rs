@@ -1,13 +1,13 @@
 //! The server side of requests: validated, queued, handled one at a time, cancelled.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::future::Future;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 use prost::{Message, Name};
-use sg_proto::bus::{Code, Envelope, Error as WireError};
+use sg_proto::bus::{Code, Envelope, Error as WireError, RowHealth};
 use sg_proto::keys::{self, Identity, Request};
 use sg_proto::limits::NODE_OPEN_REQUESTS;
 use tokio::sync::{Notify, mpsc};
@@ -19,9 +19,11 @@ use zenoh::query::Query;
 
 use super::addressing::DeclaredRow;
 use super::{Bus, BusError};
+use crate::actor::millis;
 use crate::context::Context;
 use crate::fault::Fault;
 use crate::metrics::{self, Metric};
+use crate::progress::Progress;
 use crate::trace::{self, Kind};
 use crate::wire;
 
@@ -30,6 +32,8 @@ use crate::wire;
 pub(super) struct PendingRequests {
     next: AtomicU64,
     requests: Mutex<HashMap<u64, PendingRequest>>,
+    /// Progress of the handlers, by row.
+    rows: Mutex<BTreeMap<&'static str, Progress>>,
 }
 
 #[derive(Debug)]
@@ -39,6 +43,9 @@ struct PendingRequest {
     node: Option<String>,
     query: Query,
     cancelled: Arc<Notify>,
+    row: &'static str,
+    /// Time of the receipt; `None` once a handler has taken it.
+    waits_since: Option<Instant>,
 }
 
 /// Removes a pending request when dropped.
@@ -52,6 +59,17 @@ impl Drop for PendingGuard {
     fn drop(&mut self) {
         let requests = &self.bus.inner.pending.requests;
         requests.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.number);
+    }
+}
+
+impl PendingGuard {
+    /// Notes that a handler has taken the request.
+    fn begin(&self) {
+        let requests = &self.bus.inner.pending.requests;
+        let mut requests = requests.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(request) = requests.get_mut(&self.number) {
+            request.waits_since = None;
+        }
     }
 }
 
@@ -100,7 +118,7 @@ impl Bus {
                     return bus.refuse(&query, &fault);
                 }
             };
-            let Some(pending) = bus.add_pending(&context, &query) else {
+            let Some(pending) = bus.add_pending(row.name, &context, &query) else {
                 bus.inner.counters.drop(row.name, 1);
                 return bus.refuse(&query, &too_many_open());
             };
@@ -125,9 +143,14 @@ impl Bus {
         let declared = self.declare(row.role, row.name, !row.local_only, Arc::new(receive)).await?;
 
         let bus = self.clone();
-        let worker = tokio::spawn(async move {
+        let progress = Progress::default();
+        let rows = &self.inner.pending.rows;
+        rows.lock().unwrap_or_else(PoisonError::into_inner).insert(row.name, progress.clone());
+        let worker = tokio::spawn(progress.clone().scope(async move {
             while let Some(QueuedRequest { query, request, context, pending, received }) = queue.recv().await {
                 let (begun, started) = (Instant::now(), SystemTime::now());
+                pending.begin();
+                progress.begin(row.name);
                 let context = context.in_span();
                 let span = tracing::info_span!("serve", trace_id = context.trace_id(), key = row.name);
                 let mut cancelled = false;
@@ -144,6 +167,7 @@ impl Bus {
                         outcome = handling => outcome,
                     }
                 };
+                progress.end();
                 bus.inner.counters.answer(received.elapsed());
                 let code = outcome.as_ref().err().map(|f| f.code);
                 let labels = [("key", row.name), ("code", metrics::code(code))];
@@ -155,7 +179,7 @@ impl Bus {
                     bus.reply(&query, encoded);
                 }
             }
-        });
+        }));
         Ok(ServerHandle { declared, worker })
     }
 
@@ -195,7 +219,7 @@ impl Bus {
     }
 
     /// Notes a request until it is answered; `None` if too many of the same node wait.
-    fn add_pending(&self, context: &Context, query: &Query) -> Option<PendingGuard> {
+    fn add_pending(&self, row: &'static str, context: &Context, query: &Query) -> Option<PendingGuard> {
         let number = self.inner.pending.next.fetch_add(1, Ordering::Relaxed);
         let cancelled = Arc::new(Notify::new());
         let node = context.identity.as_ref().map(|i| i.node.clone());
@@ -204,9 +228,30 @@ impl Bus {
         if node.is_some() && requests.values().filter(|r| r.node == node).count() >= NODE_OPEN_REQUESTS {
             return None;
         }
-        let (id, query) = (context.id.clone(), query.clone());
-        requests.insert(number, PendingRequest { id, node, query, cancelled: Arc::clone(&cancelled) });
+        let (id, query, waits_since) = (context.id.clone(), query.clone(), Some(Instant::now()));
+        let cancel = Arc::clone(&cancelled);
+        requests.insert(number, PendingRequest { id, node, query, cancelled: cancel, row, waits_since });
         Some(PendingGuard { bus: self.clone(), number, cancelled })
+    }
+
+    /// The served rows with unanswered requests, by name.
+    #[must_use]
+    pub fn row_health(&self) -> Vec<RowHealth> {
+        let pending = &self.inner.pending;
+        let rows = pending.rows.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let requests = pending.requests.lock().unwrap_or_else(PoisonError::into_inner);
+        let health = rows.into_iter().filter_map(|(name, progress)| {
+            let mut of_row = requests.values().filter(|r| r.row == name).peekable();
+            of_row.peek()?;
+            let waiting: Vec<Instant> = of_row.filter_map(|r| r.waits_since).collect();
+            Some(RowHealth {
+                name: name.to_owned(),
+                queued: u32::try_from(waiting.len()).unwrap_or(u32::MAX),
+                waited_ms: waiting.iter().min().map_or(0, |since| millis(since.elapsed())),
+                busy_ms: progress.busy().map_or(0, |(_, time)| millis(time)),
+            })
+        });
+        health.collect()
     }
 
     /// Answers every pending request of this id with `Cancelled` and drops its handler. Returns whether there was one.

@@ -1,7 +1,13 @@
 //! Arguments of the service mode.
 
+use std::fs::File;
+use std::io::Read as _;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::PathBuf;
 
+use nix::fcntl::OFlag;
+
+use super::start_error::StartError;
 use crate::bus::{Certificates, Link};
 
 /// Arguments of the service mode of every executable. The supervisor sets them.
@@ -31,9 +37,12 @@ pub struct ServeArgs {
     /// Folder of the session (socket, logs, pictures)
     #[arg(long)]
     pub run_dir: PathBuf,
-    /// Parameters from the launch file, as JSON
-    #[arg(long, default_value = "{}")]
+    /// Parameters as JSON, where a file is not worth it; other users of the machine can read them
+    #[arg(long, default_value = "{}", conflicts_with = "params_file")]
     pub params: String,
+    /// File with the parameters from the launch file, as JSON
+    #[arg(long)]
+    pub params_file: Option<PathBuf>,
     /// Process id of the supervisor; the process exits with it
     #[arg(long)]
     pub supervisor_pid: Option<i32>,
@@ -48,7 +57,32 @@ pub struct ServeArgs {
     pub grace_ms: u64,
 }
 
+/// Longest file of parameters, bytes.
+const MAX_PARAMS_BYTES: u64 = 1 << 20;
+
 impl ServeArgs {
+    /// Reads the parameters from their file, if they have one. A second call changes nothing.
+    ///
+    /// # Errors
+    /// [`StartError::Input`] for a file that cannot be read, is no regular file, or is larger than 1 MiB.
+    pub fn read_params(&mut self) -> Result<(), StartError> {
+        let Some(path) = self.params_file.take() else { return Ok(()) };
+        let fail = |e: &dyn std::fmt::Display| StartError::Input(format!("{}: {e}", path.display()));
+        // Non-blocking: a named pipe without a writer must not stop the process.
+        let file = File::options().read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(&path);
+        let file = file.map_err(|e| fail(&e))?;
+        if !file.metadata().map_err(|e| fail(&e))?.is_file() {
+            return Err(fail(&"not a regular file"));
+        }
+        let mut text = String::new();
+        file.take(MAX_PARAMS_BYTES + 1).read_to_string(&mut text).map_err(|e| fail(&e))?;
+        if text.len() as u64 > MAX_PARAMS_BYTES {
+            return Err(fail(&format!("more than {MAX_PARAMS_BYTES} bytes of parameters")));
+        }
+        self.params = text;
+        Ok(())
+    }
+
     /// Endpoint and certificates of the session's router.
     #[must_use]
     pub fn link(&self) -> Link {

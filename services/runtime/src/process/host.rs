@@ -8,18 +8,19 @@ use std::time::{Duration, Instant};
 
 use prost::{Message, Name};
 use serde::de::DeserializeOwned;
-use sg_proto::bus::{Code, ContentReply, ContentRequest, Health, Phase, PromoteReply, PromoteRequest};
+use sg_proto::bus::{ActorHealth, Code, ContentReply, ContentRequest, Health, Phase, PromoteReply, PromoteRequest};
 use sg_proto::keys::Request;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::arguments::ServeArgs;
 use super::memory::resident_bytes;
 use super::start_error::StartError;
-use crate::actor::{self, Actor, ActorControl, ActorError, ActorHandle, Exit, Mailbox, Reply};
+use crate::actor::{self, Actor, ActorControl, ActorError, ActorHandle, Exit, Mailbox, Reply, millis};
 use crate::blobs::Blobs;
 use crate::bus::{Bus, BusError, ServerHandle};
 use crate::context::Context;
 use crate::fault::Fault;
+use crate::progress::Progress;
 use crate::{scene_files, wire};
 
 /// The running process, for its loading code and its handlers. Cheap to clone.
@@ -42,7 +43,33 @@ pub(super) struct Inner {
     pub(super) promotions: mpsc::Sender<Promotion>,
     pub(super) stop: tokio::sync::Notify,
     pub(super) failures: mpsc::Sender<String>,
+    /// Progress of the loading code.
+    pub(super) loading: Progress,
+    /// Loops outside the actors.
+    pub(super) loops: Mutex<Vec<WatchedLoop>>,
 }
+
+/// A loop on a thread of its own, such as a window's.
+pub(super) struct WatchedLoop {
+    name: &'static str,
+    silent_for: Box<dyn Fn() -> Duration + Send + Sync>,
+}
+
+impl WatchedLoop {
+    fn health(&self) -> ActorHealth {
+        // A turn may take its time.
+        let silent = Some((self.silent_for)()).filter(|time| *time >= LONG_TURN);
+        ActorHealth {
+            name: self.name.to_owned(),
+            busy_with: silent.map_or("", |_| "a turn of its loop").to_owned(),
+            busy_ms: silent.map_or(0, millis),
+            ..ActorHealth::default()
+        }
+    }
+}
+
+/// Duration from which a turn of a loop is reported.
+const LONG_TURN: Duration = Duration::from_secs(1);
 
 /// Work before a promotion.
 type Hook = Box<dyn FnOnce() -> Pin<Box<dyn Future<Output = Result<(), StartError>> + Send>> + Send>;
@@ -160,6 +187,14 @@ impl Host {
         (mailbox, state)
     }
 
+    /// Watches a loop outside the actors, such as a window's. The health lists it as an actor, and a loop that hangs is
+    /// treated as one.
+    ///
+    /// `silent_for` returns the time since the begin of the loop's last turn. It must not wait for the loop.
+    pub fn watch_loop(&self, name: &'static str, silent_for: impl Fn() -> Duration + Send + Sync + 'static) {
+        lock(&self.inner.loops).push(WatchedLoop { name, silent_for: Box::new(silent_for) });
+    }
+
     /// Answers the requests of a row of this process's role until the process drains.
     ///
     /// # Errors
@@ -250,6 +285,7 @@ impl Host {
     #[must_use]
     pub fn health(&self) -> Health {
         let counters = self.bus().counters();
+        let loops = lock(&self.inner.loops).iter().map(WatchedLoop::health).collect::<Vec<_>>();
         let (answer_ms, answer_ms_p99) = counters.answer_ms();
         Health {
             role: self.role().to_owned(),
@@ -258,7 +294,7 @@ impl Host {
             pid: std::process::id(),
             uptime_ms: millis(self.inner.started.elapsed()),
             memory_bytes: resident_bytes(),
-            actors: lock(&self.inner.actors).iter().map(|o| o.health()).collect(),
+            actors: lock(&self.inner.actors).iter().map(|o| o.health()).chain(loops).collect(),
             refused: counters.refused(),
             dropped: counters.dropped(),
             answered: counters.answered(),
@@ -267,13 +303,10 @@ impl Host {
             epoch: self.bus().epoch(),
             answer_ms,
             answer_ms_p99,
+            rows: self.bus().row_health(),
+            loading_steps: self.inner.loading.steps(),
         }
     }
-}
-
-/// Whole milliseconds of a time.
-pub(super) fn millis(time: Duration) -> u64 {
-    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// Locks a list. Poisoning is ignored: each change is a single push or take.

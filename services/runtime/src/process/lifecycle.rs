@@ -1,6 +1,7 @@
 //! The lifecycle: connect, load, ready, serve, drain, stop.
 
 use std::future::Future;
+use std::panic::AssertUnwindSafe;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -12,14 +13,16 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 
 use super::arguments::ServeArgs;
-use super::host::{Host, Inner, lock, millis};
+use super::host::{Host, Inner, lock};
+use super::panics;
 use super::start_error::{EXIT_FAILED, StartError};
 use super::supervision::exit_with_supervisor;
-use crate::actor::Exit;
+use crate::actor::{Exit, millis};
 use crate::blobs::Blobs;
 use crate::bus::{Bus, LivelinessToken};
 use crate::context::Context;
 use crate::fault::Fault;
+use crate::progress::Progress;
 use crate::{metrics, telemetry, wire};
 
 impl Host {
@@ -72,7 +75,7 @@ impl Host {
 ///
 /// The exit status is 0 after a request to stop, [`EXIT_INPUT`](super::EXIT_INPUT) for wrong parameters or input, and
 /// [`EXIT_FAILED`] for other failures.
-pub fn run<F, Fut>(args: ServeArgs, version: &'static str, load: F) -> ExitCode
+pub fn run<F, Fut>(mut args: ServeArgs, version: &'static str, load: F) -> ExitCode
 where
     F: FnOnce(Host) -> Fut,
     Fut: Future<Output = Result<(), StartError>>,
@@ -82,14 +85,25 @@ where
     if let Some(supervisor) = args.supervisor_pid {
         exit_with_supervisor(supervisor);
     }
-    match block_on(lifecycle(args, version, load)) {
-        Ok(Ok(())) => ExitCode::SUCCESS,
-        Ok(Err(error)) => {
+    if let Err(error) = args.read_params() {
+        tracing::error!("{error}");
+        return error.into();
+    }
+    let panicked = panics::report();
+    // A panic on this thread, such as one while loading, ends the process as every other one.
+    let ended = std::panic::catch_unwind(AssertUnwindSafe(|| block_on(lifecycle(args, version, load, panicked))));
+    match ended {
+        Ok(Ok(Ok(()))) => ExitCode::SUCCESS,
+        Ok(Ok(Err(error))) => {
             tracing::error!("{error}");
             error.into()
         }
-        Err(error) => {
+        Ok(Err(error)) => {
             tracing::error!("the async runtime could not be started: {error}");
+            ExitCode::from(EXIT_FAILED)
+        }
+        Err(_) => {
+            tracing::error!("{}", panics::first().unwrap_or_else(|| "panicked".to_owned()));
             ExitCode::from(EXIT_FAILED)
         }
     }
@@ -107,7 +121,12 @@ pub fn block_on<F: Future>(future: F) -> std::io::Result<F::Output> {
     Ok(output)
 }
 
-async fn lifecycle<F, Fut>(args: ServeArgs, version: &'static str, load: F) -> Result<(), StartError>
+async fn lifecycle<F, Fut>(
+    args: ServeArgs,
+    version: &'static str,
+    load: F,
+    mut panicked: watch::Receiver<Option<String>>,
+) -> Result<(), StartError>
 where
     F: FnOnce(Host) -> Fut,
     Fut: Future<Output = Result<(), StartError>>,
@@ -129,7 +148,9 @@ where
 
     let ServeArgs { session, role, instance, epoch, standby, .. } = &args;
     let bus = Bus::connect_instance(session, role, instance, *epoch, *standby, args.link()).await?;
-    let blobs = Blobs::open(&args.run_dir.join("blobs")).map_err(|e| StartError::Failed(e.to_string()))?;
+    // A folder for each process, so that the supervisor can clear those of dead ones.
+    let blobs =
+        Blobs::open(&args.run_dir.join("blobs").join(&args.instance)).map_err(|e| StartError::Failed(e.to_string()))?;
     let grace = Duration::from_millis(args.grace_ms);
     let (exits, mut exited) = mpsc::channel(16);
     let (promotions, mut granted) = mpsc::channel(1);
@@ -148,6 +169,8 @@ where
         promotions,
         stop: tokio::sync::Notify::new(),
         failures,
+        loading: Progress::default(),
+        loops: Mutex::default(),
     };
     let host = Host { inner: Arc::new(inner) };
     let stopping = host.clone();
@@ -161,9 +184,19 @@ where
     tokio::spawn(publish_health(host.clone()));
     host.serve_standard_requests().await?;
 
+    let panic = async move {
+        match panicked.wait_for(Option::is_some).await {
+            Ok(text) => text.clone().unwrap_or_default(),
+            // The hook stays for the life of the process.
+            Err(_) => std::future::pending().await,
+        }
+    };
+    tokio::pin!(panic);
+    let loading = host.inner.loading.clone().scope(load(host.clone()));
     tokio::select! {
-        outcome = load(host.clone()) => outcome?,
+        outcome = loading => outcome?,
         () = &mut stop => return Ok(()),
+        reason = &mut panic => return Err(StartError::Failed(reason)),
     }
 
     let mut ended_actors = 0;
@@ -178,6 +211,9 @@ where
     let failure = if host.is_standby() {
         host.announce().await?;
         tokio::select! {
+            // A panic often ends an actor too. It tells more.
+            biased;
+            reason = &mut panic => Some(reason),
             () = &mut stop => return Ok(()),
             Some(exit) = exited.recv() => Some(describe_exit(exit)),
             Some(reason) = failed.recv() => Some(reason),
@@ -201,6 +237,8 @@ where
     let failure = match failure {
         Some(reason) => Some(reason),
         None => tokio::select! {
+            biased;
+            reason = &mut panic => Some(reason),
             () = &mut stop => None,
             Some(exit) = exited.recv() => Some(describe_exit(exit)),
             Some(reason) = failed.recv() => Some(reason),
@@ -230,7 +268,8 @@ where
     failure.map_or(Ok(()), |reason| Err(StartError::Failed(reason)))
 }
 
-/// Publishes the health of the process every period. It runs on the serving threads, so a blocked process stops publishing.
+/// Publishes the health of the process every period, with the progress of its actors and rows. It runs on the serving
+/// threads, so a blocked process stops publishing.
 async fn publish_health(host: Host) {
     let mut period = tokio::time::interval(HEALTH_PERIOD);
     period.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);

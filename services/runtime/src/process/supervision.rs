@@ -7,18 +7,23 @@ use nix::unistd::{Pid, getppid};
 
 use super::start_error::EXIT_FAILED;
 
+/// Pause between two looks at the supervisor.
+const POLL_PERIOD: Duration = Duration::from_millis(100);
+/// Most processes between this one and its supervisor, such as shells.
+const MAX_GENERATIONS: usize = 16;
+
 /// Ends this process when its supervisor dies.
 ///
-/// The kernel sends a signal at the parent's death. A thread also polls the parent: it covers the time before the signal is
-/// armed, and code that ignores the signal.
+/// The kernel sends a signal at the parent's death. A thread also polls the supervisor: it covers the time before the signal
+/// is armed, code that ignores the signal, and a shell script between the two.
 pub(super) fn exit_with_supervisor(supervisor: i32) {
     if let Err(error) = nix::sys::prctl::set_pdeathsig(Signal::SIGTERM) {
         tracing::warn!(%error, "no signal at the supervisor's death; polling it instead");
     }
-    let parent = Pid::from_raw(supervisor);
+    let ancestor = Ancestor::find(supervisor);
     let thread = std::thread::Builder::new().name("supervisor-watch".into()).spawn(move || {
-        while getppid() == parent {
-            std::thread::sleep(Duration::from_millis(100));
+        while ancestor.as_ref().is_some_and(Ancestor::lives) {
+            std::thread::sleep(POLL_PERIOD);
         }
         tracing::error!("the supervisor has died; stopping");
         let _ = nix::sys::signal::raise(Signal::SIGTERM);
@@ -27,5 +32,60 @@ pub(super) fn exit_with_supervisor(supervisor: i32) {
     });
     if let Err(error) = thread {
         tracing::warn!(%error, "the supervisor cannot be polled");
+    }
+}
+
+/// A process above this one.
+struct Ancestor {
+    pid: i32,
+    /// Ids are reused. Id and start time together identify a process.
+    start_time: String,
+}
+
+impl Ancestor {
+    /// Looks for the process among those above this one.
+    fn find(pid: i32) -> Option<Self> {
+        let mut above = getppid().as_raw();
+        for _ in 0..MAX_GENERATIONS {
+            let (parent, start_time) = stat(above)?;
+            if above == pid {
+                return Some(Self { pid, start_time });
+            }
+            above = parent;
+        }
+        None
+    }
+
+    fn lives(&self) -> bool {
+        // Cheap, and the usual case.
+        getppid() == Pid::from_raw(self.pid) || stat(self.pid).is_some_and(|(_, at)| at == self.start_time)
+    }
+}
+
+/// Parent and start time of a process; `None` for a missing one or a zombie.
+fn stat(pid: i32) -> Option<(i32, String)> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // The second field is the name in brackets, with any characters. Count fields from its end.
+    let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
+    let state = *fields.first()?;
+    if state == "Z" || state == "X" {
+        return None;
+    }
+    Some((fields.get(1)?.parse().ok()?, (*fields.get(19)?).to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_process_above_is_an_ancestor() {
+        let parent = getppid().as_raw();
+        assert!(Ancestor::find(parent).is_some_and(|a| a.lives()));
+        if let Some((above, _)) = stat(parent).filter(|(above, _)| *above > 0) {
+            assert!(Ancestor::find(above).is_some_and(|a| a.lives()));
+        }
+        assert!(Ancestor::find(i32::MAX).is_none());
+        assert!(Ancestor::find(std::process::id().cast_signed()).is_none());
     }
 }

@@ -20,6 +20,7 @@ use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{self, Host, ServeArgs, StartError};
+use sg_runtime::progress;
 use sg_scene::model::Scene;
 use supergaussian_scene::journal::JournalError;
 use supergaussian_scene::project::{Project, ProjectError};
@@ -67,11 +68,13 @@ async fn load(host: Host) -> Result<(), StartError> {
         Some(path) => path,
         None => block_in_place(|| default_project(&scene, &scene_path))?,
     };
+    progress::current().step();
     let files = Arc::new(FileList { scene: Arc::clone(&scene), path: scene_path.clone(), listed: OnceCell::new() });
     // A standby process works on a temporary project: the active process holds the role's project.
     let (project, scratch) = if host.is_standby() {
-        let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(host.run_dir());
-        let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", host.run_dir().display())))?;
+        let folder = host.blobs().folder();
+        let scratch = tempfile::Builder::new().prefix(".standby").tempdir_in(folder);
+        let scratch = scratch.map_err(|e| StartError::Failed(format!("{}: {e}", folder.display())))?;
         let file = scratch.path().join(SCRATCH_PROJECT);
         let project = block_in_place(|| open(&scene, &scene_path, &file))?;
         let geometry = project.editor().state().geometry().clone();
@@ -133,6 +136,7 @@ impl FileList {
         let found = files_of(&self.scene, Path::new(&self.path)).map_err(|e| Fault::precondition(e.to_string()))?;
         let offer = |name: String| {
             let (hash, bytes) = blobs.offer(&found.folder.join(&name))?;
+            progress::current().step();
             Ok(File { name, bytes, hash })
         };
         let files = found.names.into_iter().map(offer).collect::<Result<_, BlobError>>();

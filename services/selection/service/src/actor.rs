@@ -20,6 +20,7 @@ use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
+use sg_runtime::progress;
 use sg_runtime::scene_replica::{SceneReplica, SceneRevision};
 use sg_scene::mask::Mask;
 use sg_selection::preview::{Preview, differing};
@@ -64,7 +65,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         "clustered"
     );
 
-    let labels_path = host.run_dir().join(format!("labels-{}.npy", std::process::id()));
+    let labels_path = host.blobs().folder().join("labels.npy");
     let (labels_hash, _) = npy::write_labels(&labels_path, &prepared.labels)
         .map_err(|e| e.to_string())
         .and_then(|()| host.blobs().offer(&labels_path).map_err(|e| e.to_string()))
@@ -301,6 +302,7 @@ impl Selector {
         let start = Instant::now();
         for step in steps {
             session.add_step(step.clone()).map_err(refusal)?;
+            progress::current().step();
         }
         self.last_walk_ms = start.elapsed().as_secs_f64() * 1e3;
         self.session = session;

@@ -2,7 +2,7 @@
 
 use sg_proto::launch::ServiceState;
 
-use super::world::{Behaviour, World};
+use super::world::{Behaviour, World, stuck};
 use super::*;
 use crate::file::Restart;
 
@@ -77,6 +77,67 @@ fn hung_process_is_killed_and_restarted() {
     assert_eq!(world.state(0), (ServiceState::Stopping, "hung: no sign of life for 1.5 s".to_owned()));
     world.run_until(millis(2000));
     assert!(world.spawned.len() >= 2);
+}
+
+#[test]
+fn work_without_progress_is_hung_although_its_process_is_not() {
+    let policy = Policy { progress: millis(3000), ..patient() };
+    let mut world = one(policy, Behaviour::Good);
+    world.run_until(millis(600));
+    world.give(stuck("s0-1".into(), millis(2999)));
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+    world.give(stuck("s0-1".into(), millis(3000)));
+    let reason = "hung: actor `a` has made no progress for 3 s".to_owned();
+    assert_eq!(world.state(0), (ServiceState::Stopping, reason));
+    world.run_until(millis(2000));
+    assert_eq!((world.state(0).0, world.spawned.len()), (ServiceState::Ready, 2));
+}
+
+#[test]
+fn progress_while_loading_extends_the_start() {
+    let mut world = one(Policy { ready: millis(700), ..patient() }, Behaviour::Slow);
+    let loading = |loading_steps| Event::Health {
+        instance: "s0-1".into(),
+        memory_bytes: 1,
+        answer_ms: (0.0, 0.0),
+        work: Work { loading_steps, ..Work::default() },
+    };
+    for step in 1..=3 {
+        world.run_until(millis(600 * step));
+        world.stack.step(loading(step), millis(600 * step));
+    }
+    world.run_until(millis(2400));
+    assert_eq!(world.state(0).0, ServiceState::Starting);
+    // The same step again is no progress.
+    world.stack.step(loading(3), millis(2400));
+    world.run_until(millis(2500));
+    assert_eq!(world.state(0).1, "not ready within 0.7 s");
+}
+
+#[test]
+fn nobody_is_judged_by_what_waits_in_the_queue_of_a_supervisor_that_slept() {
+    let mut world = one(patient(), Behaviour::Hang);
+    world.run_until(millis(1000));
+    let now = world.now;
+    // It was silent for too long. But its sign of life is among what waits.
+    let late = now + millis(9000);
+    assert!(world.stack.observe(Event::Node { name: "other".into(), present: true }, late).is_empty());
+    world.stack.observe(world_health("s0-1"), late);
+    world.stack.step(Event::Tick, late);
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+    // The supervisor slept: everyone's time begins anew, and a lost connection has time to come back.
+    let later = late + millis(60_000);
+    world.stack.observe(Event::Awoke, later);
+    world.stack.observe(Event::Presence { instance: "s0-1".into(), alive: false }, later);
+    world.stack.observe(stuck("s0-1".into(), millis(3_600_000)), later);
+    world.stack.step(Event::Tick, later + AWAKENING_TIME - millis(1));
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+    world.stack.step(Event::Tick, later + AWAKENING_TIME);
+    assert_eq!(world.state(0).0, ServiceState::Stopping);
+}
+
+fn world_health(instance: &str) -> Event {
+    Event::Health { instance: instance.into(), memory_bytes: 1, answer_ms: (0.0, 0.0), work: Work::default() }
 }
 
 #[test]

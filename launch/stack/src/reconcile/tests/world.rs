@@ -21,6 +21,8 @@ pub(super) enum Behaviour {
     Slow,
     /// Gets ready, then falls silent and obeys only SIGKILL.
     Hang,
+    /// Gets ready, sends signs of life, but its work makes no progress. It obeys only SIGKILL.
+    Stuck,
     /// Gets ready and leaves the bus without ending.
     Leave,
     /// Gets ready, ignores requests to stop.
@@ -43,7 +45,7 @@ pub(super) enum Behaviour {
     Faint,
 }
 
-const BEHAVIOURS: [Behaviour; 20] = [
+const BEHAVIOURS: [Behaviour; 21] = [
     Behaviour::Good,
     Behaviour::Good,
     Behaviour::Good,
@@ -54,6 +56,7 @@ const BEHAVIOURS: [Behaviour; 20] = [
     Behaviour::CrashLater(0),
     Behaviour::Slow,
     Behaviour::Hang,
+    Behaviour::Stuck,
     Behaviour::Leave,
     Behaviour::Stubborn,
     Behaviour::Undead,
@@ -202,7 +205,8 @@ impl World {
             Action::Terminate(id) => {
                 let Some(process) = self.alive.get(&id).cloned() else { return };
                 self.asked_to_stop.push(process.service);
-                if !matches!(process.behaviour, Behaviour::Hang | Behaviour::Stubborn | Behaviour::Undead) {
+                let deaf = [Behaviour::Hang, Behaviour::Stuck, Behaviour::Stubborn, Behaviour::Undead];
+                if !deaf.contains(&process.behaviour) {
                     self.later(process.delay / 4, Event::Exited { id, exit: exit(Some(0)) });
                 }
             }
@@ -299,6 +303,7 @@ impl World {
                 self.later(delay * 2, Event::Exited { id, exit: exit(Some(status)) });
             }
             Behaviour::Leave => self.later(delay * 2, Event::Presence { instance, alive: false }),
+            Behaviour::Stuck => self.later(delay * 3, stuck(instance, millis(3001))),
             Behaviour::Greedy => self.later(delay * 3, health(instance, TOO_MUCH)),
             Behaviour::Hang | Behaviour::Crash(_) | Behaviour::Slow | Behaviour::Missing => {}
             _ => self.later(delay + millis(500), health(instance, 1)),
@@ -363,7 +368,13 @@ impl World {
 }
 
 fn health(instance: String, memory_bytes: u64) -> Event {
-    Event::Health { instance, memory_bytes, answer_ms: (0.0, 0.0) }
+    Event::Health { instance, memory_bytes, answer_ms: (0.0, 0.0), work: Work::default() }
+}
+
+/// The health of a process whose work has made no progress for this time.
+pub(super) fn stuck(instance: String, stalled: Duration) -> Event {
+    let work = Work { stalled, stalled_in: "actor `a`".to_owned(), ..Work::default() };
+    Event::Health { instance, memory_bytes: 1, answer_ms: (0.0, 0.0), work }
 }
 
 fn policies() -> impl Strategy<Value = Policy> {
@@ -378,6 +389,7 @@ fn policies() -> impl Strategy<Value = Policy> {
             within: millis(within),
             ready: millis(700),
             liveness: millis(1500),
+            progress: millis(3000),
             stop: millis(300),
             critical,
             memory_bytes,

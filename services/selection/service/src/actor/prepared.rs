@@ -10,9 +10,10 @@ use sg_clusters::cache::{self, ClusterCache, Found};
 use sg_clusters::cluster_graph::ClusterGraph;
 use sg_clusters::clustering::{Clustering, ClusteringOptions, cluster};
 use sg_clusters::geometry::{Geometry, GeometryOptions};
-use sg_clusters::progress::Silent;
+use sg_clusters::progress::{Progress, Stage};
 use sg_formats::load_verified::load_verified;
 use sg_runtime::process::StartError;
+use sg_runtime::progress;
 use sg_scene::model::Scene;
 use sg_selection::operation_context::OperationContext;
 use sg_selection::selection_index::{SelectionIndex, WalkOptions};
@@ -99,14 +100,24 @@ pub(super) fn prepare(
     Ok(Prepared { index, labels: clustering.labels, from_cache, clustering_ms })
 }
 
+/// Reports the stages of clustering as progress of the process: a large scene takes minutes.
+struct Steps(progress::Progress);
+
+impl Progress for Steps {
+    fn at(&self, _: Stage, _: f64) {
+        self.0.step();
+    }
+}
+
 fn compute(
     scene: &Scene,
     geometry: GeometryOptions,
     options: &ClusteringOptions,
 ) -> Result<(Clustering, ClusterGraph), StartError> {
     let input = |e: &dyn fmt::Display| StartError::Input(e.to_string());
-    let geometry = Geometry::of_scene(scene, geometry, &Silent).map_err(|e| input(&e))?;
-    let (clustering, _) = cluster(&geometry, options, &Silent).map_err(|e| input(&e))?;
+    let steps = Steps(progress::current());
+    let geometry = Geometry::of_scene(scene, geometry, &steps).map_err(|e| input(&e))?;
+    let (clustering, _) = cluster(&geometry, options, &steps).map_err(|e| input(&e))?;
     let graph = ClusterGraph::new(&geometry, &clustering, WalkOptions::default().form).map_err(|e| input(&e))?;
     Ok((clustering, graph))
 }

@@ -1,0 +1,47 @@
+//! What the system tells of a process.
+
+/// State of a process, from `/proc/PID/stat`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ProcessStat {
+    pub(crate) parent: i32,
+    pub(crate) group: i32,
+    /// In clock ticks since boot.
+    pub(crate) start_time: u64,
+    /// It has ended, but its parent has not waited for it.
+    pub(crate) zombie: bool,
+}
+
+impl ProcessStat {
+    /// `None` for a missing process.
+    pub(crate) fn of(pid: u32) -> Option<Self> {
+        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+        // The second field is the name in brackets, with any characters. Count fields from its end.
+        let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
+        Some(Self {
+            parent: fields.get(1)?.parse().ok()?,
+            group: fields.get(2)?.parse().ok()?,
+            start_time: fields.get(19)?.parse().ok()?,
+            zombie: matches!(*fields.first()?, "Z" | "X"),
+        })
+    }
+}
+
+/// Start time of a living process, in clock ticks since boot. Process ids are reused, so id and start time together
+/// identify a process. `None` for a missing process or a zombie.
+#[must_use]
+pub fn start_time(pid: u32) -> Option<u64> {
+    ProcessStat::of(pid).filter(|stat| !stat.zombie).map(|stat| stat.start_time)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn this_process_has_a_parent_and_a_start_time() {
+        let stat = ProcessStat::of(std::process::id()).unwrap();
+        assert_eq!(u32::try_from(stat.parent), Ok(std::os::unix::process::parent_id()));
+        assert!(start_time(std::process::id()).is_some_and(|b| b > 0) && !stat.zombie);
+        assert_eq!(start_time(u32::MAX), None);
+    }
+}
