@@ -22,9 +22,10 @@
 //! ```
 
 use std::ops::RangeInclusive;
+use std::sync::LazyLock;
 
 use prost_reflect::{DescriptorPool, DynamicMessage};
-use serde::de::Error as _;
+use serde::de::{Error as _, IgnoredAny};
 use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value, json};
 
@@ -120,6 +121,17 @@ struct StrokeFile {
     strokes: Vec<Entry>,
 }
 
+/// [`StrokeFile`] without the content of its entries. It takes no memory for them.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EntryCount {
+    strokes: Vec<IgnoredAny>,
+}
+
+/// The contract's messages. They are decoded once, since each operation of a file needs them.
+static POOL: LazyLock<Result<DescriptorPool, String>> =
+    LazyLock::new(|| DescriptorPool::decode(crate::DESCRIPTORS).map_err(|e| e.to_string()));
+
 /// An entry with `operation` is an operation, one with `leak` holds walk parameters, any other is a stroke.
 enum Entry {
     Stroke(StrokeEntry),
@@ -164,7 +176,7 @@ fn operation(mut map: Map<String, Value>) -> Result<SelectionOperation, String> 
     }
     let message = json!({ kind.replace('-', "_"): map, "combine": prefixed("COMBINE_", &combine) });
     let unknown = |e: &dyn std::fmt::Display| format!("operation `{kind}`: {e}");
-    let pool = DescriptorPool::decode(crate::DESCRIPTORS).map_err(|e| unknown(&e))?;
+    let pool = POOL.as_ref().map_err(|e| unknown(e))?;
     let descriptor = pool.get_message_by_name("supergaussian.scene.v1.SelectionOperation");
     let descriptor = descriptor.ok_or_else(|| unknown(&"the contract has no operations"))?;
     let message = DynamicMessage::deserialize(descriptor, message).map_err(|e| unknown(&e))?;
@@ -220,10 +232,13 @@ enum Kind {
 /// # Errors
 /// [`StrokeFileError`] with line and column, or with the number of the entry.
 pub fn parse(text: &str, limits: &Limits) -> Result<Vec<SelectionStep>, StrokeFileError> {
-    let file: StrokeFile = serde_json::from_str(text).map_err(|e| StrokeFileError::Json(e.to_string()))?;
-    if !limits.strokes.contains(&file.strokes.len()) {
-        return Err(StrokeFileError::Count { found: file.strokes.len(), allowed: limits.strokes.clone() });
+    let json = |e: serde_json::Error| StrokeFileError::Json(e.to_string());
+    // Entries are counted before any is read.
+    let found = serde_json::from_str::<EntryCount>(text).map_err(json)?.strokes.len();
+    if !limits.strokes.contains(&found) {
+        return Err(StrokeFileError::Count { found, allowed: limits.strokes.clone() });
     }
+    let file: StrokeFile = serde_json::from_str(text).map_err(json)?;
     let step = |(number, entry)| {
         let step = match entry {
             Entry::Stroke(entry) => {

@@ -79,7 +79,7 @@ pub(crate) async fn keep_picture(
 fn keep(from: &Path, to: &Path) -> Result<(), BlobError> {
     let copy = || {
         let mut out = StagedFile::create(to)?;
-        std::io::copy(&mut std::fs::File::open(from)?, &mut out)?;
+        std::io::copy(&mut sg_input::file::open(from)?.file, &mut out)?;
         out.commit()
     };
     copy().map(|_| ()).map_err(|source| BlobError { path: to.to_owned(), source })

@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use sg_input::file::read_text;
+use sg_input::limits::SMALL_TEXT_BYTES;
+
 use crate::terminal::{self, Failure};
 
 /// A day.
@@ -25,7 +28,7 @@ pub(crate) fn expiry(pem: &str) -> Result<SystemTime, String> {
 pub(crate) fn check_expiry<'a>(files: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
     for file in files {
         let refuse = |problem: String| Failure::Input(format!("{}: {problem}", file.display()));
-        let pem = std::fs::read_to_string(file).map_err(|e| refuse(e.to_string()))?;
+        let pem = read_text(file, SMALL_TEXT_BYTES).map_err(|e| refuse(e.to_string()))?;
         let end = expiry(&pem).map_err(refuse)?;
         if let Some(warning) = time_left(end, SystemTime::now()).map_err(refuse)? {
             terminal::print_status(&format!("warning: {}: {warning}", file.display()));

@@ -10,6 +10,9 @@ use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
 };
 
+use sg_input::file;
+use sg_input::limits::SMALL_TEXT_BYTES;
+
 use crate::certificate_expiry::expiry;
 use crate::terminal::{self, CommandResult, Failure};
 
@@ -135,12 +138,12 @@ impl Authority {
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
         let certificate = dir.join(format!("{AUTHORITY_FILE}.pem"));
-        let pem = match std::fs::read_to_string(&certificate) {
+        let pem = match file::read_text(&certificate, SMALL_TEXT_BYTES) {
             Ok(pem) => pem,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 params.self_signed(&pair).map_err(|e| refused(&e))?.pem()
             }
-            Err(error) => return Err(Failure::Work(format!("{}: {error}", certificate.display()))),
+            Err(error) => return Err(Failure::Input(format!("{}: {error}", certificate.display()))),
         };
         let expires = expiry(&pem).map_err(|e| Failure::Input(format!("{}: {e}", certificate.display())))?;
         if expires <= SystemTime::now() {
@@ -175,7 +178,7 @@ impl Authority {
 /// The key of this name: the one in the folder, or a new one with its path.
 fn key(dir: &Path, name: &str) -> Result<(KeyPair, Option<(PathBuf, String)>), Failure> {
     let path = dir.join(format!("{name}{KEY_SUFFIX}.pem"));
-    match std::fs::read_to_string(&path) {
+    match file::read_text(&path, SMALL_TEXT_BYTES) {
         Ok(pem) => {
             let pair = KeyPair::from_pem(&pem)
                 .map_err(|e| Failure::Input(format!("{}: {e}; move the file away for a new key", path.display())))?;

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use sg_runtime::process::EXIT_FAILED;
+use sg_runtime::process::{EXIT_FAILED, parse_words};
 use sg_stack::{descendants, spawn};
 
 use crate::terminal::{self, CommandResult, Failure};
@@ -167,7 +167,7 @@ pub(crate) fn main() -> ExitCode {
     if arguments.next_if(|a| a == spawn::DETACHED).is_some() {
         spawn::close_inherited();
     }
-    let cli = Cli::parse_from(std::iter::once(OsString::from("supergaussian")).chain(arguments));
+    let cli: Cli = parse_words(std::iter::once(OsString::from("supergaussian")).chain(arguments));
     sg_runtime::telemetry::init_command();
     terminal::exit_code(run(cli))
 }

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use sg_input::file;
+use sg_input::limits::SMALL_TEXT_BYTES;
 use sg_proto::keys::role;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
@@ -229,7 +231,7 @@ fn forget_dead_demos() {
         let Some(pid) = name.strip_prefix(SESSION) else { continue };
         let Ok(dead) = SessionDir::named(&name) else { continue };
         // A supervisor writes its id after it locks its session. A session without an id is starting.
-        let written = std::fs::read_to_string(dead.lock_file()).is_ok_and(|text| text.trim() == pid);
+        let written = file::read_text(&dead.lock_file(), SMALL_TEXT_BYTES).is_ok_and(|text| text.trim() == pid);
         if written && !dead.is_running() {
             // A leftover folder only takes disk space.
             let _ = std::fs::remove_dir_all(dead.path());
@@ -238,7 +240,8 @@ fn forget_dead_demos() {
 }
 
 fn read_script(path: &Path) -> Result<Vec<Step>, Failure> {
-    let steps = script::read(path, &read_text(path)?).map_err(|e| Failure::Input(e.to_string()))?;
+    let text = read_text(path, SMALL_TEXT_BYTES)?;
+    let steps = script::read(path, &text).map_err(|problems| Failure::Mistakes(problems.lines().collect()))?;
     check_strokes(&steps)?;
     Ok(steps)
 }

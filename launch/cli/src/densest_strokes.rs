@@ -39,7 +39,7 @@ pub(crate) fn write(scene: &Path, out: &Path, strokes: &Path) -> Result<(), Fail
         ],
     )?;
     let fail = |problem: String| Failure::Work(format!("{}: {problem}", plain.display()));
-    let bytes = std::fs::read(&plain).map_err(|e| fail(e.to_string()))?;
+    let bytes = sg_input::file::read(&plain, sg_input::limits::DATA_BYTES).map_err(|e| fail(e.to_string()))?;
     std::fs::remove_file(&plain).map_err(|e| fail(e.to_string()))?;
     let points = positions(&bytes, usize::try_from(count).unwrap_or(usize::MAX)).map_err(|e| fail(e.to_string()))?;
     let Some(points) = stroke(&points, min, max) else {

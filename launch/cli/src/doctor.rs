@@ -7,6 +7,8 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
+use sg_input::file::read_text;
+use sg_input::limits::SMALL_TEXT_BYTES;
 use sg_runtime::session;
 use sg_stack::file::ExecutableSearch;
 use sg_stack::spawn::tied_to_parent;
@@ -149,7 +151,7 @@ fn executables(search: &ExecutableSearch) -> Check {
 fn cores_and_memory() -> Check {
     const NAME: &str = "cores, memory";
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let text = read_text(Path::new("/proc/meminfo"), SMALL_TEXT_BYTES).unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let Some(kib) = line.and_then(|rest| rest.split_whitespace().next()?.parse::<u64>().ok()) else {
         return Check::limited(NAME, format!("{cores} cores; /proc/meminfo does not tell the free memory"));

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde_json::Value;
 use sg_formats::Format;
+use sg_input::file;
 
 use crate::subcommands::json_of;
 use crate::terminal::{self, Failure};
@@ -43,6 +44,7 @@ impl Input {
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = path else { return Ok(Self::Synthetic) };
         let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
+        file::check_file_or_folder(&path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
         Ok(if Format::is_scene_path(&path) { Self::Scene(path) } else { Self::Volume(path) })
     }
 

@@ -1,9 +1,9 @@
 //! The commands with which a supervisor opens dropped scenes and volumes.
 
-use std::fs::File;
-use std::io;
+use std::io::ErrorKind;
 use std::path::Path;
 
+use sg_input::file;
 use sg_runtime::fault::Fault;
 use sg_stack::spawn;
 use sg_stack::supervisor::{OpenCommand, SessionOpener};
@@ -18,13 +18,12 @@ pub(crate) struct CommandOpener;
 
 impl SessionOpener for CommandOpener {
     fn command(&self, path: &Path) -> Result<OpenCommand, Fault> {
+        // A path that is not there is a fault of its own.
+        file::check_file_or_folder(path)
+            .or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(e) })
+            .map_err(|e| Fault::precondition(format!("{}: {e}", path.display())))?;
         let input = Input::of(Some(path)).map_err(|f| Fault::not_found(f.text()))?;
-        // Opening a pipe would wait for its writer.
-        let readable = std::fs::metadata(path).and_then(|is| match (is.is_file(), is.is_dir()) {
-            (true, _) => File::open(path).map(drop),
-            (_, true) => Ok(()),
-            _ => Err(io::Error::other("neither a file nor a folder")),
-        });
+        let readable = if path.is_dir() { Ok(()) } else { file::open(path).map(drop) };
         readable.map_err(|e| Fault::precondition(format!("{}: {e}", path.display())))?;
         if !has_display() {
             return Err(Fault::precondition(format!(

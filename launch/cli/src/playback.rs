@@ -124,7 +124,7 @@ impl Player {
             let what = self.play_step(step).await.map_err(|failure| match failure {
                 Failure::Input(text) => Failure::Input(format!("step {number}: {text}")),
                 Failure::Work(text) => Failure::Work(format!("step {number}: {text}")),
-                Failure::Reported(status) => Failure::Reported(status),
+                several @ (Failure::Mistakes(_) | Failure::Faults(_) | Failure::Reported(_)) => several,
             })?;
             if !what.is_empty() {
                 terminal::print_status(&format!("[{number:2}/{of}] {what}"));

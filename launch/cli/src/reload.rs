@@ -52,7 +52,7 @@ pub(crate) async fn reload(session: &SessionDir, request: ReloadRequest, name: O
                 terminal::print_line(&format!("done after {}", format_time(began.elapsed().as_secs_f64() * 1000.0)));
                 return Ok(());
             }
-            return Err(Failure::Work([failed, running].concat().join("\n")));
+            return Err(Failure::Faults([failed, running].concat()));
         }
         if began.elapsed() > FOLLOW_TIME {
             let seconds = FOLLOW_TIME.as_secs();

@@ -1,7 +1,9 @@
 //! Stroke files that scripts name.
 
+use std::collections::HashSet;
 use std::path::Path;
 
+use sg_input::limits::TEXT_BYTES;
 use sg_proto::scene::SelectionStep;
 use sg_proto::stroke_file::{self, Limits};
 
@@ -12,9 +14,11 @@ use crate::text_file::read_text;
 
 /// Reads all stroke files of a script, so that mistakes show before slow work.
 pub(crate) fn check_strokes(steps: &[Step]) -> CommandResult {
+    let mut checked = HashSet::new();
     for step in steps {
         if let Step::Strokes { file, .. } = step
             && !file.ends_with(DENSEST)
+            && checked.insert(file)
         {
             read_strokes(file)?;
         }
@@ -27,6 +31,6 @@ pub(crate) fn check_strokes(steps: &[Step]) -> CommandResult {
 /// # Errors
 /// The file cannot be read or has a mistake.
 pub(crate) fn read_strokes(file: &Path) -> Result<Vec<SelectionStep>, Failure> {
-    let text = read_text(file)?;
+    let text = read_text(file, TEXT_BYTES)?;
     stroke_file::parse(&text, &Limits::BUS).map_err(|e| Failure::Input(format!("{}: {e}", file.display())))
 }

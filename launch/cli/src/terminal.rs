@@ -6,13 +6,13 @@ use std::process::ExitCode;
 use comfy_table::{CellAlignment, Table, presets};
 use sg_runtime::process::{EXIT_FAILED, EXIT_INPUT};
 use sg_stack::StackError;
-use sg_stack::terminal::may_color;
 pub(crate) use sg_stack::terminal::{Color, format_time, paint, print_status};
+use sg_stack::terminal::{may_color, rendered_lines};
 
-/// Writes a line of the result. A closed reader ends the command quietly, as in other programs.
+/// Writes a line of the result, or several. Text of files and messages is escaped. A closed reader ends the command quietly, as in other programs.
 pub(crate) fn print_line(line: &str) {
     let mut stdout = io::stdout().lock();
-    if writeln!(stdout, "{line}").and_then(|()| stdout.flush()).is_err() {
+    if writeln!(stdout, "{}", rendered_lines(line)).and_then(|()| stdout.flush()).is_err() {
         std::process::exit(0);
     }
 }
@@ -29,16 +29,25 @@ pub(crate) enum Failure {
     Input(String),
     /// The work failed.
     Work(String),
+    /// The input has mistakes, one line each. Indented lines belong to the mistake above them.
+    Mistakes(Vec<String>),
+    /// The work failed for several reasons, one line each.
+    Faults(Vec<String>),
     /// A child program has reported its failure. Its exit status is passed on.
     Reported(u8),
 }
 
 impl Failure {
     /// The text to print; empty if it was printed already.
-    pub(crate) fn text(&self) -> &str {
+    pub(crate) fn text(&self) -> String {
+        self.lines().join("\n")
+    }
+
+    fn lines(&self) -> Vec<&str> {
         match self {
-            Self::Input(text) | Self::Work(text) => text,
-            Self::Reported(_) => "",
+            Self::Input(line) | Self::Work(line) => vec![line],
+            Self::Mistakes(lines) | Self::Faults(lines) => lines.iter().map(String::as_str).collect(),
+            Self::Reported(_) => Vec::new(),
         }
     }
 }
@@ -88,14 +97,14 @@ pub(crate) fn exit_code(done: CommandResult) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             let colored = may_color(&io::stderr());
-            for line in failure.text().lines() {
+            for line in failure.lines() {
                 // Indented lines belong to the error above them.
                 let mark = if line.starts_with("  ") { String::new() } else { paint(Color::Red, "error: ", colored) };
                 print_status(&format!("{mark}{line}"));
             }
             ExitCode::from(match failure {
-                Failure::Input(_) => EXIT_INPUT,
-                Failure::Work(_) => EXIT_FAILED,
+                Failure::Input(_) | Failure::Mistakes(_) => EXIT_INPUT,
+                Failure::Work(_) | Failure::Faults(_) => EXIT_FAILED,
                 Failure::Reported(status) => status,
             })
         }

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use sg_input::file;
+
 use crate::terminal::Failure;
 
-/// Reads a text file.
-pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))
+/// Reads a text file of at most `most` bytes.
+pub(crate) fn read_text(path: &Path, most: u64) -> Result<String, Failure> {
+    file::read_text(path, most).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))
 }

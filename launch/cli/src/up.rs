@@ -51,7 +51,7 @@ pub(crate) struct UpArgs {
 
 /// Reads a launch file.
 fn launch_file(path: &Path, overrides: &[String], only: &[String]) -> Result<LaunchFile, Failure> {
-    file::load(path, overrides, only).map_err(|e| Failure::Input(e.report()))
+    file::load(path, overrides, only).map_err(|e| Failure::Mistakes(e.report()))
 }
 
 /// The session of a launch file: from the command line, from the file, or after the file's name.

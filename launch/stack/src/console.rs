@@ -198,7 +198,8 @@ mod tests {
             format_line(line.time(), "scene", 7, Color::Cyan, &line, false),
             "09:30:05 scene   INFO  ready start_ms=12"
         );
-        assert!(format_line(line.time(), "scene", 7, Color::Cyan, &line, true).contains("\u{1b}[36mscene  \u{1b}[0m"));
+        let colored = format_line(line.time(), "scene", 7, Color::Cyan, &line, true);
+        assert!(terminal::rendered_lines(&colored).contains("\u{1b}[36mscene  \u{1b}[0m"));
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 use std::collections::BTreeSet;
 use std::io::{self, Read, Write as _};
+use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -15,6 +16,7 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::sys::wait::{WaitPidFlag, waitpid};
 use nix::unistd::{Pid, getpgrp, getpid};
+use sg_input::{file, limits};
 
 use crate::process_stat::{ProcessStat, start_time};
 
@@ -122,7 +124,7 @@ fn processes() -> impl Iterator<Item = u32> {
 
 /// The mark of a living process. Processes of other users cannot be read.
 fn mark_of(pid: u32) -> Option<String> {
-    let environment = std::fs::read(format!("/proc/{pid}/environ")).ok()?;
+    let environment = file::read(Path::new(&format!("/proc/{pid}/environ")), limits::TEXT_BYTES).ok()?;
     let value = environment.split(|b| *b == 0).find_map(|v| v.strip_prefix(MARK.as_bytes())?.strip_prefix(b"="))?;
     Some(String::from_utf8_lossy(value).into_owned())
 }

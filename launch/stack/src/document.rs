@@ -8,6 +8,8 @@ use std::time::Duration;
 
 use toml::de::{DeTable, DeValue};
 
+use sg_input::printable;
+
 use crate::suggestion::suggestion;
 
 /// Where a key or value was written.
@@ -38,17 +40,25 @@ pub struct Problem {
 pub struct Problems {
     /// The file as it was named.
     pub file: PathBuf,
-    /// The mistakes in the order of their places.
+    /// The mistakes in the order of their places, at most [`MAX_PROBLEMS`].
     pub list: Vec<Problem>,
+    /// Further mistakes.
+    pub more: usize,
 }
 
+/// Most mistakes of one file that are reported.
+pub const MAX_PROBLEMS: usize = 20;
+
 impl Problems {
-    /// One line for each mistake, `FILE:LINE:COLUMN: text`.
+    /// One printable line for each mistake, `FILE:LINE:COLUMN: text`, and one that counts further mistakes.
     pub fn lines(&self) -> impl Iterator<Item = String> {
-        self.list.iter().map(|problem| match &problem.place {
-            Place::File { line, column } => format!("{}:{line}:{column}: {}", self.file.display(), problem.text),
+        let file = self.file.display();
+        let line = move |problem: &Problem| match &problem.place {
+            Place::File { line, column } => format!("{file}:{line}:{column}: {}", problem.text),
             Place::Override(set) => format!("--set {set}: {}", problem.text),
-        })
+        };
+        let more = (self.more > 0).then(|| format!("{}: {} further mistakes", self.file.display(), self.more));
+        self.list.iter().map(line).chain(more).map(|line| printable(&line).into_owned())
     }
 }
 
@@ -176,7 +186,8 @@ impl Table {
 /// # Errors
 /// The first syntax error.
 pub fn parse(text: &str) -> Result<Table, Problem> {
-    let place = |at: usize| place_of(text, at);
+    let places = Places::of(text);
+    let place = |at: usize| places.place(at);
     let table = DeTable::parse(text).map_err(|e| Problem {
         place: place(e.span().map_or(0, |s| s.start)),
         text: e.message().trim_end().replace('\n', "; "),
@@ -249,12 +260,48 @@ fn value_of(value: &DeValue<'_>, at: usize, place: &dyn Fn(usize) -> Place) -> R
     })
 }
 
-fn place_of(text: &str, at: usize) -> Place {
-    let before = text.get(..at).unwrap_or(text);
-    let line_start = before.rfind('\n').map_or(0, |i| i + 1);
-    Place::File {
-        line: before.matches('\n').count() + 1,
-        column: before.get(line_start..).map_or(0, |l| l.chars().count()) + 1,
+/// Lines and columns of a text, found in a few steps for each place.
+struct Places<'a> {
+    text: &'a str,
+    /// Byte offset of each line.
+    lines: Vec<usize>,
+    /// Characters before every [`STRIDE`]th byte.
+    characters: Vec<usize>,
+}
+
+/// Bytes between two entries of [`Places::characters`].
+const STRIDE: usize = 256;
+
+/// Whether a byte begins a character of UTF-8.
+fn begins_character(byte: &u8) -> bool {
+    byte & 0xc0 != 0x80
+}
+
+impl<'a> Places<'a> {
+    fn of(text: &'a str) -> Self {
+        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        let lines = std::iter::once(0).chain(ends.map(|(at, _)| at + 1)).collect();
+        let mut count = 0;
+        let characters = text.as_bytes().chunks(STRIDE).map(|part| {
+            let before = count;
+            count += part.iter().filter(|b| begins_character(b)).count();
+            before
+        });
+        Self { text, lines, characters: characters.collect() }
+    }
+
+    /// Characters before a byte.
+    fn characters_before(&self, at: usize) -> usize {
+        let part = (at / STRIDE).min(self.characters.len().saturating_sub(1));
+        let rest = self.text.as_bytes().get(part * STRIDE..at).unwrap_or_default();
+        self.characters.get(part).copied().unwrap_or(0) + rest.iter().filter(|b| begins_character(b)).count()
+    }
+
+    fn place(&self, at: usize) -> Place {
+        let at = at.min(self.text.len());
+        let line = self.lines.partition_point(|start| *start <= at).max(1);
+        let start = self.lines.get(line - 1).copied().unwrap_or(0);
+        Place::File { line, column: self.characters_before(at) - self.characters_before(start) + 1 }
     }
 }
 
@@ -352,7 +399,10 @@ impl<'t, 'p> Reader<'t, 'p> {
     pub fn finish(self) {
         for entry in &self.table.entries {
             if !self.known.contains(&entry.key.as_str()) {
-                let hint = suggestion(&entry.key, self.known.iter().copied());
+                // Suggestions take time, and only the first mistakes are reported.
+                let is_reported = self.problems.len() < MAX_PROBLEMS;
+                let known = self.known.iter().copied().filter(|_| is_reported);
+                let hint = suggestion(&entry.key, known);
                 let text = format!("unknown key `{}` in {}{hint}", entry.key, self.title);
                 self.problems.push(Problem { place: entry.place.clone(), text });
             }
@@ -368,7 +418,9 @@ pub fn in_order(file: &Path, mut list: Vec<Problem>) -> Problems {
         Place::Override(_) => (usize::MAX, 0),
     });
     list.dedup();
-    Problems { file: file.to_owned(), list }
+    let more = list.len().saturating_sub(MAX_PROBLEMS);
+    list.truncate(MAX_PROBLEMS);
+    Problems { file: file.to_owned(), list, more }
 }
 
 #[cfg(test)]
@@ -388,6 +440,29 @@ mod tests {
         let Value::Table(y) = &z.get("y").unwrap().node.value else { panic!() };
         assert_eq!((&y.get("ä").unwrap().place, &y.get("ä").unwrap().node.place), (&at(4, 3), &at(4, 9)));
         assert_eq!(y.get("k").unwrap().node.value.to_json(), serde_json::json!([1, 2.5]));
+    }
+
+    #[test]
+    fn places_are_those_of_a_plain_count() {
+        let text = format!("a = 1\n\n# {}\nb = \"ö\"", "é脑x".repeat(400));
+        let places = Places::of(&text);
+        for (at, _) in text.char_indices().chain([(text.len(), ' ')]) {
+            let before = &text[..at];
+            let start = before.rfind('\n').map_or(0, |i| i + 1);
+            let (line, column) = (before.matches('\n').count() + 1, before[start..].chars().count() + 1);
+            assert_eq!(places.place(at), Place::File { line, column }, "byte {at}");
+        }
+        assert_eq!(Places::of("").place(7), Place::File { line: 1, column: 1 });
+    }
+
+    #[test]
+    fn only_the_first_mistakes_are_listed() {
+        let list = (1..=50).map(|line| Problem { place: at(line, 1), text: format!("wrong {line}\u{1b}") }).collect();
+        let problems = in_order("x\n.toml".as_ref(), list);
+        let lines: Vec<_> = problems.lines().collect();
+        assert_eq!(lines.len(), MAX_PROBLEMS + 1);
+        assert_eq!(lines[0], "x\\n.toml:1:1: wrong 1\\u001b");
+        assert_eq!(lines[MAX_PROBLEMS], "x\\n.toml: 30 further mistakes");
     }
 
     #[test]

@@ -5,6 +5,8 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use sg_input::file;
+
 /// Size at which a log is rotated.
 const MAX_BYTES: u64 = 4 << 20;
 /// Number of previous generations. Each start of a stack begins one, so the log of a crash outlives several starts.
@@ -96,10 +98,9 @@ impl LogReader {
     }
 
     fn attach(&mut self, path: &Path) -> bool {
-        let opened = File::open(path).and_then(|f| Ok((f.metadata()?.ino(), f)));
-        let Ok((inode, file)) = opened else { return false };
-        self.inode = inode;
-        self.file = Some(BufReader::new(file));
+        let Ok(opened) = file::open(path) else { return false };
+        self.inode = opened.identity.1;
+        self.file = Some(BufReader::new(opened.file));
         true
     }
 

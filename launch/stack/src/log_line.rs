@@ -55,7 +55,7 @@ impl LogLine {
             || Self { timestamp: String::new(), level: Level::Info, message: printable(line), fields: Vec::new() };
         let Ok(Value::Object(mut object)) = serde_json::from_str(line) else { return plain() };
         let Some(level) = text(&mut object, "level").and_then(|l| level(&l)) else { return plain() };
-        let timestamp = text(&mut object, "timestamp").unwrap_or_default();
+        let timestamp = text(&mut object, "timestamp").map(|t| printable(&t)).unwrap_or_default();
         object.remove("target");
         let trace = object.remove("span").and_then(|span| span.get("trace_id")?.as_str().map(str::to_owned));
         Self {
@@ -65,8 +65,8 @@ impl LogLine {
             fields: object
                 .into_iter()
                 .map(|(key, value)| match value {
-                    Value::String(s) => (key, printable(&s)),
-                    other => (key, other.to_string()),
+                    Value::String(s) => (printable(&key), printable(&s)),
+                    other => (printable(&key), printable(&other.to_string())),
                 })
                 // The last digits suffice on a terminal. The file has the full id.
                 .chain(trace.filter(|t| !t.is_empty()).map(|t| {
@@ -110,9 +110,9 @@ fn level(name: &str) -> Option<Level> {
     [Level::Trace, Level::Debug, Level::Info, Level::Warn, Level::Error].into_iter().find(|l| l.name() == name)
 }
 
-/// Replaces control characters, so that a service's log cannot control the terminal.
+/// [`sg_input::printable`], so that a service's log cannot control the terminal.
 fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() && c != '\t' { '·' } else { c }).collect()
+    sg_input::printable(text).into_owned()
 }
 
 #[cfg(test)]
@@ -138,7 +138,7 @@ mod tests {
             ("thread 'main' panicked", "thread 'main' panicked"),
             ("{\"level\":", "{\"level\":"),
             ("{\"a\":1}", "{\"a\":1}"),
-            ("\u{1b}[2Jgone\r", "·[2Jgone·"),
+            ("\u{1b}[2Jgone\r", "\\u001b[2Jgone\\r"),
             ("", ""),
         ] {
             let parsed = LogLine::parse(line);

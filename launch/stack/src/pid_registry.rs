@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
+use sg_input::{file, limits};
 
 use crate::descendants;
 use crate::error::StackError;
@@ -35,7 +36,7 @@ impl PidRegistry {
     /// [`StackError::Leftover`] names a process that stays.
     pub(crate) async fn open(session: &Path) -> Result<Self, StackError> {
         let mut registry = Self { path: session.join("processes"), running: BTreeMap::new(), epoch: 0 };
-        let text = std::fs::read_to_string(&registry.path).unwrap_or_default();
+        let text = file::read_text(&registry.path, limits::SMALL_TEXT_BYTES).unwrap_or_default();
         registry.epoch = text.lines().find_map(|l| l.strip_prefix("epoch ")?.parse().ok()).unwrap_or(0);
         let old: Vec<(u32, u64)> = text.lines().filter_map(entry).collect();
         let left = || {

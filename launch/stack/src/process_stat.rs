@@ -1,5 +1,9 @@
 //! What the system tells of a process.
 
+use std::path::Path;
+
+use sg_input::{file, limits};
+
 /// State of a process, from `/proc/PID/stat`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ProcessStat {
@@ -14,7 +18,7 @@ pub(crate) struct ProcessStat {
 impl ProcessStat {
     /// `None` for a missing process.
     pub(crate) fn of(pid: u32) -> Option<Self> {
-        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+        let stat = file::read_text(Path::new(&format!("/proc/{pid}/stat")), limits::SMALL_TEXT_BYTES).ok()?;
         // The second field is the name in brackets, with any characters. Count fields from its end.
         let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
         Some(Self {

@@ -1,10 +1,20 @@
 //! Status lines on standard error, and formats for them: colours and times.
 
+use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 
-/// Writes a status line to standard error. Ignores a closed stream: supervision goes on without a reader.
+use sg_input::{print, printable, printable_lines};
+
+/// Writes a status line to standard error. Text of files and messages is escaped, and [`paint`]ed parts are coloured.
+/// Ignores a closed stream: supervision goes on without a reader.
 pub fn print_status(line: &str) {
-    let _ = writeln!(io::stderr().lock(), "{line}");
+    let _ = writeln!(io::stderr().lock(), "{}", rendered(&print::shortened(line), |part| printable(part)));
+}
+
+/// The text of a result for a terminal: as [`print_status`] writes it, with all its lines.
+#[must_use]
+pub fn rendered_lines(text: &str) -> String {
+    rendered(text, |part| printable_lines(part))
 }
 
 /// Whether lines on this stream may be coloured: it is a terminal, and `NO_COLOR` (no-color.org) is not set.
@@ -32,7 +42,20 @@ pub enum Color {
     Faint,
 }
 
-/// The text with the escape codes of a colour, or unchanged if `colored` is false.
+/// A mark in painted text, and the code of its colour. Escape codes in a text are written by [`print_status`] alone, so that
+/// no other text can hold one. Noncharacters are for such use within one program.
+const MARKS: [(char, u8); 8] = [
+    ('\u{fdd0}', 0),
+    ('\u{fdd1}', 31),
+    ('\u{fdd2}', 32),
+    ('\u{fdd3}', 33),
+    ('\u{fdd4}', 34),
+    ('\u{fdd5}', 35),
+    ('\u{fdd6}', 36),
+    ('\u{fdd7}', 2),
+];
+
+/// The text with the marks of a colour, or unchanged if `colored` is false.
 #[must_use]
 pub fn paint(color: Color, text: &str, colored: bool) -> String {
     if !colored {
@@ -47,15 +70,29 @@ pub fn paint(color: Color, text: &str, colored: bool) -> String {
         Color::Cyan => 36,
         Color::Faint => 2,
     };
-    format!("\u{1b}[{code}m{text}\u{1b}[0m")
+    let mark = |code: u8| MARKS.iter().find(|(_, c)| *c == code).map(|(mark, _)| *mark).into_iter();
+    mark(code).chain(text.chars()).chain(mark(0)).collect()
 }
 
-/// The text without escape codes of colours.
+/// Text with escape codes in place of the marks. `escape` makes the parts between them printable.
+fn rendered<'a>(text: &'a str, escape: impl Fn(&'a str) -> Cow<'a, str>) -> String {
+    let code = |c: char| MARKS.iter().find(|(mark, _)| *mark == c).map(|(_, code)| *code);
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some((at, mark)) = rest.char_indices().find(|(_, c)| code(*c).is_some()) {
+        let (part, after) = rest.split_at(at);
+        out.push_str(&escape(part));
+        out.push_str(&code(mark).map_or_else(String::new, |code| format!("\u{1b}[{code}m")));
+        rest = after.get(mark.len_utf8()..).unwrap_or_default();
+    }
+    out.push_str(&escape(rest));
+    out
+}
+
+/// The text without the marks of [`paint`].
 #[must_use]
 pub fn without_color(text: &str) -> String {
-    let mut parts = text.split("\u{1b}[");
-    let first = parts.next().unwrap_or_default().to_owned();
-    parts.fold(first, |plain, part| plain + part.split_once('m').map_or(part, |(_, rest)| rest))
+    text.chars().filter(|c| MARKS.iter().all(|(mark, _)| mark != c)).collect()
 }
 
 /// A time in milliseconds for people: `312 ms`, `1.4 s`, `2 min 5 s`, `3 h 20 min`.
@@ -79,7 +116,13 @@ mod tests {
     fn colors_are_removed() {
         let text = format!("  scene  {} after 1 s", paint(Color::Green, "ready", true));
         assert_eq!(without_color(&text), "  scene  ready after 1 s");
-        assert_eq!(without_color("plain [m]"), "plain [m]");
+    }
+
+    #[test]
+    fn only_painted_text_has_escape_codes() {
+        let line = format!("{} \u{1b}[2J{}", paint(Color::Red, "FAILED", true), paint(Color::Red, "x", false));
+        assert_eq!(rendered(&line, |part| printable(part)), "\u{1b}[31mFAILED\u{1b}[0m \\u001b[2Jx");
+        assert_eq!(rendered_lines("a\n\u{202e}b"), "a\n\\u202eb");
     }
 
     #[test]

@@ -452,7 +452,9 @@ impl RenderActor {
 
 /// The camera of a request.
 fn camera_of(state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
-    decode::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))
+    let camera = decode::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))?;
+    decode::check_stored(camera.width, camera.height)?;
+    Ok(camera)
 }
 
 /// The scene's look with only these units drawn, as far as they are visible. The last of its units hides the rest.

@@ -1,7 +1,5 @@
 //! Offline: one picture of a scene file.
 
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command talks to its user")]
-
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -13,6 +11,7 @@ use sg_formats::load::{LoadOptions, load};
 use sg_formats::staged_file;
 use sg_gpu::backend::{Backend, Engine};
 use sg_gpu::{GpuError, Rasterizer};
+use sg_input::print;
 use sg_raster::image::ImageFormat;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick;
@@ -250,7 +249,7 @@ pub(crate) fn run(picture: &Picture) -> ExitCode {
     match draw(picture) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {}", failure.line);
+            print::status(&format!("error: {}", failure.line));
             ExitCode::from(failure.status)
         }
     }
@@ -310,7 +309,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         BackendName::Gpu => Backend::Gpu,
     };
     if matches!(picture.backend, BackendName::Gpu) && backend == Backend::Cpu {
-        eprintln!("warning: `exact` and `per-ray` are drawn by the cores, not by a graphics device");
+        print::status(&format!("warning: `exact` and `per-ray` are drawn by the cores, not by a graphics device"));
     }
     let rasterizer = match picture.rasterizer {
         RasterizerName::Tiles => Rasterizer::Tiles,
@@ -324,7 +323,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         _ => Failure::work(e),
     })?;
     if let Some(trouble) = engine.take_fallback_error() {
-        eprintln!("warning: {trouble}");
+        print::status(&format!("warning: {trouble}"));
     }
     let scene = engine.scene();
     if let (Some(width), Some(labels)) = (picture.outlines, &labels) {
@@ -340,9 +339,12 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         .map_err(Failure::input)?;
     image.save(&picture.out).map_err(Failure::work)?;
     if report.dropped_non_finite > 0 {
-        eprintln!("warning: {} Gaussians with NaN or infinite attributes were left out", report.dropped_non_finite);
+        print::status(&format!(
+            "warning: {} Gaussians with NaN or infinite attributes were left out",
+            report.dropped_non_finite
+        ));
     }
-    eprintln!(
+    print::status(&format!(
         "{}: {} x {} pixels, {} of {} Gaussians, {:.3} s (preprocess {:.3}, sort {:.3}, bin {:.3}, raster {:.3})",
         picture.out.display(),
         image.width,
@@ -354,12 +356,12 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         report.seconds.sort,
         report.seconds.bin,
         report.seconds.raster
-    );
+    ));
     if let Some(legend) = &legend {
-        eprintln!("{legend}");
+        print::status(&legend.to_string());
     }
     if let Some(hit) = &hit {
-        eprintln!("{}", show::HitReport::line(hit.as_ref()));
+        print::status(&show::HitReport::line(hit.as_ref()));
     }
     if picture.json {
         let report = PictureReport {
@@ -373,7 +375,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
             pick: hit.map(|hit| hit.map(show::HitReport::from)),
             report,
         };
-        println!("{}", serde_json::to_string_pretty(&report).map_err(Failure::work)?);
+        print::result(&serde_json::to_string_pretty(&report).map_err(Failure::work)?).map_err(Failure::work)?;
     }
     Ok(())
 }
@@ -395,7 +397,7 @@ fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
     };
     let loaded = load(&picture.scene, &options).map_err(Failure::input)?;
     for warning in &loaded.warnings {
-        eprintln!("warning: {warning}");
+        print::status(&format!("warning: {warning}"));
     }
     Ok(loaded.scene)
 }

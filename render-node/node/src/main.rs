@@ -32,7 +32,7 @@ enum Mode {
 }
 
 fn main() -> ExitCode {
-    match Arguments::parse() {
+    match process::parse_command_line::<Arguments>() {
         Arguments { mode: Some(Mode::Serve(args)), .. } => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
         Arguments { picture: Some(picture), .. } => cli::run(&picture),
         _ => {

@@ -7,6 +7,7 @@ use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use sg_input::file;
 use sg_proto::bus::{ContentReply, ContentRequest};
 use sg_proto::keys::{Identity, Request};
 
@@ -17,10 +18,10 @@ use crate::progress;
 
 /// Most bytes that one process keeps. Beyond that it removes its oldest files.
 const MAX_BYTES: u64 = 1 << 30;
+/// Largest file that is stored or fetched, bytes. A file stays while the next one is stored, so both parts of a picture can be fetched.
+pub const MAX_FILE_BYTES: u64 = MAX_BYTES / 2;
 /// Size of one part of a transfer, bytes.
 const PART_BYTES: u64 = 1 << 20;
-/// Largest picture or other stored file to fetch, bytes. The largest picture in float32 has 1 GiB.
-const MAX_FILE_BYTES: u64 = (1 << 30) + (1 << 20);
 /// Smallest part of a transfer, except for the last one. It bounds the number of requests.
 const MIN_PART_BYTES: usize = 64 << 10;
 
@@ -88,10 +89,14 @@ impl Blobs {
     /// Returns the hash (hexadecimal) and the path.
     ///
     /// # Errors
-    /// [`BlobError`]. No partial file remains.
+    /// [`BlobError`], also for more than [`MAX_FILE_BYTES`]. No partial file remains.
     pub fn put(&self, bytes: &[u8], extension: &str) -> Result<(String, PathBuf), BlobError> {
         let hash = blake3::hash(bytes).to_hex().to_string();
         let path = self.path_of(&hash, extension);
+        if bytes.len() as u64 > MAX_FILE_BYTES {
+            let what = format!("{} bytes are more than the {MAX_FILE_BYTES} of one file", bytes.len());
+            return Err(BlobError { path, source: io::Error::new(io::ErrorKind::FileTooLarge, what) });
+        }
         let fresh = !path.exists();
         if fresh {
             self.write(&path, |file| file.write_all(bytes))?;
@@ -100,6 +105,8 @@ impl Blobs {
         index.offered.insert(hash.clone(), path.clone());
         if fresh {
             index.record(&path, bytes.len() as u64);
+        } else {
+            index.renew(&path);
         }
         Ok((hash, path))
     }
@@ -113,7 +120,7 @@ impl Blobs {
     pub fn offer(&self, path: &Path) -> Result<(String, u64), BlobError> {
         let fail = |source| BlobError { path: path.to_owned(), source };
         let mut hasher = blake3::Hasher::new();
-        let bytes = hasher.update_reader(File::open(path).map_err(fail)?).map_err(fail)?.count();
+        let bytes = hasher.update_reader(file::open(path).map_err(fail)?.file).map_err(fail)?.count();
         let hash = hasher.finalize().to_hex().to_string();
         self.lock().offered.insert(hash.clone(), path.to_owned());
         Ok((hash, bytes))
@@ -194,6 +201,14 @@ impl Blobs {
 }
 
 impl Index {
+    /// A file that is stored again is the newest.
+    fn renew(&mut self, path: &Path) {
+        if let Some(at) = self.files.iter().position(|(stored, _)| stored == path) {
+            let file = self.files.remove(at);
+            self.files.extend(file);
+        }
+    }
+
     fn record(&mut self, path: &Path, bytes: u64) {
         self.files.push_back((path.to_owned(), bytes));
         self.bytes += bytes;
@@ -342,6 +357,18 @@ mod tests {
         assert!(check_content(&path, &hash, "scene").is_ok());
         std::fs::write(&path, b"laplacian").unwrap();
         assert_eq!(check_content(&path, &hash, "scene").unwrap_err().code, sg_proto::bus::Code::DataLoss);
+    }
+
+    #[test]
+    fn a_file_stays_while_its_partner_is_stored() {
+        let mut index = Index::default();
+        let [old, npy, png] = ["old", "npy", "png"].map(PathBuf::from);
+        index.record(&npy, MAX_FILE_BYTES);
+        index.record(&old, MAX_FILE_BYTES);
+        index.renew(&npy);
+        index.record(&png, MAX_FILE_BYTES);
+        let left: Vec<_> = index.files.iter().map(|(path, _)| path.clone()).collect();
+        assert_eq!((left, index.bytes), (vec![npy, png], MAX_BYTES));
     }
 
     #[test]

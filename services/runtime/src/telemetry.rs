@@ -1,7 +1,8 @@
 //! Structured logs.
 
-use std::io;
+use std::io::{self, Write};
 
+use sg_input::printable_lines;
 use tracing_subscriber::EnvFilter;
 
 /// Environment variable with the log filter, such as `debug` or `sg_scene=trace`.
@@ -18,7 +19,7 @@ pub fn init_service(role: &str) {
         .with_env_filter(filter("info,zenoh=warn,zenoh_link_unixsock_stream=error"))
         // Such an error means that standard error is closed, so reporting it there would panic.
         .log_internal_errors(false)
-        .with_writer(io::stderr);
+        .with_writer(|| PrintableWriter(io::stderr()));
     // A second call keeps the first subscriber. Tests host several roles in one process.
     if subscriber.try_init().is_ok() {
         tracing::debug!(role, "logging started");
@@ -33,10 +34,41 @@ pub fn init_command() {
         .with_env_filter(filter("warn,zenoh=error"))
         // Such an error means that standard error is closed, so reporting it there would panic.
         .log_internal_errors(false)
-        .with_writer(io::stderr);
+        .with_writer(|| PrintableWriter(io::stderr()))
+        .with_ansi(false);
     let _ = subscriber.try_init();
 }
 
 fn filter(default: &str) -> EnvFilter {
     EnvFilter::try_from_env(LOG).unwrap_or_else(|_| EnvFilter::new(default))
+}
+
+/// Escapes what could act on a terminal: names from files and messages are part of the lines. Each line comes as one write.
+struct PrintableWriter<W>(W);
+
+impl<W: Write> Write for PrintableWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes);
+        self.0.write_all(printable_lines(&text).as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_line_stays_json_of_the_same_value() {
+        let value = serde_json::json!({"message": "unit \u{1b}[2J\u{9b}\u{202e}x"});
+        let mut out = Vec::new();
+        writeln!(PrintableWriter(&mut out), "{value}").unwrap();
+        let line = String::from_utf8(out).unwrap();
+        assert!(line.is_ascii(), "{line}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&line).unwrap(), value);
+    }
 }

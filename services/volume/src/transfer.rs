@@ -1,9 +1,12 @@
 //! Transfer functions and their JSON file.
 
+use std::collections::{BTreeMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
+use sg_input::{file, limits};
 
 /// A one-dimensional transfer function: colour and opacity by voxel value.
 ///
@@ -137,8 +140,6 @@ pub struct LoadedTransferFunction {
 }
 
 const KEYS: [&str; 6] = ["domain", "units", "scale", "variable", "points", "base_units"];
-/// Longest file.
-const MAX_BYTES: u64 = 16 << 20;
 
 impl TransferFunction {
     /// Reads and checks a JSON file.
@@ -148,16 +149,11 @@ impl TransferFunction {
     pub fn load(path: &Path) -> Result<LoadedTransferFunction, TransferError> {
         let io = |source| TransferError::Io { path: path.to_owned(), source };
         let json = |source| TransferError::Json { path: path.to_owned(), source };
-        let size = std::fs::metadata(path).map_err(io)?.len();
-        if size > MAX_BYTES {
-            let what = format!("{size} bytes are more than the {MAX_BYTES} a transfer function may have");
-            return Err(io(io::Error::new(io::ErrorKind::InvalidData, what)));
-        }
-        let text = std::fs::read_to_string(path).map_err(io)?;
+        let text = file::read_text(path, limits::TEXT_BYTES).map_err(io)?;
         let function: Self = serde_json::from_str(&text).map_err(json)?;
         function.check().map_err(|problem| TransferError::Value { path: path.to_owned(), problem })?;
-        let keys: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&text).map_err(json)?;
-        let ignored_keys = keys.into_iter().map(|(k, _)| k).filter(|k| !KEYS.contains(&k.as_str())).collect();
+        let keys: BTreeMap<String, IgnoredAny> = serde_json::from_str(&text).map_err(json)?;
+        let ignored_keys = keys.into_keys().filter(|k| !KEYS.contains(&k.as_str())).collect();
         Ok(LoadedTransferFunction { function, ignored_keys })
     }
 
@@ -207,12 +203,13 @@ impl TransferFunction {
                 return problem(place(), what, "order the points by value");
             }
         }
+        let mut names = HashSet::new();
         for (i, unit) in self.base_units.iter().enumerate() {
             let place = || format!("base_units[{i}]");
             if unit.name.trim().is_empty() {
                 return problem(place(), "no name".into(), "give each base unit a name");
             }
-            if self.base_units[..i].iter().any(|u| u.name == unit.name) {
+            if !names.insert(unit.name.as_str()) {
                 return problem(
                     place(),
                     format!("name \"{}\" is taken", unit.name),

@@ -228,6 +228,73 @@ fn modules_import_each_other_in_one_direction() {
     assert_eq!(complaints(&parent), 0, "a module and what is inside it are one subject");
 }
 
+/// Functions that open a file for reading, and files that may call them.
+const OPENERS: [&str; 4] = ["fs::read(", "fs::read_to_string(", "File::open(", "OpenOptions::new().read("];
+const MAY_OPEN: [(&str, &str); 7] = [
+    ("services/input/src/file.rs", "the one place"),
+    ("proto/build.rs", "the contract's own files"),
+    ("services/scene/formats/src/staged_file.rs", "folders, to make a renaming durable"),
+    ("services/runtime/src/session.rs", "the lock of a session"),
+    ("services/runtime/src/blobs.rs", "content-addressed files of the own session"),
+    ("services/runtime/src/scene_files.rs", "the time of a folder's last use"),
+    ("services/runtime/src/process/memory.rs", "the kernel's numbers about this process"),
+];
+
+fn files_are_opened_in_one_place(files: &[File]) -> Vec<String> {
+    let is_bound = |f: &&File| f.is_rust() && !f.is_test() && !MAY_OPEN.iter().any(|(path, _)| f.path == *path);
+    // Files of tests within a room.
+    let is_tests = |f: &&File| f.path.ends_with("tests.rs") || f.path.starts_with("launch/cli/src/chaos/");
+    let bound = files.iter().filter(|f| is_bound(f) && !is_tests(f));
+    bound
+        .flat_map(|file| {
+            let opens = |line: &str| OPENERS.iter().any(|call| line.contains(call)) && !line.contains("sg_input");
+            let lines = file.code().filter(move |(_, line)| opens(line));
+            lines.map(|(number, _)| format!("{}:{number}: files are opened by sg_input::file", file.path))
+        })
+        .collect()
+}
+
+#[test]
+fn files_are_opened_by_the_input_library_only() {
+    hold(files_are_opened_in_one_place);
+    let complaints = |path: &str, line: &str| complaints_about(files_are_opened_in_one_place, &[(path, line)]);
+    assert_eq!(complaints("services/fit/src/train.rs", "let text = std::fs::read_to_string(path)?;"), 1);
+    assert_eq!(complaints("launch/stack/src/file/load.rs", "let file = File::open(path)?;"), 1);
+    assert_eq!(complaints("launch/stack/src/file/load.rs", "let text = file::read_text(path, most)?;"), 0);
+    assert_eq!(complaints("services/input/src/file.rs", "let file = File::open(path)?;"), 0);
+    assert_eq!(complaints("services/fit/tests/cli.rs", "let text = std::fs::read(path)?;"), 0);
+}
+
+fn prints_are_escaped(files: &[File]) -> Vec<String> {
+    // In a library, clippy refuses to print. What a process prints goes through this function.
+    let in_process = |f: &&File| {
+        let package = MAP.iter().find(|(folder, ..)| f.path.starts_with(&format!("{folder}/src/")));
+        package.is_some_and(|(folder, ..)| is_process(folder) || ASYNCHRONOUS.contains(folder))
+    };
+    files
+        .iter()
+        .filter(|f| f.is_rust() && !f.is_test() && in_process(f))
+        .flat_map(|file| {
+            let prints = |line: &str| line.contains("println!(") || line.contains("print!(");
+            let lines = file.code().filter(move |(_, line)| prints(line));
+            lines.map(|(number, _)| format!("{}:{number}: printed by sg_input::print, which escapes", file.path))
+        })
+        .collect()
+}
+
+#[test]
+fn what_is_printed_is_escaped() {
+    hold(prints_are_escaped);
+    assert_eq!(
+        complaints_about(prints_are_escaped, &[("services/fit/service/src/cli.rs", "eprintln!(\"{name}\");")]),
+        1
+    );
+    assert_eq!(
+        complaints_about(prints_are_escaped, &[("services/fit/service/src/cli.rs", "print::status(&name);")]),
+        0
+    );
+}
+
 fn only_launch_starts_processes(files: &[File]) -> Vec<String> {
     // The window's one helper: a video of pictures that are there already.
     let helper = "render-node/viewer/src/window/ffmpeg.rs";
@@ -261,28 +328,51 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 25] = [
+const MAP: [(&str, &str, &[&str]); 26] = [
     ("proto", "sg-proto", &[]),
-    ("services/runtime", "sg-runtime", &["sg-proto"]),
-    ("services/scene/model", "sg-scene", &[]),
-    ("services/scene/formats", "sg-formats", &["sg-scene"]),
+    ("services/input", "sg-input", &[]),
+    ("services/runtime", "sg-runtime", &["sg-input", "sg-proto"]),
+    ("services/scene/model", "sg-scene", &["sg-input"]),
+    ("services/scene/formats", "sg-formats", &["sg-input", "sg-scene"]),
     ("services/scene/edit", "sg-edit", &["sg-proto", "sg-scene"]),
-    ("services/scene/service", "supergaussian-scene", &["sg-edit", "sg-formats", "sg-proto", "sg-runtime", "sg-scene"]),
-    ("services/volume", "sg-volume", &[]),
+    (
+        "services/scene/service",
+        "supergaussian-scene",
+        &["sg-edit", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-scene"],
+    ),
+    ("services/volume", "sg-volume", &["sg-input"]),
     ("services/fit", "sg-fit", &["sg-formats", "sg-gpu", "sg-raster", "sg-scene", "sg-volume"]),
-    ("services/fit/service", "supergaussian-fit", &["sg-fit", "sg-formats", "sg-runtime", "sg-scene", "sg-volume"]),
+    (
+        "services/fit/service",
+        "supergaussian-fit",
+        &["sg-fit", "sg-formats", "sg-input", "sg-runtime", "sg-scene", "sg-volume"],
+    ),
     ("services/selection/walk", "sg-walk", &["sg-scene"]),
-    ("services/selection/clusters", "sg-clusters", &["sg-formats", "sg-scene", "sg-walk"]),
+    ("services/selection/clusters", "sg-clusters", &["sg-formats", "sg-input", "sg-scene", "sg-walk"]),
     ("services/selection/selection", "sg-selection", &["sg-clusters", "sg-formats", "sg-scene", "sg-walk"]),
     (
         "services/selection/service",
         "supergaussian-selection",
-        &["sg-clusters", "sg-edit", "sg-formats", "sg-proto", "sg-runtime", "sg-scene", "sg-selection", "sg-walk"],
+        &[
+            "sg-clusters",
+            "sg-edit",
+            "sg-formats",
+            "sg-input",
+            "sg-proto",
+            "sg-runtime",
+            "sg-scene",
+            "sg-selection",
+            "sg-walk",
+        ],
     ),
     ("services/agents/language", "sg-language", &["sg-proto"]),
     ("services/agents/llm", "sg-llm", &["sg-language", "sg-proto"]),
     ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
-    ("services/agents/intent", "supergaussian-agent-intent", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
+    (
+        "services/agents/intent",
+        "supergaussian-agent-intent",
+        &["sg-input", "sg-language", "sg-llm", "sg-proto", "sg-runtime"],
+    ),
     ("services/agents/function", "supergaussian-agent-function", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
     ("render-node/raster", "sg-raster", &["sg-formats", "sg-scene"]),
     ("render-node/gpu", "sg-gpu", &["sg-formats", "sg-raster", "sg-scene"]),
@@ -294,6 +384,7 @@ const MAP: [(&str, &str, &[&str]); 25] = [
             "sg-edit",
             "sg-formats",
             "sg-gpu",
+            "sg-input",
             "sg-proto",
             "sg-raster",
             "sg-scene",
@@ -304,10 +395,20 @@ const MAP: [(&str, &str, &[&str]); 25] = [
     (
         "render-node/node",
         "supergaussian-render-node",
-        &["sg-edit", "sg-formats", "sg-gpu", "sg-proto", "sg-raster", "sg-runtime", "sg-scene", "sg-viewer"],
+        &[
+            "sg-edit",
+            "sg-formats",
+            "sg-gpu",
+            "sg-input",
+            "sg-proto",
+            "sg-raster",
+            "sg-runtime",
+            "sg-scene",
+            "sg-viewer",
+        ],
     ),
-    ("launch/stack", "sg-stack", &["sg-proto", "sg-runtime"]),
-    ("launch/cli", "supergaussian", &["sg-formats", "sg-proto", "sg-runtime", "sg-stack"]),
+    ("launch/stack", "sg-stack", &["sg-input", "sg-proto", "sg-runtime"]),
+    ("launch/cli", "supergaussian", &["sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-stack"]),
     (
         "tests",
         "sg-tests",
@@ -317,6 +418,7 @@ const MAP: [(&str, &str, &[&str]); 25] = [
             "sg-fit",
             "sg-formats",
             "sg-gpu",
+            "sg-input",
             "sg-language",
             "sg-proto",
             "sg-raster",

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use sg_input::limits::SMALL_TEXT_BYTES;
 use sg_proto::keys::role;
 use sg_runtime::bus::Bus;
 use sg_runtime::session::SessionDir;
@@ -123,13 +124,14 @@ pub(crate) async fn chaos(arguments: ChaosArgs, session_name: Option<&str>) -> C
             let _ = std::fs::remove_dir_all(session.path());
             Ok(())
         }
-        Err(Failure::Work(text)) => {
+        Err(failure @ (Failure::Work(_) | Failure::Faults(_))) => {
             let (seed, faults) = (arguments.seed, arguments.faults);
-            Err(Failure::Work(format!(
-                "{text}\nseed {seed}, {faults} faults; kept for inspection: {} and {} (supergaussian logs --session {name})",
+            let kept = format!(
+                "seed {seed}, {faults} faults; kept for inspection: {} and {} (supergaussian logs --session {name})",
                 session.path().display(),
                 prepared.out.display()
-            )))
+            );
+            Err(Failure::Faults(failure.text().lines().map(str::to_owned).chain([kept]).collect()))
         }
         Err(other) => Err(other),
     }
@@ -138,16 +140,16 @@ pub(crate) async fn chaos(arguments: ChaosArgs, session_name: Option<&str>) -> C
 fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
     let search = ExecutableSearch::here_then_path();
     let launch = |path: &Path, text: &str, overrides: &[String]| -> Result<LaunchFile, Failure> {
-        read(Source { path, text, overrides }, &search).map_err(|p| Failure::Input(p.to_string()))
+        read(Source { path, text, overrides }, &search).map_err(|p| Failure::Mistakes(p.lines().collect()))
     };
     let mut overrides: Vec<String> = OVERRIDES.map(str::to_owned).to_vec();
     // Check all inputs before slow work.
     let given = match &arguments.file {
-        Some(path) => Some((path, launch(path, &read_text(path)?, &overrides)?)),
+        Some(path) => Some((path, launch(path, &read_text(path, SMALL_TEXT_BYTES)?, &overrides)?)),
         None => None,
     };
     if let Some(path) = arguments.script.as_deref().filter(|name| *name != "generic").map(Path::new) {
-        check_strokes(&script::read(path, &read_text(path)?).map_err(|e| Failure::Input(e.to_string()))?)?;
+        check_strokes(&script::read(path, &read_text(path, SMALL_TEXT_BYTES)?).map_err(|e| Failure::Input(e.to_string()))?)?;
     }
     let out = fresh_folder(&arguments.out)?;
     let shipped = shipped::unpack(&out, given.is_none().then_some("vessel"))?;
@@ -162,7 +164,8 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
             path
         }
     };
-    let steps = script::read(&path, &read_text(&path)?).map_err(|e| Failure::Input(e.to_string()))?;
+    let text = read_text(&path, SMALL_TEXT_BYTES)?;
+    let steps = script::read(&path, &text).map_err(|problems| Failure::Mistakes(problems.lines().collect()))?;
     check_strokes(&steps)?;
 
     let (file, launch) = match given {
@@ -242,7 +245,7 @@ async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -
         verdict: &verdict,
     };
     report.tell(arguments.json);
-    if verdict.wrong.is_empty() { Ok(()) } else { Err(Failure::Work(verdict.wrong.join("\n"))) }
+    if verdict.wrong.is_empty() { Ok(()) } else { Err(Failure::Faults(verdict.wrong)) }
 }
 
 /// Extra inputs of a session with faults.

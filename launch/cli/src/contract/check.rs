@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use prost_reflect::{DescriptorPool, Kind as FieldKind};
+use sg_input::file;
+use sg_input::limits::DATA_BYTES;
 use sg_proto::golden::Line;
 use sg_proto::keys::{self, Kind, Row, role};
 use sg_proto::released;
@@ -36,7 +38,7 @@ pub(super) async fn check(arguments: &CheckArgs, session: Option<&str>) -> Comma
     let (name, image) = match &arguments.against {
         None => (format!("v{}", released::VERSION), released::IMAGE.to_vec()),
         Some(path) => {
-            let read = std::fs::read(path);
+            let read = file::read(path, DATA_BYTES);
             let bytes = read.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
             (path.display().to_string(), bytes)
         }
@@ -120,7 +122,7 @@ pub(super) fn golden_files(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, Fail
     for entry in std::fs::read_dir(folder).map_err(fail)? {
         let path = entry.map_err(fail)?.path();
         if let Some(package) = path.file_stem().and_then(|s| s.to_str()).filter(|_| path.is_file()) {
-            files.push((package.to_owned(), std::fs::read(&path).map_err(fail)?));
+            files.push((package.to_owned(), file::read(&path, DATA_BYTES).map_err(fail)?));
         }
     }
     files.sort();

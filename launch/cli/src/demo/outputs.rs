@@ -3,6 +3,9 @@
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
+use sg_input::file;
+use sg_input::limits::SMALL_TEXT_BYTES;
+
 use crate::playback::picture_base;
 use crate::script::Step;
 use crate::terminal::{self, Failure};
@@ -34,7 +37,7 @@ impl<'a> OutputFolder<'a> {
             Err(error) => return Err(fail(error)),
         };
         let manifest = path.join(MANIFEST);
-        match std::fs::read_to_string(&manifest) {
+        match file::read_text(&manifest, SMALL_TEXT_BYTES) {
             Ok(text) => {
                 let earlier: Vec<String> = serde_json::from_str(&text).map_err(|e| {
                     Failure::Input(format!("{}: {e}; give another folder with --out", manifest.display()))

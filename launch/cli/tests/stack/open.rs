@@ -42,7 +42,7 @@ fn unopenable_files_are_refused_with_one_line() {
     for (path, code, said) in [
         (Path::new("scene.ply"), Code::InvalidArgument, "absolute"),
         (&sandbox.path().join("none.ply"), Code::NotFound, "none.ply: No such file"),
-        (&pipe, Code::FailedPrecondition, "neither a file nor a folder"),
+        (&pipe, Code::FailedPrecondition, "it is a pipe"),
     ] {
         let fault = refused(path);
         assert!(fault.code == code && fault.message.contains(said), "{fault:?}");

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use sg_input::{file, limits};
+
 use super::executables::ExecutableSearch;
 use super::model::{LaunchFile, UnknownService};
 use super::read::{Source, read};
@@ -33,12 +35,12 @@ pub enum LoadError {
 }
 
 impl LoadError {
-    /// The error for a terminal: each mistake with its line of the file.
+    /// The error for a terminal: each mistake with its line of the file. Further lines of a mistake are indented.
     #[must_use]
-    pub fn report(&self) -> String {
+    pub fn report(&self) -> Vec<String> {
         match self {
             Self::Problems { problems, text } => snippet::report(problems, text),
-            other => other.to_string(),
+            other => vec![other.to_string()],
         }
     }
 }
@@ -48,7 +50,8 @@ impl LoadError {
 /// # Errors
 /// [`LoadError`] if the file cannot be read, has mistakes, or lacks a service of `only`.
 pub fn load(path: &Path, overrides: &[String], only: &[String]) -> Result<LaunchFile, LoadError> {
-    let text = std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let text = file::read_text(path, limits::SMALL_TEXT_BYTES)
+        .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
     let read = read(Source { path, text: &text, overrides }, &ExecutableSearch::here_then_path());
     let file = read.map_err(|problems| LoadError::Problems { problems, text })?;
     Ok(if only.is_empty() { file } else { file.only(only)? })

@@ -1,5 +1,6 @@
 //! From a document to a launch file. Every mistake carries its place.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use sg_proto::keys::role;
@@ -9,7 +10,7 @@ use super::model::{self, LaunchFile, Policy, Restart, Service, Start};
 use super::names::{MAX_SERVICE_NAME, is_name};
 use super::nodes;
 use super::order::{self, Edge};
-use crate::document::{self, Node, Problem, Problems, Reader, Table, Value};
+use crate::document::{self, MAX_PROBLEMS, Node, Problem, Problems, Reader, Table, Value};
 use crate::suggestion::suggestion;
 
 /// Version of the language.
@@ -119,12 +120,14 @@ fn launch_file(table: &Table, path: &Path, search: &ExecutableSearch, problems: 
         read.push(service(entry, table, &base, &nodes, &mut edges, path, search, problems));
     }
     duplicate_roles(&read, problems);
-    let names: Vec<_> = entries.iter().map(|e| e.key.as_str()).collect();
+    let names: Vec<_> = entries.iter().take(MAX_SERVICES).map(|e| e.key.as_str()).collect();
     edges.retain(|edge| {
         let known = names.contains(&edge.on.as_str());
         if !known {
+            // Suggestions take time, and only the first mistakes are reported.
+            let is_reported = problems.len() < MAX_PROBLEMS;
             let text = format!("`{}` comes after `{}`, which is no service{}", edge.from, edge.on, {
-                suggestion(&edge.on, names.iter().copied().filter(|n| *n != edge.from))
+                suggestion(&edge.on, names.iter().copied().filter(|n| is_reported && *n != edge.from))
             });
             problems.push(Problem { place: edge.place.clone(), text });
         }
@@ -183,7 +186,11 @@ fn service(
     }
     let params = reader.table("params").map(Table::to_json).unwrap_or_default();
     let mut after = Vec::new();
-    for condition in reader.table("after").map_or(&[][..], |t| &t.entries) {
+    let conditions = reader.table("after").map_or(&[][..], |t| &t.entries);
+    if let Some(extra) = conditions.get(MAX_SERVICES) {
+        reader.problem(&extra.place, format!("`after` names more than {MAX_SERVICES} services"));
+    }
+    for condition in conditions.iter().take(MAX_SERVICES) {
         match &condition.node.value {
             Value::String(s) if s == "ready" => {}
             Value::String(s) => {
@@ -270,12 +277,12 @@ fn read_policy(reader: &mut Reader<'_, '_>, base: &mut Defaults) {
         }
         inner.finish();
     }
-    for entry in env.map_or(&[][..], |t| &t.entries) {
+    let entries = env.map_or(&[][..], |t| &t.entries);
+    let replaced: HashSet<&str> = entries.iter().map(|e| e.key.as_str()).collect();
+    variables.retain(|(name, _)| !replaced.contains(name.as_str()));
+    for entry in entries {
         match &entry.node.value {
-            Value::String(value) => {
-                variables.retain(|(name, _)| *name != entry.key);
-                variables.push((entry.key.clone(), value.clone()));
-            }
+            Value::String(value) => variables.push((entry.key.clone(), value.clone())),
             _ => reader.problem(&entry.node.place, format!("environment variable `{}` must be a string", entry.key)),
         }
     }

@@ -4,6 +4,7 @@ use std::fs::{File, TryLockError};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
+use sg_input::{file, limits};
 use sg_runtime::session::SessionDir;
 
 use crate::error::StackError;
@@ -26,7 +27,7 @@ pub(super) async fn lock(session: &SessionDir) -> Result<File, StackError> {
             }
             Err(TryLockError::WouldBlock) => {
                 let name = session.name();
-                let pid = std::fs::read_to_string(&path).unwrap_or_default();
+                let pid = file::read_text(&path, limits::SMALL_TEXT_BYTES).unwrap_or_default();
                 return Err(StackError::SessionRuns { session: name.to_owned(), pid: pid.trim().to_owned() });
             }
             Err(TryLockError::Error(error)) => return Err(fail(error)),

@@ -5,6 +5,7 @@ use sg_proto::bus::Code;
 use sg_proto::{limits, render as proto};
 use sg_raster::attributes::{Attribute, Legend};
 use sg_raster::render::Projection;
+use sg_runtime::blobs::MAX_FILE_BYTES;
 use sg_runtime::fault::Fault;
 use sg_scene::appearance::{Clip, HalfSpace};
 use sg_scene::camera::Camera;
@@ -44,6 +45,19 @@ pub(super) fn legend(display_mode: DisplayMode, legend: &Legend) -> proto::Legen
     proto::Legend { attribute: attribute.to_owned(), low, high, logarithmic }
 }
 
+/// Refuses a picture that could not be fetched after it was stored.
+pub(super) fn check_stored(width: u32, height: u32) -> Result<(), Fault> {
+    // Four numbers a pixel, and a header.
+    let bytes = 16 * u64::from(width) * u64::from(height) + 1024;
+    if bytes <= MAX_FILE_BYTES {
+        return Ok(());
+    }
+    let text = format!(
+        "a picture of {width} x {height} pixels takes {bytes} bytes as .npy; at most {MAX_FILE_BYTES} are stored, so ask for fewer pixels"
+    );
+    Err(Fault::new(Code::OutOfRange, text))
+}
+
 /// A camera of a picture of this size; `otherwise` where none is given.
 pub(super) fn camera(asked: Option<&proto::Camera>, otherwise: Camera) -> Result<Camera, Fault> {
     let side = 1..=limits::MAX_PICTURE_PIXELS;
@@ -78,4 +92,16 @@ pub(super) fn clips(clips: &[proto::Clip]) -> Result<Vec<Clip>, Fault> {
         Ok(Clip { sides, keep_inside: !clip.hide_inside })
     };
     clips.iter().map(clip).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_small_enough_to_be_stored_beside_its_png() {
+        assert!(check_stored(4096, 4096).is_ok() && check_stored(8192, 4095).is_ok());
+        let fault = check_stored(limits::MAX_PICTURE_PIXELS, limits::MAX_PICTURE_PIXELS).unwrap_err();
+        assert!(fault.code == Code::OutOfRange && fault.message.contains("fewer pixels"), "{fault:?}");
+    }
 }

@@ -162,7 +162,8 @@ fn open_headset(setup: &DisplaySetup) -> Result<Result<Headset, String>, StartEr
     let options = Options { resolution: params.resolution, stance, ..Options::default() };
     let stack = std::os::unix::process::parent_id().to_string();
     let marker = setup.run_dir.join(HEADSET_MARKER);
-    let had_headset = std::fs::read_to_string(&marker).is_ok_and(|said| said == stack);
+    let had_headset =
+        sg_input::file::read_text(&marker, sg_input::limits::SMALL_TEXT_BYTES).is_ok_and(|said| said == stack);
     let begun = Instant::now();
     loop {
         match Headset::open(options) {

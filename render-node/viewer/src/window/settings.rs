@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use directories::ProjectDirs;
 use serde::{Deserialize, Serialize};
+use sg_input::{file, limits};
 
 use super::navigation::NavigationMode;
 use super::scene_view::MouseTool;
@@ -107,7 +108,7 @@ impl Settings {
     /// # Errors
     /// [`SettingsError`] for an unreadable or invalid file.
     pub fn load(path: &Path) -> Result<Option<Self>, SettingsError> {
-        let text = match std::fs::read_to_string(path) {
+        let text = match file::read_text(path, limits::SMALL_TEXT_BYTES) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(SettingsError::file(path, error)),

@@ -24,6 +24,6 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let Command::Serve(args) = Arguments::parse().command;
+    let Command::Serve(args) = sg_runtime::process::parse_command_line::<Arguments>().command;
     sg_runtime::process::run(args, env!("CARGO_PKG_VERSION"), actor::start)
 }

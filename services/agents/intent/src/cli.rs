@@ -1,7 +1,5 @@
 //! Offline subcommands: parse an utterance, list phrases.
 
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command writes to the terminal")]
-
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -9,6 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Subcommand;
 use prost::{Message as _, Name as _};
 use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
+use sg_input::print;
 use sg_language::{commands, grammar};
 use sg_llm::{Backend, ConfigError, Fallback, InterpretError, Interpreter, Parameters};
 use sg_proto::language::{Intent, IntentRequest, Observation};
@@ -120,8 +119,18 @@ pub(crate) fn run(command: &Command) -> ExitCode {
         Command::Parse { text, units, selected, model, json } => parse(text, units, *selected, model, *json),
         Command::Phrases { units } => {
             let names: Vec<&str> = units.iter().map(String::as_str).collect();
-            println!("{}", commands::help(&names));
-            ExitCode::SUCCESS
+            written(print::result(&commands::help(&names)))
+        }
+    }
+}
+
+/// The exit status after a result was written.
+fn written(result: std::io::Result<()>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            print::status(&format!("standard output: {error}"));
+            ExitCode::FAILURE
         }
     }
 }
@@ -140,30 +149,38 @@ fn parse(text: &str, units: &[String], selected: bool, model: &ModelArgs, json: 
     let intent = match outcome {
         Ok(intent) => intent,
         Err(error) => {
-            eprintln!("{error}");
+            print::status(&error.to_string());
             return ExitCode::from(error.exit_status());
         }
     };
     if !intent.fallback.is_empty() {
-        eprintln!("the grammar served: {}", intent.fallback);
+        print::status(&format!("the grammar served: {}", intent.fallback));
     }
     if json {
         match as_json(&intent) {
-            Ok(text) => println!("{text}"),
+            Ok(text) => {
+                if written(print::result(&text)) != ExitCode::SUCCESS {
+                    return ExitCode::FAILURE;
+                }
+            }
             Err(reason) => {
-                eprintln!("the intent cannot be written as JSON: {reason}");
+                print::status(&format!("the intent cannot be written as JSON: {reason}"));
                 return ExitCode::FAILURE;
             }
         }
     } else {
         for clause in &intent.clauses {
-            eprintln!("{}: “{}”", clause.act().as_str_name().trim_start_matches("ACT_").to_lowercase(), clause.words);
+            print::status(&format!(
+                "{}: “{}”",
+                clause.act().as_str_name().trim_start_matches("ACT_").to_lowercase(),
+                clause.words
+            ));
         }
         for part in &intent.not_understood {
-            eprintln!("not understood: “{part}”");
+            print::status(&format!("not understood: “{part}”"));
         }
         for suggestion in &intent.suggestions {
-            eprintln!("try: “{suggestion}”");
+            print::status(&format!("try: “{suggestion}”"));
         }
     }
     if intent.not_understood.is_empty() && !intent.clauses.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }

@@ -26,7 +26,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    match Arguments::parse().command {
+    match sg_runtime::process::parse_command_line::<Arguments>().command {
         Command::Serve(args) => sg_runtime::process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
         Command::Offline(command) => cli::run(&command),
     }

@@ -1,7 +1,6 @@
 //! The command: conversion of a volume to a scene folder, and the synthetic volume.
-#![allow(clippy::print_stdout, reason = "the output of a command and its error line")]
 
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -14,6 +13,8 @@ use sg_fit::direct::MAX_GAUSSIANS;
 use sg_fit::labels::labels_of;
 use sg_fit::{Options, Progress, Report, direct_start};
 use sg_formats::{check_scene_target, npy, staged_file};
+use sg_input::print::status as print_line;
+use sg_input::{file, limits, print};
 use sg_scene::model::Scene;
 use sg_volume::phantom::{self, VesselTree};
 use sg_volume::{
@@ -128,7 +129,15 @@ fn work(e: impl ToString) -> Failure {
 
 /// Runs the command with the arguments of this process.
 pub(crate) fn run() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        // Words of the command line can be names of files.
+        Err(error) if error.use_stderr() => {
+            print::status_lines(&error.to_string());
+            return ExitCode::from(2);
+        }
+        Err(help) => help.exit(),
+    };
     let result = match cli.command {
         Some(Command::Phantom { out, size, seed }) => make_phantom(&out, usize::from(size), seed, cli.json),
         None => fit(&cli.fit, cli.json),
@@ -140,11 +149,6 @@ pub(crate) fn run() -> ExitCode {
             ExitCode::from(failure.status)
         }
     }
-}
-
-/// Prints a line to standard error. A closed standard error is ignored.
-fn print_line(line: &str) {
-    let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
 #[derive(Serialize)]
@@ -227,7 +231,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         write(file, text.as_bytes())?;
     }
     if json {
-        print!("{text}");
+        print::result(&text).map_err(work)?;
     } else {
         let r = &start.report;
         print_line(&format!(
@@ -270,7 +274,10 @@ fn write_scene(
     let name = target.file_name().map(PathBuf::from);
     match given {
         // The unchanged file, with unknown keys.
-        Some(file) => write(&target, &std::fs::read(file).map_err(|e| input(format!("{}: {e}", file.display())))?)?,
+        Some(given) => write(
+            &target,
+            &file::read(given, limits::TEXT_BYTES).map_err(|e| input(format!("{}: {e}", given.display())))?,
+        )?,
         None => write(&target, function.to_json().map_err(work)?.as_bytes())?,
     }
     for unit in &mut scene.units {
@@ -337,7 +344,7 @@ fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Fa
     let text = serde_json::to_string_pretty(&truth).map_err(work)? + "\n";
     write(&out.join("truth.json"), text.as_bytes())?;
     if json {
-        print!("{text}");
+        print::result(&text).map_err(work)?;
     } else {
         print_line(&format!("{}: {size} x {size} x {size} voxels", out.join(&truth.volume).display()));
     }

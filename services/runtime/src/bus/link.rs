@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use sg_input::file;
+use sg_input::limits::SMALL_TEXT_BYTES;
 use sg_proto::keys::Identity;
 
 /// Endpoint of a unix socket: `unixsock-stream/PATH`.
@@ -41,7 +43,7 @@ impl Certificates {
     /// [`CertificateError`] for a file that cannot be read, is no certificate or has no common name.
     pub fn machine(&self) -> Result<String, CertificateError> {
         let fail = |reason: String| CertificateError { path: self.certificate.clone(), reason };
-        let pem = std::fs::read(&self.certificate).map_err(|e| fail(e.to_string()))?;
+        let pem = file::read(&self.certificate, SMALL_TEXT_BYTES).map_err(|e| fail(e.to_string()))?;
         let (_, pem) = x509_parser::pem::parse_x509_pem(&pem).map_err(|e| fail(format!("no certificate: {e}")))?;
         let certificate = pem.parse_x509().map_err(|e| fail(format!("no certificate: {e}")))?;
         let name = certificate.subject().iter_common_name().next().and_then(|n| n.as_str().ok());

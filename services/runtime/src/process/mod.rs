@@ -1,6 +1,7 @@
 //! One lifecycle for every process: connect, load, ready, serve, drain, stop.
 
 mod arguments;
+mod command_line;
 mod host;
 mod lifecycle;
 mod memory;
@@ -10,6 +11,7 @@ mod start_error;
 mod supervision;
 
 pub use arguments::ServeArgs;
+pub use command_line::{parse_command_line, parse_words};
 pub use host::Host;
 pub use lifecycle::{block_on, run};
 pub use memory::resident_bytes;

@@ -1,9 +1,12 @@
 //! Ends a process together with its supervisor.
 
+use std::path::Path;
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use nix::unistd::{Pid, getppid};
+use sg_input::file;
+use sg_input::limits::SMALL_TEXT_BYTES;
 
 use super::start_error::EXIT_FAILED;
 
@@ -64,7 +67,7 @@ impl Ancestor {
 
 /// Parent and start time of a process; `None` for a missing one or a zombie.
 fn stat(pid: i32) -> Option<(i32, String)> {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    let stat = file::read_text(Path::new(&format!("/proc/{pid}/stat")), SMALL_TEXT_BYTES).ok()?;
     // The second field is the name in brackets, with any characters. Count fields from its end.
     let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
     let state = *fields.first()?;

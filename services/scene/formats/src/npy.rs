@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use npyz::{DType, NpyHeader, Order, TypeChar, WriterBuilder};
 
 use crate::staged_file::StagedFile;
+use sg_input::file;
 use sg_scene::mask::Mask;
 
 /// Longest header that is read; those of plain arrays take 118 bytes.
@@ -198,8 +199,8 @@ type Data = BufReader<File>;
 /// Opens a file and reads its header; the data that the header promises are there.
 fn open(path: &Path) -> Result<(NpyHeader, Data), NpyError> {
     let read = |source| NpyError::Read { path: path.to_path_buf(), source };
-    let mut file = BufReader::new(File::open(path).map_err(read)?);
-    let size = file.get_ref().metadata().map_err(read)?.len();
+    let file::RegularFile { file, length: size, .. } = file::open(path).map_err(read)?;
+    let mut file = BufReader::new(file);
     let mut start = Vec::with_capacity(MAX_HEADER);
     (&mut file).take(MAX_HEADER as u64).read_to_end(&mut start).map_err(read)?;
     let bad = |what: String| content(path, "header", what, "give a NumPy .npy file as numpy.save writes it");

@@ -152,8 +152,10 @@ fn check(unit: &BaseUnit) -> Result<(), Problem> {
         let is_word =
             !name.is_empty() && name.len() <= 256 && name.chars().all(|c| !c.is_whitespace() && !c.is_control());
         if !is_word || unit.gaussians.extra.iter().take(k).any(|other| other.name == *name) {
-            let what =
-                format!("the extra column `{}` has a name twice or one that no PLY can hold", name.escape_debug());
+            let what = format!(
+                "the extra column `{}` has a name twice or one that no PLY can hold",
+                sg_input::printable(name)
+            );
             return Err(Problem::new(place(), what, "give it a name of its own without spaces"));
         }
     }

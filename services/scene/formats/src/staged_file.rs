@@ -4,7 +4,7 @@
 //! same name is refused before anything is written.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
@@ -98,16 +98,8 @@ pub fn check_replaceable(target: &Path) -> io::Result<()> {
     let Some((_, signatures)) = SIGNATURES.iter().find(|(known, _)| *known == ending) else {
         return Ok(());
     };
-    let mut first = [0; 6];
-    let mut read = 0;
-    let mut file = File::open(target)?;
-    while read < first.len() {
-        match file.read(&mut first[read..])? {
-            0 => break,
-            more => read += more,
-        }
-    }
-    if signatures.iter().any(|signature| first[..read].starts_with(signature)) {
+    let first = sg_input::file::read_start(target, 6)?;
+    if signatures.iter().any(|signature| first.starts_with(signature)) {
         return Ok(());
     }
     taken(format!("the file there is no {} file; move it away or give another name", ending.to_uppercase()))

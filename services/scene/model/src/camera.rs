@@ -4,6 +4,10 @@ use std::path::Path;
 
 use glam::{DMat4, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+use sg_input::{file, limits};
+
+/// Most pixels of a picture: 8192 x 8192.
+pub const MAX_PIXELS: u64 = 1 << 26;
 
 /// A pinhole camera as in COLMAP and 3DGS: axes x right, y down, z forward; the first pixel's centre at (0.5, 0.5).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -147,7 +151,8 @@ impl Camera {
     /// [`CameraError`] if it cannot be read, is not JSON of this form, or holds numbers that make no picture.
     pub fn read(path: &Path) -> Result<Self, CameraError> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| CameraError::Read { path: name.clone(), source })?;
+        let text = file::read_text(path, limits::SMALL_TEXT_BYTES)
+            .map_err(|source| CameraError::Read { path: name.clone(), source })?;
         let camera: Self =
             serde_json::from_str(&text).map_err(|source| CameraError::Parse { path: name.clone(), source })?;
         camera.check(&name)?;
@@ -162,6 +167,13 @@ impl Camera {
         let wrong = |field, found: String, want| Err(CameraError::Value { path: path.to_owned(), field, found, want });
         if self.width == 0 || self.height == 0 || self.width > 16_384 || self.height > 16_384 {
             return wrong("width, height", format!("{} x {}", self.width, self.height), "1 to 16384 pixels each");
+        }
+        if u64::from(self.width) * u64::from(self.height) > MAX_PIXELS {
+            return wrong(
+                "width, height",
+                format!("{} x {}", self.width, self.height),
+                "at most 67108864 pixels in all",
+            );
         }
         if !(self.fx > 0.0 && self.fy > 0.0 && self.fx.is_finite() && self.fy.is_finite()) {
             return wrong("fx, fy", format!("{}, {}", self.fx, self.fy), "finite and above 0");

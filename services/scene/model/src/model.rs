@@ -232,7 +232,7 @@ pub enum ShadingModel {
 }
 
 /// The activation of the stored shading columns of a unit's file.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Convention {
     /// Stored as used (our own files).

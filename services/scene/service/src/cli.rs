@@ -1,9 +1,4 @@
 //! The offline subcommands.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command line prints: reports to stdout, words to stderr"
-)]
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -17,6 +12,7 @@ use sg_formats::staged_file::{OutputError, check_outputs};
 use sg_formats::summary::Summary;
 use sg_formats::{Format, LoadOptions, Loaded, SaveError, SaveOptions, Warning};
 use sg_formats::{load, save};
+use sg_input::print;
 use sg_scene::model::{Convention, SceneBox, ShadingModel};
 
 /// Subcommands that work on files alone.
@@ -162,24 +158,32 @@ fn info(arguments: &Info) -> ExitCode {
 
 fn print_info(report: &InfoReport<'_>, loaded: &Loaded) {
     let Summary { gaussians, bounds, content_hash, units } = &report.summary;
-    eprintln!("{}: {}, {gaussians} Gaussians, {} base units", report.file.display(), report.format, units.len());
-    eprintln!("  box           {}", format_box(bounds));
-    eprintln!("  content hash  {content_hash}");
+    print::status(&format!(
+        "{}: {}, {gaussians} Gaussians, {} base units",
+        report.file.display(),
+        report.format,
+        units.len()
+    ));
+    print::status(&format!("  box           {}", format_box(bounds)));
+    print::status(&format!("  content hash  {content_hash}"));
     for (unit, format) in units.iter().zip(report.unit_formats) {
-        eprintln!("  unit `{}`: {format}, {} Gaussians from index {}", unit.name, unit.gaussians, unit.first);
-        eprintln!("    bounds      {}", format_box(&unit.bounds));
+        print::status(&format!(
+            "  unit `{}`: {format}, {} Gaussians from index {}",
+            unit.name, unit.gaussians, unit.first
+        ));
+        print::status(&format!("    bounds      {}", format_box(&unit.bounds)));
         let harmonics = unit.harmonics_degree.map_or(String::new(), |d| format!(" (degree {d})"));
-        eprintln!("    attributes  {}{harmonics}", unit.attributes.join(" "));
+        print::status(&format!("    attributes  {}{harmonics}", unit.attributes.join(" ")));
         if !unit.extra.is_empty() {
             let extra: Vec<_> = unit.extra.iter().map(|e| format!("{} ({})", e.name, e.scalar)).collect();
-            eprintln!("    extra       {}", extra.join(" "));
+            print::status(&format!("    extra       {}", extra.join(" ")));
         }
         let [r, g, b] = unit.palette;
-        eprintln!("    palette     {r} {g} {b}, opacity factor {}", unit.opacity);
+        print::status(&format!("    palette     {r} {g} {b}, opacity factor {}", unit.opacity));
         let oriented = if unit.oriented_normals { "oriented normals" } else { "unoriented normals" };
-        eprintln!("    drawn       {:?}, stored {:?}, {oriented}", unit.shading, unit.convention);
+        print::status(&format!("    drawn       {:?}, stored {:?}, {oriented}", unit.shading, unit.convention));
     }
-    eprintln!("  read in {:.3} s", report.read_seconds);
+    print::status(&format!("  read in {:.3} s", report.read_seconds));
     warn(&loaded.warnings);
 }
 
@@ -235,7 +239,7 @@ fn convert(arguments: &Convert) -> ExitCode {
     if arguments.json {
         return print_json(&report);
     }
-    eprintln!(
+    print::status(&format!(
         "{} ({}) -> {} ({}): {} Gaussians, read in {:.3} s, written in {:.3} s",
         report.input.display(),
         report.input_format,
@@ -244,7 +248,7 @@ fn convert(arguments: &Convert) -> ExitCode {
         report.gaussians,
         report.read_seconds,
         report.write_seconds
-    );
+    ));
     warn(&warnings);
     ExitCode::SUCCESS
 }
@@ -277,24 +281,19 @@ fn keep_transfer_functions(loaded: &mut Loaded, input: &Path, output: &Path) {
 
 fn warn(warnings: &[Warning]) {
     for warning in warnings {
-        eprintln!("warning: {warning}");
+        print::status(&format!("warning: {warning}"));
     }
 }
 
 pub(crate) fn print_json(report: &impl Serialize) -> ExitCode {
-    use std::io::Write;
-    let printed = serde_json::to_string_pretty(report)
-        .map_err(std::io::Error::from)
-        .and_then(|text| writeln!(std::io::stdout(), "{text}"));
-    match printed {
+    let text = serde_json::to_string_pretty(report).map_err(std::io::Error::from);
+    match text.and_then(|text| print::result(&text)) {
         Ok(()) => ExitCode::SUCCESS,
-        // A reader that has seen enough is no failure.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => fail(&error, 1),
     }
 }
 
 pub(crate) fn fail(error: &dyn std::error::Error, status: u8) -> ExitCode {
-    eprintln!("supergaussian-scene: {error}");
+    print::status(&format!("supergaussian-scene: {error}"));
     ExitCode::from(status)
 }

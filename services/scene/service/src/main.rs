@@ -8,7 +8,7 @@ mod project_folder;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use sg_runtime::process::ServeArgs;
+use sg_runtime::process::{ServeArgs, parse_command_line};
 
 #[derive(Debug, Parser)]
 #[command(name = "supergaussian-scene", version, about = "Scenes of editable Gaussians: serve, look into, convert")]
@@ -33,7 +33,7 @@ const EXAMPLE: &str = "Example (a supervisor does this):
     --connect unixsock-stream/$RUN/bus.sock --run-dir $RUN --params '{\"scene\": \"tooth.ply\"}'";
 
 fn main() -> ExitCode {
-    match Arguments::parse().command {
+    match parse_command_line::<Arguments>().command {
         Command::Serve(args) => actor::serve(args),
         Command::Offline(command) => cli::run(&command),
         Command::Projects(command) => project_commands::run(&command),

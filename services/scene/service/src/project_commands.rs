@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Subcommand;
+use sg_input::print;
 use supergaussian_scene::journal;
 
 use crate::cli::{WRONG_INPUT, fail, print_json};
@@ -67,16 +68,16 @@ fn done(command: &Command) -> Result<ExitCode, FolderError> {
     match command {
         Command::Projects { command: None } => return Ok(print_json(&folder.list()?)),
         Command::Projects { command: Some(ProjectsCommand::Delete { name }) } => {
-            eprintln!("deleted {}", folder.delete(name)?.display());
+            print::status(&format!("deleted {}", folder.delete(name)?.display()));
         }
         Command::Backup { project, copy } => {
             journal::copy(&folder.meant(project), copy)?;
-            eprintln!("{}: a copy of {}", copy.display(), folder.meant(project).display());
+            print::status(&format!("{}: a copy of {}", copy.display(), folder.meant(project).display()));
         }
         Command::Restore { backup, project } => {
             let project = folder.for_new(project)?;
             journal::copy(backup, &project)?;
-            eprintln!("{}: restored from {}", project.display(), backup.display());
+            print::status(&format!("{}: restored from {}", project.display(), backup.display()));
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -4,9 +4,10 @@
 //! checksum. A damaged entry is reported and computed again.
 
 use std::fs;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
+use sg_input::file;
 use sg_scene::model::Scene;
 
 use crate::cluster_graph::{ClusterGraph, Distances, Link, links};
@@ -113,13 +114,7 @@ impl ClusterCache {
 
 /// Reads a file up to the largest possible entry of a scene of this size.
 fn read_bounded(path: &Path, gaussians: usize) -> io::Result<Vec<u8>> {
-    let most = 1_000_000 + 1000 * gaussians as u64;
-    let mut bytes = Vec::new();
-    fs::File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > most {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, "longer than any entry of this scene"));
-    }
-    Ok(bytes)
+    file::read(path, 1_000_000 + 1000 * gaussians as u64)
 }
 
 fn encode(clustering: &Clustering, graph: &ClusterGraph) -> Vec<u8> {

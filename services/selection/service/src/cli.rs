@@ -1,16 +1,10 @@
 //! The offline subcommands: arguments and output.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command line prints: reports to stdout, messages to stderr"
-)]
 
 mod cluster;
 mod select;
 mod solve;
 
 use std::cell::Cell;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -25,6 +19,7 @@ use sg_clusters::geometry::GeometryOptions;
 use sg_clusters::progress::{Progress, Stage};
 use sg_formats::npy::NpyError;
 use sg_formats::{LoadOptions, Loaded, load, staged_file};
+use sg_input::print;
 
 /// Subcommands that work on files alone.
 #[derive(Debug, Subcommand)]
@@ -62,7 +57,7 @@ pub(crate) fn run(command: &Command) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {}", failure.message);
+            print::status(&format!("error: {}", failure.message));
             ExitCode::from(failure.status)
         }
     }
@@ -155,7 +150,7 @@ fn named<T: DeserializeOwned + Clone + Send + Sync + 'static>(
 fn read_scene(path: &Path) -> Result<Loaded, Failure> {
     let loaded = load(path, &LoadOptions::default()).map_err(Failure::input)?;
     for warning in &loaded.warnings {
-        eprintln!("warning: {}: {warning}", path.display());
+        print::status(&format!("warning: {}: {warning}", path.display()));
     }
     Ok(loaded)
 }
@@ -167,10 +162,7 @@ fn write_report(report: &impl Serialize, file: Option<&PathBuf>, to_stdout: bool
         write(path, text.as_bytes())?;
     }
     if to_stdout {
-        let sent = std::io::stdout().write_all(text.as_bytes());
-        // A closed pipe is no error: the reader has read enough.
-        sent.or_else(|e| if e.kind() == std::io::ErrorKind::BrokenPipe { Ok(()) } else { Err(e) })
-            .map_err(|e| Failure::work(format!("standard output: {e}")))?;
+        print::result(&text).map_err(|e| Failure::work(format!("standard output: {e}")))?;
     }
     Ok(())
 }

@@ -25,7 +25,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    match Arguments::parse().command {
+    match process::parse_command_line::<Arguments>().command {
         Command::Offline(command) => cli::run(&command),
         Command::Serve(args) => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
     }

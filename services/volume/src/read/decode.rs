@@ -59,7 +59,8 @@ impl Voxels {
         match self.packing {
             Packing::Plain if available != expected.saturating_add(skip) => return Err(wrong(ActualSize::Bytes(most))),
             Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(ActualSize::AtMost(most))),
-            _ => {}
+            Packing::Gzip | Packing::Zstd => source.check_expanded(expected.saturating_add(skip), available)?,
+            Packing::Plain => {}
         }
         let result = match self.packing {
             Packing::Plain => self.decode(reader, skip, expected),

@@ -80,6 +80,22 @@ pub enum ReadError {
         /// The limit in force.
         limit: u64,
     },
+    /// Compressed voxels would expand to more than the limit for a file of this size.
+    #[error(
+        "{}: {bytes} bytes of voxels in {stored} compressed bytes exceed the limit of {limit}; {remedy}", .path.display()
+    )]
+    Expanded {
+        /// The file.
+        path: PathBuf,
+        /// Bytes of all voxels.
+        bytes: u64,
+        /// Bytes of the compressed data.
+        stored: u64,
+        /// The limit in force.
+        limit: u64,
+        /// How to allow it.
+        remedy: String,
+    },
     /// Spacing, origin or axes do not form a grid.
     #[error("{}: {source}", .path.display())]
     Grid {

@@ -3,7 +3,7 @@
 //! A new format is one file with a type that implements the crate's `VolumeFormat`, and one row in [`FORMATS`].
 //!
 //! Every reader compares the size in a header or name with the size of the file *before* it allocates. Memory for
-//! compressed data grows only with the decoded bytes.
+//! compressed data grows only with the decoded bytes, up to [`sg_input::limits::expanded`].
 
 mod decode;
 mod error;
@@ -14,12 +14,13 @@ mod raw;
 mod source;
 mod vti;
 
-use std::io::{Read as _, Write};
+use std::io::Write;
 use std::path::Path;
 
 use crate::volume::Volume;
 
 use format::SNIFFED_BYTES;
+use sg_input::file;
 use source::Source;
 
 pub use error::{ActualSize, ReadError, WriteError};
@@ -83,10 +84,13 @@ pub fn read_volume(path: &Path) -> Result<Volume, ReadError> {
 pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadError> {
     let source = Source { path, limits };
     let name = source.file_name().to_ascii_lowercase();
-    let format = FORMATS.iter().find(|f| f.has_ending(&name)).or_else(|| {
-        let first = first_bytes(path);
-        FORMATS.iter().find(|f| f.sniff(&name, &first))
-    });
+    let format = match FORMATS.iter().find(|f| f.has_ending(&name)) {
+        Some(format) => Some(format),
+        None => {
+            let first = file::read_start(path, SNIFFED_BYTES).map_err(|e| source.io(e))?;
+            FORMATS.iter().find(|f| f.sniff(&name, &first))
+        }
+    };
     match format {
         Some(format) => format.read(source),
         None => {
@@ -107,18 +111,6 @@ pub fn write_volume(path: &Path, volume: &Volume, writer: &mut dyn Write) -> Res
         Some(format) => format.write(path, volume, writer),
         None => Err(WriteError::Ending { path: path.to_owned() }),
     }
-}
-
-/// The start of a file; empty for a file that cannot be read. Opening a pipe would block, so only regular files count.
-fn first_bytes(path: &Path) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    if std::fs::metadata(path).is_ok_and(|meta| meta.is_file())
-        && let Ok(file) = std::fs::File::open(path)
-        && file.take(SNIFFED_BYTES).read_to_end(&mut bytes).is_err()
-    {
-        bytes.clear();
-    }
-    bytes
 }
 
 #[cfg(test)]

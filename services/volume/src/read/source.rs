@@ -7,6 +7,7 @@ use crate::grid::GridError;
 use crate::scalars::ScalarType;
 
 use super::error::ReadError;
+use sg_input::{file, limits};
 
 /// Memory limit of a reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,13 +54,18 @@ impl Source<'_> {
 
     /// Opens the file and returns its size in bytes. Only a regular file has a size to check against.
     pub(super) fn open(&self) -> Result<(std::fs::File, u64), ReadError> {
-        let file = std::fs::File::open(self.path).map_err(|e| self.io(e))?;
-        let meta = file.metadata().map_err(|e| self.io(e))?;
-        if meta.is_file() {
-            Ok((file, meta.len()))
-        } else {
-            Err(self.io(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file")))
+        let opened = file::open(self.path).map_err(|e| self.io(e))?;
+        Ok((opened.file, opened.length))
+    }
+
+    /// Refuses compressed data that would expand beyond the limit for `stored` bytes.
+    pub(super) fn check_expanded(&self, bytes: u64, stored: u64) -> Result<(), ReadError> {
+        let limit = limits::expanded(stored);
+        if bytes > limit {
+            let (path, remedy) = (self.path.to_owned(), limits::remedy(bytes));
+            return Err(ReadError::Expanded { path, bytes, stored, limit, remedy });
         }
+        Ok(())
     }
 
     /// Bytes of `dims` voxels of a type, within the limit.

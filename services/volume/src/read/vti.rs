@@ -279,6 +279,7 @@ impl Array {
                 voxels.read(source, stored, size)
             }
             Some("vtkZLibDataCompressor") => {
+                source.check_expanded(expected, data.len() as u64)?;
                 let plain = blocks.inflate(&data, expected)?;
                 voxels.read(source, plain.as_slice(), plain.len() as u64)
             }
@@ -359,7 +360,8 @@ fn decode_base64(source: Source<'_>, place: &str, text: &[u8]) -> Result<Vec<u8>
 
 fn attribute(source: Source<'_>, e: &BytesStart<'_>, key: &str, at: usize) -> Result<Option<String>, ReadError> {
     let wrong = |what: String| source.format(format!("byte {at}"), what, "repair the XML");
-    match e.try_get_attribute(key) {
+    // Without checks for duplicates: they compare each attribute with all before it.
+    match e.attributes().with_checks(false).find(|a| a.as_ref().map_or(true, |a| a.key.as_ref() == key)).transpose() {
         Err(error) => Err(wrong(error.to_string())),
         Ok(None) => Ok(None),
         Ok(Some(a)) => match a.normalized_value(XmlVersion::Implicit1_0) {

@@ -236,7 +236,7 @@ pub(crate) struct UnitSource {
 }
 
 /// The Gaussians of one file, with activated shading columns.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Decoded {
     pub(crate) gaussians: Gaussians,
     pub(crate) format: Format,

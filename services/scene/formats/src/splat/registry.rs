@@ -52,7 +52,7 @@ impl Format {
     pub(crate) fn detect(source: &Source) -> Result<Self, Problem> {
         Self::all().find(|f| f.0.sniff(source)).ok_or_else(|| {
             let kind = match source.name.rsplit_once('.') {
-                Some((_, extension)) if !extension.is_empty() => format!(".{} files", extension.escape_debug()),
+                Some((_, extension)) if !extension.is_empty() => format!(".{} files", sg_input::printable(extension)),
                 _ => "files without a known ending".to_owned(),
             };
             Problem::new(

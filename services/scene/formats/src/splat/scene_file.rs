@@ -1,11 +1,13 @@
 //! `scene.toml`: the unit files of a scene, their placement and colours, and the scene's box.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, Vec3};
 use serde::Deserialize;
+use sg_input::file;
 use toml::{Spanned, Value};
 
 use crate::splat::toml_number::{exact_f32, row_major, transform};
@@ -15,8 +17,10 @@ use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
 
 /// The version that is written, and the greatest that is read.
 const SCHEMA: i64 = 1;
-/// Longest file that is read.
-const MAX_BYTES: u64 = 1 << 24;
+/// Longest file that is read: [`MAX_UNITS`] entries with every key.
+const MAX_BYTES: u64 = 4 << 20;
+/// Most base units.
+const MAX_UNITS: usize = 4096;
 
 /// The content of a `scene.toml`.
 #[derive(Debug, Clone, PartialEq)]
@@ -121,12 +125,7 @@ impl SceneFile {
     /// [`SceneFileError`] names the line and column of the problem.
     pub fn read(path: &Path) -> Result<Self, SceneFileError> {
         let failed = |source| SceneFileError::Read { path: path.to_path_buf(), source };
-        let size = std::fs::metadata(path).map_err(failed)?.len();
-        if size > MAX_BYTES {
-            let message = format!("the file takes {size} bytes; a scene file takes less than {MAX_BYTES}");
-            return Err(SceneFileError::Content { path: path.to_path_buf(), line: 1, column: 1, message });
-        }
-        Self::parse(&std::fs::read_to_string(path).map_err(failed)?, path)
+        Self::parse(&file::read_text(path, MAX_BYTES).map_err(failed)?, path)
     }
 
     /// Parses a file's text; `path` names it in errors.
@@ -157,12 +156,17 @@ impl SceneFile {
             }
             bounds = Some(SceneBox { min: min.into(), max: max.into() });
         }
+        if let Some(extra) = document.unit.get(MAX_UNITS) {
+            let message = format!("more than {MAX_UNITS} units; join some of their files");
+            return Err(wrong(extra.name.span(), message));
+        }
+        let mut names = HashSet::new();
         let mut units: Vec<UnitEntry> = Vec::with_capacity(document.unit.len());
         for table in document.unit {
             if table.name.get_ref().trim().is_empty() {
                 return Err(wrong(table.name.span(), "the name is empty; give the unit a name".to_owned()));
             }
-            if units.iter().any(|u| u.name == *table.name.get_ref()) {
+            if !names.insert(table.name.get_ref().clone()) {
                 let message = format!("a second unit is named `{}`; give each its own name", table.name.get_ref());
                 return Err(wrong(table.name.span(), message));
             }

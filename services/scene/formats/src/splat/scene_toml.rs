@@ -1,5 +1,6 @@
 //! `scene.toml` with one PLY for each base unit ([`crate::splat::scene_file`]).
 
+use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -76,22 +77,33 @@ fn earlier_scene(path: &Path) -> io::Result<Option<SceneFile>> {
     })
 }
 
-/// Whether a unit's file of this name would replace something else than the file of an earlier save: a foreign file, or one
-/// that the scene was read from.
-fn replaces_another(job: &WriteJob<'_>, earlier: Option<&SceneFile>, name: &str) -> bool {
-    let file = job.path.with_file_name(name);
-    let is_own = || earlier.is_some_and(|scene| scene.units.iter().any(|unit| unit.file == Path::new(name)));
-    let is_source = || {
-        let place = file.canonicalize().ok();
-        let sources = job.scene.units.iter().filter_map(|unit| unit.file.as_deref()?.canonicalize().ok());
-        sources.into_iter().any(|source| Some(source) == place)
-    };
-    file.symlink_metadata().is_ok() && (!is_own() || is_source())
+/// Files that a save must not replace.
+struct TakenFiles<'a> {
+    job: &'a WriteJob<'a>,
+    /// Files of units in the scene file that is replaced.
+    own: HashSet<PathBuf>,
+    /// Files that the scene was read from.
+    sources: HashSet<PathBuf>,
+}
+
+impl<'a> TakenFiles<'a> {
+    fn of(job: &'a WriteJob<'a>, earlier: Option<SceneFile>) -> Self {
+        let own = earlier.into_iter().flat_map(|scene| scene.units).map(|unit| unit.file).collect();
+        let sources = job.scene.units.iter().filter_map(|unit| unit.file.as_deref()?.canonicalize().ok()).collect();
+        Self { job, own, sources }
+    }
+
+    /// Whether the file beside the scene file is foreign, or one that the scene was read from.
+    fn contains(&self, name: &str) -> bool {
+        let file = self.job.path.with_file_name(name);
+        let is_source = || file.canonicalize().is_ok_and(|place| self.sources.contains(&place));
+        file.symlink_metadata().is_ok() && (!self.own.contains(Path::new(name)) || is_source())
+    }
 }
 
 fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
-    let earlier = earlier_scene(job.path)?;
-    let names = file_names(&job.scene.units, |name| replaces_another(job, earlier.as_ref(), name));
+    let taken = TakenFiles::of(job, earlier_scene(job.path)?);
+    let names = file_names(&job.scene.units, |name| taken.contains(name));
     let mut staged = Vec::with_capacity(names.len());
     let paths: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
     let mut file = SceneFile::of_scene(job.scene, &paths);
@@ -122,14 +134,22 @@ fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>
 /// A file name for each unit: its name in plain letters, distinct on file systems that ignore case, and not taken.
 fn file_names(units: &[BaseUnit], is_taken: impl Fn(&str) -> bool) -> Vec<String> {
     let mut names: Vec<String> = Vec::with_capacity(units.len());
+    let mut given = HashSet::new();
+    // The next number of each stem, so that a thousand units of one name take a thousand steps.
+    let mut next: HashMap<String, usize> = HashMap::new();
     for unit in units {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
         let stem: String = unit.name.chars().take(64).map(plain).collect();
         let stem = if stem.is_empty() { "unit".to_owned() } else { stem };
-        let is_free = |name: &str| !names.iter().any(|n| n.eq_ignore_ascii_case(name)) && !is_taken(name);
-        let numbered = (2_usize..).map(|k| format!("{stem}-{k}.ply"));
-        let name = std::iter::once(format!("{stem}.ply")).chain(numbered).find(|n| is_free(n));
-        names.push(name.unwrap_or_default());
+        let number = next.entry(stem.to_ascii_lowercase()).or_insert(1);
+        let name = loop {
+            let name = if *number == 1 { format!("{stem}.ply") } else { format!("{stem}-{number}.ply") };
+            *number += 1;
+            if !is_taken(&name) && given.insert(name.to_ascii_lowercase()) {
+                break name;
+            }
+        };
+        names.push(name);
     }
     names
 }

@@ -50,7 +50,7 @@ impl UnitComments {
                 continue;
             }
             if !toml::from_str::<Line>(comment).is_ok_and(|line| out.take(line)) {
-                let message = format!("the comment `{}` cannot be read and is ignored", comment.escape_debug());
+                let message = format!("the comment `{}` cannot be read and is ignored", sg_input::printable(comment));
                 warnings.push(Warning::new(WarningCode::Ignored, message));
             }
         }

@@ -73,8 +73,8 @@ impl ProjectLock {
 /// Whether another process, or another part of this one, has the project. An unreadable file counts as free.
 #[must_use]
 pub fn is_in_use(path: &Path) -> bool {
-    let Ok(file) = File::open(path) else { return false };
-    matches!(is_granted(&file, libc::F_RDLCK), Ok(false))
+    let Ok(opened) = sg_input::file::open(path) else { return false };
+    matches!(is_granted(&opened.file, libc::F_RDLCK), Ok(false))
 }
 
 /// Asks for a lock that belongs to the open file. It ends with it, and with the process.

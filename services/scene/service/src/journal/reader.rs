@@ -1,6 +1,5 @@
 //! Reading a project without owning it: its description, and a copy of it.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -66,7 +65,7 @@ pub fn copy(project: &Path, copy: &Path) -> Result<(), JournalError> {
         return Err(damaged(project, sound));
     }
     // SQLite does not wait for the disk here.
-    File::open(staged.path()).and_then(|file| file.sync_all()).map_err(storage)?;
+    sg_input::file::open(staged.path()).and_then(|opened| opened.file.sync_all()).map_err(storage)?;
     match staged.persist_noclobber(copy) {
         Ok(_) => sync_folder(copy).map_err(storage),
         Err(error) if error.error.kind() == std::io::ErrorKind::AlreadyExists => {

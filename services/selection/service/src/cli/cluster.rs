@@ -8,6 +8,7 @@ use serde::Serialize;
 use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, FixedSeeds, Method, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_formats::npy::{read_indices, write_labels};
+use sg_input::print::status;
 
 use super::{Bar, Clustering, Failure, check_outputs, named, read_scene, write_report};
 
@@ -82,7 +83,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     bar.finish();
     let (clustering, report) = made?;
     write_labels(&arguments.out, &clustering.labels)?;
-    eprintln!(
+    status(&format!(
         "{} Gaussians in {} clusters of {:.0} on average ({} dropped), {:.2} s: {}",
         report.gaussians,
         report.clusters,
@@ -90,7 +91,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         report.dropped,
         report.seconds.get("total").copied().unwrap_or(0.0),
         arguments.out.display()
-    );
+    ));
     let report = Report { scene: &arguments.scene, clustering: &report, read_seconds };
     write_report(&report, arguments.report.as_ref(), arguments.json)
 }

@@ -13,6 +13,8 @@ use sg_clusters::clustering::{Clustering, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_clusters::progress::{Progress, Stage};
 use sg_formats::npy::{read_labels, read_mask, write_array, write_mask};
+use sg_input::print::status;
+use sg_input::{file, limits};
 use sg_proto::stroke_file::{self, Limits};
 use sg_scene::model::Scene;
 use sg_selection::mask_agreement::Agreement;
@@ -217,12 +219,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         write(file, text.as_bytes())?;
     }
     let selected = mask.count();
-    eprintln!(
+    status(&format!(
         "{selected} of {} Gaussians selected in {count} steps in {:.1} ms: {}",
         scene.len(),
         1e3 * seconds,
         arguments.out.display()
-    );
+    ));
     let report = Report {
         scene: &arguments.scene,
         strokes: count,
@@ -242,7 +244,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Reads the steps of a stroke file.
 fn read_steps(path: &Path) -> Result<Vec<Step>, Failure> {
     let name = path.display();
-    let text = std::fs::read_to_string(path)
+    let text = file::read_text(path, limits::TEXT_BYTES)
         .map_err(|e| Failure::input(format!("{name}: {e}; give the path of a strokes JSON file")))?;
     let limits = Limits { strokes: 0..=MAX_STEPS, points: MAX_POINTS };
     let steps = stroke_file::parse(&text, &limits).map_err(|e| Failure::input(format!("{name}: {e}")))?;
@@ -276,7 +278,7 @@ fn index(
                 let (clustering, graph) = *entry;
                 return Ok((SelectionIndex::of_clusters(scene, &clustering, &graph, options), None));
             }
-            Found::Damaged(why) => eprintln!("warning: {why}; the clusters are computed again"),
+            Found::Damaged(why) => status(&format!("warning: {why}; the clusters are computed again")),
             Found::Nothing => {}
         }
     }
@@ -303,7 +305,7 @@ fn index(
     if let Some((cache, key)) = &cached
         && let Err(e) = cache.store(key, &clustering, &graph)
     {
-        eprintln!("warning: {}: {e}; the clusters were not cached", cache.path(key).display());
+        status(&format!("warning: {}: {e}; the clusters were not cached", cache.path(key).display()));
     }
     let refiner = arguments
         .refine

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
+use sg_input::{file, limits};
 use sg_walk::{Conductance, Network, Precision, Problem, Seed, Solver, WalkError, solve};
 
 use super::{Failure, check_outputs, named, write};
@@ -23,8 +24,15 @@ pub(crate) struct Arguments {
     precision: Precision,
 }
 
-/// Most nodes of a graph.
+/// Most nodes of a graph of any size.
 const MAX_NODES: usize = 50_000_000;
+/// Nodes that a file of any length may have.
+const FREE_NODES: usize = 10_000;
+
+/// Most nodes of a graph in a file of `length` bytes. A node that takes part takes a few bytes.
+fn most_nodes(length: usize) -> usize {
+    length.saturating_add(FREE_NODES).min(MAX_NODES)
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -50,11 +58,12 @@ struct Answer {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.graph;
     check_outputs(&[Some(&arguments.out)], &[Some(path)])?;
-    let text = std::fs::read_to_string(path)
+    let text = file::read_text(path, limits::DATA_BYTES)
         .map_err(|e| Failure::input(format!("{}: {e}; give the path of a graph JSON file", path.display())))?;
     let graph: Graph = serde_json::from_str(&text).map_err(|e| wrong(path, &e.to_string()))?;
+    let length = text.len();
     drop(text);
-    let (network, seeds) = check(&graph).map_err(|reason| wrong(path, &reason))?;
+    let (network, seeds) = check(&graph, most_nodes(length)).map_err(|reason| wrong(path, &reason))?;
     let problem = Problem { network: &network, seeds: &seeds, leak: graph.leak, leaking: None };
     let solver = arguments.solver.with(arguments.precision);
     let solution = solve(&problem, solver.as_ref(), None).map_err(|e| match e {
@@ -71,10 +80,10 @@ fn wrong(path: &Path, reason: &str) -> Failure {
     Failure::input(format!("{}: {reason}", path.display()))
 }
 
-fn check(graph: &Graph) -> Result<(Network, Vec<Seed>), String> {
+fn check(graph: &Graph, most: usize) -> Result<(Network, Vec<Seed>), String> {
     let n = graph.nodes;
-    if n > MAX_NODES {
-        return Err(format!("{n} nodes are too many; at most {MAX_NODES} can be solved"));
+    if n > most {
+        return Err(format!("{n} nodes are too many for this file; at most {most} of its nodes can take part"));
     }
     let mut edges = Vec::with_capacity(graph.edges.len());
     for (i, &(u, v, w)) in graph.edges.iter().enumerate() {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::Scalar;
-use super::header::{Element, Encoding, Header, Kind};
+use super::header::{Element, Encoding, Header, Kind, Property, printable};
 use super::table::{Column, Table};
 use crate::splat::problem::Problem;
 
@@ -29,8 +29,24 @@ struct Part {
 }
 
 impl PlyFile {
-    /// Parses a file. Counts in the header are checked against the file's length before memory is allocated.
-    pub(crate) fn parse(bytes: Vec<u8>) -> Result<Self, Problem> {
+    /// The bytes of a file of `length` bytes that [`PlyFile::parse`] needs, from its first [`MAX_HEADER`](super::MAX_HEADER) bytes. Counts in the
+    /// header are checked against the length. Bytes after the last element are not needed.
+    pub(crate) fn needed(start: &[u8], length: u64) -> Result<u64, Problem> {
+        let header = Header::parse(start)?;
+        let has_list = |e: &Element| e.properties.iter().any(|p| matches!(p.kind, Kind::List { .. }));
+        if header.encoding == Encoding::Ascii || header.elements.iter().any(has_list) {
+            return Ok(length);
+        }
+        let mut at = header.length as u64;
+        for element in &header.elements {
+            at += row_bytes(element, length.saturating_sub(at))?;
+        }
+        Ok(at)
+    }
+
+    /// Parses the needed bytes of a file of `length` bytes. Counts in the header are checked before memory is allocated.
+    pub(crate) fn parse(bytes: Vec<u8>, length: u64) -> Result<Self, Problem> {
+        let unread = usize::try_from(length.saturating_sub(bytes.len() as u64)).unwrap_or(usize::MAX);
         let header = Header::parse(&bytes)?;
         let mut parts = Vec::with_capacity(header.elements.len());
         let (data, trailing) = match header.encoding {
@@ -57,7 +73,7 @@ impl PlyFile {
                         swap_rows(part, &mut data);
                     }
                 }
-                let trailing = data.len() - at;
+                let trailing = (data.len() - at).saturating_add(unread);
                 (data, trailing)
             }
         };
@@ -123,16 +139,18 @@ fn too_long(element: &Element, than: &str) -> Problem {
 
 /// Bytes of an element's rows, checked against the length of the file.
 fn binary_length(element: &Element, encoding: Encoding, rest: &[u8]) -> Result<usize, Problem> {
-    let mut stride = 0_u64;
-    for property in &element.properties {
-        match property.kind {
-            Kind::Scalar(s) => stride += s.size() as u64,
-            Kind::List { .. } => return list_length(element, encoding, rest),
-        }
+    if element.properties.iter().any(|p| matches!(p.kind, Kind::List { .. })) {
+        return list_length(element, encoding, rest);
     }
-    let have = rest.len() as u64;
+    row_bytes(element, rest.len() as u64).map(|bytes| usize::try_from(bytes).unwrap_or(usize::MAX))
+}
+
+/// Bytes of the rows of an element without lists, of which `have` bytes follow.
+fn row_bytes(element: &Element, have: u64) -> Result<u64, Problem> {
+    let size = |p: &Property| if let Kind::Scalar(s) = p.kind { s.size() as u64 } else { 0 };
+    let stride: u64 = element.properties.iter().map(size).sum();
     match element.count.checked_mul(stride) {
-        Some(need) if need <= have => Ok(usize::try_from(need).unwrap_or(usize::MAX)),
+        Some(need) if need <= have => Ok(need),
         _ => Err(Problem::new(
             format!("element {}, row {}", element.name, have / stride.max(1)),
             format!("{} rows of {stride} bytes are announced, only {have} bytes follow", element.count),
@@ -252,7 +270,7 @@ fn read_text(element: &Element, lines: &mut TextLines<'_>, data: &mut Vec<u8>) -
             if !push_number(word, scalar, data) {
                 return Err(Problem::new(
                     format!("line {number}, property {}", property.name),
-                    format!("`{}` is no {}", word.escape_default(), scalar.name()),
+                    format!("`{}` is no {}", printable(word), scalar.name()),
                     format!("write {} numbers in each row of element {}", element.properties.len(), element.name),
                 ));
             }

@@ -1,10 +1,12 @@
 //! The header: `ply`, `format`, `comment`, `element`, `property`, `end_header`.
 
+use std::collections::HashSet;
+
 use super::Scalar;
 use crate::splat::problem::Problem;
 
 /// Longest header that is read; a scene of 62 columns takes about two thousand bytes.
-const MAX_HEADER: usize = 1 << 20;
+pub(crate) const MAX_HEADER: usize = 1 << 20;
 /// Most properties of one element.
 const MAX_PROPERTIES: usize = 4096;
 /// Most elements.
@@ -58,6 +60,8 @@ impl Header {
         }
         let mut header = Self { encoding: Encoding::Ascii, comments: vec![], elements: vec![], length: 0, lines: 0 };
         let mut encoding = None;
+        // The properties of the last element.
+        let mut names: HashSet<String> = HashSet::new();
         loop {
             let Some(line) = lines.next() else {
                 return Err(Problem::new(
@@ -77,7 +81,7 @@ impl Header {
                         Some("binary_little_endian") => Encoding::LittleEndian,
                         Some("binary_big_endian") => Encoding::BigEndian,
                         other => {
-                            let what = format!("unknown format `{}`", other.unwrap_or_default());
+                            let what = format!("unknown format `{}`", printable(other.unwrap_or_default()));
                             return Err(Problem::new(place(), what, "use ascii or binary_little_endian"));
                         }
                     });
@@ -85,14 +89,16 @@ impl Header {
                 Some("element") => {
                     let element = element(&mut words, &header.elements).map_err(|e| e.at(place()))?;
                     header.elements.push(element);
+                    names.clear();
                 }
                 Some("property") => {
                     let Some(element) = header.elements.last_mut() else {
                         return Err(Problem::new(place(), "a property before any element", "write the header again"));
                     };
                     let property = property(&mut words).map_err(|e| e.at(place()))?;
-                    if element.properties.iter().any(|p| p.name == property.name) {
-                        let what = format!("a second property `{}` of element {}", property.name, element.name);
+                    if !names.insert(property.name.clone()) {
+                        let (name, of) = (printable(&property.name), printable(&element.name));
+                        let what = format!("a second property `{name}` of element {of}");
                         return Err(Problem::new(place(), what, "rename or remove one of them"));
                     }
                     if element.properties.len() == MAX_PROPERTIES {
@@ -167,9 +173,10 @@ fn property<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<Property, N
     }
 }
 
-/// A word of a hostile file, fit for a terminal.
-fn printable(word: &str) -> String {
-    word.chars().take(40).flat_map(char::escape_default).collect()
+/// The start of a word that a message quotes.
+pub(super) fn printable(word: &str) -> String {
+    let start: String = word.chars().take(40).collect();
+    sg_input::printable(&start).into_owned()
 }
 
 struct Lines<'a> {

@@ -8,6 +8,7 @@ mod table;
 mod write;
 
 pub(crate) use body::PlyFile;
+pub(crate) use header::MAX_HEADER;
 pub(crate) use table::{Column, Table, f32_at};
 pub(crate) use write::{OutElement, OutProperty, OutValues, write};
 

@@ -1,0 +1,246 @@
+//! The readers of the command line: a right file for each, and the words that make a command read a file.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use sg_formats::npy::{write_array, write_labels, write_mask};
+use sg_formats::{Format, SaveOptions, save};
+use sg_scene::mask::Mask;
+use sg_scene::synthetic::samples;
+
+use crate::case::Case;
+
+/// Gaussians of the right scenes.
+pub(crate) const GAUSSIANS: usize = 60;
+
+/// A reader of the command line.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reader {
+    /// Its name in titles.
+    pub(crate) name: &'static str,
+    /// The ending of its files.
+    pub(crate) ending: &'static str,
+    /// Words of the command; `{}` stands for the file.
+    words: &'static [&'static str],
+    /// Whether mistakes come with lines of the file.
+    pub(crate) shows_lines: bool,
+}
+
+const fn reader(name: &'static str, ending: &'static str, words: &'static [&'static str]) -> Reader {
+    Reader { name, ending, words, shows_lines: false }
+}
+
+/// Every reader.
+pub(crate) const READERS: [Reader; 27] = [
+    reader("ply", ".ply", &["scene", "info", "{}"]),
+    reader("ascii", ".ply", &["scene", "convert", "{}", "to.splat"]),
+    reader("editable", ".ply", &["scene", "info", "{}", "--json"]),
+    reader("ivrgs", ".ply", &["scene", "convert", "{}", "to.ply"]),
+    reader("quantised", ".ply", &["scene", "info", "{}"]),
+    reader("compressed", ".compressed.ply", &["render", "{}", "--out", "to.png", "--backend", "cpu"]),
+    reader("splat", ".splat", &["selection", "cluster", "{}", "--out", "to.npy"]),
+    reader("scene", ".toml", &["scene", "info", "{}"]),
+    reader("palette", ".pth", &["scene", "info", "palette.ply"]),
+    reader("labels", ".npy", &["render", "right.ply", "--out", "to.png", "--show", "clusters", "--clusters", "{}"]),
+    reader("mask", ".npy", &["render", "right.ply", "--out", "to.png", "--mask", "{}"]),
+    reader("seeds", ".npy", &["selection", "cluster", "right.ply", "--out", "to.npy", "--seeds", "{}", "--cell", "1"]),
+    reader(
+        "truth",
+        ".npy",
+        &["selection", "select", "right.ply", "--strokes", "right.json", "--out", "to.npy", "--truth", "{}"],
+    ),
+    reader(
+        "clusters",
+        ".npy",
+        &["selection", "select", "right.ply", "--strokes", "right.json", "--out", "to.npy", "--clusters", "{}"],
+    ),
+    reader("camera", ".json", &["render", "right.ply", "--out", "to.png", "--camera", "{}"]),
+    reader("strokes", ".json", &["selection", "select", "right.ply", "--strokes", "{}", "--out", "to.npy"]),
+    reader("graph", ".json", &["selection", "solve", "{}", "--out", "to.json"]),
+    reader(
+        "transfer",
+        ".json",
+        &["fit", "right_8x8x8_uint8.raw", "--initial-only", "--out", "to", "--transfer-function", "{}"],
+    ),
+    reader("raw", "_8x8x8_uint8.raw", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("raw.gz", "_8x8x8_uint8.raw.gz", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("raw.zst", "_8x8x8_uint8.raw.zst", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("nrrd", ".nrrd", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("vti", ".vti", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("nifti", ".nii", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader(
+        "truth volume",
+        "_8x8x8_uint8.raw",
+        &["fit", "right_8x8x8_uint8.raw", "--initial-only", "--out", "to", "--labels", "{}", "--out-truth", "to.npy"],
+    ),
+    Reader { shows_lines: true, ..reader("launch", ".toml", &["check", "{}"]) },
+    Reader { shows_lines: true, ..reader("script", ".toml", &["demo", "right.ply", "--script", "{}", "--out", "to"]) },
+];
+
+/// The reader of this name.
+pub(crate) fn named(name: &str) -> Reader {
+    READERS.into_iter().find(|r| r.name == name).unwrap()
+}
+
+impl Reader {
+    /// A case of this reader with its other, right files. The hostile file, `file`, is still to be added.
+    pub(crate) fn case(self, family: &'static str, name: &str, file: &str) -> Case {
+        let words: Vec<&str> = self.words.iter().map(|w| if *w == "{}" { file } else { w }).collect();
+        let mut case = Case::new(family, format!("{}: {name}", self.name), &words);
+        let right = &*RIGHT;
+        if words.contains(&"right.ply") {
+            case = case.bytes("right.ply", right.of("ply"));
+        }
+        if words.contains(&"right.json") {
+            case = case.bytes("right.json", right.of("strokes"));
+        }
+        if words.contains(&"right_8x8x8_uint8.raw") {
+            case = case.bytes("right_8x8x8_uint8.raw", right.of("raw"));
+        }
+        if self.name == "palette" {
+            // Its unit names no palette, so the file beside it is read.
+            case = case.bytes("palette.ply", right.of("ivrgs"));
+        }
+        case
+    }
+
+    /// The name of the hostile file.
+    pub(crate) fn file(self) -> String {
+        if self.name == "palette" { "palette.pth".to_owned() } else { format!("in{}", self.ending) }
+    }
+}
+
+/// The bytes of a right file for each reader.
+pub(crate) struct Right(Vec<(&'static str, Vec<u8>)>);
+
+impl Right {
+    pub(crate) fn of(&self, reader: &str) -> Vec<u8> {
+        self.0.iter().find(|(name, _)| *name == reader).map(|(_, bytes)| bytes.clone()).unwrap()
+    }
+}
+
+pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let saved = |name: &str, format: Format, editable: bool| {
+        let unit = if editable { samples::editable_columns(GAUSSIANS, 1) } else { samples::harmonic(GAUSSIANS, 1, 1) };
+        let scene = sg_scene::model::Scene::compose(vec![samples::unit("sac", unit)], None);
+        let path = at(name);
+        save(&path, &scene, &SaveOptions { format: Some(format), ..SaveOptions::default() }).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    let read = |path: &Path| std::fs::read(path).unwrap();
+    let array = |name: &str, write: &dyn Fn(&Path)| {
+        write(&at(name));
+        read(&at(name))
+    };
+    let labels: Vec<i32> = (0..GAUSSIANS as i32).map(|i| i % 4).collect();
+    let mask = Mask::from_fn(GAUSSIANS, |i| i % 2 == 0);
+    let voxels: Vec<u8> = (0..512_u32).map(|i| (i * 37 % 251) as u8).collect();
+    let gzip = |bytes: &[u8]| {
+        use std::io::Write;
+        let mut out = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        out.write_all(bytes).unwrap();
+        out.finish().unwrap()
+    };
+    let masks = array("mask.npy", &|p| write_mask(p, &mask).unwrap());
+    let label_array = array("labels.npy", &|p| write_labels(p, &labels).unwrap());
+    let vti = |data: &str| {
+        format!(
+            "<VTKFile type=\"ImageData\" byte_order=\"LittleEndian\"><ImageData WholeExtent=\"0 7 0 7 0 7\" \
+             Origin=\"0 0 0\" Spacing=\"1 1 1\"><Piece Extent=\"0 7 0 7 0 7\"><PointData Scalars=\"d\">\
+             <DataArray type=\"UInt8\" Name=\"d\" format=\"ascii\">{data}</DataArray></PointData></Piece></ImageData></VTKFile>"
+        )
+    };
+    let numbers: Vec<String> = voxels.iter().map(u8::to_string).collect();
+    Right(vec![
+        ("ply", saved("a.ply", Format::THREE_DGS, false)),
+        ("ascii", ascii_ply(GAUSSIANS).into_bytes()),
+        ("editable", saved("b.ply", Format::OURS, true)),
+        ("ivrgs", saved("c.ply", Format::IVRGS, true)),
+        ("quantised", saved("d.ply", Format::IVRGS_QUANTISED, true)),
+        ("compressed", saved("e.compressed.ply", Format::COMPRESSED, false)),
+        ("splat", saved("f.splat", Format::SPLAT, false)),
+        ("scene", scene_file(&["right.ply"]).into_bytes()),
+        ("palette", Vec::new()),
+        ("labels", label_array.clone()),
+        ("mask", masks.clone()),
+        ("seeds", array("seeds.npy", &|p| write_array(p, &[2], &[1_i64, 30]).unwrap())),
+        ("truth", masks),
+        ("clusters", label_array),
+        ("camera", camera(64, 64).into_bytes()),
+        ("strokes", strokes(1).into_bytes()),
+        ("graph", br#"{"nodes":3,"edges":[[0,1,1],[1,2,1]],"foreground":[0],"background":[2],"leak":0}"#.to_vec()),
+        ("transfer", transfer(1).into_bytes()),
+        ("raw", voxels.clone()),
+        ("raw.gz", gzip(&voxels)),
+        ("raw.zst", zstd::encode_all(&voxels[..], 3).unwrap()),
+        ("nrrd", [nrrd("8 8 8", "uint8", "raw").into_bytes(), voxels.clone()].concat()),
+        ("vti", vti(&numbers.join(" ")).into_bytes()),
+        ("nifti", nifti([8, 8, 8], &voxels)),
+        ("truth volume", voxels.iter().map(|v| v % 3).collect()),
+        ("launch", b"schema = 1\n[service.scene]\nexec = \"/bin/true\"\n".to_vec()),
+        ("script", b"[[step]]\nsay = \"help\"\n".to_vec()),
+    ])
+});
+
+/// A PLY of text with the columns of 3DGS.
+pub(crate) fn ascii_ply(rows: usize) -> String {
+    let names = [
+        "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
+        "rot_2", "rot_3",
+    ];
+    let properties: String = names.iter().map(|n| format!("property float {n}\n")).collect();
+    let row = |i: usize| format!("{i} 0 0 0 0 0 0 -3 -3 -3 1 0 0 0\n");
+    let body: String = (0..rows).map(row).collect();
+    format!("ply\nformat ascii 1.0\nelement vertex {rows}\n{properties}end_header\n{body}")
+}
+
+/// A scene file of units with these files.
+pub(crate) fn scene_file(files: &[&str]) -> String {
+    let unit = |(at, file): (usize, &&str)| format!("[[unit]]\nname = \"u{at}\"\nfile = \"{file}\"\n");
+    format!("schema = 1\n{}", files.iter().enumerate().map(unit).collect::<String>())
+}
+
+pub(crate) fn camera(width: u64, height: u64) -> String {
+    format!(
+        "{{\"width\":{width},\"height\":{height},\"fx\":50,\"fy\":50,\"cx\":32,\"cy\":32,\
+         \"world_to_camera\":[1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1]}}"
+    )
+}
+
+pub(crate) fn strokes(count: usize) -> String {
+    let one = r#"{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0.5,0.5,0.5]]}"#;
+    format!("{{\"strokes\":[{}]}}", vec![one; count].join(","))
+}
+
+/// A transfer function with this number of base units.
+pub(crate) fn transfer(units: usize) -> String {
+    let unit = |i: usize| format!("{{\"name\":\"u{i}\",\"range\":[{i},{}]}}", i + 1);
+    let units: Vec<String> = (0..units).map(unit).collect();
+    format!(
+        "{{\"domain\":[0,255],\"points\":[{{\"value\":0,\"color\":[0,0,0],\"opacity\":0}},{{\"value\":255,\"color\":[1,1,1],\"opacity\":1}}],\"base_units\":[{}]}}",
+        units.join(",")
+    )
+}
+
+pub(crate) fn nrrd(sizes: &str, kind: &str, encoding: &str) -> String {
+    format!("NRRD0004\ntype: {kind}\ndimension: 3\nsizes: {sizes}\nencoding: {encoding}\nendian: little\n\n")
+}
+
+/// A NIfTI-1 file of uint8.
+pub(crate) fn nifti(dims: [i16; 3], voxels: &[u8]) -> Vec<u8> {
+    let mut header = vec![0_u8; 352];
+    header[..4].copy_from_slice(&348_i32.to_le_bytes());
+    for (at, size) in [3, dims[0], dims[1], dims[2], 1, 1, 1, 1].into_iter().enumerate() {
+        header[40 + 2 * at..][..2].copy_from_slice(&size.to_le_bytes());
+    }
+    header[70..72].copy_from_slice(&2_i16.to_le_bytes());
+    header[72..74].copy_from_slice(&8_i16.to_le_bytes());
+    for at in 0..4 {
+        header[76 + 4 * at..][..4].copy_from_slice(&1_f32.to_le_bytes());
+    }
+    header[108..112].copy_from_slice(&352_f32.to_le_bytes());
+    header[344..348].copy_from_slice(b"n+1\0");
+    [&header[..], voxels].concat()
+}
