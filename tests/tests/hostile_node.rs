@@ -250,12 +250,13 @@ async fn forge_everything(hostile: &Hostile, names: &[String]) -> usize {
                 keys::ANY => vec![role::SCENE, role::SELECTION, role::SUPERVISOR, AWAY],
                 role => vec![role],
             };
-            let instance = keys::instance("scene.1");
+            let own_instance = if *truth == role::NODE { keys::node_instance("gpu1") } else { INSTANCE.to_owned() };
+            let instances = [keys::instance("scene.1"), keys::instance(&own_instance)];
             let honest = Envelope { sender: (*truth).to_owned(), ..Envelope::default() }.encode_to_vec();
             let each_payload = payloads.iter().map(|p| (p, &honest));
             let each_envelope = payloads.first().into_iter().flat_map(|p| envelopes.iter().map(move |e| (p, e)));
             for (payload, envelope) in each_payload.chain(each_envelope) {
-                for segment in roles.iter().copied().chain([instance.as_str()]) {
+                for segment in roles.iter().copied().chain(instances.iter().map(String::as_str)) {
                     let raw = RawMessage {
                         encoding: format!("application/protobuf;{name}"),
                         payload: Some(payload.clone()),
@@ -348,6 +349,14 @@ fn a_hostile_node_changes_nothing() {
     assert_eq!(revision(), first);
     let log = trial.stack.log();
     assert!(!log.contains("gpu2"), "{log}");
+    // The forgeries have arrived, and each receiver has counted them.
+    let (_, metrics, _) = trial.stack.run(&["metrics"]).unwrap();
+    let refused =
+        |line: &&str| line.starts_with("supergaussian_refused_total{") && line.contains("role=\"supervisor\"");
+    for row in ["event/health", "event/ready", "event/log", "cmd/join"] {
+        let counted = metrics.lines().filter(refused).any(|l| l.contains(row));
+        assert!(counted, "{row}: {:?}", metrics.lines().filter(|l| l.contains("refused")).collect::<Vec<_>>());
+    }
 
     // gpu1 cannot join as gpu2, nor gpu2 as gpu1.
     let join = |node: &str| JoinRequest { node: node.into(), process_id: "forged".into(), ..JoinRequest::default() };
@@ -378,6 +387,7 @@ fn a_hostile_node_changes_nothing() {
     let second = revision();
     let (status, _, all) = trial.stack.run(&["say", "make body blue", "--timeout", "20"]).unwrap();
     assert!(revision() > second, "{status:?} {all}");
+    // It does not end its process, but the stack ends without it.
     let (status, _, all) = trial.stack.run(&["down"]).unwrap();
     assert_eq!(status, Some(0), "{all}");
 }

@@ -74,6 +74,9 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["certificates", "new", "--home", "localhost", "--node", "gpu1", "--node", "../gpu2"],
             ],
         ),
+        ("projects", vec![&["projects", "delete", "none"], &["projects", "open", "none"]]),
+        ("backup", vec![&["backup", "none", "new.sgproj"], &["backup", "a.ply", "new.sgproj"]]),
+        ("restore", vec![&["restore", "missing.sgproj", "new"], &["restore", "a.ply", "new"]]),
         ("doctor", vec![&["doctor", "launch.toml"]]),
         ("check", vec![&["check", "launch.toml"]]),
         ("graph", vec![&["graph", "launch.toml"]]),
@@ -221,6 +224,8 @@ impl Place {
         let mut command = command(&self.at("run")).unwrap();
         command.env("HOME", self.at("home")).env("XDG_DATA_HOME", self.at("home/data"));
         command.env("XDG_CONFIG_HOME", self.at("home/config")).env("XDG_CACHE_HOME", self.at("home/cache"));
+        // The driver's cache of shaders is not the command's.
+        command.env("MESA_SHADER_CACHE_DISABLE", "true");
         command.current_dir(self.work()).args(arguments).stdin(Stdio::null()).output().unwrap()
     }
 }

@@ -232,10 +232,12 @@ fn a_stack_on_two_hosts_equals_one_host_and_survives_network_faults() {
     let (status, all) = trial.say("make body blue");
     assert_eq!(status, Some(0), "what needs no picture is done: {all}");
     assert!(begun.elapsed() < Duration::from_secs(15), "{:?}", begun.elapsed());
-    let context = Context::root().deadline_in(Duration::from_secs(1));
+    let (begun, context) = (Instant::now(), Context::root().deadline_in(Duration::from_secs(1)));
     let fault =
         runtime.block_on(bus.ask_role(&keys::STATUS, role::SELECTION, &StatusRequest {}, &context)).unwrap_err();
-    assert_eq!(fault.code, Code::Unavailable, "{fault}");
+    // The router may take the cut link for a slow one for some seconds more.
+    assert!(matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded), "{fault}");
+    assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
 
     // It heals: everything is there again, and the scene is as it was left.
     proxy.heal();

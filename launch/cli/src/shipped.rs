@@ -21,7 +21,7 @@ pub(crate) fn launch_file(
     search: &ExecutableSearch,
 ) -> Result<LaunchFile, Failure> {
     let source = Source { path: Path::new(name), text, overrides };
-    read(source, search).map_err(|problems| Failure::Work(problems.to_string()))
+    read(source, search).map_err(|problems| Failure::Faults(problems.lines().collect()))
 }
 
 /// Name of the generated strokes for the generic script.

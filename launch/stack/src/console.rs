@@ -210,7 +210,7 @@ mod tests {
         let log = Arc::new(Mutex::new(LogFile::create(path.clone())));
         let console = Console { sender, dropped: Arc::default(), verbosity: Verbosity::Quiet, colored: false, log };
         for _ in 0..3 {
-            console.print("  \u{1b}[32mx\u{1b}[0m y".into());
+            console.print(format!("  {} y", paint(Color::Green, "x", true)));
         }
         console.print_detail("more".into());
         assert_eq!(console.dropped.load(Ordering::Relaxed), 2);

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use toml::de::{DeTable, DeValue};
 
-use sg_input::printable;
+use sg_input::{limits, printable};
 
 use crate::suggestion::suggestion;
 
@@ -186,6 +186,7 @@ impl Table {
 /// # Errors
 /// The first syntax error.
 pub fn parse(text: &str) -> Result<Table, Problem> {
+    limits::check_toml_parts(text).map_err(|text| Problem { place: Place::File { line: 1, column: 1 }, text })?;
     let places = Places::of(text);
     let place = |at: usize| places.place(at);
     let table = DeTable::parse(text).map_err(|e| Problem {

@@ -146,10 +146,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mark = format!("{}-0-", u32::MAX);
         std::fs::write(folder.path().join("processes"), format!("mark {mark}\nepoch 4\n")).unwrap();
-        let mut command = std::process::Command::new("setsid");
-        let mut child = command.args(["sleep", "60"]).env(descendants::MARK, format!("{mark}1")).spawn().unwrap();
-        tokio::time::sleep(Duration::from_millis(50)).await;
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", "setsid sleep 60 >/dev/null 2>&1 & echo $!"]).env(descendants::MARK, format!("{mark}1"));
+        let pid: u32 = String::from_utf8(command.output().unwrap().stdout).unwrap().trim().parse().unwrap();
+        assert!(start_time(pid).is_some());
         PidRegistry::open(folder.path()).await.unwrap();
-        assert_eq!(std::os::unix::process::ExitStatusExt::signal(&child.wait().unwrap()), Some(9));
+        assert_eq!(start_time(pid), None);
     }
 }

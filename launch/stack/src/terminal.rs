@@ -8,13 +8,13 @@ use sg_input::{print, printable, printable_lines};
 /// Writes a status line to standard error. Text of files and messages is escaped, and [`paint`]ed parts are coloured.
 /// Ignores a closed stream: supervision goes on without a reader.
 pub fn print_status(line: &str) {
-    let _ = writeln!(io::stderr().lock(), "{}", rendered(&print::shortened(line), |part| printable(part)));
+    let _ = writeln!(io::stderr().lock(), "{}", rendered(&print::shortened(line), printable));
 }
 
 /// The text of a result for a terminal: as [`print_status`] writes it, with all its lines.
 #[must_use]
 pub fn rendered_lines(text: &str) -> String {
-    rendered(text, |part| printable_lines(part))
+    rendered(text, printable_lines)
 }
 
 /// Whether lines on this stream may be coloured: it is a terminal, and `NO_COLOR` (no-color.org) is not set.
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn only_painted_text_has_escape_codes() {
         let line = format!("{} \u{1b}[2J{}", paint(Color::Red, "FAILED", true), paint(Color::Red, "x", false));
-        assert_eq!(rendered(&line, |part| printable(part)), "\u{1b}[31mFAILED\u{1b}[0m \\u001b[2Jx");
+        assert_eq!(rendered(&line, printable), "\u{1b}[31mFAILED\u{1b}[0m \\u001b[2Jx");
         assert_eq!(rendered_lines("a\n\u{202e}b"), "a\n\\u202eb");
     }
 

@@ -309,7 +309,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         BackendName::Gpu => Backend::Gpu,
     };
     if matches!(picture.backend, BackendName::Gpu) && backend == Backend::Cpu {
-        print::status(&format!("warning: `exact` and `per-ray` are drawn by the cores, not by a graphics device"));
+        print::status("warning: `exact` and `per-ray` are drawn by the cores, not by a graphics device");
     }
     let rasterizer = match picture.rasterizer {
         RasterizerName::Tiles => Rasterizer::Tiles,

@@ -21,12 +21,28 @@ pub const TEXT_BYTES: u64 = 8 << 20;
 /// Most bytes of a file of numbers. Its content takes up to ten times its length.
 pub const DATA_BYTES: u64 = 16 << 30;
 
-/// Decoded bytes that every file may have.
-const EXPANDED_FREE: u64 = 32 << 20;
-/// Decoded bytes for each stored byte beyond that. Voxels of real scans take 2 to 20, those of label volumes up to 200.
-const EXPANDED_RATIO: u64 = 128;
+/// Decoded bytes that every file may have: those of 256³ voxels of a byte.
+const EXPANDED_FREE: u64 = 16 << 20;
+/// Decoded bytes for each stored byte beyond that. Voxels of real scans take 2 to 20. Large label volumes can take more, and
+/// then need [`RAISED`].
+const EXPANDED_RATIO: u64 = 64;
+/// Most parts of a text in TOML.
+const MAX_PARTS: usize = 250_000;
 
-/// Most decoded bytes of a file with this many stored bytes: 32 MiB and 128 for each stored byte.
+/// Refuses TOML of very many tables, lists, keys and items. Its parsed form takes up to 650 bytes for each of them, so the
+/// length of the text alone says little.
+///
+/// # Errors
+/// One line with the number and the limit.
+pub fn check_toml_parts(text: &str) -> Result<(), String> {
+    let parts = text.bytes().filter(|b| matches!(b, b'[' | b'{' | b'=' | b',')).count();
+    if parts as u64 > at_least(MAX_PARTS as u64) {
+        return Err(format!("{parts} keys, items, lists and tables; the limit is {MAX_PARTS}"));
+    }
+    Ok(())
+}
+
+/// Most decoded bytes of a file with this many stored bytes: 16 MiB and 64 for each stored byte.
 #[must_use]
 pub fn expanded(stored: u64) -> u64 {
     at_least(EXPANDED_FREE.saturating_add(stored.saturating_mul(EXPANDED_RATIO)))
@@ -61,8 +77,15 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_toml_are_counted() {
+        assert_eq!(check_toml_parts("[a]\nb = [1, 2]\n"), Ok(()));
+        let error = check_toml_parts(&"{a=".repeat(200_000)).unwrap_err();
+        assert!(error.starts_with("400000 keys"), "{error}");
+    }
+
+    #[test]
     fn small_files_may_expand_and_large_ones_by_the_ratio() {
-        assert_eq!((expanded(0), expanded(1 << 20)), (32 << 20, (32 + 128) << 20));
+        assert_eq!((expanded(0), expanded(1 << 20)), (16 << 20, (16 + 64) << 20));
         assert_eq!(expanded(u64::MAX), u64::MAX);
         assert!(remedy((5 << 20) + 1).starts_with("SUPERGAUSSIAN_READ_MIB=6 "));
     }

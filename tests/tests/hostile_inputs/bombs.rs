@@ -90,24 +90,32 @@ pub(crate) fn cases() -> Vec<Case> {
     cases
 }
 
+/// A checkpoint with these entries.
+fn zipped(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for (name, bytes) in entries {
+        zip.start_file(format!("archive/{name}"), options).unwrap();
+        zip.write_all(bytes).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
 /// Checkpoints beside a unit.
 fn palettes() -> Vec<Case> {
     let mut cases = Vec::new();
     let reader = readers::named("palette");
-    let zipped = |entries: &[(&str, Vec<u8>)]| {
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
-        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-        for (name, bytes) in entries {
-            zip.start_file(format!("archive/{name}"), options).unwrap();
-            zip.write_all(bytes).unwrap();
-        }
-        zip.finish().unwrap().into_inner()
-    };
     let mut add = |name: &str, bytes: Vec<u8>| {
         cases.push(reader.case("bombs", name, &reader.file()).bytes(&reader.file(), bytes).ending(Ending::Refused));
     };
     let pickle = |body: &[u8]| [b"\x80\x02", body, b"."].concat();
-    add("a pickle of 200 MiB", zipped(&[("data.pkl", vec![b'N'; 200 << 20])]));
+    add("a pickle of 200 MiB", {
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
+        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        zip.start_file("archive/data.pkl", options).unwrap();
+        zeros(|piece| zip.write_all(piece).unwrap(), 200);
+        zip.finish().unwrap().into_inner()
+    });
     add("a pickle of nothing", zipped(&[("data.pkl", Vec::new())]));
     add("a call", zipped(&[("data.pkl", pickle(b"cos\nsystem\nX\x04\x00\x00\x00true\x85R"))]));
     add("deep tuples", zipped(&[("data.pkl", pickle(&[&b")"[..], &b"\x85".repeat(1_000_000)].concat()))]));
@@ -122,10 +130,9 @@ fn palettes() -> Vec<Case> {
     add("a text of four gigabytes", zipped(&[("data.pkl", pickle(b"X\xff\xff\xff\xff"))]));
     add("an unknown opcode", zipped(&[("data.pkl", pickle(b"\xff"))]));
     add("names that escape", zipped(&[("\u{1b}[2J", Vec::new()), ("../../data.pkl", b"\x80\x02N.".to_vec())]));
-    add(
-        "many entries",
-        zipped(&(0..5000).map(|_| 0).enumerate().map(|(i, _)| (leak(i), Vec::new())).collect::<Vec<_>>()),
-    );
+    let names: Vec<String> = (0..5000).map(|i| format!("data/{i}")).collect();
+    let entries: Vec<(&str, Vec<u8>)> = names.iter().map(|name| (name.as_str(), Vec::new())).collect();
+    add("many entries", zipped(&entries));
     add("no zip", b"PK\x03\x04".repeat(1000));
     add("a zip that is cut off", {
         let whole = zipped(&[("data.pkl", pickle(b"N"))]);
@@ -135,9 +142,4 @@ fn palettes() -> Vec<Case> {
     entries.extend(b"PK\x05\x06\x00\x00\x00\x00\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\x00\x00");
     add("a directory that is not there", entries);
     cases
-}
-
-/// A name that lives as long as the test.
-fn leak(i: usize) -> &'static str {
-    Box::leak(format!("data/{i}").into_boxed_str())
 }

@@ -1,6 +1,6 @@
 //! Contents that are cut off, damaged, or promise what does not follow.
 
-use crate::case::{Case, Ending};
+use crate::case::Case;
 use crate::readers::{self, READERS, RIGHT, Reader};
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -47,7 +47,7 @@ pub(crate) fn cases() -> Vec<Case> {
 
 fn one(reader: Reader, name: &str, bytes: Vec<u8>) -> Case {
     let file = reader.file();
-    let ending = if reader.shows_lines { Ending::Mistakes } else { Ending::Refused };
+    let ending = reader.mistakes();
     reader.case("contents", name, &file).bytes(&file, bytes).ending(ending)
 }
 
@@ -116,7 +116,7 @@ fn arrays() -> Vec<Case> {
     let mut cases = Vec::new();
     let array = |header: &str, data: &[u8]| {
         let mut text = header.to_owned();
-        while (text.len() + 11) % 64 != 0 {
+        while !(text.len() + 11).is_multiple_of(64) {
             text.push(' ');
         }
         text.push('\n');
@@ -153,7 +153,7 @@ fn arrays() -> Vec<Case> {
             }
         }
         let out_of_range = if matches!(name, "mask" | "truth") {
-            array(&header("|u1", &format!("({},)", readers::GAUSSIANS)), &vec![7; readers::GAUSSIANS])
+            array(&header("|u1", &format!("({},)", readers::GAUSSIANS)), &[7; readers::GAUSSIANS])
         } else {
             array(&header("<i8", "(2,)"), &[0xff; 16])
         };
@@ -273,6 +273,7 @@ fn texts() -> Vec<Case> {
             ("a key without end", format!("{} = 1\n", "k".repeat(500_000))),
             ("a list of zeros", format!("a = [{}]\n", "0,".repeat(400_000))),
             ("a table twice", "[a]\n[a]\n".to_owned()),
+            ("tables in tables", format!("a = [{}]\n", "{b={c=1}},".repeat(95_000))),
         ] {
             cases.push(one(reader, name, text.into_bytes()));
         }

@@ -21,7 +21,7 @@ pub(crate) fn cases() -> Vec<Case> {
             // A file that is not there, and one of a wrong content.
             let case = reader.case("names", name, &file);
             let wrong = if reader.shows_lines { "= \u{1b}[31m\n" } else { "\u{1b}[2Jwrong \u{202e}" };
-            let ending = if reader.shows_lines { Ending::Mistakes } else { Ending::Refused };
+            let ending = reader.mistakes();
             cases.push(if at % 2 == 0 { case.bytes(&file, wrong).ending(ending) } else { case });
         }
     }
@@ -35,7 +35,7 @@ fn in_files() -> Vec<Case> {
     let escape = "\u{1b}[2J\u{9b}31m\u{202e}";
     let mut add = |reader: &str, name: &str, text: String| {
         let reader = readers::named(reader);
-        let ending = if reader.shows_lines { Ending::Mistakes } else { Ending::Refused };
+        let ending = reader.mistakes();
         cases.push(reader.case("names inside", name, &reader.file()).bytes(&reader.file(), text).ending(ending));
     };
     let ply = |header: &str| format!("ply\nformat ascii 1.0\n{header}end_header\n");
@@ -56,7 +56,11 @@ fn in_files() -> Vec<Case> {
     add("scene", "convention", {
         "schema = 1\n[[unit]]\nname = \"a\"\nfile = \"a.ply\"\nconvention = \"\\u001b[2J\\n\"\n".to_owned()
     });
-    add("transfer", "unit twice", readers::transfer(2).replace("u1", "\\u001b[2J").replace("u0", "\\u001b[2J"));
+    add(
+        "transfer",
+        "unit twice",
+        readers::transfer(2).replace("\"u1\"", "\"\\u001b[2J\"").replace("\"u0\"", "\"\\u001b[2J\""),
+    );
     add("transfer", "scale", "{\"domain\":[0,1],\"scale\":\"\\u001b[2J\\u202e\",\"points\":[]}".to_owned());
     add("camera", "key", "{\"\\u001b[2J\\u202e\\n\":1}".to_owned());
     add("strokes", "mode", "{\"strokes\":[{\"mode\":\"\\u001b[2J\\n\"}]}".to_owned());
@@ -67,14 +71,7 @@ fn in_files() -> Vec<Case> {
     add("nrrd", "sizes", readers::nrrd(escape, "uint8", "raw"));
     add("nrrd", "encoding", readers::nrrd("8 8 8", "uint8", escape));
     add("nrrd", "line", format!("NRRD0004\n{escape}\n\n"));
-    add(
-        "nrrd",
-        "data file",
-        format!(
-            "{}data file: {escape}\n\n",
-            readers::nrrd("8 8 8", "uint8", "raw").trim_end_matches('\n').to_owned() + "\n"
-        ),
-    );
+    add("nrrd", "data file", format!("{}\ndata file: {escape}\n\n", readers::nrrd("8 8 8", "uint8", "raw").trim_end()));
     let vti = String::from_utf8(RIGHT.of("vti")).unwrap();
     add("vti", "type", vti.replace("\"ImageData\" byte", "\"&#27;[2J&#x202e;\" byte"));
     add("vti", "array", vti.replace("UInt8", "&#27;[2J").replace("Name=\"d\"", "Name=\"&#155;&#10;\""));

@@ -8,7 +8,7 @@ use sg_formats::{Format, SaveOptions, save};
 use sg_scene::mask::Mask;
 use sg_scene::synthetic::samples;
 
-use crate::case::Case;
+use crate::case::{Case, Ending};
 
 /// Gaussians of the right scenes.
 pub(crate) const GAUSSIANS: usize = 60;
@@ -83,6 +83,11 @@ pub(crate) fn named(name: &str) -> Reader {
 }
 
 impl Reader {
+    /// The ending for a file with mistakes.
+    pub(crate) fn mistakes(self) -> Ending {
+        if self.shows_lines { Ending::Mistakes } else { Ending::Refused }
+    }
+
     /// A case of this reader with its other, right files. The hostile file, `file`, is still to be added.
     pub(crate) fn case(self, family: &'static str, name: &str, file: &str) -> Case {
         let words: Vec<&str> = self.words.iter().map(|w| if *w == "{}" { file } else { w }).collect();
@@ -99,7 +104,7 @@ impl Reader {
         }
         if self.name == "palette" {
             // Its unit names no palette, so the file beside it is read.
-            case = case.bytes("palette.ply", right.of("ivrgs"));
+            case = case.bytes("palette.ply", without_comments(&right.of("ivrgs")));
         }
         case
     }
@@ -183,6 +188,14 @@ pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
         ("script", b"[[step]]\nsay = \"help\"\n".to_vec()),
     ])
 });
+
+/// A PLY without the comments of its header.
+pub(crate) fn without_comments(ply: &[u8]) -> Vec<u8> {
+    let end = b"end_header\n";
+    let at = ply.windows(end.len()).position(|w| w == end).unwrap();
+    let lines = ply[..at].split_inclusive(|b| *b == b'\n').filter(|line| !line.starts_with(b"comment "));
+    [lines.flatten().copied().collect::<Vec<u8>>(), ply[at..].to_vec()].concat()
+}
 
 /// A PLY of text with the columns of 3DGS.
 pub(crate) fn ascii_ply(rows: usize) -> String {

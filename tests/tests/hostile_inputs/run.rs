@@ -68,7 +68,7 @@ pub(crate) fn complaints(case: &Case) -> Vec<String> {
     }
     let text = format!("{out}{errors}");
     if printable_lines(&text) != text {
-        complaints.push(format!("writes {:?}", said));
+        complaints.push(format!("writes {said:?}"));
     }
     if case.ending != Ending::Done {
         if !out.is_empty() {

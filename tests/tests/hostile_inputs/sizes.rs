@@ -5,7 +5,7 @@ use crate::readers::{self, RIGHT};
 
 fn one(reader: &str, name: &str, text: String) -> Case {
     let reader = readers::named(reader);
-    let ending = if reader.shows_lines { Ending::Mistakes } else { Ending::Refused };
+    let ending = reader.mistakes();
     reader.case("sizes", name, &reader.file()).bytes(&reader.file(), text).ending(ending)
 }
 
@@ -24,7 +24,7 @@ pub(crate) fn cases() -> Vec<Case> {
             .bytes("right.ply", right.clone())
     };
     cases.push(shared(2000).ending(Ending::Done));
-    let editable = readers::RIGHT.of("ivrgs");
+    let editable = RIGHT.of("ivrgs");
     cases.push(
         Case::new("sizes", "2000 units of one file with its palette", &["scene", "info", "in.toml", "--json"])
             .bytes("in.toml", units(2000, "right.ply"))

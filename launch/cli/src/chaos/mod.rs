@@ -149,7 +149,9 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
         None => None,
     };
     if let Some(path) = arguments.script.as_deref().filter(|name| *name != "generic").map(Path::new) {
-        check_strokes(&script::read(path, &read_text(path, SMALL_TEXT_BYTES)?).map_err(|e| Failure::Input(e.to_string()))?)?;
+        check_strokes(
+            &script::read(path, &read_text(path, SMALL_TEXT_BYTES)?).map_err(|e| Failure::Input(e.to_string()))?,
+        )?;
     }
     let out = fresh_folder(&arguments.out)?;
     let shipped = shipped::unpack(&out, given.is_none().then_some("vessel"))?;

@@ -29,7 +29,7 @@ fn a_service_has_no_new_privileges_no_core_dumps_and_secret_parameters() {
         let arguments = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
         assert!(!String::from_utf8_lossy(&arguments).contains(secret), "{}", process.path().display());
     }
-    let params = sandbox.path().join("run/f/params/one-1.json");
+    let params = sandbox.path().join("run/f/params/one.1.json");
     assert_eq!(std::fs::metadata(&params).unwrap().permissions().mode() & 0o777, 0o600);
     assert!(std::fs::read_to_string(&params).unwrap().contains(secret));
     assert_eq!(sandbox.run(&["down"]).0, 0);

@@ -132,8 +132,8 @@ impl Supervisor {
         });
     }
 
-    fn signal(&self, id: ProcessId, signal: Signal) -> Option<Event> {
-        if self.nodes.signal(&self.bus, id, signal) {
+    fn signal(&mut self, id: ProcessId, signal: Signal) -> Option<Event> {
+        if self.nodes.signal(&self.bus, id, signal, self.clock.instant()) {
             return None;
         }
         let (pid, _) = self.pids.get(&id)?;

@@ -396,12 +396,13 @@ impl Supervisor {
         Event::Exited { id, exit }
     }
 
-    /// Events for nodes whose lease has run out.
+    /// Events for nodes whose lease has run out, and for processes that a node does not end.
     fn expired_leases(&mut self) -> VecDeque<Event> {
         let away = self.nodes.expired(self.clock.instant());
         for name in &away {
             self.console.print(format!("  node {name} does not answer; its services start again when it returns"));
         }
-        away.into_iter().map(|name| Event::Node { name, present: false }).collect()
+        let overdue = self.nodes.overdue(self.clock.instant());
+        away.into_iter().map(|name| Event::Node { name, present: false }).chain(overdue).collect()
     }
 }

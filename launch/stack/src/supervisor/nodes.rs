@@ -48,6 +48,8 @@ pub(super) struct RemoteProcess {
     pub(super) service: usize,
     /// Number of its start, once the node has reported it.
     number: Option<u64>,
+    /// Time of the first request to kill it.
+    killed: Option<Instant>,
 }
 
 /// Result of a start on a node.
@@ -93,7 +95,27 @@ impl Nodes {
     /// End of the next lease.
     pub(super) fn deadline(&self) -> Option<Instant> {
         let ends = |k: &KnownNode| k.joined.as_ref().map(|j| j.last_report + k.lease + MARGIN);
-        self.known.values().filter_map(ends).min()
+        let killed = self.running.values().filter_map(|p| self.end_of_killed(p));
+        self.known.values().filter_map(ends).chain(killed).min()
+    }
+
+    /// Time at which a killed process counts as ended, whatever its node says.
+    fn end_of_killed(&self, process: &RemoteProcess) -> Option<Instant> {
+        let lease = self.known.get(&process.node).map_or(Duration::ZERO, |k| k.lease);
+        process.killed.map(|at| at + lease + MARGIN)
+    }
+
+    /// Removes killed processes that their node does not end. Epochs refuse their messages.
+    pub(super) fn overdue(&mut self, now: Instant) -> Vec<Event> {
+        let is_over = |p: &RemoteProcess| self.end_of_killed(p).is_some_and(|end| end <= now);
+        let mut over: Vec<_> = self.running.iter().filter(|(_, p)| is_over(p)).map(|(id, _)| *id).collect();
+        over.sort_unstable();
+        let ended = |id| {
+            let node = self.running.remove(&id).map(|p| p.node).unwrap_or_default();
+            let exit = Exit { status: None, reason: format!("node `{node}` did not end it in time") };
+            Event::Exited { id, exit }
+        };
+        over.into_iter().map(ended).collect()
     }
 
     /// Removes nodes whose lease has run out, with their processes. Returns their names.
@@ -184,6 +206,7 @@ impl Nodes {
             instance: spawn.instance.clone(),
             service: spawn.service,
             number: None,
+            killed: None,
         };
         self.running.insert(spawn.id, away);
         let request = StartRequest {
@@ -226,9 +249,12 @@ impl Nodes {
         }
     }
 
-    /// Sends a signal to a process of a node. Returns whether there is one.
-    pub(super) fn signal(&self, bus: &Bus, id: ProcessId, signal: Signal) -> bool {
-        let Some(process) = self.running.get(&id) else { return false };
+    /// Sends a signal to a process of a node, at a time of the supervisor's clock. Returns whether there is one.
+    pub(super) fn signal(&mut self, bus: &Bus, id: ProcessId, signal: Signal, now: Instant) -> bool {
+        let Some(process) = self.running.get_mut(&id) else { return false };
+        if signal == Signal::SIGKILL {
+            process.killed.get_or_insert(now);
+        }
         let request = SignalRequest { instance: process.instance.clone(), kill: signal == Signal::SIGKILL };
         let under = keys::instance(&keys::node_instance(&process.node));
         let bus = bus.clone();
@@ -287,7 +313,7 @@ mod tests {
     }
 
     fn run(nodes: &mut Nodes, id: u64, instance: &str, number: Option<u64>) {
-        let away = RemoteProcess { node: "gpu1".into(), instance: instance.into(), service: 0, number };
+        let away = RemoteProcess { node: "gpu1".into(), instance: instance.into(), service: 0, number, killed: None };
         nodes.running.insert(ProcessId(id), away);
     }
 
@@ -333,6 +359,23 @@ mod tests {
         assert_eq!(nodes.expired(later + Duration::from_secs(6)), ["gpu1"]);
         assert!(nodes.running.is_empty());
         assert!(join(&mut nodes, &request("b", 0, &[]), later + Duration::from_secs(7)).is_ok());
+    }
+
+    #[test]
+    fn a_killed_process_ends_even_if_its_node_denies_it() {
+        let (mut nodes, _placed) = nodes();
+        let began = Instant::now();
+        join(&mut nodes, &request("a", 0, &[]), began).unwrap();
+        run(&mut nodes, 1, "view.1", Some(1));
+        nodes.running.get_mut(&ProcessId(1)).unwrap().killed = Some(began);
+        let later = began + Duration::from_millis(5900);
+        assert_eq!(join(&mut nodes, &request("a", 1, &["view.1"]), later).unwrap().1, []);
+        assert!(nodes.overdue(later).is_empty());
+        assert_eq!(nodes.deadline(), Some(began + Duration::from_secs(6)));
+        let overdue = nodes.overdue(began + Duration::from_secs(6));
+        let [Event::Exited { id, exit }] = overdue.as_slice() else { panic!("{overdue:?}") };
+        assert_eq!((id.0, exit.reason.as_str()), (1, "node `gpu1` did not end it in time"));
+        assert!(nodes.node_of("view.1").is_none());
     }
 
     #[test]

@@ -249,7 +249,10 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
 /// Refuses outputs that would replace foreign files, before the long work starts.
 fn check_outputs(args: &FitArgs, out: &Path) -> Result<(), Failure> {
     let scene = out.join("scene.toml");
-    check_scene_target(&scene).map_err(|e| input(format!("{}: {e}", scene.display())))?;
+    check_scene_target(&scene).map_err(|e| {
+        let line = format!("{}: {e}", scene.display());
+        if e.kind() == io::ErrorKind::AlreadyExists { input(line) } else { work(line) }
+    })?;
     // The scene keeps the unchanged transfer function, so its own file may be the input.
     let inputs = [args.volume.as_deref(), args.labels.as_deref()];
     let function = function_file(out, args.transfer_function.as_deref());

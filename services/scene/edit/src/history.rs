@@ -7,8 +7,8 @@ use super::state::Change;
 
 /// Most entries of the undo stack.
 pub(super) const MAX_ENTRIES: usize = 1000;
-/// Most bytes of masks and steps in both stacks. Beyond it, the oldest entries are dropped.
-pub(super) const MAX_BYTES: usize = 256 << 20;
+/// Most bytes of masks and steps in both stacks. Beyond it, the oldest entries are dropped. A start reads all of them.
+pub(super) const MAX_BYTES: usize = 64 << 20;
 
 /// One accepted command's values after and before.
 #[derive(Debug, Clone, PartialEq)]

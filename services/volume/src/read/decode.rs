@@ -140,7 +140,8 @@ impl<R: Read> Decode for Binary<R> {
                 return Err(Failure::Short((start * size_of::<T>() + got) as u64));
             }
         }
-        if read_full(&mut self.reader, &mut [0])? > 0 {
+        // The end is read strictly: behind the voxels stands the check sum of a compressed stream.
+        if has_more(&mut self.reader)? {
             return Err(Failure::Long);
         }
         if self.swap {
@@ -165,6 +166,20 @@ pub(super) fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result
         }
     }
     Ok(filled)
+}
+
+/// Whether a byte follows. A stream that breaks off is an error here.
+fn has_more(reader: &mut impl Read) -> io::Result<bool> {
+    loop {
+        match reader.read(&mut [0]) {
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
+                let what = "the compressed data break off before their check sum; fetch the file again";
+                return Err(io::Error::new(io::ErrorKind::UnexpectedEof, what));
+            }
+            read => return read.map(|n| n > 0),
+        }
+    }
 }
 
 /// Numbers written as text, separated by white space (NRRD also by commas).

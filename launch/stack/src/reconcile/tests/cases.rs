@@ -84,9 +84,9 @@ fn work_without_progress_is_hung_although_its_process_is_not() {
     let policy = Policy { progress: millis(3000), ..patient() };
     let mut world = one(policy, Behaviour::Good);
     world.run_until(millis(600));
-    world.give(stuck("s0-1".into(), millis(2999)));
+    world.give(stuck("s0.1".into(), millis(2999)));
     assert_eq!(world.state(0).0, ServiceState::Ready);
-    world.give(stuck("s0-1".into(), millis(3000)));
+    world.give(stuck("s0.1".into(), millis(3000)));
     let reason = "hung: actor `a` has made no progress for 3 s".to_owned();
     assert_eq!(world.state(0), (ServiceState::Stopping, reason));
     world.run_until(millis(2000));
@@ -97,7 +97,7 @@ fn work_without_progress_is_hung_although_its_process_is_not() {
 fn progress_while_loading_extends_the_start() {
     let mut world = one(Policy { ready: millis(700), ..patient() }, Behaviour::Slow);
     let loading = |loading_steps| Event::Health {
-        instance: "s0-1".into(),
+        instance: "s0.1".into(),
         memory_bytes: 1,
         answer_ms: (0.0, 0.0),
         work: Work { loading_steps, ..Work::default() },
@@ -122,14 +122,14 @@ fn nobody_is_judged_by_what_waits_in_the_queue_of_a_supervisor_that_slept() {
     // It was silent for too long. But its sign of life is among what waits.
     let late = now + millis(9000);
     assert!(world.stack.observe(Event::Node { name: "other".into(), present: true }, late).is_empty());
-    world.stack.observe(world_health("s0-1"), late);
+    world.stack.observe(world_health("s0.1"), late);
     world.stack.step(Event::Tick, late);
     assert_eq!(world.state(0).0, ServiceState::Ready);
     // The supervisor slept: everyone's time begins anew, and a lost connection has time to come back.
     let later = late + millis(60_000);
     world.stack.observe(Event::Awoke, later);
-    world.stack.observe(Event::Presence { instance: "s0-1".into(), alive: false }, later);
-    world.stack.observe(stuck("s0-1".into(), millis(3_600_000)), later);
+    world.stack.observe(Event::Presence { instance: "s0.1".into(), alive: false }, later);
+    world.stack.observe(stuck("s0.1".into(), millis(3_600_000)), later);
     world.stack.step(Event::Tick, later + AWAKENING_TIME - millis(1));
     assert_eq!(world.state(0).0, ServiceState::Ready);
     world.stack.step(Event::Tick, later + AWAKENING_TIME);

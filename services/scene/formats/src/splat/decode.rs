@@ -29,23 +29,23 @@ pub(crate) fn decode_unit(
     warnings: &mut Vec<Warning>,
 ) -> Result<Decoded, Problem> {
     if source.is_ply() {
-        return decode_ply(PlyFile::parse(bytes, length)?, forced, warnings);
+        return decode_ply(&PlyFile::parse(bytes, length)?, forced, warnings);
     }
     let format = Format::detect(source)?;
     let gaussians = format.0.decode(&bytes, warnings)?;
     Ok(Decoded { gaussians, format, convention: Convention::Ours, comments: UnitComments::default() })
 }
 
-fn decode_ply(file: PlyFile, forced: Option<Convention>, warnings: &mut Vec<Warning>) -> Result<Decoded, Problem> {
+fn decode_ply(file: &PlyFile, forced: Option<Convention>, warnings: &mut Vec<Warning>) -> Result<Decoded, Problem> {
     let comments = UnitComments::parse(&file.comments, warnings);
-    let (row, layout) = layout_of(&file)?;
+    let (row, layout) = layout_of(file)?;
     let format = |convention| match layout.as_used {
         Some(as_used) if convention == Convention::Ours => as_used,
         _ => row,
     };
-    let mut gaussians = (layout.read)(&file, warnings)?;
+    let mut gaussians = (layout.read)(file, warnings)?;
     gaussians.antialiased = file.comments.iter().any(|c| is_antialiased_comment(c));
-    warn_of_the_rest(&file, layout.elements, warnings);
+    warn_of_the_rest(file, layout.elements, warnings);
     let Some(stored) = &mut gaussians.shading else {
         let convention = Convention::Ours;
         return Ok(Decoded { gaussians, format: format(convention), convention, comments });

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat4, Vec3};
 use serde::Deserialize;
-use sg_input::file;
+use sg_input::{file, limits};
 use toml::{Spanned, Value};
 
 use crate::splat::toml_number::{exact_f32, row_major, transform};
@@ -137,6 +137,7 @@ impl SceneFile {
             let (line, column) = place(text, span.start);
             SceneFileError::Content { path: path.to_path_buf(), line, column, message }
         };
+        limits::check_toml_parts(text).map_err(|what| wrong(0..0, what))?;
         let document: Document = toml::from_str(text)
             .map_err(|e| wrong(e.span().unwrap_or(0..0), e.message().trim().replace('\n', ", ")))?;
         let schema = *document.schema.get_ref();
