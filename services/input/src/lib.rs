@@ -1,7 +1,7 @@
 //! Input from outside: regular files within limits, and text of such files on its way to a terminal or a log.
 //!
-//! Every reader of this project opens its files with [`file`]. Only regular files are opened, and opening never waits. A
-//! reader takes memory and time in proportion to the file; [`limits`] states the factors. [`printable`] escapes names and
+//! Every reader of this project opens its files with [`file`](mod@file). Only regular files are opened, and opening never waits. A
+//! reader takes memory and time in proportion to the file; [`limits`] states the factors. [`printable()`] escapes names and
 //! other text of files, and [`print`](mod@print) writes such text to a terminal.
 
 pub mod file;

@@ -167,7 +167,7 @@ impl<'a> UnitReader<'a> {
         Ok(decoded)
     }
 
-    /// [`palette_beside`], read once for each file.
+    /// The palette beside a PLY file, read once for each file.
     fn palette_beside(&mut self, ply: &Path) -> Result<Option<Vec3>, LoadError> {
         let Some(path) = palette_file(ply) else { return Ok(None) };
         if let Some(known) = self.palettes.get(&path) {
