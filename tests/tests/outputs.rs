@@ -115,7 +115,6 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["scene", "convert", "a.ply", "new.ply"],
                 &["scene", "convert", "good.ply", "points.ply"],
                 &["scene", "convert", "good.ply", "good.ply"],
-                &["scene", "convert", "good/scene.toml", "good/good.ply"],
                 &["scene", "convert", "good/scene.toml", "good/scene.toml"],
                 &["scene", "convert", "good.ply", "taken/scene.toml"],
                 &["scene", "convert", "good.ply", "taken", "--format", "ivrgs"],

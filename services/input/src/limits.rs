@@ -21,8 +21,8 @@ pub const TEXT_BYTES: u64 = 8 << 20;
 /// Most bytes of a file of numbers. Its content takes up to ten times its length.
 pub const DATA_BYTES: u64 = 16 << 30;
 
-/// Decoded bytes that every file may have: those of 256³ voxels of a byte.
-const EXPANDED_FREE: u64 = 16 << 20;
+/// Decoded bytes that every file may have: label volumes of 300³ voxels of a byte compress more than a hundredfold.
+const EXPANDED_FREE: u64 = 32 << 20;
 /// Decoded bytes for each stored byte beyond that. Voxels of real scans take 2 to 20. Large label volumes can take more, and
 /// then need [`RAISED`].
 const EXPANDED_RATIO: u64 = 64;
@@ -42,7 +42,7 @@ pub fn check_toml_parts(text: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Most decoded bytes of a file with this many stored bytes: 16 MiB and 64 for each stored byte.
+/// Most decoded bytes of a file with this many stored bytes: 32 MiB and 64 for each stored byte.
 #[must_use]
 pub fn expanded(stored: u64) -> u64 {
     at_least(EXPANDED_FREE.saturating_add(stored.saturating_mul(EXPANDED_RATIO)))
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn small_files_may_expand_and_large_ones_by_the_ratio() {
-        assert_eq!((expanded(0), expanded(1 << 20)), (16 << 20, (16 + 64) << 20));
+        assert_eq!((expanded(0), expanded(1 << 20)), (32 << 20, (32 + 64) << 20));
         assert_eq!(expanded(u64::MAX), u64::MAX);
         assert!(remedy((5 << 20) + 1).starts_with("SUPERGAUSSIAN_READ_MIB=6 "));
     }

@@ -268,7 +268,7 @@ fn every_broken_file_gets_one_clear_line() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(matches!(read_volume(&d.join("absent_1x1x1_uint8.raw")), Err(ReadError::Io { .. })));
-    assert!(matches!(read_volume(&d.join(".")), Err(ReadError::Format { .. })));
+    assert!(matches!(read_volume(&d.join(".")), Err(ReadError::Format { .. } | ReadError::Io { .. })));
     std::fs::create_dir(d.join("folder_1x1x1_uint8.raw")).unwrap();
     assert!(matches!(read_volume(&d.join("folder_1x1x1_uint8.raw")), Err(ReadError::Io { .. })));
     let path = put(d, "v_3x4x5_int16.raw", &le);
