@@ -5,6 +5,7 @@ use std::time::{Duration, SystemTime};
 
 use sg_input::file::read_text;
 use sg_input::limits::SMALL_TEXT_BYTES;
+use sg_runtime::bus::CertificateContent;
 
 use crate::terminal::{self, Failure};
 
@@ -15,10 +16,7 @@ const WARNING: Duration = Duration::from_secs(30 * 24 * 3600);
 
 /// The end of the validity of a certificate in PEM form.
 pub(crate) fn expiry(pem: &str) -> Result<SystemTime, String> {
-    let (_, pem) = x509_parser::pem::parse_x509_pem(pem.as_bytes()).map_err(|e| format!("no certificate: {e}"))?;
-    let certificate = pem.parse_x509().map_err(|e| format!("no certificate: {e}"))?;
-    let seconds = u64::try_from(certificate.validity().not_after.timestamp()).unwrap_or_default();
-    Ok(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds))
+    CertificateContent::of_pem(pem.as_bytes()).map(|content| content.expires)
 }
 
 /// Warns of certificates that end within thirty days.

@@ -24,12 +24,11 @@ use crate::display::has_display;
 use crate::input::{GAUSSIANS, Input, Scene};
 use crate::opener::CommandOpener;
 use crate::playback::{Player, Settings};
-use crate::script::{self, Step};
+use crate::script::Step;
 use crate::shipped::{self, DENSEST, DESKTOP, HEADLESS};
-use crate::strokes::check_strokes;
+use crate::strokes::read_script;
 use crate::supervisor_client::wait_until_ready;
 use crate::terminal::{self, CommandResult, Failure};
-use crate::text_file::read_text;
 use crate::up::outcome;
 use outputs::{OutputFolder, PROJECT};
 use summary::Summary;
@@ -239,17 +238,11 @@ fn forget_dead_demos() {
     }
 }
 
-fn read_script(path: &Path) -> Result<Vec<Step>, Failure> {
-    let text = read_text(path, SMALL_TEXT_BYTES)?;
-    let steps = script::read(path, &text).map_err(|problems| Failure::Mistakes(problems.lines().collect()))?;
-    check_strokes(&steps)?;
-    Ok(steps)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::input::SHIPPED_VOLUMES;
+    use crate::script;
     use crate::strokes::read_strokes;
 
     #[test]

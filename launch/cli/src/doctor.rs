@@ -1,7 +1,6 @@
 //! `doctor`: checks of this machine and this installation.
 
 use std::io::Read as _;
-use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
@@ -171,18 +170,10 @@ fn run_folder(root: &Path) -> Check {
     let shown = root.display();
     // A session makes the folder at its start.
     let existing = root.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("/"));
-    let metadata = match std::fs::metadata(existing) {
-        Ok(metadata) => metadata,
-        Err(error) => return Check::failed(NAME, format!("{}: {error}", existing.display())),
-    };
-    if existing == root {
-        if metadata.uid() != nix::unistd::getuid().as_raw() {
-            let detail = format!("{shown} belongs to another user; set {} to a folder of your own", session::RUN_ROOT);
-            return Check::failed(NAME, detail);
-        }
-        if metadata.permissions().mode() & 0o022 != 0 {
-            return Check::failed(NAME, format!("others may write to {shown}; run `chmod 700 {shown}`"));
-        }
+    if existing == root
+        && let Err(error) = session::check_private(root)
+    {
+        return Check::failed(NAME, format!("{error}, or run `chmod 700 {shown}` on a folder of your own"));
     }
     if nix::unistd::access(existing, nix::unistd::AccessFlags::W_OK).is_err() {
         return Check::failed(NAME, format!("{} cannot be written; set {}", existing.display(), session::RUN_ROOT));
@@ -330,6 +321,7 @@ fn output_of(program: &Path, arguments: &[&std::ffi::OsStr]) -> Result<String, S
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
 
     #[test]
     fn a_run_folder_of_others_fails() {

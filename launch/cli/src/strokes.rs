@@ -3,17 +3,24 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use sg_input::limits::TEXT_BYTES;
+use sg_input::limits::{SMALL_TEXT_BYTES, TEXT_BYTES};
 use sg_proto::scene::SelectionStep;
 use sg_proto::stroke_file::{self, Limits};
 
-use crate::script::Step;
+use crate::script::{self, Step};
 use crate::shipped::DENSEST;
 use crate::terminal::{CommandResult, Failure};
 use crate::text_file::read_text;
 
-/// Reads all stroke files of a script, so that mistakes show before slow work.
-pub(crate) fn check_strokes(steps: &[Step]) -> CommandResult {
+/// Reads a script and all stroke files that it names, so that mistakes show before slow work.
+pub(crate) fn read_script(path: &Path) -> Result<Vec<Step>, Failure> {
+    let text = read_text(path, SMALL_TEXT_BYTES)?;
+    let steps = script::read(path, &text).map_err(|problems| Failure::Mistakes(problems.lines().collect()))?;
+    check_strokes(&steps)?;
+    Ok(steps)
+}
+
+fn check_strokes(steps: &[Step]) -> CommandResult {
     let mut checked = HashSet::new();
     for step in steps {
         if let Step::Strokes { file, .. } = step

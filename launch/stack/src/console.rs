@@ -8,6 +8,8 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use humantime::format_rfc3339_millis;
+
 use crate::log_file::LogFile;
 use crate::log_line::{Level, LogLine};
 use crate::spawn::LineSink;
@@ -89,7 +91,7 @@ impl Console {
     fn note(&self, line: &str) {
         let message = terminal::without_color(line);
         let entry = serde_json::json!({
-            "timestamp": timestamp(SystemTime::now()), "level": "INFO", "message": message.trim(),
+            "timestamp": format_rfc3339_millis(SystemTime::now()).to_string(), "level": "INFO", "message": message.trim(),
         });
         let mut log = self.log.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         // On a full disk the services' logs already give the warning.
@@ -133,28 +135,6 @@ pub fn format_line(time: &str, service: &str, width: usize, color: Color, line: 
 fn clock() -> String {
     let seconds = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs() % 86_400;
     format!("{:02}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
-}
-
-/// A time in UTC, as in the logs of services: `2026-11-21T09:30:05.123Z`.
-fn timestamp(time: SystemTime) -> String {
-    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
-    let (days, seconds) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
-    let (year, month, day) = date(days);
-    let (hour, minute, second) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{:03}Z", since.subsec_millis())
-}
-
-/// Year, month and day, from days since 1970 (Howard Hinnant, "chrono-compatible low-level date algorithms").
-fn date(days: u64) -> (u64, u64, u64) {
-    // Years begin in March here, so that the leap day is the last one.
-    let days = days + 719_468;
-    let (era, of_era) = (days / 146_097, days % 146_097);
-    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    (era * 400 + year + u64::from(month <= 2), month, day)
 }
 
 /// A colour for each service, in turn.
@@ -224,7 +204,7 @@ mod tests {
 
     #[test]
     fn times_are_those_of_the_calendar() {
-        let at = |seconds: u64| timestamp(UNIX_EPOCH + Duration::from_secs(seconds));
+        let at = |seconds: u64| format_rfc3339_millis(UNIX_EPOCH + Duration::from_secs(seconds)).to_string();
         assert_eq!(at(0), "1970-01-01T00:00:00.000Z");
         assert_eq!(at(951_827_696), "2000-02-29T12:34:56.000Z");
         assert_eq!(at(1_795_391_999), "2026-11-22T23:59:59.000Z");

@@ -17,8 +17,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::sys::wait::{WaitPidFlag, waitpid};
 use nix::unistd::{Pid, getpgrp, getpid};
 use sg_input::{file, limits};
-
-use crate::process_stat::{ProcessStat, start_time};
+use sg_runtime::process::{ProcessStat, start_time};
 
 /// First argument with which this program kills the processes that a killed supervisor leaves behind.
 pub const REAP_AFTER: &str = "reap-after";

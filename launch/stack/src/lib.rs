@@ -11,7 +11,7 @@
 //! | [`supervisor`] | processes and bus around the reconciler, and requests to it |
 //! | [`node`] | a machine that runs services for a stack of another machine |
 //! | [`spawn`], [`pid_registry`] | processes that die with their supervisor, and leftovers of earlier runs |
-//! | [`descendants`], [`process_stat`] | children of services' children, which end with the service |
+//! | [`descendants`] | children of services' children, which end with the service |
 //! | [`log_file`], [`log_line`] | bounded logs of services, and their lines for people |
 //! | [`console`], [`terminal`] | output of a supervisor |
 //!
@@ -53,7 +53,6 @@ pub mod node;
 mod params_file;
 pub mod pid_registry;
 mod probe;
-pub mod process_stat;
 pub mod reconcile;
 mod run_folder;
 mod serve_arguments;

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use sg_input::{file, limits};
+use sg_runtime::process::start_time;
 
 use crate::descendants;
 use crate::error::StackError;
-use crate::process_stat::start_time;
 use crate::spawn::signal;
 
 /// How long old processes may take to end before they are killed.

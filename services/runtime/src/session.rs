@@ -101,12 +101,7 @@ impl SessionDir {
         for path in [&run_root(), &self.path] {
             let fail = |source| SessionError::Folder { path: path.clone(), source };
             std::fs::DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(fail)?;
-            let metadata = std::fs::symlink_metadata(path).map_err(fail)?;
-            let own = metadata.uid() == nix::unistd::geteuid().as_raw();
-            let private = metadata.is_dir() && own && metadata.permissions().mode() & 0o077 == 0;
-            if !private {
-                return Err(SessionError::NotPrivate(path.clone()));
-            }
+            check_private(path)?;
         }
         for folder in [self.path.clone(), self.logs(), self.path.join("blobs")] {
             check_entries(&folder)?;
@@ -164,6 +159,18 @@ impl SessionDir {
         // The system releases the locks of dead processes, so a held lock means a running supervisor.
         matches!(file.try_lock_shared(), Err(std::fs::TryLockError::WouldBlock))
     }
+}
+
+/// Checks that an existing folder belongs to this user alone.
+///
+/// # Errors
+/// [`SessionError::Folder`], [`SessionError::NotPrivate`].
+pub fn check_private(folder: &Path) -> Result<(), SessionError> {
+    let fail = |source| SessionError::Folder { path: folder.to_owned(), source };
+    let metadata = std::fs::symlink_metadata(folder).map_err(fail)?;
+    let own = metadata.uid() == nix::unistd::geteuid().as_raw();
+    let private = metadata.is_dir() && own && metadata.permissions().mode() & 0o077 == 0;
+    if private { Ok(()) } else { Err(SessionError::NotPrivate(folder.to_owned())) }
 }
 
 /// Checks that a folder, if it exists, holds only files, folders and sockets. A link could lead writes elsewhere, and a pipe

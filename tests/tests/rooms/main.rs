@@ -117,6 +117,19 @@ fn the_top_level_lists_all_commands() {
     assert_eq!(complaints_about(top_level_lists_all_commands, &complete[1..]), 1);
 }
 
+/// A complaint for each line of code that breaks a rule.
+fn lines_against<'a>(
+    files: impl Iterator<Item = &'a File>,
+    rule: &str,
+    breaks_it: impl Fn(&str) -> bool,
+) -> Vec<String> {
+    let complaint = |file: &File| -> Vec<String> {
+        let lines = file.code().filter(|(_, line)| breaks_it(line));
+        lines.map(|(number, _)| format!("{}:{number}: {rule}", file.path)).collect()
+    };
+    files.flat_map(complaint).collect()
+}
+
 fn no_drawers_for_everything(files: &[File]) -> Vec<String> {
     let drawers = ["util", "utils", "common", "helper", "helpers", "misc", "manager", "shared"];
     let is_drawer = |part: &str| drawers.contains(&part.trim_end_matches(".rs"));
@@ -245,13 +258,8 @@ fn files_are_opened_in_one_place(files: &[File]) -> Vec<String> {
     // Files of tests within a room.
     let is_tests = |f: &&File| f.path.ends_with("tests.rs") || f.path.starts_with("launch/cli/src/chaos/");
     let bound = files.iter().filter(|f| is_bound(f) && !is_tests(f));
-    bound
-        .flat_map(|file| {
-            let opens = |line: &str| OPENERS.iter().any(|call| line.contains(call)) && !line.contains("sg_input");
-            let lines = file.code().filter(move |(_, line)| opens(line));
-            lines.map(|(number, _)| format!("{}:{number}: files are opened by sg_input::file", file.path))
-        })
-        .collect()
+    let opens = |line: &str| OPENERS.iter().any(|call| line.contains(call)) && !line.contains("sg_input");
+    lines_against(bound, "files are opened by sg_input::file", opens)
 }
 
 #[test]
@@ -271,15 +279,9 @@ fn prints_are_escaped(files: &[File]) -> Vec<String> {
         let package = MAP.iter().find(|(folder, ..)| f.path.starts_with(&format!("{folder}/src/")));
         package.is_some_and(|(folder, ..)| is_process(folder) || ASYNCHRONOUS.contains(folder))
     };
-    files
-        .iter()
-        .filter(|f| f.is_rust() && !f.is_test() && in_process(f))
-        .flat_map(|file| {
-            let prints = |line: &str| line.contains("println!(") || line.contains("print!(");
-            let lines = file.code().filter(move |(_, line)| prints(line));
-            lines.map(|(number, _)| format!("{}:{number}: printed by sg_input::print, which escapes", file.path))
-        })
-        .collect()
+    let bound = files.iter().filter(|f| f.is_rust() && !f.is_test() && in_process(f));
+    let prints = |line: &str| line.contains("println!(") || line.contains("print!(");
+    lines_against(bound, "printed by sg_input::print, which escapes", prints)
 }
 
 #[test]
@@ -300,14 +302,8 @@ fn only_launch_starts_processes(files: &[File]) -> Vec<String> {
     let helper = "render-node/viewer/src/window/ffmpeg.rs";
     let may = |f: &&File| f.path.starts_with("launch/") || f.path == helper || f.is_test();
     let rooms = files.iter().filter(|f| f.is_rust() && !may(f));
-    rooms
-        .flat_map(|file| {
-            let spawns = |line: &str| line.contains("Command::new(") || line.contains("process::Command");
-            file.code()
-                .filter(move |(_, line)| spawns(line))
-                .map(|(number, _)| format!("{}:{number}: only launch/ starts processes", file.path))
-        })
-        .collect()
+    let spawns = |line: &str| line.contains("Command::new(") || line.contains("process::Command");
+    lines_against(rooms, "only launch/ starts processes", spawns)
 }
 
 #[test]

@@ -24,7 +24,7 @@ use crate::input::Input;
 use crate::playback::Counts;
 use crate::script;
 use crate::shipped::{self, DENSEST, HEADLESS};
-use crate::strokes::check_strokes;
+use crate::strokes::read_script;
 use crate::supervisor_client::wait_until_ready;
 use crate::terminal::{self, CommandResult, Failure};
 use crate::text_file::read_text;
@@ -148,27 +148,20 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
         Some(path) => Some((path, launch(path, &read_text(path, SMALL_TEXT_BYTES)?, &overrides)?)),
         None => None,
     };
-    if let Some(path) = arguments.script.as_deref().filter(|name| *name != "generic").map(Path::new) {
-        check_strokes(
-            &script::read(path, &read_text(path, SMALL_TEXT_BYTES)?).map_err(|e| Failure::Input(e.to_string()))?,
-        )?;
-    }
+    let own = arguments.script.as_deref().filter(|name| *name != "generic");
+    let own = own.map(|path| read_script(Path::new(path))).transpose()?;
     let out = fresh_folder(&arguments.out)?;
     let shipped = shipped::unpack(&out, given.is_none().then_some("vessel"))?;
-    let path = match arguments.script.as_deref() {
-        Some("generic") => shipped.generic.clone(),
-        Some(path) => PathBuf::from(path),
-        None if given.is_some() => shipped.generic.clone(),
+    let steps = match own {
+        Some(steps) => steps,
+        None if arguments.script.is_some() || given.is_some() => read_script(&shipped.generic)?,
         None => {
             let path = shipped.script.with_file_name("chaos.toml");
             let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
             std::fs::write(&path, SCRIPT).map_err(fail)?;
-            path
+            read_script(&path)?
         }
     };
-    let text = read_text(&path, SMALL_TEXT_BYTES)?;
-    let steps = script::read(&path, &text).map_err(|problems| Failure::Mistakes(problems.lines().collect()))?;
-    check_strokes(&steps)?;
 
     let (file, launch) = match given {
         Some((path, launch)) => (std::path::absolute(path).unwrap_or_else(|_| path.clone()), launch),

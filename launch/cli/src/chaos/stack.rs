@@ -12,6 +12,7 @@ use sg_proto::keys;
 use sg_proto::launch::{DownRequest, PsReply, PsRequest};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
+use sg_runtime::process::{ProcessStat, start_time};
 use sg_runtime::session::SessionDir;
 use tokio::process::{Child, Command};
 
@@ -158,8 +159,7 @@ pub(super) fn signal_group(leader: u32, signal: Signal) -> Result<(), Failure> {
 
 /// Whether a signal has stopped a process.
 pub(super) fn is_stopped(pid: u32) -> bool {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    stat.rsplit(')').next().is_some_and(|rest| rest.trim_start().starts_with('T'))
+    ProcessStat::of(pid).is_some_and(|stat| stat.stopped)
 }
 
 /// A process, identified by its id and start time.
@@ -173,7 +173,7 @@ pub(super) struct Process {
 impl Process {
     /// `None` for a missing process or a zombie.
     fn of(pid: u32) -> Option<Self> {
-        let start_time = sg_stack::process_stat::start_time(pid)?;
+        let start_time = start_time(pid)?;
         let line = std::fs::read(format!("/proc/{pid}/cmdline")).ok()?;
         let arguments = line.split(|b| *b == 0).map(|a| String::from_utf8_lossy(a).into_owned()).collect();
         Some(Self { pid, start_time, arguments })
@@ -186,6 +186,6 @@ impl Process {
     }
 
     fn runs(&self) -> bool {
-        sg_stack::process_stat::start_time(self.pid) == Some(self.start_time)
+        start_time(self.pid) == Some(self.start_time)
     }
 }

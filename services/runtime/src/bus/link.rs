@@ -1,6 +1,7 @@
 //! Endpoints and certificates of a session's router, and the machines that may connect to it.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 use sg_input::file;
 use sg_input::limits::SMALL_TEXT_BYTES;
@@ -36,6 +37,30 @@ pub struct CertificateError {
     pub reason: String,
 }
 
+/// What this project reads from a certificate.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CertificateContent {
+    /// Common name of its owner, if it has one.
+    pub common_name: Option<String>,
+    /// End of its validity.
+    pub expires: SystemTime,
+}
+
+impl CertificateContent {
+    /// Reads a certificate in PEM form.
+    ///
+    /// # Errors
+    /// One line for text that is no certificate.
+    pub fn of_pem(pem: &[u8]) -> Result<Self, String> {
+        let (_, pem) = x509_parser::pem::parse_x509_pem(pem).map_err(|e| format!("no certificate: {e}"))?;
+        let certificate = pem.parse_x509().map_err(|e| format!("no certificate: {e}"))?;
+        let name = certificate.subject().iter_common_name().next().and_then(|n| n.as_str().ok());
+        let seconds = u64::try_from(certificate.validity().not_after.timestamp()).unwrap_or_default();
+        let expires = SystemTime::UNIX_EPOCH + Duration::from_secs(seconds);
+        Ok(Self { common_name: name.map(str::to_owned), expires })
+    }
+}
+
 impl Certificates {
     /// Name of the machine in its own certificate: the common name.
     ///
@@ -44,10 +69,8 @@ impl Certificates {
     pub fn machine(&self) -> Result<String, CertificateError> {
         let fail = |reason: String| CertificateError { path: self.certificate.clone(), reason };
         let pem = file::read(&self.certificate, SMALL_TEXT_BYTES).map_err(|e| fail(e.to_string()))?;
-        let (_, pem) = x509_parser::pem::parse_x509_pem(&pem).map_err(|e| fail(format!("no certificate: {e}")))?;
-        let certificate = pem.parse_x509().map_err(|e| fail(format!("no certificate: {e}")))?;
-        let name = certificate.subject().iter_common_name().next().and_then(|n| n.as_str().ok());
-        name.map(str::to_owned).ok_or_else(|| fail("it has no common name".to_owned()))
+        let content = CertificateContent::of_pem(&pem).map_err(fail)?;
+        content.common_name.ok_or_else(|| fail("it has no common name".to_owned()))
     }
 }
 

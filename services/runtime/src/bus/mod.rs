@@ -27,7 +27,8 @@ use std::time::Duration;
 
 pub use counters::Counters;
 pub use link::{
-    CertificateError, Certificates, Link, RemoteMachine, RemoteService, TLS_PREFIX, TlsListener, endpoint_of,
+    CertificateContent, CertificateError, Certificates, Link, RemoteMachine, RemoteService, TLS_PREFIX, TlsListener,
+    endpoint_of,
 };
 pub use liveliness::{LivelinessChange, LivelinessToken};
 pub use raw::{DeclaredKey, RawMessage, RawReply};

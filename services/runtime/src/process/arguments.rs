@@ -1,11 +1,9 @@
 //! Arguments of the service mode.
 
-use std::fs::File;
-use std::io::Read as _;
-use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::PathBuf;
 
-use nix::fcntl::OFlag;
+use sg_input::file;
+use sg_input::limits::SMALL_TEXT_BYTES;
 
 use super::start_error::StartError;
 use crate::bus::{Certificates, Link};
@@ -57,9 +55,6 @@ pub struct ServeArgs {
     pub grace_ms: u64,
 }
 
-/// Longest file of parameters, bytes.
-const MAX_PARAMS_BYTES: u64 = 1 << 20;
-
 impl ServeArgs {
     /// Reads the parameters from their file, if they have one. A second call changes nothing.
     ///
@@ -67,19 +62,8 @@ impl ServeArgs {
     /// [`StartError::Input`] for a file that cannot be read, is no regular file, or is larger than 1 MiB.
     pub fn read_params(&mut self) -> Result<(), StartError> {
         let Some(path) = self.params_file.take() else { return Ok(()) };
-        let fail = |e: &dyn std::fmt::Display| StartError::Input(format!("{}: {e}", path.display()));
-        // Non-blocking: a named pipe without a writer must not stop the process.
-        let file = File::options().read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(&path);
-        let file = file.map_err(|e| fail(&e))?;
-        if !file.metadata().map_err(|e| fail(&e))?.is_file() {
-            return Err(fail(&"not a regular file"));
-        }
-        let mut text = String::new();
-        file.take(MAX_PARAMS_BYTES + 1).read_to_string(&mut text).map_err(|e| fail(&e))?;
-        if text.len() as u64 > MAX_PARAMS_BYTES {
-            return Err(fail(&format!("more than {MAX_PARAMS_BYTES} bytes of parameters")));
-        }
-        self.params = text;
+        let text = file::read_text(&path, SMALL_TEXT_BYTES);
+        self.params = text.map_err(|e| StartError::Input(format!("{}: {e}", path.display())))?;
         Ok(())
     }
 

@@ -1,13 +1,11 @@
 //! Ends a process together with its supervisor.
 
-use std::path::Path;
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use nix::unistd::{Pid, getppid};
-use sg_input::file;
-use sg_input::limits::SMALL_TEXT_BYTES;
 
+use super::process_stat::ProcessStat;
 use super::start_error::EXIT_FAILED;
 
 /// Pause between two looks at the supervisor.
@@ -42,7 +40,7 @@ pub(super) fn exit_with_supervisor(supervisor: i32) {
 struct Ancestor {
     pid: i32,
     /// Ids are reused. Id and start time together identify a process.
-    start_time: String,
+    start_time: u64,
 }
 
 impl Ancestor {
@@ -50,31 +48,24 @@ impl Ancestor {
     fn find(pid: i32) -> Option<Self> {
         let mut above = getppid().as_raw();
         for _ in 0..MAX_GENERATIONS {
-            let (parent, start_time) = stat(above)?;
+            let stat = living(above)?;
             if above == pid {
-                return Some(Self { pid, start_time });
+                return Some(Self { pid, start_time: stat.start_time });
             }
-            above = parent;
+            above = stat.parent;
         }
         None
     }
 
     fn lives(&self) -> bool {
         // Cheap, and the usual case.
-        getppid() == Pid::from_raw(self.pid) || stat(self.pid).is_some_and(|(_, at)| at == self.start_time)
+        getppid() == Pid::from_raw(self.pid) || living(self.pid).is_some_and(|stat| stat.start_time == self.start_time)
     }
 }
 
-/// Parent and start time of a process; `None` for a missing one or a zombie.
-fn stat(pid: i32) -> Option<(i32, String)> {
-    let stat = file::read_text(Path::new(&format!("/proc/{pid}/stat")), SMALL_TEXT_BYTES).ok()?;
-    // The second field is the name in brackets, with any characters. Count fields from its end.
-    let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
-    let state = *fields.first()?;
-    if state == "Z" || state == "X" {
-        return None;
-    }
-    Some((fields.get(1)?.parse().ok()?, (*fields.get(19)?).to_owned()))
+/// State of a living process; `None` for a missing one or a zombie.
+fn living(pid: i32) -> Option<ProcessStat> {
+    ProcessStat::of(u32::try_from(pid).ok()?).filter(|stat| !stat.zombie)
 }
 
 #[cfg(test)]
@@ -85,8 +76,8 @@ mod tests {
     fn every_process_above_is_an_ancestor() {
         let parent = getppid().as_raw();
         assert!(Ancestor::find(parent).is_some_and(|a| a.lives()));
-        if let Some((above, _)) = stat(parent).filter(|(above, _)| *above > 0) {
-            assert!(Ancestor::find(above).is_some_and(|a| a.lives()));
+        if let Some(stat) = living(parent).filter(|stat| stat.parent > 0) {
+            assert!(Ancestor::find(stat.parent).is_some_and(|a| a.lives()));
         }
         assert!(Ancestor::find(i32::MAX).is_none());
         assert!(Ancestor::find(std::process::id().cast_signed()).is_none());

@@ -169,10 +169,8 @@ fn write_report(report: &impl Serialize, file: Option<&PathBuf>, to_stdout: bool
 
 /// Refuses outputs that would replace foreign files or inputs, before the work starts.
 fn check_outputs(outputs: &[Option<&PathBuf>], inputs: &[Option<&PathBuf>]) -> Result<(), Failure> {
-    let paths = |list: &[Option<&PathBuf>]| -> Vec<PathBuf> { list.iter().flatten().map(|p| (*p).clone()).collect() };
-    let (outputs, inputs) = (paths(outputs), paths(inputs));
-    staged_file::check_outputs(outputs.iter().map(PathBuf::as_path), inputs.iter().map(PathBuf::as_path))
-        .map_err(Failure::input)
+    let outputs = outputs.iter().flatten().map(|p| p.as_path());
+    staged_file::check_outputs(outputs, inputs.iter().flatten().map(|p| p.as_path())).map_err(Failure::input)
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {

@@ -1,4 +1,4 @@
-//! What the system tells of a process.
+//! State of a process, as the kernel tells it.
 
 use std::path::Path;
 
@@ -6,26 +6,33 @@ use sg_input::{file, limits};
 
 /// State of a process, from `/proc/PID/stat`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct ProcessStat {
-    pub(crate) parent: i32,
-    pub(crate) group: i32,
+pub struct ProcessStat {
+    /// Process id of the parent.
+    pub parent: i32,
+    /// Id of the process group.
+    pub group: i32,
     /// In clock ticks since boot.
-    pub(crate) start_time: u64,
+    pub start_time: u64,
     /// It has ended, but its parent has not waited for it.
-    pub(crate) zombie: bool,
+    pub zombie: bool,
+    /// A signal has stopped it.
+    pub stopped: bool,
 }
 
 impl ProcessStat {
     /// `None` for a missing process.
-    pub(crate) fn of(pid: u32) -> Option<Self> {
+    #[must_use]
+    pub fn of(pid: u32) -> Option<Self> {
         let stat = file::read_text(Path::new(&format!("/proc/{pid}/stat")), limits::SMALL_TEXT_BYTES).ok()?;
         // The second field is the name in brackets, with any characters. Count fields from its end.
         let fields: Vec<_> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
+        let state = *fields.first()?;
         Some(Self {
             parent: fields.get(1)?.parse().ok()?,
             group: fields.get(2)?.parse().ok()?,
             start_time: fields.get(19)?.parse().ok()?,
-            zombie: matches!(*fields.first()?, "Z" | "X"),
+            zombie: matches!(state, "Z" | "X"),
+            stopped: state == "T",
         })
     }
 }
