@@ -525,18 +525,8 @@ impl<'a, W: Stored> Cycle<'a, W> {
         let mut x = self.forwards(l, r);
         let rest = self.applied(l, &x, Some(r));
         let coarse = &self.hierarchy.levels[l + 1];
-        let sums: Vec<f64> = (0..coarse.len())
-            .into_par_iter()
-            .with_min_len(BLOCK)
-            .map(|c| rest[coarse.members[c] as usize..coarse.members[c + 1] as usize].iter().sum())
-            .collect();
-        let correction = self.two_steps(l + 1, &sums)?;
-        let (parent, inverse) = (&self.hierarchy.levels[l].parent, &self.inverse[l]);
-        x.par_iter_mut().with_min_len(BLOCK).enumerate().for_each(|(i, x)| {
-            if inverse[i] > 0.0 {
-                *x += correction[parent[i] as usize];
-            }
-        });
+        let correction = self.two_steps(l + 1, &restrict(&coarse.members, &rest))?;
+        prolong(&self.hierarchy.levels[l].parent, &self.inverse[l], &correction, &mut x);
         Ok(self.backwards(l, r, &x))
     }
 
@@ -672,6 +662,24 @@ impl Ritz {
 /// Members of an aggregate on the finer level.
 fn members<W>(coarse: &Level<W>, c: usize) -> std::ops::Range<usize> {
     coarse.members[c] as usize..coarse.members[c + 1] as usize
+}
+
+/// Sums of a fine vector over the members of each coarse node. `offsets` bounds the members, which are contiguous.
+fn restrict(offsets: &[u32], fine: &[f64]) -> Vec<f64> {
+    offsets
+        .par_windows(2)
+        .with_min_len(BLOCK)
+        .map(|ends| fine[ends[0] as usize..ends[1] as usize].iter().sum())
+        .collect()
+}
+
+/// Adds a coarse vector to the unknowns of a fine one. `inverse` is 0 where a fine node is fixed.
+fn prolong(parent: &[u32], inverse: &[f64], coarse: &[f64], fine: &mut [f64]) {
+    fine.par_iter_mut().with_min_len(BLOCK).enumerate().for_each(|(i, fine)| {
+        if inverse[i] > 0.0 {
+            *fine += coarse[parent[i] as usize];
+        }
+    });
 }
 
 /// Σ a·b by fixed blocks.

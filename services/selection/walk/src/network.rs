@@ -64,6 +64,11 @@ impl Network {
         let edges: Vec<(u32, u32, Conductance)> = edges
             .filter(|(u, v, w)| u != v && !w.is_zero() && (*u as usize) < nodes && (*v as usize) < nodes)
             .collect();
+        Self::from_edges(nodes, &edges)
+    }
+
+    /// The part of [`Self::new`] that does not depend on the iterator, so that it is compiled once.
+    fn from_edges(nodes: usize, edges: &[(u32, u32, Conductance)]) -> Self {
         let mut starts = vec![0; nodes + 1];
         for end in edges.iter().flat_map(|&(u, v, _)| [u, v]) {
             starts[end as usize + 1] += 1;
@@ -73,7 +78,7 @@ impl Network {
         }
         let mut next = starts.clone();
         let mut links = vec![(0, Conductance::ZERO); 2 * edges.len()];
-        for &(u, v, w) in &edges {
+        for &(u, v, w) in edges {
             for (from, to) in [(u, v), (v, u)] {
                 links[next[from as usize]] = (to, w);
                 next[from as usize] += 1;
