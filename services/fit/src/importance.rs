@@ -29,33 +29,59 @@ pub(crate) struct Candidates {
     pub(crate) first: UVec3,
     /// Sum of the weights.
     pub(crate) total: f64,
+    /// Importance of each voxel of the box from `first` relative to its opacity, x fastest. Transparent voxels have one too.
+    emphasis: Vec<f32>,
+    /// Size of the box.
+    dims: UVec3,
+    /// Side of a cube with the volume of a voxel.
+    voxel_side: f32,
+}
+
+impl Candidates {
+    /// Importance of a voxel of the extinction `sigma` (per length) around a position in voxel coordinates of the volume. The
+    /// emphasis is interpolated. Positions outside of the box are clamped.
+    pub(crate) fn importance_at(&self, voxel: DVec3, sigma: f32) -> f32 {
+        self.emphasis_at(voxel) * opacity_over(sigma, self.voxel_side)
+    }
+
+    fn emphasis_at(&self, voxel: DVec3) -> f32 {
+        let last = self.dims - UVec3::ONE;
+        let p = (voxel - self.first.as_dvec3()).clamp(DVec3::ZERO, last.as_dvec3());
+        let low = p.floor();
+        let t = (p - low).as_vec3();
+        let low = low.as_uvec3();
+        let at = |x, y, z| {
+            let q = (low + UVec3::new(x, y, z)).min(last);
+            self.emphasis[(q.x + self.dims.x * (q.y + self.dims.y * q.z)) as usize]
+        };
+        let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let along_x = |y, z| lerp(at(0, y, z), at(1, y, z), t.x);
+        let along_y = |z| lerp(along_x(0, z), along_x(1, z), t.y);
+        lerp(along_y(0), along_y(1), t.z)
+    }
 }
 
 /// Computes the importance of the voxels of a base unit. It is the opacity over one voxel, times the transmittance of the
 /// same unit along the clearest direction. Boundaries of the opacity get more weight.
 pub(crate) fn candidates(crop: &Crop, grid: &Grid) -> Candidates {
     let step = |d: [i32; 3]| grid.vector_to_world(DVec3::from_array(d.map(f64::from))).length() as f32;
-    let mut weights = least_optical_depth(&crop.extinction, crop.dims, step);
-    let size = grid.voxel_volume().cbrt() as f32;
+    let mut emphasis = least_optical_depth(&crop.extinction, crop.dims, step);
+    let voxel_side = grid.voxel_volume().cbrt() as f32;
     let (nx, ny, nz) = (crop.dims.x as usize, crop.dims.y as usize, crop.dims.z as usize);
-    let opacity = |sigma: f32| -(-sigma * size).exp_m1();
-    weights.par_chunks_mut(nx).enumerate().for_each(|(row, weights)| {
+    let opacity = |at: usize| opacity_over(crop.extinction[at], voxel_side);
+    emphasis.par_chunks_mut(nx).enumerate().for_each(|(row, emphasis)| {
         let (y, z) = (row % ny, row / ny);
-        for (x, w) in weights.iter_mut().enumerate() {
+        for (x, e) in emphasis.iter_mut().enumerate() {
             let at = x + nx * row;
-            let sigma = crop.extinction[at];
-            if sigma <= 0.0 {
-                *w = 0.0;
-                continue;
-            }
             let change = |k: usize, n: usize, stride: usize| {
-                let side = |inside: bool, at: usize| if inside { opacity(crop.extinction[at]) } else { opacity(sigma) };
+                let side = |inside: bool, neighbour: usize| opacity(if inside { neighbour } else { at });
                 side(k + 1 < n, at + stride) - side(k > 0, at.wrapping_sub(stride))
             };
             let boundary = Vec3::new(change(x, nx, 1), change(y, ny, nx), change(z, nz, nx * ny)).length().min(1.0);
-            *w = (-*w).exp() * opacity(sigma) * (1.0 + BOUNDARY_GAIN * boundary);
+            *e = (-*e).exp() * (1.0 + BOUNDARY_GAIN * boundary);
         }
     });
+    let weights: Vec<f32> = emphasis.par_iter().enumerate().map(|(at, e)| e * opacity(at)).collect();
     let greatest = weights.par_iter().copied().reduce(|| 0.0, f32::max);
     let mut list = Vec::new();
     let mut total = 0.0;
@@ -69,7 +95,12 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid) -> Candidates {
             total += f64::from(weight);
         }
     });
-    Candidates { list, first: crop.first, total }
+    Candidates { list, first: crop.first, total, emphasis, dims: crop.dims, voxel_side }
+}
+
+/// Opacity of an extinction (per length) over a length.
+fn opacity_over(sigma: f32, length: f32) -> f32 {
+    -(-sigma.max(0.0) * length).exp_m1()
 }
 
 /// Visits every voxel of a box along the Morton curve of the smallest enclosing power-of-two cube.
@@ -130,6 +161,11 @@ mod tests {
             c.list.iter().find(|c| c.voxel == voxel).map_or(0.0, |c| c.weight)
         };
         assert!(weight(2) > 5.0 * weight(3) && weight(3) > weight(4) && weight(7) == 0.0);
+        let at = |x: f64| c.importance_at(DVec3::new(x, 8.0, 8.0), 2.0);
+        assert_eq!(at(3.0), weight(3));
+        assert!((at(2.25) - (0.75 * weight(2) + 0.25 * weight(3))).abs() < 1e-6);
+        assert_eq!(at(-9.0), at(0.0));
+        assert_eq!(c.importance_at(DVec3::splat(99.0), 0.0), 0.0);
         let sum: f64 = c.list.iter().map(|c| f64::from(c.weight)).sum();
         assert!((sum - c.total).abs() < 1e-9 * sum);
     }

@@ -19,8 +19,6 @@ const LEAST_POINTS: usize = 6;
 const MOST_POINTS: usize = 96;
 /// Largest number of parts of a voxel along each axis.
 const MOST_PARTS: u32 = 32;
-/// Largest weight of a part of a voxel, relative to an even share.
-const MOST_DENSER: f32 = 4.0;
 /// Largest number of sample points.
 const POINT_LIMIT: usize = 1 << 26;
 
@@ -62,7 +60,7 @@ impl Points {
     pub(crate) fn new(candidates: &Candidates, classification: &Classification<'_>, gaussians: usize) -> Self {
         let parts = parts_per_axis(candidates.list.len(), gaussians);
         if parts > 1 {
-            Self::parts(&candidates.list, classification, parts)
+            Self::parts(candidates, classification, parts)
         } else {
             Self::groups(candidates, classification.field, gaussians)
         }
@@ -94,21 +92,21 @@ impl Points {
         Self { position, weight, kind: Kind::Groups { starts } }
     }
 
-    fn parts(list: &[Candidate], classification: &Classification<'_>, parts: u32) -> Self {
+    /// The emphasis of a part is interpolated between voxels, and its opacity is its own. With one value for each voxel, the centres follow the lattice of
+    /// the voxels: faded surfaces then show terraces and a weave.
+    fn parts(candidates: &Candidates, classification: &Classification<'_>, parts: u32) -> Self {
         let cubed = parts.pow(3) as usize;
         let field = classification.field;
         let spacing = field.grid().spacing();
-        let extinction_at = |raw: f64| extinction(classification.classifier.opacity(raw), 1.0);
-        let (position, weight) = (0..list.len() * cubed)
+        let reference = field.grid().reference_length();
+        let extinction_at = |raw: f64| extinction(classification.classifier.opacity(raw), reference);
+        let (position, weight) = (0..candidates.list.len() * cubed)
             .into_par_iter()
             .with_min_len(1024)
             .map(|i| {
-                let candidate = list[i / cubed];
-                let voxel = part_position(candidate, field, parts, (i % cubed) as u32);
-                // The denser side of a boundary voxel gets more weight.
-                let whole = extinction_at(field.raw(candidate.voxel as usize));
-                let part = field.sample(voxel).map_or(0.0, extinction_at);
-                let weight = candidate.weight / cubed as f32 * (part / whole).min(MOST_DENSER);
+                let voxel = part_position(candidates.list[i / cubed], field, parts, (i % cubed) as u32);
+                let sigma = field.sample(voxel).map_or(0.0, extinction_at);
+                let weight = candidates.importance_at(voxel, sigma) / cubed as f32;
                 ((voxel * spacing).as_vec3().to_array(), weight)
             })
             .unzip();
@@ -183,27 +181,57 @@ fn group_starts(candidates: &Candidates, field: &Field, level: u32) -> Vec<u32> 
 }
 
 /// Draws `n` positions in grid-local lengths from the importance, by systematic sampling along the Morton curve. Each part
-/// of the curve, and so each octant, gets its share to within one. Each position is jittered within its voxel.
-pub(crate) fn scatter(candidates: &Candidates, field: &Field, n: usize, random: &mut ChaCha8Rng) -> Vec<[f32; 3]> {
+/// of the curve, and so each octant, gets its share to within one. Each position is jittered within its voxel or part.
+fn scatter(
+    candidates: &Candidates,
+    points: &Points,
+    field: &Field,
+    n: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<[f32; 3]> {
     let spacing = field.grid().spacing();
-    let step = candidates.total / n as f64;
+    match points.kind {
+        Kind::Groups { .. } => {
+            let voxels = candidates.list.iter().map(|c| {
+                let voxel = field.grid().voxel(c.voxel as usize).as_dvec3();
+                (voxel * spacing, c.weight)
+            });
+            systematic_sample(voxels, spacing, n, random)
+        }
+        Kind::Parts { parts } => {
+            let points = points.position.iter().zip(&points.weight);
+            let points = points.map(|(&p, &weight)| (Vec3::from_array(p).as_dvec3(), weight));
+            systematic_sample(points, spacing / f64::from(parts), n, random)
+        }
+    }
+}
+
+/// Systematic sampling of weighted boxes: `n` positions at equal steps of the summed weight, from a random start, each
+/// jittered within its box. `boxes` gives centre and weight; `size` is the extent of each box.
+fn systematic_sample(
+    boxes: impl Iterator<Item = (DVec3, f32)> + Clone,
+    size: DVec3,
+    n: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<[f32; 3]> {
+    let total: f64 = boxes.clone().map(|b| f64::from(b.1)).sum();
+    let step = total / n as f64;
     let start: f64 = random.random();
     let mut places = Vec::with_capacity(n);
     let mut reached = 0.0;
-    let mut list = candidates.list.iter();
+    let mut boxes = boxes.filter(|b| b.1 > 0.0);
     let mut current = None;
     for k in 0..n {
         let at = (k as f64 + start) * step;
         while reached <= at {
-            // Rounding may put the last position just after the end of the last candidate.
-            let Some(c) = list.next() else { break };
-            reached += f64::from(c.weight);
-            current = Some(c);
+            // Rounding may put the last position just after the end of the last box.
+            let Some((center, weight)) = boxes.next() else { break };
+            reached += f64::from(weight);
+            current = Some(center);
         }
-        if let Some(c) = current {
+        if let Some(center) = current {
             let jitter = DVec3::new(random.random(), random.random(), random.random()) - 0.5;
-            let voxel = field.grid().voxel(c.voxel as usize).as_dvec3() + jitter;
-            places.push((voxel * spacing).as_vec3().to_array());
+            places.push((center + jitter * size).as_vec3().to_array());
         }
     }
     places
@@ -268,7 +296,7 @@ pub(crate) fn place(
     seed: u64,
 ) -> Result<Cells, PlacementError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut places = scatter(candidates, field, n, &mut random);
+    let mut places = scatter(candidates, points, field, n, &mut random);
     for _ in 0..rounds {
         let cells = Cells::new(points, &places)?;
         places.par_iter_mut().enumerate().for_each(|(i, place)| {
