@@ -2,7 +2,8 @@
 # The render node within the folder that ops/monado.sh made, with its libraries and its OpenXR runtime. A launch file starts it
 # in the place of the render node:
 #
-#     XDG_RUNTIME_DIR=FOLDER supergaussian up launch/vr.toml --set service.render-view.exec=../ops/room-under-monado.sh
+#     XDG_RUNTIME_DIR=FOLDER supergaussian up launch/vr.toml --set service.render-view.exec=../ops/room-under-monado.sh \
+#         --set "service.render-view.read=['$SUPERGAUSSIAN_MONADO']"
 #
 # where monado-service runs with the same XDG_RUNTIME_DIR. SUPERGAUSSIAN_RENDER_NODE names the executable where it is neither on
 # PATH nor built in this checkout.

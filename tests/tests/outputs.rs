@@ -71,6 +71,8 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
             vec![
                 &["certificates", "taken", "--home", "localhost"],
                 &["certificates", "new", "--home", "localhost", "--node", "authority"],
+                &["certificates", "new", "--node", "gpu1"],
+                &["certificates", "taken", "--revoke", "gpu1"],
                 &["certificates", "new", "--home", "localhost", "--node", "gpu1", "--node", "../gpu2"],
             ],
         ),

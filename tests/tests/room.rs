@@ -50,6 +50,9 @@ fn up(folder: &Path, more: &[&str], display: &str) -> Stack {
     ];
     settings.extend(more.iter().map(|s| (*s).to_owned()));
     let node = executable("supergaussian-render-node").unwrap();
+    // The script starts other programs than its own.
+    let read = [monado::folder().unwrap(), node.parent().unwrap().to_owned()];
+    settings.push(format!("service.render-view.read={:?}", read.map(|path| path.display().to_string())));
     let folder = folder.to_str().unwrap();
     let env =
         [("XDG_RUNTIME_DIR", folder), ("SUPERGAUSSIAN_RENDER_NODE", node.to_str().unwrap()), ("DISPLAY", display)];

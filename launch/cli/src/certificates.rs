@@ -13,6 +13,8 @@ use rcgen::{
 use sg_input::file;
 use sg_input::limits::SMALL_TEXT_BYTES;
 
+use sg_stack::revocation;
+
 use crate::certificate_expiry::expiry;
 use crate::terminal::{self, CommandResult, Failure};
 
@@ -36,8 +38,8 @@ pub(crate) struct CertificatesArgs {
     /// Folder for the files; created if missing; an existing authority is used again
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Names and addresses of the machine that runs `up`, as other machines reach it
-    #[arg(long, value_delimiter = ',', required = true, value_name = "HOST")]
+    /// Names and addresses of the machine that runs `up`, as other machines reach it; renews its certificate
+    #[arg(long, value_delimiter = ',', value_name = "HOST")]
     home: Vec<String>,
     /// Name of a machine that may join, as in the launch file; repeatable
     #[arg(long = "node", value_delimiter = ',', value_name = "NAME")]
@@ -45,25 +47,50 @@ pub(crate) struct CertificatesArgs {
     /// Validity of the certificates in days
     #[arg(long, default_value_t = 365, value_parser = clap::value_parser!(u64).range(1..=3650))]
     days: u64,
+    /// Make new keys, in files beside the old ones; the old certificates stay valid until they expire
+    #[arg(long)]
+    new_key: bool,
+    /// Refuse all certificates of this machine from now on; repeatable. Then run `up` again to tell a running stack
+    #[arg(long, value_delimiter = ',', value_name = "NAME", conflicts_with_all = ["home", "nodes", "days", "new_key"])]
+    revoke: Vec<String>,
 }
 
-/// Signs a certificate for home and for every node. Keys are never replaced; a later run renews certificates on the same
-/// keys.
+/// Signs a certificate for home and for every node, or revokes those of machines. Keys are never replaced; a later run renews
+/// certificates on the same keys, or on new keys beside them.
 ///
 /// Everything is read and signed before the first file is written, so that a refused command changes nothing.
 pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
-    let CertificatesArgs { dir, home, nodes, days } = arguments;
+    let CertificatesArgs { dir, home, nodes, days, new_key, revoke: revoked } = arguments;
+    if !revoked.is_empty() {
+        return revoke(dir, revoked);
+    }
     check_names(nodes)?;
+    let list = list_of(dir);
+    let refused = revocation::read(&list).map_err(|e| Failure::Input(e.to_string()))?;
+    if let Some(node) = nodes.iter().find(|node| refused.contains(*node)) {
+        let text = format!("--node {node}: revoked in {}; give the machine another name", list.display());
+        return Err(Failure::Input(text));
+    }
+    if home.is_empty() && (nodes.is_empty() || !key_path(dir, HOME).exists()) {
+        let text = "--home HOST is missing; give the names of the machine that runs `up`, as other machines reach it";
+        return Err(Failure::Input(text.to_owned()));
+    }
     let authority = Authority::of(dir)?;
-    let at_home = authority.sign(dir, HOME, home, ExtendedKeyUsagePurpose::ServerAuth, *days)?;
-    let of_nodes = nodes
-        .iter()
-        .map(|node| authority.sign(dir, node, &[], ExtendedKeyUsagePurpose::ClientAuth, *days))
-        .collect::<Result<Vec<_>, _>>()?;
+    let sign = |name: &str, hosts: &[String], purpose| {
+        let generation = Generation::newest(dir, name);
+        let generation = if *new_key { generation.next() } else { generation };
+        authority.sign(dir, (name, generation), hosts, purpose, *days)
+    };
+    let at_home = match home.as_slice() {
+        [] => None,
+        hosts => Some(sign(HOME, hosts, ExtendedKeyUsagePurpose::ServerAuth)?),
+    };
+    let of_nodes =
+        nodes.iter().map(|node| sign(node, &[], ExtendedKeyUsagePurpose::ClientAuth)).collect::<Result<Vec<_>, _>>()?;
 
     let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", dir.display()));
     std::fs::DirBuilder::new().recursive(true).mode(0o700).create(dir).map_err(fail)?;
-    for files in [&authority.files, &at_home].into_iter().chain(&of_nodes) {
+    for files in std::iter::once(&authority.files).chain(&at_home).chain(&of_nodes) {
         files.write()?;
     }
     if in_days(*days) > authority.expires {
@@ -76,11 +103,13 @@ pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
         "{}: the authority; keep its key on this machine",
         authority.files.certificate.display()
     ));
-    terminal::print_line(&format!(
-        "{}: for `[bus]` of the launch file, reached as {}",
-        at_home.certificate.display(),
-        home.join(", ")
-    ));
+    if let Some(at_home) = &at_home {
+        terminal::print_line(&format!(
+            "{}: for `[bus]` of the launch file, reached as {}",
+            at_home.certificate.display(),
+            home.join(", ")
+        ));
+    }
     for (node, files) in nodes.iter().zip(&of_nodes) {
         terminal::print_line(&format!(
             "{}: for machine {node}, with its key and authority.pem; copy these three files there",
@@ -88,6 +117,56 @@ pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
         ));
     }
     Ok(())
+}
+
+/// Path of the list of revoked machines.
+fn list_of(dir: &Path) -> PathBuf {
+    revocation::list_beside(&dir.join(format!("{AUTHORITY_FILE}.pem")))
+}
+
+/// Adds machines to the list of revoked ones.
+fn revoke(dir: &Path, names: &[String]) -> CommandResult {
+    check_names(names).map_err(|failure| Failure::Input(failure.text().replace("--node", "--revoke")))?;
+    let list = list_of(dir);
+    let mut revoked = revocation::read(&list).map_err(|e| Failure::Input(e.to_string()))?;
+    for name in names {
+        // A mistyped name would leave the machine in.
+        let certificate = dir.join(format!("{name}.pem"));
+        if !certificate.is_file() {
+            let text = format!("--revoke {name}: there is no {}; give the name of a machine", certificate.display());
+            return Err(Failure::Input(text));
+        }
+        revoked.insert(name.clone());
+    }
+    replace(&list, &revocation::text_of(&revoked))?;
+    for name in names {
+        terminal::print_line(&format!(
+            "{}: machine {name} is refused from now on; `supergaussian up FILE` tells a running stack",
+            list.display()
+        ));
+    }
+    Ok(())
+}
+
+/// Number of a machine's key: 1 for the first, whose files have no number in their names.
+#[derive(Debug, Clone, Copy)]
+struct Generation(u32);
+
+impl Generation {
+    /// The newest key of a machine; 0 for none.
+    fn newest(dir: &Path, name: &str) -> Self {
+        let is_there = |n: &u32| key_path(dir, &Self(*n).stem(name)).exists();
+        Self((1..).take_while(is_there).last().unwrap_or(0))
+    }
+
+    fn next(self) -> Self {
+        Self(self.0 + 1)
+    }
+
+    /// Name of the certificate's file, without the extension. Names of machines have no dot.
+    fn stem(self, name: &str) -> String {
+        if self.0 <= 1 { name.to_owned() } else { format!("{name}.{}", self.0) }
+    }
 }
 
 /// Checks the names of machines. A name must not lead to the file of another machine, of home or of the authority.
@@ -159,25 +238,31 @@ impl Authority {
     fn sign(
         &self,
         dir: &Path,
-        name: &str,
+        (name, generation): (&str, Generation),
         hosts: &[String],
         purpose: ExtendedKeyUsagePurpose,
         days: u64,
     ) -> Result<SignedFiles, Failure> {
+        let stem = generation.stem(name);
         let expires = in_days(days).min(self.expires);
         let mut params = params(name, hosts, expires)?;
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
         params.extended_key_usages = vec![purpose];
         params.use_authority_key_identifier_extension = true;
-        let (pair, new_key) = key(dir, name)?;
+        let (pair, new_key) = key(dir, &stem)?;
         let pem = params.signed_by(&pair, &self.issuer).map_err(|e| refused(&e))?.pem();
-        Ok(SignedFiles { certificate: dir.join(format!("{name}.pem")), pem, new_key })
+        Ok(SignedFiles { certificate: dir.join(format!("{stem}.pem")), pem, new_key })
     }
+}
+
+/// Path of the key of this name.
+fn key_path(dir: &Path, name: &str) -> PathBuf {
+    dir.join(format!("{name}{KEY_SUFFIX}.pem"))
 }
 
 /// The key of this name: the one in the folder, or a new one with its path.
 fn key(dir: &Path, name: &str) -> Result<(KeyPair, Option<(PathBuf, String)>), Failure> {
-    let path = dir.join(format!("{name}{KEY_SUFFIX}.pem"));
+    let path = key_path(dir, name);
     match file::read_text(&path, SMALL_TEXT_BYTES) {
         Ok(pem) => {
             let pair = KeyPair::from_pem(&pem)
@@ -251,6 +336,7 @@ fn replace(path: &Path, text: &str) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sg_runtime::bus::CertificateContent;
     use std::collections::BTreeMap;
     use std::os::unix::fs::PermissionsExt;
 
@@ -263,6 +349,8 @@ mod tests {
             home: vec!["lab.example.org".into(), "10.0.0.1".into()],
             nodes: nodes.iter().map(|n| (*n).to_owned()).collect(),
             days: 30,
+            new_key: false,
+            revoke: Vec::new(),
         };
         certificates(&arguments(&["gpu1"])).unwrap();
         let read = |name: &str| std::fs::read_to_string(dir.join(name)).unwrap();
@@ -293,6 +381,8 @@ mod tests {
             home: vec![home.to_owned()],
             nodes: nodes.iter().map(|n| (*n).to_owned()).collect(),
             days: 30,
+            new_key: false,
+            revoke: Vec::new(),
         };
         certificates(&arguments(&["gpu1"], "lab.example.org")).unwrap();
         let before = contents(&dir);
@@ -317,6 +407,8 @@ mod tests {
             home: vec!["lab.example.org".to_owned()],
             nodes: vec!["gpu1".to_owned()],
             days,
+            new_key: false,
+            revoke: Vec::new(),
         };
         certificates(&arguments(30)).unwrap();
         let before = contents(folder.path());
@@ -335,6 +427,68 @@ mod tests {
     }
 
     #[test]
+    fn a_rotation_makes_new_files_and_changes_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let arguments = |home: &[&str], new_key| CertificatesArgs {
+            dir: folder.path().to_owned(),
+            home: home.iter().map(|h| (*h).to_owned()).collect(),
+            nodes: vec!["gpu1".to_owned()],
+            days: 30,
+            new_key,
+            revoke: Vec::new(),
+        };
+        assert!(matches!(certificates(&arguments(&[], false)), Err(Failure::Input(text)) if text.contains("--home")));
+        certificates(&arguments(&["lab"], false)).unwrap();
+        let first = contents(folder.path());
+        certificates(&arguments(&[], true)).unwrap();
+        let second = contents(folder.path());
+        assert!(first.iter().all(|(path, content)| second.get(path) == Some(content)));
+        let added: Vec<_> = second.keys().filter(|p| !first.contains_key(*p)).map(|p| p.file_name().unwrap()).collect();
+        assert_eq!(added, ["gpu1.2-key.pem", "gpu1.2.pem"]);
+        let file = |name: &str| folder.path().join(name);
+        let content = CertificateContent::of_pem(&second[&file("gpu1.2.pem")]).unwrap();
+        assert_eq!(content.common_name.as_deref(), Some("gpu1"));
+        // A renewal is of the newest key.
+        certificates(&arguments(&[], false)).unwrap();
+        let third = contents(folder.path());
+        let changed: Vec<_> = third.keys().filter(|p| third[*p] != second[*p]).collect();
+        assert_eq!(changed, [&file("gpu1.2.pem")]);
+    }
+
+    #[test]
+    fn a_revoked_name_is_listed_and_not_used_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let arguments = |nodes: &[&str], revoke: &[&str]| CertificatesArgs {
+            dir: folder.path().to_owned(),
+            home: if revoke.is_empty() { vec!["lab".to_owned()] } else { Vec::new() },
+            nodes: nodes.iter().map(|n| (*n).to_owned()).collect(),
+            days: 30,
+            new_key: false,
+            revoke: revoke.iter().map(|n| (*n).to_owned()).collect(),
+        };
+        certificates(&arguments(&["gpu1", "gpu2"], &[])).unwrap();
+        let before = contents(folder.path());
+        for wrong in [&["gpu3"][..], &["gpu1", "gpu3"], &["home"], &["../gpu1"]] {
+            assert!(matches!(certificates(&arguments(&[], wrong)), Err(Failure::Input(_))), "{wrong:?}");
+            assert_eq!(contents(folder.path()), before, "{wrong:?}");
+        }
+        certificates(&arguments(&[], &["gpu1"])).unwrap();
+        let list = list_of(folder.path());
+        assert_eq!(revocation::read(&list).unwrap().into_iter().collect::<Vec<_>>(), ["gpu1"]);
+        let after = contents(folder.path());
+        assert!(before.iter().all(|(path, content)| after.get(path) == Some(content)));
+        assert!(
+            matches!(certificates(&arguments(&["gpu1"], &[])), Err(Failure::Input(text)) if text.contains("revoked"))
+        );
+        certificates(&arguments(&[], &["gpu2"])).unwrap();
+        assert_eq!(revocation::read(&list).unwrap().len(), 2);
+        // A file of others is left alone.
+        std::fs::write(&list, "my notes").unwrap();
+        assert!(matches!(certificates(&arguments(&[], &["gpu2"])), Err(Failure::Input(_))));
+        assert_eq!(std::fs::read_to_string(&list).unwrap(), "my notes");
+    }
+
+    #[test]
     fn a_certificate_ends_with_its_authority() {
         let folder = tempfile::tempdir().unwrap();
         let dir = folder.path();
@@ -344,8 +498,14 @@ mod tests {
             std::fs::write(dir.join("authority.pem"), pem).unwrap();
         };
         std::fs::write(dir.join("authority-key.pem"), pair.serialize_pem()).unwrap();
-        let arguments =
-            CertificatesArgs { dir: dir.to_owned(), home: vec!["lab".to_owned()], nodes: Vec::new(), days: 365 };
+        let arguments = CertificatesArgs {
+            dir: dir.to_owned(),
+            home: vec!["lab".to_owned()],
+            nodes: Vec::new(),
+            days: 365,
+            new_key: false,
+            revoke: Vec::new(),
+        };
 
         write_authority(SystemTime::now() + Duration::from_secs(10 * DAY));
         certificates(&arguments).unwrap();

@@ -6,6 +6,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
+use sg_confinement::Support;
 use sg_input::file::read_text;
 use sg_input::limits::SMALL_TEXT_BYTES;
 use sg_runtime::session;
@@ -25,6 +26,8 @@ const PROGRAM_OUTPUT: u64 = 1 << 20;
 const LEAST_SPACE: u64 = 64 << 20;
 /// Free space of a folder below which a check has a note, in bytes.
 const LITTLE_SPACE: u64 = 1 << 30;
+/// Version of Landlock that confines everything that the services' rights name.
+const COMPLETE: u32 = 6;
 /// Services that no command runs.
 const AGENTS: [&str; 3] = ["supergaussian-agent-core", "supergaussian-agent-function", "supergaussian-agent-intent"];
 /// A scene of one Gaussian in the layout of 3DGS.
@@ -91,7 +94,7 @@ impl Check {
 /// A failed check.
 pub(crate) fn doctor(arguments: &DoctorArgs) -> CommandResult {
     let search = ExecutableSearch::here_then_path();
-    let mut checks = vec![executables(&search), cores_and_memory(), run_folder(&session::run_root())];
+    let mut checks = vec![executables(&search), cores_and_memory(), run_folder(&session::run_root()), confinement()];
     checks.extend(pictures(&search));
     checks.extend([window(), headset(), movies()]);
     if let Some(file) = &arguments.file {
@@ -187,6 +190,19 @@ fn run_folder(root: &Path) -> Check {
         free if free < LEAST_SPACE => Check::failed(NAME, detail + "; make room"),
         free if free < LITTLE_SPACE => Check::limited(NAME, detail + "; pictures and scenes need more"),
         _ => Check::passed(NAME, detail),
+    }
+}
+
+/// The kernel can confine services.
+fn confinement() -> Check {
+    const NAME: &str = "confinement";
+    match sg_confinement::support() {
+        support @ Support::Version(version) if version < COMPLETE => Check::limited(
+            NAME,
+            format!("{support}; version {COMPLETE} (Linux 6.12) also confines sockets and signals"),
+        ),
+        support @ Support::Version(_) => Check::passed(NAME, support.to_string()),
+        missing => Check::limited(NAME, format!("services are not confined: {missing}")),
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use sg_runtime::bus::{Certificates, Link, TLS_PREFIX};
+use sg_stack::file::Confinement;
 use sg_stack::node::{self, NodeSettings};
 
 use crate::certificate_expiry::check_expiry;
@@ -25,6 +26,15 @@ pub(crate) struct JoinArgs {
     /// Private key of this machine
     #[arg(long, value_name = "FILE")]
     key: PathBuf,
+    /// Further file or folder that the services here may read and run programs of; repeatable
+    #[arg(long, value_name = "PATH")]
+    read: Vec<PathBuf>,
+    /// Further file or folder that they may change; repeatable
+    #[arg(long, value_name = "PATH")]
+    write: Vec<PathBuf>,
+    /// Let the services do what this user may
+    #[arg(long, conflicts_with_all = ["read", "write"])]
+    unconfined: bool,
 }
 
 pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> CommandResult {
@@ -50,7 +60,10 @@ pub(crate) async fn join(session: Option<&str>, arguments: &JoinArgs) -> Command
         )));
     }
     let link = Link { endpoint: arguments.endpoint.clone(), certificates: Some(certificates) };
-    node::run(NodeSettings { session: session.to_owned(), name: arguments.name.clone(), link }).await?;
+    let all = |paths: &[PathBuf]| paths.iter().map(|path| absolute(path)).collect::<Result<Vec<_>, _>>();
+    let confinement =
+        Confinement { confined: !arguments.unconfined, read: all(&arguments.read)?, write: all(&arguments.write)? };
+    node::run(NodeSettings { session: session.to_owned(), name: arguments.name.clone(), link, confinement }).await?;
     Ok(())
 }
 

@@ -19,6 +19,8 @@ use nix::unistd::{Pid, getpgrp, getpid};
 use sg_input::{file, limits};
 use sg_runtime::process::{ProcessStat, start_time};
 
+use crate::service_manager;
+
 /// First argument with which this program kills the processes that a killed supervisor leaves behind.
 pub const REAP_AFTER: &str = "reap-after";
 
@@ -140,6 +142,7 @@ pub(crate) fn start_reaper() -> io::Result<Child> {
     // Not the path of this program: a newer build may have replaced it.
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg(REAP_AFTER).arg(own_mark()).env_remove(MARK);
+    service_manager::hide_from(&mut command);
     command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
     let mut own = own();
     let child = command.spawn()?;

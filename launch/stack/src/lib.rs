@@ -9,8 +9,11 @@
 //! | [`document`], [`snippet`] | TOML with places, and reports of mistakes with their lines |
 //! | [`reconcile`] | the reconciler, a pure state machine: events in, actions out |
 //! | [`supervisor`] | processes and bus around the reconciler, and requests to it |
+//! | [`revocation`] | machines whose certificates are refused |
 //! | [`node`] | a machine that runs services for a stack of another machine |
 //! | [`spawn`], [`pid_registry`] | processes that die with their supervisor, and leftovers of earlier runs |
+//! | `service_rights` | what the kernel leaves to a service |
+//! | `service_manager` | readiness and signs of life for systemd |
 //! | [`descendants`] | children of services' children, which end with the service |
 //! | [`log_file`], [`log_line`] | bounded logs of services, and their lines for people |
 //! | [`console`], [`terminal`] | output of a supervisor |
@@ -54,8 +57,11 @@ mod params_file;
 pub mod pid_registry;
 mod probe;
 pub mod reconcile;
+pub mod revocation;
 mod run_folder;
 mod serve_arguments;
+mod service_manager;
+mod service_rights;
 pub mod snippet;
 pub mod spawn;
 pub mod suggestion;

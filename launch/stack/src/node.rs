@@ -9,6 +9,7 @@ use std::fs::{File, TryLockError};
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
+use sg_confinement::Support;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::launch::{Ended, JoinReply, JoinRequest, LogLines, SignalReply, SignalRequest, StartReply, StartRequest};
@@ -24,12 +25,13 @@ use tokio::time::MissedTickBehavior;
 use crate::boot_time::BootTime;
 use crate::descendants;
 use crate::error::StackError;
-use crate::file::ExecutableSearch;
+use crate::file::{Confinement, ExecutableSearch};
 use crate::params_file;
 use crate::pid_registry::PidRegistry;
 use crate::reconcile::{Exit, ProcessId};
 use crate::run_folder::Cleaner;
 use crate::serve_arguments;
+use crate::service_rights;
 use crate::spawn::{self, LineSink, SpawnRequest};
 use crate::terminal;
 
@@ -60,6 +62,8 @@ pub struct NodeSettings {
     pub name: String,
     /// Endpoint of the stack, and the certificates of this machine.
     pub link: Link,
+    /// How the kernel confines the services here.
+    pub confinement: Confinement,
 }
 
 /// A request of the supervisor.
@@ -81,7 +85,7 @@ struct ReportAnswer {
 /// # Errors
 /// [`StackError`] if the node cannot start, or the supervisor refuses it for good.
 pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
-    let NodeSettings { session, name, link } = settings;
+    let NodeSettings { session, name, link, confinement } = settings;
     let folder = SessionDir::for_node(&session, &name)?;
     folder.create()?;
     let lock = lock(&folder)?;
@@ -98,12 +102,19 @@ pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     let mut interrupt = watch(SignalKind::interrupt())?;
     let mut terminate = watch(SignalKind::terminate())?;
     terminal::print_status(&format!("node {name} · session {session} · {}", link.endpoint));
+    match sg_confinement::support() {
+        Support::Version(version) if confinement.confined => {
+            terminal::print_status(&format!("services are confined (Landlock, version {version})"));
+        }
+        Support::Version(_) => terminal::print_status("services are not confined: --unconfined"),
+        missing => terminal::print_status(&format!("services are not confined: {missing}")),
+    }
     let reached = tokio::select! {
         bus = connect(&session, &name, &link) => bus,
         _ = interrupt.recv() => return Ok(()),
         _ = terminate.recv() => return Ok(()),
     };
-    let mut node = Node::new(reached, &name, link, folder, registry).await?;
+    let mut node = Node::new(reached, &name, (link, confinement), folder, registry).await?;
     let mut panicked = sg_runtime::process::report_panics();
     let outcome = tokio::select! {
         refused = node.run() => Err(refused),
@@ -163,6 +174,7 @@ struct Node {
     name: String,
     process_id: String,
     link: Link,
+    confinement: Confinement,
     folder: SessionDir,
     registry: PidRegistry,
     requests: Inbox<Request>,
@@ -188,7 +200,7 @@ impl Node {
     async fn new(
         bus: Bus,
         name: &str,
-        link: Link,
+        (link, confinement): (Link, Confinement),
         folder: SessionDir,
         registry: PidRegistry,
     ) -> Result<Self, StackError> {
@@ -203,6 +215,7 @@ impl Node {
             bus,
             name: name.to_owned(),
             link,
+            confinement,
             folder,
             registry,
             requests,
@@ -361,12 +374,26 @@ impl Node {
             stop,
         };
         let id = ProcessId(self.starts + 1);
-        let spawn_request = SpawnRequest {
-            id,
-            executable: executable.clone(),
-            arguments: serving.arguments(),
-            env: request.env.iter().map(|v| (v.name.clone(), v.value.clone())).collect(),
+        let env: Vec<_> = request.env.iter().map(|v| (v.name.clone(), v.value.clone())).collect();
+        let process = service_rights::Process {
+            role: &request.role,
+            instance: &request.instance,
+            executable: &executable,
+            params: &serde_json::from_str(&request.params).map_err(|e| Fault::invalid(format!("parameters: {e}")))?,
+            params_file: &params_file,
+            env: &env,
+            run_dir: self.folder.path(),
+            link: &self.link,
+            scene: None,
+            confinement: &self.confinement,
         };
+        let prepared = process
+            .rights()
+            .and_then(|rights| Ok((rights, service_rights::own_folder(self.folder.path(), &request.instance)?)));
+        let (rights, scratch) =
+            prepared.map_err(|e| Fault::internal(format!("a folder that it may write cannot be made: {e}")))?;
+        let arguments = serving.arguments();
+        let spawn_request = SpawnRequest { id, executable: executable.clone(), arguments, env, rights, scratch };
         let log = Log { instance: request.instance.clone(), lines: self.lines.clone() };
         let pid = spawn::start(spawn_request, log, self.exit_sender.clone())
             .map_err(|e| Fault::internal(format!("{} cannot be started: {e}", executable.display())))?;

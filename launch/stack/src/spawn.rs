@@ -1,6 +1,7 @@
 //! Starting, observing and signalling processes.
 
 use std::io;
+use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
@@ -11,6 +12,7 @@ use nix::errno::Errno;
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::{Pid, getppid};
+use sg_confinement::{ConfinementError, Rights, confine};
 use tokio::io::{AsyncBufRead, AsyncBufReadExt, BufReader};
 use tokio::process::Command;
 use tokio::sync::mpsc;
@@ -18,6 +20,7 @@ use tokio::sync::mpsc;
 use crate::descendants;
 use crate::log_line::{Level, LogLine};
 use crate::reconcile::{Exit, ProcessId};
+use crate::service_manager;
 
 /// First argument with which this program runs as the short-lived parent of a service.
 pub const BECOME_CHILD: &str = "become-child-of";
@@ -27,6 +30,9 @@ pub const DETACHED: &str = "on-its-own";
 
 /// Longest log line, bytes. The rest of a longer line is dropped.
 const MAX_LINE_BYTES: usize = 64 << 10;
+
+/// Environment variable with the rights of a service's process, as JSON. Only the short-lived parent reads it.
+const RIGHTS: &str = "SUPERGAUSSIAN_RIGHTS";
 
 /// Most files that a service has open at a time.
 const MAX_OPEN_FILES: u64 = 8192;
@@ -41,6 +47,10 @@ pub(crate) struct SpawnRequest {
     pub(crate) executable: PathBuf,
     pub(crate) arguments: Vec<String>,
     pub(crate) env: Vec<(String, String)>,
+    /// Its rights; `None` for those of its user.
+    pub(crate) rights: Option<Rights>,
+    /// Its folder for temporary files, if its rights are limited.
+    pub(crate) scratch: PathBuf,
 }
 
 /// A destination for the lines of a service.
@@ -57,6 +67,7 @@ pub fn tied_to_parent(program: &std::path::Path) -> std::process::Command {
     // Not the path of this program: a newer build may have replaced it.
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg0("supergaussian").arg(BECOME_CHILD).arg(std::process::id().to_string()).arg(program);
+    service_manager::hide_from(&mut command);
     command
 }
 
@@ -64,6 +75,7 @@ pub fn tied_to_parent(program: &std::path::Path) -> std::process::Command {
 pub fn detached() -> std::process::Command {
     let mut command = std::process::Command::new("/proc/self/exe");
     command.arg0("supergaussian").arg(DETACHED).env_remove(descendants::MARK);
+    service_manager::hide_from(&mut command);
     command
 }
 
@@ -79,6 +91,12 @@ pub enum BecomeChildError {
     /// The kernel refused a limit of the new process.
     #[error("the limits of a service cannot be set: {0}")]
     Limits(Errno),
+    /// The rights in the environment cannot be read.
+    #[error("the rights of a service cannot be read: {0}")]
+    Rights(serde_json::Error),
+    /// The kernel refused the rights.
+    #[error("a service cannot be confined: {0}; `confined = false` in its table of the launch file starts it without")]
+    Confinement(#[from] ConfinementError),
     /// The parent ended before the signal was set.
     #[error("the parent has ended already")]
     ParentGone,
@@ -108,7 +126,17 @@ pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> 
     if let Err(error) = contain() {
         return BecomeChildError::Limits(error);
     }
-    let source = std::process::Command::new(&program).args(arguments).exec();
+    if let Some(rights) = std::env::var_os(RIGHTS) {
+        match serde_json::from_slice::<Rights>(rights.as_bytes()) {
+            // A kernel without Landlock confines nothing. The supervisor has said so.
+            Ok(rights) => match confine(&rights) {
+                Ok(_) => {}
+                Err(error) => return error.into(),
+            },
+            Err(error) => return BecomeChildError::Rights(error),
+        }
+    }
+    let source = std::process::Command::new(&program).args(arguments).env_remove(RIGHTS).exec();
     BecomeChildError::Exec { program: program.into(), source }
 }
 
@@ -147,6 +175,9 @@ pub(crate) fn start(
 ) -> io::Result<u32> {
     let mark = format!("{}{}", descendants::own_mark(), request.id.0);
     let mut command = tied_to_parent(&request.executable);
+    if let Some(rights) = &request.rights {
+        command.env(RIGHTS, serde_json::to_string(rights)?).env("TMPDIR", &request.scratch);
+    }
     command.args(&request.arguments).envs(request.env).env(descendants::MARK, &mark);
     let (pid, ended) = run(command, lines)?;
     tokio::spawn(async move {

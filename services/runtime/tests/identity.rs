@@ -111,6 +111,52 @@ async fn nodes_serve_ask_and_publish_as_themselves() {
     drop((state, token));
 }
 
+/// Whether a request of a process finds an answer before long.
+async fn is_answered(bus: &Bus, id: &str) -> bool {
+    let began = std::time::Instant::now();
+    while began.elapsed() < Duration::from_secs(6) {
+        let command = Command { id: id.into(), ..Command::default() };
+        if bus.ask(&keys::SCENE_APPLY, &command, &shortly()).await.is_ok() {
+            return true;
+        }
+    }
+    false
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_excluded_machine_is_cut_off_and_others_go_on() {
+    let mut session = Session::open().await;
+    let scene = session.home(role::SCENE).await;
+    let _scene = serve_scene(&scene).await;
+    let excluded = session.away("gpu1", role::RENDER_VIEW, "view.1", 3).await;
+    let other = session.away("gpu2", role::SELECTION, "selection.1", 4).await;
+    let mut events = excluded.subscribe(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    let mut at_other = other.subscribe(&keys::SCENE_EVENT, role::SCENE, 8).await.unwrap();
+    assert!(is_answered(&excluded, "1").await && is_answered(&other, "1").await);
+
+    session.exclude("gpu1").await;
+    assert!(is_answered(&other, "2").await, "the other machine connects again by itself");
+    // The connection is there again, but nothing passes: neither requests nor streams.
+    assert!(!is_answered(&excluded, "2").await);
+    scene.publish(&keys::SCENE_EVENT, &Event { revision: 7, ..Event::default() }, &soon()).await.unwrap();
+    assert_eq!(heard(&mut at_other).await.unwrap().0.revision, 7);
+    assert!(tokio::time::timeout(Duration::from_millis(500), events.next()).await.is_err());
+    // Neither does a new connection help.
+    let again = session.away("gpu1", role::RENDER_VIEW, "view.2", 5).await;
+    assert!(!is_answered(&again, "3").await);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_certificate_on_a_new_key_is_accepted_beside_the_old_one() {
+    let session = Session::open().await;
+    let scene = session.home(role::SCENE).await;
+    let _scene = serve_scene(&scene).await;
+    let old = session.away("gpu1", role::RENDER_VIEW, "view.1", 3).await;
+    session.rotate("gpu1");
+    let new = session.away("gpu1", role::RENDER_VIEW, "view.2", 3).await;
+    assert!(is_answered(&new, "1").await && is_answered(&old, "2").await);
+}
+
 /// What a hostile program on gpu1 tries as sender and as address, and whether the contract grants it.
 struct Forgery {
     sender: &'static str,

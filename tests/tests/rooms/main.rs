@@ -324,9 +324,10 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 26] = [
+const MAP: [(&str, &str, &[&str]); 27] = [
     ("proto", "sg-proto", &[]),
     ("services/input", "sg-input", &[]),
+    ("services/confinement", "sg-confinement", &[]),
     ("services/runtime", "sg-runtime", &["sg-input", "sg-proto"]),
     ("services/scene/model", "sg-scene", &["sg-input"]),
     ("services/scene/formats", "sg-formats", &["sg-input", "sg-scene"]),
@@ -341,7 +342,7 @@ const MAP: [(&str, &str, &[&str]); 26] = [
     (
         "services/fit/service",
         "supergaussian-fit",
-        &["sg-fit", "sg-formats", "sg-input", "sg-runtime", "sg-scene", "sg-volume"],
+        &["sg-confinement", "sg-fit", "sg-formats", "sg-input", "sg-runtime", "sg-scene", "sg-volume"],
     ),
     ("services/selection/walk", "sg-walk", &["sg-scene"]),
     ("services/selection/clusters", "sg-clusters", &["sg-formats", "sg-input", "sg-scene", "sg-walk"]),
@@ -403,8 +404,12 @@ const MAP: [(&str, &str, &[&str]); 26] = [
             "sg-viewer",
         ],
     ),
-    ("launch/stack", "sg-stack", &["sg-input", "sg-proto", "sg-runtime"]),
-    ("launch/cli", "supergaussian", &["sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-stack"]),
+    ("launch/stack", "sg-stack", &["sg-confinement", "sg-input", "sg-proto", "sg-runtime"]),
+    (
+        "launch/cli",
+        "supergaussian",
+        &["sg-confinement", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-stack"],
+    ),
     (
         "tests",
         "sg-tests",

@@ -89,3 +89,113 @@ fn the_folder_of_all_sessions_must_be_private() {
         refused(&sandbox, "belongs to another user");
     }
 }
+
+/// Says loudly that this kernel confines nothing, or too little for a test.
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
+fn confines(least: u32) -> bool {
+    match sg_confinement::support() {
+        sg_confinement::Support::Version(version) if version >= least => true,
+        support => {
+            eprintln!("SKIPPED: this test needs version {least} of Landlock; {support}");
+            false
+        }
+    }
+}
+
+/// What a service says that it could do: the lines after `tried`.
+fn tried(sandbox: &Sandbox, service: &str) -> Vec<String> {
+    let log = sandbox.run(&["logs", service]).1;
+    log.lines().filter_map(|line| Some(line.split_once("tried ")?.1.to_owned())).collect()
+}
+
+#[test]
+fn a_service_reads_and_changes_its_own_files_only() {
+    if !confines(6) {
+        return;
+    }
+    let sandbox = Sandbox::new();
+    // Not in the folder of the executable, which a service may read.
+    let home = tempfile::tempdir().unwrap();
+    let mut paths = Vec::new();
+    for name in [".ssh/id_ed25519", "given/model", "outputs/table", ".config/secret"] {
+        let path = home.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, "text").unwrap();
+        paths.push(path.display().to_string());
+    }
+    let executable = home.path().join("bin/fixture");
+    std::fs::create_dir(executable.parent().unwrap()).unwrap();
+    std::fs::copy(sandbox.path().join("fixture"), &executable).unwrap();
+    let run = sandbox.path().join("run/f");
+    // Parameters of another service, and the supervisor's own files.
+    for name in ["params/other.1.json", "supervisor.lock"] {
+        paths.push(run.join(name).display().to_string());
+    }
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let text = format!(
+        r#"
+schema = 1
+[defaults]
+env = {{ TRIED_PATHS = "{paths}", TRIED_ADDRESS = "{address}", TRIED_PROCESS = "{process}" }}
+[service.other]
+exec = "{home}/bin/fixture"
+params = {{ secret = "s" }}
+[service.scene]
+exec = "{home}/bin/fixture"
+after = {{ other = "ready" }}
+params = {{ ledger = "{home}/given/model" }}
+[service.free]
+exec = "{home}/bin/fixture"
+confined = false
+after = {{ scene = "ready", more = "ready" }}
+[service.more]
+exec = "{home}/bin/fixture"
+after = {{ scene = "ready" }}
+write = ["{home}/outputs"]
+"#,
+        paths = paths.join(":"),
+        address = listener.local_addr().unwrap(),
+        process = std::process::id(),
+        home = home.path().display(),
+    );
+    let file = sandbox.file("f.toml", &text);
+    let up = sandbox.up(&[file.to_str().unwrap()]);
+    sandbox.ready("f", "free");
+    let (denied, done) = ("PermissionDenied", "done");
+    let line = |name: &str, read: &str, written: &str| format!("{name} read={read} written={written}");
+    let system = |connected: &str, signalled: &str| {
+        [format!("a connection connected={connected}"), format!("a process signalled={signalled}")]
+    };
+    let ssh = |read| line("id_ed25519", read, read);
+    let of_scene = [
+        ssh(denied),
+        // Named in its parameters.
+        line("model", done, denied),
+        line("table", denied, denied),
+        line("secret", denied, denied),
+        line("other.1.json", denied, denied),
+        line("supervisor.lock", denied, denied),
+    ];
+    assert_eq!(tried(&sandbox, "scene"), [&of_scene[..], &system(denied, denied)].concat(), "{}", up.errors());
+    let more = tried(&sandbox, "more");
+    assert_eq!(more[2], line("table", done, done));
+    assert_eq!((&more[0], &more[1], &more[6]), (&ssh(denied), &line("model", denied, denied), &system(done, "")[0]));
+    let free = tried(&sandbox, "free");
+    assert_eq!((&free[0], &free[6..]), (&ssh(done), &system(done, done)[..]));
+    assert!(up.errors().contains("services are confined (Landlock, version"), "{}", up.errors());
+    assert!(up.errors().contains("except for free"), "{}", up.errors());
+}
+
+#[test]
+fn the_folder_for_temporary_files_is_the_services_own() {
+    let sandbox = Sandbox::new();
+    sandbox.script("scratch", "cat <<END > \"$TMPDIR/note\"\n$TMPDIR\nEND\ncat \"$TMPDIR/note\"; exit 3");
+    let file = sandbox
+        .file("f.toml", "schema = 1\n[service.one]\nexec = \"./scratch\"\nrestart = \"never\"\ncritical = true\n");
+    let mut up = sandbox.up(&[file.to_str().unwrap()]);
+    up.end();
+    let folder = sandbox.path().join("run/f/blobs/one.1");
+    let (_, log, _) = sandbox.run(&["logs", "one", "--session", "f"]);
+    let said = log + &up.errors();
+    assert!(confines(1).then_some(()).is_none_or(|()| said.contains(folder.to_str().unwrap())), "{said}");
+}

@@ -145,8 +145,10 @@ fn grandchildren(sandbox: &Sandbox) -> Vec<i32> {
 fn no_child_of_a_child_survives() {
     let sandbox = Sandbox::new();
     shell(&sandbox);
-    let file = sandbox
-        .file("f.toml", "schema = 1\n[service.one]\nexec = \"./shell\"\nbackoff = { initial_ms = 10, max_ms = 100 }\n");
+    let file = sandbox.file(
+        "f.toml",
+        "schema = 1\n[service.one]\nexec = \"./shell\"\nwrite = [\".\"]\nbackoff = { initial_ms = 10, max_ms = 100 }\n",
+    );
     let file = file.to_str().unwrap();
     let mut up = sandbox.up(&[file]);
     let first = sandbox.ready("f", "one");

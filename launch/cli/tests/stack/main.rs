@@ -8,7 +8,9 @@ mod fixture;
 mod liveness;
 mod open;
 mod reload;
+mod revocation;
 mod sandbox;
+mod service_manager;
 mod swap;
 
 use std::io::{BufRead, BufReader};

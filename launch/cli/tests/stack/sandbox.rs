@@ -58,6 +58,11 @@ impl Sandbox {
         let mut command = Command::new(env!("CARGO_BIN_EXE_supergaussian"));
         command.args(arguments).env("SUPERGAUSSIAN_RUN_ROOT", self.path().join("run")).env_remove("SUPERGAUSSIAN_LOG");
         command.env("XDG_DATA_HOME", self.path().join("data"));
+        // Services may run programs on PATH: the fixture is this test executable.
+        let this = std::env::current_exe().unwrap();
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let folders = std::iter::once(this.parent().unwrap().to_owned()).chain(std::env::split_paths(&path));
+        command.env("PATH", std::env::join_paths(folders).unwrap());
         command.env_remove("RUST_BACKTRACE");
         command
     }

@@ -167,7 +167,9 @@ fn swaps_under_load(swaps: u32) {
     let sandbox = Sandbox::new();
     let ledger = sandbox.path().join("ledger");
     let more = format!("[service.core.params]\nanswers = true\nledger = \"{}\"\n", ledger.display());
-    let text = format!("schema = 1\n[service.core]\nexec = \"./fixture\"\nrole = \"agent-core\"\nready = 20\n{more}");
+    let text = format!(
+        "schema = 1\n[service.core]\nexec = \"./fixture\"\nrole = \"agent-core\"\nready = 20\nwrite = [\".\"]\n{more}"
+    );
     let file = sandbox.file("talk.toml", &text);
     let _up = sandbox.up(&[file.to_str().unwrap()]);
     sandbox.ready("talk", "core");

@@ -23,6 +23,9 @@
 //! memory_mib = 4096                   # resident memory that triggers a restart; by default no limit
 //! env = { SUPERGAUSSIAN_LOG = "debug" }
 //! on = "gpu1"                         # the node it runs on; by default the launcher's machine
+//! read = ["../models"]                # what it may read and run beyond its role's needs; relative to the file
+//! write = ["../results"]              # what it may change beyond them
+//! confined = true                     # false: it may do what its user may
 //!
 //! [bus]                               # for other machines only; both sides need certificates
 //! listen = "tls/0.0.0.0:7447"
@@ -44,5 +47,5 @@ mod read;
 
 pub use executables::{ExecutableError, ExecutableSearch};
 pub use load::{LoadError, load};
-pub use model::{LaunchFile, ListenSettings, Node, Policy, Restart, Service, Start, UnknownService};
+pub use model::{Confinement, LaunchFile, ListenSettings, Node, Policy, Restart, Service, Start, UnknownService};
 pub use read::{Source, read};

@@ -1,5 +1,6 @@
 //! The contents of a launch file as typed data.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -30,6 +31,8 @@ pub struct ListenSettings {
     pub certificate: PathBuf,
     /// Private key of this machine.
     pub key: PathBuf,
+    /// Machines whose certificates are refused.
+    pub revoked: BTreeSet<String>,
 }
 
 /// A machine that may join.
@@ -72,6 +75,25 @@ pub struct Start {
     pub env: Vec<(String, String)>,
     /// Node that runs it; `None` for the launcher's machine. A node looks the executable up by name.
     pub node: Option<String>,
+    /// How the kernel confines it.
+    pub confinement: Confinement,
+}
+
+/// How the kernel confines a service, beyond what its role and its parameters tell (`service_rights.rs`).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Confinement {
+    /// Whether it is confined.
+    pub confined: bool,
+    /// Further files and folders that it may read and run programs of; absolute.
+    pub read: Vec<PathBuf>,
+    /// Further files and folders that it may read and change; absolute.
+    pub write: Vec<PathBuf>,
+}
+
+impl Default for Confinement {
+    fn default() -> Self {
+        Self { confined: true, read: Vec::new(), write: Vec::new() }
+    }
 }
 
 /// When an ended process is started again.

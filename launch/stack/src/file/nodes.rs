@@ -1,11 +1,13 @@
 //! Other machines in a launch file: the tables `[bus]` and `[node.NAME]`, and the key `on`.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::model::{ListenSettings, Node};
 use super::names::is_name;
 use crate::document::{self, Problem, Reader, Table, Value};
+use crate::revocation;
 use crate::suggestion::suggestion;
 
 /// Most machines of one file.
@@ -49,7 +51,15 @@ pub(super) fn listening(table: Option<&Table>, file: &Path, problems: &mut Vec<P
     let files = (pem("authority"), pem("certificate"), pem("key"));
     reader.finish();
     let (endpoint, (Some(authority), Some(certificate), Some(key))) = (endpoint?, files) else { return None };
-    Some(ListenSettings { endpoint, authority, certificate, key })
+    let revoked = match revocation::read(&revocation::list_beside(&authority)) {
+        Ok(revoked) => revoked,
+        Err(error) => {
+            let place = table.and_then(|t| t.get("authority")).map(|entry| entry.node.place.clone());
+            problems.extend(place.map(|place| Problem { place, text: error.to_string() }));
+            BTreeSet::new()
+        }
+    };
+    Some(ListenSettings { endpoint, authority, certificate, key, revoked })
 }
 
 /// Checks an endpoint for other machines. The error is the text of the problem.

@@ -6,7 +6,7 @@ use std::path::Path;
 use sg_proto::keys::role;
 
 use super::executables::ExecutableSearch;
-use super::model::{self, LaunchFile, Policy, Restart, Service, Start};
+use super::model::{self, Confinement, LaunchFile, Policy, Restart, Service, Start};
 use super::names::{MAX_SERVICE_NAME, is_name};
 use super::nodes;
 use super::order::{self, Edge};
@@ -17,6 +17,8 @@ use crate::suggestion::suggestion;
 const SCHEMA: i64 = 1;
 /// Largest limit on a service's memory, mebibytes: 16 TiB.
 const MAX_MEMORY_MIB: i64 = 16 << 20;
+/// Most paths in a list of a service.
+const MAX_PATHS: usize = 64;
 /// Most services of one file.
 const MAX_SERVICES: usize = 256;
 
@@ -204,16 +206,55 @@ fn service(
     }
     let mut own = base.clone();
     read_policy(&mut reader, &mut own);
+    let confinement = confinement(&mut reader, path, on.as_deref());
     reader.finish();
     let exec = exec.unwrap_or_default().to_owned();
     Service {
         name: entry.key.clone(),
         role,
-        start: Start { exec, executable: executable.unwrap_or_default(), params, env: own.env, node: on },
+        start: Start { exec, executable: executable.unwrap_or_default(), params, env: own.env, node: on, confinement },
         after,
         policy: own.policy,
         place: entry.place.clone(),
     }
+}
+
+/// Reads the keys of the confinement. On a node they are the node's matter.
+fn confinement(reader: &mut Reader<'_, '_>, file: &Path, on: Option<&str>) -> Confinement {
+    let mut own = Confinement::default();
+    if let Some(confined) = reader.boolean("confined") {
+        own.confined = confined;
+    }
+    for (key, paths) in [("read", &mut own.read), ("write", &mut own.write)] {
+        let Some(node) = reader.node(key) else { continue };
+        let Value::Array(items) = &node.value else {
+            reader.problem(&node.place, format!("`{key}` must be a list of paths"));
+            continue;
+        };
+        if items.len() > MAX_PATHS {
+            reader.problem(&node.place, format!("`{key}` has more than {MAX_PATHS} paths"));
+        }
+        for item in items.iter().take(MAX_PATHS) {
+            let Value::String(text) = &item.value else {
+                reader.problem(&item.place, format!("`{key}` must be a list of paths, each a string"));
+                continue;
+            };
+            match std::path::absolute(file.parent().unwrap_or(Path::new("")).join(text)) {
+                Ok(path) => paths.push(path),
+                Err(error) => reader.problem(&item.place, format!("`{key}`: `{text}`: {error}")),
+            }
+        }
+    }
+    if let Some(on) = on
+        && own != Confinement::default()
+        && let Some(place) =
+            ["confined", "read", "write"].into_iter().find_map(|key| Some(reader.node(key)?.place.clone()))
+    {
+        let text =
+            format!("`read`, `write` and `confined` of a service on `{on}` are options of `supergaussian join` there");
+        reader.problem(&place, text);
+    }
+    own
 }
 
 /// Reads the policy keys of a table over the defaults.

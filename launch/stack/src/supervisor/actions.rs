@@ -16,6 +16,7 @@ use crate::params_file;
 use crate::probe;
 use crate::reconcile::{Action, Event, Exit, ProcessId, Spawn};
 use crate::serve_arguments::ServeArguments;
+use crate::service_rights;
 use crate::spawn::{self, SpawnRequest};
 
 impl Supervisor {
@@ -56,19 +57,37 @@ impl Supervisor {
         }
         let id = spawn.id;
         let run_dir = self.stack.session.path();
-        let params = serde_json::Value::Object(spawn.start.params.clone()).to_string();
-        let params_file = match params_file::write(run_dir, &spawn.instance, &params) {
+        let params = serde_json::Value::Object(spawn.start.params.clone());
+        let failed = |reason: String| Some(Event::Exited { id, exit: Exit { status: None, reason } });
+        let params_file = match params_file::write(run_dir, &spawn.instance, &params.to_string()) {
             Ok(path) => path,
             Err(error) => {
-                let reason = format!("its parameters cannot be stored in {}: {error}", run_dir.display());
-                return Some(Event::Exited { id, exit: Exit { status: None, reason } });
+                return failed(format!("its parameters cannot be stored in {}: {error}", run_dir.display()));
             }
+        };
+        let link = Link::from(&self.endpoint);
+        let process = service_rights::Process {
+            role: &spawn.role,
+            instance: &spawn.instance,
+            executable: &spawn.start.executable,
+            params: &params,
+            params_file: &params_file,
+            env: &spawn.start.env,
+            run_dir,
+            link: &link,
+            scene: self.scene.as_deref(),
+            confinement: &spawn.start.confinement,
+        };
+        let prepared = process.rights().and_then(|r| Ok((r, service_rights::own_folder(run_dir, &spawn.instance)?)));
+        let (rights, scratch) = match prepared {
+            Ok(prepared) => prepared,
+            Err(error) => return failed(format!("a folder that it may write cannot be made: {error}")),
         };
         let arguments = ServeArguments {
             session: self.stack.session.name(),
             role: &spawn.role,
             instance: &spawn.instance,
-            link: &Link::from(&self.endpoint),
+            link: &link,
             run_dir,
             params_file: &params_file,
             epoch: spawn.epoch,
@@ -80,6 +99,8 @@ impl Supervisor {
             executable: spawn.start.executable.clone(),
             arguments: arguments.arguments(),
             env: spawn.start.env.clone(),
+            rights,
+            scratch,
         };
         let log = self.log(spawn.service);
         let event = match spawn::start(request, log, self.exit_sender.clone()) {

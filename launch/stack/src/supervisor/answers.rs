@@ -1,18 +1,30 @@
 //! Answers to requests.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use sg_proto::launch::{
     PsReply, ReloadReply, ReloadRequest, RestartReply, Service as ServiceMessage, SwapReply, SwapRequest,
 };
+use sg_runtime::bus::TlsListener;
 use sg_runtime::fault::Fault;
 
 use super::event_loop::Supervisor;
 use super::nodes;
 use super::requests::Request;
-use crate::file::{self, Start};
+use crate::file::{self, LaunchFile, ListenSettings, Start};
 use crate::reconcile::Event;
+use crate::service_rights;
 use crate::suggestion::suggestion;
+
+/// Outcome of a reload.
+struct Reloaded {
+    answer: ReloadReply,
+    /// Applies the differences.
+    event: Event,
+    /// The revoked machines, with the access rules without them, if the list has changed.
+    revoked: Option<(BTreeSet<String>, TlsListener)>,
+}
 
 impl Supervisor {
     /// Answers a request. Returns the events that follow, in order.
@@ -43,11 +55,31 @@ impl Supervisor {
                 event
             }
             Request::Reload(request, reply) => {
-                let reload = self.reload(&request);
-                let (answer, event) =
-                    reload.map_or_else(|fault| (Err(fault), Event::Tick), |(answer, event)| (Ok(answer), event));
-                let _ = reply.send(answer);
-                event
+                let Reloaded { answer, event, revoked } = match self.reload(&request) {
+                    Ok(reloaded) => reloaded,
+                    Err(fault) => {
+                        let _ = reply.send(Err(fault));
+                        return vec![Event::Tick];
+                    }
+                };
+                let Some((revoked, listener)) = revoked else {
+                    let _ = reply.send(Ok(answer));
+                    return vec![event];
+                };
+                let mut events = self.nodes.revoke(revoked);
+                events.push(event);
+                self.print_revoked();
+                let (bus, socket, console) = (self.bus.clone(), self.stack.session.socket(), self.console.clone());
+                tokio::spawn(async move {
+                    // The answer says that the revoked machines are cut off.
+                    let opened = bus.open_to_machines(&socket, &listener).await;
+                    let answer = opened.map(|()| answer).map_err(|error| {
+                        console.print(format!("no node is connected: {error}"));
+                        Fault::internal(format!("{error}; no node is connected: start the stack again"))
+                    });
+                    let _ = reply.send(answer);
+                });
+                return events;
             }
             Request::Join(request, sender, reply) => {
                 let (answer, events) = match self.nodes.handle_join(&request, sender.as_ref(), self.clock.instant()) {
@@ -106,20 +138,24 @@ impl Supervisor {
             }
             _ => {}
         }
-        let Start { env, node, .. } = current.start.clone();
-        let start = Start { exec: request.executable.clone(), executable, params, env, node };
+        let Start { env, node, confinement, .. } = current.start.clone();
+        let start = Start { exec: request.executable.clone(), executable, params, env, node, confinement };
         Ok((self.reconciler.next_swap(service), Event::Swap { service, start }))
     }
 
-    /// Reads a launch file again. Returns the differences, and the event that applies them.
-    fn reload(&mut self, request: &ReloadRequest) -> Result<(ReloadReply, Event), Fault> {
+    /// Reads a launch file again.
+    fn reload(&mut self, request: &ReloadRequest) -> Result<Reloaded, Fault> {
         if self.reconciler.is_stopping() {
             return Err(Fault::precondition("the stack is stopping"));
         }
         let path = PathBuf::from(&request.launch_file);
         let file = file::load(&path, &request.overrides, &request.only).map_err(|e| Fault::invalid(e.to_string()))?;
-        // The bus took its access rules when it was opened.
-        if nodes::listen(&file) != nodes::listen(&self.stack.file) || file.nodes != self.stack.file.nodes {
+        // The list of revoked machines alone can change while the bus is open.
+        let access = |file: &LaunchFile| {
+            let listen = file.listen.clone().map(|listen| ListenSettings { revoked: BTreeSet::new(), ..listen });
+            nodes::listen(&LaunchFile { listen, ..file.clone() })
+        };
+        if access(&file) != access(&self.stack.file) || file.nodes != self.stack.file.nodes {
             return Err(Fault::precondition(
                 "`[bus]`, `[node.…]` or `on` has changed; stop the stack and start it again",
             ));
@@ -128,6 +164,15 @@ impl Supervisor {
         self.console.print_detail(format!("{}: read again", path.display()));
         self.stack.path = path;
         self.all_ready_printed = true;
-        Ok((ReloadReply { differences }, Event::SetServices(file.services)))
+        self.scene = service_rights::scene_of(&file.services);
+        self.manager.reloading();
+        let revoked = nodes::revoked(&file);
+        let changed = (revoked != nodes::revoked(&self.stack.file)).then(|| nodes::listen(&file)).flatten();
+        self.stack.file.listen = file.listen;
+        Ok(Reloaded {
+            answer: ReloadReply { differences },
+            event: Event::SetServices(file.services),
+            revoked: changed.map(|listener| (revoked, listener)),
+        })
     }
 }

@@ -33,6 +33,8 @@ use crate::params_file;
 use crate::pid_registry::PidRegistry;
 use crate::reconcile::{Action, Event, Exit, Outcome, ProcessId, Reconciler, Time};
 use crate::run_folder::Cleaner;
+use crate::service_manager::ServiceManager;
+use crate::service_rights;
 
 /// Key part that matches every candidate in standby, in place of a role.
 const STANDING_BY: &str = "@instance/*";
@@ -92,6 +94,10 @@ pub struct Supervisor {
     pub(super) all_ready_printed: bool,
     /// The first panic of this process.
     panicked: watch::Receiver<Option<String>>,
+    /// The session's scene, which services may read.
+    pub(super) scene: Option<PathBuf>,
+    /// The service manager that started this process.
+    pub(super) manager: ServiceManager,
     /// Clears what dead processes leave in the session's folder.
     cleaner: Cleaner,
     /// The panic that ends this process.
@@ -165,7 +171,7 @@ impl Supervisor {
         let candidates_health = bus.subscribe(&keys::HEALTH, STANDING_BY, CAPACITY).await?;
         let node_logs = bus.subscribe(&keys::NODE_LOG, STANDING_BY, CAPACITY).await?;
         let (placed_sender, placed) = mpsc::channel(CAPACITY);
-        let nodes = Nodes::new(&stack.file.nodes, placed_sender);
+        let nodes = Nodes::new(&stack.file.nodes, nodes::revoked(&stack.file), placed_sender);
         let alive = bus.watch_liveliness(CAPACITY).await?;
         let (exit_sender, exits) = mpsc::channel(CAPACITY);
         let (outcome_sender, outcomes) = mpsc::channel(CAPACITY);
@@ -180,6 +186,8 @@ impl Supervisor {
         let reconciler = Reconciler::new(stack.file.services.clone(), u64::from(std::process::id()), epoch);
         let mut supervisor = Self {
             endpoint: session.endpoint(),
+            scene: service_rights::scene_of(&stack.file.services),
+            manager: ServiceManager::of_environment(),
             stack,
             reconciler,
             clock: AwakeClock::new(),
@@ -241,6 +249,8 @@ impl Supervisor {
             self.stack.file.services.len(),
             self.stack.session.path().display()
         ));
+        self.print_confinement();
+        self.print_revoked();
         let mut received = None;
         let outcome = 'watching: loop {
             let mut events = VecDeque::from_iter(self.begin_turn());
@@ -264,6 +274,7 @@ impl Supervisor {
                     break 'watching outcome;
                 }
             }
+            self.tell_service_manager();
             let pause = self.pause();
             received = tokio::time::timeout(pause, self.next_observation(&mut signals)).await.ok();
         };

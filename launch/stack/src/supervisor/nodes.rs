@@ -3,7 +3,7 @@
 //! A node reports once a second and is answered. Without an answer for its lease, it ends its processes. Without a
 //! report for the lease and a margin, the supervisor takes these processes for ended, reachable or not.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
@@ -65,9 +65,11 @@ pub(super) struct Nodes {
     known: HashMap<String, KnownNode>,
     pub(super) running: HashMap<ProcessId, RemoteProcess>,
     placed: mpsc::Sender<StartResult>,
+    /// Nodes whose certificates are refused.
+    revoked: BTreeSet<String>,
 }
 
-/// Access rules of the bus: each node may hold the roles of its services.
+/// Access rules of the bus: each node may hold the roles of its services, unless its certificate is revoked.
 pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
     let listening = file.listen.as_ref()?;
     let service = |s: &Service| RemoteService { name: s.name.clone(), role: s.role.clone() };
@@ -82,14 +84,35 @@ pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
             certificate: listening.certificate.clone(),
             key: listening.key.clone(),
         },
-        machines: file.nodes.iter().map(machine).collect(),
+        machines: file.nodes.iter().filter(|n| !listening.revoked.contains(&n.name)).map(machine).collect(),
     })
 }
 
+/// Machines of a launch file whose certificates are revoked.
+pub(super) fn revoked(file: &LaunchFile) -> BTreeSet<String> {
+    let listed = file.listen.iter().flat_map(|listening| &listening.revoked);
+    listed.filter(|name| file.nodes.iter().any(|n| n.name == **name)).cloned().collect()
+}
+
 impl Nodes {
-    pub(super) fn new(nodes: &[Node], placed: mpsc::Sender<StartResult>) -> Self {
+    pub(super) fn new(nodes: &[Node], revoked: BTreeSet<String>, placed: mpsc::Sender<StartResult>) -> Self {
         let known = nodes.iter().map(|n| (n.name.clone(), KnownNode { lease: n.lease, joined: None })).collect();
-        Self { known, running: HashMap::new(), placed }
+        Self { known, running: HashMap::new(), placed, revoked }
+    }
+
+    /// Refuses these nodes from now on. Returns an event for each of them that had joined.
+    ///
+    /// Their processes count as ended: the router passes none of their messages any more.
+    pub(super) fn revoke(&mut self, revoked: BTreeSet<String>) -> Vec<Event> {
+        let mut events = Vec::new();
+        for name in &revoked {
+            if self.known.get_mut(name).and_then(|known| known.joined.take()).is_some() {
+                events.push(Event::Node { name: name.clone(), present: false });
+            }
+            self.running.retain(|_, process| process.node != *name);
+        }
+        self.revoked = revoked;
+        events
     }
 
     /// End of the next lease.
@@ -147,6 +170,10 @@ impl Nodes {
                 Code::PermissionDenied,
                 format!("a machine with the certificate {certified} cannot join as `{}`", request.node.escape_debug()),
             ));
+        }
+        if self.revoked.contains(&request.node) {
+            let text = format!("the certificate of node `{}` has been revoked", request.node);
+            return Err(Fault::new(Code::PermissionDenied, text));
         }
         let names: Vec<_> = self.known.keys().cloned().collect();
         let known = self.known.get_mut(&request.node).ok_or_else(|| {
@@ -290,7 +317,7 @@ mod tests {
     fn nodes() -> (Nodes, mpsc::Receiver<StartResult>) {
         let (placed, receiver) = mpsc::channel(4);
         let node = Node { name: "gpu1".into(), lease: Duration::from_secs(5) };
-        (Nodes::new(&[node], placed), receiver)
+        (Nodes::new(&[node], BTreeSet::new(), placed), receiver)
     }
 
     fn request(process_id: &str, starts: u64, running: &[&str]) -> JoinRequest {
@@ -327,6 +354,21 @@ mod tests {
             assert_eq!(refused.code, Code::PermissionDenied, "{refused}");
         }
         assert_eq!(nodes.deadline(), None);
+        assert!(join(&mut nodes, &request("a", 0, &[]), now).is_ok());
+    }
+
+    #[test]
+    fn a_revoked_node_is_gone_at_once_and_does_not_come_back() {
+        let (mut nodes, _placed) = nodes();
+        let now = Instant::now();
+        join(&mut nodes, &request("a", 0, &[]), now).unwrap();
+        run(&mut nodes, 1, "view.1", Some(1));
+        let gone = Event::Node { name: "gpu1".into(), present: false };
+        assert_eq!(nodes.revoke(BTreeSet::from(["gpu1".into()])), [gone]);
+        assert!(nodes.node_of("view.1").is_none());
+        let refused = join(&mut nodes, &request("a", 0, &[]), now).unwrap_err();
+        assert!(refused.code == Code::PermissionDenied && refused.message.contains("revoked"), "{refused}");
+        assert_eq!(nodes.revoke(BTreeSet::new()), []);
         assert!(join(&mut nodes, &request("a", 0, &[]), now).is_ok());
     }
 

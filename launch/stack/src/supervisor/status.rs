@@ -1,11 +1,16 @@
 //! Status of services, on the bus and at the terminal.
 
+use std::time::Instant;
+
+use sg_confinement::Support;
 use sg_proto::keys;
 use sg_proto::launch::{Service as ServiceMessage, ServiceEvent, ServiceState, Swap, SwapState};
 use sg_runtime::context::Context;
 use sg_runtime::metrics;
 
 use super::event_loop::Supervisor;
+use super::nodes;
+use crate::service_manager::StackState;
 use crate::terminal::{Color, format_time, paint};
 
 impl Supervisor {
@@ -28,6 +33,53 @@ impl Supervisor {
                 ));
             }
         }
+    }
+
+    /// Prints once how far the kernel confines the services of this machine.
+    pub(super) fn print_confinement(&self) {
+        let here = self.stack.file.services.iter().filter(|s| s.start.node.is_none());
+        let free: Vec<&str> = here.filter(|s| !s.start.confinement.confined).map(|s| s.name.as_str()).collect();
+        self.console.print_detail(match sg_confinement::support() {
+            Support::Version(version) if free.is_empty() => {
+                format!("services are confined (Landlock, version {version})")
+            }
+            Support::Version(version) => {
+                format!("services are confined (Landlock, version {version}), except for {}", free.join(", "))
+            }
+            missing => format!("services are not confined: {missing}"),
+        });
+    }
+
+    /// Prints the nodes whose certificates are revoked.
+    pub(super) fn print_revoked(&self) {
+        for name in nodes::revoked(&self.stack.file) {
+            self.console.print(format!("  node {name}: its certificate is revoked; it cannot join"));
+        }
+    }
+
+    /// Tells the service manager of this turn.
+    pub(super) fn tell_service_manager(&mut self) {
+        if !self.manager.is_there() {
+            return;
+        }
+        let services = self.reconciler.services(self.now());
+        let critical = |name: &str| self.reconciler.find_service(name).is_some_and(|(_, s)| s.policy.critical);
+        let needed: Vec<&ServiceMessage> = services.iter().filter(|s| critical(&s.name)).collect();
+        // Without a critical service every one counts.
+        let needed = if needed.is_empty() { services.iter().collect() } else { needed };
+        let is_ready = |s: &ServiceMessage| s.state() == ServiceState::Ready;
+        let missing: Vec<&str> = services.iter().filter(|s| !is_ready(s)).map(|s| s.name.as_str()).collect();
+        let session = self.stack.session.name();
+        let stopping = self.reconciler.is_stopping();
+        let status = if stopping {
+            format!("session {session}: stopping")
+        } else if missing.is_empty() {
+            format!("session {session}: all {} services ready", services.len())
+        } else {
+            format!("session {session}: waits for {}", missing.join(", "))
+        };
+        let ready = needed.into_iter().all(is_ready);
+        self.manager.turn(Instant::now(), StackState { ready, stopping, status });
     }
 
     pub(super) async fn announce_swap(&self, index: usize, swap: Swap) {

@@ -21,6 +21,8 @@ use sg_volume::{
     TransferFunction, Volume, automatic_transfer_function, formats_help, raw_file_name, read_volume, write_volume,
 };
 
+use crate::own_rights::{Files, MadeFolders, keep_only};
+
 const EXAMPLE: &str = "Example:
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai";
 
@@ -77,6 +79,10 @@ struct FitArgs {
     /// Write 1 for the label K and 0 for other labels.
     #[arg(long, value_name = "K", requires = "labels", allow_negative_numbers = true)]
     truth_value: Option<i32>,
+    /// Keep all rights of this user. Without this, the command can read and write its own files only, where the kernel has
+    /// Landlock; a NRRD header can name data in its own folder only.
+    #[arg(long)]
+    unconfined: bool,
 }
 
 #[derive(Subcommand)]
@@ -173,6 +179,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         return Err(input("training is not available; add --initial-only for the direct start"));
     }
     let clock = Instant::now();
+    let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, out)? };
     let volume = read_volume(path).map_err(input)?;
     let labels = args.labels.as_deref().map(read_volume).transpose().map_err(input)?;
     let field = volume.to_field();
@@ -244,6 +251,17 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         ));
     }
     Ok(())
+}
+
+/// Gives up all rights but those on the files of this run.
+fn confine(args: &FitArgs, volume: &Path, out: &Path) -> Result<MadeFolders, Failure> {
+    let files = Files {
+        volumes: std::iter::once(volume).chain(args.labels.as_deref()).collect(),
+        inputs: args.transfer_function.as_deref().into_iter().collect(),
+        folder: Some(out),
+        outputs: args.out_truth.as_deref().into_iter().chain(args.report.as_deref()).collect(),
+    };
+    keep_only(&files).map_err(|e| work(format!("{}: {e}; give a writable folder", out.display())))
 }
 
 /// Refuses outputs that would replace foreign files, before the long work starts.

@@ -1,6 +1,7 @@
 //! `supergaussian-fit`: conversion of a volume to editable Gaussians.
 
 mod cli;
+mod own_rights;
 
 use std::process::ExitCode;
 

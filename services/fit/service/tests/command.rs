@@ -221,6 +221,43 @@ fn wrong_input_ends_with_status_2_and_one_line() {
 }
 
 #[test]
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
+fn a_hostile_header_reaches_no_file_of_others() {
+    if !matches!(sg_confinement::support(), sg_confinement::Support::Version(_)) {
+        eprintln!("SKIPPED: {}; the command is not confined", sg_confinement::support());
+        return;
+    }
+    let (dir, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let d = dir.path();
+    ok(d, &["phantom", "--out", "made", "--size", "48"]);
+    let voxels = d.join("made/phantom_48x48x48_uint8.raw");
+    let header = |name: &str, data: &Path| {
+        let text = format!(
+            "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 48 48 48\nencoding: raw\nspacings: 1 1 1\ndata file: {}\n",
+            data.display()
+        );
+        std::fs::write(d.join(name), text).unwrap();
+    };
+    let secret = other.path().join("secret.raw");
+    std::fs::copy(&voxels, &secret).unwrap();
+    header("own.nhdr", Path::new("made/phantom_48x48x48_uint8.raw"));
+    header("hostile.nhdr", &secret);
+    let fitted = |volume: &str, out: &str, more: &[&str]| {
+        let words = [volume, "--transfer-function", "made/phantom.tf.json", "--initial-only", "--gaussians", "500"];
+        fit(d, &[&words[..], &["--out", out], more].concat())
+    };
+    assert!(fitted("own.nhdr", "a/b/own", &[]).status.success());
+    let refused = fitted("hostile.nhdr", "c/d/hostile", &[]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(
+        refused.status.code() == Some(2) && said.lines().count() == 1 && said.contains("ermission denied"),
+        "{said}"
+    );
+    assert!(said.contains("secret.raw") && !d.join("c").exists() && d.join("a/b/own/scene.toml").is_file());
+    assert!(fitted("hostile.nhdr", "hostile", &["--unconfined"]).status.success());
+}
+
+#[test]
 fn help_shows_an_example() {
     for arguments in [vec!["--help"], vec!["phantom", "--help"]] {
         let output = ok(Path::new("."), &arguments);

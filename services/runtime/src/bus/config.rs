@@ -1,6 +1,7 @@
 //! Configuration of zenoh: one router, all other processes are its clients, no discovery.
 //!
-//! Other machines connect only where a launch file allows it, by TLS with certificates on both sides.
+//! Other machines connect only where a launch file allows it, by TLS with certificates on both sides. They have a router of
+//! their own. Its access rules can change while the session runs: it is closed and opened again.
 
 use std::path::Path;
 
@@ -34,29 +35,38 @@ pub(super) fn client(link: &Link) -> Result<zenoh::Config, String> {
     build(entries)
 }
 
-pub(super) fn router(session: &str, socket: &Path, listener: Option<&TlsListener>) -> Result<zenoh::Config, String> {
-    let mut endpoints = vec![endpoint_of(socket)];
-    endpoints.extend(listener.map(|l| l.endpoint.clone()));
+/// The router of a session: processes of this machine connect to it.
+pub(super) fn router(socket: &Path) -> Result<zenoh::Config, String> {
     let mut entries = common();
     entries.extend([
         ("mode", json!("router")),
-        ("listen/endpoints", json!(endpoints)),
+        ("listen/endpoints", json!([endpoint_of(socket)])),
         ("connect/endpoints", json!([])),
         // Readable, so that `contract check` can list the declared keys of a running session; not writable.
         ("adminspace/enabled", json!(true)),
         ("adminspace/permissions", json!({ "read": true, "write": false })),
     ]);
-    if let Some(listener) = listener {
-        if !listener.endpoint.starts_with(TLS_PREFIX) {
-            return Err(format!("{}: use `tls/ADDRESS:PORT` to listen for other machines", listener.endpoint));
-        }
-        entries.extend([
-            ("transport/link/tls/listen_certificate", json!(listener.certificates.certificate)),
-            ("transport/link/tls/listen_private_key", json!(listener.certificates.key)),
-            ("access_control", access::rules(session, &listener.machines)),
-        ]);
-        entries.extend(mutual_tls(&listener.certificates));
+    build(entries)
+}
+
+/// The router of other machines, beside that of the session: nodes connect to it, and it connects to the other one.
+pub(super) fn node_router(session: &str, socket: &Path, listener: &TlsListener) -> Result<zenoh::Config, String> {
+    if !listener.endpoint.starts_with(TLS_PREFIX) {
+        return Err(format!("{}: use `tls/ADDRESS:PORT` to listen for other machines", listener.endpoint));
     }
+    let mut entries = common();
+    entries.extend([
+        ("mode", json!("router")),
+        ("listen/endpoints", json!([listener.endpoint])),
+        ("connect/endpoints", json!([endpoint_of(socket)])),
+        ("connect/timeout_ms", json!(2000)),
+        ("connect/exit_on_failure", json!(true)),
+        ("adminspace/enabled", json!(false)),
+        ("transport/link/tls/listen_certificate", json!(listener.certificates.certificate)),
+        ("transport/link/tls/listen_private_key", json!(listener.certificates.key)),
+        ("access_control", access::rules(session, &listener.machines)),
+    ]);
+    entries.extend(mutual_tls(&listener.certificates));
     build(entries)
 }
 

@@ -23,7 +23,7 @@ use std::future::Future;
 use std::path::Path;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub use counters::Counters;
 pub use link::{
@@ -69,6 +69,8 @@ struct Inner {
     quotas: Quotas,
     pending: PendingRequests,
     sequences: Sequences,
+    /// The router of other machines, in the process that opened the session's.
+    nodes: tokio::sync::Mutex<Option<zenoh::Session>>,
 }
 
 /// A failed connection or declaration.
@@ -96,6 +98,12 @@ pub enum BusError {
 
 /// Longest time for a connection to the router.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Longest time in which the address for other machines may be in use still.
+const LISTEN_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Pause between two attempts to listen.
+const LISTEN_PAUSE: Duration = Duration::from_millis(50);
 
 /// Longest time for a disconnection.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
@@ -136,9 +144,54 @@ impl Bus {
         socket: &Path,
         listener: Option<&TlsListener>,
     ) -> Result<Self, BusError> {
-        let endpoint = listener.map_or_else(|| endpoint_of(socket), |l| l.endpoint.clone());
-        let config = config::router(session, socket, listener);
-        Self::open(session, role, endpoint, config, Address::of_role(), None).await
+        let endpoint = endpoint_of(socket);
+        let bus = Self::open(session, role, endpoint, config::router(socket), Address::of_role(), None).await?;
+        if let Some(listener) = listener
+            && let Err(error) = bus.open_to_machines(socket, listener).await
+        {
+            bus.close().await;
+            return Err(error);
+        }
+        Ok(bus)
+    }
+
+    /// Opens the session for these machines of the listener and no others.
+    ///
+    /// On a session that is open for machines already, their connections are closed. Those of the listener connect
+    /// again by themselves, with the same rights as at the start.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] if the address cannot be opened, or a certificate is unusable. Then no machine is admitted.
+    pub fn open_to_machines<'a>(
+        &'a self,
+        socket: &'a Path,
+        listener: &'a TlsListener,
+    ) -> BoxFuture<'a, Result<(), BusError>> {
+        Box::pin(async move {
+            let fail = |reason: String| BusError::Open {
+                session: self.session().into(),
+                endpoint: listener.endpoint.clone(),
+                reason,
+            };
+            let config = config::node_router(self.session(), socket, listener).map_err(&fail)?;
+            let mut nodes = self.inner.nodes.lock().await;
+            let reopened = close(nodes.take()).await;
+            let began = Instant::now();
+            loop {
+                match tokio::time::timeout(CONNECT_TIMEOUT, zenoh::open(config.clone())).await {
+                    Ok(Ok(opened)) => {
+                        *nodes = Some(opened);
+                        return Ok(());
+                    }
+                    // The system may not have freed the address yet.
+                    Ok(Err(_)) if reopened && began.elapsed() < LISTEN_TIMEOUT => {
+                        tokio::time::sleep(LISTEN_PAUSE).await
+                    }
+                    Ok(Err(e)) => return Err(fail(without_source_locations(&e.to_string()))),
+                    Err(_) => return Err(fail(format!("no answer within {} s", CONNECT_TIMEOUT.as_secs()))),
+                }
+            }
+        })
     }
 
     fn join<'a>(
@@ -186,6 +239,7 @@ impl Bus {
                 quotas: Quotas::default(),
                 pending: PendingRequests::default(),
                 sequences: Sequences::default(),
+                nodes: tokio::sync::Mutex::new(None),
             };
             Ok(Self { inner: Arc::new(inner) })
         })
@@ -217,6 +271,7 @@ impl Bus {
     /// Disconnects within two seconds. Unsent messages are lost after that.
     pub fn close(&self) -> BoxFuture<'_, ()> {
         Box::pin(async {
+            close(self.inner.nodes.lock().await.take()).await;
             let _ = tokio::time::timeout(CLOSE_TIMEOUT, self.inner.zenoh.close()).await;
             crate::trace::finish().await;
         })
@@ -236,6 +291,13 @@ impl Bus {
         }
         outcome
     }
+}
+
+/// Closes a router of other machines within two seconds. Returns whether there was one.
+async fn close(router: Option<zenoh::Session>) -> bool {
+    let Some(router) = router else { return false };
+    let _ = tokio::time::timeout(CLOSE_TIMEOUT, router.close()).await;
+    true
 }
 
 /// Removes the `at file.rs:line` parts from an error text of the bus.
