@@ -43,7 +43,7 @@ fn fifty_faults_leave_the_same_scene() {
     assert_eq!(tally["wrong"].as_array().map(Vec::len), Some(0));
     assert!(tally["acknowledged"].as_u64() > Some(30) && tally["refused_for_room"].as_u64() > Some(0), "{tally:#}");
     let kinds = tally["kinds"].as_object().unwrap();
-    assert_eq!(kinds.len(), 13, "every kind of fault has come up: {kinds:?}");
+    assert_eq!(kinds.len(), 16, "every kind of fault has come up: {kinds:?}");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use sg_scene::synthetic::samples;
 use sg_tests::command;
 
 /// Foreign files of the working folder. Each has the name of an output.
-const FOREIGN: [(&str, &str); 14] = [
+const FOREIGN: [(&str, &str); 17] = [
     ("picture.png", "notes under the name of a picture"),
     ("values.npy", "notes under the name of an array"),
     ("points.ply", "notes under the name of a point cloud"),
@@ -19,6 +19,9 @@ const FOREIGN: [(&str, &str); 14] = [
     ("taken/photo.png", "photo"),
     ("taken/calm/diary.txt", "diary"),
     ("taken/authority.pem", "a certificate of somebody else"),
+    ("earlier/demo-files.json", "[\"01-before.png\"]"),
+    ("earlier/01-before.png", "a picture of an earlier demo"),
+    ("earlier/scene.sgproj", "edits in the window of an earlier demo"),
     ("strokes.json", "[]"),
     ("launch.toml", "schema = 99\n"),
     ("graph.json", "{\"nodes\": 2, \"edges\": [[0, 1, 1.0]], \"foreground\": [0], \"background\": [1]}"),
@@ -40,6 +43,12 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["demo", "--script", "script.toml", "--out", "new"],
                 &["demo", "missing.raw", "--out", "new"],
                 &["demo", "--session", "../up", "--out", "new"],
+                &["demo", "short.raw", "--out", "new"],
+                &["demo", "short.raw", "--out", "earlier"],
+                &["demo", "a.ply", "--out", "new"],
+                &["demo", "a.ply", "--script", "generic", "--out", "earlier"],
+                &["demo", VOLUME, "--transfer-function", "graph.json", "--out", "new/deep"],
+                &["demo", "--transfer-function", "graph.json", "--out", "new"],
             ],
         ),
         ("open", vec![&["open", "missing.ply"], &["open", "a.ply"]]),
@@ -161,6 +170,7 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["fit", VOLUME, "--initial-only", "--out", "taken"],
                 &["fit", VOLUME, "--initial-only", "--out", "new", "--report", "picture.png"],
                 &["fit", VOLUME, "--initial-only", "--out", "new", "--report", VOLUME],
+                &["fit", "short.raw", "--initial-only", "--keep-in", "new"],
             ],
         ),
         ("conformance", vec![&["conformance", "no-such-role", "./missing"]]),
@@ -179,7 +189,7 @@ struct Place {
 impl Place {
     fn new() -> Self {
         let place = Self { folder: tempfile::tempdir().unwrap() };
-        for folder in ["work/taken/calm", "work/good", "home", "run"] {
+        for folder in ["work/taken/calm", "work/earlier", "work/good", "home", "run"] {
             std::fs::create_dir_all(place.at(folder)).unwrap();
         }
         for (name, text) in FOREIGN {
@@ -222,11 +232,16 @@ impl Place {
     }
 
     fn run(&self, arguments: &[&str]) -> Output {
+        self.run_on("", arguments)
+    }
+
+    /// Runs a command on a display; none if that is empty.
+    fn run_on(&self, display: &str, arguments: &[&str]) -> Output {
         let mut command = command(&self.at("run")).unwrap();
         command.env("HOME", self.at("home")).env("XDG_DATA_HOME", self.at("home/data"));
         command.env("XDG_CONFIG_HOME", self.at("home/config")).env("XDG_CACHE_HOME", self.at("home/cache"));
         // The driver's cache of shaders is not the command's.
-        command.env("MESA_SHADER_CACHE_DISABLE", "true");
+        command.env("MESA_SHADER_CACHE_DISABLE", "true").env("DISPLAY", display);
         command.current_dir(self.work()).args(arguments).stdin(Stdio::null()).output().unwrap()
     }
 }
@@ -247,8 +262,12 @@ fn a_refused_command_has_changed_nothing() {
     let known: BTreeSet<String> = runs.keys().map(|name| (*name).to_owned()).collect();
     assert_eq!(commands(&place), known, "every command needs its row of refused runs");
     let before = place.contents();
-    for arguments in runs.values().flatten() {
-        let output = place.run(arguments);
+    // A volume is fitted before a window opens.
+    let on_display: [&[&str]; 2] = [&["open", "short.raw"], &["demo", "short.raw", "--out", "new"]];
+    let with = |display| move |arguments: &&'static [&'static str]| (display, *arguments);
+    let all = runs.values().flatten().map(with("")).chain(on_display.iter().map(with(":4711")));
+    for (display, arguments) in all {
+        let output = place.run_on(display, arguments);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(matches!(output.status.code(), Some(1 | 2)), "{arguments:?}: {:?}\n{said}", output.status);
         let after = place.contents();

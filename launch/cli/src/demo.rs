@@ -1,6 +1,7 @@
 //! The demo: makes or loads a scene, starts the full stack and plays a script. It leaves pictures and a transcript.
 
 mod outputs;
+mod staging;
 mod summary;
 
 use std::path::{Path, PathBuf};
@@ -19,18 +20,18 @@ use sg_stack::reconcile::Outcome;
 use sg_stack::suggestion::suggestion;
 use sg_stack::supervisor::{Stack, Supervisor};
 
-use crate::densest_strokes;
 use crate::display::has_display;
 use crate::input::{GAUSSIANS, Input, Scene};
 use crate::opener::CommandOpener;
 use crate::playback::{Player, Settings};
 use crate::script::Step;
-use crate::shipped::{self, DENSEST, DESKTOP, HEADLESS};
+use crate::shipped::{self, DESKTOP, HEADLESS, Shipped};
 use crate::strokes::read_script;
 use crate::supervisor_client::wait_until_ready;
 use crate::terminal::{self, CommandResult, Failure};
 use crate::up::outcome;
 use outputs::{OutputFolder, PROJECT};
+use staging::Staging;
 use summary::Summary;
 
 /// Prefix of the names of demo sessions. The process id follows.
@@ -99,30 +100,28 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
         None => None,
     };
     let session = SessionDir::named(session_name.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
-    let out = folder.prepare()?;
-    let files = shipped::unpack(&out, input.shipped_name())?;
-    let mut steps = match own_steps {
-        Some(steps) => steps,
-        None if arguments.script.is_some() => read_script(&files.generic)?,
-        None => read_script(&files.script)?,
+    let steps_of = |files: &Shipped| match &own_steps {
+        Some(steps) => Ok(steps.clone()),
+        None if arguments.script.is_some() => read_script(&files.generic),
+        None => read_script(&files.script),
     };
-    if let Some(service) = &arguments.chaos
-        && !steps.contains(&Step::Chaos)
-    {
-        terminal::print_status(&format!("the script has no step to kill {service}: it is killed in the middle"));
-        steps.insert(steps.len() / 2, Step::Chaos);
-    }
     let how = match (windowed, &arguments.script) {
         (true, _) => Some("a window shows the scene; close it to end; --script plays a script without a window"),
         (false, None) => Some("DISPLAY is not set: the demo plays a script without a window"),
         (false, Some(_)) => None,
     };
     how.into_iter().for_each(terminal::print_status);
-
-    let function = arguments.transfer_function.as_deref().or(files.transfer_function.as_deref());
-    let scene = input.scene(&out, function, arguments.gaussians, arguments.seed)?;
-    if steps.iter().any(|s| matches!(s, Step::Strokes { file, .. } if file.ends_with(DENSEST))) {
-        densest_strokes::write(&scene.path, &out, &files.densest)?;
+    let begun = Staging::begin(&input)?;
+    let steps = steps_of(&begun.1)?;
+    let function = arguments.transfer_function.as_deref();
+    let staging = Staging::make(begun, &input, function, (arguments.gaussians, arguments.seed), &steps)?;
+    let (out, files, scene) = staging.finish(folder, &input)?;
+    let mut steps = steps_of(&files)?;
+    if let Some(service) = &arguments.chaos
+        && !steps.contains(&Step::Chaos)
+    {
+        terminal::print_status(&format!("the script has no step to kill {service}: it is killed in the middle"));
+        steps.insert(steps.len() / 2, Step::Chaos);
     }
     let project = out.join(PROJECT);
     let overrides = [
@@ -243,6 +242,7 @@ mod tests {
     use super::*;
     use crate::input::SHIPPED_VOLUMES;
     use crate::script;
+    use crate::shipped::DENSEST;
     use crate::strokes::read_strokes;
 
     #[test]

@@ -73,8 +73,33 @@ impl Input {
             Self::Volume(path) => path.clone(),
             Self::Synthetic => return make_synthetic(out, function, gaussians, seed),
         };
-        fit(&volume, out, function, gaussians, seed)
+        fit(&volume, FitTo::Folder(&out.join("scene")), function, gaussians, seed)
     }
+
+    /// The scene of a scene file or of a volume. That of a volume is kept where the user's projects are, so it is made once.
+    ///
+    /// The Gaussians are the same each time, so that earlier edits fit.
+    pub(crate) fn kept_scene(&self, function: Option<&Path>) -> Result<Scene, Failure> {
+        let volume = match self {
+            Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
+            Self::Volume(path) => path,
+            Self::Synthetic => return Err(Failure::Input("name a volume or a scene".to_owned())),
+        };
+        let places = json_of("scene", &["projects".as_ref(), "folders".as_ref()])?;
+        let folder = places.get("scenes").and_then(Value::as_str);
+        let folder =
+            folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
+        fit(volume, FitTo::Kept(Path::new(folder)), function, GAUSSIANS, 0)
+    }
+}
+
+/// Where a fit puts its scene.
+#[derive(Clone, Copy)]
+enum FitTo<'a> {
+    /// Into this folder.
+    Folder(&'a Path),
+    /// Into a folder of kept scenes, unless it is there already.
+    Kept(&'a Path),
 }
 
 fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
@@ -95,17 +120,21 @@ fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64
         name.map(|n| folder.join(n)).ok_or_else(|| Failure::Work(format!("the synthetic volume has no `{key}`")))
     };
     let own = file("transfer_function")?;
-    fit(&file("volume")?, out, Some(function.unwrap_or(&own)), gaussians, seed)
+    let to = out.join("scene");
+    fit(&file("volume")?, FitTo::Folder(&to), Some(function.unwrap_or(&own)), gaussians, seed)
 }
 
-fn fit(volume: &Path, out: &Path, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
-    let folder = out.join("scene");
+fn fit(volume: &Path, to: FitTo<'_>, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
+    let (option, folder) = match to {
+        FitTo::Folder(folder) => ("--out", folder),
+        FitTo::Kept(folder) => ("--keep-in", folder),
+    };
     let began = Instant::now();
     let (gaussians, seed) = (gaussians.to_string(), seed.to_string());
     let mut arguments = vec![
         volume.as_os_str(),
         "--initial-only".as_ref(),
-        "--out".as_ref(),
+        option.as_ref(),
         folder.as_os_str(),
         "--gaussians".as_ref(),
         gaussians.as_ref(),
@@ -120,8 +149,15 @@ fn fit(volume: &Path, out: &Path, function: Option<&Path>, gaussians: u32, seed:
     let report = fit_command(&arguments)?;
     let fit_seconds = began.elapsed().as_secs_f64();
     let placed = report.get("gaussians").and_then(Value::as_u64).unwrap_or(0);
-    terminal::print_status(&format!("{} Gaussians after {fit_seconds:.1} s", terminal::format_count(placed)));
-    Ok(Scene { path: folder.join("scene.toml"), fit_seconds: Some(fit_seconds) })
+    let placed = terminal::format_count(placed);
+    if report.get("kept") == Some(&Value::Bool(true)) {
+        terminal::print_status(&format!("{placed} Gaussians, kept from an earlier time"));
+    } else {
+        terminal::print_status(&format!("{placed} Gaussians after {fit_seconds:.1} s"));
+    }
+    let path = report.get("scene").and_then(Value::as_str).map(PathBuf::from);
+    let path = path.ok_or_else(|| Failure::Work("`supergaussian fit` names no scene".to_owned()))?;
+    Ok(Scene { path, fit_seconds: Some(fit_seconds) })
 }
 
 /// Runs `supergaussian fit` and returns its report.

@@ -9,7 +9,7 @@ use sg_stack::file::ExecutableSearch;
 use sg_stack::supervisor::{Stack, Supervisor};
 
 use crate::display::has_display;
-use crate::input::{GAUSSIANS, Input};
+use crate::input::{Input, Scene};
 use crate::opener::CommandOpener;
 use crate::session_name::session_of;
 use crate::shipped::{self, DESKTOP};
@@ -27,9 +27,9 @@ pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> Co
     open_path(&arguments.path, None, session_name).await
 }
 
-/// Opens a scene with one of its projects.
-pub(crate) async fn open_project(scene: &Path, project: &Path, session_name: Option<&str>) -> CommandResult {
-    open_path(scene, Some(project), session_name).await
+/// Opens a scene with one of its projects, by default its own one.
+pub(crate) async fn open_project(scene: &Path, project: Option<&Path>, session_name: Option<&str>) -> CommandResult {
+    open_path(scene, project, session_name).await
 }
 
 async fn open_path(path: &Path, project: Option<&Path>, session_name: Option<&str>) -> CommandResult {
@@ -42,11 +42,16 @@ async fn open_path(path: &Path, project: Option<&Path>, session_name: Option<&st
     shipped::launch_file(DESKTOP, &[], &search)?;
     let name = session_name.map_or_else(|| session_of(path), |session_name| Ok(session_name.to_owned()))?;
     let session = SessionDir::named(&name)?;
+    let is_new = !session.path().exists();
     session.create()?;
-    let _lock = lock(&session)?;
-    let function = shipped::unpack(session.path(), input.shipped_name())?.transfer_function;
-    // The Gaussians must be the same each time, so that earlier edits fit.
-    let scene = input.scene(session.path(), function.as_deref(), GAUSSIANS, 0)?;
+    let lock = Lock::take(&session)?;
+    let scene = match scene_of(&input) {
+        Ok(scene) => scene,
+        Err(refused) => {
+            lock.remove(is_new);
+            return Err(refused);
+        }
+    };
     let param = |name: &str, path: &Path| {
         format!("service.scene.params.{name}={}", toml::Value::String(path.display().to_string()))
     };
@@ -64,16 +69,39 @@ async fn open_path(path: &Path, project: Option<&Path>, session_name: Option<&st
     outcome(Supervisor::open(stack).await?.run().await?)
 }
 
-/// Locks the session while Gaussians are made, before a supervisor exists.
-fn lock(session: &SessionDir) -> Result<File, Failure> {
-    let path = session.path().join("open.lock");
-    let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
-    let file = File::options().write(true).create(true).truncate(false).open(&path).map_err(fail)?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => {
-            Err(Failure::Work(format!("it is open already, in session `{}`", session.name())))
+fn scene_of(input: &Input) -> Result<Scene, Failure> {
+    let shipped = tempfile::tempdir().map_err(|e| Failure::Work(format!("no temporary folder: {e}; set TMPDIR")))?;
+    let function = shipped::unpack(shipped.path(), input.shipped_name())?.transfer_function;
+    input.kept_scene(function.as_deref())
+}
+
+/// The lock on a session while Gaussians are made, before a supervisor exists. The system frees it at the end of the
+/// process.
+struct Lock {
+    _file: File,
+    path: PathBuf,
+}
+
+impl Lock {
+    fn take(session: &SessionDir) -> Result<Self, Failure> {
+        let path = session.path().join("open.lock");
+        let fail = |e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
+        let file = File::options().write(true).create(true).truncate(false).open(&path).map_err(fail)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Self { _file: file, path }),
+            Err(TryLockError::WouldBlock) => {
+                Err(Failure::Work(format!("it is open already, in session `{}`", session.name())))
+            }
+            Err(TryLockError::Error(error)) => Err(fail(error)),
         }
-        Err(TryLockError::Error(error)) => Err(fail(error)),
+    }
+
+    /// Removes what a refused command has made: the lock's file, and the session's folder if that is new and empty.
+    fn remove(self, folder_too: bool) {
+        // Left over, they only take disk space.
+        let _ = std::fs::remove_file(&self.path);
+        if let Some(folder) = self.path.parent().filter(|_| folder_too) {
+            let _ = std::fs::remove_dir(folder);
+        }
     }
 }

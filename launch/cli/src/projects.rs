@@ -44,7 +44,7 @@ pub(crate) async fn projects(arguments: &ProjectsArgs, session_name: Option<&str
         }
         Some(ProjectsCommand::Open { name }) => {
             let (scene, project) = scene_of(name)?;
-            open::open_project(&scene, &project, session_name).await
+            open::open_project(&scene, project.as_deref(), session_name).await
         }
     }
 }
@@ -76,7 +76,7 @@ fn list(json: bool) -> CommandResult {
     rows.extend(projects.iter().map(|project| {
         let seconds = now.saturating_sub(project["changed"].as_u64().unwrap_or(0));
         let in_use = if project["in_use"] == true { "yes" } else { "no" };
-        let size = project["bytes"].as_u64().unwrap_or(0);
+        let size: u64 = ["bytes", "scene_bytes"].iter().filter_map(|part| project[part].as_u64()).sum();
         let scene = if project["error"].is_null() { text(project, "scene") } else { text(project, "error") };
         vec![
             text(project, "name").to_owned(),
@@ -102,8 +102,8 @@ fn age(seconds: u64) -> String {
     }
 }
 
-/// Paths of a project's scene and of the project.
-fn scene_of(name: &str) -> Result<(PathBuf, PathBuf), Failure> {
+/// Paths of a project's scene and of the project. A scene that is kept without a project gets one.
+fn scene_of(name: &str) -> Result<(PathBuf, Option<PathBuf>), Failure> {
     let projects = listed()?;
     let Some(project) = projects.iter().find(|p| text(p, "name") == name) else {
         let hint = suggestion(name, projects.iter().map(|p| text(p, "name")));
@@ -112,7 +112,7 @@ fn scene_of(name: &str) -> Result<(PathBuf, PathBuf), Failure> {
     if let Some(error) = project["error"].as_str() {
         return Err(Failure::Input(error.to_owned()));
     }
-    let (scene, path) = (PathBuf::from(text(project, "scene")), PathBuf::from(text(project, "path")));
+    let (scene, path) = (PathBuf::from(text(project, "scene")), project["path"].as_str().map(PathBuf::from));
     if !scene.exists() {
         return Err(Failure::Input(format!(
             "{}: the scene of project `{name}` is gone; open a copy of it with `supergaussian open`, its edits are found again",

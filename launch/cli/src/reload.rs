@@ -80,6 +80,8 @@ fn progress_of(ps: &PsReply, difference: &Difference) -> Progress {
         (Change::Removed, None) => Progress::Done,
         (Change::Removed, Some(_)) => Progress::Running("stops".to_owned()),
         (_, None) => Progress::Failed(format!("service `{}` was removed in the meantime", difference.service)),
+        // It may wait for a node whose certificate is revoked.
+        (Change::Unchanged, Some(_)) => Progress::Done,
         (Change::Swapped, Some(service)) => match progress(service, difference.swap) {
             Progress::Done => started(service),
             other => other,

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use sg_proto::keys;
-use sg_proto::launch::{Service, ServiceState, SwapRequest, SwapState};
+use sg_proto::launch::{PsReply, Service, ServiceState, SwapRequest, SwapState};
 use sg_runtime::context::Context;
 use sg_stack::file::ExecutableSearch;
 
@@ -33,8 +33,9 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Command
     {
         return Err(Failure::Input(format!("--params: {error}; write a JSON object")));
     }
-    let (_, bus) = join(session).await?;
-    let before = services(&bus).await?.services.into_iter().find(|s| s.name == *service);
+    let (session, bus) = join(session).await?;
+    let PsReply { pid: supervisor, services: listed, .. } = services(&bus).await?;
+    let before = listed.into_iter().find(|s| s.name == *service);
     let found = match &before {
         // A node looks its executables up itself.
         Some(service) if !service.node.is_empty() => executable.clone(),
@@ -50,7 +51,18 @@ pub(crate) async fn swap(session: Option<&str>, arguments: &SwapArgs) -> Command
     let began = Instant::now();
     let reply = bus.ask(&keys::SWAP, &request, &Context::root().deadline_in(ANSWER)).await.map_err(refused)?;
     loop {
-        let ps = services(&bus).await?;
+        let ps = match services(&bus).await {
+            Ok(ps) if ps.pid == supervisor => ps,
+            Ok(_) => {
+                return Err(Failure::Work(format!("the supervisor was replaced; try the swap of `{service}` again")));
+            }
+            // A supervisor that stands still answers later, and the swap goes on then.
+            Err(_) if session.is_running() && began.elapsed() < FOLLOW_TIME => {
+                tokio::time::sleep(POLL_PERIOD).await;
+                continue;
+            }
+            Err(failure) => return Err(failure),
+        };
         let Some(now) = ps.services.into_iter().find(|s| s.name == *service) else {
             return Err(Failure::Work(format!("service `{service}` was removed in the meantime")));
         };

@@ -24,6 +24,9 @@ use crate::importance::candidates;
 use crate::placement::{PlacementError, Points, place};
 use crate::shape::{GaussianBuilder, Splat};
 
+/// Revision of the method. It changes whenever the same volume and options give another scene, so that scenes of an earlier
+/// revision are not taken for the present one.
+pub const REVISION: u32 = 2;
 /// Largest allowed number of Gaussians.
 pub const MAX_GAUSSIANS: usize = 1 << 26;
 

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::panic, reason = "a test fails by panicking")]
 
 mod circles;
+mod clocks;
 mod dependencies;
 mod guarantees;
 

@@ -1,7 +1,7 @@
 //! Injects faults one after another. Waits until the stack has recovered from each.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -17,6 +17,7 @@ use tokio::sync::watch;
 use super::plan::{Fault, Kind};
 use super::session::SessionStep;
 use super::stack::{self, POLL_PERIOD, Process, Stack, signal};
+use super::stalled_disk::StalledDisk;
 use crate::playback::Counts;
 use crate::terminal::{self, Failure, format_time};
 
@@ -29,6 +30,8 @@ const REFUSAL_TIME: Duration = Duration::from_secs(10);
 
 /// Time after a supervisor's standstill in which it could take a service for hung.
 const JUDGEMENT_TIME: Duration = Duration::from_secs(4);
+/// Time in which the supervisor is stopped after the begin of a swap.
+const SWAP_TIME: Duration = Duration::from_millis(1500);
 
 /// A fault that the stack has recovered from.
 #[derive(Debug, Clone, Copy)]
@@ -56,6 +59,8 @@ pub(super) struct Injector<'a> {
     pub(super) executables: &'a HashMap<String, PathBuf>,
     pub(super) plan: &'a [Fault],
     pub(super) steps: &'a [SessionStep],
+    /// The project of the session.
+    pub(super) project: &'a Path,
     /// Duration of each step without faults.
     pub(super) calm: &'a [Duration],
     pub(super) begun: watch::Receiver<usize>,
@@ -90,8 +95,10 @@ impl Injector<'_> {
     async fn inject(&mut self, index: usize, fault: &Fault) -> Result<Duration, Failure> {
         let over = |_| Failure::Work("the session ended before the fault".to_owned());
         self.begun.wait_for(|n| *n > fault.step).await.map_err(over)?;
-        if fault.kind == Kind::NoRoom {
-            return self.no_room(index, fault).await;
+        match fault.kind {
+            Kind::NoRoom => return self.no_room(index, fault).await,
+            Kind::Stalled => return self.stall(index, fault).await,
+            _ => {}
         }
         self.set_up.send_replace(index + 1);
         let calm = self.calm.get(fault.step).copied().unwrap_or_default();
@@ -116,7 +123,8 @@ impl Injector<'_> {
             Kind::Everything => ended = self.kill_supervisor(true).await?,
             Kind::Standstill => self.stand_still(fault, Signal::SIGSTOP).await?,
             Kind::Suspended => self.stand_still(fault, Signal::SIGTSTP).await?,
-            Kind::NoRoom => {}
+            Kind::SwapStandstill | Kind::Frozen => self.stand_still(fault, Signal::SIGSTOP).await?,
+            Kind::NoRoom | Kind::Stalled => {}
         }
         self.recovery(&ended).await?;
         let recovered = began.elapsed();
@@ -169,11 +177,17 @@ impl Injector<'_> {
         pids.into_iter().try_for_each(|pid| signal(pid, Signal::SIGCONT))
     }
 
-    /// Stops the supervisor for longer than services may be silent, and lets it go on. All processes must stay.
+    /// Stops the supervisor for longer than services may be silent, and lets it go on: alone, with all services, or in the
+    /// middle of a swap. All processes must stay, but the one that is swapped.
     async fn stand_still(&mut self, fault: &Fault, stop: Signal) -> Result<(), Failure> {
         self.recovery(&[]).await?;
         let before = stack::ps(self.bus).await.map(|ps| ps.services).unwrap_or_default();
         let Some(supervisor) = self.stack.supervisor() else { return Ok(()) };
+        let mut ended = Vec::new();
+        if fault.kind == Kind::SwapStandstill {
+            ended = self.swap(fault).await?;
+            tokio::time::sleep(SWAP_TIME.mul_f64(fault.moment)).await;
+        }
         stack::signal_group(supervisor, stop)?;
         let began = Instant::now();
         while !stack::is_stopped(supervisor) {
@@ -182,17 +196,28 @@ impl Injector<'_> {
             }
             tokio::time::sleep(POLL_PERIOD).await;
         }
+        let frozen = if fault.kind == Kind::Frozen { self.stack.processes() } else { Vec::new() };
+        frozen.iter().try_for_each(|process| signal(process.pid, Signal::SIGSTOP))?;
         tokio::time::sleep(Duration::from_millis(fault.pause_ms)).await;
         stack::signal_group(supervisor, Signal::SIGCONT)?;
+        frozen.iter().try_for_each(|process| signal(process.pid, Signal::SIGCONT))?;
         // Long enough for every judgement that a supervisor could make of the silence.
         tokio::time::sleep(JUDGEMENT_TIME).await;
-        self.recovery(&[]).await?;
+        self.recovery(&ended).await?;
         let after = stack::ps(self.bus).await.map(|ps| ps.services).unwrap_or_default();
-        let stays = |old: &Service| after.iter().any(|new| new.name == old.name && new.pid == old.pid);
+        let is_done = |new: &Service| new.swap.as_ref().is_some_and(|swap| swap.state() == SwapState::Done);
+        let stays = |old: &Service| {
+            let swapped = ended.contains(&old.pid);
+            let is_right = |new: &Service| if swapped { is_done(new) } else { new.pid == old.pid };
+            after.iter().any(|new| new.name == old.name && new.restarts == old.restarts && is_right(new))
+        };
         match before.iter().find(|old| !stays(old)) {
             None => Ok(()),
+            Some(lost) if ended.contains(&lost.pid) => {
+                Err(Failure::Work(format!("the swap of `{}` failed, because the supervisor stood still", lost.name)))
+            }
             Some(lost) => Err(Failure::Work(format!(
-                "`{}` (process {}) was restarted, although only the supervisor had stopped",
+                "`{}` (process {}) was restarted, although it had done nothing wrong",
                 lost.name, lost.pid
             ))),
         }
@@ -260,13 +285,35 @@ impl Injector<'_> {
         if refused(&self.counts) == before {
             return Err(Failure::Work("the command was not refused with RESOURCE_EXHAUSTED".to_owned()));
         }
+        self.accepted(fault, "the disk has room again, but the command is still refused").await?;
+        Ok(began.elapsed())
+    }
+
+    /// Stalls the disk before the step's command, and lets it go on after a while. The command must wait that long and then
+    /// be accepted.
+    async fn stall(&mut self, index: usize, fault: &Fault) -> Result<Duration, Failure> {
+        let pids = self.targets(fault).await?;
+        let stalled = StalledDisk::begin(self.project).await?;
+        let began = Instant::now();
+        self.set_up.send_replace(index + 1);
+        tokio::time::sleep(Duration::from_millis(fault.pause_ms)).await;
+        if *self.answered.borrow() > fault.step {
+            return Err(Failure::Work("the command was answered, although nothing could be written".to_owned()));
+        }
+        drop(stalled);
+        self.accepted(fault, "the disk writes again, but the command is still refused").await?;
+        if self.targets(fault).await? != pids {
+            return Err(Failure::Work("the stalled disk ended the process".to_owned()));
+        }
+        Ok(began.elapsed())
+    }
+
+    /// Waits until the command of the fault's step is accepted.
+    async fn accepted(&mut self, fault: &Fault, otherwise: &str) -> Result<(), Failure> {
         let over = |_| Failure::Work("the session ended before its command was saved".to_owned());
         let saved = self.answered.wait_for(|n| *n > fault.step);
         let saved = tokio::time::timeout(RECOVERY_TIME, saved).await;
-        saved
-            .map_err(|_| Failure::Work("the disk has room again, but the command is still refused".to_owned()))?
-            .map_err(over)?;
-        Ok(began.elapsed())
+        saved.map_err(|_| Failure::Work(otherwise.to_owned()))?.map_err(over).map(drop)
     }
 
     /// Waits until every service is ready, with none of these processes.

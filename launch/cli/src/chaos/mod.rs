@@ -5,6 +5,7 @@ mod plan;
 mod report;
 mod session;
 mod stack;
+mod stalled_disk;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -40,6 +41,9 @@ const OPEN_TIME: Duration = Duration::from_secs(30);
 const LAUNCH_FILE: &str = "stack.toml";
 /// Output of the supervisors, in the output folder.
 const LOG: &str = "supervisor.log";
+/// Name of the session without faults, and of the one with faults.
+const CALM: &str = "calm";
+const SHAKEN: &str = "shaken";
 /// Overrides for every launch file: faults are more frequent than any realistic restart intensity.
 const OVERRIDES: [&str; 4] = [
     "defaults.intensity={ restarts = 1000, within_s = 1 }",
@@ -99,6 +103,13 @@ struct Prepared {
     round: usize,
     rounds: usize,
     plan: Vec<Fault>,
+}
+
+impl Prepared {
+    /// The project of one of both sessions.
+    fn project_of(&self, session: &str) -> PathBuf {
+        self.out.join(format!("{session}.sgproj"))
+    }
 }
 
 pub(crate) async fn chaos(arguments: ChaosArgs, session_name: Option<&str>) -> CommandResult {
@@ -210,7 +221,7 @@ fn prepare(arguments: &ChaosArgs) -> Result<Prepared, Failure> {
 
 async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -> CommandResult {
     let began = Instant::now();
-    let calm = play(prepared, arguments, session, "calm", None).await?;
+    let calm = play(prepared, arguments, session, CALM, None).await?;
     let peaceful = began.elapsed();
     terminal::print_status(&format!(
         "without faults: {} steps in {} rounds, revision {}, {} pictures",
@@ -223,7 +234,7 @@ async fn run(prepared: &Prepared, arguments: &ChaosArgs, session: &SessionDir) -
     let counts = Arc::new(Counts::default());
     let mut log = FaultLog::default();
     let faults = Faults { calm: &calm.times, counts: Arc::clone(&counts), log: &mut log };
-    let shaken = play(prepared, arguments, session, "shaken", Some(faults)).await?;
+    let shaken = play(prepared, arguments, session, SHAKEN, Some(faults)).await?;
     let verdict = Verdict::of(&calm, &shaken).with(&log);
     let report = Report {
         seed: arguments.seed,
@@ -258,7 +269,7 @@ async fn play(
     name: &str,
     faults: Option<Faults<'_>>,
 ) -> Result<SessionResult, Failure> {
-    let project = prepared.out.join(format!("{name}.sgproj"));
+    let project = prepared.project_of(name);
     let mut overrides = prepared.overrides.clone();
     overrides.push(format!("{}={}", prepared.project, toml::Value::String(project.display().to_string())));
     let mut stack = Stack::new(prepared.file.clone(), overrides, session.clone(), prepared.out.join(LOG));
@@ -302,6 +313,7 @@ async fn over(
                 bus: &bus,
                 executables: &prepared.executables,
                 plan: &prepared.plan,
+                project: &prepared.project_of(SHAKEN),
                 steps: &prepared.steps,
                 calm,
                 begun: begun_seen,
@@ -358,7 +370,7 @@ fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
     for entry in std::fs::read_dir(&out).map_err(fail)? {
         let entry = entry.map_err(fail)?;
         let name = entry.file_name().to_string_lossy().into_owned();
-        if name == "calm" || name == "shaken" {
+        if name == CALM || name == SHAKEN {
             std::fs::remove_dir_all(entry.path()).map_err(fail)?;
         } else if name == LOG || name.starts_with("calm.sgproj") || name.starts_with("shaken.sgproj") {
             std::fs::remove_file(entry.path()).map_err(fail)?;

@@ -14,6 +14,8 @@ const PAUSE_MS: std::ops::Range<u64> = 30..700;
 /// Shortest and longest time for which the supervisor stands still, milliseconds. Both are above the `liveness` of a run,
 /// and above the time after which the bus takes a connection for dead.
 const STANDSTILL_MS: std::ops::Range<u64> = 3000..7500;
+/// Shortest and longest time for which the disk takes no write, milliseconds. After 3 s the journal refuses a command.
+const STALL_MS: std::ops::Range<u64> = 1000..6000;
 
 /// Kind of a fault.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -45,11 +47,17 @@ pub(super) enum Kind {
     Standstill,
     /// The same as at a suspended terminal: SIGTSTP to the supervisor's process group, as by Ctrl-Z, and SIGCONT, as by `fg`.
     Suspended,
+    /// The supervisor stands still in the middle of a swap. The swap must be done afterwards, and nobody else restarted.
+    SwapStandstill,
+    /// SIGSTOP of the supervisor and all services, as of a suspended machine or container. No service may be restarted.
+    Frozen,
+    /// The disk under the project takes no write for a while.
+    Stalled,
 }
 
 impl Kind {
     /// All kinds, with their numbers in one deck.
-    const DECK: [(Self, usize); 13] = [
+    const DECK: [(Self, usize); 16] = [
         (Self::Kill, 7),
         (Self::Terminate, 2),
         (Self::Restart, 2),
@@ -63,6 +71,9 @@ impl Kind {
         (Self::NoRoom, 2),
         (Self::Standstill, 1),
         (Self::Suspended, 1),
+        (Self::SwapStandstill, 1),
+        (Self::Frozen, 1),
+        (Self::Stalled, 2),
     ];
 
     pub(super) fn name(self) -> &'static str {
@@ -80,7 +91,15 @@ impl Kind {
             Self::NoRoom => "disk full",
             Self::Standstill => "SIGSTOP supervisor",
             Self::Suspended => "Ctrl-Z, fg",
+            Self::SwapStandstill => "swap, SIGSTOP supervisor",
+            Self::Frozen => "SIGSTOP everything",
+            Self::Stalled => "disk stalled",
         }
+    }
+
+    /// Whether it needs a step that is one scene command.
+    fn needs_command(self) -> bool {
+        matches!(self, Self::NoRoom | Self::Stalled)
     }
 }
 
@@ -104,7 +123,8 @@ impl fmt::Display for Fault {
         write!(f, "step {}, {:.0} % in: {}", step + 1, 100.0 * moment, kind.name())?;
         match kind {
             Kind::Supervisor | Kind::Everything => Ok(()),
-            Kind::Standstill | Kind::Suspended => write!(f, " ({pause_ms} ms)"),
+            Kind::Standstill | Kind::Suspended | Kind::Frozen => write!(f, " ({pause_ms} ms)"),
+            Kind::SwapStandstill | Kind::Stalled => write!(f, " {} ({pause_ms} ms)", targets.join(", ")),
             Kind::Pause | Kind::AtStart => write!(f, " {} ({pause_ms} ms between)", targets.join(", ")),
             _ => write!(f, " {}", targets.join(", ")),
         }
@@ -128,14 +148,14 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
     let deck: Vec<_> = Kind::DECK.iter().flat_map(|(kind, n)| std::iter::repeat_n(*kind, *n)).collect();
     let mut kinds = Deck::of(deck);
     let kinds: Vec<_> = (0..faults).map(|_| kinds.draw(&mut random)).collect();
-    let no_room = kinds.iter().filter(|k| **k == Kind::NoRoom).count();
+    let picky = kinds.iter().filter(|k| k.needs_command()).count();
 
     let mut rounds = 1;
     let steps = loop {
         let steps = session.steps(rounds);
         let commands = steps.iter().filter(|c| **c).count();
         // A session without scene commands has no steps between its rounds.
-        let enough = commands >= no_room || (rounds > no_room && commands == 0);
+        let enough = commands >= picky || (rounds > picky && commands == 0);
         if enough && steps.len() as f64 * DENSITY >= faults as f64 {
             break steps;
         }
@@ -150,12 +170,14 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
 
     let mut plan = Vec::with_capacity(faults);
     // Place the kinds with few possible steps first.
-    let (picky, others): (Vec<_>, Vec<_>) = kinds.into_iter().partition(|k| *k == Kind::NoRoom);
+    let (picky, others): (Vec<_>, Vec<_>) = kinds.into_iter().partition(|k| k.needs_command());
     for kind in picky.into_iter().chain(others) {
-        let fits = |step: &usize| kind != Kind::NoRoom || steps.get(*step).is_some_and(|command| *command);
+        let fits = |step: &usize| !kind.needs_command() || steps.get(*step).is_some_and(|command| *command);
         let Some(place) = places.iter().position(fits) else { continue };
         let mut targets = match kind {
-            Kind::Kill | Kind::Terminate | Kind::Restart | Kind::Swap | Kind::Hang => vec![services.draw(&mut random)],
+            Kind::Kill | Kind::Terminate | Kind::Restart | Kind::Swap | Kind::Hang | Kind::SwapStandstill => {
+                vec![services.draw(&mut random)]
+            }
             Kind::Pause | Kind::AtStart => vec![everyone.draw(&mut random)],
             Kind::Two => {
                 let one = services.draw(&mut random);
@@ -163,10 +185,10 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
                 let other = Deck::of(others).draw(&mut random);
                 vec![one, other]
             }
-            Kind::Supervisor | Kind::Everything | Kind::Standstill | Kind::Suspended => {
+            Kind::Supervisor | Kind::Everything | Kind::Standstill | Kind::Suspended | Kind::Frozen => {
                 vec![role::SUPERVISOR.to_owned()]
             }
-            Kind::NoRoom => vec![session.scene.to_owned()],
+            Kind::NoRoom | Kind::Stalled => vec![session.scene.to_owned()],
         };
         // A stack of one service has no second target.
         targets.retain(|name| !name.is_empty());
@@ -174,9 +196,12 @@ pub(super) fn plan(session: &Session<'_>, faults: usize, seed: u64) -> (usize, V
             kind,
             targets,
             step: places.swap_remove(place),
-            moment: if kind == Kind::NoRoom { 0.0 } else { random.random_range(0.0..1.0) },
+            moment: if kind.needs_command() { 0.0 } else { random.random_range(0.0..1.0) },
             pause_ms: match kind {
-                Kind::Standstill | Kind::Suspended => random.random_range(STANDSTILL_MS),
+                Kind::Standstill | Kind::Suspended | Kind::SwapStandstill | Kind::Frozen => {
+                    random.random_range(STANDSTILL_MS)
+                }
+                Kind::Stalled => random.random_range(STALL_MS),
                 _ => random.random_range(PAUSE_MS),
             },
         });
@@ -250,7 +275,7 @@ mod tests {
         assert!(
             faults.iter().filter(|f| f.kind == Kind::Two).all(|f| f.targets.len() == 2 && f.targets[0] != f.targets[1])
         );
-        // Of five steps, 3 and 5 are scene commands. Only those can be refused on a full disk.
-        assert!(faults.iter().filter(|f| f.kind == Kind::NoRoom).all(|f| matches!(f.step % 5, 2 | 4)));
+        // Of five steps, 3 and 5 are scene commands. Only those can be refused on a full disk or stalled.
+        assert!(faults.iter().filter(|f| f.kind.needs_command()).all(|f| matches!(f.step % 5, 2 | 4)));
     }
 }

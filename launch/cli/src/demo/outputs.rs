@@ -55,6 +55,10 @@ impl<'a> OutputFolder<'a> {
         }
     }
 
+    pub(super) fn path(&self) -> &Path {
+        self.path
+    }
+
     /// Creates the folder, removes the files of the earlier demo, and moves the project of a window aside.
     pub(super) fn prepare(self) -> Result<PathBuf, Failure> {
         let fail = |e: std::io::Error| {

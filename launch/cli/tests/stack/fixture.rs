@@ -62,6 +62,10 @@ struct Params {
     panics: bool,
     /// A value that nobody else may see.
     secret: Option<String>,
+    /// Milliseconds from its start in which its serving threads answer nothing.
+    blocked_ms: u64,
+    /// Milliseconds of work before it takes its role.
+    promotion_ms: u64,
 }
 
 /// An actor that works for long.
@@ -194,6 +198,19 @@ async fn load(host: Host) -> Result<(), StartError> {
                 std::thread::sleep(Duration::from_secs(3600));
             });
         }
+    }
+    if params.blocked_ms > 0 {
+        let until = Instant::now() + Duration::from_millis(params.blocked_ms);
+        // More than the number of bus threads.
+        for _ in 0..8 {
+            tokio::spawn(async move { std::thread::sleep(until.saturating_duration_since(Instant::now())) });
+        }
+    }
+    if params.promotion_ms > 0 {
+        host.before_promotion(move || async move {
+            tokio::time::sleep(Duration::from_millis(params.promotion_ms)).await;
+            Ok(())
+        });
     }
     if params.flood > 0 {
         tokio::spawn(flood(host.bus().clone(), params.flood));

@@ -90,6 +90,10 @@ impl Sandbox {
         for service in services {
             self.script(&format!("installed/supergaussian-{service}"), "exec sleep 60");
         }
+        // The scene's executable knows where things are kept.
+        let places =
+            format!("[ \"$1\" = projects ] && exec echo '{{\"scenes\": \"{}/scenes\"}}'", self.path().display());
+        self.script("installed/supergaussian-scene", &format!("{places}\nexec sleep 60"));
         for (name, does) in others {
             self.script(&format!("installed/{name}"), does);
         }

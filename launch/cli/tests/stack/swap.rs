@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -115,7 +116,7 @@ fn unready_candidate_is_listed_and_given_up() {
     assert!(status == 0 && out.contains("core     changed"), "{out}");
     let before = core(&sandbox);
     let swap = ["swap", "core", &path(&sandbox, "other"), "--params", "{\"never_ready\": true}"];
-    let swapping = sandbox.command(&swap).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let swapping = sandbox.command(&swap).stderr(Stdio::piped()).spawn().unwrap();
     let seen = sandbox.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
     assert_eq!(
         (&seen["state"], &seen["pid"], &seen["swap"]["instance"]),
@@ -145,14 +146,106 @@ fn stopped_process_is_swapped() {
     assert_eq!(sandbox.run(&["say", "undo"]).0, 0);
 }
 
+/// Begins a swap, lets the supervisor stand still once `when` holds, and waits for the result of the swap.
+fn swapped_over_a_standstill(params: &str, when: impl Fn(&Value) -> bool) {
+    let sandbox = Sandbox::new();
+    let mut up = answering(&sandbox, "");
+    let before = core(&sandbox);
+    let swap = ["swap", "core", &path(&sandbox, "other"), "--params", params];
+    let swapping = sandbox.command(&swap).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    sandbox.wait("talk", "core", when);
+    up.signal(Signal::SIGSTOP);
+    // Longer than a probe, than the deadline of a request, and than a client's attempt to connect.
+    std::thread::sleep(Duration::from_secs(14));
+    up.signal(Signal::SIGCONT);
+    let output = swapping.wait_with_output().unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{errors}\n{}", up.errors());
+    let after = core(&sandbox);
+    assert_eq!(
+        (&after["state"], &after["executable"], &after["restarts"], &after["swap"]["state"]),
+        (&"READY".into(), &path(&sandbox, "other").into(), &0.into(), &"DONE".into()),
+        "{}",
+        up.errors()
+    );
+    assert!(!runs(pid(&before)), "{after}");
+    assert_eq!(sandbox.run(&["say", "undo"]).1, "you said: undo\n");
+    up.signal(Signal::SIGINT);
+    assert_eq!(up.end().0, 0, "{}", up.errors());
+}
+
+fn in_swap(state: &'static str) -> impl Fn(&Value) -> bool {
+    move |service| service["swap"]["state"] == state
+}
+
+#[test]
+fn a_candidate_may_start_while_the_supervisor_stands_still() {
+    swapped_over_a_standstill("{\"answers\": true, \"start_ms\": 2500}", in_swap("STARTING"));
+}
+
+/// Its first attempt to join the bus finds the bus standing still.
+#[test]
+fn a_candidate_that_cannot_join_a_bus_that_stands_still_starts_again() {
+    let sandbox = Sandbox::new();
+    sandbox.script("late", &format!("sleep 1\nexec '{}' \"$@\"", path(&sandbox, "other")));
+    let mut up = answering(&sandbox, "");
+    let swap = ["swap", "core", &path(&sandbox, "late")];
+    let swapping = sandbox.command(&swap).stderr(Stdio::piped()).spawn().unwrap();
+    let first = sandbox.wait("talk", "core", in_swap("STARTING"));
+    up.signal(Signal::SIGSTOP);
+    let candidate = i32::try_from(first["swap"]["pid"].as_i64().unwrap()).unwrap();
+    sandbox.gone(candidate);
+    up.signal(Signal::SIGCONT);
+    let output = swapping.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}\n{}", String::from_utf8(output.stderr).unwrap(), up.errors());
+    let after = core(&sandbox);
+    assert_eq!((&after["instance"], &after["restarts"]), (&"core.3".into(), &0.into()), "{}", up.errors());
+    up.signal(Signal::SIGINT);
+    assert_eq!(up.end().0, 0, "{}", up.errors());
+}
+
+#[test]
+fn a_candidate_may_be_probed_while_the_supervisor_stands_still() {
+    swapped_over_a_standstill("{\"answers\": true, \"blocked_ms\": 3000}", in_swap("VERIFYING"));
+}
+
+#[test]
+fn a_candidate_may_take_its_role_while_the_supervisor_stands_still() {
+    swapped_over_a_standstill("{\"answers\": true, \"promotion_ms\": 3000}", in_swap("PROMOTING"));
+}
+
+#[test]
+fn an_old_process_may_drain_while_the_supervisor_stands_still() {
+    let sandbox = Sandbox::new();
+    let text = "schema = 1\n[service.core]\nexec = \"./fixture\"\nrole = \"agent-core\"\nparams = { answers = true, late_ms = 2500 }\nstop = 8\nready = 20\n";
+    let file = sandbox.file("talk.toml", text);
+    let mut up = sandbox.up(&[file.to_str().unwrap()]);
+    sandbox.ready("talk", "core");
+    let say = sandbox.command(&["say", "undo", "--timeout", "60"]).stdout(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    let swap = ["swap", "core", &path(&sandbox, "other"), "--params", "{\"answers\": true}"];
+    let swapping = sandbox.command(&swap).stderr(Stdio::piped()).spawn().unwrap();
+    sandbox.wait("talk", "core", in_swap("HANDING_OVER"));
+    up.signal(Signal::SIGSTOP);
+    std::thread::sleep(Duration::from_secs(14));
+    up.signal(Signal::SIGCONT);
+    let output = swapping.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}\n{}", String::from_utf8(output.stderr).unwrap(), up.errors());
+    assert_eq!(core(&sandbox)["restarts"], 0, "{}", up.errors());
+    let said = say.wait_with_output().unwrap();
+    assert_eq!(String::from_utf8(said.stdout).unwrap(), "you said: undo\n");
+    up.signal(Signal::SIGINT);
+    assert_eq!(up.end().0, 0, "{}", up.errors());
+}
+
 #[test]
 fn a_stop_during_a_swap_stops_both() {
     let sandbox = Sandbox::new();
     let mut up = answering(&sandbox, "");
     let before = core(&sandbox);
     let swap = ["swap", "core", &path(&sandbox, "other"), "--params", "{\"answers\": true, \"start_ms\": 60000}"];
-    let mut swapping = sandbox.command(&swap).stderr(std::process::Stdio::null()).spawn().unwrap();
-    let seen = sandbox.wait("talk", "core", |s| s["swap"]["state"] == "STARTING");
+    let mut swapping = sandbox.command(&swap).stderr(Stdio::null()).spawn().unwrap();
+    let seen = sandbox.wait("talk", "core", in_swap("STARTING"));
     let candidate = i32::try_from(seen["swap"]["pid"].as_i64().unwrap()).unwrap();
     assert_eq!(sandbox.run(&["down"]).0, 0);
     assert_eq!(up.end().0, 0);

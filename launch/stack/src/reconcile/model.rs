@@ -11,6 +11,8 @@ pub type Time = Duration;
 
 /// Exit status for wrong parameters or input: another start would not help.
 pub(super) const EXIT_INPUT: i32 = sg_runtime::process::EXIT_INPUT as i32;
+/// Exit status for other failures.
+pub(super) const EXIT_FAILED: i32 = sg_runtime::process::EXIT_FAILED as i32;
 
 /// How long the system may take to remove a killed process.
 pub(super) const KILL_TIME: Duration = Duration::from_secs(5);
@@ -80,8 +82,9 @@ pub enum Event {
         /// Its present work.
         work: Work,
     },
-    /// The supervisor runs again after it was stopped or starved. Signs of life may still be under way.
-    Awoke,
+    /// The supervisor runs again after a standstill of this length: it was stopped or starved. Signs of life may still be
+    /// under way.
+    Awoke(Duration),
     /// An instance appeared on the bus (true) or left it.
     Presence {
         /// Name of the instance.

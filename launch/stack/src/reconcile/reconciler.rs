@@ -1,9 +1,10 @@
 //! The state of a stack, and its entry point [`Reconciler::step`].
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use super::backoff::Jitter;
-use super::model::{AWAKENING_TIME, AWAY_TIME, Action, Event, Outcome, Time, Work};
+use super::model::{AWAKENING_TIME, AWAY_TIME, Action, EXIT_FAILED, Event, Exit, Outcome, PROBE_TIME, Time, Work};
 use super::slot::{AfterStop, Occupant, Process, ProcessIndex, Slot, Stage, State, seconds};
 use crate::file::Service;
 
@@ -29,6 +30,8 @@ pub struct Reconciler {
     pub(super) nodes: BTreeSet<String>,
     /// Until then, missing signs of life may be the supervisor's own fault.
     pub(super) awake_at: Time,
+    /// End and length of the supervisor's latest standstill.
+    pub(super) standstill: Option<(Time, Duration)>,
 }
 
 impl Reconciler {
@@ -44,6 +47,7 @@ impl Reconciler {
             jitter: Jitter::new(seed),
             nodes: BTreeSet::new(),
             awake_at: Time::ZERO,
+            standstill: None,
         }
     }
 
@@ -94,10 +98,12 @@ impl Reconciler {
                     *deadline = (*deadline).min((now + AWAY_TIME).max(awake_at));
                 }
             }
-            Event::Awoke => {
+            Event::Awoke(length) => {
                 self.awake_at = now + AWAKENING_TIME;
+                self.standstill = Some((now, length));
                 for at in self.all_processes() {
                     self.extend_deadline(at, now);
+                    self.begin_stage_anew(at, now);
                 }
             }
             Event::Node { name, present: true } => {
@@ -257,17 +263,42 @@ impl Reconciler {
         }
     }
 
+    /// Gives a process that starts, is probed or takes its role the whole time for it. The bus stood still with the
+    /// supervisor, and its clients connect to it again.
+    fn begin_stage_anew(&mut self, (index, part): ProcessIndex, now: Time) {
+        let Some(slot) = self.slots.get_mut(index) else { return };
+        let ready = slot.service.policy.ready;
+        match slot.process_mut(part).map(|process| &mut process.stage) {
+            Some(Stage::Starting { deadline } | Stage::Promoting { deadline }) => *deadline = now + ready,
+            Some(Stage::Verifying { deadline }) => *deadline = now + PROBE_TIME,
+            _ => {}
+        }
+    }
+
+    /// Whether the failed start or promotion of a process may be the supervisor's own fault: the bus stood still during it.
+    pub(super) fn excuses_start(&self, process: &Process, exit: &Exit, now: Time) -> bool {
+        let Some((awoke, _)) = self.standstill else { return false };
+        matches!(process.stage, Stage::Starting { .. } | Stage::Promoting { .. })
+            && exit.status == Some(EXIT_FAILED)
+            && process.started < awoke
+            && now < self.awake_at
+    }
+
     /// Ends a process whose work makes no progress, although it sends signs of life.
     fn check_progress(&mut self, at: ProcessIndex, now: Time, actions: &mut Vec<Action>) {
         let Some(slot) = self.slots.get(at.0) else { return };
         let Some(Process { stage, work, .. }) = slot.process(at.1) else { return };
         let most = slot.service.policy.progress;
         let Work { stalled, stalled_in, .. } = work;
-        // While this supervisor was stopped, the bus stood still too. Work that waits for another service is no hang.
-        if *stalled < most || now < self.awake_at || !matches!(stage, Stage::Ready { .. } | Stage::StandingBy { .. }) {
+        // While this supervisor was stopped, the bus stood still too, or the whole machine. Work of that time is no hang.
+        let stalled = match self.standstill {
+            Some((awoke, length)) if *stalled > now.saturating_sub(awoke) => stalled.saturating_sub(length),
+            _ => *stalled,
+        };
+        if stalled < most || now < self.awake_at || !matches!(stage, Stage::Ready { .. } | Stage::StandingBy { .. }) {
             return;
         }
-        let reason = format!("hung: {stalled_in} has made no progress for {:.0} s", seconds(*stalled));
+        let reason = format!("hung: {stalled_in} has made no progress for {:.0} s", seconds(stalled));
         self.stop(at, AfterStop::Fail(reason), now, actions);
         // Hung work would delay the answer to SIGTERM.
         self.kill(at, now, actions);

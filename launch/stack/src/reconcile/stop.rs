@@ -4,7 +4,7 @@ use sg_proto::launch::SwapState;
 
 use super::model::{Action, EXIT_INPUT, End, Exit, KILL_TIME, KILLS, PROBE_TIME, ProcessId, Time};
 use super::reconciler::{Goal, Reconciler};
-use super::slot::{AfterStop, Occupant, ProcessIndex, Stage, State, seconds};
+use super::slot::{AfterStop, Occupant, PendingSwap, Process, ProcessIndex, Slot, Stage, State, seconds};
 use crate::file::Restart;
 
 impl Reconciler {
@@ -107,11 +107,11 @@ impl Reconciler {
         };
         match part {
             Occupant::Serving => self.main_exited(index, exit, now, actions),
-            Occupant::Candidate => self.candidate_exited(index, &exit, actions),
+            Occupant::Candidate => self.candidate_exited(index, &exit, now, actions),
         }
     }
 
-    fn candidate_exited(&mut self, index: usize, exit: &Exit, actions: &mut Vec<Action>) {
+    fn candidate_exited(&mut self, index: usize, exit: &Exit, now: Time, actions: &mut Vec<Action>) {
         let Some(process) = self.slots.get_mut(index).and_then(|s| s.candidate.take()) else { return };
         let end = match &process.stage {
             Stage::Stopping { then: AfterStop::Fail(reason), .. } => End::Failed(reason.clone()),
@@ -120,10 +120,22 @@ impl Reconciler {
             _ => End::Failed(exit.reason.clone()),
         };
         actions.push(Action::Ended { service: index, id: process.id, end });
+        if self.excuses_start(&process, exit, now) {
+            return self.swap_again(index, process, &exit.reason, actions);
+        }
         if let Some(number) = process.swap
             && !matches!(process.stage, Stage::Stopping { .. })
         {
             self.swap_failed((index, Occupant::Candidate), number, &exit.reason, actions);
+        }
+    }
+
+    /// Goes on with the swap of an ended candidate: with another process of the same start.
+    fn swap_again(&mut self, index: usize, ended: Process, reason: &str, actions: &mut Vec<Action>) {
+        let Some(slot) = self.slots.get_mut(index) else { return };
+        if let (Some(number), None) = (ended.swap, &slot.next) {
+            slot.next = Some(PendingSwap { number, start: ended.start });
+            slot.swap_enters(number, SwapState::Waiting, reason, index, actions);
         }
     }
 
@@ -147,7 +159,14 @@ impl Reconciler {
             None if exit.status == Some(0) => End::Finished,
             None => End::Failed(exit.reason.clone()),
         };
+        let excused = self.slots.get(index).and_then(Slot::main).filter(|p| self.excuses_start(p, &exit, now)).cloned();
         actions.push(Action::Ended { service: index, id, end });
+        if let Some(process) = excused.filter(|_| running && !self.slots.get(index).is_none_or(|s| s.removed)) {
+            // It starts again at once, and no failure is counted.
+            self.swap_again(index, process, &exit.reason, actions);
+            let Some(slot) = self.slots.get_mut(index) else { return };
+            return slot.enter(State::Waiting, exit.reason, index, actions);
+        }
         if let Some(number) = swap
             && asked.is_none()
         {

@@ -1,19 +1,15 @@
-//! Performs the actions of the reconciler: processes, signals, probes, promotions.
+//! Performs the actions of the reconciler: processes and signals.
 
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use nix::sys::signal::Signal;
-use sg_proto::bus::PromoteRequest;
-use sg_proto::keys;
 use sg_runtime::bus::Link;
-use sg_runtime::context::Context;
 
+use super::attempt::{Attempt, CandidateRequest};
 use super::event_loop::Supervisor;
 use crate::console::{self, ServiceLog};
 use crate::log_file::{self, LogFile};
 use crate::params_file;
-use crate::probe;
 use crate::reconcile::{Action, Event, Exit, ProcessId, Spawn};
 use crate::serve_arguments::ServeArguments;
 use crate::service_rights;
@@ -25,12 +21,13 @@ impl Supervisor {
         match action {
             Action::Spawn(spawn) => self.spawn(*spawn),
             Action::Verify { id, instance, role } => {
-                self.prove(id, &instance, role);
+                let ready = Box::new(self.candidates.get(&instance).cloned().unwrap_or_default());
+                self.begin(CandidateRequest::Probe { id, ready, role });
                 None
             }
             Action::Promote { id, instance, epoch, within } => {
                 self.registry.grant(epoch);
-                self.promote(id, &instance, epoch, within);
+                self.begin(CandidateRequest::Promote { id, instance, epoch, within });
                 None
             }
             Action::Terminate(id) => self.signal(id, Signal::SIGTERM),
@@ -131,26 +128,27 @@ impl Supervisor {
         self.logs.entry(name.clone()).or_insert_with(begin).clone()
     }
 
-    /// Probes a candidate in its own task, so that supervision continues.
-    fn prove(&self, id: ProcessId, instance: &str, role: String) {
+    /// Begins an attempt of a request in its own task, so that supervision continues.
+    fn begin(&self, request: CandidateRequest) {
         let (bus, sender) = (self.bus.clone(), self.outcome_sender.clone());
-        let ready = self.candidates.get(instance).cloned().unwrap_or_default();
+        let standstill = self.clock.standstill();
         tokio::spawn(async move {
-            let outcome = probe::probe(&bus, &ready, &role).await;
+            let attempt = request.attempt(&bus, standstill).await;
             // Without a supervisor the result is of no use.
-            let _ = sender.send(Event::Verified { id, outcome }).await;
+            let _ = sender.send(attempt).await;
         });
     }
 
-    fn promote(&self, id: ProcessId, instance: &str, epoch: u64, within: Duration) {
-        let (bus, sender) = (self.bus.clone(), self.outcome_sender.clone());
-        let under = keys::instance(instance);
-        tokio::spawn(async move {
-            let context = Context::root().deadline_in(within);
-            let reply = bus.ask_role(&keys::PROMOTE, &under, &PromoteRequest { epoch }, &context).await;
-            let outcome = reply.map(|_| ()).map_err(|fault| fault.to_string());
-            let _ = sender.send(Event::Promoted { id, outcome }).await;
-        });
+    /// The event of a finished attempt, or none if it is made again.
+    pub(super) fn conclude(&self, attempt: Attempt) -> Option<Event> {
+        let id = attempt.request.id();
+        // An ended candidate has no second chance.
+        let runs = self.pids.contains_key(&id) || self.nodes.running.contains_key(&id);
+        if attempt.outcome.is_err() && runs && self.clock.stood_still_since(attempt.standstill) {
+            self.begin(attempt.request);
+            return None;
+        }
+        Some(attempt.event())
     }
 
     fn signal(&mut self, id: ProcessId, signal: Signal) -> Option<Event> {

@@ -42,6 +42,17 @@ impl AwakeClock {
         deadline.saturating_duration_since(self.instant())
     }
 
+    /// Time in which the supervisor did not run, up to now. It also covers a gap that no turn has noticed yet, and may be too
+    /// long by less than [`GAP`].
+    pub(super) fn standstill(&self) -> Duration {
+        self.standstill_at(Instant::now())
+    }
+
+    /// Whether the supervisor stood still since [`AwakeClock::standstill`] was this.
+    pub(super) fn stood_still_since(&self, standstill: Duration) -> bool {
+        self.standstill() > standstill + GAP
+    }
+
     /// Begins a turn of the event loop. Returns the length of the gap before it, if the supervisor did not run.
     pub(super) fn turn(&mut self) -> Option<Duration> {
         self.turn_at(Instant::now())
@@ -49,6 +60,10 @@ impl AwakeClock {
 
     fn at(&self, now: Instant) -> Time {
         self.ran + now.saturating_duration_since(self.turned).min(TURN)
+    }
+
+    fn standstill_at(&self, now: Instant) -> Duration {
+        now.saturating_duration_since(self.began).saturating_sub(self.at(now))
     }
 
     fn turn_at(&mut self, now: Instant) -> Option<Duration> {
@@ -80,5 +95,24 @@ mod tests {
         now += Duration::from_millis(900);
         assert_eq!(clock.turn_at(now), None);
         assert_eq!(clock.at(now), Duration::from_millis(3150));
+    }
+
+    #[test]
+    fn a_standstill_is_known_before_the_next_turn() {
+        let mut clock = AwakeClock::new();
+        let mut now = clock.began;
+        let before = clock.standstill_at(now);
+        now += Duration::from_millis(900);
+        assert!(clock.standstill_at(now) < before + GAP, "a busy machine");
+        assert_eq!(clock.turn_at(now), None);
+        assert_eq!(clock.standstill_at(now), before);
+        now += Duration::from_secs(9);
+        assert!(clock.standstill_at(now) > before + GAP);
+        assert!(clock.turn_at(now).is_some());
+        assert!(clock.standstill_at(now) > before + GAP);
+        let after = clock.standstill_at(now);
+        now += Duration::from_millis(250);
+        assert_eq!(clock.turn_at(now), None);
+        assert_eq!(clock.standstill_at(now), after);
     }
 }

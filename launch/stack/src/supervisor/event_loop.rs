@@ -19,6 +19,7 @@ use sg_runtime::session::SessionDir;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{Semaphore, mpsc, watch};
 
+use super::attempt::Attempt;
 use super::awake_clock::{AwakeClock, TURN};
 use super::nodes::{self, Nodes, StartResult};
 use super::opener::{MAX_OPEN, SessionOpener};
@@ -72,8 +73,8 @@ pub struct Supervisor {
     /// Announcements of candidates, by instance.
     pub(super) candidates: HashMap<String, Ready>,
     /// Results of probes and promotions.
-    outcomes: mpsc::Receiver<Event>,
-    pub(super) outcome_sender: mpsc::Sender<Event>,
+    outcomes: mpsc::Receiver<Attempt>,
+    pub(super) outcome_sender: mpsc::Sender<Attempt>,
     alive: mpsc::Receiver<LivelinessChange>,
     exits: mpsc::Receiver<(ProcessId, Exit)>,
     pub(super) exit_sender: mpsc::Sender<(ProcessId, Exit)>,
@@ -114,7 +115,7 @@ enum Observation {
     Ready(Ready, Context),
     CandidateReady(Ready, Context),
     Health(Health, Context),
-    Outcome(Event),
+    Outcome(Attempt),
     Presence(LivelinessChange),
     Placed(StartResult),
     NodeLog(LogLines, Context),
@@ -288,7 +289,7 @@ impl Supervisor {
             "the supervisor did not run for {:.1} s: it was stopped, or the machine is overloaded; the services get that time too",
             gap.as_secs_f64()
         ));
-        Some(Event::Awoke)
+        Some(Event::Awoke(gap))
     }
 
     /// Time until the next turn. Turns are frequent, so that the clock notices a gap.
@@ -324,7 +325,7 @@ impl Supervisor {
             Some((health, context)) = self.health.next() => Observation::Health(health, context),
             Some((ready, context)) = self.candidates_ready.next() => Observation::CandidateReady(ready, context),
             Some((health, context)) = self.candidates_health.next() => Observation::Health(health, context),
-            Some(event) = self.outcomes.recv() => Observation::Outcome(event),
+            Some(attempt) = self.outcomes.recv() => Observation::Outcome(attempt),
             Some(seen) = self.alive.recv() => Observation::Presence(seen),
             Some(placed) = self.placed.recv() => Observation::Placed(placed),
             Some((message, context)) = self.node_logs.next() => Observation::NodeLog(message, context),
@@ -342,7 +343,7 @@ impl Supervisor {
             Observation::Ready(ready, context) => self.ready_event(ready, &context),
             Observation::CandidateReady(ready, context) => self.candidate_ready(ready, &context),
             Observation::Health(health, context) => self.health_event(health, &context),
-            Observation::Outcome(event) => event,
+            Observation::Outcome(attempt) => return self.conclude(attempt).into_iter().collect(),
             Observation::Presence(seen) => self.presence_event(seen),
             Observation::Placed(placed) => self.nodes.start_finished(placed),
             Observation::NodeLog(message, context) => {

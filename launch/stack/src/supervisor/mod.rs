@@ -2,6 +2,7 @@
 
 mod actions;
 mod answers;
+mod attempt;
 mod awake_clock;
 mod event_loop;
 mod nodes;

@@ -21,6 +21,7 @@ use sg_volume::{
     TransferFunction, Volume, automatic_transfer_function, formats_help, raw_file_name, read_volume, write_volume,
 };
 
+use crate::kept_scenes::{self, KeptScene, KeptScenes};
 use crate::own_rights::{Files, MadeFolders, keep_only};
 
 const EXAMPLE: &str = "Example:
@@ -53,8 +54,12 @@ struct FitArgs {
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
     /// Folder for scene.toml, the PLY files and the transfer function. The command creates it.
-    #[arg(long, value_name = "DIR", required = true)]
+    #[arg(long, value_name = "DIR", required_unless_present = "keep_in")]
     out: Option<PathBuf>,
+    /// Folder of kept scenes, in place of --out. A volume with the same options is not fitted again; the report names the
+    /// scene.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "labels", "report"])]
+    keep_in: Option<PathBuf>,
     /// Place Gaussians directly from the volume, without training.
     #[arg(long)]
     initial_only: bool,
@@ -160,6 +165,8 @@ pub(crate) fn run() -> ExitCode {
 #[derive(Serialize)]
 struct FitReport<'a> {
     volume: &'a Path,
+    /// The scene's file.
+    scene: &'a Path,
     dims: [usize; 3],
     scalar_type: &'static str,
     /// The file; `None` for an automatic transfer function.
@@ -172,14 +179,14 @@ struct FitReport<'a> {
 }
 
 fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
-    let (Some(path), Some(out)) = (&args.volume, &args.out) else {
+    let (Some(path), Some(place)) = (&args.volume, args.out.as_ref().or(args.keep_in.as_ref())) else {
         return Err(input("a volume and --out DIR are required; see --help"));
     };
     if !args.initial_only {
         return Err(input("training is not available; add --initial-only for the direct start"));
     }
     let clock = Instant::now();
-    let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, out)? };
+    let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, place)? };
     let volume = read_volume(path).map_err(input)?;
     let labels = args.labels.as_deref().map(read_volume).transpose().map_err(input)?;
     let field = volume.to_field();
@@ -195,10 +202,21 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         None => automatic_transfer_function(&field, volume.variable())
             .map_err(|e| input(format!("{}: {e}", path.display())))?,
     };
-    check_outputs(args, out)?;
-    let bar = progress_bar();
     let options =
         Options { gaussians: args.gaussians, seed: args.seed, flattening: args.flattening, ..Options::default() };
+    let keeping = match &args.keep_in {
+        Some(folder) => {
+            let kept = KeptScenes::new(folder).map_err(|e| work(format!("{}: {e}", folder.display())))?;
+            let key = kept_scenes::key(&field, &function, &options).map_err(work)?;
+            if let Some(scene) = kept.find(&key) {
+                return report_kept(path, &scene, json);
+            }
+            Some((kept, key))
+        }
+        None => None,
+    };
+    check_outputs(args)?;
+    let bar = progress_bar();
     let result = direct_start(&field, &function, &options, |p| show(&bar, p));
     bar.finish_and_clear();
     let mut start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
@@ -218,13 +236,26 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         .map_err(|e| input(format!("{}: {e}", args.labels.as_deref().unwrap_or(path).display())))?;
 
     let clock = Instant::now();
-    let mut files = write_scene(out, &mut start.scene, args.transfer_function.as_deref(), &function)?;
+    let given = args.transfer_function.as_deref();
+    let (scene, mut files) = match &keeping {
+        None => (place.join("scene.toml"), write_scene(place, &mut start.scene, given, &function)?),
+        Some((kept, key)) => {
+            let fail = |e: io::Error| work(format!("{}: {e}; give a writable folder", place.display()));
+            let staged = kept.stage(path).map_err(fail)?;
+            let written = write_scene(&staged.folder, &mut start.scene, given, &function)?;
+            let scene = kept.keep(staged, key).map_err(fail)?;
+            let beside = |file: &PathBuf| file.file_name().map(|name| scene.with_file_name(name));
+            let files = written.iter().filter_map(beside).collect();
+            (scene, files)
+        }
+    };
     if let (Some(truth), Some(file)) = (truth, &args.out_truth) {
         write_truth(file, &truth, args.truth_value)?;
         files.push(file.clone());
     }
     let report = FitReport {
         volume: path,
+        scene: &scene,
         dims: field.grid().dims(),
         scalar_type: volume.scalars().scalar_type().name(),
         transfer_function: args.transfer_function.as_deref(),
@@ -243,7 +274,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         let r = &start.report;
         print_line(&format!(
             "{}: {} Gaussians in {} base unit{} in {:.1} s",
-            out.join("scene.toml").display(),
+            scene.display(),
             r.gaussians,
             r.units.len(),
             if r.units.len() == 1 { "" } else { "s" },
@@ -254,27 +285,41 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
 }
 
 /// Gives up all rights but those on the files of this run.
-fn confine(args: &FitArgs, volume: &Path, out: &Path) -> Result<MadeFolders, Failure> {
+fn confine(args: &FitArgs, volume: &Path, place: &Path) -> Result<MadeFolders, Failure> {
     let files = Files {
         volumes: std::iter::once(volume).chain(args.labels.as_deref()).collect(),
         inputs: args.transfer_function.as_deref().into_iter().collect(),
-        folder: Some(out),
+        folder: Some(place),
+        private: args.keep_in.is_some(),
         outputs: args.out_truth.as_deref().into_iter().chain(args.report.as_deref()).collect(),
     };
-    keep_only(&files).map_err(|e| work(format!("{}: {e}; give a writable folder", out.display())))
+    keep_only(&files).map_err(|e| work(format!("{}: {e}; give a writable folder", place.display())))
+}
+
+/// Reports a scene that an earlier run has made.
+fn report_kept(volume: &Path, kept: &KeptScene, json: bool) -> Result<(), Failure> {
+    let KeptScene { path, gaussians } = kept;
+    if json {
+        let report = serde_json::json!({ "volume": volume, "scene": path, "gaussians": gaussians, "kept": true });
+        return print::result(&format!("{report:#}\n")).map_err(work);
+    }
+    print_line(&format!("{}: {gaussians} Gaussians, kept from an earlier run", path.display()));
+    Ok(())
 }
 
 /// Refuses outputs that would replace foreign files, before the long work starts.
-fn check_outputs(args: &FitArgs, out: &Path) -> Result<(), Failure> {
-    let scene = out.join("scene.toml");
-    check_scene_target(&scene).map_err(|e| {
-        let line = format!("{}: {e}", scene.display());
-        if e.kind() == io::ErrorKind::AlreadyExists { input(line) } else { work(line) }
-    })?;
+fn check_outputs(args: &FitArgs) -> Result<(), Failure> {
+    if let Some(out) = &args.out {
+        let scene = out.join("scene.toml");
+        check_scene_target(&scene).map_err(|e| {
+            let line = format!("{}: {e}", scene.display());
+            if e.kind() == io::ErrorKind::AlreadyExists { input(line) } else { work(line) }
+        })?;
+    }
     // The scene keeps the unchanged transfer function, so its own file may be the input.
     let inputs = [args.volume.as_deref(), args.labels.as_deref()];
-    let function = function_file(out, args.transfer_function.as_deref());
-    let outputs = [Some(function.as_path()), args.out_truth.as_deref(), args.report.as_deref()];
+    let function = args.out.as_deref().map(|out| function_file(out, args.transfer_function.as_deref()));
+    let outputs = [function.as_deref(), args.out_truth.as_deref(), args.report.as_deref()];
     staged_file::check_outputs(outputs.into_iter().flatten(), inputs.into_iter().flatten()).map_err(input)
 }
 

@@ -2,6 +2,7 @@
 
 mod cli;
 mod own_rights;
+mod kept_scenes;
 
 use std::process::ExitCode;
 

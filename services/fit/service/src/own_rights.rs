@@ -1,6 +1,8 @@
 //! The rights of the fit's process. It reads files of others, so it keeps nothing but its inputs and its outputs.
 
+use std::fs::DirBuilder;
 use std::io;
+use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 
 use sg_confinement::{Rights, confine};
@@ -17,6 +19,8 @@ pub(crate) struct Files<'a> {
     pub(crate) inputs: Vec<&'a Path>,
     /// Folder of the scene; made here, because the process may not make it later.
     pub(crate) folder: Option<&'a Path>,
+    /// Whether a folder that is made is for this user alone.
+    pub(crate) private: bool,
     /// Files to write. Each is written beside its place first, so its folder can be written.
     pub(crate) outputs: Vec<&'a Path>,
 }
@@ -54,7 +58,7 @@ pub(crate) fn keep_only(files: &Files<'_>) -> io::Result<MadeFolders> {
         let missing = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());
         made.0 = missing.map(Path::to_owned).collect();
         made.0.reverse();
-        std::fs::create_dir_all(folder)?;
+        DirBuilder::new().recursive(true).mode(if files.private { 0o700 } else { 0o777 }).create(folder)?;
         rights.remove_folders.extend(made.0.first().map(|outermost| folder_of(outermost)));
         rights.write.insert(folder.to_owned());
     }

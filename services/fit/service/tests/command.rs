@@ -266,3 +266,41 @@ fn help_shows_an_example() {
     let help = String::from_utf8_lossy(&ok(Path::new("."), &["--help"]).stdout).into_owned();
     assert!(sg_volume::ENDINGS.iter().all(|ending| help.contains(ending)), "{help}");
 }
+
+#[test]
+fn a_kept_scene_is_not_fitted_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    ok(d, &["phantom", "--out", "made", "--size", "32", "--seed", "1"]);
+    let volume = "made/phantom_32x32x32_uint8.raw";
+    let keep = |volume: &str, more: &[&str]| {
+        let arguments =
+            [&[volume, "--initial-only", "--gaussians", "500", "--keep-in", "kept", "--json"], more].concat();
+        json(&ok(d, &arguments).stdout)
+    };
+    let first = keep(volume, &[]);
+    let scene = first["scene"].as_str().unwrap().to_owned();
+    assert!(Path::new(&scene).is_file() && scene.ends_with("/phantom_32x32x32_uint8/scene.toml"), "{first}");
+    assert!(
+        first["kept"].is_null()
+            && first["files"].as_array().unwrap().iter().all(|f| Path::new(f.as_str().unwrap()).is_file()),
+        "{first}"
+    );
+    let made = std::fs::metadata(&scene).unwrap().modified().unwrap();
+    // The same values under another name and at another place.
+    std::fs::copy(d.join(volume), d.join("copy_32x32x32_uint8.raw")).unwrap();
+    for same in [volume, "copy_32x32x32_uint8.raw"] {
+        let again = keep(same, &[]);
+        assert_eq!((again["scene"].as_str(), &again["kept"]), (Some(scene.as_str()), &true.into()));
+        assert_eq!(again["gaussians"], first["gaussians"]);
+    }
+    assert_eq!(std::fs::metadata(&scene).unwrap().modified().unwrap(), made);
+    let other = keep(volume, &["--seed", "1"]);
+    assert_ne!(other["scene"], first["scene"]);
+    assert_eq!(std::fs::read_dir(d.join("kept")).unwrap().count(), 2);
+    // A refused volume leaves no folder.
+    std::fs::write(d.join("short_9x9x9_uint8.raw"), "four").unwrap();
+    let refused = fit(d, &["short_9x9x9_uint8.raw", "--initial-only", "--keep-in", "none/kept"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(!d.join("none").exists());
+}

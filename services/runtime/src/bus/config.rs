@@ -10,6 +10,9 @@ use serde_json::json;
 use super::access;
 use super::link::{Certificates, Link, TLS_PREFIX, TlsListener, endpoint_of};
 
+/// Longest time for a router of this machine to accept a connection, milliseconds. If it ends, the attempt fails at once.
+const OPEN_MS: u64 = 24 * 3_600_000;
+
 /// Configuration entries of zenoh: path and value.
 type Entries = Vec<(&'static str, serde_json::Value)>;
 
@@ -23,6 +26,11 @@ pub(super) fn client(link: &Link) -> Result<zenoh::Config, String> {
         // Reconnect soon: callers have deadlines of seconds.
         ("connect/retry", json!({ "period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2 })),
     ]);
+    if !link.is_remote() {
+        // A router of this machine that does not answer stands still. An attempt that is given up just as the router goes on
+        // leaves half a connection behind, and the router refuses every further one.
+        entries.push(("transport/unicast/open_timeout", json!(OPEN_MS)));
+    }
     if let Some(certificates) = &link.certificates {
         entries.extend([
             ("transport/link/tls/connect_certificate", json!(certificates.certificate)),

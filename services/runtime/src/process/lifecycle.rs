@@ -44,7 +44,19 @@ impl Host {
         let standby = self.is_standby();
         let phase = if standby { Phase::Standby } else { Phase::Ready };
         self.inner.phase.send_replace(phase);
-        let ready = Ready {
+        let ready = self.announcement(standby);
+        self.bus().publish(&keys::READY, &ready, &Context::root()).await?;
+        tracing::info!(
+            start_ms = ready.start_ms,
+            epoch = ready.epoch,
+            "{}",
+            if standby { "in standby" } else { "ready" }
+        );
+        Ok(())
+    }
+
+    fn announcement(&self, standby: bool) -> Ready {
+        Ready {
             role: self.role().to_owned(),
             instance: self.inner.args.instance.clone(),
             version: self.inner.version.to_owned(),
@@ -54,15 +66,7 @@ impl Host {
             epoch: self.bus().epoch(),
             standby,
             declares: self.bus().declares().into_iter().map(str::to_owned).collect(),
-        };
-        self.bus().publish(&keys::READY, &ready, &Context::root()).await?;
-        tracing::info!(
-            start_ms = ready.start_ms,
-            epoch = ready.epoch,
-            "{}",
-            if standby { "in standby" } else { "ready" }
-        );
-        Ok(())
+        }
     }
 }
 
@@ -270,13 +274,19 @@ where
 
 /// Publishes the health of the process every period, with the progress of its actors and rows. It runs on the serving
 /// threads, so a blocked process stops publishing.
+///
+/// A process in standby has no token, and its announcement may be lost with a connection. So it repeats the announcement.
 async fn publish_health(host: Host) {
     let mut period = tokio::time::interval(HEALTH_PERIOD);
     period.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
         period.tick().await;
         metrics::upkeep();
-        if let Err(fault) = host.bus().publish(&keys::HEALTH, &host.health(), &Context::root()).await {
+        let mut published = host.bus().publish(&keys::HEALTH, &host.health(), &Context::root()).await;
+        if published.is_ok() && *host.inner.phase.borrow() == Phase::Standby {
+            published = host.bus().publish(&keys::READY, &host.announcement(true), &Context::root()).await;
+        }
+        if let Err(fault) = published {
             tracing::debug!(%fault, "health could not be published");
             return;
         }

@@ -2,6 +2,7 @@
 
 mod actor;
 mod cli;
+mod kept_scenes;
 mod project_commands;
 mod project_folder;
 

@@ -49,13 +49,17 @@ pub(crate) enum Command {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum ProjectsCommand {
-    /// Deletes a project that no session has open.
+    /// Deletes a project that no session has open, and its scene if that was made from a volume and has no other project.
     ///
     /// Example: supergaussian projects delete tooth-1a2b3c4d5e6f
     Delete {
         /// Name from `supergaussian projects`
         name: String,
     },
+    /// Prints as JSON where projects are kept, and scenes that were made from volumes.
+    ///
+    /// Example: supergaussian scene projects folders
+    Folders,
 }
 
 /// Runs a subcommand: 0 done, 1 the work failed, 2 the arguments or the input are wrong.
@@ -68,8 +72,11 @@ fn done(command: &Command) -> Result<ExitCode, FolderError> {
     match command {
         Command::Projects { command: None } => return Ok(print_json(&folder.list()?)),
         Command::Projects { command: Some(ProjectsCommand::Delete { name }) } => {
-            print::status(&format!("deleted {}", folder.delete(name)?.display()));
+            for path in folder.delete(name)? {
+                print::status(&format!("deleted {}", path.display()));
+            }
         }
+        Command::Projects { command: Some(ProjectsCommand::Folders) } => return Ok(print_json(&folder.places())),
         Command::Backup { project, copy } => {
             journal::copy(&folder.meant(project), copy)?;
             print::status(&format!("{}: a copy of {}", copy.display(), folder.meant(project).display()));

@@ -12,6 +12,8 @@ use sg_formats::files::short_name;
 use sg_scene::model::Scene;
 use supergaussian_scene::journal::{self, JournalError, ProjectLock};
 
+use crate::kept_scenes::{KeptScene, KeptScenes};
+
 /// Ending of a project file.
 const ENDING: &str = "sgproj";
 /// Letters of the scene's key in a project's name.
@@ -52,17 +54,20 @@ impl FolderError {
     }
 }
 
-/// One project of the folder.
+/// One project of the folder, or a kept scene without a project.
 #[derive(Debug, Serialize)]
 pub(crate) struct Listed {
     name: String,
-    path: PathBuf,
+    /// The project's file; absent for a scene without a project.
+    path: Option<PathBuf>,
     /// The scene's file when the project was last opened; absent for a file that cannot be read.
     scene: Option<PathBuf>,
     /// Number of accepted commands.
     revision: Option<u64>,
     /// Size on disk, with SQLite's log.
     bytes: u64,
+    /// Size of its scene, if that was made from a volume and is kept with the projects; else 0.
+    scene_bytes: u64,
     /// Last change, seconds since 1970.
     changed: u64,
     /// Whether a process has it.
@@ -71,15 +76,33 @@ pub(crate) struct Listed {
     error: Option<String>,
 }
 
-/// The folder of projects.
+/// Where things are kept.
+#[derive(Debug, Serialize)]
+pub(crate) struct Places<'a> {
+    projects: &'a Path,
+    scenes: &'a Path,
+}
+
+/// The folder of projects, and that of the scenes that were made from volumes.
 #[derive(Debug)]
-pub(crate) struct ProjectFolder(PathBuf);
+pub(crate) struct ProjectFolder {
+    projects: PathBuf,
+    scenes: KeptScenes,
+}
 
 impl ProjectFolder {
     /// The folder of this user; it may not exist yet.
     pub(crate) fn of_user() -> Result<Self, FolderError> {
         let folders = ProjectDirs::from("", "", "supergaussian").ok_or(FolderError::NoHome)?;
-        Ok(Self(folders.data_dir().join("projects")))
+        Ok(Self::below(folders.data_dir()))
+    }
+
+    fn below(data: &Path) -> Self {
+        Self { projects: data.join("projects"), scenes: KeptScenes::new(data.join("scenes")) }
+    }
+
+    pub(crate) fn places(&self) -> Places<'_> {
+        Places { projects: &self.projects, scenes: self.scenes.folder() }
     }
 
     /// The project of a scene: the one that was made for this content, or the path of a new one. Makes the folder.
@@ -92,9 +115,21 @@ impl ProjectFolder {
         Ok(self.path(&name.unwrap_or_else(|| format!("{}{end}", short_name(scene_path)))))
     }
 
-    /// All projects, the one with the newest change first.
+    /// All projects and the kept scenes without one, the newest change first.
     pub(crate) fn list(&self) -> Result<Vec<Listed>, FolderError> {
         let mut all: Vec<_> = self.names()?.into_iter().map(|name| self.listed(name)).collect();
+        let used: Vec<_> = all.iter().filter_map(|l| self.scenes.at(l.scene.as_deref()?)).collect();
+        all.extend(self.kept_scenes()?.into_iter().filter(|scene| !used.contains(scene)).map(|scene| Listed {
+            path: None,
+            bytes: 0,
+            scene_bytes: scene.bytes(),
+            changed: seconds(scene.made()),
+            in_use: false,
+            revision: None,
+            error: None,
+            name: scene.name,
+            scene: Some(scene.path),
+        }));
         all.sort_by(|a, b| b.changed.cmp(&a.changed).then_with(|| a.name.cmp(&b.name)));
         Ok(all)
     }
@@ -109,12 +144,24 @@ impl ProjectFolder {
             bytes: files.iter().map(std::fs::Metadata::len).sum(),
             changed: seconds(changed),
             in_use: journal::is_in_use(&path),
+            scene_bytes: described.as_ref().ok().and_then(|d| self.scenes.at(&d.scene)).map_or(0, |s| s.bytes()),
             revision: described.as_ref().ok().map(|d| d.revision),
             error: described.as_ref().err().map(ToString::to_string),
             scene: described.ok().map(|d| d.scene),
             name,
-            path,
+            path: Some(path),
         }
+    }
+
+    fn kept_scenes(&self) -> Result<Vec<KeptScene>, FolderError> {
+        self.scenes.list().map_err(|source| FolderError::Storage { path: self.scenes.folder().into(), source })
+    }
+
+    /// Whether a project has this scene. One that cannot be read might.
+    fn has_project(&self, scene: &KeptScene) -> Result<bool, FolderError> {
+        let described = self.names()?.into_iter().map(|name| journal::describe(&self.path(&name)));
+        let mut projects = described.filter(|d| !matches!(d, Err(JournalError::NotAProject { .. })));
+        Ok(projects.any(|d| d.map_or(true, |d| self.scenes.at(&d.scene).as_ref() == Some(scene))))
     }
 
     /// The file that an argument means: a path, or the name of a project in this folder.
@@ -126,31 +173,33 @@ impl ProjectFolder {
     /// As [`ProjectFolder::meant`], for a file that is to be made. Makes the folder if the file goes there.
     pub(crate) fn for_new(&self, argument: &Path) -> Result<PathBuf, FolderError> {
         let path = self.meant(argument);
-        if path.parent() == Some(&self.0) {
+        if path.parent() == Some(&self.projects) {
             self.make()?;
         }
         Ok(path)
     }
 
     fn make(&self) -> Result<(), FolderError> {
-        let fail = |source| FolderError::Storage { path: self.0.clone(), source };
-        DirBuilder::new().recursive(true).mode(0o700).create(&self.0).map_err(fail)
+        let fail = |source| FolderError::Storage { path: self.projects.clone(), source };
+        DirBuilder::new().recursive(true).mode(0o700).create(&self.projects).map_err(fail)
     }
 
-    /// Deletes a project with the files that SQLite keeps beside it, and nothing else. Returns its path.
-    pub(crate) fn delete(&self, name: &str) -> Result<PathBuf, FolderError> {
+    /// Deletes a project with the files that SQLite keeps beside it. Its scene goes too if it was made from a volume and no
+    /// other project has it. A kept scene without a project is deleted by its own name. Returns the deleted paths.
+    pub(crate) fn delete(&self, name: &str) -> Result<Vec<PathBuf>, FolderError> {
         let mut parts = Path::new(name).components();
         let path = self.path(name);
         let is_name = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
         if !is_name || !path.is_file() {
-            return Err(FolderError::Unknown(name.to_owned()));
+            return self.delete_scene(name);
         }
         // A file that is no project is somebody else's.
         let _lock = ProjectLock::existing(&path)?;
-        journal::describe(&path).map(drop).or_else(|error| match error {
-            JournalError::NotAProject { .. } => Err(error),
-            _ => Ok(()),
-        })?;
+        let scene = match journal::describe(&path) {
+            Ok(described) => self.scenes.at(&described.scene),
+            Err(error @ JournalError::NotAProject { .. }) => return Err(error.into()),
+            Err(_) => None,
+        };
         for file in BESIDE.iter().map(|end| beside(&path, end)).chain([path.clone()]) {
             match std::fs::remove_file(&file) {
                 Err(source) if source.kind() != ErrorKind::NotFound => {
@@ -159,13 +208,30 @@ impl ProjectFolder {
                 _ => {}
             }
         }
-        Ok(path)
+        let mut deleted = vec![path];
+        if let Some(scene) = scene
+            && !self.has_project(&scene)?
+        {
+            scene.delete().map_err(|source| FolderError::Storage { path: scene.folder.clone(), source })?;
+            deleted.push(scene.folder);
+        }
+        Ok(deleted)
+    }
+
+    fn delete_scene(&self, name: &str) -> Result<Vec<PathBuf>, FolderError> {
+        let scene = self.kept_scenes()?.into_iter().find(|scene| scene.name == name);
+        let scene = scene.ok_or_else(|| FolderError::Unknown(name.to_owned()))?;
+        if self.has_project(&scene)? {
+            return Err(FolderError::Unknown(name.to_owned()));
+        }
+        scene.delete().map_err(|source| FolderError::Storage { path: scene.folder.clone(), source })?;
+        Ok(vec![scene.folder])
     }
 
     /// Names of the projects, sorted.
     fn names(&self) -> Result<Vec<String>, FolderError> {
-        let fail = |source| FolderError::Storage { path: self.0.clone(), source };
-        let entries = match std::fs::read_dir(&self.0) {
+        let fail = |source| FolderError::Storage { path: self.projects.clone(), source };
+        let entries = match std::fs::read_dir(&self.projects) {
             Ok(entries) => entries,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
             Err(error) => return Err(fail(error)),
@@ -181,7 +247,7 @@ impl ProjectFolder {
     }
 
     fn path(&self, name: &str) -> PathBuf {
-        self.0.join(format!("{name}.{ENDING}"))
+        self.projects.join(format!("{name}.{ENDING}"))
     }
 }
 
@@ -219,7 +285,7 @@ mod tests {
 
     fn folder() -> (tempfile::TempDir, ProjectFolder) {
         let home = tempfile::tempdir().unwrap();
-        let folder = ProjectFolder(home.path().join("projects"));
+        let folder = ProjectFolder::below(home.path());
         (home, folder)
     }
 
@@ -270,17 +336,55 @@ mod tests {
             assert!(folder.delete(other).unwrap_err().is_input(), "{other}");
         }
         assert_eq!(std::fs::read_to_string(&notes).unwrap(), "mine");
-        assert_eq!(folder.delete(&tooth.name).unwrap(), path);
+        assert_eq!(folder.delete(&tooth.name).unwrap(), [path]);
         let left: Vec<_> =
             std::fs::read_dir(home.path().join("projects")).unwrap().map(|e| e.unwrap().path()).collect();
         assert_eq!(left, [notes]);
     }
 
     #[test]
+    fn a_kept_scene_goes_with_its_last_project() {
+        let (home, folder) = folder();
+        let made = |key: &str| {
+            let path = home.path().join("scenes").join(key).join("tooth/scene.toml");
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, "four").unwrap();
+            path
+        };
+        let (scene, spare) = (made("aa"), made("bb"));
+        made(".staged-x");
+        let bone = test_scene(&[("bone", 5)]);
+        let path = folder.project_of(&bone, &scene).unwrap();
+        let second = folder.for_new(Path::new("second")).unwrap();
+        for project in [&path, &second] {
+            drop(open(project, bone.clone(), scene.to_str().unwrap()));
+        }
+        let elsewhere = folder.project_of(&test_scene(&[("bone", 6)]), Path::new("/data/skull.ply")).unwrap();
+        drop(open(&elsewhere, test_scene(&[("bone", 6)]), "/data/skull.ply"));
+        let listed = folder.list().unwrap();
+        let of = |name: &str| listed.iter().find(|l| l.name.starts_with(name)).unwrap();
+        assert_eq!((listed.len(), of("skull-").scene_bytes, of("second").scene_bytes), (4, 0, 4), "{listed:?}");
+        let lonely = of("tooth-bb");
+        assert!(lonely.path.is_none() && lonely.scene_bytes == 4 && lonely.error.is_none(), "{lonely:?}");
+        // The name of a scene that a project has means nothing.
+        assert!(matches!(folder.delete("tooth-aa"), Err(FolderError::Unknown(_))));
+        assert_eq!(folder.delete("second").unwrap(), [second]);
+        assert!(scene.exists(), "the other project has it");
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        assert!(name.starts_with("tooth-"), "{name}");
+        let folder_of = |scene: &Path| scene.ancestors().nth(2).unwrap().canonicalize().unwrap();
+        let (key, other) = (folder_of(&scene), folder_of(&spare));
+        assert_eq!(folder.delete(&name).unwrap(), [path, key]);
+        assert!(!scene.exists() && spare.exists() && elsewhere.exists());
+        assert_eq!(folder.delete("tooth-bb").unwrap(), [other]);
+        assert_eq!(folder.list().unwrap().len(), 1);
+    }
+
+    #[test]
     fn a_name_means_a_project_of_the_folder_and_a_path_itself() {
-        let folder = ProjectFolder("/data".into());
+        let folder = ProjectFolder::below(Path::new("/data"));
         let meant = |argument: &str| folder.meant(Path::new(argument));
-        assert_eq!(meant("tooth"), Path::new("/data/tooth.sgproj"));
+        assert_eq!(meant("tooth"), Path::new("/data/projects/tooth.sgproj"));
         assert_eq!(meant("tooth.sgproj"), Path::new("tooth.sgproj"));
         assert_eq!(meant("./tooth"), Path::new("./tooth"));
         assert_eq!(meant("a/b.db"), Path::new("a/b.db"));

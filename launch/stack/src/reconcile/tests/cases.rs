@@ -127,12 +127,26 @@ fn nobody_is_judged_by_what_waits_in_the_queue_of_a_supervisor_that_slept() {
     assert_eq!(world.state(0).0, ServiceState::Ready);
     // The supervisor slept: everyone's time begins anew, and a lost connection has time to come back.
     let later = late + millis(60_000);
-    world.stack.observe(Event::Awoke, later);
+    world.stack.observe(Event::Awoke(millis(60_000)), later);
     world.stack.observe(Event::Presence { instance: "s0.1".into(), alive: false }, later);
     world.stack.observe(stuck("s0.1".into(), millis(3_600_000)), later);
     world.stack.step(Event::Tick, later + AWAKENING_TIME - millis(1));
     assert_eq!(world.state(0).0, ServiceState::Ready);
     world.stack.step(Event::Tick, later + AWAKENING_TIME);
+    assert_eq!(world.state(0).0, ServiceState::Stopping);
+}
+
+#[test]
+fn the_time_of_a_standstill_is_no_time_without_progress() {
+    let mut world = one(Policy { progress: millis(60_000), ..patient() }, Behaviour::Good);
+    world.run_until(millis(1000));
+    let now = world.now;
+    world.stack.observe(Event::Awoke(millis(100_000)), now);
+    // Its work began ten seconds before the machine was suspended.
+    let (early, late) = (now + millis(6000), now + millis(51_000));
+    world.stack.step(stuck("s0.1".into(), millis(10_000 + 100_000 + 6000)), early);
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+    world.stack.step(stuck("s0.1".into(), millis(10_000 + 100_000 + 51_000)), late);
     assert_eq!(world.state(0).0, ServiceState::Stopping);
 }
 

@@ -224,3 +224,75 @@ fn too_much_memory_is_a_failure() {
     let unlimited = World::of_one(patient(), &[Behaviour::Greedy]);
     assert_eq!(unlimited.spawned.len(), 1);
 }
+
+/// A supervisor stands still for a minute: the world goes on meanwhile, but no time of the supervisor passes.
+fn stand_still(world: &mut World) {
+    world.give(Event::Awoke(millis(60_000)));
+}
+
+#[test]
+fn a_standstill_gives_each_stage_of_a_swap_its_time_anew() {
+    let mut world = World::of_one(patient(), &[Behaviour::Good, Behaviour::Slow]);
+    world.run_until(millis(100));
+    world.give(swap_to(1));
+    world.run_until(millis(700));
+    assert_eq!(world.swap(0).0, SwapState::Starting);
+    stand_still(&mut world);
+    world.run_until(millis(1300));
+    assert_eq!(world.swap(0).0, SwapState::Starting);
+    world.run_until(millis(1500));
+    assert_eq!(world.swap(0), (SwapState::Failed, "not ready within 0.7 s".to_owned()));
+
+    let mut world = swapped(&[Behaviour::Good, Behaviour::Mute]);
+    stand_still(&mut world);
+    world.run_until(PROBE_TIME + millis(2900));
+    assert_eq!(world.swap(0).0, SwapState::Verifying);
+    world.run_until(PROBE_TIME + millis(3100));
+    assert_eq!(world.swap(0).0, SwapState::Failed);
+}
+
+#[test]
+fn a_start_that_fails_in_a_standstill_is_repeated_once_and_counts_for_nothing() {
+    use Behaviour::{Crash, Good};
+    // A candidate.
+    let mut world = World::of_one(patient(), &[Good, Crash(1), Good]);
+    world.run_until(millis(100));
+    world.give(swap_to(1));
+    world.run_until(millis(110));
+    stand_still(&mut world);
+    world.run_until(millis(3000));
+    assert_eq!((world.swap(0).0, world.spawned.len()), (SwapState::Done, 3));
+    assert_eq!(world.stack.service(0, world.now).unwrap().restarts, 0);
+    // The next failure is its own.
+    let mut world = World::of_one(patient(), &[Good, Crash(1), Crash(1), Good]);
+    world.run_until(millis(100));
+    world.give(swap_to(1));
+    world.run_until(millis(110));
+    stand_still(&mut world);
+    world.run_until(millis(3000));
+    assert_eq!((world.swap(0).0, world.spawned.len()), (SwapState::Failed, 3));
+    // So is one of wrong input, and one long after the standstill.
+    let mut world = World::of_one(patient(), &[Good, Crash(EXIT_INPUT), Good]);
+    world.run_until(millis(100));
+    world.give(swap_to(1));
+    world.run_until(millis(110));
+    stand_still(&mut world);
+    world.run_until(millis(3000));
+    assert_eq!((world.swap(0).0, world.spawned.len()), (SwapState::Failed, 2));
+    // A candidate on its way to the role: the old start serves, and the swap goes on.
+    let mut world = World::of_one(patient(), &[Good, Behaviour::Faint, Good]);
+    world.run_until(millis(100));
+    world.give(swap_to(1));
+    world.run_until(millis(100) + millis(50) + millis(50) / 3 + millis(50) / 4 + millis(2));
+    assert_eq!(world.swap(0).0, SwapState::Promoting);
+    stand_still(&mut world);
+    world.run_until(millis(3000));
+    assert_eq!((world.swap(0).0, world.state(0).0), (SwapState::Done, ServiceState::Ready));
+    assert_eq!(world.serving(0).unwrap().start, start(1));
+    // A service that is no candidate: no failure is counted, so one that may not restart serves.
+    let mut world = World::of_one(Policy { restarts: 0, ..patient() }, &[Crash(1), Good]);
+    world.run_until(millis(10));
+    stand_still(&mut world);
+    world.run_until(millis(1000));
+    assert_eq!(world.state(0).0, ServiceState::Ready);
+}

@@ -432,6 +432,7 @@ fn wishes() -> impl Strategy<Value = Vec<(u64, Event)>> {
         4 => (0..6_usize, 0..5_u32).prop_map(|(service, version)| Event::Swap { service, start: start(version) }),
         2 => plans().prop_map(Event::SetServices),
         3 => any::<bool>().prop_map(node),
+        2 => (1000..60_000_u64).prop_map(|ms| Event::Awoke(millis(ms))),
     ];
     prop::collection::vec((0..20_000_u64, pending), 0..10)
 }

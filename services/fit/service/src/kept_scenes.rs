@@ -1,0 +1,198 @@
+//! A folder of scenes that were made from volumes: each under a key of its volume, its options and the fit's revision.
+//!
+//! `KEY/NAME/scene.toml` is a scene. The key stands for the values, the grid, the transfer function and the options, so the
+//! same volume is not fitted again, whatever its file is called. A scene comes to its place whole, by a rename.
+
+use std::fs::DirBuilder;
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use sg_fit::Options;
+use sg_fit::direct::REVISION;
+use sg_formats::LoadOptions;
+use sg_formats::files::short_name;
+use sg_formats::staged_file::sync_folder;
+use sg_volume::{Field, TransferFunction};
+use tempfile::TempDir;
+
+/// Letters of a key.
+const KEY: usize = 16;
+/// Prefix of folders in which a scene is being written.
+const STAGED: &str = ".staged-";
+/// Age from which such a folder is the rest of a killed process.
+const STALE: Duration = Duration::from_secs(24 * 3600);
+
+/// The folder.
+pub(crate) struct KeptScenes {
+    folder: PathBuf,
+}
+
+/// A scene of the folder.
+pub(crate) struct KeptScene {
+    /// Its `scene.toml`.
+    pub(crate) path: PathBuf,
+    /// Number of Gaussians.
+    pub(crate) gaussians: usize,
+}
+
+impl KeptScenes {
+    pub(crate) fn new(folder: &Path) -> io::Result<Self> {
+        Ok(Self { folder: std::path::absolute(folder)? })
+    }
+
+    /// The scene of a key, if it is there and can be loaded.
+    pub(crate) fn find(&self, key: &str) -> Option<KeptScene> {
+        let scenes = std::fs::read_dir(self.folder.join(key)).ok()?.flatten();
+        let mut paths = scenes.map(|entry| entry.path().join("scene.toml")).filter(|path| path.is_file());
+        let path = paths.next()?;
+        let loaded = sg_formats::load(&path, &LoadOptions::default()).ok()?;
+        Some(KeptScene { path, gaussians: loaded.scene.len() })
+    }
+
+    /// A folder for a new scene of this volume, beside the kept ones.
+    pub(crate) fn stage(&self, volume: &Path) -> io::Result<StagedScene> {
+        DirBuilder::new().recursive(true).mode(0o700).create(&self.folder)?;
+        self.remove_stale();
+        let staged = tempfile::Builder::new().prefix(STAGED).tempdir_in(&self.folder)?;
+        let name = Some(short_name(volume)).filter(|name| !name.is_empty()).unwrap_or_else(|| "volume".to_owned());
+        let folder = staged.path().join(&name);
+        std::fs::create_dir(&folder)?;
+        Ok(StagedScene { staged, folder, name })
+    }
+
+    /// Puts a written scene under its key. If another process was faster, its scene stays: it has the same content.
+    pub(crate) fn keep(&self, scene: StagedScene, key: &str) -> io::Result<PathBuf> {
+        let StagedScene { staged, folder, name } = scene;
+        sync_folder(&folder.join("scene.toml"))?;
+        sync_folder(&folder)?;
+        let place = self.folder.join(key);
+        let path = place.join(&name).join("scene.toml");
+        match std::fs::rename(staged.path(), &place) {
+            Ok(()) => {
+                // Its name is gone with the rename.
+                let _ = staged.keep();
+            }
+            Err(error) if is_taken(&error) => match self.find(key) {
+                Some(kept) => return Ok(kept.path),
+                // The rest of a scene, or a damaged one.
+                None => {
+                    std::fs::remove_dir_all(&place)?;
+                    std::fs::rename(staged.path(), &place)?;
+                    let _ = staged.keep();
+                }
+            },
+            Err(error) => return Err(error),
+        }
+        sync_folder(&place)?;
+        Ok(path)
+    }
+
+    /// Removes what killed processes left.
+    fn remove_stale(&self) {
+        for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|at| at.elapsed().ok());
+            if entry.file_name().to_string_lossy().starts_with(STAGED) && age.is_some_and(|age| age > STALE) {
+                // A rest only takes disk space.
+                let _ = std::fs::remove_dir_all(entry.path());
+            }
+        }
+    }
+}
+
+/// A scene that is being written; it vanishes unless it is kept.
+pub(crate) struct StagedScene {
+    staged: TempDir,
+    /// The folder to write to.
+    pub(crate) folder: PathBuf,
+    name: String,
+}
+
+fn is_taken(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::AlreadyExists | ErrorKind::DirectoryNotEmpty)
+}
+
+/// The key of a fit: 16 letters of a hash.
+pub(crate) fn key(field: &Field, function: &TransferFunction, options: &Options) -> Result<String, serde_json::Error> {
+    let mut hasher = blake3::Hasher::new_derive_key("supergaussian scene of volume 1");
+    hasher.update(&REVISION.to_le_bytes());
+    let grid = field.grid();
+    for size in grid.dims() {
+        hasher.update(&(size as u64).to_le_bytes());
+    }
+    let geometry = [grid.spacing(), grid.origin()].into_iter().flat_map(|v| v.to_array());
+    for number in geometry.chain(grid.direction().to_cols_array()).chain([field.offset(), options.flattening]) {
+        hasher.update(&number.to_le_bytes());
+    }
+    hasher.update(&(options.gaussians as u64).to_le_bytes()).update(&options.seed.to_le_bytes());
+    let function = function.to_json()?;
+    hasher.update(&(function.len() as u64).to_le_bytes()).update(function.as_bytes());
+    let mut bytes = Vec::with_capacity(4 << 16);
+    for values in field.values().chunks(1 << 16) {
+        bytes.clear();
+        bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        hasher.update(&bytes);
+    }
+    Ok(hasher.finalize().to_hex().chars().take(KEY).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sg_fit::direct_start;
+    use sg_formats::SaveOptions;
+    use sg_volume::phantom::{VesselTree, transfer_function};
+
+    fn field(seed: u64) -> Field {
+        VesselTree::new().rasterize(16, seed).unwrap().volume().unwrap().to_field()
+    }
+
+    #[test]
+    fn a_key_stands_for_values_function_and_options() {
+        let (function, options) = (transfer_function(), Options::default());
+        let one = key(&field(1), &function, &options).unwrap();
+        assert_eq!((one.len(), &one), (KEY, &key(&field(1), &function, &options).unwrap()));
+        let mut narrow = function.clone();
+        narrow.domain[1] *= 0.5;
+        let others = [
+            key(&field(2), &function, &options),
+            key(&field(1), &narrow, &options),
+            key(&field(1), &function, &Options { gaussians: 7, ..options }),
+            key(&field(1), &function, &Options { seed: 7, ..options }),
+            key(&field(1), &function, &Options { flattening: 0.5, ..options }),
+        ];
+        for other in others {
+            assert_ne!(other.unwrap(), one);
+        }
+    }
+
+    #[test]
+    fn a_scene_is_kept_whole_once_and_repaired() {
+        let home = tempfile::tempdir().unwrap();
+        let kept = KeptScenes::new(&home.path().join("data/scenes")).unwrap();
+        assert!(kept.find("k").is_none() && !home.path().join("data").exists(), "a look makes no folder");
+        let options = Options { gaussians: 50, ..Options::default() };
+        let scene = direct_start(&field(1), &transfer_function(), &options, |_| ()).unwrap().scene;
+        let write = || {
+            let staged = kept.stage(Path::new("/data/a heart.nrrd")).unwrap();
+            sg_formats::save(&staged.folder.join("scene.toml"), &scene, &SaveOptions::default()).unwrap();
+            staged
+        };
+        let path = kept.keep(write(), "k").unwrap();
+        assert!(path.ends_with("scenes/k/a-heart/scene.toml"), "{}", path.display());
+        let found = kept.find("k").unwrap();
+        assert_eq!((&found.path, found.gaussians), (&path, scene.len()));
+        // A second process with the same volume.
+        let other = write();
+        assert_eq!(kept.keep(other, "k").unwrap(), path);
+        // A damaged scene is replaced.
+        std::fs::write(&path, "schema = 99").unwrap();
+        assert!(kept.find("k").is_none());
+        kept.keep(write(), "k").unwrap();
+        assert!(kept.find("k").is_some());
+        drop(write());
+        let names: Vec<_> = std::fs::read_dir(&kept.folder).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert_eq!(names, ["k"]);
+    }
+}
