@@ -11,6 +11,7 @@ pub mod proxy;
 pub mod screen;
 pub mod shells;
 pub mod small_scene;
+pub mod soak;
 pub mod stack;
 pub mod until;
 

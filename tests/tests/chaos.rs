@@ -11,6 +11,7 @@ use sg_proto::language::{Source, Utterance};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Command, SaveUnit, Select, Target};
 use sg_runtime::context::Context;
+use sg_tests::soak::{self, options::Options};
 use sg_tests::stack::Stack;
 use sg_tests::{command, said};
 
@@ -100,4 +101,35 @@ async fn a_repeated_utterance_after_killed_agents_finds_its_result() {
     // Another sentence of the same words is another wish.
     let other = bus.ask(&keys::UTTER, &delete, &soon().with_id("said-anew")).await.unwrap();
     assert!(!other.ok && other.text.contains("dome"), "{other:?}");
+}
+
+/// The long one is `cargo bench --workspace --bench soak`.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_short_soak_keeps_its_bounds() {
+    let out = tempfile::tempdir().unwrap();
+    let options = Options {
+        commands: 400,
+        captures: 40,
+        restarts: 14,
+        minutes: 0.3,
+        at_most: Some(5.0),
+        gaussians: 0,
+        pixels: 32,
+        users: 2,
+        services: Vec::new(),
+        sample_ms: 250,
+        seed: 1,
+        out: out.path().to_owned(),
+    };
+    let outcome = soak::play(&options).await.unwrap();
+    println!("{}", outcome.report);
+    assert!(outcome.complete && outcome.holds(), "{}", outcome.report);
+    let samples = std::fs::read_to_string(out.path().join("samples.csv")).unwrap();
+    let columns = samples.lines().next().unwrap().split(',').count();
+    assert!(samples.lines().count() > 20 && samples.lines().all(|l| l.split(',').count() == columns), "{samples}");
+    let plot = std::fs::read_to_string(out.path().join("soak.svg")).unwrap();
+    for process in ["supervisor", "scene", "render-capture", "agent-core"] {
+        assert!(outcome.rows.iter().any(|r| r.subject == process && r.quantity == "threads" && r.largest > 1.0));
+        assert!(plot.contains(process), "{process}");
+    }
 }

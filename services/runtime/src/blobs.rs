@@ -18,6 +18,8 @@ use crate::progress;
 
 /// Most bytes that one process keeps. Beyond that it removes its oldest files.
 const MAX_BYTES: u64 = 1 << 30;
+/// Most files that one process keeps. Without this bound, the index of millions of small pictures would fill the memory.
+const MAX_FILES: usize = 4096;
 /// Largest file that is stored or fetched, bytes. A file stays while the next one is stored, so both parts of a picture can be fetched.
 pub const MAX_FILE_BYTES: u64 = MAX_BYTES / 2;
 /// Size of one part of a transfer, bytes.
@@ -212,10 +214,14 @@ impl Index {
     fn record(&mut self, path: &Path, bytes: u64) {
         self.files.push_back((path.to_owned(), bytes));
         self.bytes += bytes;
-        while self.bytes > MAX_BYTES && self.files.len() > 1 {
+        while (self.bytes > MAX_BYTES && self.files.len() > 1) || self.files.len() > MAX_FILES {
             if let Some((old, size)) = self.files.pop_front() {
                 self.bytes -= size;
-                self.offered.retain(|_, path| *path != old);
+                // Files are named by their hashes.
+                let hash = old.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+                if self.offered.get(hash) == Some(&old) {
+                    self.offered.remove(hash);
+                }
                 // Another process may have removed it already.
                 let _ = std::fs::remove_file(old);
             }
@@ -369,6 +375,19 @@ mod tests {
         index.record(&png, MAX_FILE_BYTES);
         let left: Vec<_> = index.files.iter().map(|(path, _)| path.clone()).collect();
         assert_eq!((left, index.bytes), (vec![npy, png], MAX_BYTES));
+    }
+
+    #[test]
+    fn the_number_of_small_files_is_bounded() {
+        let folder = tempfile::tempdir().unwrap();
+        let blobs = Blobs::open(folder.path()).unwrap();
+        for i in 0..MAX_FILES as u32 + 100 {
+            blobs.put(&i.to_le_bytes(), "bin").unwrap();
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), MAX_FILES);
+        let index = blobs.lock();
+        assert_eq!((index.files.len(), index.offered.len(), index.bytes), (MAX_FILES, MAX_FILES, 4 * MAX_FILES as u64));
+        assert!(index.offered.contains_key(&blake3::hash(&(MAX_FILES as u32 + 99).to_le_bytes()).to_hex().to_string()));
     }
 
     #[test]
