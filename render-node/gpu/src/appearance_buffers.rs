@@ -15,6 +15,9 @@ use crate::shader_layout::{ClipSide, Edit, Unit, shading_term_number};
 /// Gap of unchanged words up to which two changed ranges are uploaded as one.
 const GAP: usize = 64;
 
+/// Reserved editable units, highlight included, and reserved sides of clips.
+const RESERVED: (u64, u64) = (32, 64);
+
 /// The appearance on the device.
 pub(super) struct AppearanceBuffers {
     /// [`Unit`]s.
@@ -74,6 +77,30 @@ impl AppearanceBuffers {
             mask_words: gaussians.div_ceil(64) * 2,
             generation: 0,
             uploaded_bytes: 0,
+        }
+    }
+
+    /// Makes room for the usual edits of a scene of `gaussians` Gaussians, so that they replace no buffer.
+    pub(super) fn reserve(&mut self, gpu: &Gpu, gaussians: usize) {
+        let (units, sides) = RESERVED;
+        let mut changed = false;
+        let mut grow = |buffer: &mut wgpu::Buffer, label: &str, bytes: u64| {
+            if buffer.size() < bytes && bytes <= gpu.largest_binding() {
+                *buffer = gpu.storage(label, bytes);
+                changed = true;
+            }
+        };
+        grow(&mut self.edits, "edits", Edit::SHADER_SIZE.get() * units);
+        grow(&mut self.clip_sides, "clip sides", ClipSide::SHADER_SIZE.get() * sides);
+        grow(&mut self.masks, "masks", 4 * self.mask_words as u64 * units);
+        grow(&mut self.colors, "colors", 12 * gaussians as u64);
+        if changed {
+            self.generation += 1;
+            // The new buffers are empty.
+            self.uploaded_masks.clear();
+            self.uploaded_colors = None;
+            self.edit_table.clear();
+            self.side_table.clear();
         }
     }
 

@@ -12,7 +12,8 @@ use crate::error::GpuError;
 use crate::renderer::Renderer;
 use crate::settings::{FrameStats, Rasterizer, Settings};
 use crate::stats::PassSeconds;
-use sg_raster::render::{Options, Rendered, render};
+use crate::trial::Trial;
+use sg_raster::render::{Options, Projection, Rendered, render};
 use sg_raster::report::{Report, StageSeconds};
 use sg_scene::framing;
 
@@ -28,10 +29,6 @@ pub enum Backend {
     /// A graphics device of any class.
     Gpu,
 }
-
-/// Number of trial pictures of each rasterizer. The last one is timed, after shader compilation and growth of the
-/// lists.
-const TRIALS: usize = 3;
 
 /// Edge of a trial picture in pixels.
 const TRIAL_SIZE: u32 = 768;
@@ -223,33 +220,14 @@ impl DeviceRenderer {
     }
 }
 
-/// The fastest rasterizer for a scene's first view on this device.
-///
-/// # Errors
-/// [`GpuError`].
-pub fn fastest(renderer: &mut Renderer, scene: &Scene) -> Result<Rasterizer, GpuError> {
+/// The fastest rasterizer for a scene's first view on this device. Ray-consistent pictures always use tiles.
+fn fastest(renderer: &mut Renderer, scene: &Scene) -> Result<Rasterizer, GpuError> {
     if !renderer.blends_quads() {
         return Ok(Rasterizer::Tiles);
     }
     let camera = [framing::default_camera(scene, TRIAL_SIZE, TRIAL_SIZE)];
     let look = Appearance::of(scene);
-    let mut seconds = |rasterizer| -> Result<f64, GpuError> {
-        let settings = Settings { rasterizer, ..Settings::default() };
-        let mut newest = f64::INFINITY;
-        for _ in 0..TRIALS {
-            let began = Instant::now();
-            renderer.draw(&camera, &look, settings)?;
-            renderer.finish()?;
-            newest = began.elapsed().as_secs_f64();
-        }
-        Ok(newest)
-    };
-    let mut best = (f64::INFINITY, Rasterizer::Tiles);
-    for rasterizer in Rasterizer::ALL {
-        let taken = seconds(rasterizer)?;
-        if taken < best.0 {
-            best = (taken, rasterizer);
-        }
-    }
-    Ok(best.1)
+    let mut trial = Trial::new(renderer, &[Projection::Affine], None);
+    while !trial.step(renderer, &camera, &look, Settings::default())? {}
+    Ok(trial.fastest(Projection::Affine).map_or(Rasterizer::Tiles, |best| best.rasterizer))
 }

@@ -117,7 +117,10 @@ impl WorkBuffers {
 
 /// Target textures of a picture.
 pub(super) struct RenderTargets {
+    /// Width and height of the pictures, the upper left part of the textures.
     pub(super) size: [u32; 2],
+    /// Width and height of the textures.
+    pub(super) capacity: [u32; 2],
     /// One picture for each camera.
     pub(super) pictures: Vec<wgpu::Texture>,
     /// Their depths, if requested.
@@ -125,11 +128,12 @@ pub(super) struct RenderTargets {
 }
 
 impl RenderTargets {
-    pub(super) fn new(gpu: &Gpu, size: [u32; 2], views: usize) -> Self {
+    pub(super) fn new(gpu: &Gpu, capacity: [u32; 2], views: usize) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC;
-        Self { size, pictures: (0..views).map(|_| picture_texture(gpu, size, 1, usage)).collect(), depths: Vec::new() }
+        let pictures = (0..views).map(|_| picture_texture(gpu, capacity, 1, usage)).collect();
+        Self { size: capacity, capacity, pictures, depths: Vec::new() }
     }
 }
 

@@ -80,25 +80,30 @@ pub(super) struct DepthBindings {
 }
 
 impl DepthBindings {
-    /// Encodes the depths of the drawn views into `pictures`.
+    /// Encodes the depths of the drawn views into `pictures`, for pictures of `size` pixels.
     pub(super) fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         dispatches: &wgpu::Buffer,
-        pictures: &[wgpu::Texture],
+        (pictures, size): (&[wgpu::Texture], [u32; 2]),
     ) {
+        let size = depth_size(size, if self.coarse.is_empty() { Rasterizer::Tiles } else { Rasterizer::Quads });
         for (view, blend) in &self.coarse {
-            blend.draw_indirect(&mut depth_pass(encoder, view), dispatches, offset_of!(Dispatches, all_quads));
+            blend.draw_indirect(&mut depth_pass(encoder, view, size), dispatches, offset_of!(Dispatches, all_quads));
         }
         for (compose, picture) in self.compose.iter().zip(pictures) {
             let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
-            compose.draw_full_screen(&mut depth_pass(encoder, &view));
+            compose.draw_full_screen(&mut depth_pass(encoder, &view, size));
         }
     }
 }
 
-fn depth_pass<'e>(encoder: &'e mut wgpu::CommandEncoder, view: &wgpu::TextureView) -> wgpu::RenderPass<'e> {
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+fn depth_pass<'e>(
+    encoder: &'e mut wgpu::CommandEncoder,
+    view: &wgpu::TextureView,
+    [width, height]: [u32; 2],
+) -> wgpu::RenderPass<'e> {
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("depths"),
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
             view,
@@ -107,11 +112,13 @@ fn depth_pass<'e>(encoder: &'e mut wgpu::CommandEncoder, view: &wgpu::TextureVie
             ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
         })],
         ..wgpu::RenderPassDescriptor::default()
-    })
+    });
+    pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
+    pass
 }
 
 /// Width and height of the depths of a picture.
-fn depth_size(picture: [u32; 2], rasterizer: Rasterizer) -> [u32; 2] {
+pub(super) fn depth_size(picture: [u32; 2], rasterizer: Rasterizer) -> [u32; 2] {
     match rasterizer {
         Rasterizer::Tiles => picture,
         Rasterizer::Quads | Rasterizer::Bands => picture.map(|pixels| pixels.div_ceil(COARSE)),

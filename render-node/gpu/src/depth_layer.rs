@@ -36,13 +36,14 @@ impl DepthLayer {
         Self { gpu: gpu.clone(), pipeline, range: gpu.uniform("depth range", &DepthRange::default()) }
     }
 
-    /// Writes `depths` (f32, such as one of [`crate::Renderer::depths`]) to the whole of `target`. `scale` is
-    /// metres for each unit of depth. One submission has one scale.
+    /// Writes the upper left part of `depths` (f32, such as one of [`crate::Renderer::depths`]) to the upper left part of
+    /// `target`, each with its width and height in pixels. The rest is far away. `scale` is metres for each unit of depth.
+    /// One submission has one scale.
     pub fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        depths: &wgpu::Texture,
-        target: &wgpu::TextureView,
+        (depths, part): (&wgpu::Texture, [u32; 2]),
+        (target, [width, height]): (&wgpu::TextureView, [u32; 2]),
         scale: f64,
     ) {
         let range = DepthRange { scale: scale as f32, nearest: DEPTH_NEAR, farthest: DEPTH_FAR };
@@ -59,6 +60,13 @@ impl DepthLayer {
             }),
             ..wgpu::RenderPassDescriptor::default()
         });
-        draw.draw_full_screen(&mut pass);
+        if width > 0 && height > 0 && part.iter().all(|pixels| *pixels > 0) {
+            // The viewport shows the whole texture, the scissor its part.
+            let across = width as f32 * (depths.width() as f32 / part[0] as f32);
+            let down = height as f32 * (depths.height() as f32 / part[1] as f32);
+            pass.set_viewport(0.0, 0.0, across, down, 0.0, 1.0);
+            pass.set_scissor_rect(0, 0, width, height);
+            draw.draw_full_screen(&mut pass);
+        }
     }
 }

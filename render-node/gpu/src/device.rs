@@ -1,5 +1,6 @@
 //! Opens a graphics device, waits for it, and reports its errors.
 
+use std::cell::Cell;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,6 +22,34 @@ const POLL_INTERVAL: Duration = Duration::from_micros(200);
 /// Optional features: they make pictures faster, or time them.
 pub const OPTIONAL_FEATURES: wgpu::Features =
     wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::MULTIVIEW);
+
+/// Numbers of created objects.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Created {
+    /// Buffers.
+    pub buffers: u64,
+    /// Textures.
+    pub textures: u64,
+    /// Pipelines.
+    pub pipelines: u64,
+}
+
+thread_local! {
+    static CREATED: Cell<Created> = const { Cell::new(Created { buffers: 0, textures: 0, pipelines: 0 }) };
+}
+
+/// Objects that this crate has created on the calling thread, on all devices. A loop that draws creates none in its frames.
+#[must_use]
+pub fn created_on_this_thread() -> Created {
+    CREATED.get()
+}
+
+/// Counts a created object.
+pub(super) fn count_created(count: impl FnOnce(&mut Created)) {
+    let mut created = CREATED.get();
+    count(&mut created);
+    CREATED.set(created);
+}
 
 /// An open device. Clones share it.
 #[derive(Clone)]
@@ -158,6 +187,12 @@ impl Gpu {
         self.queue.submit(commands);
     }
 
+    /// Calls `then` when all work submitted so far is done. A poll of the device calls it.
+    pub(super) fn when_done(&self, then: impl FnOnce() + Send + 'static) {
+        let _guard = self.lock_submission();
+        self.queue.on_submitted_work_done(then);
+    }
+
     /// Configures a surface of this device's instance again, after the end of all work. The lock keeps other
     /// submissions away: wgpu would report them as an error.
     ///
@@ -233,9 +268,7 @@ impl Gpu {
     pub fn wait(&self) -> Result<(), GpuError> {
         let done = Arc::new(AtomicBool::new(false));
         let signal = Arc::clone(&done);
-        let guard = self.lock_submission();
-        self.queue.on_submitted_work_done(move || signal.store(true, Ordering::Release));
-        drop(guard);
+        self.when_done(move || signal.store(true, Ordering::Release));
         let begun = Instant::now();
         loop {
             let polled = self.device.poll(wgpu::PollType::Poll);
@@ -275,6 +308,7 @@ impl Gpu {
     }
 
     pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        count_created(|created| created.buffers += 1);
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: bytes.max(256).next_multiple_of(16),
@@ -330,6 +364,7 @@ impl Gpu {
         format: wgpu::TextureFormat,
         usage: wgpu::TextureUsages,
     ) -> wgpu::Texture {
+        count_created(|created| created.textures += 1);
         self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(label),
             size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },

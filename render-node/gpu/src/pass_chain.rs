@@ -74,6 +74,10 @@ pub(super) struct FrameResources<'a> {
 pub(super) struct FramePlan {
     /// Width and height of the pictures.
     pub(super) size: [u32; 2],
+    /// Width and height of their targets, at least as large.
+    pub(super) capacity: [u32; 2],
+    /// Whether short lists of tiles may be replaced by longer ones.
+    pub(super) may_grow: bool,
     pub(super) rasterizer: Rasterizer,
     pub(super) mode: TileMode,
     pub(super) lists: ListSizes,
@@ -114,6 +118,11 @@ impl Passes {
         self.quads.is_some()
     }
 
+    /// Compiles the kernels of a key. Returns whether it was new.
+    pub(super) fn compile(&mut self, gpu: &Gpu, key: PipelineKey) -> bool {
+        self.splats.compile(gpu, key)
+    }
+
     /// Binds the passes of a frame; reuses the bind groups that still fit.
     ///
     /// # Errors
@@ -125,7 +134,7 @@ impl Passes {
         plan: FramePlan,
     ) -> Result<FramePasses<'b>, GpuError> {
         let &FrameResources { gpu, frame, scene, appearance, work } = resources;
-        let FramePlan { size, rasterizer, mode, lists, masked } = plan;
+        let FramePlan { size, capacity, may_grow, rasterizer, mode, lists, masked } = plan;
         let BindGroups { splats, quads, tiles, depths } = groups;
         let pipeline_key = PipelineKey::of(scene, &appearance.state, mode.window.is_some());
         let key = (pipeline_key, appearance.generation);
@@ -140,13 +149,15 @@ impl Passes {
         let (blend, pair_capacity) = match rasterizer {
             Rasterizer::Tiles => {
                 // Unfitting bind groups are freed here: both at once may exceed the memory.
-                let bindings = match tiles.take().filter(|t| t.fit(mode, lists)) {
+                let fits = |t: &TileBindings| t.fit(mode, lists) || (!may_grow && t.is_of(mode));
+                let mut bindings = match tiles.take().filter(fits) {
                     Some(fitting) => fitting,
                     None => {
                         *depths = None;
-                        self.tiles.bind(gpu, &resources, work, &self.compose, (size, lists, mode))
+                        self.tiles.bind(gpu, &resources, work, &self.compose, (capacity, lists, mode))
                     }
                 };
+                bindings.set_size(size);
                 let bindings = &*tiles.insert(bindings);
                 (BlendPasses::Tiles(bindings), bindings.capacity as u32)
             }
@@ -156,7 +167,7 @@ impl Passes {
                 let reject = masked || in_bands;
                 let bindings = match quads.take().filter(|q| q.rejects() == reject) {
                     Some(fitting) => fitting,
-                    None => passes.bind(gpu, &resources, &self.compose, (size, work.views, reject)),
+                    None => passes.bind(gpu, &resources, &self.compose, (capacity, work.views, reject)),
                 };
                 let pair_capacity = tiles.as_ref().map_or(0, |t| t.capacity as u32);
                 (BlendPasses::Quads { bindings: quads.insert(bindings), in_bands }, pair_capacity)
@@ -171,7 +182,7 @@ impl Passes {
                 }
                 (None, BlendPasses::Quads { .. }) => {
                     let passes = self.quad_depths.get_or_insert_with(|| QuadDepthPasses::new(gpu));
-                    (rasterizer, passes.bind(gpu, &resources, size, work.views))
+                    (rasterizer, passes.bind(gpu, &resources, capacity, work.views))
                 }
             };
             &depths.insert(bindings).1
@@ -190,6 +201,8 @@ pub(super) fn cannot_blend_quads(gpu: &Gpu) -> GpuError {
 pub(super) struct FrameOutput<'a> {
     /// Eye of the first view: 0 left, 1 right.
     pub(super) first_eye: usize,
+    /// Width and height of the pictures.
+    pub(super) size: [u32; 2],
     pub(super) pictures: &'a [wgpu::Texture],
     /// Empty without depths.
     pub(super) depths: &'a [wgpu::Texture],
@@ -215,7 +228,7 @@ impl FramePasses<'_> {
         }
         self.compose().encode(encoder, stats, output.pictures);
         if let Some(depths) = self.depths {
-            depths.encode(encoder, dispatches, output.depths);
+            depths.encode(encoder, dispatches, (output.depths, output.size));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU32;
 
-use crate::device::Gpu;
+use crate::device::{Gpu, count_created};
 use crate::resources::Resources;
 use crate::shader::{Binding, Shader};
 use crate::textures::{BOTH_VIEWS, REJECT_DEPTH_FORMAT};
@@ -77,6 +77,7 @@ impl DrawPipeline {
     ) -> Self {
         let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
         let color = targets.color.map(Some);
+        count_created(|created| created.pipelines += 1);
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(fragment),
             layout: None,
@@ -166,6 +167,7 @@ pub(super) struct Kernel {
 impl Kernel {
     /// A pipeline of one entry point of a module, with the module's constants.
     pub(super) fn new(gpu: &Gpu, shader: &Shader, entry: &'static str, constants: &[(&str, f64)]) -> Self {
+        count_created(|created| created.pipelines += 1);
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(entry),
             layout: None,

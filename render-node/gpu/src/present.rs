@@ -41,6 +41,19 @@ impl Present {
         area: [u32; 4],
         load: wgpu::LoadOp<wgpu::Color>,
     ) {
+        self.encode_part(encoder, (picture, [picture.width(), picture.height()]), target, area, load);
+    }
+
+    /// As [`Self::encode`], for the upper left part of `picture` with this width and height in pixels. A part of the area's
+    /// size is copied pixel by pixel.
+    pub fn encode_part(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (picture, part): (&wgpu::Texture, [u32; 2]),
+        target: &wgpu::TextureView,
+        area: [u32; 4],
+        load: wgpu::LoadOp<wgpu::Color>,
+    ) {
         let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
         let draw = self.pipeline.bind(&self.gpu, &Resources::of_texture("picture", &view));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -53,9 +66,13 @@ impl Present {
             })],
             ..wgpu::RenderPassDescriptor::default()
         });
-        let [left, top, width, height] = area.map(|n| n as f32);
-        if width > 0.0 && height > 0.0 {
-            pass.set_viewport(left, top, width, height, 0.0, 1.0);
+        let [left, top, width, height] = area;
+        if width > 0 && height > 0 && part.iter().all(|pixels| *pixels > 0) {
+            // The viewport shows the whole texture, the scissor its part.
+            let across = width as f32 * (picture.width() as f32 / part[0] as f32);
+            let down = height as f32 * (picture.height() as f32 / part[1] as f32);
+            pass.set_viewport(left as f32, top as f32, across, down, 0.0, 1.0);
+            pass.set_scissor_rect(left, top, width, height);
             draw.draw_full_screen(&mut pass);
         }
     }

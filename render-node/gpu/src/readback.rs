@@ -1,11 +1,17 @@
 //! Synchronous readback of textures.
 
-use crate::device::Gpu;
+use crate::device::{Gpu, count_created};
 use crate::error::GpuError;
 
-/// The bytes of a texture with `pixel` bytes a pixel, rows from the top without padding. Waits for the device.
-pub(super) fn texture_bytes(gpu: &Gpu, texture: &wgpu::Texture, pixel: u32) -> Result<Vec<u8>, GpuError> {
-    let [width, height] = [texture.width(), texture.height()];
+/// The bytes of the upper left part of a texture with `pixel` bytes a pixel, rows from the top without padding. Waits for the
+/// device.
+pub(super) fn texture_bytes(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    [width, height]: [u32; 2],
+    pixel: u32,
+) -> Result<Vec<u8>, GpuError> {
+    count_created(|created| created.buffers += 1);
     let row = (pixel * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("picture"),

@@ -18,6 +18,7 @@ use crate::readback::texture_bytes;
 use crate::scene_buffers::SceneBuffers;
 use crate::settings::{FrameStats, Options, Rasterizer, Settings};
 use crate::shader_layout::Frame;
+use crate::splats::PipelineKey;
 use crate::stats::{PassSeconds, StatsReadback};
 use crate::tiles::{ListSizes, TileMode};
 use crate::view_limits::{picture_size, pixels_fit};
@@ -53,6 +54,14 @@ pub struct Renderer {
     longest: u32,
     /// Whether tiles drew it.
     tiled: bool,
+    /// Number of pictures drawn.
+    drawn: u64,
+    /// Width and height up to which pictures share their targets; 0 before [`Self::prepare`].
+    reserved: [u32; 2],
+    /// Whether [`Self::draw`] may replace lists of tiles by longer ones.
+    grows: bool,
+    /// Whether every pipeline that an edit can need is compiled, for either projection.
+    compiled: [bool; 2],
     last_stats: FrameStats,
 }
 
@@ -89,6 +98,10 @@ impl Renderer {
             pairs: 0,
             longest: 0,
             tiled: false,
+            drawn: 0,
+            reserved: [0, 0],
+            grows: true,
+            compiled: [false, false],
             last_stats: FrameStats::default(),
             scene,
             gpu: gpu.clone(),
@@ -113,6 +126,12 @@ impl Renderer {
     #[must_use]
     pub fn blends_quads(&self) -> bool {
         self.passes.blends_quads()
+    }
+
+    /// Whether the device has timestamps: [`FrameStats`] then has times.
+    #[must_use]
+    pub fn has_timestamps(&self) -> bool {
+        self.gpu.has(wgpu::Features::TIMESTAMP_QUERY)
     }
 
     /// Sets the visibility mask of the left and the right eye: triangles, their corners as shares of the picture's width and
@@ -168,13 +187,16 @@ impl Renderer {
         // Statistics of an earlier picture must not count for this one.
         self.gpu.wait()?;
         self.read_stats()?;
-        loop {
-            self.draw(cameras, appearance, settings)?;
-            let (stats, complete) = self.finish()?;
-            if complete {
-                return Ok(stats);
+        let grows = std::mem::replace(&mut self.grows, true);
+        let drawn = loop {
+            match self.draw(cameras, appearance, settings).and_then(|()| self.finish()) {
+                Ok((stats, true)) => break Ok(stats),
+                Ok((_, false)) => (),
+                Err(error) => break Err(error),
             }
-        }
+        };
+        self.grows = grows;
+        drawn
     }
 
     /// Textures of the last pictures, one for each camera of [`Self::draw`]: f32 RGBA as in [`Image`]. Later submissions read
@@ -200,7 +222,12 @@ impl Renderer {
     /// # Errors
     /// [`GpuError`].
     pub fn read_depths(&self) -> Result<Vec<Vec<f32>>, GpuError> {
-        let read = |t| texture_bytes(&self.gpu, t, 4).map(|bytes| bytemuck::pod_collect_to_vec(&bytes));
+        let read = |t: &wgpu::Texture| {
+            let of_quads = t.width() < self.targets.capacity[0] || t.height() < self.targets.capacity[1];
+            let rasterizer = if of_quads { Rasterizer::Quads } else { Rasterizer::Tiles };
+            let size = depth::depth_size(self.targets.size, rasterizer);
+            texture_bytes(&self.gpu, t, size, 4).map(|bytes| bytemuck::pod_collect_to_vec(&bytes))
+        };
         self.targets.depths.iter().map(read).collect()
     }
 
@@ -214,6 +241,21 @@ impl Renderer {
         self.read_stats()?;
         let complete = self.groups.tiles.as_ref().is_none_or(|t| t.complete(self.pairs, self.longest));
         Ok((self.last_stats, complete))
+    }
+
+    /// Number of the last picture, counted from 1 by [`Self::draw`].
+    #[must_use]
+    pub fn drawn(&self) -> u64 {
+        self.drawn
+    }
+
+    /// Takes finished measurements, without a wait. Returns the newest one.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn measured(&mut self) -> Result<FrameStats, GpuError> {
+        self.read_stats()?;
+        Ok(self.last_stats)
     }
 
     /// Submits a picture for each camera (one, or two eyes of one size) without a wait. Scenes without selection, units or
@@ -234,19 +276,10 @@ impl Renderer {
         // Process finished readbacks, without a wait.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);
         self.read_stats()?;
+        self.drawn += 1;
         self.appearance.update(&self.gpu, &self.scene.units, self.scene.origin, appearance);
-        if self.targets.size != size || self.targets.pictures.len() != cameras.len() {
-            self.targets = RenderTargets::new(&self.gpu, size, cameras.len());
-            self.groups.drop_sized();
-        }
-        let pictures = if settings.depths { cameras.len() } else { 0 };
-        depth::prepare_textures(&self.gpu, &mut self.targets.depths, (size, pictures), settings.rasterizer());
-        let forward = |c: &Camera| DMat3::from_mat4(c.view()).row(2);
-        let parallel = match cameras {
-            [left, right] => (forward(right) - forward(left)).abs().max_element() <= PARALLEL,
-            _ => true,
-        };
-        if parallel && pixels_fit(&self.gpu, size, cameras.len() as u64, settings) {
+        self.fit_targets(size, cameras.len(), settings);
+        if self.draws_together(cameras, size, settings) {
             self.submit_frame(cameras, 0, settings)?;
         } else {
             for (k, camera) in cameras.iter().enumerate() {
@@ -256,36 +289,116 @@ impl Renderer {
         self.gpu.check()
     }
 
-    /// Draws views of one depth order into the pictures from `first` on.
-    fn submit_frame(&mut self, cameras: &[Camera], first: usize, settings: Settings) -> Result<(), GpuError> {
-        let views = cameras.len() as u32;
-        let rasterizer = settings.rasterizer();
-        let mode = TileMode { window: settings.sort_window(), depths: settings.depths };
-        let per_ray = mode.window.is_some();
+    /// Makes ready what pictures of these cameras' size and below can need, so that [`Self::draw`] creates nothing: targets,
+    /// buffers, room for edits, and the pipelines of every edit. Lists of tiles that have become too short grow here; until
+    /// then pictures may lack their farthest splats. Call it between frames. Each call compiles the pipelines of at most one
+    /// kind of edit. Returns whether none is left.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn prepare(&mut self, cameras: &[Camera], settings: Settings) -> Result<bool, GpuError> {
+        let size = picture_size(&self.gpu, cameras, settings)?;
+        if settings.rasterizer() != Rasterizer::Tiles && !self.blends_quads() {
+            return Err(cannot_blend_quads(&self.gpu));
+        }
+        self.read_stats()?;
+        if self.reserved == [0, 0] {
+            self.appearance.reserve(&self.gpu, self.scene.len);
+        }
+        self.reserved = size;
+        self.fit_targets(size, cameras.len(), settings);
+        let views = if self.draws_together(cameras, size, settings) { cameras.len() as u32 } else { 1 };
+        self.fit_work(views, settings);
+        let plan = self.plan(size, settings, true);
+        let Self { gpu, scene, appearance, passes, frame, work, groups, .. } = self;
+        passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work }, plan)?;
+        let per_ray = settings.sort_window().is_some();
+        let compiled = &mut self.compiled[usize::from(per_ray)];
+        if !*compiled {
+            let keys = PipelineKey::of_edits(&self.scene, &self.appearance.state, per_ray);
+            *compiled = !keys.into_iter().any(|key| self.passes.compile(&self.gpu, key));
+        }
+        let compiled = *compiled;
+        self.grows = false;
+        self.gpu.check()?;
+        Ok(compiled)
+    }
+
+    /// Width and height of the drawn part of [`Self::depths`] for pictures of `size` pixels.
+    #[must_use]
+    pub fn depth_size(&self, size: [u32; 2], settings: Settings) -> [u32; 2] {
+        depth::depth_size(size, settings.rasterizer())
+    }
+
+    /// Whether one frame draws all cameras: they share a depth order, and their pixels fit into one binding.
+    fn draws_together(&self, cameras: &[Camera], size: [u32; 2], settings: Settings) -> bool {
+        let forward = |c: &Camera| DMat3::from_mat4(c.view()).row(2);
+        let parallel = match cameras {
+            [left, right] => (forward(right) - forward(left)).abs().max_element() <= PARALLEL,
+            _ => true,
+        };
+        parallel && pixels_fit(&self.gpu, size, cameras.len() as u64, settings)
+    }
+
+    /// Makes the targets fit pictures of `size` pixels. Pictures within the reserved size keep them.
+    fn fit_targets(&mut self, size: [u32; 2], views: usize, settings: Settings) {
+        let [width, height] = self.reserved;
+        let capacity = if size[0] <= width && size[1] <= height { self.reserved } else { size };
+        if self.targets.capacity != capacity || self.targets.pictures.len() != views {
+            self.targets = RenderTargets::new(&self.gpu, capacity, views);
+            self.groups.drop_sized();
+        }
+        self.targets.size = size;
+        let pictures = if settings.depths { views } else { 0 };
+        depth::prepare_textures(&self.gpu, &mut self.targets.depths, (capacity, pictures), settings.rasterizer());
+    }
+
+    /// Makes the work buffers fit.
+    fn fit_work(&mut self, views: u32, settings: Settings) {
+        let per_ray = settings.sort_window().is_some();
         if !self.work.fit(views, per_ray) {
             self.work = WorkBuffers::new(&self.gpu, &self.scene, views, per_ray);
             self.groups = BindGroups::default();
         }
+    }
+
+    fn plan(&self, size: [u32; 2], settings: Settings, may_grow: bool) -> FramePlan {
+        FramePlan {
+            size,
+            capacity: self.targets.capacity,
+            may_grow,
+            rasterizer: settings.rasterizer(),
+            mode: TileMode { window: settings.sort_window(), depths: settings.depths },
+            lists: self.list_sizes(),
+            masked: self.mask.is_some(),
+        }
+    }
+
+    /// Draws views of one depth order into the pictures from `first` on.
+    fn submit_frame(&mut self, cameras: &[Camera], first: usize, settings: Settings) -> Result<(), GpuError> {
+        let views = cameras.len() as u32;
+        self.fit_work(views, settings);
         let size = self.targets.size;
-        let plan = FramePlan { size, rasterizer, mode, lists: self.list_sizes(), masked: self.mask.is_some() };
-        let Self { gpu, scene, appearance, passes, frame, readbacks, work, targets, groups, mask, .. } = self;
+        let plan = self.plan(size, settings, self.grows);
+        let Self { gpu, scene, appearance, passes, frame, readbacks, work, targets, groups, mask, drawn, .. } = self;
         let bound = passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work }, plan)?;
         let uniform = frame_uniform(cameras, settings, (scene, appearance, work), size, bound.pair_capacity);
         gpu.write_uniform(frame, &uniform);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let stats = &mut readbacks[first];
-        stats.begin();
+        stats.begin(size);
         let output = FrameOutput {
             first_eye: first,
+            size,
             pictures: targets.pictures.get(first..).unwrap_or_default(),
             depths: targets.depths.get(first..).unwrap_or_default(),
         };
         bound.encode((gpu, mask.as_ref()), &mut encoder, stats, work, output);
-        let copied = stats.copy(&mut encoder, &work.totals, &work.longest_list);
+        let copied = stats.copy(&mut encoder, [&work.totals, &work.longest_list], *drawn);
         gpu.submit([encoder.finish()]);
         if copied {
             stats.map();
-            self.tiled = rasterizer == Rasterizer::Tiles;
+            self.tiled = settings.rasterizer() == Rasterizer::Tiles;
         }
         Ok(())
     }
@@ -298,8 +411,11 @@ impl Renderer {
         ListSizes { capacity, windows, longest: self.longest }
     }
 
-    /// Takes the completed readbacks.
+    /// Takes the completed readbacks. Those of two submissions belong to one picture, and are taken together.
     fn read_stats(&mut self) -> Result<(), GpuError> {
+        if self.readbacks.iter().any(StatsReadback::is_pending) {
+            return Ok(());
+        }
         let read: Vec<_> = self.readbacks.iter().filter_map(StatsReadback::take).collect();
         if read.is_empty() {
             return Ok(());
@@ -317,6 +433,11 @@ impl Renderer {
                 self.pairs = self.pairs.max(picture.totals.pairs.into());
                 self.longest = self.longest.max(picture.longest);
             }
+            stats.picture = stats.picture.max(picture.picture);
+            stats.device_seconds = match (stats.device_seconds, picture.device_seconds) {
+                (Some(a), Some(b)) => Some(a + b),
+                (a, b) => a.or(b),
+            };
             stats.seconds = match (stats.seconds, picture.seconds) {
                 (Some(a), Some(b)) => Some(PassSeconds::plus(&a, &b)),
                 (a, b) => a.or(b),
@@ -340,7 +461,7 @@ impl Renderer {
 
     fn read(&self, picture: &wgpu::Texture) -> Result<Image, GpuError> {
         let [width, height] = self.targets.size;
-        let rgba = texture_bytes(&self.gpu, picture, 16)?;
+        let rgba = texture_bytes(&self.gpu, picture, [width, height], 16)?;
         Ok(Image { width, height, rgba: bytemuck::pod_collect_to_vec(&rgba) })
     }
 }

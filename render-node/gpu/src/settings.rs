@@ -82,4 +82,8 @@ pub struct FrameStats {
     pub tile_pairs: u32,
     /// Device time of each pass, if the device has timestamps.
     pub seconds: Option<PassSeconds>,
+    /// Number of the measured picture, as [`crate::Renderer::draw`] counts from 1; 0 before the first one.
+    pub picture: u64,
+    /// Seconds from the begin of its first timed pass to the end of its last one, if the device has timestamps.
+    pub device_seconds: Option<f64>,
 }

@@ -50,6 +50,19 @@ impl PipelineKey {
     }
 }
 
+impl PipelineKey {
+    /// The keys that edits of this appearance can lead to: units, clips, a highlight, colors of their own, either light.
+    pub(super) fn of_edits(scene: &SceneBuffers, state: &AppearanceState, per_ray: bool) -> Vec<Self> {
+        let edited = |bits: u32| {
+            let is = |bit: u32| bits >> bit & 1 == 1;
+            let [edits, sides] = [0, 1].map(|bit| u32::from(is(bit)));
+            let state = AppearanceState { edits, sides, overlay: is(2), colors: is(3), directional: is(4), ..*state };
+            Self::of(scene, &state, per_ray)
+        };
+        (0..32).map(edited).collect()
+    }
+}
+
 /// Kernels of one key.
 struct KeyedKernels {
     mark: Kernel,
@@ -81,6 +94,14 @@ impl SplatPasses {
             list: Kernel::new(gpu, &list, "list", &[]),
             depth_sort: RadixSort::new(gpu, "listed"),
         }
+    }
+
+    /// Compiles the kernels of a key. Returns whether it was new.
+    pub(super) fn compile(&mut self, gpu: &Gpu, key: PipelineKey) -> bool {
+        let Self { cull, projection, keyed, .. } = self;
+        let is_new = !keyed.contains_key(&key);
+        keyed.entry(key).or_insert_with(|| KeyedKernels::new(gpu, cull, projection, key));
+        is_new
     }
 
     /// Binds all passes. Compiles the kernels of a new key.

@@ -44,6 +44,12 @@ impl PassSeconds {
         self.list + self.project + self.sort + self.bin + self.blend + self.compose
     }
 
+    /// Sum of the stages whose work grows with the number of pixels: lists of the tiles, blending, composing.
+    #[must_use]
+    pub fn of_pixels(&self) -> f64 {
+        self.bin + self.blend + self.compose
+    }
+
     /// Sum of two pictures.
     pub(super) fn plus(&self, other: &Self) -> Self {
         Self {
@@ -106,6 +112,10 @@ pub(super) struct PictureStats {
     pub(super) longest: u32,
     /// Times, if the device has timestamps.
     pub(super) seconds: Option<PassSeconds>,
+    /// Seconds from the first timestamp to the last one.
+    pub(super) device_seconds: Option<f64>,
+    /// Number of the picture.
+    pub(super) picture: u64,
 }
 
 /// Reads the counts and times of one picture at a time. While a readback is pending, later pictures are not measured, so that
@@ -119,6 +129,10 @@ pub(super) struct StatsReadback {
     stages: Vec<Stage>,
     /// Stages of the pending readback.
     pending: Vec<Stage>,
+    /// Its picture.
+    picture: u64,
+    /// Width and height of the pictures in their targets, pixels.
+    size: [u32; 2],
     /// Seconds of one tick.
     period: f64,
 }
@@ -145,12 +159,20 @@ impl StatsReadback {
             state: Arc::new(AtomicU8::new(IDLE)),
             stages: Vec::new(),
             pending: Vec::new(),
+            picture: 0,
+            size: [1, 1],
             period: 1e-9 * f64::from(gpu.queue.get_timestamp_period()),
         }
     }
 
-    /// Starts a picture.
-    pub(super) fn begin(&mut self) {
+    /// Whether a readback is under way.
+    pub(super) fn is_pending(&self) -> bool {
+        self.state.load(Ordering::Acquire) == PENDING
+    }
+
+    /// Starts pictures of `size` pixels, the upper left part of their targets.
+    pub(super) fn begin(&mut self, size: [u32; 2]) {
+        self.size = size;
         self.stages.clear();
     }
 
@@ -187,6 +209,7 @@ impl StatsReadback {
         Attachments { color, depth, keep }: Attachments<'_>,
         multiview_mask: Option<NonZeroU32>,
     ) -> wgpu::RenderPass<'e> {
+        let [width, height] = self.size;
         let timestamp_writes = self.next(stage).map(|(query_set, at)| wgpu::RenderPassTimestampWrites {
             query_set,
             beginning_of_pass_write_index: Some(at),
@@ -202,7 +225,7 @@ impl StatsReadback {
             },
         });
         let load = if keep { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(1.0) };
-        encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: None,
             color_attachments: color.map(Some).as_slice(),
             depth_stencil_attachment: depth.map(|view| wgpu::RenderPassDepthStencilAttachment {
@@ -213,15 +236,17 @@ impl StatsReadback {
             timestamp_writes,
             occlusion_query_set: None,
             multiview_mask,
-        })
+        });
+        pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
+        pass
     }
 
-    /// Encodes the copy of the counts and times. Returns false while an earlier readback is pending.
+    /// Encodes the copy of the counts and times of a picture. Returns false while an earlier readback is pending.
     pub(super) fn copy(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
-        totals: &wgpu::Buffer,
-        longest: &wgpu::Buffer,
+        [totals, longest]: [&wgpu::Buffer; 2],
+        picture: u64,
     ) -> bool {
         if self.state.load(Ordering::Acquire) != IDLE {
             return false;
@@ -235,6 +260,7 @@ impl StatsReadback {
             encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.staging, COUNT_BYTES, bytes);
         }
         self.pending.clone_from(&self.stages);
+        self.picture = picture;
         true
     }
 
@@ -267,15 +293,21 @@ impl StatsReadback {
     fn parse(&self, bytes: &[u8]) -> PictureStats {
         let (totals, rest) = bytes.split_at(bytes.len().min(TOTAL_BYTES as usize));
         let times = bytes.get(COUNT_BYTES as usize..).unwrap_or_default();
+        let mut device_seconds = None;
         let seconds = self.queries.as_ref().map(|_| {
             let mut seconds = PassSeconds::default();
+            let (mut first, mut last) = (u64::MAX, 0);
             for (stage, pass) in self.pending.iter().zip(times.chunks_exact(PASS_BYTES as usize)) {
                 let [begin, end]: [u64; 2] = bytemuck::pod_read_unaligned(pass);
                 seconds.add(*stage, self.period * end.saturating_sub(begin) as f64);
+                (first, last) = (first.min(begin), last.max(end));
             }
+            device_seconds = Some(self.period * last.saturating_sub(first) as f64);
             seconds
         });
         PictureStats {
+            device_seconds,
+            picture: self.picture,
             totals: encase::StorageBuffer::new(totals).create().unwrap_or_default(),
             longest: encase::StorageBuffer::new(rest).create().unwrap_or_default(),
             seconds,

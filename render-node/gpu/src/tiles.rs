@@ -232,6 +232,18 @@ impl TileBindings {
             && self.blend_all_of(lists.longest)
     }
 
+    /// Sets the size of the next pictures, at most that of the binding.
+    pub(super) fn set_size(&mut self, size: [u32; 2]) {
+        let [across, down] = tile_count(size, self.mode.window.is_some());
+        self.grid = [across, down, self.grid[2]];
+        self.clear_groups = (across * down * self.grid[2]).div_ceil(LANES);
+    }
+
+    /// Whether the passes are of this mode, with lists of any length.
+    pub(super) fn is_of(&self, mode: TileMode) -> bool {
+        self.mode == mode
+    }
+
     /// Whether a picture with this many pairs and this longest list is complete.
     pub(super) fn complete(&self, pairs: u64, longest: u32) -> bool {
         pairs <= self.capacity * self.windows.len() as u64 && self.blend_all_of(longest)

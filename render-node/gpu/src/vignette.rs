@@ -38,8 +38,9 @@ impl Vignette {
         Self { gpu: gpu.clone(), eyes }
     }
 
-    /// Darkens the edges of `target`, a full picture of `camera`, by `strength` from 0 to 1, between 20° and 40°
-    /// from straight ahead. Does nothing at 0. `right` selects the eye. Encode each eye once for each submission.
+    /// Darkens the edges of the picture of `camera` by `strength` from 0 to 1, between 20° and 40° from straight ahead. The
+    /// picture is the upper left part of `target`. Does nothing at 0. `right` selects the eye. Encode each eye once for
+    /// each submission.
     pub fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -70,6 +71,7 @@ impl Vignette {
             })],
             ..wgpu::RenderPassDescriptor::default()
         });
+        pass.set_scissor_rect(0, 0, camera.width, camera.height);
         draw.draw_full_screen(&mut pass);
     }
 }

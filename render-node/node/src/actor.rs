@@ -311,7 +311,8 @@ impl RenderActor {
 
     async fn labels(&mut self, context: &Context) -> Result<Arc<[u32]>, Fault> {
         let gaussians = self.engine.scene().len();
-        self.clusters.newest(&self.bus, &self.blobs, gaussians, context).await
+        let clusters = self.clusters.newest(&self.bus, &self.blobs, gaussians, context).await?;
+        Ok(Arc::clone(clusters.labels()))
     }
 
     async fn publish_status(&mut self, frame: &proto::Frame, context: &Context) {

@@ -228,7 +228,8 @@ fn a_depth_image_equals_the_projection_between_its_planes() {
     });
     let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let layer = DepthLayer::new(&gpu, wgpu::TextureFormat::Depth32Float);
-    layer.encode(&mut encoder, &source, &target.create_view(&wgpu::TextureViewDescriptor::default()), 0.5);
+    let view = target.create_view(&wgpu::TextureViewDescriptor::default());
+    layer.encode(&mut encoder, (&source, [8, 1]), (&view, [width, height]), 0.5);
     let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: None };
     let copy = wgpu::TexelCopyBufferInfo { buffer: &read, layout };
     encoder.copy_texture_to_buffer(target.as_image_copy(), copy, target.size());

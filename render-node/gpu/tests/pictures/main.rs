@@ -15,6 +15,7 @@ mod picking;
 mod present;
 mod quality;
 mod scenes;
+mod steady;
 mod structure;
 #[path = "../support/mod.rs"]
 mod support;

@@ -10,6 +10,7 @@ use sg_runtime::blobs::{Blobs, StoredFile};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
+use sg_viewer::display::Clusters;
 
 /// Timeout for an answer of the selection process. It is several times the restart time of that process. It stays below the
 /// caller's own deadline, for a stack without a selection process.
@@ -19,12 +20,12 @@ const SELECTION_WAIT: Duration = Duration::from_millis(500);
 #[derive(Default)]
 pub(super) struct ClusterLabels {
     hash: String,
-    labels: Option<Arc<[u32]>>,
+    clusters: Option<Arc<Clusters>>,
 }
 
 impl ClusterLabels {
-    /// The Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none. It is read again only if the
-    /// selection process has different labels.
+    /// The Super-Gaussians, with the members of each. They are read again only if the selection process has different
+    /// labels.
     ///
     /// # Errors
     /// `Unavailable` while there is no selection process; labels that cannot be had or do not fit `gaussians`.
@@ -34,18 +35,19 @@ impl ClusterLabels {
         blobs: &Blobs,
         gaussians: usize,
         context: &Context,
-    ) -> Result<Arc<[u32]>, Fault> {
+    ) -> Result<Arc<Clusters>, Fault> {
         let asking = context.next().within(SELECTION_WAIT);
         let (state, sender) = bus.newest_identified(&keys::SELECTION_STATE, &asking).await?;
-        if let Some(labels) = self.labels.as_ref().filter(|_| self.hash == state.labels_hash) {
-            return Ok(Arc::clone(labels));
+        if let Some(clusters) = self.clusters.as_ref().filter(|_| self.hash == state.labels_hash) {
+            return Ok(Arc::clone(clusters));
         }
         let stored = StoredFile { path: &state.labels_path, hash: &state.labels_hash, sender: sender.as_ref() };
         let path = blobs.fetch(bus, &keys::SELECTION_CONTENT, stored, &context.next()).await?;
         let labels = tokio::task::block_in_place(|| npy::read_labels(&path));
         let labels = labels.map_err(|e| Fault::internal(e.to_string()))?;
         let labels: Arc<[u32]> = labels_of(labels, gaussians).map_err(|e| Fault::internal(e.to_string()))?.into();
-        (self.hash, self.labels) = (state.labels_hash, Some(Arc::clone(&labels)));
-        Ok(labels)
+        let clusters = Arc::new(tokio::task::block_in_place(|| Clusters::new(labels)));
+        (self.hash, self.clusters) = (state.labels_hash, Some(Arc::clone(&clusters)));
+        Ok(clusters)
     }
 }

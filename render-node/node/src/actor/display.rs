@@ -189,9 +189,9 @@ fn open_headset(setup: &DisplaySetup) -> Result<Result<Headset, String>, StartEr
 fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartError> {
     let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
     let opened = PathBuf::from(&view_port.newest().scene.geometry().path);
-    let Params { seated, left_handed, mirror, .. } = params;
+    let Params { seated, left_handed, mirror, rasterizer, .. } = params;
     let tools = Tools { seated, left_handed, ..tools(&params) };
-    let view = VrView::new(vr::Setup { scene, view_port, tools, opened, mirror }, &headset);
+    let view = VrView::new(vr::Setup { scene, view_port, tools, opened, mirror, rasterizer }, &headset);
     let watchdog = headset.watchdog();
     // After a timeout the receiver is gone.
     let _ = opened_sender

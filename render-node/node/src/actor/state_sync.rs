@@ -112,11 +112,11 @@ async fn services(
         if services.selection {
             let context = Context::root().deadline_in(TIMEOUT);
             match clusters.newest(&bus, &blobs, gaussians, &context).await {
-                Ok(labels) => {
+                Ok(newest) => {
                     let told = bus.newest(&keys::SELECTION_STATE, &context.next()).await;
                     retry = told.is_err();
                     writer.update(|state| {
-                        state.clusters = Some(labels);
+                        state.clusters = Some(newest);
                         state.walk_capabilities =
                             told.ok().map(|t| WalkCapabilities { tuning: t.tuning, most_proposals: t.most_proposals });
                     });

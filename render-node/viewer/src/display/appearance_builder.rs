@@ -8,6 +8,7 @@ use sg_scene::appearance::{Appearance, Overlay};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
+use super::clusters::Clusters;
 use super::tools::{DisplayMode, Tools};
 use sg_raster::attributes::{AttributeColors, AttributeError, Legend, attribute_colors};
 use sg_raster::color_map::ColorMap;
@@ -41,9 +42,10 @@ impl AppearanceBuilder {
         scene: &Scene,
         state: &EditState,
         selected: &Arc<Mask>,
-        clusters: Option<&Arc<[u32]>>,
+        clusters: Option<&Clusters>,
         tools: &Tools,
     ) -> Appearance {
+        let clusters = clusters.map(Clusters::labels);
         let mut appearance = state.appearance();
         if !selected.is_none() {
             let Tools { highlight, highlight_mix, highlight_opacity, .. } = *tools;

@@ -14,9 +14,9 @@ use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_selection::brush::{Brush, OpenStroke};
 
+use super::clusters::Clusters;
 use super::request::Request;
 use super::tools::{BrushMode, Tools};
-use sg_raster::structure::NO_CLUSTER;
 
 /// Least distance between two samples, as a share of the brush's radius: closer ones hit nothing new.
 const STEP: f64 = 0.25;
@@ -110,7 +110,7 @@ impl BrushController {
         sample: BrushSample,
         sign: BrushSign,
         selected: &Mask,
-        clusters: Option<&[u32]>,
+        clusters: Option<&Clusters>,
     ) -> Mask {
         let radius = self.radius(tools) * sample.pressure.max(0.0);
         let hits = self.brush.hits_with_depth_limit(&[sample.at], radius, &[], self.depth_limit(tools));
@@ -176,7 +176,7 @@ impl BrushController {
     /// The selection with the stroke under way, as far as this display knows. It is `selected` itself once the selection
     /// has answered for the stroke.
     #[must_use]
-    pub fn selects(&self, selected: &Arc<Mask>, clusters: Option<&[u32]>) -> Arc<Mask> {
+    pub fn selects(&self, selected: &Arc<Mask>, clusters: Option<&Clusters>) -> Arc<Mask> {
         match &self.active {
             Some(stroke) if !stroke.open.hits().is_empty() => {
                 Arc::new(changed(selected, stroke.open.hits(), stroke.mode, stroke.sign, clusters))
@@ -222,26 +222,43 @@ impl ActiveStroke {
 }
 
 /// A mask with a brush hit added or removed: whole clusters in cluster mode, if known.
-fn changed(selected: &Mask, hits: &[u32], mode: BrushMode, sign: BrushSign, clusters: Option<&[u32]>) -> Mask {
+fn changed(selected: &Mask, hits: &[u32], mode: BrushMode, sign: BrushSign, clusters: Option<&Clusters>) -> Mask {
     let mut mask = selected.clone();
-    let on = sign == BrushSign::Add;
-    let mut set = |i: usize| {
-        if i < mask.len() {
-            mask.set(i, on);
-        }
-    };
-    hits.iter().for_each(|i| set(*i as usize));
-    if let (BrushMode::Cluster, Some(labels)) = (mode, clusters) {
-        let mut hit: Vec<u32> = hits.iter().filter_map(|i| labels.get(*i as usize)).copied().collect();
-        hit.sort_unstable();
-        hit.dedup();
-        if hit.iter().any(|label| *label != NO_CLUSTER) {
-            for (i, label) in labels.iter().enumerate() {
-                if *label != NO_CLUSTER && hit.binary_search(label).is_ok() {
-                    set(i);
-                }
-            }
-        }
-    }
+    change(&mut mask, hits, sign, clusters.filter(|_| mode == BrushMode::Cluster));
     mask
+}
+
+/// Adds hits to a mask or removes them, with the members of their clusters. Returns the number of visited Gaussians: hits, and
+/// members of hit clusters once each.
+fn change(mask: &mut Mask, hits: &[u32], sign: BrushSign, clusters: Option<&Clusters>) -> usize {
+    let on = sign == BrushSign::Add;
+    hits.iter().for_each(|i| mask.set(*i as usize, on));
+    let Some(clusters) = clusters else { return hits.len() };
+    let mut hit: Vec<u32> = hits.iter().filter_map(|i| clusters.labels().get(*i as usize)).copied().collect();
+    hit.sort_unstable();
+    hit.dedup();
+    let members = hit.iter().flat_map(|label| clusters.members(*label));
+    members.fold(hits.len(), |visited, i| {
+        mask.set(*i as usize, on);
+        visited + 1
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_brush_over_clusters_visits_their_members_and_no_other_gaussian() {
+        // 25 Gaussians a cluster, in scenes of two sizes.
+        let visited = |gaussians: usize| {
+            let clusters = Clusters::new((0..gaussians).map(|i| (i / 25) as u32).collect());
+            let mut mask = Mask::empty(gaussians);
+            let visited = change(&mut mask, &[30, 31, 60], BrushSign::Add, Some(&clusters));
+            assert_eq!(mask.ones().collect::<Vec<_>>(), (25..75).collect::<Vec<_>>());
+            visited
+        };
+        assert_eq!(visited(1000), 3 + 50);
+        assert_eq!(visited(1_000_000), visited(1000));
+    }
 }

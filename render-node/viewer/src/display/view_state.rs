@@ -10,6 +10,7 @@ use sg_proto::selection::{Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
 
+use super::clusters::Clusters;
 use super::conversation::Conversation;
 
 /// Most notices kept for a person.
@@ -34,8 +35,8 @@ pub struct ViewState {
     pub walk_capabilities: Option<WalkCapabilities>,
     /// The newest proposals for a next stroke.
     pub proposals: Option<Arc<ProposalsReply>>,
-    /// Super-Gaussian of each Gaussian, [`sg_raster::structure::NO_CLUSTER`] for none; absent until clusters are known.
-    pub clusters: Option<Arc<[u32]>>,
+    /// Super-Gaussians; absent until they are known.
+    pub clusters: Option<Arc<Clusters>>,
     /// The conversation with the agents.
     pub conversation: Arc<Conversation>,
     /// Which services answer.

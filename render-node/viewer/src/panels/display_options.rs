@@ -36,7 +36,7 @@ impl Panels {
                     offer(ui, tools, "outlines of Super-Gaussians", DisplayMode::Outlines);
                 }
                 offer(ui, tools, "along the first component", DisplayMode::FirstComponent);
-                ui.label(format!("{} Super-Gaussians", count(self.clusters.count(clusters))));
+                ui.label(format!("{} Super-Gaussians", count(clusters.count())));
             }
         });
         ui.label("attributes of Gaussians");

@@ -1,12 +1,10 @@
 //! The state of panels from frame to frame.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use sg_edit::UnitRef;
 use sg_proto::scene::command::Action;
 use sg_raster::attributes;
-use sg_raster::structure::NO_CLUSTER;
 
 use super::output::{DisplayAction, PanelHost};
 use super::text_input::TextInput;
@@ -37,7 +35,6 @@ pub struct Panels {
     /// Revision of the scene that was shown last.
     pub(super) revision: u64,
     pub(super) shown_notices: NoticeTimes,
-    pub(super) clusters: ClusterCount,
 }
 
 /// A change under a hand.
@@ -84,22 +81,3 @@ impl Default for SelectState {
 /// When each line was first seen, seconds of the context's clock.
 #[derive(Debug, Default)]
 pub(super) struct NoticeTimes(pub(super) BTreeMap<u64, f64>);
-
-/// Number of Super-Gaussians, counted once for each clustering.
-#[derive(Debug, Default)]
-pub(super) struct ClusterCount(Option<(Arc<[u32]>, usize)>);
-
-impl ClusterCount {
-    /// Number of Super-Gaussians.
-    pub(super) fn count(&mut self, clusters: &Arc<[u32]>) -> usize {
-        match &self.0 {
-            Some((of, count)) if Arc::ptr_eq(of, clusters) => *count,
-            _ => {
-                let most = clusters.iter().filter(|c| **c != NO_CLUSTER).max();
-                let count = most.map_or(0, |c| *c as usize + 1);
-                self.0 = Some((Arc::clone(clusters), count));
-                count
-            }
-        }
-    }
-}

@@ -1,20 +1,48 @@
 //! Both eyes' pictures of the scene.
 
+use std::collections::VecDeque;
 use std::time::Instant;
 
 use sg_scene::appearance::Appearance;
-use sg_scene::camera::Camera;
+use sg_scene::camera::{Camera, Light};
 use sg_scene::model::Scene;
 
-use crate::display::{AdaptiveQuality, Level, Tools};
-use crate::hands::{Fov, Placement};
-use crate::xr::{Frame, XrError};
-use sg_gpu::backend::fastest;
-use sg_gpu::{DepthLayer, GpuError, Present, Rasterizer, Renderer, Settings, Vignette};
-use sg_raster::render::Quality;
+use crate::display::quality_control::{LEVELS, drawn_at};
+use crate::display::{Level, PictureCost, QualityControl, Tools};
+use crate::hands::{Eye, Fov, Placement};
+use crate::xr::{Frame, Headset, XrError};
+use sg_gpu::{
+    Candidate, DepthLayer, FrameStats, Gpu, GpuError, Present, Rasterizer, Renderer, Settings, Trial, Vignette,
+    WorkTimer,
+};
+use sg_raster::render::{Projection, Quality};
 
-/// Share of a frame's time that the scene may take.
-const SHARE: f64 = 0.8;
+/// Most pictures that wait for their measurement.
+const MEASURED: usize = 16;
+
+/// What a person sees of a scene: the two eyes of a frame, and the place of the scene.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sight {
+    pub(super) eyes: [Eye; 2],
+    pub(super) placement: Placement,
+    /// Seconds from one frame to the next.
+    pub(super) period: f64,
+}
+
+impl Sight {
+    /// Cameras of both eyes for pictures of `size` pixels.
+    fn cameras(&self, size: [u32; 2], background: [f32; 3], light: Light) -> Vec<Camera> {
+        self.eyes.iter().map(|eye| eye.camera(size, &self.placement, background, light)).collect()
+    }
+}
+
+/// A submitted picture.
+#[derive(Debug, Clone, Copy)]
+struct Submitted {
+    number: u64,
+    time: f64,
+    level: usize,
+}
 
 /// Renderer of both eyes on the device of one session.
 pub(super) struct EyeRenderer {
@@ -23,41 +51,123 @@ pub(super) struct EyeRenderer {
     vignette: Vignette,
     /// Depth layer, if the runtime takes depths.
     depths: Option<DepthLayer>,
+    size: [u32; 2],
+    trial: Trial,
+    /// Whether the renderer's buffers and textures are made.
+    is_prepared: bool,
+    /// Rasterizer of the affine projection.
     rasterizer: Rasterizer,
-    adaptive_quality: AdaptiveQuality,
-    /// Submission time of the picture before.
-    before: Option<Instant>,
+    control: QualityControl,
+    /// On a device without timestamps.
+    timer: Option<WorkTimer>,
+    begun: Instant,
+    submitted: VecDeque<Submitted>,
+    /// Newest measured picture.
+    measured: u64,
     /// How the newest one was drawn.
     pub(super) level: Level,
+    /// Width and height of the newest one.
+    part: [u32; 2],
     pub(super) pictures: u64,
     /// Version of the hidden mesh in the renderer, and the fields of view it belongs to.
     hides: Option<(u64, [Fov; 2])>,
 }
 
 impl EyeRenderer {
-    /// Uploads a scene to the headset's device; there is a picture every `period` seconds.
-    pub(super) fn new(frame: &Frame<'_>, scene: &Scene, period: f64) -> Result<Self, GpuError> {
-        let (gpu, format) = (frame.gpu(), frame.format());
-        let mut renderer = Renderer::new(gpu, scene)?;
-        let rasterizer = match renderer.blends_quads() {
-            // A trial on a software device takes seconds without a picture.
-            true if gpu.is_software() => Rasterizer::Quads,
-            _ => fastest(&mut renderer, scene)?,
+    /// Uploads a scene to the headset's device; `None` while the runtime is away. A trial follows, see [`Self::prepare`].
+    ///
+    /// `given` is the rasterizer of the launch file. A software device has no trial: it would take minutes, and
+    /// quadrilaterals are the fastest there.
+    pub(super) fn new(headset: &Headset, scene: &Scene, given: Option<Rasterizer>) -> Result<Option<Self>, GpuError> {
+        let (Some(gpu), Some(format), Some(size)) = (headset.gpu(), headset.format(), headset.size()) else {
+            return Ok(None);
         };
-        let adaptive_quality = AdaptiveQuality::new(SHARE * period);
-        let level = adaptive_quality.level(Quality::Standard, true);
-        Ok(Self {
+        let renderer = Renderer::new(gpu, scene)?;
+        if let Some(rasterizer) = given.filter(|r| *r != Rasterizer::Tiles && !renderer.blends_quads()) {
+            tracing::warn!("{} cannot blend in f32, so tiles draw instead of {rasterizer:?}", gpu.name());
+        }
+        let fixed = given.or_else(|| gpu.is_software().then_some(Rasterizer::Quads));
+        let projections: &[Projection] =
+            if gpu.is_software() { &[] } else { &[Projection::Affine, Projection::PerRay] };
+        let trial = Trial::new(&renderer, projections, fixed);
+        let usable = |r: &Rasterizer| *r == Rasterizer::Tiles || renderer.blends_quads();
+        let timer = if renderer.has_timestamps() {
+            None
+        } else {
+            let timer = WorkTimer::new(gpu);
+            timer.inspect_err(|e| tracing::warn!("no thread to time pictures, so the quality stays: {e}")).ok()
+        };
+        Ok(Some(Self {
             present: Present::new(gpu, format),
             vignette: Vignette::new(gpu, format),
-            depths: frame.depth_format().map(|format| DepthLayer::new(gpu, format)),
-            renderer,
-            rasterizer,
-            adaptive_quality,
-            before: None,
-            level,
+            depths: headset.depth_format().map(|format| DepthLayer::new(gpu, format)),
+            size,
+            trial,
+            is_prepared: false,
+            rasterizer: fixed.filter(usable).unwrap_or_default(),
+            control: QualityControl::default(),
+            timer,
+            begun: Instant::now(),
+            submitted: VecDeque::with_capacity(MEASURED),
+            measured: 0,
+            level: drawn_at(0, Quality::Standard),
+            part: size,
             pictures: 0,
             hides: None,
-        })
+            renderer,
+        }))
+    }
+
+    /// Whether pictures can be drawn: the trial is over.
+    pub(super) fn is_ready(&self) -> bool {
+        self.trial.is_over() && self.is_prepared
+    }
+
+    fn settings(&self, tools: &Tools) -> Settings {
+        Settings {
+            quality: tools.quality,
+            rasterizer: self.rasterizer,
+            projection: tools.projection,
+            depths: self.depths.is_some(),
+            ..Settings::default()
+        }
+    }
+
+    /// Between two frames: makes what the next pictures need, see [`Renderer::prepare`]. Before that, it makes one step of the
+    /// trial: it draws one picture of a `look` at what the person sees, of both eyes at the whole size, and waits for it.
+    /// Its caller holds the [`Headset`], which no frame does.
+    pub(super) fn prepare(
+        &mut self,
+        sight: &Sight,
+        tools: &Tools,
+        look: impl FnOnce() -> Appearance,
+    ) -> Result<(), GpuError> {
+        let settings = self.settings(tools);
+        if self.trial.is_over() {
+            let cameras = sight.cameras(self.size, [0.0; 3], Light::default());
+            // By ray, the buffers depend on the quality.
+            let quality = if self.pictures > 0 { self.level.quality } else { settings.quality };
+            self.renderer.prepare(&cameras, Settings { quality, ..settings })?;
+            self.is_prepared = true;
+            return Ok(());
+        }
+        let look = look();
+        let cameras = sight.cameras(self.size, look.background.to_array(), look.light);
+        if !self.trial.step(&mut self.renderer, &cameras, &look, settings)? {
+            return Ok(());
+        }
+        for Candidate { projection, rasterizer, seconds, .. } in self.trial.candidates() {
+            tracing::info!("trial: {projection:?} with {rasterizer:?} takes {:.2} ms for both eyes", 1e3 * seconds);
+        }
+        if let Some(best) = self.trial.fastest(Projection::Affine) {
+            self.rasterizer = best.rasterizer;
+        }
+        if let Some(Candidate { seconds, pixel_seconds, .. }) = self.trial.fastest(tools.projection) {
+            let period = sight.period;
+            self.control =
+                QualityControl::starting_from(PictureCost { time: 0.0, level: 0, seconds, pixel_seconds, period });
+        }
+        Ok(())
     }
 
     /// Skips drawing behind the lenses' hidden areas. On a software device the test costs more than most lenses save.
@@ -77,69 +187,112 @@ impl EyeRenderer {
         self.renderer.hide([&left, &right]);
     }
 
-    /// The left eye's newest picture.
-    pub(super) fn left(&self) -> Option<&wgpu::Texture> {
-        self.renderer.pictures().first()
+    /// The left eye's newest picture, and the width and height of its drawn part.
+    pub(super) fn left(&self) -> Option<(&wgpu::Texture, [u32; 2])> {
+        self.renderer.pictures().first().map(|picture| (picture, self.part))
     }
 
     pub(super) fn late(&self) -> u64 {
-        self.adaptive_quality.late()
+        self.control.late()
     }
 
-    /// Draws a look of the placed scene, with the edges of the view `darkened` by 0 to 1.
+    /// Number of the present level.
+    pub(super) fn level_number(&self) -> usize {
+        self.control.level()
+    }
+
+    /// The session was hidden or paused: what was measured says nothing any more.
+    pub(super) fn interrupt(&mut self) {
+        self.control.interrupt();
+        self.submitted.clear();
+    }
+
+    /// Takes in the costs of finished pictures.
+    fn take_costs(&mut self, period: f64) -> Result<(), GpuError> {
+        let FrameStats { picture, device_seconds, seconds, .. } = self.renderer.measured()?;
+        if picture > self.measured
+            && let Some(spent) = device_seconds
+        {
+            self.measured = picture;
+            let share = seconds.filter(|s| s.total() > 0.0).map(|s| s.of_pixels() / s.total());
+            self.take_cost(picture, spent, share, period);
+        }
+        while let Some((picture, spent)) = self.timer.as_ref().and_then(WorkTimer::take) {
+            self.take_cost(picture, spent, None, period);
+        }
+        Ok(())
+    }
+
+    fn take_cost(&mut self, picture: u64, seconds: f64, share: Option<f64>, period: f64) {
+        while self.submitted.front().is_some_and(|s| s.number < picture) {
+            self.submitted.pop_front();
+        }
+        let Some(Submitted { time, level, .. }) = self.submitted.front().filter(|s| s.number == picture).copied()
+        else {
+            return;
+        };
+        let pixel_seconds = share.map(|share| share * seconds);
+        self.control.measure(PictureCost { time, level, seconds, pixel_seconds, period });
+    }
+
+    /// Draws a look of the placed scene, with the edges of the view `darkened` by 0 to 1, at the `held` level if there is
+    /// one.
     pub(super) fn draw(
         &mut self,
         frame: &mut Frame<'_>,
         placement: &Placement,
         look: &Appearance,
         (tools, darkened): (&Tools, f64),
+        held: Option<usize>,
     ) -> Result<Result<(), GpuError>, XrError> {
-        // A frame's cost is the time to the next frame, if that exceeds the headset's own time. Less means spare time.
-        let now = Instant::now();
-        if let Some(before) = self.before.replace(now) {
-            let between = now.duration_since(before).as_secs_f64();
-            let cost = if between > 1.5 * frame.period { between } else { 0.5 * SHARE * frame.period };
-            self.adaptive_quality.record(cost, true);
+        if let Err(error) = self.take_costs(frame.period) {
+            return Ok(Err(error));
         }
-        self.level = self.adaptive_quality.level(tools.quality, true);
+        if !frame.is_focused() {
+            // The runtime's own menu draws beside the scene.
+            self.interrupt();
+        }
+        let number = held.map_or(self.control.level(), |level| level.min(LEVELS - 1));
+        self.level = drawn_at(number, tools.quality);
         self.hide(frame);
-        let [width, height] = frame.size();
-        let edge = |pixels: u32| ((f64::from(pixels) * self.level.scale) as u32).max(16);
-        let size = [edge(width), edge(height)];
-        let background = look.background.to_array();
-        let cameras: Vec<Camera> =
-            frame.eyes.iter().map(|eye| eye.camera(size, placement, background, look.light)).collect();
-        let whole: Vec<Camera> =
-            frame.eyes.iter().map(|eye| eye.camera([width, height], placement, background, look.light)).collect();
-        let settings = Settings {
-            quality: self.level.quality,
-            rasterizer: self.rasterizer,
-            projection: tools.projection,
-            depths: self.depths.is_some(),
-            ..Settings::default()
-        };
+        let edge = |pixels: u32| ((f64::from(pixels) * self.level.scale).round() as u32).clamp(16.min(pixels), pixels);
+        let part = frame.size().map(edge);
+        let sight = Sight { eyes: frame.eyes, placement: *placement, period: frame.period };
+        let cameras = sight.cameras(part, look.background.to_array(), look.light);
+        let settings = Settings { quality: self.level.quality, ..self.settings(tools) };
+        let time = self.begun.elapsed().as_secs_f64();
         if let Err(error) = self.renderer.draw(&cameras, look, settings) {
             return Ok(Err(error));
         }
+        let picture = self.renderer.drawn();
+        if self.submitted.len() == MEASURED {
+            self.submitted.pop_front();
+        }
+        self.submitted.push_back(Submitted { number: picture, time, level: number });
+        self.part = part;
         self.pictures += 1;
-        let gpu = frame.gpu().clone();
+        let depth_part = self.renderer.depth_size(part, settings);
+        let gpu: Gpu = frame.gpu().clone();
         let Self { renderer, present, vignette, depths, .. } = self;
-        frame.draw_eyes_and_depths(|targets, depth_targets| {
+        frame.draw_eyes_and_depths(part, |targets, depth_targets| {
             let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             for (eye, (picture, target)) in renderer.pictures().iter().zip(targets).enumerate() {
                 let load = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
-                present.encode(&mut encoder, picture, target, [0, 0, width, height], load);
-                if let Some(camera) = whole.get(eye) {
+                present.encode_part(&mut encoder, (picture, part), target, [0, 0, part[0], part[1]], load);
+                if let Some(camera) = cameras.get(eye) {
                     vignette.encode(&mut encoder, target, camera, eye == 1, darkened);
                 }
             }
             if let Some(layer) = depths {
                 for (picture, target) in renderer.depths().iter().zip(depth_targets) {
-                    layer.encode(&mut encoder, picture, target, placement.scale);
+                    layer.encode(&mut encoder, (picture, depth_part), (target, part), placement.scale);
                 }
             }
             gpu.submit([encoder.finish()]);
         })?;
+        if let Some(timer) = &self.timer {
+            timer.begin(picture);
+        }
         Ok(Ok(()))
     }
 }

@@ -94,7 +94,11 @@ impl Mirror {
     }
 
     /// Shows the left eye's picture if it is due and needs no wait. The error explains a permanent failure.
-    pub(super) fn show(&mut self, headset: &Headset, picture: &wgpu::Texture) -> Result<(), String> {
+    pub(super) fn show(
+        &mut self,
+        headset: &Headset,
+        (picture, part): (&wgpu::Texture, [u32; 2]),
+    ) -> Result<(), String> {
         if self.shown.is_some_and(|shown| shown.elapsed() < PERIOD) {
             return Ok(());
         }
@@ -110,7 +114,7 @@ impl Mirror {
             if std::mem::take(&mut self.events_target.resized) {
                 surface_state.resize([size.width, size.height])?;
             }
-            surface_state.show(picture, shape)?;
+            surface_state.show((picture, part), shape)?;
             self.shown = Some(Instant::now());
         }
         Ok(())
@@ -143,8 +147,8 @@ impl MirrorSurface {
         self.gpu.configure(&self.surface, &self.config).map_err(|e| e.to_string())
     }
 
-    /// Shows a picture in this shape, at any resolution.
-    fn show(&mut self, picture: &wgpu::Texture, shape: [u32; 2]) -> Result<(), String> {
+    /// Shows the drawn part of a picture in this shape, at any resolution.
+    fn show(&mut self, (picture, part): (&wgpu::Texture, [u32; 2]), shape: [u32; 2]) -> Result<(), String> {
         let frame = match self.surface.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => frame,
             wgpu::CurrentSurfaceTexture::Outdated | wgpu::CurrentSurfaceTexture::Lost => {
@@ -156,7 +160,8 @@ impl MirrorSurface {
         let view = frame.texture.create_view(&wgpu::TextureViewDescriptor::default());
         let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let area = fitted(shape, [self.config.width, self.config.height]);
-        self.present.encode(&mut encoder, picture, &view, area, wgpu::LoadOp::Clear(wgpu::Color::BLACK));
+        let load = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
+        self.present.encode_part(&mut encoder, (picture, part), &view, area, load);
         self.gpu.submit([encoder.finish()]);
         self.gpu.queue().present(frame);
         Ok(())

@@ -1,6 +1,6 @@
 //! A room around a person and the scene: a headset, two hands, panels around them.
 //!
-//! The loop waits only for the headset's next frame. Hands hold, scale and turn the scene ([`crate::hands::Grab`]) and
+//! The loop waits only for the headset's next frame, and between frames for the trial at its start. Hands hold, scale and turn the scene ([`crate::hands::Grab`]) and
 //! brush it ([`Interaction`]). Panels hang around the person and are pointed at.
 
 mod eye_renderer;
@@ -19,12 +19,12 @@ use crate::display::{AppearanceBuilder, Drafts, FrameStats, Request, Tools, View
 use crate::hands::{Bookmarks, ComfortVignette, Origin, Placement, Rectangle, Stance};
 use crate::panels::{DisplayAction, Output, Panel, PanelHost, Panels};
 use crate::xr::{Counts, Frame, FrameOutcome, Headset, PAUSE, XrError};
-use sg_gpu::GpuError;
+use sg_gpu::{GpuError, Rasterizer};
 
 pub use interaction::{BrushMarker, Interaction, InteractionOutput, PanelCapture};
 pub use panel_layers::first_place;
 
-use eye_renderer::EyeRenderer;
+use eye_renderer::{EyeRenderer, Sight};
 use mirror::Mirror;
 use overlay::MarkerOverlay;
 use panel_layers::PanelLayers;
@@ -44,6 +44,8 @@ pub struct Setup {
     pub opened: PathBuf,
     /// Whether a desktop window mirrors the left eye, while [`VrView::serve`] serves it.
     pub mirror: bool,
+    /// How splats are blended; without it a trial of what the person sees picks the fastest way.
+    pub rasterizer: Option<Rasterizer>,
 }
 
 /// A room.
@@ -64,6 +66,13 @@ pub struct VrView {
     /// Reason for reopening the device.
     lost: Option<String>,
     eyes: Option<EyeRenderer>,
+    /// Whether the next frame may draw the scene.
+    is_prepared: bool,
+    rasterizer: Option<Rasterizer>,
+    /// Level of quality that is held.
+    held: Option<usize>,
+    /// What the person saw in the newest frame.
+    sight: Option<Sight>,
     /// The last device error; each is logged once.
     trouble: Option<String>,
     frames: u64,
@@ -81,7 +90,7 @@ impl VrView {
     /// A room around an open headset.
     #[must_use]
     pub fn new(setup: Setup, headset: &Headset) -> Self {
-        let Setup { scene, mut view_port, tools, opened, mirror } = setup;
+        let Setup { scene, mut view_port, tools, opened, mirror, rasterizer } = setup;
         let home = home(&scene, &mut view_port, &tools, headset.origin());
         let mut panels = Panels::new(PanelHost::Headset);
         for problem in panels.behind(&scene, Path::new(&opened)) {
@@ -103,6 +112,10 @@ impl VrView {
             jumped: false,
             lost: None,
             eyes: None,
+            is_prepared: false,
+            rasterizer,
+            held: None,
+            sight: None,
             trouble: None,
             frames: 0,
             origin: headset.origin(),
@@ -156,10 +169,15 @@ impl VrView {
             if self.view_port.is_closed() {
                 headset.leave();
             }
+            self.prepare(headset);
             let step = headset.frame(|frame| self.frame(frame))?;
             match step {
-                FrameOutcome::Shown | FrameOutcome::Hidden | FrameOutcome::Back => {}
-                FrameOutcome::Idle => std::thread::sleep(PAUSE),
+                FrameOutcome::Shown | FrameOutcome::Back => {}
+                FrameOutcome::Hidden => self.interrupt(),
+                FrameOutcome::Idle => {
+                    self.interrupt();
+                    std::thread::sleep(PAUSE);
+                }
                 FrameOutcome::Away => {
                     // These objects belong to the lost device.
                     self.eyes = None;
@@ -184,11 +202,45 @@ impl VrView {
         }
     }
 
+    /// Prepares the renderer of both eyes, between two frames. The first call after a frame uploads the scene, the next ones each
+    /// make one step of the trial that picks the rasterizer, and all further ones make what the next pictures need. Without
+    /// effect while the runtime is away.
+    pub fn prepare(&mut self, headset: &Headset) {
+        let Some(sight) = self.sight else { return };
+        let prepared = match &mut self.eyes {
+            Some(eyes) => eyes.prepare(&sight, &self.tools, || self.view_port.newest().scene.appearance()),
+            none => EyeRenderer::new(headset, &self.scene, self.rasterizer).map(|made| *none = made),
+        };
+        self.is_prepared = prepared.is_ok();
+        if prepared.is_err() {
+            self.trouble_with(prepared);
+        }
+    }
+
+    /// The session showed nothing.
+    fn interrupt(&mut self) {
+        if let Some(eyes) = &mut self.eyes {
+            eyes.interrupt();
+        }
+    }
+
+    /// Holds a level of [`crate::display::quality_control`] instead of controlling the quality, such as for a picture; `None`
+    /// gives it back to the control.
+    pub fn hold_level(&mut self, level: Option<usize>) {
+        self.held = level;
+    }
+
+    /// Number of the present level of quality, from 0 for the best; `None` before the first picture.
+    #[must_use]
+    pub fn level(&self) -> Option<usize> {
+        self.eyes.as_ref().filter(|eyes| eyes.pictures > 0).map(EyeRenderer::level_number)
+    }
+
     /// Also mirrors the left eye on the desk, for as long as that works.
     fn show_in(&self, mirror: &mut Option<Mirror>, headset: &Headset) {
         let picture = self.eyes.as_ref().and_then(EyeRenderer::left);
-        if let Some((there, picture)) = mirror.as_mut().zip(picture)
-            && let Err(why) = there.show(headset, picture)
+        if let Some((there, (picture, part))) = mirror.as_mut().zip(picture)
+            && let Err(why) = there.show(headset, (picture, part))
         {
             tracing::warn!("the headset is no longer mirrored: {why}");
             *mirror = None;
@@ -223,7 +275,7 @@ impl VrView {
         }
         let highlighted = self.interaction.highlighted(&state, &self.tools);
         let Self { scene, appearance_builder, tools, .. } = self;
-        let appearance = appearance_builder.build(scene, &state.scene, &highlighted, state.clusters.as_ref(), tools);
+        let appearance = appearance_builder.build(scene, &state.scene, &highlighted, state.clusters.as_deref(), tools);
         self.draw(frame, &appearance)?;
         self.panels.numbers = self.appearance_builder.legend();
         self.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
@@ -246,19 +298,11 @@ impl VrView {
     fn draw(&mut self, frame: &mut Frame<'_>, appearance: &sg_scene::appearance::Appearance) -> Result<(), XrError> {
         let placement = self.interaction.placement();
         let darkened = self.comfort.step(&placement, &frame.head, std::mem::take(&mut self.jumped), frame.period);
-        let drawn = match &mut self.eyes {
-            Some(eyes) => eyes.draw(frame, &placement, appearance, (&self.tools, darkened))?,
-            none => {
-                let period = if frame.period > 0.0 { frame.period } else { FIRST_PERIOD };
-                match EyeRenderer::new(frame, &self.scene, period) {
-                    Ok(eyes) => {
-                        *none = Some(eyes);
-                        Ok(())
-                    }
-                    Err(error) => Err(error),
-                }
-            }
-        };
+        let period = if frame.period > 0.0 { frame.period } else { FIRST_PERIOD };
+        self.sight = Some(Sight { eyes: frame.eyes, placement, period });
+        // Without a renderer this frame shows the panels alone: see `prepare`.
+        let Some(eyes) = self.eyes.as_mut().filter(|eyes| self.is_prepared && eyes.is_ready()) else { return Ok(()) };
+        let drawn = eyes.draw(frame, &placement, appearance, (&self.tools, darkened), self.held)?;
         self.trouble_with(drawn);
         Ok(())
     }

@@ -371,7 +371,8 @@ impl SceneView {
     /// Shows the newest picture in `rect`, and wishes for another where `appearance` or the eye has changed.
     pub(super) fn show(&mut self, ui: &Ui, rect: Rect, appearance: &Appearance, state: &ViewState, tools: &Tools) {
         let cameras = self.cameras(rect, ui.ctx().pixels_per_point());
-        let outlines = state.clusters.clone().filter(|_| tools.display_mode == DisplayMode::Outlines);
+        let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines);
+        let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
         self.take_in(ui);
         let requested = PictureRequest { cameras, appearance: appearance.clone(), outlines: outlines.is_some() };
         let now = Instant::now();

@@ -216,7 +216,7 @@ impl WindowUi {
                 &self.scene,
                 &state.scene,
                 &highlighted,
-                state.clusters.as_ref(),
+                state.clusters.as_deref(),
                 &self.tools,
             );
             self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
@@ -416,7 +416,7 @@ impl WindowUi {
     /// Appearance of exported pictures: without provisional highlights, such as the preview of a stroke.
     fn export_appearance(&mut self, state: &ViewState) -> sg_scene::appearance::Appearance {
         let Self { scene, appearance_builder, tools, .. } = self;
-        appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_ref(), tools)
+        appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_deref(), tools)
     }
 
     fn export_picture(&mut self, state: &ViewState) {

@@ -33,6 +33,8 @@ pub struct Frame<'a> {
     pub(super) session: u64,
     pub(super) raw: [(xr::Posef, xr::Fovf); 2],
     pub(super) quads: Vec<Quad>,
+    /// Width and height of the drawn part of each eye's picture.
+    pub(super) part: [u32; 2],
     pub(super) eyes_drawn: bool,
     pub(super) depths_drawn: bool,
     /// The failed call: a lost runtime is not the error of `draw`.
@@ -54,6 +56,7 @@ impl<'a> Frame<'a> {
             seconds: seconds(time.as_nanos()),
             period: seconds(period.as_nanos()),
             recentred: std::mem::take(&mut xr_session.recentred),
+            part: xr_session.eyes.size,
             xr_session,
             session,
             raw: eye_views.raw,
@@ -74,6 +77,12 @@ impl<'a> Frame<'a> {
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         self.xr_session.eyes.size
+    }
+
+    /// Whether the person's hands are given to this session and not to the runtime's own menu.
+    #[must_use]
+    pub fn is_focused(&self) -> bool {
+        self.xr_session.state_machine.is_focused()
     }
 
     /// Texture format of eyes and panels, as [`super::Headset::format`].
@@ -112,6 +121,7 @@ impl<'a> Frame<'a> {
     /// [`XrError::Call`] when the runtime fails.
     pub fn draw_eyes<T>(&mut self, draw: impl FnOnce(&[wgpu::TextureView]) -> T) -> Result<T, XrError> {
         let done = self.xr_session.eyes.draw(draw);
+        self.part = self.xr_session.eyes.size;
         self.eyes_drawn |= done.is_ok();
         self.keep(done)
     }
@@ -120,10 +130,14 @@ impl<'a> Frame<'a> {
     /// [`Self::depth_format`]. It stores depths as [`sg_gpu::DepthLayer`] does. It gets no depth images if the runtime
     /// takes none.
     ///
+    /// `part` is the drawn width and height, at most [`Self::size`], from the upper left of each target. The runtime shows
+    /// that part alone, over the whole field of view: a picture of a lower resolution is resampled by the runtime only.
+    ///
     /// # Errors
     /// [`XrError::Call`] when the runtime fails.
     pub fn draw_eyes_and_depths<T>(
         &mut self,
+        part: [u32; 2],
         draw: impl FnOnce(&[wgpu::TextureView], &[wgpu::TextureView]) -> T,
     ) -> Result<T, XrError> {
         let XrSession { eyes, depths, .. } = &mut *self.xr_session;
@@ -131,9 +145,16 @@ impl<'a> Frame<'a> {
             Some((depths, _)) => depths.draw(|depths| eyes.draw(|eyes| draw(eyes, depths))).flatten(),
             None => eyes.draw(|eyes| draw(eyes, &[])),
         };
+        self.part = part;
         self.eyes_drawn |= done.is_ok();
         self.depths_drawn |= done.is_ok() && self.xr_session.depths.is_some();
         self.keep(done)
+    }
+
+    /// Width and height of the part of each eye's target that this frame shows.
+    #[must_use]
+    pub fn part(&self) -> [u32; 2] {
+        self.part
     }
 
     /// Whether this frame submits depths with its pictures.
@@ -189,12 +210,12 @@ impl<'a> Frame<'a> {
         });
         let xr_session = &mut *self.xr_session;
         let depths = xr_session.depths.as_ref().filter(|_| self.depths_drawn);
-        let depths =
-            depths.map(|(target, _)| [0, 1].map(|k| device::depth_of(target.sub_image(k), [DEPTH_NEAR, DEPTH_FAR])));
+        let depths = depths
+            .map(|(target, _)| [0, 1].map(|k| device::depth_of(target.part(k, self.part), [DEPTH_NEAR, DEPTH_FAR])));
         let views = [0, 1].map(|k| {
             let (pose, fov) = self.raw[k];
             let view = xr::CompositionLayerProjectionView::new().pose(pose).fov(fov);
-            let view = view.sub_image(xr_session.eyes.sub_image(k as u32));
+            let view = view.sub_image(xr_session.eyes.part(k as u32, self.part));
             match &depths {
                 Some(depths) => device::with_depth(view, &depths[k]),
                 None => view,

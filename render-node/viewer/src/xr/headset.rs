@@ -166,6 +166,12 @@ impl Headset {
         self.xr_session().map(|l| l.eyes.size)
     }
 
+    /// Format of the images for both eyes' depths, as [`Frame::depth_format`]; `None` also while the runtime is away.
+    #[must_use]
+    pub fn depth_format(&self) -> Option<wgpu::TextureFormat> {
+        self.xr_session().and_then(|l| l.depths.as_ref()).map(|(_, format)| format.wgpu)
+    }
+
     /// The origin of the room frame, at y = 0.
     #[must_use]
     pub fn origin(&self) -> Origin {

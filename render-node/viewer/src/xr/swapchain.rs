@@ -81,7 +81,13 @@ impl SwapchainTarget {
 
     /// The whole of one layer, for a composition layer.
     pub(super) fn sub_image(&self, layer: u32) -> xr::SwapchainSubImage<'_, xr::Vulkan> {
-        let [width, height] = self.size.map(|s| i32::try_from(s).unwrap_or(i32::MAX));
+        self.part(layer, self.size)
+    }
+
+    /// The upper left part of one layer with this width and height.
+    pub(super) fn part(&self, layer: u32, [width, height]: [u32; 2]) -> xr::SwapchainSubImage<'_, xr::Vulkan> {
+        let within = |part: u32, whole: u32| i32::try_from(part.clamp(1, whole.max(1))).unwrap_or(i32::MAX);
+        let [width, height] = [within(width, self.size[0]), within(height, self.size[1])];
         let rectangle = xr::Rect2Di { offset: xr::Offset2Di { x: 0, y: 0 }, extent: xr::Extent2Di { width, height } };
         xr::SwapchainSubImage::new().swapchain(&self.swapchain).image_array_index(layer).image_rect(rectangle)
     }

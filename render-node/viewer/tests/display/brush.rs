@@ -8,7 +8,7 @@ use sg_raster::structure::NO_CLUSTER;
 use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingModel};
 use sg_selection::brush::Brush;
-use sg_viewer::display::{BrushController, BrushMode, BrushSample, BrushSign, Request, Tools};
+use sg_viewer::display::{BrushController, BrushMode, BrushSample, BrushSign, Clusters, Request, Tools};
 
 /// Gaussians at x = 0, 1, 2, … of one base unit `row`.
 pub(crate) fn row_of_gaussians(n: usize) -> Scene {
@@ -79,9 +79,9 @@ fn a_surface_brush_has_a_depth_limit() {
 fn a_hovering_brush_previews_its_change() {
     let scene = row_of_gaussians(10);
     let (hand, none) = (hand(&scene), Mask::empty(10));
-    let labels: Vec<u32> = vec![0, 0, 0, 1, 1, 1, NO_CLUSTER, NO_CLUSTER, 2, 2];
+    let clusters = Clusters::new([0, 0, 0, 1, 1, 1, NO_CLUSTER, NO_CLUSTER, 2, 2].into());
     let seen = |mode, at, sign, selected: &Mask| {
-        ones(&hand.would_select(&tools(&scene, mode), tip(at), sign, selected, Some(&labels)))
+        ones(&hand.would_select(&tools(&scene, mode), tip(at), sign, selected, Some(&clusters)))
     };
     assert_eq!(seen(BrushMode::Point, 4.5, BrushSign::Add, &none), [4, 5]);
     assert_eq!(seen(BrushMode::Cluster, 4.5, BrushSign::Add, &none), [3, 4, 5]);

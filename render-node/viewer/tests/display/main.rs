@@ -1,9 +1,10 @@
 //! The work of a display beside drawing: brushes, drafts, levels.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and says what it measured")]
 
 mod brush;
 mod drafts;
 mod parameter_drag;
+mod quality;
 #[cfg(feature = "xr")]
 mod sticks;

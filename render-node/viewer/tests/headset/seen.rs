@@ -114,6 +114,67 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
     compare(&committed, &rgb);
 }
 
+/// The runtime shows the drawn part of the images over the whole view, and nothing of the rest.
+#[test]
+fn a_part_of_the_images_fills_the_view() {
+    run_inside("seen::inside_a_part_of_the_images_fills_the_view");
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_a_part_of_the_images_fills_the_view() {
+    if !is_inside() {
+        return;
+    }
+    let screen = Screen::start(SIZE);
+    let _runtime = Runtime::start(&Display::X(&screen));
+    let _puppet = Puppet::connect();
+    let mut headset = Headset::open(Options { resolution: 0.3, ..Options::default() }).unwrap();
+    let gpu = headset.gpu().unwrap().clone();
+    let mut present = Present::new(&gpu, headset.format().unwrap());
+    // Makes frames until the screen shows them, and counts the pixels of a colour and those of the rest of the images.
+    let mut seen = |channel: usize, part: fn(u32) -> u32| {
+        let rgba = [0, 1, 2, 3].map(|k| if k == channel || k == 3 { 1.0 } else { 0.0 }).to_vec();
+        let picture = present.upload(&sg_raster::image::Image { width: 1, height: 1, rgba });
+        let begun = Instant::now();
+        let mut after = 0;
+        loop {
+            assert!(begun.elapsed().as_secs() < 90, "the screen shows something else");
+            let step = headset.frame(|frame| {
+                let part = frame.size().map(part);
+                frame.draw_eyes_and_depths(part, |targets, _| {
+                    let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                    for target in targets {
+                        let rest = wgpu::LoadOp::Clear(wgpu::Color::RED);
+                        present.encode(&mut encoder, &picture, target, [0, 0, part[0], part[1]], rest);
+                    }
+                    gpu.submit([encoder.finish()]);
+                })?;
+                assert_eq!(frame.part(), part);
+                Ok::<(), XrError>(())
+            });
+            if step.unwrap() != FrameOutcome::Shown {
+                std::thread::sleep(PAUSE);
+                continue;
+            }
+            let (_, _, rgb) = screen.picture();
+            let count = |is: &dyn Fn(&[u8]) -> bool| rgb.chunks_exact(3).filter(|p| is(p)).count();
+            let counts = [count(&|p| p[channel] > 200 && p[0] < 50), count(&|p| p[0] > 100)];
+            after += u32::from(counts[0] > 50_000);
+            if after > 3 {
+                return counts;
+            }
+        }
+    };
+    let [whole, none] = seen(1, |pixels| pixels);
+    let [half, red] = seen(2, |pixels| pixels / 2);
+    println!("{whole} pixels of whole images, {half} of halves; {none} and {red} of the rest");
+    // The edge of the part may be blended with what lies beyond it.
+    let edge = (SIZE[0] + SIZE[1]) as usize * 4;
+    assert!(none == 0 && red <= edge && half + edge >= whole && half <= whole + edge);
+    gpu.check().unwrap();
+}
+
 /// A window shows the headset's content on the headset's own device.
 #[test]
 fn a_window_mirrors_the_headset() {

@@ -13,7 +13,9 @@ use sg_proto::selection::{Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
-use sg_viewer::display::{Conversation, Entry, Notice, ServiceAvailability, Tools, ViewState, WalkCapabilities};
+use sg_viewer::display::{
+    Clusters, Conversation, Entry, Notice, ServiceAvailability, Tools, ViewState, WalkCapabilities,
+};
 use sg_viewer::panels::{Output, Panel, PanelHost, Panels, legend, theme};
 use sg_volume::phantom;
 
@@ -71,7 +73,7 @@ pub(crate) fn shown() -> ViewState {
         selected: Arc::clone(state.selection().mask()),
         undo: ["saved the selection as neck: 80 Gaussians", "coloured sac #0072b2"].map(str::to_owned).into(),
         redo: ["hid tissue".to_owned()].into(),
-        clusters: Some((0..scene.len()).map(|i| (i / 50) as u32).collect()),
+        clusters: Some(Arc::new(Clusters::new((0..scene.len()).map(|i| (i / 50) as u32).collect()))),
         conversation: Arc::new(talk),
         services: ServiceAvailability { scene: true, selection: true, agents: true },
         notices: [
