@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs on a Debian machine what `ops/check` needs and the machine lacks: a C compiler, git, `ip`, a Vulkan driver made
+# Installs on a Debian machine what `ops/check` needs and the machine lacks: compilers of C and C++, git, `ip`, a Vulkan driver made
 # of processor cores (lavapipe), a display without a screen (Xvfb) and what presses its keys (xdotool), ffmpeg, cargo-nextest,
 # cargo-deny, buf, the Python environment of the tests (ops/python.sh) and their OpenXR runtime (ops/monado.sh). Does nothing
 # where everything is there; the Rust toolchain itself comes from rustup.
@@ -16,6 +16,7 @@ fi
 
 packages=()
 have cc || packages+=(gcc libc6-dev)
+have c++ || packages+=(g++)
 have git || packages+=(git)
 have ip || packages+=(iproute2)
 have Xvfb || packages+=(xvfb)

@@ -24,7 +24,6 @@ use crate::display::has_display;
 use crate::input::{GAUSSIANS, Input, Scene};
 use crate::opener::CommandOpener;
 use crate::playback::{Player, Settings};
-use crate::script::Step;
 use crate::shipped::{self, DESKTOP, HEADLESS, Shipped};
 use crate::strokes::read_script;
 use crate::supervisor_client::wait_until_ready;
@@ -33,6 +32,7 @@ use crate::up::outcome;
 use outputs::{OutputFolder, PROJECT};
 use staging::Staging;
 use summary::Summary;
+use supergaussian::script::Step;
 
 /// Prefix of the names of demo sessions. The process id follows.
 const SESSION: &str = "demo-";
@@ -241,9 +241,9 @@ fn forget_dead_demos() {
 mod tests {
     use super::*;
     use crate::input::SHIPPED_VOLUMES;
-    use crate::script;
     use crate::shipped::DENSEST;
     use crate::strokes::read_strokes;
+    use supergaussian::script;
 
     #[test]
     fn every_shipped_script_is_good_and_complete() {

@@ -21,7 +21,6 @@ mod playback;
 mod projects;
 mod reload;
 mod say;
-mod script;
 mod session_name;
 mod shipped;
 mod strokes;

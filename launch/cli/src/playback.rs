@@ -24,11 +24,11 @@ use sg_stack::spawn;
 
 use crate::capture::keep_picture;
 use crate::decode::Decoder;
-use crate::script::Step;
 use crate::strokes::read_strokes;
 use crate::supervisor_client::services;
 use crate::terminal::{self, Failure, format_count, format_time};
 use crate::transcript::Transcript;
+use supergaussian::script::Step;
 
 /// Longest wait for the view's picture after a change.
 const VIEW_TIME: Duration = Duration::from_secs(20);

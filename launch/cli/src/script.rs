@@ -30,7 +30,7 @@ const MAX_STEPS: usize = 1000;
 
 /// One step.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Step {
+pub enum Step {
     /// Play strokes.
     Strokes {
         /// File of strokes.
@@ -61,7 +61,7 @@ pub(crate) enum Step {
 ///
 /// # Errors
 /// All mistakes, with their places.
-pub(crate) fn read(path: &Path, text: &str) -> Result<Vec<Step>, Problems> {
+pub fn read(path: &Path, text: &str) -> Result<Vec<Step>, Problems> {
     let mut problems = Vec::new();
     let steps = match document::parse(text) {
         Ok(table) => steps(&table, path, &mut problems),

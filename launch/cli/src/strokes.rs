@@ -7,10 +7,10 @@ use sg_input::limits::{SMALL_TEXT_BYTES, TEXT_BYTES};
 use sg_proto::scene::SelectionStep;
 use sg_proto::stroke_file::{self, Limits};
 
-use crate::script::{self, Step};
 use crate::shipped::DENSEST;
 use crate::terminal::{CommandResult, Failure};
 use crate::text_file::read_text;
+use supergaussian::script::{self, Step};
 
 /// Reads a script and all stroke files that it names, so that mistakes show before slow work.
 pub(crate) fn read_script(path: &Path) -> Result<Vec<Step>, Failure> {

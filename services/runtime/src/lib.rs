@@ -54,4 +54,4 @@ pub mod scene_replica;
 pub mod session;
 pub mod telemetry;
 pub mod trace;
-mod wire;
+pub mod wire;

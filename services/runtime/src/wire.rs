@@ -4,9 +4,11 @@ use std::sync::LazyLock;
 
 use prost::{Message, Name};
 use sg_proto::bus::Envelope;
+use sg_proto::keys::Identity;
 use sg_proto::limits::{MAX_ENVELOPE_BYTES, MAX_MESSAGE_BYTES};
 use zenoh::bytes::{Encoding, ZBytes};
 
+use crate::context::Context;
 use crate::fault::Fault;
 
 /// BLAKE3 of the compiled schema, hexadecimal.
@@ -68,4 +70,21 @@ pub(crate) fn envelope(attachment: Option<&ZBytes>) -> Result<Envelope, Fault> {
         )));
     }
     Envelope::decode(&*attachment.to_bytes()).map_err(|e| Fault::invalid(format!("malformed envelope: {e}")))
+}
+
+/// A message and its context, from the parts that travel: as every receiver of the bus decodes them.
+///
+/// `identity` is the sender by the message's key (`sg_proto::keys::split`). The caller checks it, as well as roles and epochs.
+///
+/// # Errors
+/// A wrong encoding, a message over its limit, or bytes that are no such message.
+pub fn received<M: Message + Name + Default>(
+    encoding_name: &str,
+    payload: &[u8],
+    attachment: Option<&[u8]>,
+    identity: Option<Identity>,
+) -> Result<(M, Context), Fault> {
+    let envelope = envelope(attachment.map(ZBytes::from).as_ref())?;
+    let message = decode(&Encoding::from(encoding_name), &ZBytes::from(payload))?;
+    Ok((message, Context::from_envelope(envelope, identity)))
 }

@@ -23,7 +23,6 @@ use tokio::sync::watch;
 use crate::densest_strokes;
 use crate::input::Input;
 use crate::playback::Counts;
-use crate::script;
 use crate::shipped::{self, DENSEST, HEADLESS};
 use crate::strokes::read_script;
 use crate::supervisor_client::wait_until_ready;
@@ -34,6 +33,7 @@ use plan::Fault;
 use report::{Report, Verdict};
 use session::{FaultGate, SessionResult, SessionSettings, SessionStep};
 use stack::Stack;
+use supergaussian::script;
 
 /// Longest time for a supervisor to open its session.
 const OPEN_TIME: Duration = Duration::from_secs(30);

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::script::Step;
 use sg_proto::keys;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{ChangesRequest, DeleteUnit, Reset, Select, State, Target};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
+use supergaussian::script::Step;
 use tokio::sync::watch;
 
 use crate::playback::{AcknowledgedChange, Counts, Player, Settings};

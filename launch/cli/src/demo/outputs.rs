@@ -7,9 +7,9 @@ use sg_input::file;
 use sg_input::limits::SMALL_TEXT_BYTES;
 
 use crate::playback::picture_base;
-use crate::script::Step;
 use crate::terminal::{self, Failure};
 use crate::transcript;
+use supergaussian::script::Step;
 
 /// Lists the files that the demo wrote into its folder.
 const MANIFEST: &str = "demo-files.json";

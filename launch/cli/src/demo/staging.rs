@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use super::outputs::OutputFolder;
 use crate::densest_strokes;
 use crate::input::{Input, Scene};
-use crate::script::Step;
+use supergaussian::script::Step;
 use crate::shipped::{self, DENSEST, Shipped};
 use crate::subcommands::json_of;
 use crate::terminal::Failure;

@@ -271,6 +271,19 @@ fn the_longest_utterances_are_parsed_quickly() {
     }
 }
 
+/// A list of names that no command takes was once read again from each of its names: 250 bytes took seconds.
+#[test]
+fn a_list_without_a_verb_is_read_a_bounded_number_of_times() {
+    let observation = observation(&["sac", "vessel"], true);
+    for text in ["sac and ", "sac, ", "the sac and the bag and it, "].map(|part| part.repeat(4096 / part.len())) {
+        let intent = grammar::parse(&text, &observation).unwrap();
+        assert!(!intent.not_understood.is_empty() && intent.clauses.is_empty(), "{intent:?}");
+    }
+    let list = ["sac", "vessel"].repeat(12).join(" and ");
+    let intent = grammar::parse(&format!("hide the {list}"), &observation).unwrap();
+    assert_eq!((intent.clauses.len(), intent.not_understood.len()), (1, 0), "{intent:?}");
+}
+
 #[test]
 fn help_names_the_units_of_the_scene() {
     let help = commands::help(&["leaves", "pot"]);

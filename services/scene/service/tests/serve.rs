@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
+#[path = "serve/random_clients.rs"]
+mod random_clients;
 mod support;
 
 use std::collections::BTreeMap;

@@ -19,6 +19,7 @@
 mod sentence;
 mod suggest;
 
+use std::cell::Cell;
 use std::sync::LazyLock;
 
 use sg_proto::language::{Intent, Observation};
@@ -32,6 +33,9 @@ use crate::unit_names;
 use sentence::{OpeningIndex, Sentence};
 
 static OPENINGS: LazyLock<OpeningIndex> = LazyLock::new(OpeningIndex::of_table);
+
+/// Largest number of readings of targets in one utterance. A sentence takes some hundreds.
+const MAX_READINGS: usize = 20_000;
 
 /// Name of this backend.
 pub const NAME: &str = "grammar";
@@ -73,6 +77,7 @@ pub fn parse(text: &str, observation: &Observation) -> Result<Intent, UtteranceE
             opening_lemmas: &OPENINGS.first_lemmas,
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
             view: scene.and_then(|s| s.view.as_ref()),
+            readings_left: Cell::new(MAX_READINGS),
         };
         let tokens: Vec<&token::Token> = tokens.iter().collect();
         sentence::parse(&OPENINGS, Input { input: TokenSlice::new(&tokens), state: &context })

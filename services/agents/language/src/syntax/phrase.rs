@@ -1,5 +1,7 @@
 //! Parsers of words, phrases, colours and the end of a clause.
 
+use std::cell::Cell;
+
 use sg_proto::scene::Color;
 use winnow::Parser;
 use winnow::combinator::{opt, repeat};
@@ -23,6 +25,9 @@ pub(crate) struct ParseContext<'t> {
     pub(crate) has_selection: bool,
     /// The current viewpoint.
     pub(crate) view: Option<&'t sg_proto::scene::View>,
+    /// Readings of targets that may still be tried in this utterance. Without a limit, a long list of names that no command
+    /// takes would be read again from each of its names for seconds.
+    pub(crate) readings_left: Cell<usize>,
 }
 
 /// The remaining tokens.

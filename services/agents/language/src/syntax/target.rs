@@ -89,13 +89,18 @@ static SENTENCE_WORDS: LazyLock<BTreeSet<&str>> = LazyLock::new(|| listed(NOT_IN
 /// All readings of the target that begins here, the most likely first, each with the rest of the input.
 pub(crate) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
     let mut all = Vec::new();
+    if input.state.readings_left.get() == 0 {
+        return all;
+    }
     let mut start = *input;
     let both: Outcome<Option<_>> = opt(exactly("both")).parse_next(&mut start);
     if both.is_ok() {
         whole(&start, &mut all);
         list(&start, &Target::default(), 0, &mut all);
     }
-    all.truncate(MAX_READINGS);
+    let left = &input.state.readings_left;
+    all.truncate(MAX_READINGS.min(left.get()));
+    left.set(left.get() - all.len());
     all
 }
 

@@ -1,5 +1,8 @@
 //! Scene files for tests that start processes.
 
+#[allow(dead_code, reason = "each test binary uses what it needs")]
+pub(crate) mod random_actions;
+
 use std::fmt::Write as _;
 use std::path::Path;
 

@@ -1,0 +1,3 @@
+//! What the selection process shares with tests: graphs for a random walk.
+
+pub mod graph_file;

@@ -1,0 +1,75 @@
+//! Volumes and transfer functions.
+
+use std::path::Path;
+
+use sg_volume::{TransferFunction, automatic_transfer_function, read_volume};
+
+use super::accepted;
+use crate::parts::Parts;
+use crate::stage::Stage;
+
+/// Volumes of more voxels are not looked into.
+const MAX_VOXELS: usize = 4096;
+
+/// The first block is the name: it tells the size and the type.
+pub(crate) fn raw(stage: &Stage, input: &[u8]) -> bool {
+    let mut parts = Parts(input);
+    let name: String =
+        parts.block().iter().take(100).map(|b| char::from(*b)).filter(|c| !matches!(c, '/' | '\0')).collect();
+    let name = format!("in_{name}");
+    let accepted = volume(&stage.write(&name, parts.rest()));
+    stage.remove(&name);
+    accepted
+}
+
+pub(crate) fn nrrd(stage: &Stage, input: &[u8]) -> bool {
+    volume(&stage.write("in.nrrd", input))
+}
+
+/// The first block is the header; the rest lies beside it, in files of several names.
+pub(crate) fn nhdr(stage: &Stage, input: &[u8]) -> bool {
+    let mut parts = Parts(input);
+    let header = parts.block();
+    stage.write("data.raw", parts.rest());
+    volume(&stage.write("in.nhdr", header))
+}
+
+pub(crate) fn vti(stage: &Stage, input: &[u8]) -> bool {
+    volume(&stage.write("in.vti", input))
+}
+
+pub(crate) fn nifti(stage: &Stage, input: &[u8]) -> bool {
+    volume(&stage.write("in.nii", input))
+}
+
+pub(crate) fn nifti_gzip(stage: &Stage, input: &[u8]) -> bool {
+    volume(&stage.write("in.nii.gz", input))
+}
+
+fn volume(path: &Path) -> bool {
+    let volume = match read_volume(path) {
+        Ok(volume) => volume,
+        Err(error) => {
+            assert!(!error.to_string().is_empty());
+            return false;
+        }
+    };
+    let voxels: usize = volume.grid().dims().into_iter().product();
+    assert_eq!(voxels, volume.scalars().len());
+    if voxels <= MAX_VOXELS {
+        let field = volume.to_field();
+        if let Ok(function) = automatic_transfer_function(&field, volume.variable()) {
+            assert_eq!(function.check(), Ok(()), "an automatic transfer function is right");
+        }
+    }
+    true
+}
+
+pub(crate) fn transfer_function(stage: &Stage, input: &[u8]) -> bool {
+    let path = stage.write("tf.json", input);
+    let Some(loaded) = accepted(TransferFunction::load(&path), &path) else { return false };
+    let text = loaded.function.to_json().unwrap();
+    let again = TransferFunction::load(&stage.write("copy.json", text.as_bytes()));
+    assert_eq!(again.unwrap().function, loaded.function, "a transfer function reads back");
+    true
+}
