@@ -3,6 +3,12 @@
 //!
 //!     cargo bench --workspace --bench rendering -- --out measured
 //!
+//! With a walk-through (`tests/benches/walks`) it prints for each pose the decibels against the ray-consistent reference, the pairs
+//! of a Gaussian and a tile and the milliseconds, and with a volume the decibels against ray marching of it:
+//!
+//!     cargo bench --workspace --bench rendering -- --scene bonsai/scene.toml --walk tests/benches/walks/bonsai.txt \
+//!         --size 800x600 --volume bonsai_256x256x256_uint8.raw.zst --transfer-function launch/demo/bonsai.tf.json
+//!
 //! Each scene is turned once around for each row; before that the same turn is drawn unmeasured. Wall time is that of a
 //! picture the device has finished; nothing is read back. The error is the worst over views of that turn, against `exact`.
 
@@ -24,13 +30,19 @@ use sg_formats::save::{SaveOptions, save};
 use sg_gpu::{DeviceClass, Gpu, PassSeconds, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
-use sg_raster::render::{Quality, render};
+use sg_raster::render::{Projection, Quality, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_scene::{camera_motion, framing};
 use sg_tests::bench::quantile;
 use sg_tests::shells::{Look, shells};
+use sg_tests::walk::Walk;
+use sg_volume::classifier::Classifier;
+use sg_volume::dvr::{self, Lighting, Pinhole};
+use sg_volume::field::Field;
+use sg_volume::read::read_volume;
+use sg_volume::transfer::TransferFunction;
 
 /// Distance between two eyes as a share of the distance to the object in view: 63 mm at 1.5 m.
 const EYES_APART: f64 = 0.042;
@@ -43,6 +55,21 @@ struct Arguments {
     /// Sizes: `1032x1104` for one eye, `2x2064x2208` for two.
     #[arg(long = "size", default_values = ["1032x1104", "2x2064x2208"])]
     sizes: Vec<String>,
+    /// A walk-through of the scene instead of a turn.
+    #[arg(long)]
+    walk: Option<PathBuf>,
+    /// The volume of the scene, for the walk-through.
+    #[arg(long, requires = "walk", requires = "transfer_function")]
+    volume: Option<PathBuf>,
+    /// Its transfer function.
+    #[arg(long, requires = "volume")]
+    transfer_function: Option<PathBuf>,
+    /// Vertical field of view of the walk-through, degrees.
+    #[arg(long, default_value_t = 80.0)]
+    field_of_view: f64,
+    /// Folder for the pictures of the walk-through.
+    #[arg(long, requires = "walk")]
+    pictures: Option<PathBuf>,
     /// Pictures of one turn.
     #[arg(long, default_value_t = 24)]
     frames: usize,
@@ -254,9 +281,105 @@ fn read(path: &Path) -> Image {
     Image { width, height, rgba: npy.into_vec().unwrap() }
 }
 
+/// The picture that ray marching makes of a scene's volume, with the light at the eye and the factors of the scene's first
+/// Gaussian.
+struct Marched {
+    field: Field,
+    classifier: Classifier,
+    lighting: Lighting,
+}
+
+impl Marched {
+    fn new(volume: &Path, transfer_function: &Path, scene: &Scene) -> Self {
+        let field = read_volume(volume).unwrap().to_field();
+        let function = TransferFunction::load(transfer_function).unwrap().function;
+        let classifier = function.classifier(field.range()).unwrap();
+        let first = |k: &[f32]| k.first().copied().unwrap_or_default();
+        let shading = scene.units.first().and_then(|u| u.gaussians.shading.as_ref());
+        let lighting = shading.map_or(Lighting::Unlit, |s| Lighting::Headlight {
+            ambient: first(&s.ambient),
+            diffuse: first(&s.diffuse),
+            specular: first(&s.specular),
+            shininess: first(&s.shininess),
+        });
+        Self { field, classifier, lighting }
+    }
+
+    fn picture(&self, camera: &Camera) -> Image {
+        let pinhole = Pinhole {
+            width: camera.width as usize,
+            height: camera.height as usize,
+            focal: [camera.fx, camera.fy],
+            center: [camera.cx, camera.cy],
+            world_to_camera: camera.view(),
+        };
+        let drawn = dvr::render(&self.field, &self.classifier, &pinhole, self.lighting, camera.background(), 0.5);
+        Image { width: camera.width, height: camera.height, rgba: drawn.pixels.into_flattened() }
+    }
+}
+
+/// Prints a table of a walk-through, and the least decibels of each renderer.
+fn walk(arguments: &Arguments, path: &Path, gpu: Option<&Gpu>) {
+    let walk = Walk::parse(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let name = arguments.scenes.first().unwrap();
+    let scene = load(Path::new(name), &LoadOptions::default()).unwrap().scene;
+    let marched = arguments.volume.as_ref().zip(arguments.transfer_function.as_ref());
+    let marched = marched.map(|(volume, function)| Marched::new(volume, function, &scene));
+    let (width, height) = arguments.sizes.first().unwrap().split_once('x').unwrap();
+    let size = [width.parse().unwrap(), height.parse().unwrap()];
+    let look = Appearance { background: glam::Vec3::splat(0.2), ..Appearance::of(&scene) };
+    let mut renderer = gpu.map(|gpu| Renderer::new(gpu, &scene).unwrap());
+    println!("{name}, {} Gaussians, {width} x {height}", scene.len());
+    println!(
+        "| pose | renderer | dB, footprint | pairs | ms | dB to ray marching |\n| --- | --- | --- | --- | --- | --- |"
+    );
+    let mut least = std::collections::BTreeMap::<&str, f64>::new();
+    for (k, camera) in walk.cameras(arguments.field_of_view, size).enumerate() {
+        let by_rays = sg_raster::render::Options { quality: Quality::Exact, projection: Projection::PerRay };
+        let exact = render(&scene, &look, &camera, by_rays).unwrap().image;
+        let marched = marched.as_ref().map(|marched| marched.picture(&camera));
+        let keep = |what: &str, image: &Image| {
+            if let Some(folder) = &arguments.pictures {
+                std::fs::create_dir_all(folder).unwrap();
+                image.save(&folder.join(format!("{k}-{what}.png"))).unwrap();
+            }
+        };
+        keep("rays", &exact);
+        marched.iter().for_each(|image| keep("marched", image));
+        let mut row = |what: &'static str, image: &Image, pairs: u64, ms: f64| {
+            let db = Difference::between(image, &exact).unwrap().footprint_psnr_db;
+            let volume = marched
+                .as_ref()
+                .map_or_else(String::new, |m| format!("{:.1}", Difference::between(image, m).unwrap().psnr_db));
+            println!("| {k} | {what} | {db:.1} | {pairs} | {ms:.0} | {volume} |");
+            let worst = least.entry(what).or_insert(f64::INFINITY);
+            *worst = worst.min(db);
+            keep(what, image);
+        };
+        for (what, quality) in [("exact", Quality::Exact), ("cores", Quality::Standard)] {
+            let drawn = render(&scene, &look, &camera, quality).unwrap();
+            row(what, &drawn.image, drawn.report.tile_pairs, 1e3 * drawn.report.seconds.total);
+        }
+        if let Some(renderer) = &mut renderer {
+            for (what, rasterizer) in [("tiles", Rasterizer::Tiles), ("quads", Rasterizer::Quads)] {
+                let settings = Settings { rasterizer, ..Settings::default() };
+                let cameras = std::slice::from_ref(&camera);
+                let (images, stats) = renderer.picture(cameras, &look, settings).unwrap();
+                let began = Instant::now();
+                renderer.draw_complete(cameras, &look, settings).unwrap();
+                row(what, &images[0], stats.tile_pairs.into(), 1e3 * began.elapsed().as_secs_f64());
+            }
+        }
+    }
+    println!("least: {least:.1?}");
+}
+
 fn main() {
     let arguments = Arguments::parse();
     let gpu = Gpu::open(DeviceClass::Any).inspect_err(|e| println!("SKIPPED on the device: {e}")).ok();
+    if let Some(path) = &arguments.walk {
+        return walk(&arguments, path, gpu.as_ref());
+    }
     let chosen = |name: &str| arguments.only.is_empty() || arguments.only.iter().any(|o| name.contains(o.as_str()));
     let mut rows = Vec::new();
     println!("{}", heading(gpu.as_ref()));

@@ -1,10 +1,11 @@
-//! Brushing the sac of the made vessel tree: the walk finds the sac regardless of the hand's exact path.
+//! The made vessel tree. Brushing its sac: the walk finds the sac regardless of the hand's exact path. Walking through it: every
+//! renderer follows the rays.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by its helpers and prints what it measured")]
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DMat4, DVec3, Vec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
@@ -12,11 +13,18 @@ use sg_clusters::clustering::{ClusteringOptions, cluster};
 use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::Silent;
 use sg_fit::direct::{Options, direct_start};
+use sg_gpu::{DeviceClass, Gpu, Rasterizer, Renderer, Settings};
+use sg_raster::image::Image;
+use sg_raster::image_error::Difference;
+use sg_raster::render::{Projection, Quality, render};
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_selection::mask_agreement::Agreement;
 use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::session::SelectionSession;
 use sg_selection::strokes::{Kind, Mode, Stroke};
+use sg_tests::walk::Walk;
 use sg_volume::phantom::{VesselTree, transfer_function};
 
 const SIZE: usize = 96;
@@ -119,5 +127,57 @@ fn the_sac_is_selected_from_both_strokes_and_from_the_green_one_alone() {
             "{name}: IoU with the sac over {STROKES} strokes: least {least:.3}, median {median:.3}, greatest {greatest:.3}"
         );
         assert!(median >= 0.9, "{name}: median {median}");
+    }
+}
+
+/// The scene of the committed walk-through: 128 voxels along an edge.
+fn walked() -> (Scene, Appearance, Walk) {
+    let volume = VesselTree::new().rasterize(128, 0).unwrap().volume().unwrap();
+    let options = Options { gaussians: 100_000, ..Options::default() };
+    let scene = direct_start(&volume.to_field(), &transfer_function(), &options, |_| ()).unwrap().scene;
+    let look = Appearance { background: Vec3::splat(0.2), ..Appearance::of(&scene) };
+    (scene, look, Walk::parse(include_str!("../benches/walks/vessel.txt")).unwrap())
+}
+
+fn by_rays(scene: &Scene, look: &Appearance, camera: &Camera) -> Image {
+    let options = sg_raster::render::Options { quality: Quality::Exact, projection: Projection::PerRay };
+    render(scene, look, camera, options).unwrap().image
+}
+
+#[test]
+fn every_renderer_follows_the_rays_on_a_walk_through_the_vessels() {
+    let (scene, look, walk) = walked();
+    let required = std::env::var("SUPERGAUSSIAN_REQUIRE_GPU").is_ok_and(|v| v == "1");
+    let gpu = Gpu::open(DeviceClass::Any).inspect_err(|e| assert!(!required, "{e}")).ok();
+    let mut renderer = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
+    for (k, camera) in walk.cameras(60.0, [480, 400]).enumerate().skip(2) {
+        let want = by_rays(&scene, &look, &camera);
+        let check = |what: &str, got: &Image, pairs: u64| {
+            let d = Difference::between(got, &want).unwrap();
+            println!("pose {k} {what:7}: {:.1} dB, footprint {:.1} dB, {pairs} pairs", d.psnr_db, d.footprint_psnr_db);
+            assert!(d.footprint_psnr_db >= 40.0 && d.psnr_db >= 40.0, "pose {k} {what}: {d:?}");
+            // Gaussians beside the eye do not cover the picture.
+            assert!(pairs <= 3 * scene.len() as u64, "pose {k} {what}: {pairs} pairs");
+        };
+        for (what, quality) in [("exact", Quality::Exact), ("cores", Quality::Standard)] {
+            let drawn = render(&scene, &look, &camera, quality).unwrap();
+            check(what, &drawn.image, drawn.report.tile_pairs);
+        }
+        if let Some(renderer) = &mut renderer {
+            for (what, rasterizer) in [("tiles", Rasterizer::Tiles), ("quads", Rasterizer::Quads)] {
+                let settings = Settings { rasterizer, ..Settings::default() };
+                let (images, stats) = renderer.picture(std::slice::from_ref(&camera), &look, settings).unwrap();
+                check(what, &images[0], stats.tile_pairs.into());
+            }
+            // Two eyes share one order, that of the point between them.
+            let eyes = [-0.4, 0.4].map(|x| {
+                let moved = DMat4::from_translation(DVec3::new(-x, 0.0, 0.0)) * camera.view();
+                Camera { world_to_camera: moved.transpose().to_cols_array(), ..camera.clone() }
+            });
+            let (images, stats) = renderer.picture(&eyes, &look, Settings::default()).unwrap();
+            let d = Difference::between(&images[0], &by_rays(&scene, &look, &eyes[0])).unwrap();
+            println!("pose {k} of two: footprint {:.1} dB, {} pairs", d.footprint_psnr_db, stats.tile_pairs);
+            assert!(d.footprint_psnr_db >= 40.0, "pose {k}, left eye of two: {d:?}");
+        }
     }
 }

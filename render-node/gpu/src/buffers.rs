@@ -11,9 +11,15 @@ use crate::ray_tiles::RAY_TILE;
 use crate::resources::Resources;
 use crate::scene_buffers::SceneBuffers;
 use crate::shader_layout::{
-    DispatchArguments, Dispatches, Ellipse, Level, MARK_WORDS, PartRange, RayCoefficients, Tint, Totals,
+    DispatchArguments, Dispatches, Ellipse, Level, MARK_WORDS, NearRay, PartRange, RayCoefficients, Tint, Totals,
 };
 use crate::textures::picture_texture;
+
+/// Limit of the Gaussians that rays evaluate in the affine mode. Those are large in the picture: so many are never in view.
+const NEAR_RAYS: u64 = 1 << 20;
+
+/// Bytes before the first [`NearRay`]: their number, aligned.
+pub(super) const NEAR_RAYS_HEAD: u64 = 16;
 
 /// Projected splats, all views of one list after another.
 struct SplatBuffers {
@@ -25,6 +31,8 @@ struct SplatBuffers {
     tints: wgpu::Buffer,
     /// [`RayCoefficients`]; empty in the affine mode.
     rays: wgpu::Buffer,
+    /// The number of [`NearRay`]s, then those; of one in the ray-consistent mode.
+    near_rays: wgpu::Buffer,
 }
 
 /// Buffers whose size depends on the scene and the number of views.
@@ -82,6 +90,12 @@ impl WorkBuffers {
                 ellipses: splats("ellipses", Ellipse::SHADER_SIZE),
                 levels: splats("levels", Level::SHADER_SIZE),
                 tints: splats("tints", Tint::SHADER_SIZE),
+                near_rays: gpu.storage(
+                    "near rays",
+                    NEAR_RAYS_HEAD
+                        + NearRay::SHADER_SIZE.get()
+                            * if per_ray { 1 } else { NEAR_RAYS.min(capacity * u64::from(views)) },
+                ),
                 rays: if per_ray { splats("rays", RayCoefficients::SHADER_SIZE) } else { gpu.storage("rays", 0) },
             },
             depth_keys: SortBuffers::new(gpu, "depths", capacity),
@@ -93,9 +107,14 @@ impl WorkBuffers {
         (self.views, self.per_ray) == (views, per_ray)
     }
 
+    /// The number of Gaussians that rays evaluate in the affine mode, in the first bytes.
+    pub(super) fn near_rays(&self) -> &wgpu::Buffer {
+        &self.splats.near_rays
+    }
+
     /// The buffers by name.
     pub(super) fn resources(&self) -> Resources<'_> {
-        let SplatBuffers { ellipses, levels, tints, rays } = &self.splats;
+        let SplatBuffers { ellipses, levels, tints, rays, near_rays } = &self.splats;
         Resources::of([
             ("marked", &self.marked),
             ("block_counts", &self.block_counts),
@@ -109,6 +128,7 @@ impl WorkBuffers {
             ("levels", levels),
             ("tints", tints),
             ("rays", rays),
+            ("near_rays", near_rays),
             ("depth_keys", &self.depth_keys.keys[0]),
             ("depth_places", &self.depth_keys.values[0]),
         ])

@@ -44,6 +44,7 @@ pub(super) fn frame_uniform(
         alpha_ratio: ratio as f32,
         least_transmittance: stop,
         near_plane: NEAR as f32,
+        near: cameras.first().map_or(0.0, |c| c.near) as f32,
         size: size.into(),
         tiles: tile_count(size, settings.sort_window().is_some()).into(),
         capacity: work.capacity as u32,

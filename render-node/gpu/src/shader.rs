@@ -11,6 +11,9 @@ use crate::shader_layout::declarations;
 /// Functions of many passes.
 const FRAME: &str = include_str!("shaders/frame.wgsl");
 
+/// Functions of Gaussians near the eye.
+const NEARNESS: &str = include_str!("shaders/nearness.wgsl");
+
 /// A prefix sum over a workgroup.
 const SCAN: &str = include_str!("shaders/workgroup_scan.wgsl");
 
@@ -32,7 +35,7 @@ pub(super) struct Shader {
 impl Shader {
     /// A module of the shared declarations, then `parts`. As with every error of wgpu, [`Gpu::check`] reports invalid text.
     pub(super) fn new(gpu: &Gpu, label: &str, parts: &[&str]) -> Self {
-        let text = [&[&declarations(), FRAME, SCAN], parts].concat().join("\n");
+        let text = [&[&declarations(), FRAME, NEARNESS, SCAN], parts].concat().join("\n");
         let uses = resources_of(&text);
         let source = wgpu::ShaderSource::Wgsl(text.into());
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source });

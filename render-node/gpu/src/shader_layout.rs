@@ -4,6 +4,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DMat4, DVec3, Mat3, UVec2, Vec2, Vec3, Vec4};
+use sg_raster::nearness;
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::Camera;
 use sg_scene::model::ShadingModel;
@@ -40,6 +41,19 @@ shared_constants! {
     SURFACE: f32 = sg_raster::pick::SURFACE as f32;
     /// Numbers of a Gaussian's shading columns: offset color, normal, ka, kd, ks, exponent.
     SURFACE_NUMBERS: u32 = 10;
+
+    /// [`nearness::NEAR_BLUR`].
+    NEAR_BLUR: f32 = nearness::NEAR_BLUR as f32;
+    /// [`nearness::FADE_WIDTH`].
+    FADE_WIDTH: f32 = nearness::FADE_WIDTH as f32;
+    /// [`nearness::FADE_REACH`].
+    FADE_REACH: f32 = nearness::FADE_REACH as f32;
+    /// [`nearness::AFFINE_SIZE`].
+    AFFINE_SIZE: f32 = nearness::AFFINE_SIZE as f32;
+    /// Start of [`nearness::ORDER_RANGE`].
+    ORDER_BEGINS: f32 = nearness::ORDER_RANGE[0] as f32;
+    /// End of [`nearness::ORDER_RANGE`].
+    ORDER_ENDS: f32 = nearness::ORDER_RANGE[1] as f32;
 
     /// [`ShadingModel::Paper`].
     SHADING_PAPER: u32 = 0;
@@ -129,7 +143,10 @@ shared_structs! {
         alpha_ratio: f32,
         /// Transmittance at which a pixel is finished.
         least_transmittance: f32,
+        /// Least depth of an ellipse's center.
         near_plane: f32,
+        /// Distance from the eye within which Gaussians fade.
+        near: f32,
         /// Width and height of the picture.
         size: UVec2,
         /// Tiles across and down.
@@ -288,18 +305,20 @@ shared_structs! {
         log_opacity: f32,
         /// log2 of the opacity over the least alpha: the squared radius of the disc. Below 0 it is not drawn.
         range: f32,
-        /// View z. In the ray-consistent mode the value of V at the stored pixel.
+        /// View z, at least 0. In the ray-consistent mode the value of V at the stored pixel.
         depth: f32,
     }
 
     /// Color of a projected Gaussian.
     pub(super) struct Tint {
         color: Vec3,
-        /// V of a ray per row of pixels, in the ray-consistent mode.
+        /// V of a ray per row of pixels, in the ray-consistent mode. In the affine mode the place of its [`NearRay`] from 1 on,
+        /// or 0 for an ellipse.
         over_per_row: f32,
     }
 
-    /// Coefficients of a Gaussian's rays in the ray-consistent mode. The depth is depth_factor·a / (a² + U² + V²).
+    /// Coefficients of a Gaussian's rays in the ray-consistent mode. The depth is depth_factor·a / (a² + U² + V²). The
+    /// depth factor of one that may fade is negative.
     pub(super) struct RayCoefficients {
         /// a: its value at the stored pixel, per column, per row.
         along: Vec3,
@@ -308,6 +327,16 @@ shared_structs! {
         /// U: its value at the stored pixel, per column, per row.
         across: Vec3,
         depth_factor: f32,
+    }
+
+    /// A Gaussian of the affine mode that rays evaluate: [`RayCoefficients`], and V at the stored pixel and per row. The depth
+    /// factor of one that may fade is negative.
+    pub(super) struct NearRay {
+        along: Vec3,
+        fall: f32,
+        across: Vec3,
+        depth_factor: f32,
+        over: Vec2,
     }
 
     /// A window of pairs of a splat and a tile: one that the buffers hold.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::mem::offset_of;
 
 use crate::appearance_buffers::AppearanceState;
-use crate::buffers::WorkBuffers;
+use crate::buffers::{NEAR_RAYS_HEAD, WorkBuffers};
 use crate::device::Gpu;
 use crate::pipeline::{BoundKernel, Kernel};
 use crate::radix_sort::{RadixSort, SortBindings};
@@ -173,6 +173,7 @@ struct PartBindings {
 impl SplatBindings {
     /// Encodes mark, list, project and sort.
     pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, stats: &mut StatsReadback, work: &WorkBuffers) {
+        encoder.clear_buffer(work.near_rays(), 0, Some(NEAR_RAYS_HEAD));
         {
             let mut pass = stats.compute_pass(encoder, Stage::List);
             for part in &self.parts {

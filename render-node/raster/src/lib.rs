@@ -25,10 +25,14 @@
 
 pub mod attributes;
 pub mod color_map;
+mod cutoffs;
 mod depth;
+mod footprint;
 pub mod harmonics;
 pub mod image;
 pub mod image_error;
+mod lanes;
+pub mod nearness;
 pub mod outline;
 pub mod pick;
 mod project;
@@ -42,6 +46,6 @@ mod splat_f32;
 pub mod structure;
 mod tiles;
 
+pub use cutoffs::Limits;
 pub use project::{DILATION, NEAR};
-pub use splat_f32::Limits;
 pub use tiles::TILE;

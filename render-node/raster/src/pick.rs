@@ -10,14 +10,15 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::project::{DILATION, NEAR, Projected, place_one, project_indexed};
+use crate::cutoffs::radius;
+use crate::footprint::{Footprint, footprints};
+use crate::project::{DILATION, NEAR, place_one};
 use crate::raster::{TileOf, rasterize};
 use crate::ray_consistent::reference_f64::{Layer, bounded, layers_at};
-use crate::ray_consistent::{self, RaySplat};
-use crate::reference_f64::radius;
+use crate::ray_consistent::{self, Pinhole, RaySplat};
 use crate::render::{Projection, RenderError, check};
 use crate::report::{Culled, Report};
-use crate::tiles::{TILE, picture_size};
+use crate::tiles::TILE;
 
 /// Accumulated opacity at which a surface is taken to begin.
 pub const SURFACE: f64 = 0.5;
@@ -73,11 +74,11 @@ pub fn pick(
     check_level(level)?;
     let mut layers = match projection {
         Projection::Affine => {
-            let layer = |index, p: Projected| {
-                let alpha = alpha(&p, at);
-                if alpha > 0.0 { Ok(Layer { depth: p.depth, alpha, item: index }) } else { Err(Culled::Outside) }
+            let layer = |index, p: Footprint| {
+                let alpha = p.alpha(at);
+                if alpha > 0.0 { Ok(Layer { depth: p.order, alpha, item: index }) } else { Err(Culled::Outside) }
             };
-            project_indexed(scene, appearance, camera, layer).0
+            footprints(scene, appearance, camera, layer).0
         }
         Projection::PerRay => {
             let layer = |splat: RaySplat| {
@@ -179,34 +180,28 @@ fn front(layers: &[Layer], level: f64) -> Option<u32> {
     })
 }
 
-fn alpha(p: &Projected, at: DVec2) -> f64 {
-    let (e, d) = (&p.ellipse, at - p.ellipse.center);
-    let (u, v) = ((d.x - e.slope * d.y) / e.along_row, d.y / e.over_rows);
-    (p.opacity * (-0.5 * (u * u + v * v)).exp()).min(1.0)
-}
-
 /// The α that is left out if every pixel examines many Gaussians. A million of them move the accumulated opacity by
 /// 1e-10.
 const FAINTEST: f64 = 1e-16;
 
 fn affine_ids(scene: &Scene, appearance: &Appearance, camera: &Camera, level: f64) -> (Vec<Option<u32>>, Report) {
-    let size = picture_size(camera.width, camera.height);
-    let (mut splats, mut report) = project_indexed(scene, appearance, camera, |index, p| {
-        let radius = radius(p.opacity, FAINTEST);
-        if p.ellipse.reaches(radius, size) { Ok((index, p, radius)) } else { Err(Culled::Outside) }
+    let pinhole = Pinhole::of(camera);
+    let (mut splats, mut report) = footprints(scene, appearance, camera, |index, p| {
+        let level = p.level(radius(p.opacity, FAINTEST), &pinhole).ok_or(Culled::Outside)?;
+        Ok((index, p, level))
     });
-    splats.sort_by(|a, b| a.1.depth.total_cmp(&b.1.depth));
+    splats.sort_by(|a, b| a.1.order.total_cmp(&b.1.order));
     let tile = |[x0, y0]: [usize; 2], list: &[u32]| -> TileOf<Option<u32>> {
         let mut transmittance = [1.0_f64; TILE * TILE];
         let mut ids = [None; TILE * TILE];
         let mut open = TILE * TILE;
-        for (index, p, radius) in list.iter().filter_map(|k| splats.get(*k as usize)) {
+        for (index, p, (ellipse, reach)) in list.iter().filter_map(|k| splats.get(*k as usize)) {
             for (k, (t, id)) in transmittance.iter_mut().zip(&mut ids).enumerate().filter(|(_, (_, id))| id.is_none()) {
                 let pixel = DVec2::new((x0 + k % TILE) as f64 + 0.5, (y0 + k / TILE) as f64 + 0.5);
-                if (pixel.y - p.ellipse.center.y).abs() > radius * p.ellipse.over_rows {
+                if (pixel.y - ellipse.center.y).abs() > reach * ellipse.over_rows {
                     continue;
                 }
-                *t *= 1.0 - alpha(p, pixel);
+                *t *= 1.0 - p.alpha(pixel);
                 if 1.0 - *t >= level {
                     *id = Some(*index);
                     open -= 1;
@@ -218,6 +213,6 @@ fn affine_ids(scene: &Scene, appearance: &Appearance, camera: &Camera, level: f6
         }
         ids
     };
-    let ids = rasterize([camera.width, camera.height], &splats, |s| (s.1.ellipse, s.2), tile, &mut report);
+    let ids = rasterize([camera.width, camera.height], &splats, |s| s.2, tile, &mut report);
     (ids, report)
 }

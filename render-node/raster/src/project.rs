@@ -67,18 +67,6 @@ impl Ellipse {
     }
 }
 
-/// One projected and shaded Gaussian.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Projected {
-    pub(crate) ellipse: Ellipse,
-    /// View z, above [`NEAR`].
-    pub(crate) depth: f64,
-    /// RGB, at least 0.
-    pub(crate) color: DVec3,
-    /// Above 0, at most 1.
-    pub(crate) opacity: f64,
-}
-
 /// One shaded Gaussian before the camera.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Placed {
@@ -101,32 +89,30 @@ pub(crate) fn compensation(m: [DVec3; 2], dilation: f64) -> f64 {
     if dilated.is_finite() { (det / dilated).sqrt() } else { 1.0 }
 }
 
+/// The ellipse and the opacity of a Gaussian in the affine projection, for a camera of these focal lengths and this principal
+/// point in pixels.
+pub(crate) fn project(placed: &Placed, focal: DVec2, principal: DVec2) -> Result<(Ellipse, f64), Culled> {
+    let Placed { center, rows: [x, y, z], look, compensated } = *placed;
+    if center.z <= NEAR {
+        return Err(Culled::Near);
+    }
+    let slope = center.truncate() / center.z;
+    let pixels = focal / center.z;
+    // Rows of the Jacobian times those.
+    let m = [pixels.x * (x - slope.x * z), pixels.y * (y - slope.y * z)];
+    let ellipse = Ellipse::of(focal * slope + principal, m).ok_or(Culled::NotFinite)?;
+    let opacity = if compensated { look.opacity * compensation(m, DILATION) } else { look.opacity };
+    if opacity == 0.0 {
+        return Err(Culled::Transparent);
+    }
+    Ok((ellipse, opacity))
+}
+
 /// Gaussians handled by one task. Only the order of results matters, and they are put together in order.
 const CHUNK: usize = 4096;
 
-/// Projects and shades all Gaussians in index order; `keep` narrows each drawn one to a rasterizer's form, or culls it.
-/// The counts of the report are added up.
-pub(crate) fn project<T: Send>(
-    scene: &Scene,
-    appearance: &Appearance,
-    camera: &Camera,
-    keep: impl Fn(Projected) -> Result<T, Culled> + Sync,
-) -> (Vec<T>, Report) {
-    each(scene, appearance, camera, |unit, i| unit.project(i).and_then(&keep))
-}
-
-/// [`project`] with the scene-wide index of each Gaussian.
-pub(crate) fn project_indexed<T: Send>(
-    scene: &Scene,
-    appearance: &Appearance,
-    camera: &Camera,
-    keep: impl Fn(u32, Projected) -> Result<T, Culled> + Sync,
-) -> (Vec<T>, Report) {
-    each(scene, appearance, camera, |unit, i| unit.project(i).and_then(|p| keep(unit.index(i), p)))
-}
-
-/// Places and shades all Gaussians in index order, including those behind the eye. `keep` gets the scene-wide
-/// index.
+/// Places and shades all Gaussians in index order, including those behind the eye. `keep` gets the scene-wide index of each.
+/// It narrows a Gaussian to a rasterizer's form, or culls it. The counts of the report are added up.
 pub(crate) fn place<T: Send>(
     scene: &Scene,
     appearance: &Appearance,
@@ -198,8 +184,6 @@ struct UnitProjector<'a> {
     eye: DVec3,
     scene_to_view: DMat3,
     local_to_view: DMat3,
-    focal: DVec2,
-    principal: DVec2,
     compensated: bool,
 }
 
@@ -212,8 +196,6 @@ impl<'a> UnitProjector<'a> {
             eye,
             scene_to_view,
             local_to_view: scene_to_view * DMat3::from_mat4(unit.transform),
-            focal: DVec2::new(camera.fx, camera.fy),
-            principal: DVec2::new(camera.cx, camera.cy),
             compensated: match appearance.filter {
                 PixelFilter::FromFile => unit.gaussians.antialiased,
                 PixelFilter::Plain => false,
@@ -247,23 +229,6 @@ impl<'a> UnitProjector<'a> {
         let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
         let DMat3 { x_axis, y_axis, z_axis } = (self.local_to_view * axes).transpose();
         Ok(Placed { center, rows: [x_axis, y_axis, z_axis], look, compensated: self.compensated })
-    }
-
-    fn project(&self, i: usize) -> Result<Projected, Culled> {
-        let Placed { center, rows: [x, y, z], look, compensated } = self.place(i)?;
-        if center.z <= NEAR {
-            return Err(Culled::Near);
-        }
-        let slope = center.truncate() / center.z;
-        let pixels = self.focal / center.z;
-        // Rows of the Jacobian times those.
-        let m = [pixels.x * (x - slope.x * z), pixels.y * (y - slope.y * z)];
-        let ellipse = Ellipse::of(self.focal * slope + self.principal, m).ok_or(Culled::NotFinite)?;
-        let opacity = if compensated { look.opacity * compensation(m, DILATION) } else { look.opacity };
-        if opacity == 0.0 {
-            return Err(Culled::Transparent);
-        }
-        Ok(Projected { ellipse, depth: center.z, color: look.color, opacity })
     }
 }
 

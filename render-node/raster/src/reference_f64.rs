@@ -1,52 +1,54 @@
 //! The reference of all other backends and quality levels.
 //!
-//! EWA with 0.3 px dilation, near plane z > 1e-6, no Jacobian clamp, α ≤ 1, no early stop. The order is view z with
-//! ties by index. All sums are in f64. A Gaussian extends out to α = δ with δ = 2⁻³³ / (N·max(1, c_max)). N is the
+//! EWA with 0.3 px dilation, rays where that does not hold ([`crate::footprint`]), α ≤ 1, no early stop. The order is
+//! [`crate::nearness::order`] with ties by index. All sums are in f64. A Gaussian extends out to α = δ with δ = 2⁻³³ / (N·max(1, c_max)). N is the
 //! number of Gaussians, c_max the greatest component of any color or of the background. A missing layer of α < δ
 //! changes a pixel by at most δ·c_max, all of them by at most 2⁻³³. That is 1/256 of the last bit of an f32 between
 //! ½ and 1.
 
 use std::time::Instant;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
+use crate::cutoffs::{faintest, radius};
+use crate::footprint::{Footprint, Shape, footprints};
 use crate::image::Image;
-use crate::project::{Projected, project};
+use crate::project::Ellipse;
 use crate::raster::{TilePixels, draw};
+use crate::ray_consistent::Pinhole;
 use crate::report::{Culled, Report};
-use crate::tiles::{TILE, picture_size};
+use crate::tiles::TILE;
 
 /// Draws a checked scene.
 pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera) -> (Image, Report) {
     let began = Instant::now();
-    let (all, mut report) = project(scene, appearance, camera, Ok);
+    let (all, mut report) = footprints(scene, appearance, camera, |_, footprint| Ok(footprint));
     let background = appearance.background.as_dvec3();
     let brightest = all.iter().fold(0.0, |m: f64, p| m.max(p.color.max_element()));
     let faintest = faintest(all.len(), brightest, appearance.background);
-    let size = picture_size(camera.width, camera.height);
+    let pinhole = Pinhole::of(camera);
     let mut splats = Vec::with_capacity(all.len());
-    for projected in all {
-        let splat = Splat { radius: radius(projected.opacity, faintest), projected };
-        if projected.ellipse.reaches(splat.radius, size) {
-            splats.push(splat);
-        } else {
-            report.count(Culled::Outside);
+    for footprint in all {
+        let radius = radius(footprint.opacity, faintest);
+        match footprint.level(radius, &pinhole) {
+            Some(level) => splats.push(Splat { footprint, level, radius }),
+            None => report.count(Culled::Outside),
         }
     }
     report.drawn = splats.len();
     report.seconds.preprocess = began.elapsed().as_secs_f64();
     let began = Instant::now();
     // The list is in index order and the sort is stable: ties stay by index.
-    splats.par_sort_by(|a, b| a.projected.depth.total_cmp(&b.projected.depth));
+    splats.par_sort_by(|a, b| a.footprint.order.total_cmp(&b.footprint.order));
     report.seconds.sort = began.elapsed().as_secs_f64();
     let image = draw(
         [camera.width, camera.height],
         &splats,
-        |s| (s.projected.ellipse, s.radius),
+        |s| s.level,
         |corner, list| tile(&splats, list, corner, background),
         &mut report,
     );
@@ -54,27 +56,33 @@ pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera) ->
 }
 
 struct Splat {
-    projected: Projected,
+    footprint: Footprint,
+    /// An ellipse and its level that hold the radius.
+    level: (Ellipse, f64),
     /// Radius in standard deviations.
     radius: f64,
-}
-
-/// δ for `count` Gaussians with the greatest color component `brightest`.
-pub(crate) fn faintest(count: usize, brightest: f64, background: Vec3) -> f64 {
-    let brightest = background.as_dvec3().abs().max_element().max(1.0).max(brightest);
-    (-33.0_f64).exp2() / (count.max(1) as f64 * brightest)
-}
-
-/// Radius in standard deviations at which a Gaussian of peak `opacity` has faded to `faintest`.
-pub(crate) fn radius(opacity: f64, faintest: f64) -> f64 {
-    (2.0 * (opacity / faintest).ln()).max(0.0).sqrt()
 }
 
 fn tile(splats: &[Splat], list: &[u32], [x0, y0]: [usize; 2], background: DVec3) -> TilePixels {
     let mut transmittance = [1.0_f64; TILE * TILE];
     let mut color = [DVec3::ZERO; TILE * TILE];
     for splat in list.iter().filter_map(|k| splats.get(*k as usize)) {
-        let Projected { ellipse: e, color: c, opacity, .. } = splat.projected;
+        let Footprint { color: c, opacity, .. } = splat.footprint;
+        let e = match &splat.footprint.shape {
+            Shape::Ellipse(ellipse) => ellipse,
+            Shape::Rays(ray) => {
+                let limit = splat.radius * splat.radius;
+                for (k, (t, sum)) in transmittance.iter_mut().zip(&mut color).enumerate() {
+                    let meeting = ray.meet(DVec2::new((x0 + k % TILE) as f64 + 0.5, (y0 + k / TILE) as f64 + 0.5));
+                    if meeting.distance_squared <= limit {
+                        let alpha = ray.alpha(meeting);
+                        *sum += *t * alpha * c;
+                        *t *= 1.0 - alpha;
+                    }
+                }
+                continue;
+            }
+        };
         for (row, (line_t, line_c)) in transmittance.chunks_mut(TILE).zip(color.chunks_mut(TILE)).enumerate() {
             let dy = (y0 + row) as f64 + 0.5 - e.center.y;
             let v = dy / e.over_rows;

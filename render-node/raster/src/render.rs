@@ -7,12 +7,12 @@ use sg_scene::appearance::{Appearance, Clip, HalfSpace};
 use sg_scene::camera::{Camera, CameraError};
 use sg_scene::model::{ColumnLength, Scene};
 
+use crate::cutoffs::Limits;
 use crate::image::Image;
 use crate::ray_consistent;
 use crate::reference_f64;
 use crate::report::Report;
 use crate::splat_f32;
-use crate::splat_f32::Limits;
 
 /// Error bound of a picture against [`Quality::Exact`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -32,12 +32,12 @@ pub enum Quality {
 #[serde(rename_all = "kebab-case")]
 pub enum Projection {
     /// As 3DGS: each Gaussian becomes an ellipse by an affine projection at its center. The order is the view z of
-    /// the centers. Turning the camera changes the color along one ray.
+    /// the centers. Turning the camera changes the color along one ray. Rays evaluate Gaussians that are near the eye or
+    /// large for their depth, and near the eye the order is by distance.
     #[default]
     Affine,
     /// Each pixel's ray evaluates each Gaussian, and orders them by their densest place on the ray. Turning the
-    /// camera changes nothing. Gaussians beside and behind the eye count if they reach the ray. There is no near
-    /// plane.
+    /// camera changes nothing. Gaussians beside and behind the eye count if they reach the ray.
     PerRay,
 }
 

@@ -13,72 +13,86 @@
 
 use std::time::Instant;
 
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
-use wide::{f32x8, u32x8};
+use wide::f32x8;
 
+use crate::cutoffs::Limits;
 use crate::depth::near_to_far;
+use crate::footprint::{Footprint, Shape, footprints};
 use crate::image::Image;
-use crate::project::{Ellipse, Projected, project};
+use crate::lanes::{LANES, exp2};
+use crate::project::Ellipse;
 use crate::raster::{TilePixels, draw};
+use crate::ray_consistent::Pinhole;
+use crate::ray_consistent::splat_f32::{Narrow, Ray};
 use crate::report::{Culled, Report};
-use crate::tiles::{TILE, picture_size};
-
-/// The cut-offs of a quality level.
-#[derive(Debug, Clone, Copy)]
-pub struct Limits {
-    /// α below this is not drawn …
-    pub cut: f64,
-    /// … unless it is above opacity / ratio.
-    pub ratio: f64,
-    /// Transmittance at which a row of a tile is finished.
-    pub stop: f32,
-}
-
-impl Limits {
-    /// ≥ 50 dB over frame and footprint, coverage error ≤ 1 %, at most 0.1 % of the footprint off by more than 2/255.
-    ///
-    /// A cut of 1/1024 breaks the bound where hundreds of tails overlap. On white, a trained scene of 46k Gaussians
-    /// then has 49.6 dB over the footprint, and 6 % of it differ by more than 2/255. A cut of 1/4096 leaves 0.13 %
-    /// of another scene. The present cut costs a third more pixels than 1/1024.
-    pub const STANDARD: Self = Self { cut: 1.0 / 8192.0, ratio: 1024.0, stop: 1e-4 };
-    /// ≥ 40 dB over frame and footprint, coverage error ≤ 3 %.
-    pub const FAST: Self = Self { cut: 1.0 / 512.0, ratio: 64.0, stop: 1.0 / 256.0 };
-}
+use crate::tiles::TILE;
 
 /// Draws a checked scene.
 pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera, limits: Limits) -> (Image, Report) {
     let began = Instant::now();
-    let size = picture_size(camera.width, camera.height);
-    let (splats, mut report) = project(scene, appearance, camera, |p| {
-        let splat = Splat::of(&p, limits).ok_or(Culled::NotFinite)?;
-        if p.ellipse.reaches(f64::from(splat.radius), size) {
-            Ok((p.depth as f32, splat))
-        } else {
-            Err(Culled::Outside)
-        }
+    let pinhole = Pinhole::of(camera);
+    let (splats, mut report) = footprints(scene, appearance, camera, |_, footprint| {
+        let order = footprint.order as f32;
+        let drawn = match &footprint.shape {
+            Shape::Ellipse(ellipse) => {
+                let splat = Splat::of(&footprint, ellipse, limits);
+                if !ellipse.reaches(f64::from(splat.radius), pinhole.size) {
+                    return Err(Culled::Outside);
+                }
+                Drawn::Ellipse(splat)
+            }
+            Shape::Rays(splat) => Drawn::Rays(Box::new(Ray::of(splat, limits, &pinhole)?)),
+        };
+        let finite = order.is_finite() && drawn.color().is_finite();
+        if finite { Ok((order, drawn)) } else { Err(Culled::NotFinite) }
     });
     report.seconds.preprocess = began.elapsed().as_secs_f64();
     let began = Instant::now();
-    let order = near_to_far(splats.iter().map(|(depth, _)| *depth));
-    let splats: Vec<Splat> =
-        order.par_iter().filter_map(|i| splats.get(*i as usize).map(|(_, splat)| *splat)).collect();
+    let order = near_to_far(splats.iter().map(|(order, _)| *order));
+    let splats: Vec<Drawn> =
+        order.par_iter().filter_map(|i| splats.get(*i as usize).map(|(_, drawn)| drawn.clone())).collect();
     report.seconds.sort = began.elapsed().as_secs_f64();
     let background = appearance.background;
     let image = draw(
         [camera.width, camera.height],
         &splats,
-        |s| (s.ellipse, f64::from(s.radius)),
+        Drawn::level,
         |corner, list| Tile::blend(&splats, list, corner, limits.stop).composite(background),
         &mut report,
     );
     (image, report)
 }
 
-/// A Gaussian ready to blend: α = 2^(log₂o − u² − v²) with u and v scaled by √(½·log₂e).
+/// A Gaussian ready to blend.
+#[derive(Debug, Clone)]
+enum Drawn {
+    Ellipse(Splat),
+    Rays(Box<Ray>),
+}
+
+impl Drawn {
+    fn color(&self) -> Vec3 {
+        match self {
+            Self::Ellipse(splat) => splat.color,
+            Self::Rays(ray) => ray.color,
+        }
+    }
+
+    /// An ellipse, and the level of it that holds all drawn pixels.
+    fn level(&self) -> (Ellipse, f64) {
+        match self {
+            Self::Ellipse(splat) => (splat.ellipse, f64::from(splat.radius)),
+            Self::Rays(ray) => (ray.reach, 1.0),
+        }
+    }
+}
+
+/// A Gaussian whose footprint is an ellipse: α = 2^(log₂o − u² − v²) with u and v scaled by √(½·log₂e).
 #[derive(Debug, Clone, Copy)]
 struct Splat {
     ellipse: Ellipse,
@@ -95,25 +109,21 @@ struct Splat {
 }
 
 impl Splat {
-    /// `None` where a number does not fit f32.
-    fn of(p: &Projected, limits: Limits) -> Option<Self> {
+    fn of(p: &Footprint, ellipse: &Ellipse, limits: Limits) -> Self {
         let unit = (0.5 * std::f64::consts::LOG2_E).sqrt();
         let range = (p.opacity / limits.cut).max(limits.ratio).log2();
-        let splat = Self {
-            ellipse: p.ellipse,
-            per_column: (unit / p.ellipse.along_row) as f32,
-            per_row: (unit / p.ellipse.over_rows) as f32,
+        Self {
+            ellipse: *ellipse,
+            per_column: (unit / ellipse.along_row) as f32,
+            per_row: (unit / ellipse.over_rows) as f32,
             log_opacity: p.opacity.log2() as f32,
             range: range as f32,
             radius: (range * (2.0 * std::f64::consts::LN_2)).sqrt() as f32,
             color: p.color.as_vec3(),
-        };
-        (splat.color.is_finite() && (p.depth as f32).is_finite()).then_some(splat)
+        }
     }
 }
 
-/// Vectors in a row of a tile.
-pub(crate) const LANES: usize = 8;
 const HALVES: usize = TILE / LANES;
 
 /// One row of pixels while it is blended.
@@ -130,14 +140,18 @@ struct Line {
 struct Tile([Line; TILE]);
 
 impl Tile {
-    fn blend(splats: &[Splat], list: &[u32], [x0, y0]: [usize; 2], stop: f32) -> Self {
+    fn blend(splats: &[Drawn], list: &[u32], [x0, y0]: [usize; 2], stop: f32) -> Self {
         let zero = [f32x8::ZERO; HALVES];
         let line = Line { transmittance: [f32x8::ONE; HALVES], red: zero, green: zero, blue: zero, finished: false };
         let mut tile = Self([line; TILE]);
         // A test for finished rows costs about as much as blending one, so test once for several Gaussians.
         for group in list.chunks(16) {
             for splat in group.iter().filter_map(|k| splats.get(*k as usize)) {
-                tile.add(splat, [x0 as f64 + 0.5, y0 as f64 + 0.5]);
+                let first = DVec2::new(x0 as f64 + 0.5, y0 as f64 + 0.5);
+                match splat {
+                    Drawn::Ellipse(splat) => tile.add(splat, first.to_array()),
+                    Drawn::Rays(ray) => tile.add_rays(&Narrow::of(ray, first)),
+                }
             }
             if tile.finish(stop) {
                 break;
@@ -198,6 +212,24 @@ impl Tile {
         }
     }
 
+    /// Blends one Gaussian that each ray evaluates.
+    fn add_rays(&mut self, splat: &Narrow) {
+        let color = splat.color.to_array().map(f32x8::splat);
+        for (row, line) in self.0.iter_mut().enumerate().take(splat.rows.end).skip(splat.rows.start) {
+            if line.finished {
+                continue;
+            }
+            for k in 0..HALVES {
+                let Some((_, alphas)) = splat.meet(row, k * LANES) else { continue };
+                let weight = f32x8::new(alphas) * line.transmittance[k];
+                line.red[k] += weight * color[0];
+                line.green[k] += weight * color[1];
+                line.blue[k] += weight * color[2];
+                line.transmittance[k] -= weight;
+            }
+        }
+    }
+
     fn composite(&self, background: Vec3) -> TilePixels {
         let mut pixels = [[0.0; 4]; TILE * TILE];
         for (line, pixels) in self.0.iter().zip(pixels.chunks_mut(TILE)) {
@@ -214,39 +246,5 @@ impl Tile {
             }
         }
         pixels
-    }
-}
-
-/// Near-minimax coefficients of 2^f on [−½, ½], highest power first; relative error 1e-7.
-const EXP2: [f32; 6] =
-    [0.001_339_086_3, 0.009_676_032, 0.055_503_57, 0.240_221_07, std::f32::consts::LN_2, 1.000_000_1];
-
-/// 2^x for x ≤ 1, relative error below 3e-7; below 2⁻¹²⁶ it stays there.
-pub(crate) fn exp2(x: f32x8) -> f32x8 {
-    // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low bits. A shift moves it to the exponent.
-    const ROUND: f32 = 12_582_912.0;
-    let x = x.fast_max(f32x8::splat(-126.0));
-    let shifted = x + f32x8::splat(ROUND);
-    let f = x - (shifted - f32x8::splat(ROUND));
-    let [first, rest @ ..] = EXP2;
-    let p = rest.into_iter().fold(f32x8::splat(first), |p, c| p * f + f32x8::splat(c));
-    let exponent = bytemuck::cast::<f32x8, u32x8>(shifted) << 23_u32;
-    bytemuck::cast(bytemuck::cast::<f32x8, u32x8>(p) + exponent)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn powers_of_two_are_right_to_the_last_bits() {
-        for k in 0..40_000 {
-            let x = -125.9 + 126.9 * (k as f32 / 40_000.0);
-            let [got, ..] = exp2(f32x8::splat(x)).to_array();
-            let want = f64::from(x).exp2();
-            assert!((f64::from(got) / want - 1.0).abs() < 3e-7, "2^{x} = {got}, not {want}");
-        }
-        let [tiny, ..] = exp2(f32x8::splat(-1e30)).to_array();
-        assert_eq!(tiny.log2(), -126.0);
     }
 }

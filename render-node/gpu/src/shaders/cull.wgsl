@@ -78,6 +78,17 @@ fn may_reach(i: u32) -> bool {
             }
             continue;
         }
+        // At least its size, the root of the covariance's trace.
+        let most = 1.7320509 * size;
+        if may_fade(length(at), most, frame.near) || !(most < AFFINE_SIZE * at.z) {
+            if may_meet_rays(view, at, radius * size) {
+                return true;
+            }
+            // What rays do not meet may still be an ellipse.
+            if most >= AFFINE_SIZE * at.z {
+                continue;
+            }
+        }
         if at.z <= frame.near_plane {
             continue;
         }

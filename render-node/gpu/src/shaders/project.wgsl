@@ -27,6 +27,13 @@ override PER_RAY: bool = false;
 @group(0) @binding(14) var<storage, read_write> tints: array<Tint>;
 @group(0) @binding(15) var<storage, read_write> rays: array<RayCoefficients>;
 @group(0) @binding(16) var<storage, read_write> depth_keys: array<u32>;
+struct NearRays {
+    count: atomic<u32>,
+    entries: array<NearRay>,
+}
+
+// Gaussians of the affine mode that rays evaluate, in any order.
+@group(0) @binding(18) var<storage, read_write> near_rays: NearRays;
 // Places in the list, before the sort by depth.
 @group(0) @binding(17) var<storage, read_write> depth_places: array<u32>;
 
@@ -264,6 +271,8 @@ fn project_one(j: u32) {
     }
     // Parallel eyes see every centre at one depth, so that one order serves both and neither pops against the other.
     var depth = 0.0;
+    // The centre as the point between the eyes sees it.
+    var middle = vec3(0.0);
     var drawn = false;
     for (var v = 0u; v < frame.view_count; v++) {
         let view = frame.views[v];
@@ -275,8 +284,13 @@ fn project_one(j: u32) {
             vec3(dot(view.forward, ax), dot(view.forward, ay), dot(view.forward, az)),
         );
         var seen: Seen;
-        if PER_RAY {
-            seen = seen_by_rays(view, at, rows, longest, opacity, unit.compensated == 1u);
+        // Twin of perspective() in nearness.rs.
+        let away = length_of(at);
+        let size = size_of(rows, longest);
+        let fades = may_fade(away, size, frame.near);
+        if PER_RAY || fades || !(size < AFFINE_SIZE * at.z) {
+            let part = select(clamp(size / (AFFINE_SIZE * at.z) - 1.0, 0.0, 1.0), 1.0, PER_RAY || fades || at.z <= 0.0);
+            seen = seen_by_rays(view, at, rows, longest, opacity, unit.compensated == 1u, part);
         } else {
             seen = seen_affinely(view, at, rows, longest, opacity, unit.compensated == 1u);
         }
@@ -294,26 +308,39 @@ fn project_one(j: u32) {
         let usable = seen.usable && seen.opacity > 0.0 && is_finite(pixel.x) && is_finite(pixel.y)
             && is_finite(seen.ellipse.slope) && is_finite(color.x) && is_finite(color.y) && is_finite(color.z);
         let inside = all(pixel + half >= vec2(0.0)) && all(pixel - half <= vec2<f32>(frame.size));
-        if PER_RAY {
-            if v == 0u {
-                depth = length_of(at);
-            }
-        } else if depth <= frame.near_plane {
-            depth = at.z;
+        middle += at / f32(frame.view_count);
+        if v == 0u {
+            depth = select(at.z, away, PER_RAY);
         }
-        if usable && inside {
+        var place = 0.0;
+        if !PER_RAY && seen.by_rays && usable && inside {
+            let near = atomicAdd(&near_rays.count, 1u);
+            let held = near < arrayLength(&near_rays.entries);
+            if held {
+                let over = vec2(seen.depth, seen.over_per_row);
+                near_rays.entries[near] = NearRay(seen.ray.along, seen.ray.fall, seen.ray.across, seen.ray.depth_factor, over);
+            }
+            // Integers below 2^24 are exact.
+            place = f32(near + 1u);
+            seen.usable = held;
+        }
+        if usable && inside && seen.usable {
             drawn = true;
         } else {
             seen.range = -1.0;
         }
         let to = v * frame.capacity + j;
         ellipses[to] = seen.ellipse;
-        levels[to] = Level(seen.per_row, log2(max(seen.opacity, 1e-30)), seen.range, seen.depth);
-        tints[to] = Tint(color, seen.over_per_row);
+        let level_depth = select(max(at.z, 0.0), seen.depth, PER_RAY);
+        levels[to] = Level(seen.per_row, log2(max(seen.opacity, 1e-30)), seen.range, level_depth);
+        tints[to] = Tint(color, select(place, seen.over_per_row, PER_RAY));
         if PER_RAY {
             rays[to] = seen.ray;
         }
     }
-    depth_keys[j] = select(0xffffffffu, bitcast<u32>(depth), drawn);
+    if !PER_RAY && frame.near > 0.0 {
+        depth = order_of(depth, length_of(middle), frame.near);
+    }
+    depth_keys[j] = select(0xffffffffu, order_bits(depth), drawn);
     depth_places[j] = j;
 }

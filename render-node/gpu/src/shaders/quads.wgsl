@@ -8,6 +8,14 @@ override VIEW: u32 = 0u;
 @group(0) @binding(3) var<storage, read> levels: array<Level>;
 @group(0) @binding(4) var<storage, read> tints: array<Tint>;
 
+struct NearRays {
+    count: u32,
+    entries: array<NearRay>,
+}
+
+// Those that rays evaluate.
+@group(0) @binding(5) var<storage, read> near_rays: NearRays;
+
 // Pixels beyond which a quadrilateral is cut to the picture.
 const FAR: f32 = 8192.0;
 
@@ -18,6 +26,8 @@ struct Corner {
     // Per row, log2 of the opacity, range.
     @location(1) @interpolate(flat) level: vec3<f32>,
     @location(2) @interpolate(flat) color: vec3<f32>,
+    // View, and the place of what rays evaluate from 1 on.
+    @location(3) @interpolate(flat) near: vec2<u32>,
 }
 
 fn corner_in(view: u32, vertex: u32, instance: u32) -> Corner {
@@ -28,6 +38,7 @@ fn corner_in(view: u32, vertex: u32, instance: u32) -> Corner {
     out.ellipse = vec4(a.center, a.slope, a.per_column);
     out.level = vec3(b.per_row, b.log_opacity, b.range);
     out.color = tints[at].color;
+    out.near = vec2(view, u32(tints[at].over_per_row));
     // The level is a disc in (u, v), and the square around it a parallelogram of pixels. (An octagon has a sixth less to
     // fill, and was twice as slow for splats of some hundred pixels.)
     let reach = sqrt(max(b.range, 0.0));
@@ -54,6 +65,14 @@ fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
 
 // What a splat adds at a place of the picture, pixels.
 fn layer(at: vec2<f32>, in: Corner) -> vec4<f32> {
+    if in.near.y > 0u {
+        let view = in.near.x;
+        let told_at = clamp(in.ellipse.xy, vec2(0.0), vec2<f32>(frame.size));
+        let direction = (at - frame.views[view].principal) / frame.views[view].focal;
+        let meeting = meet_ray(near_rays.entries[in.near.y - 1u], at - told_at, direction, frame.near);
+        let met = select(0.0, min(exp2(in.level.y - meeting.below) * meeting.share, 1.0), meeting.below <= in.level.z);
+        return vec4(in.color * met, met);
+    }
     let d = at - in.ellipse.xy;
     let u = (d.x - in.ellipse.z * d.y) * in.ellipse.w;
     let v = d.y * in.level.x;

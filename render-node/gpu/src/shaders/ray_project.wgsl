@@ -18,6 +18,8 @@ struct Seen {
     // As in the tint.
     over_per_row: f32,
     ray: RayCoefficients,
+    // Whether rays evaluate it.
+    by_rays: bool,
 }
 
 fn largest(v: vec3<f32>) -> f32 {
@@ -88,6 +90,11 @@ fn solve(l: Lower, v: vec3<f32>) -> vec3<f32> {
     return vec3(x, y, z);
 }
 
+// The root of the trace of the covariance, for axes of which the longest is `longest`.
+fn size_of(rows: array<vec3<f32>, 3>, longest: f32) -> f32 {
+    return longest * sqrt(dot(rows[0], rows[0]) + dot(rows[1], rows[1]) + dot(rows[2], rows[2]));
+}
+
 // Directions of the rays through the picture's corners, in order around it.
 fn corner_ray(view: View, corner: vec2<f32>) -> vec3<f32> {
     return vec3((corner * vec2<f32>(frame.size) - view.principal) / view.focal, 1.0);
@@ -100,14 +107,20 @@ fn edge_normal(view: View, k: u32) -> vec3<f32> {
     return select(normal, -normal, dot(normal, corner_ray(view, vec2(0.5))) < 0.0);
 }
 
-fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool) -> Seen {
+// `perspective` is the share of the perspective within it: RaySplat::lessen in ray_consistent.rs.
+fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool, perspective: f32) -> Seen {
     var seen: Seen;
-    let distance = max(length_of(at), 1e-25);
+    seen.by_rays = true;
+    let away = length_of(at);
+    // An eye in the center has no unit.
+    let distance = max(max(away, 1e-6 * longest), 1e-25);
     let c = at / distance;
     let share = min(longest / distance, 1e15);
     let rows = array(share * given[0], share * given[1], share * given[2]);
     let dilation = DILATION / abs(view.focal.x * view.focal.y);
     let root = sqrt(dilation);
+    let size_here = length(vec2(size_of(given, longest), root * away));
+    let fades = may_fade(away, size_here, frame.near);
 
     seen.opacity = opacity;
     if compensated {
@@ -121,7 +134,7 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     seen.range = log2(max(seen.opacity / frame.least_alpha, frame.alpha_ratio));
     let l = cholesky(rows, root);
     let u = solve(l, c);
-    let eye_squared = dot(u, u);
+    let eye_squared = max(dot(u, u), 1e-12);
 
     // The ellipse of the level, exact where it lies in front of the eye's plane; what cancels in the conic of its outline is
     // taken out of it by hand. Elsewhere it is the whole picture.
@@ -136,7 +149,44 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     var along = 1e12;
     var ellipse_slope = 0.0;
     var level_is_seen = true;
-    if eye_squared > square * 1.0001 {
+    let least = max(perspective, 1e-6);
+    let lessened_eye = select(eye_squared, eye_squared / least, perspective < 1.0);
+    if perspective < 1.0 && lessened_eye > square * 1.0001 {
+        // RaySplat::lessened_reach: a conic with a focus at the center's pixel.
+        let axis = unit_or(u, vec3(0.0, 0.0, 1.0));
+        let dx = solve(l, vec3(1.0 / view.focal.x, 0.0, 0.0));
+        let dy = solve(l, vec3(0.0, 1.0 / view.focal.y, 0.0));
+        let first = unit_or(cross(axis, dx), across_of(axis));
+        let second = cross(axis, first);
+        let rooted = sqrt(least);
+        let ux = rooted * dot(first, cross(axis, dx));
+        let uy = rooted * dot(first, cross(axis, dy));
+        let vy = rooted * dot(second, cross(axis, dy));
+        let right = perspective * dot(axis, dx) / ux;
+        let h = vec2(right, (perspective * dot(axis, dy) - uy * right) / vy);
+        let steepness = sqrt(square / (lessened_eye - square));
+        let eccentricity = steepness * length(h);
+        if eccentricity < 0.99 {
+            let along_h = unit_or(vec3(h, 0.0), vec3(1.0, 0.0, 0.0)).xy;
+            let rest = 1.0 - eccentricity * eccentricity;
+            let major = steepness * dot(axis, solve(l, vec3(slope, 1.0))) / rest;
+            let y_a = major * along_h;
+            let y_b = major * sqrt(rest) * vec2(-along_h.y, along_h.x);
+            let a = vec2((y_a.x - uy * y_a.y / vy) / ux, y_a.y / vy);
+            let b = vec2((y_b.x - uy * y_b.y / vy) / ux, y_b.y / vy);
+            let over = length(vec2(a.y, b.y));
+            center = slope * view.focal + view.principal + eccentricity * a;
+            ellipse_slope = (a.x * a.y + b.x * b.y) / (over * over);
+            along = abs(a.x * b.y - a.y * b.x) / over + 0.01;
+            tall = over + 0.01;
+            if !(is_finite(center.x) && is_finite(center.y) && is_finite(ellipse_slope) && is_finite(along) && is_finite(tall)) {
+                center = 0.5 * size;
+                tall = 1e12;
+                along = 1e12;
+                ellipse_slope = 0.0;
+            }
+        }
+    } else if perspective >= 1.0 && eye_squared > square * 1.0001 {
         for (var k = 0u; k < 4u; k++) {
             let n = edge_normal(view, k);
             let axis = rows[0] * n.x + rows[1] * n.y + rows[2] * n.z;
@@ -187,14 +237,21 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     let toward = unit_or(u, vec3(0.0, 0.0, 1.0));
     let first = unit_or(cross(toward, per_x), across_of(toward));
     let second = cross(toward, first);
-    let fall = min(0.72134752044448170 * eye_squared, 1e30);
+    let fall = min(0.72134752044448170 * lessened_eye, 1e30);
     seen.ray.along = vec3(dot(toward, w), dot(toward, per_x), dot(toward, per_y));
+    if perspective < 1.0 {
+        let off = told_at - (slope * view.focal + view.principal);
+        let change = (perspective - 1.0) * vec2(seen.ray.along.y, seen.ray.along.z);
+        seen.ray.along += vec3(dot(change, off), change);
+    }
+    let rooted = select(1.0, sqrt(least), perspective < 1.0);
     seen.ray.fall = fall;
-    seen.ray.across = vec3(dot(first, cross(toward, w)), dot(first, cross(toward, per_x)), dot(first, cross(toward, per_y)));
-    seen.ray.depth_factor = sqrt(eye_squared) / scale * distance;
-    seen.depth = dot(second, cross(toward, w));
-    seen.over_per_row = dot(second, cross(toward, per_y));
-    seen.usable = level_is_seen && is_finite(seen.ray.along.x) && is_finite(seen.ray.along.y) && is_finite(seen.ray.along.z)
+    seen.ray.across =
+        rooted * vec3(dot(first, cross(toward, w)), dot(first, cross(toward, per_x)), dot(first, cross(toward, per_y)));
+    seen.ray.depth_factor = sqrt(eye_squared) / scale * distance * select(1.0, -1.0, fades);
+    seen.depth = rooted * dot(second, cross(toward, w));
+    seen.over_per_row = rooted * dot(second, cross(toward, per_y));
+    seen.usable = level_is_seen && !is_faded(away, size_here, frame.near) && is_finite(seen.ray.along.x) && is_finite(seen.ray.along.y) && is_finite(seen.ray.along.z)
         && is_finite(seen.ray.across.x) && is_finite(seen.ray.across.y) && is_finite(seen.ray.across.z)
         && is_finite(seen.ray.depth_factor) && is_finite(seen.depth) && is_finite(seen.over_per_row)
         && is_finite(eye_squared);

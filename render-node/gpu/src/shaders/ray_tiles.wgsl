@@ -11,25 +11,16 @@
 @group(0) @binding(20) var<storage, read_write> ordered_tiles: array<u32>;
 @group(0) @binding(21) var<storage, read_write> ordered_splats: array<u32>;
 
-struct Meeting {
-    // log2 of the opacity over the alpha.
-    below: f32,
-    depth: f32,
-}
-
 // The point where the ray through a pixel meets a splat.
 fn meet(at: vec2<f32>, splat: u32) -> Meeting {
     let d = at - clamp(ellipses[splat].center, vec2(0.0), vec2<f32>(frame.size));
     let ray = rays[splat];
-    let a = ray.along.x + ray.along.y * d.x + ray.along.z * d.y;
-    let u = ray.across.x + ray.across.y * d.x + ray.across.z * d.y;
-    let v = levels[splat].depth + tints[splat].over_per_row * d.y;
-    let s = u * u + v * v;
-    let whole = a * a + s;
-    if a > 0.0 {
-        return Meeting(ray.fall * (s / whole), min(ray.depth_factor * (a / whole), 0.999 * EMPTY_DEPTH));
-    }
-    return Meeting(ray.fall, 0.0);
+    let over = vec2(levels[splat].depth, tints[splat].over_per_row);
+    let view = splat / frame.capacity;
+    let direction = (at - frame.views[view].principal) / frame.views[view].focal;
+    var meeting = meet_ray(NearRay(ray.along, ray.fall, ray.across, ray.depth_factor, over), d, direction, frame.near);
+    meeting.depth = min(meeting.depth, 0.999 * EMPTY_DEPTH);
+    return meeting;
 }
 
 // The depth of each listed pair, on the ray through its tile that meets the splat best.
@@ -70,7 +61,7 @@ fn layer_of(k: u32, center: vec2<f32>) -> Layer {
     let l = levels[splat];
     let meeting = meet(center, splat);
     if meeting.below <= l.range {
-        return Layer(meeting.depth, min(exp2(l.log_opacity - meeting.below), 1.0), k);
+        return Layer(meeting.depth, min(exp2(l.log_opacity - meeting.below) * meeting.share, 1.0), k);
     }
     return Layer(meeting.depth, 0.0, k);
 }

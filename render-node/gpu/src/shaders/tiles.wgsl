@@ -26,6 +26,14 @@
 // Depth of each pixel's front, 0 without one; written with DEPTHS.
 @group(0) @binding(16) var<storage, read_write> fronts: array<f32>;
 
+struct NearRays {
+    count: u32,
+    entries: array<NearRay>,
+}
+
+// Those that rays evaluate.
+@group(0) @binding(22) var<storage, read> near_rays: NearRays;
+
 override DEPTHS: bool = false;
 
 // Whether a layer brings the opacity of all so far to that of a surface.
@@ -266,14 +274,23 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
         let e = ellipses[splat];
         let l = levels[splat];
         let d = center - e.center;
-        let u = (d.x - e.slope * d.y) * e.per_column;
-        let v = d.y * l.per_row;
-        let below = u * u + v * v;
-        if below <= l.range {
-            let weight = min(exp2(l.log_opacity - below), 1.0) * transmittance;
-            color += weight * tints[splat].color;
+        let tint = tints[splat];
+        var meeting: Meeting;
+        if tint.over_per_row > 0.0 {
+            let told_at = clamp(e.center, vec2(0.0), vec2<f32>(frame.size));
+            let direction = (center - frame.views[group.z].principal) / frame.views[group.z].focal;
+            meeting = meet_ray(near_rays.entries[u32(tint.over_per_row) - 1u], center - told_at, direction, frame.near);
+        } else {
+            let u = (d.x - e.slope * d.y) * e.per_column;
+            let v = d.y * l.per_row;
+            meeting = Meeting(u * u + v * v, l.depth, 1.0);
+        }
+        if meeting.below <= l.range {
+            let weight = min(exp2(l.log_opacity - meeting.below) * meeting.share, 1.0) * transmittance;
+            color += weight * tint.color;
             if surfaces(transmittance, transmittance - weight) {
-                front = l.depth;
+                // A center behind the eye has no depth; the ray has.
+                front = max(select(meeting.depth, l.depth, l.depth > 0.0), frame.near_plane);
             }
             transmittance -= weight;
         }

@@ -54,7 +54,18 @@ fn geometry() -> Vec<Case> {
     let sizeless: Vec<Blob> =
         cloud(3000, 17).iter().map(|b| Blob { log_scale: Vec3::splat(f32::NEG_INFINITY), ..*b }).collect();
     let (far, there) = far_from_the_origin();
+    let near = |near: f64, camera: Camera| Camera { near, ..camera };
     vec![
+        Case::blobs("eye in a centre", &in_the_eye(Vec3::ZERO), camera(40.0, 64, 48)),
+        Case::blobs("just beside the eye", &in_the_eye(Vec3::new(0.3, 0.02, 1e-4)), camera(40.0, 64, 48)),
+        Case::blobs("just behind the eye", &in_the_eye(Vec3::new(0.1, 0.05, -0.12)), camera(40.0, 64, 48)),
+        Case::blobs("huge around the eye", &huge_around_the_eye(), camera(40.0, 64, 48)),
+        Case::blobs("disc edge-on in the eye", &edge_on(0.0), camera(40.0, 64, 48)),
+        Case::blobs("disc just below the eye", &edge_on(0.01), near(0.02, camera(40.0, 64, 48))),
+        Case::blobs("eye touches a surface", &touched_surface(), camera(40.0, 64, 48)),
+        Case::blobs("eye touches a surface, near distance", &touched_surface(), near(0.05, camera(40.0, 64, 48))),
+        Case::blobs("near distance in a cloud", &around_the_eye(cloud(2000, 21)), near(0.4, camera(40.0, 64, 48))),
+        Case::blobs("all nearer than the near distance", &in_the_eye(Vec3::ZERO), near(30.0, camera(40.0, 33, 20))),
         Case::blobs("needles", &needles(), side_view(200, 150, 40.0)),
         Case::blobs("needle far from its centre", &[distant_needle()], camera(100.0, 64, 64)),
         Case::blobs("sub-pixel", &points, side_view(120, 90, 40.0)),
@@ -217,6 +228,54 @@ pub(crate) fn near_plane() -> Vec<Blob> {
     for z in [1e-3, 1e-5, 2e-6, 1e-6, 0.0, -1e-3] {
         blobs.push(Blob { position: Vec3::new(0.0, 0.0, z), logit: logit(0.03), ..Blob::default() });
         blobs.push(Blob { position: Vec3::new(1e-3, 2e-3, z), logit: logit(0.02), ..Blob::default() });
+    }
+    blobs
+}
+
+/// One Gaussian at a place close to the eye, and some far ahead.
+fn in_the_eye(position: Vec3) -> Vec<Blob> {
+    let mut blobs = cloud(300, 22);
+    blobs.push(Blob { position, log_scale: Vec3::new(-2.3, -1.9, -2.9), logit: logit(0.8), ..Blob::default() });
+    blobs
+}
+
+fn huge_around_the_eye() -> Vec<Blob> {
+    let mut blobs = in_the_eye(Vec3::new(0.0, 0.0, 2.0));
+    let of = |size: f32, x: f32, z: f32, color| Blob {
+        position: Vec3::new(x, 0.0, z),
+        log_scale: Vec3::splat(size.ln()),
+        logit: logit(0.4),
+        color,
+        ..Blob::default()
+    };
+    blobs.push(of(20.0, 1.0, 2.0, Vec3::X));
+    blobs.push(of(3.0, 2.0, 1.0, Vec3::Y));
+    blobs
+}
+
+/// A thin disc whose plane runs through the eye or `below` it.
+fn edge_on(below: f32) -> Vec<Blob> {
+    let mut blobs = in_the_eye(Vec3::new(0.0, 0.0, 2.5));
+    blobs.push(Blob {
+        position: Vec3::new(0.1, below, 0.4),
+        log_scale: Vec3::new(-1.0, -8.0, -1.0),
+        logit: logit(0.9),
+        ..Blob::default()
+    });
+    blobs
+}
+
+/// A wall of discs before the eye, a floor beneath it, and both closer than a disc is wide.
+fn touched_surface() -> Vec<Blob> {
+    let mut rng = seeded(23);
+    let mut blobs = cloud(300, 24);
+    for _ in 0..1500 {
+        let at = uniform3(&mut rng, -1.0, 1.0);
+        let color = uniform3(&mut rng, 0.0, 1.0);
+        let disc = Blob { log_scale: Vec3::new(-3.0, -3.0, -6.0), logit: logit(0.6), color, ..Blob::default() };
+        blobs.push(Blob { position: Vec3::new(at.x, at.y, 0.03 + 0.002 * at.z), logit: logit(0.3), ..disc });
+        let lying = Vec3::new(-3.0, -6.0, -3.0);
+        blobs.push(Blob { position: Vec3::new(at.x, 0.03 + 0.002 * at.y, 0.5 * at.z), log_scale: lying, ..disc });
     }
     blobs
 }

@@ -1,5 +1,8 @@
 //! A second renderer, written from the definition alone: matrices as in the textbook, every pixel asks every Gaussian,
 //! nothing is bounded. It knows ambient-only scenes with identity transforms.
+//!
+//! A Gaussian whose size is below a tenth of its depth, and far enough from the eye, is the ellipse of the affine projection.
+//! Rays meet the others. Between a tenth and a fifth the perspective within it grows from none to all.
 
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use sg_raster::image::Image;
@@ -8,19 +11,86 @@ use sg_scene::camera::Camera;
 use crate::scenes::Blob;
 
 struct Projected {
-    z: f64,
-    mean: DVec2,
-    conic: DMat2,
+    order: f64,
+    shape: Shape,
     opacity: f64,
     color: DVec3,
 }
 
-fn project(blob: &Blob, camera: &Camera) -> Option<Projected> {
+enum Shape {
+    Ellipse { mean: DVec2, conic: DMat2 },
+    Rays(Met),
+}
+
+/// A Gaussian as rays meet it.
+pub(crate) struct Met {
+    center: DVec3,
+    /// Inverse of the covariance with the dilation.
+    precision: DMat3,
+    perspective: f64,
+    fades: bool,
+    near: f64,
+}
+
+impl Met {
+    /// Of a Gaussian with all its perspective.
+    pub(crate) fn new(blob: &Blob, camera: &Camera) -> Self {
+        let center = camera.view().transform_point3(blob.position.as_dvec3());
+        let [w, x, y, z] = blob.rotation.map(f64::from);
+        let q = DMat3::from_mat4(camera.view()) * DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+        let dilation = 0.3 * center.length_squared() / (camera.fx * camera.fy);
+        let squares = (2.0 * blob.log_scale.as_dvec3()).exp();
+        let sigma = q * DMat3::from_diagonal(squares) * q.transpose() + DMat3::from_diagonal(DVec3::splat(dilation));
+        let size = (squares.element_sum() + dilation).sqrt();
+        let fades = center.length() < 1.47 * camera.near + 8.35 * size;
+        Self { center, precision: sigma.inverse(), perspective: 1.0, fades, near: camera.near }
+    }
+
+    /// Place of the maximum on the ray (z = 1) in its unit, and exp(−½d²) times the share beyond the near distance.
+    pub(crate) fn on(&self, ray: DVec3) -> (f64, f64) {
+        let toward = self.precision * self.center;
+        let whole = ray.dot(self.precision * ray);
+        let t = ray.dot(toward) / whole;
+        if !self.fades && t <= 0.0 {
+            return (0.0, (-0.5 * self.center.dot(toward)).exp());
+        }
+        // With u·w = |u|·a and s = |w|² − a²: what is left of the perspective within it.
+        let eye = self.center.dot(toward);
+        let along = ray.dot(toward) / eye.sqrt();
+        let across = whole - along * along;
+        let d2 = if self.perspective < 1.0 {
+            let middle = (self.center / self.center.z).dot(toward) / eye.sqrt();
+            let along = middle + self.perspective * (along - middle);
+            eye * across / (along * along + self.perspective * across)
+        } else {
+            eye * across / whole
+        };
+        let near = self.near / ray.length();
+        let x = (t - near) / (1.0 / whole).sqrt().hypot(0.2 * near);
+        let y = if self.fades { (x / 4.7 + 0.5).clamp(0.0, 1.0) } else { 1.0 };
+        (t.max(0.0), y.powi(3) * (6.0 * y * y - 15.0 * y + 10.0) * (-0.5 * d2).exp())
+    }
+}
+
+/// The ray, with z = 1, through pixel coordinates.
+pub(crate) fn ray(camera: &Camera, pixel: DVec2) -> DVec3 {
+    ((pixel - DVec2::new(camera.cx, camera.cy)) / DVec2::new(camera.fx, camera.fy)).extend(1.0)
+}
+
+fn project(blob: &Blob, camera: &Camera) -> Projected {
     let view = camera.view();
     let w = DMat3::from_mat4(view);
     let t = view.transform_point3(blob.position.as_dvec3());
-    if t.z <= 1e-6 {
-        return None;
+    let size = (2.0 * blob.log_scale.as_dvec3()).exp().element_sum().sqrt();
+    let opacity = 1.0 / (1.0 + (-f64::from(blob.logit)).exp());
+    let color = blob.color.as_dvec3().clamp(DVec3::ZERO, DVec3::ONE);
+    let by_distance = ((128.0 * camera.near / t.length()).ln() / 8.0_f64.ln()).clamp(0.0, 1.0);
+    let order = t.z + by_distance * (t.length() - t.z);
+    let near = t.length() < 1.47 * camera.near + 8.35 * size;
+    if near || size >= 0.1 * t.z {
+        let perspective = if near || t.z <= 0.0 { 1.0 } else { (size / (0.1 * t.z) - 1.0).min(1.0) };
+        let shape = Shape::Rays(Met { perspective, ..Met::new(blob, camera) });
+        return Projected { order, shape, opacity, color };
     }
     let [qw, qx, qy, qz] = blob.rotation.map(f64::from);
     let q = DQuat::from_xyzw(qx, qy, qz, qw);
@@ -37,26 +107,25 @@ fn project(blob: &Blob, camera: &Camera) -> Option<Projected> {
     let c = j * w * sigma * w.transpose() * j.transpose();
     let (a, b, c) = (c.x_axis.x + 0.3, c.x_axis.y, c.y_axis.y + 0.3);
     let det = a * c - b * b;
-    Some(Projected {
-        z: t.z,
-        mean: DVec2::new(fx * t.x / t.z + camera.cx, fy * t.y / t.z + camera.cy),
-        conic: DMat2::from_cols(DVec2::new(c, -b) / det, DVec2::new(-b, a) / det),
-        opacity: 1.0 / (1.0 + (-f64::from(blob.logit)).exp()),
-        color: blob.color.as_dvec3().clamp(DVec3::ZERO, DVec3::ONE),
-    })
+    let mean = DVec2::new(fx * t.x / t.z + camera.cx, fy * t.y / t.z + camera.cy);
+    let conic = DMat2::from_cols(DVec2::new(c, -b) / det, DVec2::new(-b, a) / det);
+    Projected { order, shape: Shape::Ellipse { mean, conic }, opacity, color }
 }
 
 pub(crate) fn draw(blobs: &[Blob], camera: &Camera, background: DVec3) -> Image {
-    let mut list: Vec<Projected> = blobs.iter().filter_map(|b| project(b, camera)).collect();
-    list.sort_by(|a, b| a.z.total_cmp(&b.z));
+    let mut list: Vec<Projected> = blobs.iter().map(|b| project(b, camera)).collect();
+    list.sort_by(|a, b| a.order.total_cmp(&b.order));
     let mut rgba = Vec::new();
     for y in 0..camera.height {
         for x in 0..camera.width {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let (mut t, mut c) = (1.0, DVec3::ZERO);
             for g in &list {
-                let d = pixel - g.mean;
-                let alpha = (g.opacity * (-0.5 * d.dot(g.conic * d)).exp()).min(1.0);
+                let seen = match &g.shape {
+                    Shape::Ellipse { mean, conic } => (-0.5 * (pixel - mean).dot(*conic * (pixel - mean))).exp(),
+                    Shape::Rays(met) => met.on(ray(camera, pixel)).1,
+                };
+                let alpha = (g.opacity * seen).min(1.0);
                 c += t * alpha * g.color;
                 t *= 1.0 - alpha;
             }

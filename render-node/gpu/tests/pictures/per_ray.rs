@@ -1,6 +1,6 @@
 //! The view-consistent mode: against a definition of its own, level against level, and under turns of the camera.
 
-use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, Vec3};
+use glam::{DMat4, DQuat, DVec2, DVec3, Vec3};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::Quality::{self, Exact, Fast, Standard};
@@ -9,6 +9,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
+use crate::oracle::Met;
 use crate::scenes::{Blob, around_the_eye, camera, cloud, fog, logit, scene, side_view, surface};
 use crate::{cases, oracle};
 
@@ -16,40 +17,34 @@ fn per_ray(quality: Quality) -> Options {
     Options { quality, projection: Projection::PerRay }
 }
 
+fn near(near: f64, camera: &Camera) -> Camera {
+    Camera { near, ..camera.clone() }
+}
+
 fn picture(scene: &Scene, camera: &Camera, quality: Quality) -> Image {
     let appearance = Appearance { background: camera.background(), ..Appearance::of(scene) };
     render(scene, &appearance, camera, per_ray(quality)).unwrap().image
 }
 
-/// Matrices as in the textbook: the inverse of each covariance, the greatest value on the half-line, each pixel sorted.
-fn definition(blobs: &[Blob], camera: &Camera) -> Image {
-    let view = camera.view();
-    let turn = DMat3::from_mat4(view);
+/// Matrices as in the textbook: the inverse of each covariance, the greatest value on each ray, each pixel sorted.
+pub(crate) fn definition(blobs: &[Blob], camera: &Camera) -> Image {
     let background = camera.background().as_dvec3();
-    let all: Vec<(DVec3, DMat3, f64, DVec3)> = blobs
+    let all: Vec<(Met, f64, DVec3)> = blobs
         .iter()
         .map(|b| {
-            let center = view.transform_point3(b.position.as_dvec3());
-            let [w, x, y, z] = b.rotation.map(f64::from);
-            let q = turn * DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-            let dilation = 0.3 * center.length_squared() / (camera.fx * camera.fy);
-            let sigma = q * DMat3::from_diagonal((2.0 * b.log_scale.as_dvec3()).exp()) * q.transpose()
-                + DMat3::from_diagonal(DVec3::splat(dilation));
             let opacity = 1.0 / (1.0 + (-f64::from(b.logit)).exp());
-            (center, sigma.inverse(), opacity, b.color.as_dvec3().clamp(DVec3::ZERO, DVec3::ONE))
+            (Met::new(b, camera), opacity, b.color.as_dvec3().clamp(DVec3::ZERO, DVec3::ONE))
         })
         .collect();
     let mut rgba = Vec::new();
     for y in 0..camera.height {
         for x in 0..camera.width {
-            let pixel = DVec2::new(f64::from(x) + 0.5 - camera.cx, f64::from(y) + 0.5 - camera.cy);
-            let ray = (pixel / DVec2::new(camera.fx, camera.fy)).extend(1.0);
+            let ray = oracle::ray(camera, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
             let mut layers: Vec<(f64, f64, DVec3)> = all
                 .iter()
-                .map(|(center, precision, opacity, color)| {
-                    let t = (ray.dot(*precision * *center) / ray.dot(*precision * ray)).max(0.0);
-                    let d = t * ray - *center;
-                    (t, (opacity * (-0.5 * d.dot(*precision * d)).exp()).min(1.0), *color)
+                .map(|(met, opacity, color)| {
+                    let (t, seen) = met.on(ray);
+                    (t, (opacity * seen).min(1.0), *color)
                 })
                 .collect();
             layers.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -73,6 +68,7 @@ fn the_reference_equals_the_definition() {
         ("surface", surface(500, 3), side_view(61, 77, 45.0)),
         ("eye inside a fog", around_the_eye(fog(300, 0.05, 4)), camera(30.0, 48, 48)),
         ("eye inside a cloud, 140°", around_the_eye(cloud(400, 5)), camera(9.0, 48, 48)),
+        ("eye inside a cloud, with a near distance", around_the_eye(cloud(400, 5)), near(0.3, &camera(30.0, 48, 48))),
     ] {
         let got = picture(&scene(&blobs), &camera, Exact);
         let distance = oracle::distance(&got, &definition(&blobs, &camera));

@@ -82,6 +82,7 @@ pub(crate) fn camera(focal: f64, width: u32, height: u32) -> Camera {
         world_to_camera: DMat4::IDENTITY.to_cols_array(),
         background: [0.0; 3],
         light: Light::default(),
+        near: 0.0,
     }
 }
 

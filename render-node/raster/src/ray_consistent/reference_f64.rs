@@ -10,10 +10,10 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use super::{Pinhole, RaySplat, splats};
+use crate::cutoffs::{faintest, radius};
 use crate::image::Image;
 use crate::project::Ellipse;
 use crate::raster::{TilePixels, draw};
-use crate::reference_f64::{faintest, radius};
 use crate::report::{Culled, Report};
 use crate::tiles::TILE;
 
@@ -77,7 +77,7 @@ pub(crate) fn layers_at(bounded: &[Bounded], list: &[u32], pixel: DVec2, layers:
     layers.clear();
     for (item, Bounded { splat, limit, .. }) in list.iter().filter_map(|k| Some((*k, bounded.get(*k as usize)?))) {
         let meeting = splat.meet(pixel);
-        if meeting.distance_squared <= *limit {
+        if meeting.distance_squared <= *limit && meeting.share > 0.0 {
             layers.push(Layer { depth: meeting.depth, alpha: splat.alpha(meeting), item });
         }
     }

@@ -18,12 +18,14 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use wide::f32x8;
 
-use super::{Linear, Pinhole, RaySplat, splats};
+use super::{Fading, Linear, Pinhole, RaySplat, splats};
+use crate::cutoffs::Limits;
 use crate::image::Image;
+use crate::lanes::{LANES, exp2};
+use crate::nearness::{FADE_WIDTH, NEAR_BLUR};
 use crate::project::Ellipse;
 use crate::raster::{TilePixels, draw};
 use crate::report::{Culled, Report};
-use crate::splat_f32::{LANES, Limits, exp2};
 use crate::tiles::TILE;
 
 /// Draws a checked scene; on each ray `WINDOW` layers are put in order.
@@ -50,23 +52,24 @@ pub(crate) fn render<const WINDOW: usize>(
 
 /// A Gaussian ready to blend: α = 2^(log₂o − fall·s/(a² + s)).
 #[derive(Debug, Clone, Copy)]
-struct Ray {
+pub(crate) struct Ray {
     toward: Linear,
     across: Linear,
     over: Linear,
     depth_scale: f64,
+    fading: Option<Fading>,
     /// Level 1 holds all pixels that are drawn.
-    reach: Ellipse,
+    pub(crate) reach: Ellipse,
     /// ½·log₂e·|u|².
     fall: f32,
     log_opacity: f32,
     /// log₂ of the opacity over the cut.
     range: f32,
-    color: Vec3,
+    pub(crate) color: Vec3,
 }
 
 impl Ray {
-    fn of(splat: &RaySplat, limits: Limits, pinhole: &Pinhole) -> Result<Self, Culled> {
+    pub(crate) fn of(splat: &RaySplat, limits: Limits, pinhole: &Pinhole) -> Result<Self, Culled> {
         let range = (splat.opacity / limits.cut).max(limits.ratio).log2();
         let radius = (range * (2.0 * std::f64::consts::LN_2)).sqrt();
         let reach = splat.reach(radius, pinhole).filter(|e| e.reaches(1.0, pinhole.size)).ok_or(Culled::Outside)?;
@@ -79,6 +82,7 @@ impl Ray {
             across: splat.across,
             over: splat.over,
             depth_scale: splat.depth_scale,
+            fading: splat.fading,
             reach,
             // Beyond this nothing but its centre would be drawn, and infinity times zero is not a number.
             fall: (0.5 * std::f64::consts::LOG2_E * splat.eye_squared).min(1e30) as f32,
@@ -111,7 +115,7 @@ impl Ray {
 }
 
 /// A Gaussian over one tile, everything relative to the tile's first pixel.
-struct Narrow {
+pub(crate) struct Narrow {
     /// a at the first pixel, per column, per row.
     toward: [f32; 3],
     across: [f32; 3],
@@ -121,15 +125,40 @@ struct Narrow {
     fall: f32,
     peak: f32,
     cut: f32,
-    color: Vec3,
+    pub(crate) color: Vec3,
+    fading: Option<NarrowFading>,
     /// Least depth of this one and of all that come after it.
     nearest: f32,
     /// Rows that it may touch.
-    rows: Range<usize>,
+    pub(crate) rows: Range<usize>,
+}
+
+/// [`Fading`] over one tile.
+struct NarrowFading {
+    scale: f32,
+    right: [f32; 3],
+    down: [f32; 3],
+    near: f32,
+}
+
+impl NarrowFading {
+    /// The share beyond the near distance of eight rays, from their x and y, depths and a² + s.
+    fn share(&self, [right, down]: [f32x8; 2], depth: f32x8, whole: f32x8) -> f32x8 {
+        let near = f32x8::splat(self.near) / (f32x8::ONE + right * right + down * down).sqrt();
+        let width = f32x8::ONE / (f32x8::splat(self.scale) * whole.sqrt()).fast_max(f32x8::splat(f32::MIN_POSITIVE));
+        let blur = f32x8::splat(NEAR_BLUR as f32) * near;
+        // In units of the larger one: the squares of very large and small lengths leave f32.
+        let larger = width.fast_max(blur).fast_max(f32x8::splat(f32::MIN_POSITIVE));
+        let (width, blur) = (width / larger, blur / larger);
+        let ahead = (depth - near) / larger / (width * width + blur * blur).sqrt();
+        let half = f32x8::splat(0.5);
+        let y = (ahead * f32x8::splat((0.5 / FADE_WIDTH) as f32) + half).fast_max(f32x8::ZERO).fast_min(f32x8::ONE);
+        y * y * y * (y * (f32x8::splat(6.0) * y - f32x8::splat(15.0)) + f32x8::splat(10.0))
+    }
 }
 
 impl Narrow {
-    fn of(splat: &Ray, first: DVec2) -> Self {
+    pub(crate) fn of(splat: &Ray, first: DVec2) -> Self {
         let at = |l: &Linear| [l.at(first) as f32, l.per_x as f32, l.per_y as f32];
         let [v, _, v_per_row] = at(&splat.over);
         // Rows within the level, at least; the casts saturate.
@@ -144,13 +173,19 @@ impl Narrow {
             peak: splat.log_opacity,
             cut: splat.log_opacity - splat.range,
             color: splat.color,
+            fading: splat.fading.as_ref().map(|f| NarrowFading {
+                scale: f.scale as f32,
+                right: at(&f.right),
+                down: at(&f.down),
+                near: f.near as f32,
+            }),
             nearest: splat.nearest(first),
             rows: (-dy - tall).max(0.0) as usize..((tall - dy).max(-1.0) + 1.0) as usize,
         }
     }
 
     /// Depths and opacities along eight rays of a row of the tile, from a column on. `None` if it is drawn on none.
-    fn meet(&self, row: usize, column: usize) -> Option<([f32; LANES], [f32; LANES])> {
+    pub(crate) fn meet(&self, row: usize, column: usize) -> Option<([f32; LANES], [f32; LANES])> {
         let (row, column) = (row as f32, column as f32);
         let lanes = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let along = |[at, per_column, per_row]: [f32; 3]| {
@@ -162,14 +197,19 @@ impl Narrow {
         let s = u * u + f32x8::splat(v * v);
         let inverse = f32x8::ONE / (a * a + s);
         let ahead = a.simd_gt(f32x8::ZERO);
-        let power = f32x8::splat(self.peak) - f32x8::splat(self.fall) * ahead.select(s * inverse, f32x8::ONE);
+        // Only of one that fades does the line behind the eye count.
+        let met = if self.fading.is_some() { s * inverse } else { ahead.select(s * inverse, f32x8::ONE) };
+        let power = f32x8::splat(self.peak) - f32x8::splat(self.fall) * met;
         let drawn = power.simd_ge(f32x8::splat(self.cut));
         if !drawn.any() {
             return None;
         }
-        let alpha = exp2(power).fast_min(f32x8::ONE) & drawn;
-        let depth = (f32x8::splat(self.depth_scale) * a * inverse) & ahead;
-        Some((depth.to_array(), alpha.to_array()))
+        let depth = f32x8::splat(self.depth_scale) * a * inverse;
+        let mut alpha = exp2(power) & drawn;
+        if let Some(fading) = &self.fading {
+            alpha *= fading.share([along(fading.right), along(fading.down)], depth, a * a + s);
+        }
+        Some(((depth & ahead).to_array(), alpha.fast_min(f32x8::ONE).to_array()))
     }
 }
 

@@ -6,6 +6,9 @@ use sg_scene::camera::{Camera, Light};
 use super::placement::{Placement, Pose};
 use super::pointing::Rectangle;
 
+/// Metres of the room from an eye within which Gaussians fade out.
+pub(super) const NEAR: f64 = 0.05;
+
 /// An eye's field of view, as angles from its forward axis in radians. Right and up count positive, so `left` and `down`
 /// usually are negative. It need not be symmetric.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,7 +59,8 @@ impl Eye {
     }
 
     /// The eye as a pinhole camera of a placed scene, in the scene's own unit. The room is transformed into the scene, not
-    /// the scene into the room. So centres, cut-offs and the near plane stay the scene's.
+    /// the scene into the room. So centres and cut-offs stay the scene's. The near distance is
+    /// [`NEAR`] in the room.
     ///
     /// `size` is the picture's in pixels. An empty field of view makes an invalid camera, and [`Camera::check`] reports it.
     #[must_use]
@@ -82,6 +86,17 @@ impl Eye {
         for (to, from) in world_to_camera.iter_mut().zip(rows.as_flattened()) {
             *to = *from;
         }
-        Camera { width, height, fx, fy, cx: -left.tan() * fx, cy: up.tan() * fy, world_to_camera, background, light }
+        Camera {
+            width,
+            height,
+            fx,
+            fy,
+            cx: -left.tan() * fx,
+            cy: up.tan() * fy,
+            world_to_camera,
+            background,
+            light,
+            near: NEAR / placement.scale,
+        }
     }
 }

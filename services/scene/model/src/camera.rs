@@ -33,6 +33,13 @@ pub struct Camera {
     /// Light.
     #[serde(default)]
     pub light: Light,
+    /// Distance from the eye, in the scene's unit, within which Gaussians fade out. With 0 only what lies behind the eye does.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub near: f64,
+}
+
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
 }
 
 /// One light and the multipliers on the shading factors.
@@ -124,6 +131,7 @@ impl Camera {
             world_to_camera: [x.x, x.y, x.z, t.x, y.x, y.y, y.z, t.y, z.x, z.y, z.z, t.z, 0.0, 0.0, 0.0, 1.0],
             background: [0.0; 3],
             light: Light::default(),
+            near: 0.0,
         }
     }
 
@@ -180,6 +188,9 @@ impl Camera {
         }
         if !(self.cx.is_finite() && self.cy.is_finite()) {
             return wrong("cx, cy", format!("{}, {}", self.cx, self.cy), "finite");
+        }
+        if !(self.near >= 0.0 && self.near.is_finite()) {
+            return wrong("near", self.near.to_string(), "finite and not below 0");
         }
         let view = self.view();
         let finite = self.world_to_camera.iter().all(|x| x.is_finite());

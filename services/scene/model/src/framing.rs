@@ -57,6 +57,17 @@ pub fn default_camera(scene: &Scene, width: u32, height: u32) -> Camera {
     frame(visible_box(scene), direction, up, FIELD_OF_VIEW, width, height)
 }
 
+/// Near distance of a scene that is not placed in a room, as a share of its longest edge: 5 cm where that is 10 m.
+const NEAR: f64 = 0.005;
+
+/// The distance from an eye within which Gaussians fade where nothing else sets it: a two-hundredth of the longest edge of
+/// [`framed_box`], in the scene's unit.
+#[must_use]
+pub fn near_distance(scene: &Scene) -> f64 {
+    let edge = framed_box(scene).size().max_element();
+    if edge.is_finite() { NEAR * edge.max(0.0) } else { 0.0 }
+}
+
 /// The box of the finite centres with unit transforms, without the outermost half percent on each side of each axis.
 /// Trained scenes have strays that would make all else tiny.
 #[must_use]

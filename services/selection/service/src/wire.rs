@@ -221,6 +221,7 @@ fn decode_lasso(lasso: &proto::InLasso, combine: Combine) -> Result<Operation, D
         world_to_camera,
         background: [0.0; 3],
         light: sg_scene::camera::Light::default(),
+        near: 0.0,
     };
     let far = if lasso.far == 0.0 { f64::MAX } else { lasso.far };
     Ok(Operation::Lasso { camera: Box::new(camera), polygon: polygon.to_vec(), near: lasso.near, far, combine })
