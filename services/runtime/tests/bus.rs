@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use prost::Message as _;
-use sg_proto::bus::{Code, StatusRequest};
+use sg_proto::bus::{Code, Health, StatusRequest};
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Command, CommandResult, Event, Mask, State};
 use sg_runtime::bus::{Bus, endpoint_of};
@@ -240,6 +242,64 @@ async fn an_oversized_message_is_not_sent() {
     let short = soon().within(Duration::from_millis(50));
     let fault = cli.ask_role(&keys::STATUS, role::SCENE, &StatusRequest {}, &short).await.unwrap_err();
     assert!(matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded));
+}
+
+/// Health of a process of the given age at this moment.
+async fn serve_status(bus: &Bus, age: Duration) -> sg_runtime::bus::ServerHandle {
+    let begun = Instant::now();
+    let health = move |_: StatusRequest, _| {
+        let uptime = age + begun.elapsed();
+        std::future::ready(Ok(Health { uptime_ms: uptime.as_millis() as u64, ..Health::default() }))
+    };
+    bus.serve(&keys::STATUS, 4, health).await.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_request_that_a_killed_process_took_along_is_sent_again() {
+    let session = Session::open().await;
+    let cli = session.join(role::CLI).await;
+    // A process that gets the request, and neither answers nor ends it.
+    let raw = zenoh::open(client(&session.endpoint)).await.unwrap();
+    let open = Arc::new(Mutex::new(Vec::new()));
+    let took = Arc::clone(&open);
+    let take = move |query: zenoh::query::Query| took.lock().unwrap().push(query);
+    let key = keys::key("test", role::SCENE, "cmd/apply");
+    let first = raw.declare_queryable(key).complete(true).callback(take).await.unwrap();
+    let command = Command { id: "one".into(), ..Default::default() };
+    let asked = tokio::spawn(async move {
+        cli.ask(&keys::SCENE_APPLY, &command, &Context::root().deadline_in(Duration::from_secs(30))).await
+    });
+    let begun = Instant::now();
+    while open.lock().unwrap().is_empty() && begun.elapsed() < Duration::from_secs(10) {
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    first.undeclare().await.unwrap();
+
+    let scene = session.join(role::SCENE).await;
+    let _status = serve_status(&scene, Duration::ZERO).await;
+    let _serving = serve_scene(&scene).await;
+    assert_eq!(asked.await.unwrap().unwrap().id, "one");
+    assert_eq!(open.lock().unwrap().len(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_slow_request_is_sent_once() {
+    let session = Session::open().await;
+    let (scene, cli) = (session.join(role::SCENE).await, session.join(role::CLI).await);
+    let _status = serve_status(&scene, Duration::from_secs(60)).await;
+    let count = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&count);
+    let handler = move |command: Command, _| {
+        counted.fetch_add(1, Ordering::Relaxed);
+        async move {
+            tokio::time::sleep(Duration::from_millis(2500)).await;
+            Ok(CommandResult { id: command.id, ..Default::default() })
+        }
+    };
+    let _serving = scene.serve(&keys::SCENE_APPLY, 4, handler).await.unwrap();
+    let command = Command { id: "one".into(), ..Default::default() };
+    let answer = cli.ask(&keys::SCENE_APPLY, &command, &Context::root().deadline_in(Duration::from_secs(30))).await;
+    assert_eq!((answer.unwrap().id.as_str(), count.load(Ordering::Relaxed)), ("one", 1));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

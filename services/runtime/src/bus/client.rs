@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant, SystemTime};
 
 use prost::{Message, Name};
-use sg_proto::bus::{CancelRequest, Code, Error as WireError};
+use sg_proto::bus::{CancelRequest, Code, Error as WireError, Health, StatusRequest};
 use sg_proto::keys::{self, Identity, Priority, Request, Retained};
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::query::{QueryTarget, ReplyKeyExpr};
@@ -38,6 +38,12 @@ const FIRST_PAUSE: Duration = Duration::from_millis(10);
 
 /// Longest pause between two tries. A caller notices a restarted service at most this much later.
 const LONGEST_PAUSE: Duration = Duration::from_millis(50);
+
+/// Time without a reply after which the role's process is asked for its age; doubled after each answer.
+const FIRST_DOUBT: Duration = Duration::from_secs(1);
+
+/// Longest wait for that answer.
+const STATUS_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Deadline of a cancellation.
 const CANCEL_TIMEOUT: Duration = Duration::from_secs(1);
@@ -195,8 +201,24 @@ impl Bus {
             get = get.payload(payload.clone()).encoding(encoding.clone()).attachment(envelope);
         }
         let replies = get.await.map_err(|e| Fault::internal(format!("{key}: {e}")))?;
+        let sent = Instant::now();
         // The bus also ends a query at its timeout, but its clock is coarse.
-        let first = tokio::time::timeout(remaining + Duration::from_millis(20), replies.recv_async()).await;
+        let end = remaining + Duration::from_millis(20);
+        let mut patience = FIRST_DOUBT;
+        let first = loop {
+            let rest = end.saturating_sub(sent.elapsed());
+            match tokio::time::timeout(rest.min(patience), replies.recv_async()).await {
+                Err(_) if patience < rest => {
+                    if self.has_newer_process(role, sent).await {
+                        return Err(Fault::unavailable(format!(
+                            "the process of `{role}` ended before it answered {name}"
+                        )));
+                    }
+                    patience *= 2;
+                }
+                outcome => break outcome,
+            }
+        };
         match first {
             Err(_) => Err(late()),
             // Neither a reply nor an error: no process serves the role, or it has died.
@@ -213,6 +235,29 @@ impl Bus {
                 },
             },
         }
+    }
+
+    /// Whether the process of a role or instance has started after `sent`, so that it cannot have got a query of that time.
+    ///
+    /// The bus ends the queries to a process that is gone. Rarely it does not, for a query sent while the process was killed.
+    async fn has_newer_process(&self, role: &str, sent: Instant) -> bool {
+        let Ok(payload) = wire::encode(&StatusRequest {}) else { return false };
+        let envelope = Context::root().deadline_in(STATUS_TIMEOUT).to_envelope(&self.inner.role, self.epoch(), 0);
+        let get = self
+            .inner
+            .zenoh
+            .get(self.sending_key(role, keys::STATUS.name))
+            .target(QueryTarget::BestMatching)
+            .accept_replies(ReplyKeyExpr::Any)
+            .timeout(STATUS_TIMEOUT)
+            .payload(payload)
+            .encoding(wire::encoding::<StatusRequest>())
+            .attachment(envelope.encode_to_vec());
+        let Ok(replies) = get.await else { return false };
+        let Ok(Ok(reply)) = tokio::time::timeout(STATUS_TIMEOUT, replies.recv_async()).await else { return false };
+        let health =
+            reply.result().ok().and_then(|sample| wire::decode::<Health>(sample.encoding(), sample.payload()).ok());
+        health.is_some_and(|health| Duration::from_millis(health.uptime_ms) < sent.elapsed())
     }
 
     /// Checks that the asked role or instance has sent a reply, and that its role has not passed to another instance.
