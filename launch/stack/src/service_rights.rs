@@ -40,6 +40,8 @@ const SYSTEM: [&str; 15] = [
 const STATE: [&str; 4] = ["/proc", "/run/systemd/resolve", "/run/udev", "/sys"];
 /// Devices that every program may use.
 const DEVICES: [&str; 6] = ["/dev/full", "/dev/null", "/dev/random", "/dev/tty", "/dev/urandom", "/dev/zero"];
+/// Memory that processes share.
+const SHARED_MEMORY: &str = "/dev/shm";
 /// Devices of graphics cards, by the begin of their names in `/dev`.
 const GRAPHICS_DEVICES: [&str; 6] = ["dri", "kfd", "nvidia", "udmabuf", "dma_heap", "mali"];
 /// Environment variables with lists of folders whose programs or libraries are used.
@@ -171,6 +173,8 @@ impl Process<'_> {
         if self.interpreter().is_none() {
             return Ok(());
         }
+        // The bus for Python keeps large messages in shared memory.
+        rights.write.insert(SHARED_MEMORY.into());
         let schema = self.variable(SCHEMA).map(PathBuf::from);
         let above = || real.ancestors().map(|folder| folder.join("proto")).find(|p| p.join("supergaussian").is_dir());
         rights.read.extend(schema.or_else(above));
@@ -306,7 +310,7 @@ impl Process<'_> {
             GRAPHICS_DEVICES.iter().any(|begin| name.starts_with(begin))
         };
         rights.devices.extend(devices.filter(is_graphics));
-        rights.write.insert("/dev/shm".into());
+        rights.write.insert(SHARED_MEMORY.into());
         for name in DRIVERS {
             let value = self.variable(name).unwrap_or_default();
             for description in std::env::split_paths(&value).filter(|p| p.is_absolute()) {

@@ -14,6 +14,9 @@ use crate::rights::Rights;
 /// The version whose rights on files are refused unless granted. Older kernels know fewer of them.
 const FILES: ABI = ABI::V5;
 
+/// The system's error for a link that leads to itself (`ELOOP`).
+const LINK_LOOP: i32 = 40;
+
 /// What the running kernel offers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Support {
@@ -121,8 +124,9 @@ fn open(path: &Path) -> Result<Option<PathFd>, ConfinementError> {
     match PathFd::new(path) {
         Ok(opened) => Ok(Some(opened)),
         Err(PathFdError::OpenCall { source, .. }) => {
-            use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied};
-            if matches!(source.kind(), NotFound | NotADirectory | PermissionDenied) {
+            use std::io::ErrorKind::{InvalidFilename, NotADirectory, NotFound, PermissionDenied};
+            let unreachable = matches!(source.kind(), NotFound | NotADirectory | PermissionDenied | InvalidFilename);
+            if unreachable || source.raw_os_error() == Some(LINK_LOOP) {
                 return Ok(None);
             }
             Err(ConfinementError::Path { path: path.to_owned(), source })

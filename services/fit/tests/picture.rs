@@ -84,7 +84,6 @@ fn more_and_flatter_gaussians_come_nearer_to_the_volume() {
 fn a_faded_surface_shows_no_lattice() {
     let subject = Subject::new(DVec3::new(0.0, -0.6, 0.1));
     let (full, faded) = (subject.difference(40_000, 0.6, 1.0), subject.difference(40_000, 0.6, 0.2));
-    println!("full {full:?}\nfaded {faded:?}");
     assert!(full.footprint_psnr_db > FULL && faded.footprint_psnr_db > FADED, "{full:?} {faded:?}");
 }
 

@@ -9,10 +9,10 @@ use tempfile::TempDir;
 use super::outputs::OutputFolder;
 use crate::densest_strokes;
 use crate::input::{Input, Scene};
-use supergaussian::script::Step;
 use crate::shipped::{self, DENSEST, Shipped};
 use crate::subcommands::json_of;
 use crate::terminal::Failure;
+use supergaussian::script::Step;
 
 /// Folders that a demo makes from its input.
 const FOLDERS: [&str; 2] = ["volume", "scene"];

@@ -59,8 +59,7 @@ impl Eye {
     }
 
     /// The eye as a pinhole camera of a placed scene, in the scene's own unit. The room is transformed into the scene, not
-    /// the scene into the room. So centres and cut-offs stay the scene's. The near distance is
-    /// [`NEAR`] in the room.
+    /// the scene into the room. So centres and cut-offs stay the scene's. The near distance is 5 cm of the room.
     ///
     /// `size` is the picture's in pixels. An empty field of view makes an invalid camera, and [`Camera::check`] reports it.
     #[must_use]

@@ -1,8 +1,8 @@
 //! `supergaussian-fit`: conversion of a volume to editable Gaussians.
 
 mod cli;
-mod own_rights;
 mod kept_scenes;
+mod own_rights;
 
 use std::process::ExitCode;
 

@@ -185,7 +185,7 @@ impl Bus {
                     }
                     // The system may not have freed the address yet.
                     Ok(Err(_)) if reopened && began.elapsed() < LISTEN_TIMEOUT => {
-                        tokio::time::sleep(LISTEN_PAUSE).await
+                        tokio::time::sleep(LISTEN_PAUSE).await;
                     }
                     Ok(Err(e)) => return Err(fail(without_source_locations(&e.to_string()))),
                     Err(_) => return Err(fail(format!("no answer within {} s", CONNECT_TIMEOUT.as_secs()))),
