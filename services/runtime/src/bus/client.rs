@@ -6,7 +6,8 @@ use prost::{Message, Name};
 use sg_proto::bus::{CancelRequest, Code, Error as WireError, Health, StatusRequest};
 use sg_proto::keys::{self, Identity, Priority, Request, Retained};
 use zenoh::bytes::{Encoding, ZBytes};
-use zenoh::query::{QueryTarget, ReplyKeyExpr};
+use zenoh::handlers::FifoChannelHandler;
+use zenoh::query::{QueryTarget, Reply, ReplyKeyExpr};
 use zenoh::sample::Sample;
 
 use super::identity::Origin;
@@ -25,6 +26,9 @@ struct RoleQuery<'a> {
     /// Reference counted, so a retry copies nothing.
     payload: Option<(ZBytes, Encoding)>,
 }
+
+/// Replies to a query, as they come.
+type Replies = FifoChannelHandler<Reply>;
 
 /// A reply, with its sender if that is a process on a node.
 struct QueryReply {
@@ -180,27 +184,14 @@ impl Bus {
     }
 
     async fn query_once(&self, query: &RoleQuery<'_>, context: &Context) -> Result<QueryReply, Fault> {
-        let RoleQuery { role, name, priority, payload } = query;
+        let RoleQuery { role, name, .. } = query;
         let remaining = context.remaining();
         let late = || Fault::deadline(format!("`{role}` did not answer {name} in time"));
         if remaining.is_zero() {
             return Err(late());
         }
         let key = self.sending_key(role, name);
-        let mut get = self
-            .inner
-            .zenoh
-            .get(&key)
-            .target(QueryTarget::BestMatching)
-            // A process on a node replies under its own key.
-            .accept_replies(ReplyKeyExpr::Any)
-            .priority(zenoh_priority(*priority))
-            .timeout(remaining);
-        if let Some((payload, encoding)) = payload {
-            let envelope = context.to_envelope(&self.inner.role, self.epoch(), 0).encode_to_vec();
-            get = get.payload(payload.clone()).encoding(encoding.clone()).attachment(envelope);
-        }
-        let replies = get.await.map_err(|e| Fault::internal(format!("{key}: {e}")))?;
+        let replies = self.send(query, &key, context).await?;
         let sent = Instant::now();
         // The bus also ends a query at its timeout, but its clock is coarse.
         let end = remaining + Duration::from_millis(20);
@@ -237,26 +228,39 @@ impl Bus {
         }
     }
 
+    /// Sends a query once. Its replies come until the deadline of `context`.
+    async fn send(&self, query: &RoleQuery<'_>, key: &str, context: &Context) -> Result<Replies, Fault> {
+        let mut get = self
+            .inner
+            .zenoh
+            .get(key)
+            .target(QueryTarget::BestMatching)
+            // A process on a node replies under its own key.
+            .accept_replies(ReplyKeyExpr::Any)
+            .priority(zenoh_priority(query.priority))
+            .timeout(context.remaining());
+        if let Some((payload, encoding)) = &query.payload {
+            let envelope = context.to_envelope(&self.inner.role, self.epoch(), 0).encode_to_vec();
+            get = get.payload(payload.clone()).encoding(encoding.clone()).attachment(envelope);
+        }
+        get.await.map_err(|e| Fault::internal(format!("{key}: {e}")))
+    }
+
     /// Whether the process of a role or instance has started after `sent`, so that it cannot have got a query of that time.
     ///
     /// The bus ends the queries to a process that is gone. Rarely it does not, for a query sent while the process was killed.
     async fn has_newer_process(&self, role: &str, sent: Instant) -> bool {
         let Ok(payload) = wire::encode(&StatusRequest {}) else { return false };
-        let envelope = Context::root().deadline_in(STATUS_TIMEOUT).to_envelope(&self.inner.role, self.epoch(), 0);
-        let get = self
-            .inner
-            .zenoh
-            .get(self.sending_key(role, keys::STATUS.name))
-            .target(QueryTarget::BestMatching)
-            .accept_replies(ReplyKeyExpr::Any)
-            .timeout(STATUS_TIMEOUT)
-            .payload(payload)
-            .encoding(wire::encoding::<StatusRequest>())
-            .attachment(envelope.encode_to_vec());
-        let Ok(replies) = get.await else { return false };
+        let payload = Some((ZBytes::from(payload), wire::encoding::<StatusRequest>()));
+        let query = RoleQuery { role, name: keys::STATUS.name, priority: keys::STATUS.priority, payload };
+        let key = self.sending_key(role, query.name);
+        let context = Context::root().deadline_in(STATUS_TIMEOUT);
+        let Ok(replies) = self.send(&query, &key, &context).await else { return false };
         let Ok(Ok(reply)) = tokio::time::timeout(STATUS_TIMEOUT, replies.recv_async()).await else { return false };
-        let health =
-            reply.result().ok().and_then(|sample| wire::decode::<Health>(sample.encoding(), sample.payload()).ok());
+        let health = reply.result().ok().and_then(|sample| {
+            let QueryReply { encoding, payload, .. } = self.check_reply(&query, &key, sample).ok()?;
+            wire::decode::<Health>(&encoding, &payload).ok()
+        });
         health.is_some_and(|health| Duration::from_millis(health.uptime_ms) < sent.elapsed())
     }
 
