@@ -64,7 +64,7 @@ pub(crate) fn certificates(arguments: &CertificatesArgs) -> CommandResult {
     if !revoked.is_empty() {
         return revoke(dir, revoked);
     }
-    check_names(nodes)?;
+    check_names("--node", nodes)?;
     let list = list_of(dir);
     let refused = revocation::read(&list).map_err(|e| Failure::Input(e.to_string()))?;
     if let Some(node) = nodes.iter().find(|node| refused.contains(*node)) {
@@ -126,7 +126,7 @@ fn list_of(dir: &Path) -> PathBuf {
 
 /// Adds machines to the list of revoked ones.
 fn revoke(dir: &Path, names: &[String]) -> CommandResult {
-    check_names(names).map_err(|failure| Failure::Input(failure.text().replace("--node", "--revoke")))?;
+    check_names("--revoke", names)?;
     let list = list_of(dir);
     let mut revoked = revocation::read(&list).map_err(|e| Failure::Input(e.to_string()))?;
     for name in names {
@@ -169,8 +169,8 @@ impl Generation {
     }
 }
 
-/// Checks the names of machines. A name must not lead to the file of another machine, of home or of the authority.
-fn check_names(nodes: &[String]) -> Result<(), Failure> {
+/// Checks the names of machines that an option gives. A name must not lead to the file of another machine, of home or of the authority.
+fn check_names(option: &str, nodes: &[String]) -> Result<(), Failure> {
     for (at, node) in nodes.iter().enumerate() {
         let problem = if sg_runtime::session::SessionDir::named(node).is_err() {
             "use letters, digits, `-` or `_`"
@@ -181,7 +181,7 @@ fn check_names(nodes: &[String]) -> Result<(), Failure> {
         } else {
             continue;
         };
-        return Err(Failure::Input(format!("--node {node}: {problem}")));
+        return Err(Failure::Input(format!("{option} {node}: {problem}")));
     }
     Ok(())
 }

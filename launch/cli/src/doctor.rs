@@ -10,6 +10,7 @@ use sg_confinement::Support;
 use sg_input::file::read_text;
 use sg_input::limits::SMALL_TEXT_BYTES;
 use sg_runtime::session;
+use sg_stack::control_group;
 use sg_stack::file::ExecutableSearch;
 use sg_stack::spawn::tied_to_parent;
 
@@ -94,7 +95,13 @@ impl Check {
 /// A failed check.
 pub(crate) fn doctor(arguments: &DoctorArgs) -> CommandResult {
     let search = ExecutableSearch::here_then_path();
-    let mut checks = vec![executables(&search), cores_and_memory(), run_folder(&session::run_root()), confinement()];
+    let mut checks = vec![
+        executables(&search),
+        cores_and_memory(),
+        run_folder(&session::run_root()),
+        confinement(),
+        control_groups(),
+    ];
     checks.extend(pictures(&search));
     checks.extend([window(), headset(), movies()]);
     if let Some(file) = &arguments.file {
@@ -203,6 +210,15 @@ fn confinement() -> Check {
         ),
         support @ Support::Version(_) => Check::passed(NAME, support.to_string()),
         missing => Check::limited(NAME, format!("services are not confined: {missing}")),
+    }
+}
+
+/// The kernel can end a service with everything that it has started.
+fn control_groups() -> Check {
+    const NAME: &str = "control groups";
+    match control_group::delegated() {
+        Some(folder) => Check::passed(NAME, folder.display().to_string()),
+        None => Check::limited(NAME, "none delegated; a mark in the environment finds the children of services"),
     }
 }
 

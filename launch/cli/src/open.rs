@@ -27,12 +27,8 @@ pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> Co
     open_path(&arguments.path, None, session_name).await
 }
 
-/// Opens a scene with one of its projects, by default its own one.
-pub(crate) async fn open_project(scene: &Path, project: Option<&Path>, session_name: Option<&str>) -> CommandResult {
-    open_path(scene, project, session_name).await
-}
-
-async fn open_path(path: &Path, project: Option<&Path>, session_name: Option<&str>) -> CommandResult {
+/// Opens a scene or a volume with one of its projects, by default its own one.
+pub(crate) async fn open_path(path: &Path, project: Option<&Path>, session_name: Option<&str>) -> CommandResult {
     let input = Input::of(Some(path))?;
     if !has_display() {
         return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));

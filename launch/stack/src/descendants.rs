@@ -1,8 +1,8 @@
 //! Processes that a service leaves behind: children of its children, also after a shell script or under another session
 //! of the system.
 //!
-//! Every process of a service inherits a mark in its environment. When the service has ended, all processes with its mark
-//! are killed. The supervisor also adopts processes whose parents have ended, so that none gets lost by clearing its
+//! Every process of a service inherits a mark in its environment, and a control group where there are some
+//! ([`control_group`]). When the service has ended, all processes with its mark or in its group are killed. The supervisor also adopts processes whose parents have ended, so that none gets lost by clearing its
 //! environment. A small process beside the supervisor ([`reap_after`]) does the same if the supervisor itself is killed.
 
 use std::collections::BTreeSet;
@@ -19,7 +19,7 @@ use nix::unistd::{Pid, getpgrp, getpid};
 use sg_input::{file, limits};
 use sg_runtime::process::{ProcessStat, start_time};
 
-use crate::service_manager;
+use crate::{control_group, service_manager};
 
 /// First argument with which this program kills the processes that a killed supervisor leaves behind.
 pub const REAP_AFTER: &str = "reap-after";
@@ -57,8 +57,9 @@ pub(crate) fn adopt() {
     ADOPTS.store(nix::sys::prctl::set_child_subreaper(true).is_ok(), Ordering::Relaxed);
 }
 
-/// Kills all processes with a mark, or with marks that begin so, and waits until they are gone. Reaps adopted ones.
+/// Kills all processes with a mark or in its group, or with marks that begin so, and waits until they are gone. Reaps adopted ones.
 pub(crate) fn end_marked(mark: &str) {
+    control_group::end(mark);
     let began = Instant::now();
     let mut killed = BTreeSet::new();
     let mut empty_looks = 0;

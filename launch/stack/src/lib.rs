@@ -14,7 +14,7 @@
 //! | [`spawn`], [`pid_registry`] | processes that die with their supervisor, and leftovers of earlier runs |
 //! | `service_rights` | what the kernel leaves to a service |
 //! | `service_manager` | readiness and signs of life for systemd |
-//! | [`descendants`] | children of services' children, which end with the service |
+//! | [`control_group`], [`descendants`] | children of services' children, which end with the service |
 //! | [`log_file`], [`log_line`] | bounded logs of services, and their lines for people |
 //! | [`console`], [`terminal`] | output of a supervisor |
 //!
@@ -46,6 +46,7 @@
 
 mod boot_time;
 pub mod console;
+pub mod control_group;
 pub mod descendants;
 pub mod document;
 mod error;

@@ -103,8 +103,8 @@ pub async fn run(settings: NodeSettings) -> Result<(), StackError> {
     let mut terminate = watch(SignalKind::terminate())?;
     terminal::print_status(&format!("node {name} · session {session} · {}", link.endpoint));
     match sg_confinement::support() {
-        Support::Version(version) if confinement.confined => {
-            terminal::print_status(&format!("services are confined (Landlock, version {version})"));
+        support @ Support::Version(_) if confinement.confined => {
+            terminal::print_status(&format!("services are confined ({support})"));
         }
         Support::Version(_) => terminal::print_status("services are not confined: --unconfined"),
         missing => terminal::print_status(&format!("services are not confined: {missing}")),
@@ -387,11 +387,7 @@ impl Node {
             scene: None,
             confinement: &self.confinement,
         };
-        let prepared = process
-            .rights()
-            .and_then(|rights| Ok((rights, service_rights::own_folder(self.folder.path(), &request.instance)?)));
-        let (rights, scratch) =
-            prepared.map_err(|e| Fault::internal(format!("a folder that it may write cannot be made: {e}")))?;
+        let (rights, scratch) = process.prepare().map_err(Fault::internal)?;
         let arguments = serving.arguments();
         let spawn_request = SpawnRequest { id, executable: executable.clone(), arguments, env, rights, scratch };
         let log = Log { instance: request.instance.clone(), lines: self.lines.clone() };

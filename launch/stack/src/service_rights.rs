@@ -69,6 +69,8 @@ const HOME_READ: [&str; 9] = [
 ];
 /// Caches below the home folder that graphics drivers write.
 const HOME_CACHES: [&str; 4] = [".cache/mesa_shader_cache", ".cache/mesa_shader_cache_db", ".cache/nvidia", ".nv"];
+/// Folder below the user's cache in which render processes keep compiled pipelines.
+const PIPELINES: &str = "supergaussian/pipelines";
 /// Port of an OpenTelemetry collector whose address names none.
 const COLLECTOR_PORT: u16 = 4317;
 /// First TCP port of X11 displays.
@@ -94,16 +96,6 @@ pub(crate) struct Process<'a> {
     pub(crate) confinement: &'a Confinement,
 }
 
-/// The folder for the files of one process, in its session's folder. Made if missing.
-///
-/// # Errors
-/// The system's error.
-pub(crate) fn own_folder(run_dir: &Path, instance: &str) -> io::Result<PathBuf> {
-    let folder = run_dir.join("blobs").join(instance);
-    make_folder(&folder)?;
-    Ok(folder)
-}
-
 /// Path of the session's scene: the parameter of the service that serves the role.
 pub(crate) fn scene_of(services: &[Service]) -> Option<PathBuf> {
     let scene = services.iter().find(|s| s.role == role::SCENE && s.start.node.is_none())?;
@@ -111,11 +103,18 @@ pub(crate) fn scene_of(services: &[Service]) -> Option<PathBuf> {
 }
 
 impl Process<'_> {
-    /// The rights of this process; `None` if its launch file frees it. Makes the folders that it may write.
+    /// The rights of this process, `None` if its launch file frees it, and its folder for temporary files. Makes the folders
+    /// that it may write.
     ///
     /// # Errors
-    /// A folder cannot be made.
-    pub(crate) fn rights(&self) -> io::Result<Option<Rights>> {
+    /// One line: a folder cannot be made.
+    pub(crate) fn prepare(&self) -> Result<(Option<Rights>, PathBuf), String> {
+        let scratch = self.run_dir.join("blobs").join(self.instance);
+        let rights = make_folder(&scratch).and_then(|()| self.rights(&scratch));
+        Ok((rights.map_err(|e| format!("a folder that it may write cannot be made: {e}"))?, scratch))
+    }
+
+    fn rights(&self, scratch: &Path) -> io::Result<Option<Rights>> {
         if !self.confinement.confined {
             return Ok(None);
         }
@@ -125,7 +124,7 @@ impl Process<'_> {
         rights.devices.extend(DEVICES.map(PathBuf::from));
         self.programs(&mut rights);
         self.python(&mut rights)?;
-        self.session(&mut rights)?;
+        self.session(&mut rights, scratch)?;
         self.parameters(&mut rights)?;
         self.network(&mut rights);
         if [role::RENDER_VIEW, role::RENDER_CAPTURE].contains(&self.role) {
@@ -202,8 +201,8 @@ impl Process<'_> {
     }
 
     /// The files of the process in its session's folder.
-    fn session(&self, rights: &mut Rights) -> io::Result<()> {
-        rights.write.insert(own_folder(self.run_dir, self.instance)?);
+    fn session(&self, rights: &mut Rights, scratch: &Path) -> io::Result<()> {
+        rights.write.insert(scratch.to_owned());
         // Pictures of other processes, but not their parameters.
         rights.read.insert(self.run_dir.join("blobs"));
         rights.read.insert(self.params_file.to_owned());
@@ -316,6 +315,13 @@ impl Process<'_> {
             for description in std::env::split_paths(&value).filter(|p| p.is_absolute()) {
                 rights.run.extend(library_of(&description));
                 rights.run.insert(description);
+            }
+        }
+        if let Some(cache) = self.user_folder("XDG_CACHE_HOME", ".cache") {
+            let pipelines = cache.join(PIPELINES);
+            // Without it the process compiles at each start.
+            if make_folder(&pipelines).is_ok() {
+                rights.write.insert(pipelines);
             }
         }
         let Some(home) = self.home() else { return };

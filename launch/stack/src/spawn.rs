@@ -17,10 +17,9 @@ use tokio::io::{AsyncBufRead, AsyncBufReadExt, BufReader};
 use tokio::process::Command;
 use tokio::sync::mpsc;
 
-use crate::descendants;
 use crate::log_line::{Level, LogLine};
 use crate::reconcile::{Exit, ProcessId};
-use crate::service_manager;
+use crate::{control_group, descendants, service_manager};
 
 /// First argument with which this program runs as the short-lived parent of a service.
 pub const BECOME_CHILD: &str = "become-child-of";
@@ -126,6 +125,8 @@ pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> 
     if let Err(error) = contain() {
         return BecomeChildError::Limits(error);
     }
+    // Before the rights, which leave no way to another group. Without the group the mark still finds the process.
+    let _ = std::env::var_os(control_group::GROUP).map(|folder| control_group::enter(&folder));
     if let Some(rights) = std::env::var_os(RIGHTS) {
         match serde_json::from_slice::<Rights>(rights.as_bytes()) {
             // A kernel without Landlock confines nothing. The supervisor has said so.
@@ -136,7 +137,8 @@ pub fn become_child(mut arguments: impl Iterator<Item = std::ffi::OsString>) -> 
             Err(error) => return BecomeChildError::Rights(error),
         }
     }
-    let source = std::process::Command::new(&program).args(arguments).env_remove(RIGHTS).exec();
+    let mut command = std::process::Command::new(&program);
+    let source = command.args(arguments).env_remove(RIGHTS).env_remove(control_group::GROUP).exec();
     BecomeChildError::Exec { program: program.into(), source }
 }
 
@@ -179,7 +181,10 @@ pub(crate) fn start(
         command.env(RIGHTS, serde_json::to_string(rights)?).env("TMPDIR", &request.scratch);
     }
     command.args(&request.arguments).envs(request.env).env(descendants::MARK, &mark);
-    let (pid, ended) = run(command, lines)?;
+    if let Some(group) = control_group::create(&mark) {
+        command.env(control_group::GROUP, group);
+    }
+    let (pid, ended) = run(command, lines).inspect_err(|_| control_group::end(&mark))?;
     tokio::spawn(async move {
         let exit = ended.await;
         // Before the end is known: a process that is left could hold the service's files.

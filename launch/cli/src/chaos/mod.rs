@@ -108,8 +108,13 @@ struct Prepared {
 impl Prepared {
     /// The project of one of both sessions.
     fn project_of(&self, session: &str) -> PathBuf {
-        self.out.join(format!("{session}.sgproj"))
+        self.out.join(project_name(session))
     }
+}
+
+/// File name of the project of one of both sessions.
+fn project_name(session: &str) -> String {
+    format!("{session}.sgproj")
 }
 
 pub(crate) async fn chaos(arguments: ChaosArgs, session_name: Option<&str>) -> CommandResult {
@@ -372,7 +377,7 @@ fn fresh_folder(out: &Path) -> Result<PathBuf, Failure> {
         let name = entry.file_name().to_string_lossy().into_owned();
         if name == CALM || name == SHAKEN {
             std::fs::remove_dir_all(entry.path()).map_err(fail)?;
-        } else if name == LOG || name.starts_with("calm.sgproj") || name.starts_with("shaken.sgproj") {
+        } else if name == LOG || [CALM, SHAKEN].iter().any(|session| name.starts_with(&project_name(session))) {
             std::fs::remove_file(entry.path()).map_err(fail)?;
         }
     }

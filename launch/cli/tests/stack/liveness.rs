@@ -142,6 +142,31 @@ fn grandchildren(sandbox: &Sandbox) -> Vec<i32> {
 }
 
 #[test]
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
+fn a_child_without_environment_ends_with_a_killed_supervisor() {
+    if sg_stack::control_group::delegated().is_none() {
+        eprintln!("SKIPPED: no control groups are delegated to this process");
+        return;
+    }
+    let sandbox = Sandbox::new();
+    let (pids, fixture) = (sandbox.path().join("pids"), sandbox.path().join("fixture"));
+    let text =
+        format!("setsid env -i sleep 3603 & echo $! >> '{}'\n'{}' \"$@\"\nexit $?", pids.display(), fixture.display());
+    sandbox.script("shell", &text);
+    let file = sandbox.file("f.toml", "schema = 1\n[service.one]\nexec = \"./shell\"\nwrite = [\".\"]\n");
+    let mut up = sandbox.up(&[file.to_str().unwrap()]);
+    sandbox.ready("f", "one");
+    assert!(grandchildren(&sandbox).iter().all(|pid| runs(*pid)));
+    up.signal(Signal::SIGKILL);
+    up.end();
+    let began = Instant::now();
+    while grandchildren(&sandbox).iter().any(|pid| runs(*pid)) {
+        assert!(began.elapsed() < Duration::from_secs(5), "{:?}", grandchildren(&sandbox));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
 fn no_child_of_a_child_survives() {
     let sandbox = Sandbox::new();
     shell(&sandbox);

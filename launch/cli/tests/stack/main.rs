@@ -138,13 +138,20 @@ after = { first = "ready" }
     assert_eq!(told, expected, "{errors}");
 }
 
+fn ignores_sigterm(pid: i32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    ignored.is_some_and(|signals| signals & (1 << (Signal::SIGTERM as u32 - 1)) != 0)
+}
+
 #[test]
 fn ignored_sigterm_leads_to_kill_and_second_ctrl_c_is_immediate() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("s.toml", "schema = 1\n[service.a]\nexec = \"./stubborn\"\nstop = 0.5\nready = 100\n");
     let file = file.to_str().unwrap();
     let mut up = sandbox.up(&[file]);
-    let stubborn = sandbox.wait("s", "a", |s| s["pid"].as_u64() > Some(0));
+    // The shell has to ignore the signal first.
+    let stubborn = sandbox.wait("s", "a", |s| s["pid"].as_u64() > Some(0) && ignores_sigterm(pid(s)));
     let began = Instant::now();
     up.signal(Signal::SIGTERM);
     assert_eq!(up.end().0, 0);
@@ -153,7 +160,7 @@ fn ignored_sigterm_leads_to_kill_and_second_ctrl_c_is_immediate() {
     assert!(!runs(pid(&stubborn)));
 
     let mut up = sandbox.up(&[file, "--set", "service.a.stop=60"]);
-    sandbox.wait("s", "a", |s| s["pid"].as_u64() > Some(0));
+    sandbox.wait("s", "a", |s| s["pid"].as_u64() > Some(0) && ignores_sigterm(pid(s)));
     up.signal(Signal::SIGINT);
     sandbox.wait("s", "a", |s| s["state"] == "STOPPING");
     up.signal(Signal::SIGINT);

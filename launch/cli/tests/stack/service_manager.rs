@@ -129,7 +129,9 @@ fn analyzed(unit: &str) -> Option<String> {
 fn the_unit_file_is_valid() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../ops/systemd/supergaussian@.service");
     let unit = std::fs::read_to_string(path).unwrap();
-    for line in ["Type=notify", "KillMode=mixed", "Restart=on-failure", "WatchdogSec=20", "NoNewPrivileges=yes"] {
+    for line in
+        ["Type=notify", "KillMode=mixed", "Delegate=yes", "Restart=on-failure", "WatchdogSec=20", "NoNewPrivileges=yes"]
+    {
         assert!(unit.lines().any(|l| l == line), "{line}");
     }
     let Some(said) = analyzed(&unit) else {

@@ -75,10 +75,9 @@ impl Supervisor {
             scene: self.scene.as_deref(),
             confinement: &spawn.start.confinement,
         };
-        let prepared = process.rights().and_then(|r| Ok((r, service_rights::own_folder(run_dir, &spawn.instance)?)));
-        let (rights, scratch) = match prepared {
+        let (rights, scratch) = match process.prepare() {
             Ok(prepared) => prepared,
-            Err(error) => return failed(format!("a folder that it may write cannot be made: {error}")),
+            Err(reason) => return failed(reason),
         };
         let arguments = ServeArguments {
             session: self.stack.session.name(),

@@ -12,7 +12,7 @@ use sg_runtime::fault::Fault;
 use super::event_loop::Supervisor;
 use super::nodes;
 use super::requests::Request;
-use crate::file::{self, LaunchFile, ListenSettings, Start};
+use crate::file::{self, LaunchFile, Start};
 use crate::reconcile::Event;
 use crate::service_rights;
 use crate::suggestion::suggestion;
@@ -151,10 +151,7 @@ impl Supervisor {
         let path = PathBuf::from(&request.launch_file);
         let file = file::load(&path, &request.overrides, &request.only).map_err(|e| Fault::invalid(e.to_string()))?;
         // The list of revoked machines alone can change while the bus is open.
-        let access = |file: &LaunchFile| {
-            let listen = file.listen.clone().map(|listen| ListenSettings { revoked: BTreeSet::new(), ..listen });
-            nodes::listen(&LaunchFile { listen, ..file.clone() })
-        };
+        let access = |file: &LaunchFile| nodes::listen_without(file, &BTreeSet::new());
         if access(&file) != access(&self.stack.file) || file.nodes != self.stack.file.nodes {
             return Err(Fault::precondition(
                 "`[bus]`, `[node.…]` or `on` has changed; stop the stack and start it again",

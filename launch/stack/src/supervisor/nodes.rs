@@ -71,6 +71,11 @@ pub(super) struct Nodes {
 
 /// Access rules of the bus: each node may hold the roles of its services, unless its certificate is revoked.
 pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
+    listen_without(file, &file.listen.as_ref()?.revoked)
+}
+
+/// [`listen`] with these machines refused instead of the revoked ones.
+pub(super) fn listen_without(file: &LaunchFile, refused: &BTreeSet<String>) -> Option<TlsListener> {
     let listening = file.listen.as_ref()?;
     let service = |s: &Service| RemoteService { name: s.name.clone(), role: s.role.clone() };
     let machine = |node: &Node| RemoteMachine {
@@ -84,7 +89,7 @@ pub(super) fn listen(file: &LaunchFile) -> Option<TlsListener> {
             certificate: listening.certificate.clone(),
             key: listening.key.clone(),
         },
-        machines: file.nodes.iter().filter(|n| !listening.revoked.contains(&n.name)).map(machine).collect(),
+        machines: file.nodes.iter().filter(|n| !refused.contains(&n.name)).map(machine).collect(),
     })
 }
 

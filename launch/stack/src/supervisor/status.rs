@@ -40,11 +40,9 @@ impl Supervisor {
         let here = self.stack.file.services.iter().filter(|s| s.start.node.is_none());
         let free: Vec<&str> = here.filter(|s| !s.start.confinement.confined).map(|s| s.name.as_str()).collect();
         self.console.print_detail(match sg_confinement::support() {
-            Support::Version(version) if free.is_empty() => {
-                format!("services are confined (Landlock, version {version})")
-            }
-            Support::Version(version) => {
-                format!("services are confined (Landlock, version {version}), except for {}", free.join(", "))
+            support @ Support::Version(_) if free.is_empty() => format!("services are confined ({support})"),
+            support @ Support::Version(_) => {
+                format!("services are confined ({support}), except for {}", free.join(", "))
             }
             missing => format!("services are not confined: {missing}"),
         });
