@@ -18,6 +18,9 @@ const GAP: usize = 64;
 /// Reserved editable units, highlight included, and reserved sides of clips.
 const RESERVED: (u64, u64) = (32, 64);
 
+/// Bytes of the tables and uniforms that one frame may change.
+const UPLOAD_TABLES: u64 = 256 << 10;
+
 /// The appearance on the device.
 pub(super) struct AppearanceBuffers {
     /// [`Unit`]s.
@@ -28,12 +31,13 @@ pub(super) struct AppearanceBuffers {
     masks: wgpu::Buffer,
     /// [`ClipSide`]s.
     clip_sides: wgpu::Buffer,
-    /// Three f32 for each Gaussian.
+    /// Three f32 for each Gaussian: shown colors. Otherwise one f32 for each: occlusion, which nothing needs beside them.
     colors: wgpu::Buffer,
     pub(super) state: AppearanceState,
     /// The masks in the buffer, slot by slot: editable units, then the highlight.
     uploaded_masks: Vec<Arc<Mask>>,
     uploaded_colors: Option<Arc<[Vec3]>>,
+    uploaded_occlusion: Option<Arc<[f32]>>,
     table: Vec<Unit>,
     edit_table: Vec<Edit>,
     side_table: Vec<ClipSide>,
@@ -51,6 +55,7 @@ pub(super) struct AppearanceState {
     pub(super) sides: u32,
     pub(super) overlay: bool,
     pub(super) colors: bool,
+    pub(super) occluded: bool,
     pub(super) directional: bool,
     pub(super) term: u32,
     pub(super) highlight_color: Vec3,
@@ -71,6 +76,7 @@ impl AppearanceBuffers {
             state: AppearanceState::default(),
             uploaded_masks: Vec::new(),
             uploaded_colors: None,
+            uploaded_occlusion: None,
             table: Vec::new(),
             edit_table: Vec::new(),
             side_table: Vec::new(),
@@ -94,11 +100,14 @@ impl AppearanceBuffers {
         grow(&mut self.clip_sides, "clip sides", ClipSide::SHADER_SIZE.get() * sides);
         grow(&mut self.masks, "masks", 4 * self.mask_words as u64 * units);
         grow(&mut self.colors, "colors", 12 * gaussians as u64);
+        // Masks of a few units in each of three frames, and colors once.
+        gpu.reserve_uploads(3 * (UPLOAD_TABLES + 4 * 4 * self.mask_words as u64) + 12 * gaussians as u64);
         if changed {
             self.generation += 1;
             // The new buffers are empty.
             self.uploaded_masks.clear();
             self.uploaded_colors = None;
+            self.uploaded_occlusion = None;
             self.edit_table.clear();
             self.side_table.clear();
         }
@@ -146,7 +155,7 @@ impl AppearanceBuffers {
             .collect();
         if table != self.table {
             let bytes = gpu.table_bytes(&table);
-            gpu.queue.write_buffer(&self.units, 0, &bytes);
+            gpu.write(&self.units, 0, &bytes);
             self.uploaded_bytes += bytes.len() as u64;
             self.table = table;
         }
@@ -174,6 +183,7 @@ impl AppearanceBuffers {
         self.generation = generation;
         self.update_masks(gpu, appearance);
         self.update_colors(gpu, appearance);
+        self.update_occlusion(gpu, appearance);
         let direction = Vec3::from_array(light.direction).as_dvec3().normalize_or_zero().as_vec3();
         let overlay = appearance.overlay.as_ref();
         self.state = AppearanceState {
@@ -181,6 +191,7 @@ impl AppearanceBuffers {
             sides: self.side_table.len() as u32,
             overlay: overlay.is_some(),
             colors: appearance.colors.is_some(),
+            occluded: appearance.occlusion.is_some(),
             directional: light.mode == LightMode::Direction,
             term: shading_term_number(appearance.term),
             highlight_color: overlay.map_or(Vec3::ZERO, |o| o.color),
@@ -210,7 +221,7 @@ impl AppearanceBuffers {
             for changed in changed_ranges(old, mask.words()) {
                 if let Some(words) = mask.words().get(changed.clone()) {
                     let bytes: &[u8] = bytemuck::cast_slice(words);
-                    gpu.queue.write_buffer(&self.masks, slot * k as u64 + 8 * changed.start as u64, bytes);
+                    gpu.write(&self.masks, slot * k as u64 + 8 * changed.start as u64, bytes);
                     self.uploaded_bytes += bytes.len() as u64;
                 }
             }
@@ -231,8 +242,24 @@ impl AppearanceBuffers {
             let safe: Vec<Vec3> = colors.iter().map(|c| c.max(Vec3::ZERO)).collect();
             self.uploaded_bytes +=
                 upload(gpu, &mut self.colors, "colors", bytemuck::cast_slice(&safe), &mut self.generation);
+            self.uploaded_occlusion = None;
         }
         self.uploaded_colors.clone_from(&appearance.colors);
+    }
+
+    /// Occlusion acts on shaded colors alone, so it takes the place of shown ones.
+    fn update_occlusion(&mut self, gpu: &Gpu, appearance: &Appearance) {
+        let Some(factors) = appearance.occlusion.as_ref().filter(|_| appearance.colors.is_none()) else { return };
+        if self.uploaded_occlusion.as_ref().is_some_and(|old| Arc::ptr_eq(old, factors)) {
+            return;
+        }
+        // Whole elements of three numbers.
+        let mut bytes: Vec<f32> = factors.to_vec();
+        bytes.resize(factors.len().next_multiple_of(3), 1.0);
+        self.uploaded_bytes +=
+            upload(gpu, &mut self.colors, "colors", bytemuck::cast_slice(&bytes), &mut self.generation);
+        self.uploaded_colors = None;
+        self.uploaded_occlusion = Some(Arc::clone(factors));
     }
 }
 
@@ -242,7 +269,7 @@ fn upload(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: &[u8], gener
         *buffer = gpu.storage(label, 2 * bytes.len() as u64);
         *generation += 1;
     }
-    gpu.queue.write_buffer(buffer, 0, bytes);
+    gpu.write(buffer, 0, bytes);
     bytes.len() as u64
 }
 

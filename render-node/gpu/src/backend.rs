@@ -141,7 +141,7 @@ impl Engine {
         match outcome {
             Ok(done) => Ok(Some(done)),
             Err(error) if self.falls_back && !matches!(error, GpuError::Input(_)) => {
-                if !matches!(error, GpuError::TooMany { .. }) {
+                if !matches!(error, GpuError::TooMany { .. } | GpuError::TooManyNear { .. }) {
                     self.device = None;
                 }
                 self.fallback_error = Some(error);
@@ -187,6 +187,7 @@ impl DeviceRenderer {
         let settings = self.settings(options);
         let (mut images, stats) = self.renderer.picture(std::slice::from_ref(camera), appearance, settings)?;
         let report = self.report(&stats, began);
+        self.renderer.gpu().save_pipelines_or_log();
         match images.pop() {
             Some(image) => Ok(Rendered { image, report }),
             None => Err(GpuError::Views("the device made no picture".to_owned())),

@@ -11,12 +11,17 @@ use crate::ray_tiles::RAY_TILE;
 use crate::resources::Resources;
 use crate::scene_buffers::SceneBuffers;
 use crate::shader_layout::{
-    DispatchArguments, Dispatches, Ellipse, Level, MARK_WORDS, NearRay, PartRange, RayCoefficients, Tint, Totals,
+    DispatchArguments, Dispatches, Ellipse, Level, MARK_WORDS, NearRay, PartRange, RayCoefficients, SORT_BLOCK, Tint,
+    Totals,
 };
-use crate::textures::picture_texture;
+use crate::textures::PicturePrecision;
 
-/// Limit of the Gaussians that rays evaluate in the affine mode. Those are large in the picture: so many are never in view.
+/// Limit of the Gaussians that rays evaluate in the affine mode. Those are large in the picture, so that few are in view. More
+/// are an error.
 const NEAR_RAYS: u64 = 1 << 20;
+
+/// Workgroups of a dispatch along one axis that every device can run. Nobody validates our indirect dispatches.
+pub(super) const MAX_WORKGROUPS: u64 = 65_535;
 
 /// Bytes before the first [`NearRay`]: their number, aligned.
 pub(super) const NEAR_RAYS_HEAD: u64 = 16;
@@ -39,6 +44,8 @@ struct SplatBuffers {
 pub(super) struct WorkBuffers {
     /// Limit of the number of listed Gaussians.
     pub(super) capacity: u64,
+    /// Limit of the number of Gaussians that rays evaluate in the affine mode, over all views.
+    pub(super) near_capacity: u64,
     /// Number of views that are drawn together.
     pub(super) views: u32,
     /// Whether the splats have ray coefficients.
@@ -68,7 +75,10 @@ impl WorkBuffers {
     /// Buffers for `views` views. The capacity is the whole scene unless a binding's limit is smaller.
     pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, views: u32, per_ray: bool) -> Self {
         let widest = if per_ray { RayCoefficients::SHADER_SIZE } else { Ellipse::SHADER_SIZE };
-        let capacity = (scene.len as u64).min(gpu.largest_binding() / (widest.get() * u64::from(views))).max(1);
+        let capacity = (scene.len as u64)
+            .min(gpu.largest_binding() / (widest.get() * u64::from(views)))
+            .clamp(1, MAX_WORKGROUPS * u64::from(SORT_BLOCK));
+        let near_capacity = if per_ray { 1 } else { NEAR_RAYS.min(capacity * u64::from(views)) };
         let blocks = u64::from(scene.blocks);
         let parts = scene.parts.len() as u64;
         let splats = |label, bytes: NonZeroU64| gpu.storage(label, bytes.get() * capacity * u64::from(views));
@@ -76,6 +86,7 @@ impl WorkBuffers {
             |label, bytes| gpu.buffer(label, bytes, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE);
         Self {
             capacity,
+            near_capacity,
             views,
             per_ray,
             marked: gpu.storage("marked", 4 * u64::from(MARK_WORDS) * blocks),
@@ -90,12 +101,7 @@ impl WorkBuffers {
                 ellipses: splats("ellipses", Ellipse::SHADER_SIZE),
                 levels: splats("levels", Level::SHADER_SIZE),
                 tints: splats("tints", Tint::SHADER_SIZE),
-                near_rays: gpu.storage(
-                    "near rays",
-                    NEAR_RAYS_HEAD
-                        + NearRay::SHADER_SIZE.get()
-                            * if per_ray { 1 } else { NEAR_RAYS.min(capacity * u64::from(views)) },
-                ),
+                near_rays: gpu.storage("near rays", NEAR_RAYS_HEAD + NearRay::SHADER_SIZE.get() * near_capacity),
                 rays: if per_ray { splats("rays", RayCoefficients::SHADER_SIZE) } else { gpu.storage("rays", 0) },
             },
             depth_keys: SortBuffers::new(gpu, "depths", capacity),
@@ -148,11 +154,12 @@ pub(super) struct RenderTargets {
 }
 
 impl RenderTargets {
-    pub(super) fn new(gpu: &Gpu, capacity: [u32; 2], views: usize) -> Self {
+    pub(super) fn new(gpu: &Gpu, capacity: [u32; 2], views: usize, precision: PicturePrecision) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::STORAGE_BINDING
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC;
-        let pictures = (0..views).map(|_| picture_texture(gpu, capacity, 1, usage)).collect();
+        let pictures = (0..views).map(|_| gpu.texture("picture", (capacity, 1), precision.format(), usage)).collect();
         Self { size: capacity, capacity, pictures, depths: Vec::new() }
     }
 }

@@ -1,47 +1,38 @@
-//! Composes the blended colors over the background.
+//! Composes the blended colors of quadrilaterals over the background. Tiles do so where they blend.
 
 use crate::device::Gpu;
 use crate::pipeline::{BoundDraw, DrawPipeline};
 use crate::resources::Resources;
 use crate::shader::Shader;
 use crate::stats::{Attachments, Stage, StatsReadback};
-use crate::textures::{PICTURE_FORMAT, layer_view};
+use crate::textures::layer_view;
 
-/// Pipelines of the compose pass, one for each view.
-pub(super) struct ComposePasses {
-    from_tiles: [DrawPipeline; 2],
-    from_quads: [DrawPipeline; 2],
-}
+/// Text of the function that puts a color over the background.
+pub(super) const OVER: &str = include_str!("shaders/over.wgsl");
 
-impl ComposePasses {
-    pub(super) fn new(gpu: &Gpu) -> Self {
-        let shader = Shader::new(gpu, "compose", &[include_str!("shaders/compose.wgsl")]);
-        let target = wgpu::ColorTargetState { format: PICTURE_FORMAT, blend: None, write_mask: wgpu::ColorWrites::ALL };
+/// The pipeline of the compose pass.
+pub(super) struct ComposePass(DrawPipeline);
+
+impl ComposePass {
+    /// A pass onto pictures of `format`.
+    pub(super) fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
+        let shader = Shader::new(gpu, "compose", &[OVER, include_str!("shaders/compose.wgsl")]);
+        let target = wgpu::ColorTargetState::from(format);
         let triangles = wgpu::PrimitiveTopology::TriangleList;
-        let pipelines = |entry| {
-            let entries = (&shader, ["cover", entry]);
-            [0.0, 1.0].map(|view| DrawPipeline::new(gpu, entries, &[("VIEW", view)], triangles, target.clone().into()))
-        };
-        Self { from_tiles: pipelines("from_tiles"), from_quads: pipelines("from_quads") }
-    }
-
-    /// Binds the pixels of the tile passes.
-    pub(super) fn bind_tiles(&self, gpu: &Gpu, resources: &Resources<'_>, views: u32) -> ComposeBindings {
-        let pipelines = self.from_tiles.iter().take(views as usize);
-        ComposeBindings(pipelines.map(|pipeline| pipeline.bind(gpu, resources)).collect())
+        Self(DrawPipeline::new(gpu, (&shader, ["cover", "from_quads"]), &[], triangles, target.into()))
     }
 
     /// Binds the layers of the quadrilaterals' target.
-    pub(super) fn bind_quads(
+    pub(super) fn bind(
         &self,
         gpu: &Gpu,
         resources: &Resources<'_>,
         blended: &wgpu::Texture,
         views: u32,
     ) -> ComposeBindings {
-        let draws = (0..views).zip(&self.from_quads).map(|(k, pipeline)| {
+        let draws = (0..views).map(|k| {
             let view = layer_view(blended, k);
-            pipeline.bind(gpu, &resources.and(&Resources::of_texture("blended", &view)))
+            self.0.bind(gpu, &resources.and(&Resources::of_texture("blended", &view)))
         });
         ComposeBindings(draws.collect())
     }

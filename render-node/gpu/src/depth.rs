@@ -1,49 +1,28 @@
 //! Optional per-pixel depth output: the depth of the front of each pixel.
 //!
-//! Tiles visit the layers of a pixel from near to far and store the depth of the layer that reaches the opacity of a surface.
+//! Tiles visit the layers of a pixel from near to far and store the depth of the layer that reaches the opacity of a surface,
+//! in the same pass.
 //! Quadrilaterals do not know the layers before them. They give the weighted mean depth of all layers, at a lower resolution.
 
 use std::mem::offset_of;
 
 use crate::device::Gpu;
 use crate::pipeline::{BoundDraw, DrawPipeline};
+use crate::recorded;
 use crate::resources::Resources;
 use crate::settings::Rasterizer;
 use crate::shader::Shader;
 use crate::shader_layout::{COARSE, Dispatches};
-use crate::textures::{front_to_back_target, layer_view, picture_texture};
+use crate::textures::{blend_texture, front_to_back_target, layer_view};
 
 /// Format of a depth texture.
-const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
+pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 
-/// Pipelines that write the depths of tiles, one for each view.
-pub(super) struct TileDepthPasses([DrawPipeline; 2]);
-
-/// Pipelines that blend and write the depths of quadrilaterals, one for each view.
+/// Pipelines that blend and write the depths of quadrilaterals.
 pub(super) struct QuadDepthPasses {
+    /// One for each view.
     blend: [DrawPipeline; 2],
-    compose: [DrawPipeline; 2],
-}
-
-fn compose_pipelines(gpu: &Gpu, entry: &'static str) -> [DrawPipeline; 2] {
-    let shader = Shader::new(gpu, "depths", &[include_str!("shaders/depth.wgsl")]);
-    let triangles = wgpu::PrimitiveTopology::TriangleList;
-    let target = wgpu::ColorTargetState::from(DEPTH_FORMAT);
-    [0.0, 1.0].map(|view| {
-        DrawPipeline::new(gpu, (&shader, ["cover", entry]), &[("VIEW", view)], triangles, target.clone().into())
-    })
-}
-
-impl TileDepthPasses {
-    pub(super) fn new(gpu: &Gpu) -> Self {
-        Self(compose_pipelines(gpu, "depth_from_tiles"))
-    }
-
-    /// Binds the fronts of the tile passes.
-    pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>, views: u32) -> DepthBindings {
-        let compose = self.0.iter().take(views as usize).map(|pipeline| pipeline.bind(gpu, resources));
-        DepthBindings { coarse: Vec::new(), compose: compose.collect() }
-    }
+    compose: DrawPipeline,
 }
 
 impl QuadDepthPasses {
@@ -55,26 +34,27 @@ impl QuadDepthPasses {
             let entries = (&shader, ["corner_depth", "blend_depth"]);
             DrawPipeline::new(gpu, entries, &[("VIEW", view)], strip, front_to_back_target().into())
         });
-        Self { blend, compose: compose_pipelines(gpu, "depth_from_quads") }
+        let shader = Shader::new(gpu, "depths", &[include_str!("shaders/depth.wgsl")]);
+        let triangles = wgpu::PrimitiveTopology::TriangleList;
+        let target = wgpu::ColorTargetState::from(DEPTH_FORMAT);
+        let compose = DrawPipeline::new(gpu, (&shader, ["cover", "depth_from_quads"]), &[], triangles, target.into());
+        Self { blend, compose }
     }
 
     /// Binds the splats for a picture of `size` pixels.
     pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>, size: [u32; 2], views: u32) -> DepthBindings {
-        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended = picture_texture(gpu, depth_size(size, Rasterizer::Quads), views, usage);
+        let blended = blend_texture(gpu, depth_size(size, Rasterizer::Quads), views);
         let coarse =
             (0..views).zip(&self.blend).map(|(k, pipeline)| (layer_view(&blended, k), pipeline.bind(gpu, resources)));
-        let compose = (0..views).zip(&self.compose).map(|(k, pipeline)| {
-            let view = layer_view(&blended, k);
-            pipeline.bind(gpu, &Resources::of_texture("blended", &view))
-        });
+        let compose =
+            (0..views).map(|k| self.compose.bind(gpu, &Resources::of_texture("blended", &layer_view(&blended, k))));
         DepthBindings { coarse: coarse.collect(), compose: compose.collect() }
     }
 }
 
-/// The bound depth passes, one for each view.
+/// The bound depth passes of quadrilaterals, one for each view.
 pub(super) struct DepthBindings {
-    /// Target and blending of quadrilaterals; empty for tiles.
+    /// Target and blending.
     coarse: Vec<(wgpu::TextureView, BoundDraw)>,
     compose: Vec<BoundDraw>,
 }
@@ -87,7 +67,7 @@ impl DepthBindings {
         dispatches: &wgpu::Buffer,
         (pictures, size): (&[wgpu::Texture], [u32; 2]),
     ) {
-        let size = depth_size(size, if self.coarse.is_empty() { Rasterizer::Tiles } else { Rasterizer::Quads });
+        let size = depth_size(size, Rasterizer::Quads);
         for (view, blend) in &self.coarse {
             blend.draw_indirect(&mut depth_pass(encoder, view, size), dispatches, offset_of!(Dispatches, all_quads));
         }
@@ -103,6 +83,7 @@ fn depth_pass<'e>(
     view: &wgpu::TextureView,
     [width, height]: [u32; 2],
 ) -> wgpu::RenderPass<'e> {
+    recorded::open_pass();
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("depths"),
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -125,18 +106,21 @@ pub(super) fn depth_size(picture: [u32; 2], rasterizer: Rasterizer) -> [u32; 2] 
     }
 }
 
-/// Replaces `textures` by `views` depth textures of a picture of `size` pixels, unless they fit already.
+/// Replaces `textures` by `views` depth textures of a picture of `size` pixels, unless they fit already. Returns whether it did.
 pub(super) fn prepare_textures(
     gpu: &Gpu,
     textures: &mut Vec<wgpu::Texture>,
     (size, views): ([u32; 2], usize),
     rasterizer: Rasterizer,
-) {
+) -> bool {
     let size = depth_size(size, rasterizer);
     if textures.len() == views && textures.iter().all(|t| [t.width(), t.height()] == size) {
-        return;
+        return false;
     }
-    let usage =
-        wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
+        | wgpu::TextureUsages::STORAGE_BINDING
+        | wgpu::TextureUsages::TEXTURE_BINDING
+        | wgpu::TextureUsages::COPY_SRC;
     *textures = (0..views).map(|_| gpu.texture("depths", (size, 1), DEPTH_FORMAT, usage)).collect();
+    true
 }

@@ -2,6 +2,7 @@
 
 use crate::device::Gpu;
 use crate::pipeline::{DrawPipeline, DrawTargets, depth_state};
+use crate::recorded;
 use crate::resources::Resources;
 use crate::shader::Shader;
 use crate::shader_layout::DepthRange;
@@ -51,6 +52,7 @@ impl DepthLayer {
         let view = depths.create_view(&wgpu::TextureViewDescriptor::default());
         let resources = Resources::of([("range", &self.range)]).and(&Resources::of_texture("depths", &view));
         let draw = self.pipeline.bind(&self.gpu, &resources);
+        recorded::open_pass();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("depth layer"),
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
@@ -60,13 +62,6 @@ impl DepthLayer {
             }),
             ..wgpu::RenderPassDescriptor::default()
         });
-        if width > 0 && height > 0 && part.iter().all(|pixels| *pixels > 0) {
-            // The viewport shows the whole texture, the scissor its part.
-            let across = width as f32 * (depths.width() as f32 / part[0] as f32);
-            let down = height as f32 * (depths.height() as f32 / part[1] as f32);
-            pass.set_viewport(0.0, 0.0, across, down, 0.0, 1.0);
-            pass.set_scissor_rect(0, 0, width, height);
-            draw.draw_full_screen(&mut pass);
-        }
+        draw.draw_part(&mut pass, (depths, part), [0, 0, width, height]);
     }
 }

@@ -1,16 +1,19 @@
 //! Opens a graphics device, waits for it, and reports its errors.
 
-use std::cell::Cell;
-use std::fmt;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
+use std::{fmt, io};
 
 use encase::ShaderSize;
 use encase::internal::WriteInto;
 
+use crate::created::count_created;
 use crate::device_class::DeviceClass;
 use crate::error::GpuError;
+use crate::pipeline_cache::{self, KeptPipelines};
+use crate::uploads::Uploads;
 
 /// Timeout of a wait. A software device compiles its shaders at their first use, for up to a minute on a busy
 /// machine.
@@ -19,37 +22,11 @@ pub(super) const WAIT_TIMEOUT: Duration = Duration::from_secs(120);
 /// Interval between two polls of a waiting thread.
 const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
-/// Optional features: they make pictures faster, or time them.
-pub const OPTIONAL_FEATURES: wgpu::Features =
-    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::MULTIVIEW);
-
-/// Numbers of created objects.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Created {
-    /// Buffers.
-    pub buffers: u64,
-    /// Textures.
-    pub textures: u64,
-    /// Pipelines.
-    pub pipelines: u64,
-}
-
-thread_local! {
-    static CREATED: Cell<Created> = const { Cell::new(Created { buffers: 0, textures: 0, pipelines: 0 }) };
-}
-
-/// Objects that this crate has created on the calling thread, on all devices. A loop that draws creates none in its frames.
-#[must_use]
-pub fn created_on_this_thread() -> Created {
-    CREATED.get()
-}
-
-/// Counts a created object.
-pub(super) fn count_created(count: impl FnOnce(&mut Created)) {
-    let mut created = CREATED.get();
-    count(&mut created);
-    CREATED.set(created);
-}
+/// Optional features: they make pictures or starts faster, or time them.
+pub const OPTIONAL_FEATURES: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY
+    .union(wgpu::Features::FLOAT32_BLENDABLE)
+    .union(wgpu::Features::MULTIVIEW)
+    .union(wgpu::Features::PIPELINE_CACHE);
 
 /// An open device. Clones share it.
 #[derive(Clone)]
@@ -63,6 +40,9 @@ pub struct Gpu {
     lost: Arc<AtomicBool>,
     /// Locked during a submission, and while a surface waits for the end of all work.
     submission: Arc<Mutex<()>>,
+    /// Pipelines kept on disk.
+    pipelines: Arc<OnceLock<KeptPipelines>>,
+    uploads: Arc<Mutex<Uploads>>,
 }
 
 impl fmt::Debug for Gpu {
@@ -90,6 +70,16 @@ fn keep(fault: &Mutex<Option<GpuError>>, error: GpuError) {
 }
 
 impl Gpu {
+    /// Description of an instance for [`Self::of_adapter`]: Vulkan, without wgpu's validation of indirect calls. That would add
+    /// a dispatch and two barriers to each call. Our own passes write these arguments, within the limits of every device.
+    #[must_use]
+    pub fn instance_descriptor() -> wgpu::InstanceDescriptor {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        descriptor.flags = (descriptor.flags - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL).with_env();
+        descriptor
+    }
+
     /// Opens a device through Vulkan.
     ///
     /// # Errors
@@ -98,9 +88,7 @@ impl Gpu {
         if class == DeviceClass::Hardware && !card_may_be_present() {
             return Err(GpuError::NoDevice { class });
         }
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = wgpu::Backends::VULKAN;
-        let instance = wgpu::Instance::new(descriptor);
+        let instance = wgpu::Instance::new(Self::instance_descriptor());
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
         let software = |a: &wgpu::Adapter| a.get_info().device_type == wgpu::DeviceType::Cpu;
         let adapter = adapters
@@ -160,7 +148,57 @@ impl Gpu {
                 },
             );
         }));
-        Self { device, queue, info: Arc::new(info), origin: None, fault, lost, submission: Arc::default() }
+        let gpu = Self {
+            device,
+            queue,
+            info: Arc::new(info),
+            origin: None,
+            fault,
+            lost,
+            submission: Arc::default(),
+            pipelines: Arc::default(),
+            uploads: Arc::default(),
+        };
+        if let Some(folder) = pipeline_cache::folder() {
+            gpu.keep_pipelines(folder);
+        }
+        gpu
+    }
+
+    /// Keeps the compiled pipelines of this device in a folder of the user's cache: loads the file of an earlier start, one for
+    /// each kind of device. Returns whether there was a sound one; `None` if the driver keeps no pipelines. A damaged file is
+    /// logged and ignored. Only the first call counts. [`Self::save_pipelines`] writes the file.
+    pub fn keep_pipelines(&self, folder: &Path) -> Option<bool> {
+        if self.pipelines.get().is_none()
+            && let Some(kept) = KeptPipelines::load(&self.device, &self.info, folder)
+        {
+            let _ = self.pipelines.set(kept);
+        }
+        self.pipelines.get().map(|kept| kept.is_loaded)
+    }
+
+    /// Writes the compiled pipelines to their file, if there is one and pipelines were made since the last call. Returns whether
+    /// it did. Takes milliseconds, so call it between frames.
+    ///
+    /// # Errors
+    /// The file cannot be written; the next call tries again only after further pipelines.
+    pub fn save_pipelines(&self) -> io::Result<bool> {
+        self.pipelines.get().map_or(Ok(false), KeptPipelines::save)
+    }
+
+    /// As [`Self::save_pipelines`]; a failure is logged.
+    pub(super) fn save_pipelines_or_log(&self) {
+        if let Err(error) = self.save_pipelines() {
+            tracing::warn!("compiled pipelines are not kept: {error}");
+        }
+    }
+
+    /// The cache for a new pipeline.
+    pub(super) fn cache_of_pipeline(&self) -> Option<&wgpu::PipelineCache> {
+        count_created(|created| created.pipelines += 1);
+        let kept = self.pipelines.get()?;
+        kept.count();
+        Some(&kept.cache)
     }
 
     /// Whether both are clones of one device.
@@ -183,8 +221,41 @@ impl Gpu {
 
     /// Submits work. The device runs submissions in order.
     pub fn submit(&self, commands: impl IntoIterator<Item = wgpu::CommandBuffer>) {
-        let _guard = self.lock_submission();
-        self.queue.submit(commands);
+        let mut uploads = self.lock_uploads();
+        let changes = uploads.take(&self.device);
+        let is_changed = changes.is_some();
+        {
+            let _guard = self.lock_submission();
+            self.queue.submit(changes.into_iter().chain(commands));
+        }
+        if is_changed {
+            uploads.recall();
+        }
+    }
+
+    /// Makes staging memory for so many bytes of changes that wait for the device.
+    pub(super) fn reserve_uploads(&self, bytes: u64) {
+        self.lock_uploads().reserve(&self.device, bytes);
+    }
+
+    /// Changes a buffer from byte `offset` on, before the next submission and after all earlier changes.
+    pub(super) fn write(&self, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
+        let mut uploads = self.lock_uploads();
+        if bytes.is_empty() || uploads.stage(buffer, offset, bytes) {
+            return;
+        }
+        let others_wait = uploads.has_changes();
+        drop(uploads);
+        if others_wait {
+            // wgpu makes its own changes before those of the same submission.
+            self.submit([]);
+        }
+        count_created(|created| created.uploads += 1);
+        self.queue.write_buffer(buffer, offset, bytes);
+    }
+
+    fn lock_uploads(&self) -> MutexGuard<'_, Uploads> {
+        self.uploads.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Calls `then` when all work submitted so far is done. A poll of the device calls it.
@@ -295,7 +366,8 @@ impl Gpu {
     /// Limit of the bytes of a storage binding.
     pub(super) fn largest_binding(&self) -> u64 {
         let limits = self.device.limits();
-        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+        // The shaders count bytes and words in 32 bits.
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(u64::from(u32::MAX - 255))
     }
 
     pub(super) fn has(&self, feature: wgpu::Features) -> bool {
@@ -328,7 +400,7 @@ impl Gpu {
     pub(super) fn write_uniform<T: ShaderSize + WriteInto>(&self, buffer: &wgpu::Buffer, value: &T) {
         let mut bytes = encase::UniformBuffer::new(Vec::<u8>::new());
         match bytes.write(value) {
-            Ok(()) => self.queue.write_buffer(buffer, 0, bytes.as_ref()),
+            Ok(()) => self.write(buffer, 0, bytes.as_ref()),
             Err(error) => self.report(self.failed(&error)),
         }
     }

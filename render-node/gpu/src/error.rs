@@ -65,6 +65,19 @@ pub enum GpuError {
         /// Number of Gaussians that fit.
         capacity: u64,
     },
+    /// The buffers of one picture cannot hold all Gaussians that rays evaluate in the affine projection.
+    #[error(
+        "{found} Gaussians are near the eye or large in view, and {device} can draw {capacity} such at once; hide or clip a \
+         part, go farther away, or draw with the CPU"
+    )]
+    TooManyNear {
+        /// Name of the device.
+        device: String,
+        /// Number of such Gaussians in view, each eye's counted.
+        found: u64,
+        /// Number of those that fit.
+        capacity: u64,
+    },
     /// The scene, the appearance or the camera is invalid.
     #[error(transparent)]
     Input(#[from] sg_raster::render::RenderError),

@@ -30,11 +30,15 @@
 //! 3. Make a `Shader` of the text, and of it a `Kernel` or a `DrawPipeline` for each entry point.
 //! 4. Bind the pipeline to `Resources`, with new buffers under the names of step 1. A missing one is a [`GpuError::Unbound`].
 //! 5. Encode the bound pass in its place of `pass_chain`, and add its row to the table there.
+//! 6. Describe its commands in `counts/pass_table`, so that `supergaussian render --counts` counts them. A test compares the two.
 
 mod appearance_buffers;
 pub mod backend;
+mod barriers;
 mod buffers;
 mod compose;
+pub mod counts;
+mod created;
 mod depth;
 mod depth_layer;
 mod device;
@@ -42,13 +46,17 @@ mod device_class;
 mod early_out;
 mod error;
 mod frame_uniform;
+mod hidden_tiles;
+mod meshes;
 mod pass_chain;
 mod pipeline;
+mod pipeline_cache;
 mod present;
 mod quads;
 mod radix_sort;
 mod ray_tiles;
 mod readback;
+mod recorded;
 mod renderer;
 mod resources;
 mod scene_buffers;
@@ -61,17 +69,24 @@ mod stats;
 mod textures;
 mod tiles;
 mod trial;
+mod trusted;
+mod uploads;
 mod view_limits;
 mod vignette;
 mod visibility_mask;
 mod wgsl;
 mod work_timer;
 
+pub use barriers::Commands;
+pub use created::{Created, created_on_this_thread};
 pub use depth_layer::{DEPTH_FAR, DEPTH_NEAR, DepthLayer};
-pub use device::{Created, Gpu, OPTIONAL_FEATURES, created_on_this_thread};
+pub use device::{Gpu, OPTIONAL_FEATURES};
 pub use device_class::DeviceClass;
 pub use error::GpuError;
+pub use meshes::{MOST_MESHES, MeshCorner, MeshEye, MeshLayer, MeshLook, PlacedMesh};
+pub use pipeline_cache::keep_pipelines_in;
 pub use present::Present;
+pub use recorded::record_commands;
 pub use renderer::Renderer;
 pub use settings::{FrameStats, Options, Rasterizer, Settings};
 pub use stats::PassSeconds;

@@ -6,17 +6,19 @@
 //! | list | `splats` | `marked`, `parts` | `listed`, `part_ranges`, `totals`, `dispatches`, `part_dispatches` |
 //! | project | `splats` | `listed`, columns of the scene, appearance | `ellipses`, `levels`, `tints`, `rays`, `depth_keys` |
 //! | sort | `radix_sort` | `depth_keys` | `depth_order` |
-//! | blend by tiles | `tiles`, `ray_tiles` | splats, `depth_order` | `pixels`, `fronts`, `longest_list` |
+//! | blend by tiles | `tiles`, `ray_tiles` | splats, `depth_order`, `shown_before` | pictures, depth textures, `longest_list` |
 //! | or quadrilaterals | `quads`, `early_out`, `visibility_mask` | splats, `depth_order` | `blended` |
-//! | compose | `compose` | `pixels` or `blended` | pictures |
-//! | depth (optional) | `depth` | `fronts`, or splats and `depth_order` | depth textures |
+//! | compose quadrilaterals | `compose` | `blended` | pictures |
+//! | their depth (optional) | `depth` | splats, `depth_order` | depth textures |
+//!
+//! Tiles write each pixel once, over the background. Only lists that one dispatch does not blend go through `pixels`.
 //!
 //! The names are those of the shaders' variables. A pass finds its resources by these names: see [`Resources`].
 
 use crate::appearance_buffers::AppearanceBuffers;
-use crate::buffers::WorkBuffers;
-use crate::compose::{ComposeBindings, ComposePasses};
-use crate::depth::{DepthBindings, QuadDepthPasses, TileDepthPasses};
+use crate::buffers::{RenderTargets, WorkBuffers};
+use crate::compose::ComposePass;
+use crate::depth::{DepthBindings, QuadDepthPasses};
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::quads::{QuadBindings, QuadPasses};
@@ -25,6 +27,7 @@ use crate::scene_buffers::SceneBuffers;
 use crate::settings::Rasterizer;
 use crate::splats::{PipelineKey, SplatBindings, SplatPasses};
 use crate::stats::StatsReadback;
+use crate::textures::PicturePrecision;
 use crate::tiles::{ListSizes, TileBindings, TileMode, TilePasses};
 use crate::visibility_mask::VisibilityMask;
 
@@ -34,9 +37,7 @@ pub(super) struct Passes {
     tiles: TilePasses,
     /// `None` on a device that cannot blend f32.
     quads: Option<QuadPasses>,
-    compose: ComposePasses,
-    /// Made at the first depths of tiles.
-    tile_depths: Option<TileDepthPasses>,
+    compose: ComposePass,
     /// Made at the first depths of quadrilaterals.
     quad_depths: Option<QuadDepthPasses>,
 }
@@ -48,7 +49,7 @@ pub(super) struct BindGroups {
     splats: Option<((PipelineKey, u64), SplatBindings)>,
     quads: Option<QuadBindings>,
     pub(super) tiles: Option<TileBindings>,
-    depths: Option<(Rasterizer, DepthBindings)>,
+    depths: Option<DepthBindings>,
 }
 
 impl BindGroups {
@@ -67,6 +68,9 @@ pub(super) struct FrameResources<'a> {
     pub(super) scene: &'a SceneBuffers,
     pub(super) appearance: &'a AppearanceBuffers,
     pub(super) work: &'a WorkBuffers,
+    pub(super) targets: &'a RenderTargets,
+    /// The visibility mask, if one is set.
+    pub(super) mask: Option<&'a VisibilityMask>,
 }
 
 /// Choice of the passes of a frame.
@@ -74,15 +78,13 @@ pub(super) struct FrameResources<'a> {
 pub(super) struct FramePlan {
     /// Width and height of the pictures.
     pub(super) size: [u32; 2],
-    /// Width and height of their targets, at least as large.
-    pub(super) capacity: [u32; 2],
     /// Whether short lists of tiles may be replaced by longer ones.
     pub(super) may_grow: bool,
     pub(super) rasterizer: Rasterizer,
     pub(super) mode: TileMode,
     pub(super) lists: ListSizes,
-    /// Whether a visibility mask is set.
-    pub(super) masked: bool,
+    /// Bits of the depth order.
+    pub(super) order_bits: u32,
 }
 
 /// The bound passes of a frame.
@@ -92,6 +94,7 @@ pub(super) struct FramePasses<'a> {
     depths: Option<&'a DepthBindings>,
     /// Capacity of the list of pairs; 0 without one.
     pub(super) pair_capacity: u32,
+    order_bits: u32,
 }
 
 /// The bound passes of a rasterizer.
@@ -101,14 +104,13 @@ enum BlendPasses<'a> {
 }
 
 impl Passes {
-    pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, multiview: bool) -> Self {
+    pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, multiview: bool, pictures: PicturePrecision) -> Self {
         let multiview = multiview && gpu.has(wgpu::Features::MULTIVIEW);
         Self {
             splats: SplatPasses::new(gpu, scene),
-            tiles: TilePasses::new(gpu),
+            tiles: TilePasses::new(gpu, pictures),
             quads: gpu.has(wgpu::Features::FLOAT32_BLENDABLE).then(|| QuadPasses::new(gpu, multiview)),
-            compose: ComposePasses::new(gpu),
-            tile_depths: None,
+            compose: ComposePass::new(gpu, pictures.format()),
             quad_depths: None,
         }
     }
@@ -133,8 +135,8 @@ impl Passes {
         resources: &FrameResources<'_>,
         plan: FramePlan,
     ) -> Result<FramePasses<'b>, GpuError> {
-        let &FrameResources { gpu, frame, scene, appearance, work } = resources;
-        let FramePlan { size, capacity, may_grow, rasterizer, mode, lists, masked } = plan;
+        let &FrameResources { gpu, frame, scene, appearance, work, targets, mask } = resources;
+        let FramePlan { size, may_grow, rasterizer, mode, lists, order_bits } = plan;
         let BindGroups { splats, quads, tiles, depths } = groups;
         let pipeline_key = PipelineKey::of(scene, &appearance.state, mode.window.is_some());
         let key = (pipeline_key, appearance.generation);
@@ -152,19 +154,20 @@ impl Passes {
                 let fits = |t: &TileBindings| t.fit(mode, lists) || (!may_grow && t.is_of(mode));
                 let mut bindings = match tiles.take().filter(fits) {
                     Some(fitting) => fitting,
-                    None => {
-                        *depths = None;
-                        self.tiles.bind(gpu, &resources, work, &self.compose, (capacity, lists, mode))
-                    }
+                    None => self.tiles.bind(gpu, &resources, work, targets, (lists, mode)),
                 };
                 bindings.set_size(size);
+                if let Some(mask) = mask {
+                    bindings.show_outside(gpu, mask, size);
+                }
                 let bindings = &*tiles.insert(bindings);
                 (BlendPasses::Tiles(bindings), bindings.capacity as u32)
             }
             Rasterizer::Quads | Rasterizer::Bands => {
                 let passes = self.quads.as_mut().ok_or_else(|| cannot_blend_quads(gpu))?;
                 let in_bands = rasterizer == Rasterizer::Bands;
-                let reject = masked || in_bands;
+                let reject = mask.is_some() || in_bands;
+                let capacity = targets.capacity;
                 let bindings = match quads.take().filter(|q| q.rejects() == reject) {
                     Some(fitting) => fitting,
                     None => passes.bind(gpu, &resources, &self.compose, (capacity, work.views, reject)),
@@ -173,21 +176,14 @@ impl Passes {
                 (BlendPasses::Quads { bindings: quads.insert(bindings), in_bands }, pair_capacity)
             }
         };
-        let depths = mode.depths.then(|| {
-            let bindings = match (depths.take().filter(|(of, _)| *of == rasterizer), &blend) {
-                (Some(fitting), _) => fitting,
-                (None, BlendPasses::Tiles(tiles)) => {
-                    let passes = self.tile_depths.get_or_insert_with(|| TileDepthPasses::new(gpu));
-                    (rasterizer, passes.bind(gpu, &resources.with([("fronts", &tiles.fronts)]), work.views))
-                }
-                (None, BlendPasses::Quads { .. }) => {
-                    let passes = self.quad_depths.get_or_insert_with(|| QuadDepthPasses::new(gpu));
-                    (rasterizer, passes.bind(gpu, &resources, capacity, work.views))
-                }
-            };
-            &depths.insert(bindings).1
+        // Tiles store their depths where they blend.
+        let depths = (mode.depths && rasterizer != Rasterizer::Tiles).then(|| {
+            &*depths.get_or_insert_with(|| {
+                let passes = self.quad_depths.get_or_insert_with(|| QuadDepthPasses::new(gpu));
+                passes.bind(gpu, &resources, targets.capacity, work.views)
+            })
         });
-        Ok(FramePasses { splats, blend, depths, pair_capacity })
+        Ok(FramePasses { splats, blend, depths, pair_capacity, order_bits })
     }
 }
 
@@ -219,23 +215,16 @@ impl FramePasses<'_> {
         output: FrameOutput<'_>,
     ) {
         let dispatches = &work.dispatches;
-        self.splats.encode(encoder, stats, work);
+        self.splats.encode(encoder, stats, work, self.order_bits);
         match self.blend {
-            BlendPasses::Tiles(tiles) => tiles.encode(encoder, stats, dispatches),
+            BlendPasses::Tiles(tiles) => tiles.encode(encoder, stats, dispatches, output.first_eye),
             BlendPasses::Quads { bindings, in_bands } => {
                 bindings.encode((gpu, mask), encoder, stats, dispatches, (output.first_eye, in_bands));
+                bindings.compose.encode(encoder, stats, output.pictures);
             }
         }
-        self.compose().encode(encoder, stats, output.pictures);
         if let Some(depths) = self.depths {
             depths.encode(encoder, dispatches, (output.depths, output.size));
-        }
-    }
-
-    fn compose(&self) -> &ComposeBindings {
-        match self.blend {
-            BlendPasses::Tiles(tiles) => &tiles.compose,
-            BlendPasses::Quads { bindings, .. } => &bindings.compose,
         }
     }
 }

@@ -1,8 +1,12 @@
 //! Pipelines, bound to their resources by name.
 
 use std::num::NonZeroU32;
+use std::ops::Range;
+use std::sync::Arc;
 
-use crate::device::{Gpu, count_created};
+use crate::barriers::Kind;
+use crate::device::Gpu;
+use crate::recorded::{self, BoundBuffer};
 use crate::resources::Resources;
 use crate::shader::{Binding, Shader};
 use crate::textures::{BOTH_VIEWS, REJECT_DEPTH_FORMAT};
@@ -77,7 +81,6 @@ impl DrawPipeline {
     ) -> Self {
         let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
         let color = targets.color.map(Some);
-        count_created(|created| created.pipelines += 1);
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(fragment),
             layout: None,
@@ -97,7 +100,7 @@ impl DrawPipeline {
                 targets: color.as_slice(),
             }),
             multiview_mask: targets.multiview,
-            cache: None,
+            cache: gpu.cache_of_pipeline(),
         });
         Self { pipeline, label: fragment, bindings: shader.bindings(&[vertex, fragment]) }
     }
@@ -105,7 +108,8 @@ impl DrawPipeline {
     /// Binds the resources that the pipeline uses.
     pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>) -> BoundDraw {
         let group = resources.bind(gpu, self.label, &self.pipeline.get_bind_group_layout(0), &self.bindings);
-        BoundDraw { pipeline: self.pipeline.clone(), group }
+        let bound = resources.buffers(&self.bindings).into();
+        BoundDraw { pipeline: self.pipeline.clone(), group, entry: self.label, bound }
     }
 }
 
@@ -131,13 +135,22 @@ impl ViewPipelines {
 pub(super) struct BoundDraw {
     pipeline: wgpu::RenderPipeline,
     group: wgpu::BindGroup,
+    entry: &'static str,
+    bound: Arc<[BoundBuffer]>,
 }
 
 impl BoundDraw {
     /// Draws `vertices` vertices of one instance.
     pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, vertices: u32) {
         self.set(pass);
+        recorded::command(self.entry, Kind::Draw, &self.bound, None);
         pass.draw(0..vertices, 0..1);
+    }
+
+    /// Draws these vertices of these instances.
+    pub(super) fn draw_instances(&self, pass: &mut wgpu::RenderPass<'_>, vertices: Range<u32>, instances: Range<u32>) {
+        self.set(pass);
+        pass.draw(vertices, instances);
     }
 
     /// Draws a triangle that covers the target.
@@ -145,9 +158,29 @@ impl BoundDraw {
         self.draw(pass, 3);
     }
 
+    /// Draws the upper left `part` of a texture, its width and height in pixels, to an area of the target: left, top, width and
+    /// height. Nothing if one of them is empty.
+    pub(super) fn draw_part(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        (texture, part): (&wgpu::Texture, [u32; 2]),
+        [left, top, width, height]: [u32; 4],
+    ) {
+        if width == 0 || height == 0 || part.contains(&0) {
+            return;
+        }
+        // The viewport shows the whole texture, the scissor its part.
+        let across = width as f32 * (texture.width() as f32 / part[0] as f32);
+        let down = height as f32 * (texture.height() as f32 / part[1] as f32);
+        pass.set_viewport(left as f32, top as f32, across, down, 0.0, 1.0);
+        pass.set_scissor_rect(left, top, width, height);
+        self.draw_full_screen(pass);
+    }
+
     /// Draws with the [`crate::shader_layout::DrawArguments`] at byte `offset` of `arguments`.
     pub(super) fn draw_indirect(&self, pass: &mut wgpu::RenderPass<'_>, arguments: &wgpu::Buffer, offset: usize) {
         self.set(pass);
+        recorded::command(self.entry, Kind::DrawIndirect, &self.bound, Some(arguments));
         pass.draw_indirect(arguments, offset as u64);
     }
 
@@ -167,7 +200,6 @@ pub(super) struct Kernel {
 impl Kernel {
     /// A pipeline of one entry point of a module, with the module's constants.
     pub(super) fn new(gpu: &Gpu, shader: &Shader, entry: &'static str, constants: &[(&str, f64)]) -> Self {
-        count_created(|created| created.pipelines += 1);
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(entry),
             layout: None,
@@ -178,7 +210,7 @@ impl Kernel {
                 // Every kernel writes its shared memory before it reads it.
                 zero_initialize_workgroup_memory: false,
             },
-            cache: None,
+            cache: gpu.cache_of_pipeline(),
         });
         Self { pipeline, label: entry, bindings: shader.bindings(&[entry]) }
     }
@@ -186,7 +218,8 @@ impl Kernel {
     /// Binds the resources that the entry point uses.
     pub(super) fn bind(&self, gpu: &Gpu, resources: &Resources<'_>) -> BoundKernel {
         let group = resources.bind(gpu, self.label, &self.pipeline.get_bind_group_layout(0), &self.bindings);
-        BoundKernel { pipeline: self.pipeline.clone(), group }
+        let bound = resources.buffers(&self.bindings).into();
+        BoundKernel { pipeline: self.pipeline.clone(), group, entry: self.label, bound }
     }
 }
 
@@ -194,18 +227,22 @@ impl Kernel {
 pub(super) struct BoundKernel {
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
+    entry: &'static str,
+    bound: Arc<[BoundBuffer]>,
 }
 
 impl BoundKernel {
     /// Runs a fixed number of workgroups.
     pub(super) fn run(&self, pass: &mut wgpu::ComputePass<'_>, [x, y, z]: [u32; 3]) {
         self.set(pass);
+        recorded::command(self.entry, Kind::Dispatch, &self.bound, None);
         pass.dispatch_workgroups(x, y, z);
     }
 
     /// Runs the [`crate::shader_layout::DispatchArguments`] at byte `offset` of `arguments`.
     pub(super) fn run_indirect(&self, pass: &mut wgpu::ComputePass<'_>, arguments: &wgpu::Buffer, offset: usize) {
         self.set(pass);
+        recorded::command(self.entry, Kind::DispatchIndirect, &self.bound, Some(arguments));
         pass.dispatch_workgroups_indirect(arguments, offset as u64);
     }
 

@@ -1,19 +1,26 @@
-//! Copies a picture onto a window's surface or a headset's image, its numbers unchanged.
+//! Copies a picture onto a window's surface or a headset's image, its numbers unchanged or with a last step.
+
+use glam::Vec3;
 
 use crate::device::Gpu;
 use crate::pipeline::DrawPipeline;
+use crate::recorded;
 use crate::resources::Resources;
 use crate::shader::Shader;
+use crate::shader_layout::LastStep;
+use sg_raster::finish::Finish;
 use sg_raster::image::Image;
 
 /// Copies pictures onto targets of one format.
 ///
 /// The target stores round(255·clamp), as a PNG does; for sRGB formats the pass applies the inverse curve first.
-/// The target is opaque. Pictures of another size are interpolated.
+/// [`Self::set_finish`] adds a gradient as background, and dithering. The target is opaque. Pictures of another size are interpolated.
 #[derive(Debug)]
 pub struct Present {
     gpu: Gpu,
     pipeline: DrawPipeline,
+    /// A [`LastStep`], and its value.
+    last_step: (wgpu::Buffer, LastStep),
     /// The last uploaded CPU picture.
     uploaded: Option<wgpu::Texture>,
 }
@@ -28,7 +35,30 @@ impl Present {
         let triangles = wgpu::PrimitiveTopology::TriangleList;
         let target = wgpu::ColorTargetState::from(format);
         let pipeline = DrawPipeline::new(gpu, (&shader, ["cover", "present"]), &constants, triangles, target.into());
-        Self { gpu: gpu.clone(), pipeline, uploaded: None }
+        let none = LastStep::default();
+        Self { gpu: gpu.clone(), pipeline, last_step: (gpu.uniform("last step", &none), none), uploaded: None }
+    }
+
+    /// As [`Self::new`], with dithered colors: for pictures that people look at.
+    #[must_use]
+    pub fn dithered(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
+        let mut present = Self::new(gpu, format);
+        present.set_finish(Vec3::ZERO, &Finish { dither: true, ..Finish::default() });
+        present
+    }
+
+    /// Sets the last step of pictures that are submitted from now on; `plain` is the background over which they are drawn. A
+    /// transparent backdrop stays plain. The same as [`Image::finished_rgb8`] on 8-bit targets.
+    pub fn set_finish(&mut self, plain: Vec3, finish: &Finish) {
+        let gradient = finish.gradient();
+        let (top, bottom) = gradient.map_or((plain, plain), |g| (g.top, g.bottom));
+        let step =
+            LastStep { top, gradient: u32::from(gradient.is_some()), bottom, dither: u32::from(finish.dither), plain };
+        let (buffer, value) = &mut self.last_step;
+        if *value != step {
+            *value = step;
+            self.gpu.write_uniform(buffer, value);
+        }
     }
 
     /// Draws `picture` (f32 RGBA, such as one of [`crate::Renderer::pictures`]) to `area` of `target`: left, top,
@@ -55,7 +85,9 @@ impl Present {
         load: wgpu::LoadOp<wgpu::Color>,
     ) {
         let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
-        let draw = self.pipeline.bind(&self.gpu, &Resources::of_texture("picture", &view));
+        let resources = Resources::of_texture("picture", &view);
+        let draw = self.pipeline.bind(&self.gpu, &resources.with([("last_step", &self.last_step.0)]));
+        recorded::open_pass();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("present"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -66,15 +98,7 @@ impl Present {
             })],
             ..wgpu::RenderPassDescriptor::default()
         });
-        let [left, top, width, height] = area;
-        if width > 0 && height > 0 && part.iter().all(|pixels| *pixels > 0) {
-            // The viewport shows the whole texture, the scissor its part.
-            let across = width as f32 * (picture.width() as f32 / part[0] as f32);
-            let down = height as f32 * (picture.height() as f32 / part[1] as f32);
-            pass.set_viewport(left as f32, top as f32, across, down, 0.0, 1.0);
-            pass.set_scissor_rect(left, top, width, height);
-            draw.draw_full_screen(&mut pass);
-        }
+        draw.draw_part(&mut pass, (picture, part), area);
     }
 
     /// Uploads a CPU picture as a texture for [`Self::encode`], valid until the next call. An invalid or empty

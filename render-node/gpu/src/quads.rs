@@ -3,7 +3,7 @@
 use std::mem::offset_of;
 use std::num::NonZeroU32;
 
-use crate::compose::{ComposeBindings, ComposePasses};
+use crate::compose::{ComposeBindings, ComposePass};
 use crate::device::Gpu;
 use crate::early_out::EarlyOut;
 use crate::pipeline::{BoundDraw, DepthMode, DrawPipeline, DrawTargets, ViewPipelines};
@@ -11,7 +11,7 @@ use crate::resources::Resources;
 use crate::shader::Shader;
 use crate::shader_layout::{BANDS, Dispatches, DrawArguments};
 use crate::stats::{Attachments, Stage, StatsReadback};
-use crate::textures::{BOTH_VIEWS, front_to_back_target, layer_view, pass_view, picture_texture};
+use crate::textures::{BOTH_VIEWS, blend_texture, front_to_back_target, layer_view, pass_view};
 use crate::visibility_mask::{VisibilityMask, depth_texture, mask_pipelines};
 
 /// Pipelines of the quadrilaterals. They need blending in f32: in half precision a thousand faint layers lose a fifth of
@@ -40,7 +40,7 @@ impl QuadPasses {
         &mut self,
         gpu: &Gpu,
         resources: &Resources<'_>,
-        compose: &ComposePasses,
+        compose: &ComposePass,
         (size, views, reject): ([u32; 2], u32, bool),
     ) -> QuadBindings {
         let multiview = self.blend.multiview.is_some();
@@ -51,8 +51,7 @@ impl QuadPasses {
                 early_out: EarlyOut::new(gpu),
             })
         });
-        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let blended = picture_texture(gpu, size, views, usage);
+        let blended = blend_texture(gpu, size, views);
         let (pipelines, multiview) = rejecting.map_or(&self.blend, |r| &r.blend).passes(views);
         let blend = pipelines.iter().map(|pipeline| pipeline.bind(gpu, resources)).collect();
         let rejection = rejecting.map(|passes| Rejection {
@@ -60,7 +59,7 @@ impl QuadPasses {
             depth: depth_texture(gpu, size, views),
             mask: passes.mask.passes(views).0.to_vec(),
         });
-        let compose = compose.bind_quads(gpu, resources, &blended, views);
+        let compose = compose.bind(gpu, resources, &blended, views);
         QuadBindings { blended, rejection, blend, multiview, compose, views }
     }
 }

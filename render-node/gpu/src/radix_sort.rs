@@ -78,7 +78,18 @@ impl RadixSort {
 impl SortBindings {
     /// Sorts. The number of blocks is at byte `offset` of `arguments`.
     pub(super) fn run(&self, pass: &mut wgpu::ComputePass<'_>, arguments: &wgpu::Buffer, offset: usize) {
-        for [count, scan, scatter] in &self.passes {
+        self.run_lowest(pass, arguments, offset, u32::BITS);
+    }
+
+    /// Sorts by the lowest `bits` bits at most. With an even number of passes less, the result is in the same set of buffers.
+    pub(super) fn run_lowest(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        arguments: &wgpu::Buffer,
+        offset: usize,
+        bits: u32,
+    ) {
+        for [count, scan, scatter] in self.passes.iter().take(bits.div_ceil(SORT_BITS) as usize) {
             count.run_indirect(pass, arguments, offset);
             scan.run(pass, [1, 1, 1]);
             scatter.run_indirect(pass, arguments, offset);

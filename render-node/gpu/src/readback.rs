@@ -1,6 +1,7 @@
 //! Synchronous readback of textures.
 
-use crate::device::{Gpu, count_created};
+use crate::created::count_created;
+use crate::device::Gpu;
 use crate::error::GpuError;
 
 /// The bytes of the upper left part of a texture with `pixel` bytes a pixel, rows from the top without padding. Waits for the

@@ -1,6 +1,7 @@
 //! Draws one scene on one device.
 
 use glam::{DMat3, Vec2};
+use half::f16;
 use sg_raster::image::Image;
 use sg_raster::render::{check_look, check_scene};
 use sg_scene::appearance::Appearance;
@@ -8,24 +9,25 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use crate::appearance_buffers::AppearanceBuffers;
-use crate::buffers::{RenderTargets, WorkBuffers};
+use crate::buffers::{MAX_WORKGROUPS, RenderTargets, WorkBuffers};
 use crate::depth;
 use crate::device::Gpu;
 use crate::error::GpuError;
-use crate::frame_uniform::frame_uniform;
+use crate::frame_uniform::{OrderRange, frame_uniform};
 use crate::pass_chain::{BindGroups, FrameOutput, FramePlan, FrameResources, Passes, cannot_blend_quads};
 use crate::readback::texture_bytes;
 use crate::scene_buffers::SceneBuffers;
 use crate::settings::{FrameStats, Options, Rasterizer, Settings};
-use crate::shader_layout::Frame;
+use crate::shader_layout::{Frame, PAIR_BLOCK};
 use crate::splats::PipelineKey;
 use crate::stats::{PassSeconds, StatsReadback};
+use crate::textures::PicturePrecision;
 use crate::tiles::{ListSizes, TileMode};
 use crate::view_limits::{picture_size, pixels_fit};
 use crate::visibility_mask::VisibilityMask;
 
 /// Eyes whose forward axes differ by less share one order: their view depths agree.
-const PARALLEL: f64 = 1e-6;
+pub(super) const PARALLEL: f64 = 1e-6;
 
 /// Capacity of the list of pairs before the first picture.
 const FIRST_PAIRS: u64 = 1 << 20;
@@ -45,7 +47,11 @@ pub struct Renderer {
     work: WorkBuffers,
     targets: RenderTargets,
     groups: BindGroups,
+    /// Precision of the pictures.
+    precision: PicturePrecision,
     mask: Option<VisibilityMask>,
+    /// Number of masks so far.
+    masks: u64,
     /// Limit of the pairs in one window.
     listed_pairs: u64,
     /// Number of pairs of the last measured picture.
@@ -83,7 +89,8 @@ impl Renderer {
         let scene = SceneBuffers::upload(gpu, scene, options.half);
         gpu.check()?;
         let appearance = AppearanceBuffers::new(gpu, scene.len, &scene.units);
-        let passes = Passes::new(gpu, &scene, options.multiview.unwrap_or(!gpu.is_software()));
+        let precision = PicturePrecision::of(options.half_pictures);
+        let passes = Passes::new(gpu, &scene, options.multiview.unwrap_or(!gpu.is_software()), precision);
         let work = WorkBuffers::new(gpu, &scene, 1, false);
         let renderer = Self {
             appearance,
@@ -91,10 +98,13 @@ impl Renderer {
             frame: gpu.uniform("frame", &Frame::default()),
             readbacks: [StatsReadback::new(gpu), StatsReadback::new(gpu)],
             work,
-            targets: RenderTargets::new(gpu, [1, 1], 1),
+            targets: RenderTargets::new(gpu, [1, 1], 1, precision),
+            precision,
             groups: BindGroups::default(),
             mask: None,
-            listed_pairs: u64::from(options.listed_pairs).clamp(1024, gpu.largest_binding() / 4),
+            masks: 0,
+            listed_pairs: u64::from(options.listed_pairs)
+                .clamp(1024, (gpu.largest_binding() / 4).min(MAX_WORKGROUPS * u64::from(PAIR_BLOCK))),
             pairs: 0,
             longest: 0,
             tiled: false,
@@ -135,10 +145,12 @@ impl Renderer {
     }
 
     /// Sets the visibility mask of the left and the right eye: triangles, their corners as shares of the picture's width and
-    /// height from the upper left. From the next picture on quadrilaterals skip these pixels, and the background stays.
-    /// Visible pixels stay the same to the last bit. Tiles ignore the mask, and so do triangles that are not finite.
+    /// height from the upper left. From the next picture on quadrilaterals skip these pixels, and tiles those that are hidden
+    /// whole; there the background stays. Visible pixels stay the same to the last bit. Triangles that are not finite do not
+    /// count.
     pub fn hide(&mut self, eyes: [&[[Vec2; 3]]; 2]) {
-        self.mask = VisibilityMask::upload(&self.gpu, eyes);
+        self.masks += 1;
+        self.mask = VisibilityMask::upload(&self.gpu, eyes, self.masks);
     }
 
     /// Bytes of the scene's columns on the device.
@@ -199,8 +211,8 @@ impl Renderer {
         drawn
     }
 
-    /// Textures of the last pictures, one for each camera of [`Self::draw`]: f32 RGBA as in [`Image`]. Later submissions read
-    /// them complete. The next draw overwrites them.
+    /// Textures of the last pictures, one for each camera of [`Self::draw`]: f32 RGBA as in [`Image`], or f16 with
+    /// [`Options::half_pictures`]. Later submissions read them complete. The next draw overwrites them.
     #[must_use]
     pub fn pictures(&self) -> &[wgpu::Texture] {
         &self.targets.pictures
@@ -309,14 +321,18 @@ impl Renderer {
         self.fit_targets(size, cameras.len(), settings);
         let views = if self.draws_together(cameras, size, settings) { cameras.len() as u32 } else { 1 };
         self.fit_work(views, settings);
-        let plan = self.plan(size, settings, true);
-        let Self { gpu, scene, appearance, passes, frame, work, groups, .. } = self;
-        passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work }, plan)?;
+        let plan = self.plan(size, settings, true, u32::BITS);
+        let Self { gpu, scene, appearance, passes, frame, work, groups, targets, mask, .. } = self;
+        let mask = mask.as_ref();
+        passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work, targets, mask }, plan)?;
         let per_ray = settings.sort_window().is_some();
         let compiled = &mut self.compiled[usize::from(per_ray)];
         if !*compiled {
             let keys = PipelineKey::of_edits(&self.scene, &self.appearance.state, per_ray);
             *compiled = !keys.into_iter().any(|key| self.passes.compile(&self.gpu, key));
+            if *compiled {
+                self.gpu.save_pipelines_or_log();
+            }
         }
         let compiled = *compiled;
         self.grows = false;
@@ -345,12 +361,16 @@ impl Renderer {
         let [width, height] = self.reserved;
         let capacity = if size[0] <= width && size[1] <= height { self.reserved } else { size };
         if self.targets.capacity != capacity || self.targets.pictures.len() != views {
-            self.targets = RenderTargets::new(&self.gpu, capacity, views);
+            self.targets = RenderTargets::new(&self.gpu, capacity, views, self.precision);
             self.groups.drop_sized();
         }
         self.targets.size = size;
         let pictures = if settings.depths { views } else { 0 };
-        depth::prepare_textures(&self.gpu, &mut self.targets.depths, (capacity, pictures), settings.rasterizer());
+        let (gpu, depths) = (&self.gpu, &mut self.targets.depths);
+        if depth::prepare_textures(gpu, depths, (capacity, pictures), settings.rasterizer()) {
+            // They are bound to the former ones.
+            self.groups.tiles = None;
+        }
     }
 
     /// Makes the work buffers fit.
@@ -362,15 +382,14 @@ impl Renderer {
         }
     }
 
-    fn plan(&self, size: [u32; 2], settings: Settings, may_grow: bool) -> FramePlan {
+    fn plan(&self, size: [u32; 2], settings: Settings, may_grow: bool, order_bits: u32) -> FramePlan {
         FramePlan {
             size,
-            capacity: self.targets.capacity,
             may_grow,
             rasterizer: settings.rasterizer(),
             mode: TileMode { window: settings.sort_window(), depths: settings.depths },
             lists: self.list_sizes(),
-            masked: self.mask.is_some(),
+            order_bits,
         }
     }
 
@@ -379,10 +398,15 @@ impl Renderer {
         let views = cameras.len() as u32;
         self.fit_work(views, settings);
         let size = self.targets.size;
-        let plan = self.plan(size, settings, self.grows);
+        let order = OrderRange::of(cameras, settings);
+        let plan = self.plan(size, settings, self.grows, order.bits);
         let Self { gpu, scene, appearance, passes, frame, readbacks, work, targets, groups, mask, drawn, .. } = self;
-        let bound = passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work }, plan)?;
-        let uniform = frame_uniform(cameras, settings, (scene, appearance, work), size, bound.pair_capacity);
+        let mask = mask.as_ref();
+        let bound =
+            passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work, targets, mask }, plan)?;
+        let eyes = (first, mask.is_some());
+        let uniform =
+            frame_uniform(cameras, (settings, order), (scene, appearance, work), size, bound.pair_capacity, eyes);
         gpu.write_uniform(frame, &uniform);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let stats = &mut readbacks[first];
@@ -393,8 +417,8 @@ impl Renderer {
             pictures: targets.pictures.get(first..).unwrap_or_default(),
             depths: targets.depths.get(first..).unwrap_or_default(),
         };
-        bound.encode((gpu, mask.as_ref()), &mut encoder, stats, work, output);
-        let copied = stats.copy(&mut encoder, [&work.totals, &work.longest_list], *drawn);
+        bound.encode((gpu, mask), &mut encoder, stats, work, output);
+        let copied = stats.copy(&mut encoder, [&work.totals, &work.longest_list, work.near_rays()], *drawn);
         gpu.submit([encoder.finish()]);
         if copied {
             stats.map();
@@ -420,7 +444,7 @@ impl Renderer {
         if read.is_empty() {
             return Ok(());
         }
-        let (mut stats, mut marked) = (FrameStats::default(), 0);
+        let (mut stats, mut marked, mut near) = (FrameStats::default(), 0, 0);
         if self.tiled {
             (self.pairs, self.longest) = (0, 0);
         }
@@ -428,6 +452,8 @@ impl Renderer {
             // Eyes with separate orders share the buffers: the larger count decides.
             stats.listed = stats.listed.max(picture.totals.listed);
             marked = marked.max(picture.totals.marked);
+            stats.by_rays = stats.by_rays.saturating_add(picture.near_rays);
+            near = near.max(picture.near_rays);
             if self.tiled {
                 stats.tile_pairs = stats.tile_pairs.saturating_add(picture.totals.pairs);
                 self.pairs = self.pairs.max(picture.totals.pairs.into());
@@ -447,6 +473,10 @@ impl Renderer {
         if u64::from(marked) > self.work.capacity {
             return Err(GpuError::TooMany { device: device(), found: marked.into(), capacity: self.work.capacity });
         }
+        let capacity = self.work.near_capacity;
+        if u64::from(near) > capacity {
+            return Err(GpuError::TooManyNear { device: device(), found: near.into(), capacity });
+        }
         let limit = self.listed_pairs * MAX_WINDOWS;
         if self.tiled && self.pairs > limit {
             let reason = format!(
@@ -461,7 +491,13 @@ impl Renderer {
 
     fn read(&self, picture: &wgpu::Texture) -> Result<Image, GpuError> {
         let [width, height] = self.targets.size;
-        let rgba = texture_bytes(&self.gpu, picture, [width, height], 16)?;
-        Ok(Image { width, height, rgba: bytemuck::pod_collect_to_vec(&rgba) })
+        let bytes = texture_bytes(&self.gpu, picture, [width, height], self.precision.pixel_bytes())?;
+        let rgba = match self.precision {
+            PicturePrecision::Full => bytemuck::pod_collect_to_vec(&bytes),
+            PicturePrecision::Half => {
+                bytemuck::pod_collect_to_vec::<u8, f16>(&bytes).into_iter().map(f16::to_f32).collect()
+            }
+        };
+        Ok(Image { width, height, rgba })
     }
 }

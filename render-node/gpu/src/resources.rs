@@ -2,6 +2,7 @@
 
 use crate::device::Gpu;
 use crate::error::GpuError;
+use crate::recorded::BoundBuffer;
 use crate::shader::Binding;
 
 /// Buffers and textures by name.
@@ -16,7 +17,12 @@ impl<'a> Resources<'a> {
 
     /// One texture.
     pub(super) fn of_texture(name: &'static str, view: &'a wgpu::TextureView) -> Self {
-        Self(vec![(name, wgpu::BindingResource::TextureView(view))])
+        Self::of_textures([(name, view)])
+    }
+
+    /// Textures by name.
+    pub(super) fn of_textures<const N: usize>(views: [(&'static str, &'a wgpu::TextureView); N]) -> Self {
+        Self(views.map(|(name, view)| (name, wgpu::BindingResource::TextureView(view))).into())
     }
 
     /// These resources and `others`. A later resource replaces an earlier one of the same name.
@@ -52,6 +58,16 @@ impl<'a> Resources<'a> {
         };
         let entries: Vec<wgpu::BindGroupEntry> = bindings.iter().filter_map(entry).collect();
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(pass), layout, entries: &entries })
+    }
+
+    /// The buffers among them that a pass uses.
+    pub(super) fn buffers(&self, bindings: &[Binding]) -> Vec<BoundBuffer> {
+        let bound = |binding: &Binding| {
+            let (_, resource) = self.0.iter().rev().find(|(name, _)| *name == binding.name)?;
+            let wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, .. }) = resource else { return None };
+            Some(BoundBuffer { variable: binding.name.clone(), access: binding.access?, buffer: (*buffer).clone() })
+        };
+        bindings.iter().filter_map(bound).collect()
     }
 }
 

@@ -35,6 +35,9 @@ pub struct Settings {
     pub shared_shading: bool,
     /// Projection and order of Gaussians. [`Projection::PerRay`] always uses tiles.
     pub projection: Projection,
+    /// Whether the view moves: a picture with the cut-offs of [`sg_raster::Limits::MOTION`], and in the affine projection with an
+    /// order of depths rounded to 2⁻¹² of themselves. Both replace those of the quality.
+    pub in_motion: bool,
     /// Whether to make [`crate::Renderer::depths`] as well. [`PassSeconds`] leaves out the time of the separate depth passes.
     pub depths: bool,
 }
@@ -60,6 +63,8 @@ impl Settings {
 pub struct Options {
     /// Whether to store shading columns and harmonics in half precision (relative error 2⁻¹¹).
     pub half: bool,
+    /// Whether pictures are f16 rather than f32: half the bytes, relative error 2⁻¹². Blending itself stays in f32.
+    pub half_pictures: bool,
     /// Capacity of the list of pairs of a Gaussian and a tile, 16 bytes each. Longer lists are blended in windows.
     pub listed_pairs: u32,
     /// Whether one multiview pass blends the quadrilaterals of two parallel eyes, if the device supports it. By default
@@ -69,7 +74,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { half: false, listed_pairs: 1 << 23, multiview: None }
+        Self { half: false, half_pictures: false, listed_pairs: 1 << 23, multiview: None }
     }
 }
 
@@ -80,6 +85,9 @@ pub struct FrameStats {
     pub listed: u32,
     /// Number of pairs of a Gaussian and a tile over all views; 0 for quadrilaterals.
     pub tile_pairs: u32,
+    /// Number of Gaussians in view that rays evaluate in the affine projection, over all views: those near the eye or large for
+    /// their depth.
+    pub by_rays: u32,
     /// Device time of each pass, if the device has timestamps.
     pub seconds: Option<PassSeconds>,
     /// Number of the measured picture, as [`crate::Renderer::draw`] counts from 1; 0 before the first one.

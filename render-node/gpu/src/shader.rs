@@ -4,9 +4,12 @@ use std::collections::HashMap;
 
 use wgpu::naga::front::wgsl::parse_str;
 use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
+use wgpu::naga::{AddressSpace, GlobalVariable, StorageAccess};
 
+use crate::barriers::Access;
 use crate::device::Gpu;
 use crate::shader_layout::declarations;
+use crate::trusted;
 
 /// Functions of many passes.
 const FRAME: &str = include_str!("shaders/frame.wgsl");
@@ -22,6 +25,8 @@ const SCAN: &str = include_str!("shaders/workgroup_scan.wgsl");
 pub(super) struct Binding {
     pub(super) name: String,
     pub(super) number: u32,
+    /// Use of a buffer.
+    pub(super) access: Option<Access>,
 }
 
 /// A shader module.
@@ -35,10 +40,9 @@ pub(super) struct Shader {
 impl Shader {
     /// A module of the shared declarations, then `parts`. As with every error of wgpu, [`Gpu::check`] reports invalid text.
     pub(super) fn new(gpu: &Gpu, label: &str, parts: &[&str]) -> Self {
-        let text = [&[&declarations(), FRAME, NEARNESS, SCAN], parts].concat().join("\n");
+        let text = text_of(parts);
         let uses = resources_of(&text);
-        let source = wgpu::ShaderSource::Wgsl(text.into());
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source });
+        let module = trusted::shader_module(&gpu.device, label, text);
         Self { module, uses }
     }
 
@@ -54,6 +58,11 @@ impl Shader {
     }
 }
 
+/// The shared declarations, then `parts`.
+fn text_of(parts: &[&str]) -> String {
+    [&[&declarations(), FRAME, NEARNESS, SCAN], parts].concat().join("\n")
+}
+
 /// The resources of each entry point: those that wgpu puts into the layout of its pipeline. Empty for invalid text.
 fn resources_of(text: &str) -> HashMap<String, Vec<Binding>> {
     let Ok(module) = parse_str(text) else { return HashMap::new() };
@@ -64,16 +73,70 @@ fn resources_of(text: &str) -> HashMap<String, Vec<Binding>> {
         let used = analysis.get_entry_point(k);
         let variables = module.global_variables.iter().filter(|(handle, _)| !used[*handle].is_empty());
         let bindings = variables.filter_map(|(_, variable)| {
-            Some(Binding { name: variable.name.clone()?, number: variable.binding.as_ref()?.binding })
+            let (name, binding) = (variable.name.clone()?, variable.binding.as_ref()?);
+            Some(Binding { name, number: binding.binding, access: access(variable) })
         });
         (entry.name.clone(), bindings.collect())
     };
     module.entry_points.iter().enumerate().map(uses).collect()
 }
 
+fn access(variable: &GlobalVariable) -> Option<Access> {
+    match variable.space {
+        AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => Some(Access::Write),
+        AddressSpace::Storage { .. } => Some(Access::Read),
+        AddressSpace::Uniform => Some(Access::Uniform),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use wgpu::naga::ShaderStage;
+    use wgpu::naga::back::pipeline_constants::process_overrides;
+    use wgpu::naga::back::spv;
+
     use super::*;
+
+    /// Instructions of SPIR-V that one entry point becomes.
+    fn instructions(text: &str, entry: &str, checks: wgpu::ShaderRuntimeChecks) -> usize {
+        let module = parse_str(text).unwrap();
+        let info = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).unwrap();
+        let stage = ShaderStage::Compute;
+        let constants = Default::default();
+        let (module, info) = process_overrides(&module, &info, Some((stage, entry)), &constants).unwrap();
+        let options = spv::Options {
+            force_loop_bounding: checks.force_loop_bounding,
+            emit_int_div_checks: checks.int_div_checks,
+            ..spv::Options::default()
+        };
+        let pipeline = spv::PipelineOptions { shader_stage: stage, entry_point: entry.to_owned() };
+        let words = spv::write_vec(&module, &info, &options, Some(&pipeline)).unwrap();
+        // Behind the header of five words, each instruction begins with its length.
+        let (mut at, mut count) = (5, 0);
+        while let Some(word) = words.get(at) {
+            at += (word >> 16) as usize;
+            count += 1;
+        }
+        count
+    }
+
+    #[test]
+    fn our_shaders_have_no_checks_of_loops_and_divisions() {
+        let tiles = text_of(&[
+            "const TILE: u32 = 16u;",
+            crate::textures::PicturePrecision::Full.declaration(),
+            crate::compose::OVER,
+            include_str!("shaders/tiles.wgsl"),
+        ]);
+        let sort = text_of(&["fn key_count() -> u32 { return totals.listed; }", include_str!("shaders/sort.wgsl")]);
+        let entries = ["touch", "list_pairs", "blend"].map(|entry| (&tiles, entry));
+        for (text, entry) in entries.into_iter().chain(["count", "scatter"].map(|entry| (&sort, entry))) {
+            let [checked, ours] =
+                [wgpu::ShaderRuntimeChecks::checked(), trusted::CHECKS].map(|checks| instructions(text, entry, checks));
+            assert!(ours < checked, "{entry}: {ours} of {checked}");
+        }
+    }
 
     #[test]
     fn an_entry_point_has_the_resources_that_it_and_its_functions_use() {

@@ -50,10 +50,12 @@ shared_constants! {
     FADE_REACH: f32 = nearness::FADE_REACH as f32;
     /// [`nearness::AFFINE_SIZE`].
     AFFINE_SIZE: f32 = nearness::AFFINE_SIZE as f32;
-    /// Start of [`nearness::ORDER_RANGE`].
-    ORDER_BEGINS: f32 = nearness::ORDER_RANGE[0] as f32;
-    /// End of [`nearness::ORDER_RANGE`].
-    ORDER_ENDS: f32 = nearness::ORDER_RANGE[1] as f32;
+    /// [`nearness::STEEP`].
+    STEEP: f32 = nearness::STEEP as f32;
+    /// Start of [`nearness::RAY_RANGE`].
+    RAY_BEGINS: f32 = nearness::RAY_RANGE[0] as f32;
+    /// End of [`nearness::RAY_RANGE`].
+    RAY_ENDS: f32 = nearness::RAY_RANGE[1] as f32;
 
     /// [`ShadingModel::Paper`].
     SHADING_PAPER: u32 = 0;
@@ -72,6 +74,17 @@ shared_constants! {
     TERM_DIFFUSE: u32 = 3;
     /// [`ShadingTerm::Specular`].
     TERM_SPECULAR: u32 = 4;
+
+    /// A lit surface.
+    MESH_SOLID: u32 = 0;
+    /// A bright beam.
+    MESH_BEAM: u32 = 1;
+    /// A transparent ball.
+    MESH_BALL: u32 = 2;
+    /// A floor.
+    MESH_FLOOR: u32 = 3;
+    /// A hole in the picture.
+    MESH_HOLE: u32 = 4;
 
     /// A base unit's colors are its palette color.
     COLOR_PALETTE: u32 = 0;
@@ -161,6 +174,28 @@ shared_structs! {
         mask_words: u32,
         /// Number of half-spaces of all clips.
         clip_side_count: u32,
+        /// Eye of the first view: 0 left, 1 right.
+        first_eye: u32,
+        /// Whether the visibility mask may hide tiles.
+        hides_tiles: u32,
+        /// Least bits of a depth in the order.
+        order_begins: u32,
+        /// Lowest bits of a depth that the order leaves out.
+        order_shift: u32,
+    }
+
+    /// The last step of a presented picture: [`sg_raster::finish::Finish`].
+    pub(super) struct LastStep {
+        /// Background at the upper edge.
+        top: Vec3,
+        /// Whether a gradient replaces the background.
+        gradient: u32,
+        /// Background at the lower edge.
+        bottom: Vec3,
+        /// Whether colors are dithered.
+        dither: u32,
+        /// Background over which the picture was drawn.
+        plain: Vec3,
     }
 
     /// A range of Gaussians with buffers of its own.
@@ -395,6 +430,51 @@ shared_structs! {
         whole: f32,
         /// Share of the light that it takes there.
         strength: f32,
+    }
+
+    /// An eye that meshes of the room are drawn for. Lengths in metres.
+    pub(super) struct MeshEye {
+        /// Direction upwards in the axes of the eye: x right, y down, z forward.
+        up: Vec3,
+        /// Twice the focal lengths over the picture's width and height.
+        focal: Vec2,
+        /// Shift of the straight-ahead direction from the picture's middle, in halves of its width and height.
+        middle: Vec2,
+        /// Width and height of the drawn part of the picture, and of that of its depths.
+        part: UVec2,
+        depth_part: UVec2,
+        /// Metres for each unit of depth.
+        scale: f32,
+        /// Depth of a scene without a front.
+        haze: f32,
+        nearest: f32,
+        farthest: f32,
+    }
+
+    /// A corner of a triangle of a mesh.
+    pub(super) struct MeshCorner {
+        position: Vec3,
+        normal: Vec3,
+    }
+
+    /// One placed mesh.
+    pub(super) struct MeshItem {
+        /// Rows of the transform from the mesh to the axes of the eye.
+        right: Vec4,
+        down: Vec4,
+        forward: Vec4,
+        /// Red, green, blue as a picture stores them, and opacity.
+        color: Vec4,
+        /// Width and height of a rectangle, or the radius.
+        size: Vec2,
+        /// `MESH_…`.
+        look: u32,
+        /// Metres around the scene's front within which it fades.
+        softness: f32,
+        /// Share of it that is seen through the scene.
+        ghost: f32,
+        /// Radius of a rectangle's corners.
+        corner: f32,
     }
 }
 

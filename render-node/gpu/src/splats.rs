@@ -8,6 +8,7 @@ use crate::buffers::{NEAR_RAYS_HEAD, WorkBuffers};
 use crate::device::Gpu;
 use crate::pipeline::{BoundKernel, Kernel};
 use crate::radix_sort::{RadixSort, SortBindings};
+use crate::recorded;
 use crate::resources::Resources;
 use crate::scene_buffers::SceneBuffers;
 use crate::shader::Shader;
@@ -26,6 +27,7 @@ pub(super) struct PipelineKey {
     masks: bool,
     overlay: bool,
     colors: bool,
+    occluded: bool,
     clips: bool,
     per_ray: bool,
 }
@@ -33,7 +35,7 @@ pub(super) struct PipelineKey {
 impl PipelineKey {
     pub(super) fn of(scene: &SceneBuffers, state: &AppearanceState, per_ray: bool) -> Self {
         let SceneBuffers { lit, highlights, degree, half, .. } = *scene;
-        let &AppearanceState { edits, sides, overlay, colors, directional, term, .. } = state;
+        let &AppearanceState { edits, sides, overlay, colors, occluded, directional, term, .. } = state;
         Self {
             lit,
             highlights,
@@ -44,6 +46,7 @@ impl PipelineKey {
             masks: edits > 0,
             overlay,
             colors,
+            occluded: occluded && lit && !colors,
             clips: sides > 0,
             per_ray,
         }
@@ -146,6 +149,7 @@ impl KeyedKernels {
             ("MASKS", flag(key.masks)),
             ("OVERLAY", flag(key.overlay)),
             ("COLORS", flag(key.colors)),
+            ("OCCLUDED", flag(key.occluded)),
             ("HALF", flag(key.half)),
             per_ray,
         ];
@@ -171,8 +175,15 @@ struct PartBindings {
 }
 
 impl SplatBindings {
-    /// Encodes mark, list, project and sort.
-    pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, stats: &mut StatsReadback, work: &WorkBuffers) {
+    /// Encodes mark, list, project and sort by the lowest `order_bits` bits of the depths.
+    pub(super) fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        stats: &mut StatsReadback,
+        work: &WorkBuffers,
+        order_bits: u32,
+    ) {
+        recorded::clear(work.near_rays());
         encoder.clear_buffer(work.near_rays(), 0, Some(NEAR_RAYS_HEAD));
         {
             let mut pass = stats.compute_pass(encoder, Stage::List);
@@ -191,6 +202,6 @@ impl SplatBindings {
             }
         }
         let mut pass = stats.compute_pass(encoder, Stage::Sort);
-        self.sort.run(&mut pass, &work.dispatches, offset_of!(Dispatches, depth_sort));
+        self.sort.run_lowest(&mut pass, &work.dispatches, offset_of!(Dispatches, depth_sort), order_bits);
     }
 }

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use encase::ShaderSize;
 
 use crate::device::Gpu;
+use crate::recorded;
 use crate::shader_layout::Totals;
 
 /// Stages of a frame with separate times.
@@ -44,10 +45,12 @@ impl PassSeconds {
         self.list + self.project + self.sort + self.bin + self.blend + self.compose
     }
 
-    /// Sum of the stages whose work grows with the number of pixels: lists of the tiles, blending, composing.
+    /// Share of the stages whose work grows with the number of pixels: lists of the tiles, blending, composing. `None` if
+    /// nothing took any time.
     #[must_use]
-    pub fn of_pixels(&self) -> f64 {
-        self.bin + self.blend + self.compose
+    pub fn pixel_share(&self) -> Option<f64> {
+        let total = self.total();
+        (total > 0.0).then(|| (self.bin + self.blend + self.compose) / total)
     }
 
     /// Sum of two pictures.
@@ -92,14 +95,15 @@ const PENDING: u8 = 1;
 const READY: u8 = 2;
 const FAILED: u8 = 3;
 
-/// Bytes of the totals, the first thing of a readback. The length of the longest list follows.
+/// Bytes of the totals, the first thing of a readback. The length of the longest list and the number of Gaussians that rays
+/// evaluate follow.
 const TOTAL_BYTES: u64 = Totals::SHADER_SIZE.get();
 
-/// Bytes of a length.
+/// Bytes of a length or a number.
 const LENGTH_BYTES: u64 = u32::SHADER_SIZE.get();
 
 /// Bytes of the counts in front of the timestamps.
-const COUNT_BYTES: u64 = (TOTAL_BYTES + LENGTH_BYTES).next_multiple_of(wgpu::QUERY_SIZE as u64);
+const COUNT_BYTES: u64 = (TOTAL_BYTES + 2 * LENGTH_BYTES).next_multiple_of(wgpu::QUERY_SIZE as u64);
 
 /// Bytes of the two timestamps of a pass.
 const PASS_BYTES: u64 = 2 * wgpu::QUERY_SIZE as u64;
@@ -110,6 +114,8 @@ pub(super) struct PictureStats {
     pub(super) totals: Totals,
     /// Length of the longest list of a tile.
     pub(super) longest: u32,
+    /// Number of Gaussians in view that rays evaluate in the affine mode, over all views.
+    pub(super) near_rays: u32,
     /// Times, if the device has timestamps.
     pub(super) seconds: Option<PassSeconds>,
     /// Seconds from the first timestamp to the last one.
@@ -198,6 +204,7 @@ impl StatsReadback {
             beginning_of_pass_write_index: Some(at),
             end_of_pass_write_index: Some(at + 1),
         });
+        recorded::open_pass();
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes })
     }
 
@@ -225,6 +232,7 @@ impl StatsReadback {
             },
         });
         let load = if keep { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(1.0) };
+        recorded::open_pass();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: None,
             color_attachments: color.map(Some).as_slice(),
@@ -245,7 +253,7 @@ impl StatsReadback {
     pub(super) fn copy(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
-        [totals, longest]: [&wgpu::Buffer; 2],
+        [totals, longest, near_rays]: [&wgpu::Buffer; 3],
         picture: u64,
     ) -> bool {
         if self.state.load(Ordering::Acquire) != IDLE {
@@ -253,6 +261,7 @@ impl StatsReadback {
         }
         encoder.copy_buffer_to_buffer(totals, 0, &self.staging, 0, TOTAL_BYTES);
         encoder.copy_buffer_to_buffer(longest, 0, &self.staging, TOTAL_BYTES, LENGTH_BYTES);
+        encoder.copy_buffer_to_buffer(near_rays, 0, &self.staging, TOTAL_BYTES + LENGTH_BYTES, LENGTH_BYTES);
         let passes = self.stages.len() as u32;
         if let (Some(queries), true) = (&self.queries, passes > 0) {
             encoder.resolve_query_set(queries, 0..2 * passes, &self.resolved, 0);
@@ -310,6 +319,9 @@ impl StatsReadback {
             picture: self.picture,
             totals: encase::StorageBuffer::new(totals).create().unwrap_or_default(),
             longest: encase::StorageBuffer::new(rest).create().unwrap_or_default(),
+            near_rays: encase::StorageBuffer::new(rest.get(LENGTH_BYTES as usize..).unwrap_or_default())
+                .create()
+                .unwrap_or_default(),
             seconds,
         }
     }

@@ -4,8 +4,46 @@ use std::num::NonZeroU32;
 
 use crate::device::Gpu;
 
-/// Format of pictures and of the target that quadrilaterals are blended in.
-pub(super) const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+/// Format of the target that quadrilaterals are blended in, and of pictures in full precision.
+pub(super) const BLEND_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+/// Precision of the numbers of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PicturePrecision {
+    /// f32.
+    Full,
+    /// f16, of half the bytes.
+    Half,
+}
+
+impl PicturePrecision {
+    pub(super) fn of(half: bool) -> Self {
+        if half { Self::Half } else { Self::Full }
+    }
+
+    pub(super) fn format(self) -> wgpu::TextureFormat {
+        match self {
+            Self::Full => BLEND_FORMAT,
+            Self::Half => wgpu::TextureFormat::Rgba16Float,
+        }
+    }
+
+    /// Bytes of a pixel.
+    pub(super) fn pixel_bytes(self) -> u32 {
+        match self {
+            Self::Full => 16,
+            Self::Half => 8,
+        }
+    }
+
+    /// Declaration of the type of a picture that a shader writes.
+    pub(super) fn declaration(self) -> &'static str {
+        match self {
+            Self::Full => "alias PictureStore = texture_storage_2d<rgba32float, write>;",
+            Self::Half => "alias PictureStore = texture_storage_2d<rgba16float, write>;",
+        }
+    }
+}
 
 /// Format of the depth buffer that rejects masked and saturated pixels.
 pub(super) const REJECT_DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth16Unorm;
@@ -13,9 +51,10 @@ pub(super) const REJECT_DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat:
 /// Multiview mask of both layers of a texture.
 pub(super) const BOTH_VIEWS: Option<NonZeroU32> = NonZeroU32::new(0b11);
 
-/// A texture of [`PICTURE_FORMAT`] with `layers` layers, `size` in pixels.
-pub(super) fn picture_texture(gpu: &Gpu, size: [u32; 2], layers: u32, usage: wgpu::TextureUsages) -> wgpu::Texture {
-    gpu.texture("picture", (size, layers), PICTURE_FORMAT, usage)
+/// A target that quadrilaterals are blended in, with `layers` layers, `size` in pixels.
+pub(super) fn blend_texture(gpu: &Gpu, size: [u32; 2], layers: u32) -> wgpu::Texture {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+    gpu.texture("blended", (size, layers), BLEND_FORMAT, usage)
 }
 
 /// A two-dimensional view of one layer.
@@ -47,5 +86,5 @@ pub(super) fn front_to_back_target() -> wgpu::ColorTargetState {
         operation: wgpu::BlendOperation::Add,
     };
     let blend = Some(wgpu::BlendState { color: under, alpha: under });
-    wgpu::ColorTargetState { format: PICTURE_FORMAT, blend, write_mask: wgpu::ColorWrites::ALL }
+    wgpu::ColorTargetState { format: BLEND_FORMAT, blend, write_mask: wgpu::ColorWrites::ALL }
 }

@@ -7,17 +7,21 @@ use encase::ShaderSize;
 use glam::Vec4;
 use sg_raster::TILE;
 
-use crate::buffers::{WorkBuffers, tile_count};
-use crate::compose::{ComposeBindings, ComposePasses};
+use crate::buffers::{RenderTargets, WorkBuffers, tile_count};
+use crate::compose::OVER;
+use crate::depth::DEPTH_FORMAT;
 use crate::device::Gpu;
+use crate::hidden_tiles::shown_before;
 use crate::pipeline::{BoundKernel, Kernel};
 use crate::radix_sort::{RadixSort, SortBindings, SortBuffers};
-use crate::ray_tiles::RayPasses;
+use crate::ray_tiles::{RAY_TILE, RayPasses};
 use crate::resources::Resources;
 use crate::shader::Shader;
 use crate::shader_layout::{Dispatches, LANES, PairDispatches, STRETCH, Stretch, TileList, Window};
 use crate::sort_window::SortWindow;
 use crate::stats::{Stage, StatsReadback};
+use crate::textures::PicturePrecision;
+use crate::visibility_mask::VisibilityMask;
 
 /// Constants of the passes over tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +53,7 @@ impl ListSizes {
 /// Kernels of the passes over tiles.
 pub(super) struct TilePasses {
     affine: Shader,
+    pictures: PicturePrecision,
     pair_sort: RadixSort,
     touch: Kernel,
     sum_touched: Kernel,
@@ -57,18 +62,24 @@ pub(super) struct TilePasses {
     clear_lists: Kernel,
     find_ends: Kernel,
     longest: Kernel,
-    blend: Kernel,
-    /// The affine blending with depths, made at its first use.
-    blend_with_depths: Option<Kernel>,
+    /// The affine blending with depths or without, made at their first use.
+    blends: HashMap<bool, Kernel>,
     /// Kernels of the ray-consistent mode with and without depths, made at their first use.
     rays: HashMap<(SortWindow, bool), RayPasses>,
+    /// The blending of all dispatches but the last one, for lists that one dispatch does not blend; made at their first use.
+    continued: HashMap<(Option<SortWindow>, bool), Kernel>,
+    /// Bound in the place of a picture that a frame lacks, and of depths.
+    spare_picture: wgpu::Texture,
+    spare_depths: [wgpu::Texture; 2],
 }
 
 impl TilePasses {
-    pub(super) fn new(gpu: &Gpu) -> Self {
+    pub(super) fn new(gpu: &Gpu, pictures: PicturePrecision) -> Self {
         let edge = format!("const TILE: u32 = {TILE};");
-        let affine = Shader::new(gpu, "tiles", &[&edge, include_str!("shaders/tiles.wgsl")]);
+        let parts = [&edge, pictures.declaration(), OVER, include_str!("shaders/tiles.wgsl")];
+        let affine = Shader::new(gpu, "tiles", &parts);
         let kernel = |entry| Kernel::new(gpu, &affine, entry, &[]);
+        let spare = |format| gpu.texture("spare", ([1, 1], 1), format, wgpu::TextureUsages::STORAGE_BINDING);
         Self {
             pair_sort: RadixSort::new(gpu, "window_pairs"),
             touch: kernel("touch"),
@@ -78,32 +89,49 @@ impl TilePasses {
             clear_lists: kernel("clear_lists"),
             find_ends: kernel("find_ends"),
             longest: kernel("longest"),
-            blend: kernel("blend"),
-            blend_with_depths: None,
+            blends: HashMap::new(),
             rays: HashMap::new(),
+            continued: HashMap::new(),
+            spare_picture: spare(pictures.format()),
+            spare_depths: [(); 2].map(|()| spare(DEPTH_FORMAT)),
+            pictures,
             affine,
         }
     }
 
-    /// Binds the passes for pictures of `size` pixels. Compiles the kernels of a new mode.
+    /// Binds the passes for pictures of at most the targets' size. Compiles the kernels of a new mode.
     pub(super) fn bind(
         &mut self,
         gpu: &Gpu,
         resources: &Resources<'_>,
         work: &WorkBuffers,
-        compose: &ComposePasses,
-        (size, lists, mode): ([u32; 2], ListSizes, TileMode),
+        targets: &RenderTargets,
+        (lists, mode): (ListSizes, TileMode),
     ) -> TileBindings {
-        let Self { affine, pair_sort, blend, blend_with_depths, rays, .. } = self;
+        let (size, pictures) = (targets.capacity, self.pictures);
+        // One view can be drawn to the picture of either eye.
+        let firsts = if work.views == 1 { targets.pictures.len().max(1) } else { 1 };
+        let stored: Vec<_> = (0..firsts).map(|first| self.stored(targets, first)).collect();
+        let Self { affine, pair_sort, blends, rays, continued, .. } = self;
         let rays = mode.window.map(|window| {
-            &*rays.entry((window, mode.depths)).or_insert_with(|| RayPasses::new(gpu, window, mode.depths))
+            &*rays.entry((window, mode.depths)).or_insert_with(|| RayPasses::new(gpu, window, mode.depths, pictures))
         });
-        let affine_blend = match mode.depths && rays.is_none() {
-            true => &*blend_with_depths.get_or_insert_with(|| Kernel::new(gpu, affine, "blend", &[("DEPTHS", 1.0)])),
-            false => blend,
+        let flag = |on: bool| f64::from(u8::from(on));
+        let affine_blend = |is_continued: bool| {
+            Kernel::new(gpu, affine, "blend", &[("DEPTHS", flag(mode.depths)), ("CONTINUED", flag(is_continued))])
         };
-        let affine = (&self.touch, &self.list_pairs, affine_blend);
-        let (touch, list_pairs, blend) = rays.map_or(affine, |r| (&r.touch, &r.list, &r.blend));
+        let (touch, list_pairs, blend) = match rays {
+            Some(rays) => (&rays.touch, &rays.list, &rays.blend),
+            None => {
+                let blend = blends.entry(mode.depths).or_insert_with(|| affine_blend(false));
+                (&self.touch, &self.list_pairs, &*blend)
+            }
+        };
+        let is_continued = lists.windows > 1 || lists.stretches() > 1;
+        let continued = is_continued.then(|| {
+            let made = || rays.map_or_else(|| affine_blend(true), |rays| rays.continued_blend(gpu));
+            &*continued.entry((mode.window, mode.depths)).or_insert_with(made)
+        });
 
         let [width, height] = size;
         let views = work.views;
@@ -117,15 +145,15 @@ impl TilePasses {
         let arguments = wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE;
         let dispatches = gpu.buffer("pair dispatches", PairDispatches::SHADER_SIZE.get(), arguments);
         let tile_lists = gpu.storage("tile lists", TileList::SHADER_SIZE.get() * u64::from(tiles));
-        let fronts = gpu.storage("fronts", if mode.depths { 4 * pixels } else { 0 });
-        let pixels = gpu.storage("pixels", Vec4::SHADER_SIZE.get() * pixels);
+        let pixels = gpu.storage("pixels", if is_continued { Vec4::SHADER_SIZE.get() * pixels } else { 0 });
+        let shown_before = gpu.storage("shown before", 4 * 2 * u64::from(down) * u64::from(across + 1));
         let resources = resources.with([
             ("touched", &touched),
             ("touched_sums", &touched_sums),
             ("pair_dispatches", &dispatches),
             ("tile_lists", &tile_lists),
-            ("fronts", &fronts),
             ("pixels", &pixels),
+            ("shown_before", &shown_before),
         ]);
         // The greatest key is the number of tiles less one.
         let bits = u32::BITS - tiles.saturating_sub(1).leading_zeros();
@@ -149,9 +177,20 @@ impl TilePasses {
                 sort,
             }
         });
-        let bind_blend = |index: u32, first_item: u32| {
-            let stretch = gpu.uniform("stretch", &Stretch { index, first_item });
-            blend.bind(gpu, &sorted.with([("stretch", &stretch)]))
+        let bind_blend = |index: u32, k: u32| {
+            let stretch = gpu.uniform("stretch", &Stretch { index: index + k, first_item: k * STRETCH });
+            let is_last = index + 1 == lists.windows && k + 1 == lists.stretches();
+            let kernel = continued.filter(|_| !is_last).unwrap_or(blend);
+            let bind = |[first, second, first_depths, second_depths]: &[wgpu::TextureView; 4]| {
+                let stored = Resources::of_textures([
+                    ("first_picture", first),
+                    ("second_picture", second),
+                    ("first_depths", first_depths),
+                    ("second_depths", second_depths),
+                ]);
+                kernel.bind(gpu, &sorted.with([("stretch", &stretch)]).and(&stored))
+            };
+            stored.iter().map(bind).collect()
         };
         let windows = (0..lists.windows).map(|index| {
             let first_pair = (lists.capacity * u64::from(index)) as u32;
@@ -160,7 +199,7 @@ impl TilePasses {
             WindowBindings {
                 open: self.open_window.bind(gpu, &listed),
                 list: list_pairs.bind(gpu, &listed),
-                blend: (0..lists.stretches()).map(|k| bind_blend(index + k, k * STRETCH)).collect(),
+                blend: (0..lists.stretches()).map(|k| bind_blend(index, k)).collect(),
             }
         });
         TileBindings {
@@ -174,12 +213,25 @@ impl TilePasses {
             clear_lists: self.clear_lists.bind(gpu, &resources),
             find_ends: self.find_ends.bind(gpu, &sorted),
             longest: self.longest.bind(gpu, &resources),
-            compose: compose.bind_tiles(gpu, &resources, views),
-            fronts,
             dispatches,
+            shown_before,
+            shown: None,
             grid: [across, down, views],
             clear_groups: tiles.div_ceil(LANES),
         }
+    }
+
+    /// Views of what the blending stores from the picture `first` on: two pictures, two depths.
+    fn stored(&self, targets: &RenderTargets, first: usize) -> [wgpu::TextureView; 4] {
+        let Self { spare_picture, spare_depths: [first_depths, second_depths], .. } = self;
+        let [pictures, depths] = [&targets.pictures, &targets.depths].map(|all| all.get(first..).unwrap_or_default());
+        [
+            pictures.first().unwrap_or(spare_picture),
+            pictures.get(1).unwrap_or(spare_picture),
+            depths.first().unwrap_or(first_depths),
+            depths.get(1).unwrap_or(second_depths),
+        ]
+        .map(|texture| texture.create_view(&wgpu::TextureViewDescriptor::default()))
     }
 }
 
@@ -197,15 +249,16 @@ pub(super) struct TileBindings {
     clear_lists: BoundKernel,
     find_ends: BoundKernel,
     longest: BoundKernel,
-    pub(super) compose: ComposeBindings,
-    /// Depth of each pixel's front, view after view, if the mode has depths.
-    pub(super) fronts: wgpu::Buffer,
     /// [`PairDispatches`].
     dispatches: wgpu::Buffer,
     /// Tiles across and down, and views.
     grid: [u32; 3],
     /// Workgroups of the passes over all tiles.
     clear_groups: u32,
+    /// For each row of tiles of both eyes, the number of tiles outside the visibility mask before each column.
+    shown_before: wgpu::Buffer,
+    /// Number of the mask and size of the pictures that it belongs to.
+    shown: Option<(u64, [u32; 2])>,
 }
 
 /// Brings pairs into the order of the rays before the sort by tile.
@@ -219,8 +272,8 @@ struct RayOrder {
 struct WindowBindings {
     open: BoundKernel,
     list: BoundKernel,
-    /// Stretches of the lists, one after another.
-    blend: Vec<BoundKernel>,
+    /// Stretches of the lists, one after another; each from the picture of either eye on, if that differs.
+    blend: Vec<Vec<BoundKernel>>,
 }
 
 impl TileBindings {
@@ -239,6 +292,17 @@ impl TileBindings {
         self.clear_groups = (across * down * self.grid[2]).div_ceil(LANES);
     }
 
+    /// Sets the tiles outside a visibility mask for pictures of `size` pixels.
+    pub(super) fn show_outside(&mut self, gpu: &Gpu, mask: &VisibilityMask, size: [u32; 2]) {
+        let wanted = Some((mask.number, size));
+        if self.shown != wanted {
+            let edge = if self.mode.window.is_some() { RAY_TILE } else { TILE as u32 };
+            let table = shown_before(&mask.triangles, size, edge);
+            gpu.write(&self.shown_before, 0, bytemuck::cast_slice(&table));
+            self.shown = wanted;
+        }
+    }
+
     /// Whether the passes are of this mode, with lists of any length.
     pub(super) fn is_of(&self, mode: TileMode) -> bool {
         self.mode == mode
@@ -255,12 +319,13 @@ impl TileBindings {
         u64::from(longest) <= stretches * u64::from(STRETCH)
     }
 
-    /// Encodes all windows, near to far: list, sort, blend.
+    /// Encodes all windows, near to far: list, sort, blend. The first view is that of the eye `first_eye`.
     pub(super) fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         stats: &mut StatsReadback,
         dispatches: &wgpu::Buffer,
+        first_eye: usize,
     ) {
         let of_pairs = &self.dispatches;
         let (sort, all_pairs) = (offset_of!(PairDispatches, sort), offset_of!(PairDispatches, pairs));
@@ -285,7 +350,7 @@ impl TileBindings {
                 self.longest.run(&mut pass, [self.clear_groups, 1, 1]);
             }
             let mut pass = stats.compute_pass(encoder, Stage::Blend);
-            for blend in &window.blend {
+            for blend in window.blend.iter().filter_map(|firsts| firsts.get(first_eye)) {
                 blend.run(&mut pass, self.grid);
             }
         }

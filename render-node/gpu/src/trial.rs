@@ -13,6 +13,9 @@ use crate::settings::{Rasterizer, Settings};
 /// Timed pictures of each candidate; the least time counts.
 const TIMED: usize = 2;
 
+/// Share of the time of tiles that another rasterizer may take at most to replace them in a headset.
+const FASTER: f64 = 0.75;
+
 /// A way to draw, with its measured time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
@@ -81,7 +84,7 @@ impl Trial {
             let seconds = stats.device_seconds.unwrap_or_else(|| began.elapsed().as_secs_f64());
             if seconds < candidate.seconds {
                 candidate.seconds = seconds;
-                let share = stats.seconds.filter(|s| s.total() > 0.0).map(|s| s.of_pixels() / s.total());
+                let share = stats.seconds.and_then(|s| s.pixel_share());
                 candidate.pixel_seconds = share.map(|share| share * seconds);
             }
         } else {
@@ -103,11 +106,46 @@ impl Trial {
         &self.candidates
     }
 
+    /// The measured candidate to draw a headset's pictures with: tiles, unless another one takes less than three quarters of their
+    /// time. Tiles skip what the lenses hide and give depths for every pixel without further passes, which the trial does not
+    /// measure. `None` for a projection outside the trial.
+    #[must_use]
+    pub fn preferred(&self, projection: Projection) -> Option<Candidate> {
+        let fastest = self.fastest(projection)?;
+        let tiles = self.candidates.iter().find(|c| c.projection == projection && c.rasterizer == Rasterizer::Tiles);
+        Some(tiles.filter(|tiles| fastest.seconds >= FASTER * tiles.seconds).copied().unwrap_or(fastest))
+    }
+
     /// The fastest measured candidate of a projection; the first one before any measurement. `None` for a projection
     /// outside the trial.
     #[must_use]
     pub fn fastest(&self, projection: Projection) -> Option<Candidate> {
         let of_it = self.candidates.iter().filter(|c| c.projection == projection);
         of_it.min_by(|a, b| a.seconds.total_cmp(&b.seconds)).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_headset_prefers_tiles_unless_another_rasterizer_is_much_faster() {
+        let candidate = |rasterizer, seconds| Candidate {
+            projection: Projection::Affine,
+            rasterizer,
+            seconds,
+            pixel_seconds: None,
+        };
+        let chosen = |quads: f64, tiles: f64| {
+            let candidates = vec![candidate(Rasterizer::Quads, quads), candidate(Rasterizer::Tiles, tiles)];
+            Trial { candidates, pictures: 6 }.preferred(Projection::Affine).unwrap().rasterizer
+        };
+        assert_eq!(chosen(0.009, 0.006), Rasterizer::Tiles);
+        assert_eq!(chosen(0.005, 0.006), Rasterizer::Tiles);
+        assert_eq!(chosen(0.004, 0.006), Rasterizer::Quads);
+        let given = Trial { candidates: vec![candidate(Rasterizer::Bands, 0.01)], pictures: 3 };
+        assert_eq!(given.preferred(Projection::Affine).unwrap().rasterizer, Rasterizer::Bands);
+        assert!(given.preferred(Projection::PerRay).is_none());
     }
 }

@@ -1,7 +1,8 @@
 //! The headset's visibility mask: pixels that the lenses hide are not blended.
 //!
 //! The triangles of the mask write the nearest depth before the quadrilaterals are drawn. The depth test then rejects all
-//! fragments of hidden pixels; visible pixels stay the same to the last bit. Tiles ignore the mask.
+//! fragments of hidden pixels. Tiles list no splats where the mask hides a whole tile (`hidden_tiles`). Visible pixels stay the
+//! same to the last bit.
 
 use glam::Vec2;
 
@@ -10,7 +11,7 @@ use crate::pipeline::{DepthMode, DrawPipeline, DrawTargets, ViewPipelines};
 use crate::resources::Resources;
 use crate::shader::Shader;
 use crate::shader_layout::MaskCorner;
-use crate::textures::{BOTH_VIEWS, PICTURE_FORMAT, REJECT_DEPTH_FORMAT};
+use crate::textures::{BLEND_FORMAT, BOTH_VIEWS, REJECT_DEPTH_FORMAT};
 
 /// Limit of the number of triangle corners for one eye.
 const MAX_CORNERS: usize = 3 << 16;
@@ -18,7 +19,7 @@ const MAX_CORNERS: usize = 3 << 16;
 /// Pipelines that write the mask's triangles into depth; `multiview` adds one for both eyes in one pass.
 pub(super) fn mask_pipelines(gpu: &Gpu, multiview: bool) -> ViewPipelines {
     let write_mask = wgpu::ColorWrites::empty();
-    let color = Some(wgpu::ColorTargetState { format: PICTURE_FORMAT, blend: None, write_mask });
+    let color = Some(wgpu::ColorTargetState { format: BLEND_FORMAT, blend: None, write_mask });
     let targets = DrawTargets { color, depth: DepthMode::Write.state(), multiview: None };
     let text = include_str!("shaders/visibility_mask.wgsl");
     let shader = Shader::new(gpu, "visibility mask", &[text]);
@@ -36,8 +37,12 @@ pub(super) fn mask_pipelines(gpu: &Gpu, multiview: bool) -> ViewPipelines {
     ViewPipelines { each, multiview }
 }
 
-/// The mask's triangles of two eyes on the device.
+/// The mask's triangles of two eyes, also on the device.
 pub(super) struct VisibilityMask {
+    /// Triangles of each eye, shares of the picture's width and height from the upper left.
+    pub(super) triangles: [Vec<[Vec2; 3]>; 2],
+    /// Number of the mask, different for each.
+    pub(super) number: u64,
     /// Buffer and number of corners: left eye, right eye, both eyes.
     corners: [(wgpu::Buffer, u32); 3],
 }
@@ -45,10 +50,14 @@ pub(super) struct VisibilityMask {
 impl VisibilityMask {
     /// Uploads triangles, their corners as shares of the picture's width and height from the upper left; `None` for an empty
     /// mask. Triangles with corners that are not finite are left out.
-    pub(super) fn upload(gpu: &Gpu, eyes: [&[[Vec2; 3]]; 2]) -> Option<Self> {
+    pub(super) fn upload(gpu: &Gpu, eyes: [&[[Vec2; 3]]; 2], number: u64) -> Option<Self> {
+        let finite = |triangles: &[[Vec2; 3]]| {
+            let finite = triangles.iter().filter(|t| t.iter().all(|c| c.is_finite()));
+            finite.take(MAX_CORNERS / 3).copied().collect::<Vec<_>>()
+        };
+        let triangles = eyes.map(finite);
         let corners = |eye: usize, view: u32| {
-            let finite = eyes[eye].iter().filter(|t| t.iter().all(|c| c.is_finite()));
-            finite.flatten().take(MAX_CORNERS).map(move |at| MaskCorner { at: *at, view })
+            triangles.get(eye).into_iter().flatten().flatten().map(move |at| MaskCorner { at: *at, view })
         };
         let [left, right] = [0, 1].map(|eye| corners(eye, 0).collect::<Vec<_>>());
         if left.is_empty() && right.is_empty() {
@@ -56,7 +65,7 @@ impl VisibilityMask {
         }
         let both = corners(0, 0).chain(corners(1, 1)).collect::<Vec<_>>();
         let corners = [left, right, both].map(|all| (gpu.table("visibility mask", &all), all.len() as u32));
-        Some(Self { corners })
+        Some(Self { triangles, number, corners })
     }
 
     /// Draws the triangles into a pass of `pipeline`, one of [`mask_pipelines`]. The frame shows `views` views, from the eye

@@ -11,6 +11,7 @@ use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::{Options, Projection, Quality, render};
 use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_scene::{camera_motion, framing};
 
@@ -41,42 +42,86 @@ fn scene(path: &Path) -> Scene {
 }
 
 #[test]
-fn every_quality_level_meets_its_error_bound_from_all_sides() {
+fn every_quality_level_of_the_donut_meets_its_error_bound_from_all_sides() {
+    every_quality_level_meets_its_error_bound("donut_fused.ply");
+}
+
+#[test]
+fn every_quality_level_of_the_biker_meets_its_error_bound_from_all_sides() {
+    every_quality_level_meets_its_error_bound("biker.compressed.ply");
+}
+
+#[test]
+fn every_quality_level_of_the_robot_meets_its_error_bound_from_all_sides() {
+    every_quality_level_meets_its_error_bound("playbot_lod3_31000.ply.zst");
+}
+
+fn every_quality_level_meets_its_error_bound(name: &str) {
     let Some(data) = data() else { return };
     let gpu = device();
-    for name in ["donut_fused.ply", "biker.compressed.ply", "playbot_lod3_31000.ply.zst"] {
-        let scene = scene(&data.join("splats").join(name));
-        let mut device = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
-        let mut appearance = Appearance::of(&scene);
-        appearance.background = Vec3::ONE;
-        let front = framing::default_camera(&scene, 344, 368);
-        let bounds = framing::visible_box(&scene);
-        let middle = 0.5 * (bounds.min + bounds.max);
-        for (right, up, closer) in [(0.0, 0.0, 1.0), (120.0, 25.0, 1.0), (200.0, -40.0, 3.0)] {
-            let camera = camera_motion::dolly(&camera_motion::orbit(&front, middle, right, up), middle, closer);
-            for (projection, rasterizers) in
-                [(Projection::Affine, &Rasterizer::ALL[..]), (Projection::PerRay, &[Rasterizer::Tiles][..])]
-            {
-                // All rays in order take seconds, so each scene is drawn from one side.
-                if projection == Projection::PerRay && up != 25.0 {
-                    continue;
-                }
-                let draw = |quality| render(&scene, &appearance, &camera, Options { quality, projection }).unwrap();
-                let exact = draw(Quality::Exact).image;
-                let what = format!("{name} {right}°, {projection:?}");
-                for quality in [Quality::Standard, Quality::Fast] {
-                    held(&format!("{what}: cores"), quality, &draw(quality).image, &exact);
-                    for rasterizer in rasterizers.iter().copied() {
-                        if let Some(device) = &mut device {
-                            let settings = Settings { quality, rasterizer, projection, ..Settings::default() };
-                            let cameras = std::slice::from_ref(&camera);
-                            let (images, _) = device.picture(cameras, &appearance, settings).unwrap();
-                            held(&format!("{what}: {rasterizer:?}"), quality, &images[0], &exact);
-                        }
+    let scene = scene(&data.join("splats").join(name));
+    let mut device = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
+    let mut appearance = Appearance::of(&scene);
+    appearance.background = Vec3::ONE;
+    let front = framing::default_camera(&scene, 344, 368);
+    let bounds = framing::visible_box(&scene);
+    let middle = 0.5 * (bounds.min + bounds.max);
+    for (right, up, closer) in [(0.0, 0.0, 1.0), (120.0, 25.0, 1.0), (200.0, -40.0, 3.0)] {
+        let camera = camera_motion::dolly(&camera_motion::orbit(&front, middle, right, up), middle, closer);
+        for (projection, rasterizers) in
+            [(Projection::Affine, &Rasterizer::ALL[..]), (Projection::PerRay, &[Rasterizer::Tiles][..])]
+        {
+            // All rays in order take seconds, so each scene is drawn from one side.
+            if projection == Projection::PerRay && up != 25.0 {
+                continue;
+            }
+            let draw = |quality| render(&scene, &appearance, &camera, Options { quality, projection }).unwrap();
+            let exact = draw(Quality::Exact).image;
+            let what = format!("{name} {right}°, {projection:?}");
+            for quality in [Quality::Standard, Quality::Fast] {
+                held(&format!("{what}: cores"), quality, &draw(quality).image, &exact);
+                for rasterizer in rasterizers.iter().copied() {
+                    if let Some(device) = &mut device {
+                        let settings = Settings { quality, rasterizer, projection, ..Settings::default() };
+                        let cameras = std::slice::from_ref(&camera);
+                        let (images, _) = device.picture(cameras, &appearance, settings).unwrap();
+                        held(&format!("{what}: {rasterizer:?}"), quality, &images[0], &exact);
                     }
                 }
             }
+            if let Some(device) = device.as_mut().filter(|_| up == 25.0 && projection == Projection::Affine) {
+                // Near enough for an order of fewer bits, too near for anything to fade.
+                let near = Camera { near: 1e-3 * camera.eye().distance(middle), ..camera.clone() };
+                moves(device, (&appearance, &what), projection, [&camera, &near], &exact);
+            }
         }
+    }
+}
+
+/// A picture in motion: the cut-offs alone, and those with an order of fewer bits.
+fn moves(
+    device: &mut Renderer,
+    (appearance, what): (&Appearance, &str),
+    projection: Projection,
+    cameras: [&Camera; 2],
+    exact: &Image,
+) {
+    let still = Settings { projection, ..Settings::default() };
+    let pairs = |device: &mut Renderer, settings| {
+        device.draw_complete(&[cameras[0].clone()], appearance, settings).unwrap().tile_pairs
+    };
+    let standard = pairs(device, still);
+    let fast = pairs(device, Settings { quality: Quality::Fast, ..still });
+    for (camera, name) in cameras.into_iter().zip(["cut-offs", "cut-offs and order"]) {
+        let settings = Settings { in_motion: true, ..still };
+        let (images, stats) = device.picture(std::slice::from_ref(camera), appearance, settings).unwrap();
+        let d = Difference::between(&images[0], exact).unwrap();
+        println!(
+            "{what}, in motion, {name}: {:.1} dB, footprint {:.1} dB; {} pairs, standard {standard}, fast {fast}",
+            d.psnr_db, d.footprint_psnr_db, stats.tile_pairs
+        );
+        assert!(d.psnr_db.min(d.footprint_psnr_db) >= 35.0, "{d:?}");
+        assert!(stats.tile_pairs < fast && fast < standard);
     }
 }
 
@@ -112,8 +157,8 @@ fn playbot_stands_upright() {
             .sum();
         sum / f64::from((to - from) * 256)
     };
-    let (sky, head, ground) = (mean(0, 60), mean(90, 110), mean(165, 180));
+    let (sky, head, ground) = (mean(0, 50), mean(72, 92), mean(152, 164));
     assert!(sky.z < 0.01 && head.z > 0.1 && head.z < 0.35 && ground.z > 0.5, "{sky} {head} {ground}");
-    let eye = image.pixel(121, 101).unwrap();
+    let eye = image.pixel(132, 83).unwrap();
     assert!(eye[2] > 0.3 && eye[2] > 5.0 * eye[0], "a blue eye: {eye:?}");
 }

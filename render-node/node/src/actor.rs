@@ -5,6 +5,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use directories::ProjectDirs;
 use glam::{DVec3, Vec3};
 use sg_edit::wire::encode_color;
 use sg_edit::{EditState, Replica};
@@ -32,6 +33,7 @@ use sg_runtime::scene_replica::SceneReplica;
 use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::camera_motion::scaled;
+use sg_scene::framing::FirstView;
 use sg_scene::mask::Mask;
 use sg_viewer::display::{DisplayMode, colors_of};
 use sg_viewer::window::threads;
@@ -68,6 +70,10 @@ const MEASURE_UNITS: usize = 64;
 pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let params: Params = host.params()?;
     params.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
+    if let Some(folders) = ProjectDirs::from("", "", "supergaussian") {
+        // The rights of this process name the same folder.
+        sg_gpu::keep_pipelines_in(folders.cache_dir().join("pipelines"));
+    }
     let replica = SceneReplica::<Replica>::follow(host.bus()).await?;
     let newest = replica.newest();
     let state = Arc::clone(newest.replica.state());
@@ -107,6 +113,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let actor = RenderActor {
         bus: host.bus().clone(),
         blobs: host.blobs().clone(),
+        first_view: FirstView::of(engine.scene()),
         engine,
         clusters: ClusterLabels::default(),
         replica: replica.clone(),
@@ -187,6 +194,7 @@ struct RenderActor {
     bus: Bus,
     blobs: Blobs,
     engine: Engine,
+    first_view: FirstView,
     replica: SceneReplica<Replica>,
     /// Every picture is made in this thread pool, so that drawing does not delay input.
     pool: Arc<rayon::ThreadPool>,
@@ -303,7 +311,11 @@ impl RenderActor {
     async fn pick(&mut self, request: &proto::PickRequest, context: &Context) -> Result<proto::PickReply, Fault> {
         let newest = self.replica.at_least(request.at_least_revision, context.deadline).await?.replica;
         let state = newest.state();
-        let hit = self.work(|actor| pick::pick(actor.engine.scene(), state, request))?;
+        let hit = self.work(|actor| {
+            let scene = actor.engine.scene();
+            let view = actor.first_view.shown(scene, state.view(), aspect([request.width, request.height]));
+            pick::pick(scene, (state, view), request)
+        })?;
         // A scene without a selection process has no clusters, but picking works all the same.
         let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
         Ok(pick::reply(state, hit, labels.as_deref()))
@@ -343,7 +355,7 @@ impl RenderActor {
         labels: Option<&[u32]>,
     ) -> Result<proto::Frame, Fault> {
         let start = Instant::now();
-        let camera = camera_of(state, request)?;
+        let camera = self.camera_of(state, request)?;
         let projection = projection(request.projection());
         let mut look = if request.only_units.is_empty() {
             state.appearance()
@@ -407,6 +419,15 @@ impl RenderActor {
         })
     }
 
+    /// The camera of a request.
+    fn camera_of(&mut self, state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
+        let [width, height] = [request.width, request.height];
+        let view = self.first_view.shown(self.engine.scene(), state.view(), aspect([width, height]));
+        let camera = decode::camera(request.camera.as_ref(), view.camera(width, height))?;
+        decode::check_stored(camera.width, camera.height)?;
+        Ok(camera)
+    }
+
     fn render(&mut self, look: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, Fault> {
         let drawn = self.engine.draw(look, camera, options).map_err(|e| match e {
             GpuError::Input(_) | GpuError::Views(_) => Fault::invalid(e.to_string()),
@@ -432,7 +453,7 @@ impl RenderActor {
     ) -> Result<Vec<proto::UnitCoverage>, Fault> {
         let scale =
             f64::from(MEASURE_PIXELS) / f64::from(request.width.max(request.height)).max(f64::from(MEASURE_PIXELS));
-        let camera = scaled(&camera_of(state, request)?, scale);
+        let camera = scaled(&self.camera_of(state, request)?, scale);
         let clips = clips(&request.clips)?;
         let options = Options { quality: Quality::Fast, projection: projection(request.projection()) };
         let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());
@@ -451,11 +472,9 @@ impl RenderActor {
     }
 }
 
-/// The camera of a request.
-fn camera_of(state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
-    let camera = decode::camera(request.camera.as_ref(), state.view().camera(request.width, request.height))?;
-    decode::check_stored(camera.width, camera.height)?;
-    Ok(camera)
+/// Width over height of a picture.
+fn aspect([width, height]: [u32; 2]) -> f64 {
+    f64::from(width.max(1)) / f64::from(height.max(1))
 }
 
 /// The scene's look with only these units drawn, as far as they are visible. The last of its units hides the rest.

@@ -3,25 +3,31 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::Instant;
 
 use clap::{Args, ValueEnum};
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, DVec4, Vec3};
 use serde::Serialize;
+use sg_edit::wire::decode_vector;
 use sg_formats::load::{LoadOptions, load};
 use sg_formats::staged_file;
 use sg_gpu::backend::{Backend, Engine};
-use sg_gpu::{GpuError, Rasterizer};
+use sg_gpu::{GpuError, Rasterizer, Settings};
 use sg_input::print;
+use sg_proto::light_presets::{LightPreset, ViewerAxes};
+use sg_raster::finish::{Backdrop, Finish, Gradient};
 use sg_raster::image::ImageFormat;
+use sg_raster::occlusion::ambient_occlusion;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick;
 use sg_raster::render::{Options, Projection, Quality, Rendered};
 use sg_raster::report::Report;
 use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm};
-use sg_scene::camera::Camera;
+use sg_scene::camera::{Camera, Light, LightMode};
 use sg_scene::framing;
 use sg_scene::model::{Convention, Scene, ShadingModel};
 
+mod counts;
 mod failure;
 mod show;
 
@@ -35,7 +41,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   supergaussian render scene.toml --camera front.json --out front.png --quality exact
   supergaussian render tooth.ply --out anisotropy.png --show anisotropy --color-map cividis
   supergaussian render scene.toml --out clusters.png --show clusters --clusters labels.npy --outlines 2
-  supergaussian render scene.toml --out half.png --clip-plane 0,0,0,1,0,0 --mask sac.npy --pick 512,512";
+  supergaussian render scene.toml --out half.png --clip-plane 0,0,0,1,0,0 --mask sac.npy --pick 512,512
+  supergaussian render scene.toml --counts --both-eyes --rasterizer quads --card rtx-3090";
 
 /// Example in the help of `serve`.
 pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
@@ -53,8 +60,8 @@ pub(crate) struct Picture {
     #[arg(long)]
     camera: Option<PathBuf>,
     /// Picture to write: `.png` (8-bit RGB) or `.npy` (float32, height × width × 4).
-    #[arg(long)]
-    out: PathBuf,
+    #[arg(long, required_unless_present = "counts")]
+    out: Option<PathBuf>,
     /// Width of the picture in pixels, where no camera is given [default: 1024].
     #[arg(long, conflicts_with = "camera", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     width: Option<u32>,
@@ -118,14 +125,14 @@ pub(crate) struct Picture {
     #[arg(long, requires = "show", value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
     /// Draws the outlines of the Super-Gaussians in front, with this width in pixels.
-    #[arg(long, requires = "clusters", value_name = "PIXELS", num_args = 0..=1, default_missing_value = "1",
+    #[arg(long, requires_all = ["clusters", "out"], value_name = "PIXELS", num_args = 0..=1, default_missing_value = "1",
         value_parser = clap::value_parser!(u32).range(1..=64))]
     outlines: Option<u32>,
     /// Colour of the outlines, each 0 to 1.
     #[arg(long, requires = "outlines", value_name = "R,G,B", default_value = "1,1,1", value_parser = color)]
     outline_color: Vec3,
     /// Also prints the front Gaussian at these pixel coordinates, and its position.
-    #[arg(long, value_name = "X,Y", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    #[arg(long, requires = "out", value_name = "X,Y", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pick: Option<[f64; 2]>,
     /// Gaussians to highlight: `.npy`, uint8 (n,), 0 or 1.
     #[arg(long)]
@@ -139,6 +146,30 @@ pub(crate) struct Picture {
     /// Factor on the opacity of the highlighted Gaussians.
     #[arg(long, requires = "mask", default_value_t = 1.0, value_parser = factor)]
     mask_opacity: f32,
+    /// Light, seen from the camera. Replaces the one of the camera file [default: headlight].
+    #[arg(long, value_enum)]
+    light: Option<LightName>,
+    /// Darkens the ambient light where other Gaussians are in its way.
+    #[arg(long)]
+    ambient_occlusion: bool,
+    /// Background: `plain` (the camera file's colour, else black), a `gradient` about it, a colour, two colours from the top
+    /// to the bottom, or `transparent`. Numbers are 0 to 1 [default: plain].
+    #[arg(long, value_name = "plain|gradient|transparent|R,G,B|R,G,B/R,G,B", value_parser = background)]
+    background: Option<Background>,
+    /// Rounds the colours of a PNG instead of dithering them, for comparisons.
+    #[arg(long)]
+    no_dither: bool,
+    /// Counts the work of a graphics device for the picture, without such a device: fragments, pairs, bytes and commands of each
+    /// pass, and predicted milliseconds. Draws only with --out.
+    #[arg(long)]
+    counts: bool,
+    /// Counts both eyes of a headset at the camera's pose: 2064 × 2208 pixels each unless --width and --height say otherwise, the
+    /// longest edge of the scene one metre of the room.
+    #[arg(long, requires = "counts", conflicts_with = "out")]
+    both_eyes: bool,
+    /// Card of the predicted milliseconds [default: all of them].
+    #[arg(long, requires = "counts", value_enum)]
+    card: Option<counts::CardName>,
     /// Prints a report as JSON on standard output.
     #[arg(long)]
     json: bool,
@@ -209,6 +240,18 @@ enum TermName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum LightName {
+    /// From the eye.
+    Headlight,
+    /// From the upper left, with highlights.
+    Studio,
+    /// From above behind the scene: bright edges.
+    Rim,
+    /// Ambient light only.
+    Flat,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ShadingName {
     /// One-sided, clamped to 0 to 1.
     Paper,
@@ -244,6 +287,8 @@ struct PictureReport<'a> {
     /// Absent without a request; null if nothing is in front.
     #[serde(skip_serializing_if = "Option::is_none")]
     pick: Option<Option<show::HitReport>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    work: Option<counts::WorkReport>,
     #[serde(flatten)]
     report: Report,
 }
@@ -261,25 +306,35 @@ pub(crate) fn run(picture: &Picture) -> ExitCode {
 
 fn draw(picture: &Picture) -> Result<(), Failure> {
     // A wrong ending is found before any work is done.
-    ImageFormat::of(&picture.out).map_err(Failure::input)?;
+    let format = picture.out.as_deref().map(ImageFormat::of).transpose().map_err(Failure::input)?;
+    if format == Some(ImageFormat::Npy) && matches!(picture.background, Some(Background::Transparent)) {
+        return Err(Failure::input("--background transparent: a .npy picture always has its coverage; write a .png"));
+    }
     let inputs = [Some(&picture.scene), picture.camera.as_ref(), picture.clusters.as_ref(), picture.mask.as_ref()];
-    staged_file::check_outputs([picture.out.as_path()], inputs.into_iter().flatten().map(PathBuf::as_path))
+    staged_file::check_outputs(picture.out.as_deref(), inputs.into_iter().flatten().map(PathBuf::as_path))
         .map_err(Failure::input)?;
     let camera = picture.camera.as_deref().map(Camera::read).transpose().map_err(Failure::input)?;
     let scene = read_scene(picture)?;
+    let mut appearance = Appearance::of(&scene);
+    appearance.clips = clips(picture);
     let mut camera = camera.unwrap_or_else(|| {
-        framing::default_camera(&scene, picture.width.unwrap_or(DEFAULT_SIZE), picture.height.unwrap_or(DEFAULT_SIZE))
+        let [width, height] = [picture.width, picture.height].map(|edge| edge.unwrap_or(DEFAULT_SIZE));
+        framing::default_camera_of(&scene, &appearance, width, height)
     });
     camera.near = match picture.near {
         Some(near) => near,
         None if camera.near == 0.0 => framing::near_distance(&scene),
         None => camera.near,
     };
-    let mut appearance = Appearance::of(&scene);
+    if let Some(light) = picture.light {
+        camera.light = preset_light(light, &camera);
+    }
+    if let Some(Background::Color(color)) = picture.background {
+        camera.background = color.to_array();
+    }
     appearance.light = camera.light;
     appearance.background = camera.background();
     appearance.overlay = read_overlay(picture, &scene)?;
-    appearance.clips = clips(picture);
     appearance.filter = match picture.filter {
         FilterName::FromFile => PixelFilter::FromFile,
         FilterName::Plain => PixelFilter::Plain,
@@ -300,6 +355,14 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         }
         None => None,
     };
+    if picture.ambient_occlusion {
+        let began = Instant::now();
+        appearance.occlusion = ambient_occlusion(&scene, &appearance);
+        match appearance.occlusion {
+            Some(_) => print::status(&format!("ambient occlusion: {:.3} s", began.elapsed().as_secs_f64())),
+            None => print::status("warning: no ambient occlusion, since nothing visible has shading columns"),
+        }
+    }
     let projection = match picture.projection {
         ProjectionName::Affine => Projection::Affine,
         ProjectionName::PerRay => Projection::PerRay,
@@ -325,6 +388,14 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         RasterizerName::Quads => Rasterizer::Quads,
         RasterizerName::Bands => Rasterizer::Bands,
     };
+    let settings = Settings { quality, projection, rasterizer, ..Settings::default() };
+    let work = picture.counts.then(|| counts::count(picture, &scene, &appearance, &camera, settings)).transpose()?;
+    let out = match (&picture.out, work.as_ref()) {
+        (Some(out), _) => out,
+        (None, Some(work)) if picture.json => return print_json(work),
+        (None, Some(work)) => return print::result(&work.table()).map_err(Failure::work),
+        (None, None) => return Err(Failure::input("name the picture to write with --out")),
+    };
     let mut engine = Engine::new(scene, backend, Some(rasterizer)).map_err(Failure::work)?;
     let drawn = engine.draw(&appearance, &camera, options);
     let Rendered { mut image, report } = drawn.map_err(|e| match e {
@@ -346,7 +417,9 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         .map(|at| pick::pick(scene, &appearance, &camera, projection, DVec2::from_array(at), pick::SURFACE))
         .transpose()
         .map_err(Failure::input)?;
-    image.save(&picture.out).map_err(Failure::work)?;
+    let plain = camera.background();
+    let finish = Finish { backdrop: backdrop(picture.background, plain), dither: !picture.no_dither };
+    image.save_finished(out, plain, &finish).map_err(Failure::work)?;
     if report.dropped_non_finite > 0 {
         print::status(&format!(
             "warning: {} Gaussians with NaN or infinite attributes were left out",
@@ -355,7 +428,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     }
     print::status(&format!(
         "{}: {} x {} pixels, {} of {} Gaussians, {:.3} s (preprocess {:.3}, sort {:.3}, bin {:.3}, raster {:.3})",
-        picture.out.display(),
+        out.display(),
         image.width,
         image.height,
         report.drawn,
@@ -374,7 +447,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     }
     if picture.json {
         let report = PictureReport {
-            out: &picture.out,
+            out,
             backend: engine.name(),
             quality: picture.quality,
             projection: picture.projection,
@@ -382,11 +455,18 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
             camera: &camera,
             legend,
             pick: hit.map(|hit| hit.map(show::HitReport::from)),
+            work,
             report,
         };
-        print::result(&serde_json::to_string_pretty(&report).map_err(Failure::work)?).map_err(Failure::work)?;
+        print_json(&report)?;
+    } else if let Some(work) = &work {
+        print::result(&work.table()).map_err(Failure::work)?;
     }
     Ok(())
+}
+
+fn print_json(report: &impl Serialize) -> Result<(), Failure> {
+    print::result(&serde_json::to_string_pretty(report).map_err(Failure::work)?).map_err(Failure::work)
 }
 
 fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
@@ -422,6 +502,30 @@ fn read_overlay(picture: &Picture, scene: &Scene) -> Result<Option<Overlay>, Fai
     }))
 }
 
+/// A preset as this camera's viewer sees it.
+fn preset_light(name: LightName, camera: &Camera) -> Light {
+    let preset = match name {
+        LightName::Headlight => LightPreset::Headlight,
+        LightName::Studio => LightPreset::Studio,
+        LightName::Rim => LightPreset::Rim,
+        LightName::Flat => LightPreset::Flat,
+    };
+    // The rows of the view are the camera's axes: right, down, forward.
+    let rows = camera.view().transpose();
+    let axis = |row: DVec4, sign: f64| (sign * row.truncate()).normalize_or_zero().to_array();
+    let axes =
+        ViewerAxes { right: axis(rows.x_axis, 1.0), up: axis(rows.y_axis, -1.0), backward: axis(rows.z_axis, -1.0) };
+    let set = preset.set_light(&axes);
+    let own = Light::default();
+    let (mode, direction) = match set.direction {
+        Some(to) => (LightMode::Direction, decode_vector(&to).as_vec3().to_array()),
+        None => (LightMode::Headlight, own.direction),
+    };
+    let [ka, kd, ks, shininess] =
+        [set.ambient, set.diffuse, set.specular, set.shininess].map(|factor| factor.unwrap_or(1.0));
+    Light { mode, direction, ka, kd, ks, shininess }
+}
+
 fn clips(picture: &Picture) -> Vec<Clip> {
     let halves = |n: &[f64; 6]| (DVec3::new(n[0], n[1], n[2]), DVec3::new(n[3], n[4], n[5]));
     let planes = picture.clip_plane.iter().map(halves).map(|(point, normal)| Clip::plane(point, normal));
@@ -450,6 +554,36 @@ fn color(text: &str) -> Result<Vec3, String> {
     match numbers.as_slice() {
         &[r, g, b] => Ok(Vec3::new(r, g, b)),
         _ => Err(format!("{} numbers; three are needed: red,green,blue", numbers.len())),
+    }
+}
+
+/// The wanted background.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Background {
+    Plain,
+    /// A gradient about the plain colour.
+    Around,
+    Transparent,
+    Color(Vec3),
+    Gradient(Gradient),
+}
+
+fn background(text: &str) -> Result<Background, String> {
+    match (text, text.split_once('/')) {
+        ("plain", _) => Ok(Background::Plain),
+        ("gradient", _) => Ok(Background::Around),
+        ("transparent", _) => Ok(Background::Transparent),
+        (_, Some((top, bottom))) => Ok(Background::Gradient(Gradient { top: color(top)?, bottom: color(bottom)? })),
+        (_, None) => color(text).map(Background::Color),
+    }
+}
+
+fn backdrop(wanted: Option<Background>, plain: Vec3) -> Backdrop {
+    match wanted {
+        None | Some(Background::Plain | Background::Color(_)) => Backdrop::Plain,
+        Some(Background::Around) => Backdrop::Gradient(Gradient::around(plain)),
+        Some(Background::Gradient(gradient)) => Backdrop::Gradient(gradient),
+        Some(Background::Transparent) => Backdrop::Transparent,
     }
 }
 
@@ -482,6 +616,11 @@ mod tests {
         assert_eq!(factor("3"), Ok(3.0));
         assert!(factor("-1").is_err() && factor("inf").is_err() && factor("NaN").is_err());
         assert!(share("NaN").is_err());
+        assert_eq!(background("gradient"), Ok(Background::Around));
+        assert_eq!(background("0,0.5,1"), Ok(Background::Color(Vec3::new(0.0, 0.5, 1.0))));
+        let gradient = Gradient { top: Vec3::ONE, bottom: Vec3::ZERO };
+        assert_eq!(background("1,1,1/0,0,0"), Ok(Background::Gradient(gradient)));
+        assert!(background("red").is_err() && background("1,1,1/").is_err());
         assert_eq!(numbers("-1, 2.5"), Ok([-1.0, 2.5]));
         assert!(numbers::<2>("1").is_err() && numbers::<2>("1,2,3").is_err() && numbers::<1>("inf").is_err());
     }

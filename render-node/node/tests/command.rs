@@ -87,7 +87,8 @@ fn a_camera_gives_its_picture_in_both_formats() {
     let folder = folder();
     let at = folder.path();
     for out in ["a.npy", "a.png"] {
-        let arguments = ["row.ply", "--camera", "camera.json", "--out", out, "--quality", "exact", "--json"];
+        let arguments =
+            ["row.ply", "--camera", "camera.json", "--out", out, "--quality", "exact", "--no-dither", "--json"];
         let report: serde_json::Value = serde_json::from_str(&good(at, &arguments)).unwrap();
         assert_eq!((&report["gaussians"], &report["drawn"], &report["backend"]), (&9.into(), &9.into(), &"cpu".into()));
         assert!(report["seconds"]["total"].as_f64().unwrap() > 0.0);
@@ -98,13 +99,54 @@ fn a_camera_gives_its_picture_in_both_formats() {
     assert!(pixel(0, 0)[1] > 0.999 && pixel(0, 0)[3] < 1e-3, "background in the corner");
     let [left, right] = [pixel(29, 20), pixel(48, 20)];
     assert!(left[0] > 0.5 && left[2] < 0.5 && right[2] > 0.5 && right[0] < 0.5, "{left:?} {right:?}");
-    let decoder = png::Decoder::new(std::io::Cursor::new(std::fs::read(at.join("a.png")).unwrap()));
-    let mut reader = decoder.read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    reader.next_frame(&mut bytes).unwrap();
+    let (_, bytes) = png_bytes(&at.join("a.png"));
     let want: Vec<u8> =
         numbers.chunks(4).flat_map(|p| [p[0], p[1], p[2]]).map(|x| (255.0 * x.clamp(0.0, 1.0)).round() as u8).collect();
     assert_eq!(bytes, want);
+}
+
+/// Kind and bytes of a PNG file.
+fn png_bytes(path: &Path) -> (png::ColorType, Vec<u8>) {
+    let decoder = png::Decoder::new(std::io::Cursor::new(std::fs::read(path).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    (reader.info().color_type, bytes)
+}
+
+#[test]
+fn a_picture_has_the_background_that_is_asked_for() {
+    let folder = folder();
+    let at = folder.path();
+    let of = |background: &str, out: &str| {
+        let arguments = ["row.ply", "--camera", "camera.json", "--backend", "cpu", "--out", out];
+        good(at, &[&arguments[..], &["--background", background]].concat());
+    };
+    of("plain", "plain.png");
+    let (kind, plain) = png_bytes(&at.join("plain.png"));
+    assert_eq!((kind, &plain[..3]), (png::ColorType::Rgb, &[0, 255, 0][..]), "the camera's");
+    of("transparent", "none.png");
+    let (kind, none) = png_bytes(&at.join("none.png"));
+    assert_eq!((kind, &none[..4]), (png::ColorType::Rgba, &[0; 4][..]));
+    let middle = 4 * (80 * 20 + 40);
+    assert!(none[middle + 3] > 200, "the row is there: {:?}", &none[middle..middle + 4]);
+    of("0,0,1", "blue.png");
+    assert_eq!(png_bytes(&at.join("blue.png")).1[..3], [0, 0, 255]);
+    of("1,1,1/0,0,0", "two.npy");
+    let (_, two) = pixels(&at.join("two.npy"));
+    let at_row = |y: usize| two[4 * 80 * y];
+    assert!((at_row(0) - (1.0 - 0.5 / 40.0)).abs() < 1e-3 && at_row(39) < 0.02, "{} {}", at_row(0), at_row(39));
+    of("gradient", "around.png");
+    let (_, around) = png_bytes(&at.join("around.png"));
+    assert!(around[0].abs_diff(around[3 * 80 * 39]) > 10, "top and bottom differ");
+    of("gradient", "again.png");
+    let file = |name: &str| std::fs::read(at.join(name)).unwrap();
+    assert_eq!(file("around.png"), file("again.png"), "dithering is the same every time");
+
+    let refused = run(at, &["row.ply", "--out", "x.npy", "--background", "transparent"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("write a .png") && !at.join("x.npy").exists(), "{said}");
 }
 
 #[test]
@@ -115,7 +157,8 @@ fn without_a_camera_the_scene_is_framed() {
     let (shape, numbers) = pixels(&at.join("b.npy"));
     assert_eq!(shape, [30, 50, 4]);
     let column = |x: usize| numbers.chunks(4).skip(x).step_by(50).map(|p| p[3]).fold(0.0, f32::max);
-    assert!(column(2) > 0.3 && column(39) > 0.3, "the near end is at the left edge, the far end further in");
+    assert!(column(3) > 0.3 && column(46) > 0.3, "both ends are at their edges");
+    assert!(column(0) < 0.1 && column(49) < 0.1, "nothing is cut off");
     assert!(numbers.chunks(4).take(50 * 5).all(|p| p[3] < 0.01), "nothing above it");
 }
 
@@ -188,6 +231,33 @@ fn clusters_and_attributes_are_shown_outlined_and_picked() {
     assert!(with("h.npy", &[]).0.get("pick").is_none());
 }
 
+/// The work of a picture, and of both eyes of a headset, without a picture and without a device.
+#[test]
+fn work_is_counted_without_a_picture() {
+    let folder = folder();
+    let at = folder.path();
+    let base = ["row.ply", "--camera", "camera.json", "--counts"];
+    let report: serde_json::Value = serde_json::from_str(&good(at, &[&base[..], &["--json"]].concat())).unwrap();
+    assert_eq!((&report["counts"]["gaussians"], &report["counts"]["listed"]), (&9.into(), &9.into()));
+    let names: Vec<&str> =
+        report["passes"].as_array().unwrap().iter().map(|pass| pass["pass"].as_str().unwrap()).collect();
+    assert_eq!(names, ["cull", "project", "sort", "tile-lists", "pair-sort", "blend"]);
+    let pairs = report["passes"][3]["tile_pairs"].as_u64().unwrap();
+    assert!((9..200).contains(&pairs) && report["passes"][5]["evaluated"].as_u64().unwrap() >= 9 * 256, "{report}");
+    assert_eq!(report["predictions"].as_array().unwrap().len(), 3);
+    let both = ["--both-eyes", "--rasterizer", "quads", "--card", "rtx-3090"];
+    let table = good(at, &[&base[..], &both].concat());
+    assert!(table.starts_with("2 views of 2064 x 2208 pixels: 9 of 9 Gaussians listed"), "{table}");
+    assert!(
+        table.contains("rtx-3090, ms") && !table.contains("rtx-4090") && table.contains("\ndepth layer"),
+        "{table}"
+    );
+    let drawn = good(at, &[&base[..], &["--out", "counted.png", "--json"]].concat());
+    let drawn: serde_json::Value = serde_json::from_str(&drawn).unwrap();
+    assert_eq!(drawn["work"]["passes"], report["passes"]);
+    assert!(at.join("counted.png").exists());
+}
+
 #[test]
 fn errors_are_one_line() {
     let folder = folder();
@@ -208,6 +278,8 @@ fn errors_are_one_line() {
         ([&base[..], &["c.png", "--clusters", "short.npy"]].concat(), 2, "short.npy"),
         ([&base[..], &["c.png", "--show", "scale", "--range", "0,1"]].concat(), 2, "above 0"),
         ([&base[..], &["c.png", "--show", "normal"]].concat(), 2, "normal"),
+        (vec!["row.ply", "--counts", "--projection", "per-ray"], 2, "--projection per-ray"),
+        (vec!["row.ply", "--counts", "--quality", "exact"], 2, "--quality standard"),
     ] {
         let output = run(at, &arguments);
         let line = String::from_utf8(output.stderr).unwrap();
@@ -226,6 +298,9 @@ fn errors_are_one_line() {
         [&base[..], &["c.png", "--pick", "3"]].concat(),
         [&base[..], &["c.png", "--width", "9"]].concat(),
         vec!["row.ply"],
+        vec!["row.ply", "--both-eyes", "--out", "c.png"],
+        vec!["row.ply", "--counts", "--card", "abacus"],
+        vec!["row.ply", "--counts", "--pick", "1,1"],
     ] {
         assert_eq!(run(at, &arguments).status.code(), Some(2), "{arguments:?}");
     }

@@ -22,6 +22,8 @@ impl Limits {
     pub const STANDARD: Self = Self { cut: 1.0 / 8192.0, ratio: 1024.0, stop: 1e-4 };
     /// ≥ 40 dB over frame and footprint, coverage error ≤ 3 %.
     pub const FAST: Self = Self { cut: 1.0 / 512.0, ratio: 64.0, stop: 1.0 / 256.0 };
+    /// A picture in motion, drawn by devices alone: ≥ 35 dB over frame and footprint.
+    pub const MOTION: Self = Self { cut: 1.0 / 255.0, ratio: 32.0, stop: 1.0 / 128.0 };
 }
 
 /// δ for `count` Gaussians with the greatest color component `brightest`.

@@ -2,15 +2,16 @@
 //!
 //! The affine projection takes the perspective at a Gaussian's center for all of it. Beside the eye its ellipses grow
 //! without a bound and cover the picture. So rays evaluate Gaussians that are large for their depth or near the eye
-//! ([`perspective`]), as in the ray-consistent mode. All are in one order ([`order`]).
+//! ([`perspective`]), as in the ray-consistent mode. All are in one order ([`order`]). Near the eye that order and the dilation of
+//! ellipses are close to those of rays.
 
 use glam::{DVec2, DVec3};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::nearness::{order, perspective, size_of};
-use crate::project::{Ellipse, place, project};
+use crate::nearness::{dilation_slope, order, perspective, size_of};
+use crate::project::{Dilation, Ellipse, place, project};
 use crate::ray_consistent::{Pinhole, RaySplat};
 use crate::report::{Culled, Report};
 
@@ -42,11 +43,13 @@ pub(crate) fn footprints<T: Send>(
     keep: impl Fn(u32, Footprint) -> Result<T, Culled> + Sync,
 ) -> (Vec<T>, Report) {
     let pinhole = Pinhole::of(camera);
+    let slopes = pinhole.slopes();
     place(scene, appearance, camera, |index, placed| {
         let order = order(placed.center, pinhole.near);
         let footprint = match perspective(placed.center, size_of(&placed.rows), pinhole.near) {
             None => {
-                let (ellipse, opacity) = project(&placed, pinhole.focal, pinhole.principal)?;
+                let dilation = Dilation::at(dilation_slope(placed.center, slopes, pinhole.near));
+                let (ellipse, opacity) = project(&placed, pinhole.focal, pinhole.principal, dilation)?;
                 Footprint { shape: Shape::Ellipse(ellipse), order, color: placed.look.color, opacity }
             }
             Some(perspective) => {

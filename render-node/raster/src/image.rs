@@ -40,7 +40,7 @@ pub enum ImageError {
 /// Kinds of picture files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageFormat {
-    /// 8-bit RGB, round(255·clamp).
+    /// 8 bits a channel, round(255·clamp) unless dithered.
     Png,
     /// NumPy array, little-endian `float32 (height, width, 4)`.
     Npy,
@@ -88,11 +88,16 @@ impl Image {
     /// # Errors
     /// When `writer` fails.
     pub fn write_png(&self, writer: impl Write) -> io::Result<()> {
+        self.encode_png(writer, png::ColorType::Rgb, &self.rgb8())
+    }
+
+    /// A PNG file of 8-bit numbers of this picture's pixels.
+    pub(crate) fn encode_png(&self, writer: impl Write, kind: png::ColorType, bytes: &[u8]) -> io::Result<()> {
         let mut encoder = png::Encoder::new(writer, self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_color(kind);
         encoder.set_depth(png::BitDepth::Eight);
         let mut writer = encoder.write_header().map_err(io::Error::other)?;
-        writer.write_image_data(&self.rgb8()).map_err(io::Error::other)?;
+        writer.write_image_data(bytes).map_err(io::Error::other)?;
         writer.finish().map_err(io::Error::other)
     }
 
@@ -117,18 +122,25 @@ impl Image {
     /// # Errors
     /// [`ImageError`] for another ending, or when the system refuses. An earlier file at `path` is then untouched.
     pub fn save(&self, path: &Path) -> Result<(), ImageError> {
-        let format = ImageFormat::of(path)?;
-        self.save_as(path, format).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+        save(path, |format, file| match format {
+            ImageFormat::Png => self.write_png(file),
+            ImageFormat::Npy => self.write_npy(file),
+        })
     }
+}
 
-    fn save_as(&self, path: &Path, format: ImageFormat) -> io::Result<()> {
+/// Writes the kind of file that the ending of `path` stands for, as [`Image::save`] does.
+pub(crate) fn save(
+    path: &Path,
+    write: impl FnOnce(ImageFormat, &mut StagedFile) -> io::Result<()>,
+) -> Result<(), ImageError> {
+    let format = ImageFormat::of(path)?;
+    let staged = || {
         let mut file = StagedFile::create(path)?;
-        match format {
-            ImageFormat::Png => self.write_png(&mut file)?,
-            ImageFormat::Npy => self.write_npy(&mut file)?,
-        }
-        file.commit().map(|_| ())
-    }
+        write(format, &mut file)?;
+        file.commit().map(drop)
+    };
+    staged().map_err(|source| ImageError::Write { path: path.to_owned(), source })
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! pictures consistent while a camera turns.
 //!
 //! [`image_error`] compares a picture with a reference. [`pick`] finds the front Gaussian. [`structure`] colors clusters.
-//! [`attributes`] maps numbers and directions to colors. [`outline`] draws cluster boundaries.
+//! [`counts`] counts the work of a graphics device. [`attributes`] maps numbers and directions to colors. [`outline`] draws cluster boundaries.
 //!
 //! ```
 //! use sg_raster::image_error::Difference;
@@ -25,14 +25,17 @@
 
 pub mod attributes;
 pub mod color_map;
+pub mod counts;
 mod cutoffs;
 mod depth;
+pub mod finish;
 mod footprint;
 pub mod harmonics;
 pub mod image;
 pub mod image_error;
 mod lanes;
 pub mod nearness;
+pub mod occlusion;
 pub mod outline;
 pub mod pick;
 mod project;

@@ -1,9 +1,9 @@
-//! The eye close to Gaussians: the share of one that lies beyond the near distance, where the affine projection holds, and
-//! the order of depth.
+//! The eye close to Gaussians: the share of one that lies beyond the near distance, where the affine projection holds, the
+//! dilation there, and the order of depth.
 //!
 //! Graphics devices have the same functions in `ray_project.wgsl` (sg-gpu).
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Width of the near distance's own blur, as a share of it (standard deviation).
 pub const NEAR_BLUR: f64 = 0.2;
@@ -19,8 +19,12 @@ pub const FADE_REACH: f64 = 6.0;
 /// root of the covariance's trace.
 pub const AFFINE_SIZE: f64 = 0.1;
 
-/// Near distances within which the order is by distance, and beyond which it is by view z.
-pub const ORDER_RANGE: [f64; 2] = [16.0, 128.0];
+/// View depth over distance up to which a Gaussian that rays evaluate gets its whole perspective: its center is 84° beside the
+/// axis or more. There f32 cannot evaluate less, and nothing of one small for its distance reaches a picture.
+pub const STEEP: f64 = 0.1;
+
+/// Near distances within which the affine projection orders and dilates as rays do, and beyond which as 3DGS does.
+pub const RAY_RANGE: [f64; 2] = [96.0, 768.0];
 
 /// The share of a Gaussian beyond the near distance. `ahead` is the distance of its densest place on the ray beyond the near
 /// distance, in blurred standard deviations along the ray.
@@ -52,34 +56,58 @@ pub(crate) fn is_faded(distance: f64, size: f64, near: f64) -> bool {
 }
 
 /// How much of the perspective within a Gaussian its rays get: `None` where the affine projection draws it, else from 0 at the
-/// limit of that projection to 1 at twice the limit. So nothing pops at the limit.
+/// limit of that projection to 1 at twice the limit. So nothing pops at the limit. Beside the eye it is 1 ([`STEEP`]).
 pub(crate) fn perspective(center: DVec3, size: f64, near: f64) -> Option<f64> {
     let limit = AFFINE_SIZE * center.z;
     if may_fade(center.length(), size, near) {
         Some(1.0)
     } else if size < limit {
         None
-    } else if center.z > 0.0 {
+    } else if center.z > STEEP * center.length() {
         Some((size / limit - 1.0).clamp(0.0, 1.0))
     } else {
         Some(1.0)
     }
 }
 
+/// How far the affine projection follows rays in its order and its dilation at a distance from the eye: 1 near it, 0 far
+/// away or without a near distance.
+pub(crate) fn ray_share(distance: f64, near: f64) -> f64 {
+    let [begins, ends] = RAY_RANGE.map(|factor| factor * near);
+    if distance >= ends {
+        return 0.0;
+    }
+    // In the logarithm, so that the order rises along each ray of a picture up to 140° wide.
+    ((ends / distance).ln() / (ends / begins).ln()).clamp(0.0, 1.0)
+}
+
 /// The number by which Gaussians are ordered, in the scene's unit: view z, and near the eye the distance, which a turn of the
 /// head does not change.
 ///
-/// Neighbours on a wall that the eye sees at a grazing angle are in a wrong order by view z. From afar view z is the order of
-/// 3DGS, the same for two eyes with parallel axes. Between lies a continuous transition.
+/// The densest places of round Gaussians on one ray have the order of the centres' distances. By view z neighbours beside the
+/// axis are in a wrong order. From afar view z is the order of 3DGS, the same for two eyes with parallel axes. Between lies a
+/// continuous transition.
 pub(crate) fn order(center: DVec3, near: f64) -> f64 {
     let distance = center.length();
-    let [begins, ends] = ORDER_RANGE.map(|factor| factor * near);
-    if distance >= ends {
-        return center.z;
+    match ray_share(distance, near) {
+        0.0 => center.z,
+        share => center.z + share * (distance - center.z),
     }
-    // In the logarithm, so that the number rises along each ray of a picture up to 140° wide.
-    let by_distance = ((ends / distance).ln() / (ends / begins).ln()).clamp(0.0, 1.0);
-    center.z + by_distance * (distance - center.z)
+}
+
+/// The slope (x/z, y/z) at which the affine projection takes the dilation of a Gaussian at `center`: 0 is that of 3DGS, the
+/// center's own slope that of rays.
+///
+/// The dilation of rays is an angle, the same in every direction. On the picture it is ε·(1 + |s|²)·(I + s·sᵀ) for the slope s,
+/// by the Jacobian that the affine projection has for all of the Gaussian. `slopes` are those of the picture's corners. What
+/// lies outside has the slope at its edge, because the Jacobian grows there without a bound.
+pub(crate) fn dilation_slope(center: DVec3, slopes: [DVec2; 2], near: f64) -> DVec2 {
+    let share = ray_share(center.length(), near);
+    if share == 0.0 {
+        return DVec2::ZERO;
+    }
+    let [a, b] = slopes;
+    share.sqrt() * (center.truncate() / center.z).clamp(a.min(b), a.max(b))
 }
 
 /// An unsigned number in the order of an `order` narrowed to f32.

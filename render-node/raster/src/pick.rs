@@ -126,11 +126,42 @@ pub fn pick_ray(
     level: f64,
 ) -> Result<Option<Hit>, RenderError> {
     let direction = direction.try_normalize().ok_or(RenderError::Ray)?;
+    let camera = ray_camera(origin, direction, spread);
+    pick(scene, appearance, &camera, Projection::PerRay, DVec2::splat(0.5), level)
+}
+
+/// [`pick_ray`] among some Gaussians of the scene, given by their scene-wide indices. It takes time for these alone. Others
+/// neither are hit nor hide what is. `None` for a ray without a direction or a level out of range too.
+#[must_use]
+pub fn pick_ray_among(
+    scene: &Scene,
+    appearance: &Appearance,
+    (origin, direction): (DVec3, DVec3),
+    spread: f64,
+    level: f64,
+    gaussians: &[u32],
+) -> Option<Hit> {
+    let direction = direction.try_normalize().filter(|_| check_level(level).is_ok())?;
+    let camera = ray_camera(origin, direction, spread);
+    let at = DVec2::splat(0.5);
+    let layer = |index: &u32| {
+        let placed = place_one(scene, appearance, &camera, *index)?;
+        let splat = ray_consistent::splat(*index, &placed, &camera)?;
+        let meeting = splat.meet(at);
+        let alpha = splat.alpha(meeting);
+        (alpha > 0.0).then_some(Layer { depth: meeting.depth, alpha, item: *index })
+    };
+    let mut layers: Vec<Layer> = gaussians.iter().filter_map(layer).collect();
+    layers.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+    front(&layers, level).and_then(|gaussian| hit_of(scene, appearance, &camera, gaussian, at))
+}
+
+/// A camera of one pixel, with a ray through its middle.
+fn ray_camera(origin: DVec3, direction: DVec3, spread: f64) -> Camera {
     let up = direction.any_orthonormal_vector();
     let focal = DILATION.sqrt() / spread.max(1e-6);
     let camera = Camera::look_at(origin, origin + direction, up, 90.0, 1, 1);
-    let camera = Camera { fx: focal, fy: focal, cx: 0.5, cy: 0.5, ..camera };
-    pick(scene, appearance, &camera, Projection::PerRay, DVec2::splat(0.5), level)
+    Camera { fx: focal, fy: focal, cx: 0.5, cy: 0.5, ..camera }
 }
 
 /// The front Gaussian of every pixel, by the same rules as [`pick`].

@@ -39,14 +39,13 @@ pub(crate) struct Ellipse {
 
 impl Ellipse {
     /// The ellipse of the rows of the 2 × 3 matrix m. Its covariance is m·mᵀ + dilation; `None` if it overflows.
-    fn of(center: DVec2, m: [DVec3; 2]) -> Option<Self> {
+    fn of(center: DVec2, m: [DVec3; 2], dilation: Dilation) -> Option<Self> {
         let [m0, m1] = m;
-        let c = m1.length_squared() + DILATION;
-        // det(m·mᵀ + εI) = |m₀ × m₁|² + ε(|m₀|² + |m₁|²) + ε²: never below ε², however thin.
-        let det = m0.cross(m1).length_squared()
-            + DILATION * (m0.length_squared() + m1.length_squared())
-            + DILATION * DILATION;
-        let ellipse = Self { center, slope: m0.dot(m1) / c, along_row: (det / c).sqrt(), over_rows: c.sqrt() };
+        let Dilation { variance, slope } = dilation;
+        let c = m1.length_squared() + variance * (1.0 + slope.y * slope.y);
+        let det = dilation.determinant(m);
+        let shared = m0.dot(m1) + variance * slope.x * slope.y;
+        let ellipse = Self { center, slope: shared / c, along_row: (det / c).sqrt(), over_rows: c.sqrt() };
         let finite = center.is_finite()
             && det.is_finite()
             && ellipse.slope.is_finite()
@@ -80,18 +79,50 @@ pub(crate) struct Placed {
     pub(crate) compensated: bool,
 }
 
-/// √(det S / det(S + εI)) for S = m·mᵀ: the factor on the opacity by which a dilation by ε adds none in sum. It is the 2D filter
-/// of Mip-Splatting (Yu et al. 2024).
-pub(crate) fn compensation(m: [DVec3; 2], dilation: f64) -> f64 {
-    let [m0, m1] = m;
-    let det = m0.cross(m1).length_squared();
-    let dilated = det + dilation * (m0.length_squared() + m1.length_squared()) + dilation * dilation;
-    if dilated.is_finite() { (det / dilated).sqrt() } else { 1.0 }
+/// A covariance that is added on the picture: `variance`·(I + `slope`·`slope`ᵀ).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Dilation {
+    variance: f64,
+    slope: DVec2,
+}
+
+impl Dilation {
+    /// The same in every direction of the picture.
+    pub(crate) fn round(variance: f64) -> Self {
+        Self { variance, slope: DVec2::ZERO }
+    }
+
+    /// [`DILATION`] as an angle, seen at a slope.
+    pub(crate) fn at(slope: DVec2) -> Self {
+        Self { variance: DILATION * (1.0 + slope.length_squared()), slope }
+    }
+
+    /// The determinant of m·mᵀ and this: |m₀ × m₁|² + ε(|m₀|² + |m₁|² + |s₀m₁ − s₁m₀|²) + ε²(1 + |s|²), with s the slope.
+    /// However thin, it is never below its last term.
+    fn determinant(self, [m0, m1]: [DVec3; 2]) -> f64 {
+        let Self { variance, slope } = self;
+        let turned = (slope.x * m1 - slope.y * m0).length_squared();
+        m0.cross(m1).length_squared()
+            + variance * (m0.length_squared() + m1.length_squared() + turned)
+            + variance * variance * (1.0 + slope.length_squared())
+    }
+}
+
+/// √(det S / det(S + D)) for S = m·mᵀ and the dilation D: the factor on the opacity by which the dilation adds none in sum. It is
+/// the 2D filter of Mip-Splatting (Yu et al. 2024).
+pub(crate) fn compensation(m: [DVec3; 2], dilation: Dilation) -> f64 {
+    let dilated = dilation.determinant(m);
+    if dilated.is_finite() { (m[0].cross(m[1]).length_squared() / dilated).sqrt() } else { 1.0 }
 }
 
 /// The ellipse and the opacity of a Gaussian in the affine projection, for a camera of these focal lengths and this principal
 /// point in pixels.
-pub(crate) fn project(placed: &Placed, focal: DVec2, principal: DVec2) -> Result<(Ellipse, f64), Culled> {
+pub(crate) fn project(
+    placed: &Placed,
+    focal: DVec2,
+    principal: DVec2,
+    dilation: Dilation,
+) -> Result<(Ellipse, f64), Culled> {
     let Placed { center, rows: [x, y, z], look, compensated } = *placed;
     if center.z <= NEAR {
         return Err(Culled::Near);
@@ -100,8 +131,8 @@ pub(crate) fn project(placed: &Placed, focal: DVec2, principal: DVec2) -> Result
     let pixels = focal / center.z;
     // Rows of the Jacobian times those.
     let m = [pixels.x * (x - slope.x * z), pixels.y * (y - slope.y * z)];
-    let ellipse = Ellipse::of(focal * slope + principal, m).ok_or(Culled::NotFinite)?;
-    let opacity = if compensated { look.opacity * compensation(m, DILATION) } else { look.opacity };
+    let ellipse = Ellipse::of(focal * slope + principal, m, dilation).ok_or(Culled::NotFinite)?;
+    let opacity = if compensated { look.opacity * compensation(m, dilation) } else { look.opacity };
     if opacity == 0.0 {
         return Err(Culled::Transparent);
     }
@@ -241,10 +272,15 @@ mod tests {
         #[test]
         fn the_cholesky_form_is_the_quadratic_form(
             m in proptest::array::uniform6(-30.0..30.0_f64), x in -50.0..50.0_f64, y in -50.0..50.0_f64,
+            s in proptest::array::uniform2(-2.0..2.0_f64),
         ) {
             let rows = [DVec3::new(m[0], m[1], m[2]), DVec3::new(m[3], m[4], m[5])];
-            let e = Ellipse::of(DVec2::ZERO, rows).unwrap();
-            let (a, b, c) = (rows[0].length_squared() + 0.3, rows[0].dot(rows[1]), rows[1].length_squared() + 0.3);
+            let e = Ellipse::of(DVec2::ZERO, rows, Dilation::at(DVec2::from_array(s))).unwrap();
+            // 0.3 px² at the axis; elsewhere the same angle by the projection's Jacobian.
+            let grown = 0.3 * (1.0 + s[0] * s[0] + s[1] * s[1]);
+            let a = rows[0].length_squared() + grown * (1.0 + s[0] * s[0]);
+            let b = rows[0].dot(rows[1]) + grown * s[0] * s[1];
+            let c = rows[1].length_squared() + grown * (1.0 + s[1] * s[1]);
             let want = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b);
             let (u, v) = ((x - e.slope * y) / e.along_row, y / e.over_rows);
             prop_assert!((u * u + v * v - want).abs() <= 1e-9 * (1.0 + want));
@@ -257,7 +293,7 @@ mod tests {
     fn a_needle_keeps_its_thickness() {
         // 1e9 px long at 45°, no width: the textbook determinant a·c − b² loses it entirely.
         let row = DVec3::new(1e9, 0.0, 0.0);
-        let e = Ellipse::of(DVec2::ZERO, [row, row]).unwrap();
+        let e = Ellipse::of(DVec2::ZERO, [row, row], Dilation::at(DVec2::ZERO)).unwrap();
         let (a, c) = (1e18 + 0.3, 1e18 + 0.3);
         assert_eq!(a * c - 1e18 * 1e18, 0.0);
         // Across the diagonal the variance is the dilation: ρ²·sin²45° = 0.3.
@@ -266,7 +302,7 @@ mod tests {
 
     #[test]
     fn what_overflows_is_refused() {
-        assert!(Ellipse::of(DVec2::ZERO, [DVec3::splat(1e200), DVec3::X]).is_none());
-        assert!(Ellipse::of(DVec2::new(f64::INFINITY, 0.0), [DVec3::Y, DVec3::X]).is_none());
+        assert!(Ellipse::of(DVec2::ZERO, [DVec3::splat(1e200), DVec3::X], Dilation::at(DVec2::ZERO)).is_none());
+        assert!(Ellipse::of(DVec2::new(f64::INFINITY, 0.0), [DVec3::Y, DVec3::X], Dilation::at(DVec2::ZERO)).is_none());
     }
 }

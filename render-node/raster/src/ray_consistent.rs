@@ -28,7 +28,7 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use crate::nearness::{NEAR_BLUR, is_faded, may_fade, share_beyond, size_of};
-use crate::project::{DILATION, Ellipse, Placed, compensation, place};
+use crate::project::{DILATION, Dilation, Ellipse, Placed, compensation, place};
 use crate::report::{Culled, Report};
 use crate::tiles::picture_size;
 
@@ -127,6 +127,11 @@ impl Pinhole {
         }
     }
 
+    /// x and y of the rays, with z = 1, through the picture's first and last corner.
+    pub(crate) fn slopes(&self) -> [DVec2; 2] {
+        [DVec2::ZERO, self.size].map(|corner| (corner - self.principal) / self.focal)
+    }
+
     /// Direction of the ray through pixel coordinates, with z = 1.
     fn ray(&self, pixel: DVec2) -> DVec3 {
         ((pixel - self.principal) / self.focal).extend(1.0)
@@ -214,7 +219,7 @@ impl RaySplat {
         let opacity = if compensated {
             let (e, f) = center.try_normalize().unwrap_or(DVec3::Z).any_orthonormal_pair();
             let seen = |axis: DVec3| rows[0] * axis.x + rows[1] * axis.y + rows[2] * axis.z;
-            look.opacity * compensation([seen(e), seen(f)], dilation)
+            look.opacity * compensation([seen(e), seen(f)], Dilation::round(dilation))
         } else {
             look.opacity
         };

@@ -33,7 +33,7 @@ pub enum Quality {
 pub enum Projection {
     /// As 3DGS: each Gaussian becomes an ellipse by an affine projection at its center. The order is the view z of
     /// the centers. Turning the camera changes the color along one ray. Rays evaluate Gaussians that are near the eye or
-    /// large for their depth, and near the eye the order is by distance.
+    /// large for their depth. Near the eye the order is by distance and the dilation an angle, as for rays.
     #[default]
     Affine,
     /// Each pixel's ray evaluates each Gaussian, and orders them by their densest place on the ray. Turning the
@@ -109,6 +109,14 @@ pub enum RenderError {
     #[error("there are colours for {found} Gaussians, the scene has {expected}; make them from this scene")]
     Colors {
         /// Colours given.
+        found: usize,
+        /// Gaussians in the scene.
+        expected: usize,
+    },
+    /// Occlusion of another scene.
+    #[error("there are occlusion factors for {found} Gaussians, the scene has {expected}; compute them for this scene")]
+    Occlusion {
+        /// Factors given.
         found: usize,
         /// Gaussians in the scene.
         expected: usize,
@@ -202,6 +210,9 @@ pub fn check_look(
     }
     if let Some(colors) = appearance.colors.as_ref().filter(|c| c.len() != gaussians) {
         return Err(RenderError::Colors { found: colors.len(), expected: gaussians });
+    }
+    if let Some(factors) = appearance.occlusion.as_ref().filter(|f| f.len() != gaussians) {
+        return Err(RenderError::Occlusion { found: factors.len(), expected: gaussians });
     }
     let usable = |s: &HalfSpace| s.normal.is_finite() && s.normal != DVec3::ZERO && s.offset.is_finite();
     let broken = |c: &Clip| c.sides.is_empty() || !c.sides.iter().all(usable);

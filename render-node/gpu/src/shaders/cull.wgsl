@@ -93,9 +93,10 @@ fn may_reach(i: u32) -> bool {
             continue;
         }
         let slope = at.xy / at.z;
-        // |J·M| is at most this times the greatest standard deviation; the dilation adds at most its root.
+        // |J·M| is at most this times the greatest standard deviation; the dilation adds at most its root, larger beside the axis.
         let stretch = view.focal / at.z * sqrt(1.0 + slope * slope);
-        let half = radius * (stretch * size + 0.55) + 0.5;
+        let s = dilation_slope(view, slope, vec2<f32>(frame.size), ray_share(length(at), frame.near));
+        let half = radius * (stretch * size + 0.55 * (1.0 + dot(s, s))) + 0.5;
         let pixel = view.focal * slope + view.principal;
         // The comparison keeps NaN: the projection classifies it.
         if !(any(pixel + half < vec2(0.0)) || any(pixel - half > vec2<f32>(frame.size))) {

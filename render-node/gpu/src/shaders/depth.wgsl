@@ -1,20 +1,10 @@
-// Depth of the front of each pixel along the view axis; 0 without a front.
+// Depth of the front of each pixel along the view axis, from quadrilaterals; 0 without a front.
 
-override VIEW: u32 = 0u;
-
-@group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> fronts: array<f32>;
-@group(0) @binding(2) var blended: texture_2d<f32>;
+@group(0) @binding(0) var blended: texture_2d<f32>;
 
 @vertex
 fn cover(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
     return vec4(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.5, 1.0);
-}
-
-@fragment
-fn depth_from_tiles(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
-    let pixel = vec2<u32>(at.xy);
-    return vec4(fronts[(VIEW * frame.size.y + pixel.y) * frame.size.x + pixel.x], 0.0, 0.0, 1.0);
 }
 
 @fragment

@@ -7,6 +7,12 @@ fn share_beyond(ahead: f32) -> f32 {
     return y * y * y * (y * (6.0 * y - 15.0) + 10.0);
 }
 
+// Gaussians of the affine mode that rays evaluate.
+struct NearRays {
+    count: u32,
+    entries: array<NearRay>,
+}
+
 struct Meeting {
     // log2 of the opacity over the alpha of a Gaussian that does not fade.
     below: f32,
@@ -49,13 +55,25 @@ fn is_faded(distance: f32, size: f32, near: f32) -> bool {
     return distance + FADE_REACH * size + FADE_WIDTH * length(vec2(size, NEAR_BLUR * near)) <= near;
 }
 
+// How far the affine projection follows rays in its order and its dilation at a distance: 1 near the eye, 0 far away.
+fn ray_share(distance: f32, near: f32) -> f32 {
+    if distance >= RAY_ENDS * near {
+        return 0.0;
+    }
+    return clamp(log(RAY_ENDS * near / distance) / log(RAY_ENDS / RAY_BEGINS), 0.0, 1.0);
+}
+
 // The number by which splats are ordered, from view z and the distance.
 fn order_of(z: f32, distance: f32, near: f32) -> f32 {
-    if distance >= ORDER_ENDS * near {
-        return z;
-    }
-    let by_distance = clamp(log(ORDER_ENDS * near / distance) / log(ORDER_ENDS / ORDER_BEGINS), 0.0, 1.0);
-    return z + by_distance * (distance - z);
+    return z + ray_share(distance, near) * (distance - z);
+}
+
+// The slope at which the affine projection takes the dilation: 0 is that of 3DGS, that of the center that of rays. Outside the
+// picture it is that of the picture's edge.
+fn dilation_slope(view: View, slope: vec2<f32>, size: vec2<f32>, share: f32) -> vec2<f32> {
+    let a = -view.principal / view.focal;
+    let b = (size - view.principal) / view.focal;
+    return sqrt(share) * clamp(slope, min(a, b), max(a, b));
 }
 
 // An unsigned number in the order of a number.

@@ -10,6 +10,7 @@ override TERM: u32 = TERM_FULL;
 override DIRECTIONAL: bool = false;
 override OVERLAY: bool = false;
 override COLORS: bool = false;
+override OCCLUDED: bool = false;
 // Half precision of the shading columns and the harmonics.
 override HALF: bool = false;
 override PER_RAY: bool = false;
@@ -18,7 +19,7 @@ override PER_RAY: bool = false;
 @group(0) @binding(7) var<storage, read> surfaces: array<u32>;
 // Three numbers of each coefficient, f32 or f16: see coefficient().
 @group(0) @binding(8) var<storage, read> harmonics: array<u32>;
-// A vec3 would take 16 bytes.
+// Shown colors, or with OCCLUDED a factor on ka of each Gaussian. A vec3 would take 16 bytes.
 @group(0) @binding(9) var<storage, read> colors: array<array<f32, 3>>;
 @group(0) @binding(10) var<storage, read> part_ranges: array<PartRange>;
 @group(0) @binding(11) var<storage, read> listed: array<u32>;
@@ -27,13 +28,14 @@ override PER_RAY: bool = false;
 @group(0) @binding(14) var<storage, read_write> tints: array<Tint>;
 @group(0) @binding(15) var<storage, read_write> rays: array<RayCoefficients>;
 @group(0) @binding(16) var<storage, read_write> depth_keys: array<u32>;
-struct NearRays {
+// NearRays that grow.
+struct NearRayList {
     count: atomic<u32>,
     entries: array<NearRay>,
 }
 
 // Gaussians of the affine mode that rays evaluate, in any order.
-@group(0) @binding(18) var<storage, read_write> near_rays: NearRays;
+@group(0) @binding(18) var<storage, read_write> near_rays: NearRayList;
 // Places in the list, before the sort by depth.
 @group(0) @binding(17) var<storage, read_write> depth_places: array<u32>;
 
@@ -122,7 +124,18 @@ fn raised(base: f32, exponent: f32) -> f32 {
     return pow(base, exponent);
 }
 
-fn lit(i: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
+const BRIGHTNESS = vec3<f32>(0.2126, 0.7152, 0.0722);
+
+// Twin of recolored() in shading.rs.
+fn recolored(given: vec3<f32>, own: vec3<f32>, palette: vec3<f32>) -> vec3<f32> {
+    let mean = dot(palette, BRIGHTNESS);
+    if mean > 1.0 / 256.0 {
+        return given * clamp(dot(own, BRIGHTNESS) / mean, 0.5, 1.5);
+    }
+    return given;
+}
+
+fn lit(i: u32, global: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let s = surface(i);
     let two_sided = unit.shading_model != SHADING_PAPER;
     var diffuse = unit.palette + s.offset;
@@ -130,9 +143,12 @@ fn lit(i: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye: vec3<f32>) 
         diffuse = clamp(unit.palette, vec3(0.0), vec3(1.0)) + s.offset;
     }
     if replaced {
-        diffuse = given;
+        diffuse = recolored(given, diffuse, select(unit.palette, clamp(unit.palette, vec3(0.0), vec3(1.0)), two_sided));
     }
-    let f = s.factors * unit.multipliers;
+    var f = s.factors * unit.multipliers;
+    if OCCLUDED {
+        f.x *= colors[global / 3u][global % 3u];
+    }
     var to_light = to_eye;
     if DIRECTIONAL {
         to_light = frame.light;
@@ -164,15 +180,20 @@ fn color_of(i: u32, global: u32, unit: Unit, replaced: bool, given: vec3<f32>, a
         return vec3(color[0], color[1], color[2]);
     }
     if LIT && unit.color_source == COLOR_LIT {
-        return lit(i, unit, replaced, given, direction(eye - at));
-    }
-    if replaced {
-        return max(given, vec3(0.0));
+        return lit(i, global, unit, replaced, given, direction(eye - at));
     }
     if DEGREE >= 0 && unit.color_source == COLOR_HARMONICS {
         let away = at - eye;
         let d = direction(unit.inverse[0] * away.x + unit.inverse[1] * away.y + unit.inverse[2] * away.z);
-        return max(seen(i, d), vec3(0.0));
+        let own = max(seen(i, d), vec3(0.0));
+        if replaced {
+            // Twin of recolored_unlit() in shading.rs.
+            return max(given * clamp(0.5 + dot(own, BRIGHTNESS), 0.5, 1.5), vec3(0.0));
+        }
+        return own;
+    }
+    if replaced {
+        return max(given, vec3(0.0));
     }
     return max(unit.palette, vec3(0.0));
 }
@@ -182,12 +203,17 @@ fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     return v + q.w * t + cross(q.xyz, t);
 }
 
+// The greatest key of the depth order: 16 bits of a coarse one.
+fn order_ends() -> u32 {
+    return select(0xffffffffu, 0xffffu, frame.order_shift > 0u);
+}
+
 fn in_scene(unit: Unit, v: vec3<f32>) -> vec3<f32> {
     return unit.linear[0] * v.x + unit.linear[1] * v.y + unit.linear[2] * v.z;
 }
 
 // The ellipse that the affine projection makes of a Gaussian (Zwicker et al. 2002), for axes of which the longest is `longest`.
-fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool) -> Seen {
+fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool, share: f32) -> Seen {
     let slope = at.xy / at.z;
     let pixels = view.focal / at.z;
     // In units of `size` pixels, so that all below is of order one.
@@ -198,19 +224,25 @@ fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: 
     let shrunk = min(longest * most, 1.0) / most;
     m0 *= shrunk;
     m1 *= shrunk;
-    let dilation = DILATION / (size * size);
-    let c = dot(m1, m1) + dilation;
+    // As Dilation in project.rs.
+    let s = dilation_slope(view, slope, vec2<f32>(frame.size), share);
+    let grown = 1.0 + dot(s, s);
+    let dilation = DILATION * grown / (size * size);
+    let c = dot(m1, m1) + dilation * (1.0 + s.y * s.y);
     let root = sqrt(c);
     let across = cross(m0, m1) / root;
-    let variance = dot(across, across) + dilation * (dot(m0, m0) + dot(m1, m1) + dilation) / c;
-    let ellipse_slope = dot(m0, m1) / c;
+    let turned = s.x * m1 - s.y * m0;
+    let spread = dot(m0, m0) + dot(m1, m1) + dot(turned, turned) + dilation * grown;
+    let variance = dot(across, across) + dilation * spread / c;
+    let ellipse_slope = (dot(m0, m1) + dilation * s.x * s.y) / c;
     let per_column = SCALE / (size * sqrt(variance));
     let per_row = SCALE / (size * root);
     let pixel = view.focal * slope + view.principal;
     var seen: Seen;
     seen.opacity = opacity;
     if compensated {
-        seen.opacity *= compensation(m0, m1, dilation);
+        let area = dot(across, across) * c;
+        seen.opacity *= sqrt(area / (area + dilation * spread));
     }
     seen.range = log2(max(seen.opacity / frame.least_alpha, frame.alpha_ratio));
     seen.ellipse = Ellipse(pixel, ellipse_slope, per_column);
@@ -289,10 +321,10 @@ fn project_one(j: u32) {
         let size = size_of(rows, longest);
         let fades = may_fade(away, size, frame.near);
         if PER_RAY || fades || !(size < AFFINE_SIZE * at.z) {
-            let part = select(clamp(size / (AFFINE_SIZE * at.z) - 1.0, 0.0, 1.0), 1.0, PER_RAY || fades || at.z <= 0.0);
+            let part = select(clamp(size / (AFFINE_SIZE * at.z) - 1.0, 0.0, 1.0), 1.0, PER_RAY || fades || !(at.z > STEEP * away));
             seen = seen_by_rays(view, at, rows, longest, opacity, unit.compensated == 1u, part);
         } else {
-            seen = seen_affinely(view, at, rows, longest, opacity, unit.compensated == 1u);
+            seen = seen_affinely(view, at, rows, longest, opacity, unit.compensated == 1u, ray_share(away, frame.near));
         }
         var color = shared_color;
         if !shares {
@@ -341,6 +373,9 @@ fn project_one(j: u32) {
     if !PER_RAY && frame.near > 0.0 {
         depth = order_of(depth, length_of(middle), frame.near);
     }
-    depth_keys[j] = select(0xffffffffu, order_bits(depth), drawn);
+    // What lies before or behind the range of a coarse order counts as its nearest or farthest.
+    let bits = order_bits(depth);
+    let key = min((bits - min(bits, frame.order_begins)) >> frame.order_shift, order_ends());
+    depth_keys[j] = select(0xffffffffu, key, drawn);
     depth_places[j] = j;
 }

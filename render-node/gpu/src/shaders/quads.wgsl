@@ -8,11 +8,6 @@ override VIEW: u32 = 0u;
 @group(0) @binding(3) var<storage, read> levels: array<Level>;
 @group(0) @binding(4) var<storage, read> tints: array<Tint>;
 
-struct NearRays {
-    count: u32,
-    entries: array<NearRay>,
-}
-
 // Those that rays evaluate.
 @group(0) @binding(5) var<storage, read> near_rays: NearRays;
 

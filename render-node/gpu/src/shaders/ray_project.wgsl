@@ -112,8 +112,8 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     var seen: Seen;
     seen.by_rays = true;
     let away = length_of(at);
-    // An eye in the center has no unit.
-    let distance = max(max(away, 1e-6 * longest), 1e-25);
+    // An eye in the center has no unit. With this least one, the limit of the share below leaves axes of up to 1e9 their length.
+    let distance = max(max(away, 1e-15 * min(longest, 1e9)), 1e-25);
     let c = at / distance;
     let share = min(longest / distance, 1e15);
     let rows = array(share * given[0], share * given[1], share * given[2]);
@@ -134,7 +134,7 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     seen.range = log2(max(seen.opacity / frame.least_alpha, frame.alpha_ratio));
     let l = cholesky(rows, root);
     let u = solve(l, c);
-    let eye_squared = max(dot(u, u), 1e-12);
+    let eye_squared = max(dot(u, u), 1e-30);
 
     // The ellipse of the level, exact where it lies in front of the eye's plane; what cancels in the conic of its outline is
     // taken out of it by hand. Elsewhere it is the whole picture.

@@ -158,8 +158,6 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     } else {
         pour(&ray, &waiting);
     }
-    pixels[pixel] = vec4(ray.color, ray.transmittance);
-    if DEPTHS && (ray.front > 0.0 || stretch.index == 0u) {
-        fronts[pixel] = ray.front;
-    }
+    store_pixel(group.z, at, pixel, ray.color, ray.transmittance);
+    store_front(group.z, at, ray.front);
 }

@@ -1,8 +1,8 @@
 // Blends splats tile by tile: lists which splats touch which square tile in depth order, then blends each tile's list.
-// TILE, the edge of one in pixels, stands before this text.
+// TILE, the edge of one in pixels, and PictureStore, a picture that can be written, stand before this text.
 //
 // Lists longer than the buffer holds are made and blended in windows of the depth order, front to back: what a pixel has
-// collected so far is kept between them.
+// collected so far is kept between them. The last dispatch writes the pictures. Follows over.wgsl.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> window: Window;
@@ -17,24 +17,48 @@
 @group(0) @binding(9) var<storage, read_write> pair_splats: array<u32>;
 @group(0) @binding(10) var<storage, read_write> pair_dispatches: PairDispatches;
 @group(0) @binding(11) var<storage, read_write> tile_lists: array<TileList>;
-// Composited colour and transmittance of each pixel, view after view.
+// Blended colour and transmittance of each pixel, view after view, between two dispatches.
 @group(0) @binding(12) var<storage, read_write> pixels: array<vec4<f32>>;
 
 @group(0) @binding(13) var<storage, read_write> longest_list: atomic<u32>;
 @group(0) @binding(14) var<storage, read> levels: array<Level>;
 @group(0) @binding(15) var<storage, read> tints: array<Tint>;
-// Depth of each pixel's front, 0 without one; written with DEPTHS.
-@group(0) @binding(16) var<storage, read_write> fronts: array<f32>;
-
-struct NearRays {
-    count: u32,
-    entries: array<NearRay>,
-}
 
 // Those that rays evaluate.
 @group(0) @binding(22) var<storage, read> near_rays: NearRays;
 
+// The pictures, and the depth of each pixel's front, 0 without one; depths are written with DEPTHS.
+@group(0) @binding(23) var first_picture: PictureStore;
+@group(0) @binding(24) var second_picture: PictureStore;
+@group(0) @binding(25) var first_depths: texture_storage_2d<r32float, write>;
+@group(0) @binding(26) var second_depths: texture_storage_2d<r32float, write>;
+
+// Number of tiles outside the visibility mask before each column, for each row of tiles of both eyes.
+@group(0) @binding(27) var<storage, read> shown_before: array<u32>;
+
 override DEPTHS: bool = false;
+// Whether a later dispatch continues with the pixels.
+override CONTINUED: bool = false;
+
+fn store_pixel(view: u32, at: vec2<u32>, pixel: u32, color: vec3<f32>, transmittance: f32) {
+    if CONTINUED {
+        pixels[pixel] = vec4(color, transmittance);
+    } else if view == 0u {
+        textureStore(first_picture, at, over(color, transmittance));
+    } else {
+        textureStore(second_picture, at, over(color, transmittance));
+    }
+}
+
+fn store_front(view: u32, at: vec2<u32>, front: f32) {
+    if DEPTHS && (front > 0.0 || stretch.index == 0u) {
+        if view == 0u {
+            textureStore(first_depths, at, vec4(front));
+        } else {
+            textureStore(second_depths, at, vec4(front));
+        }
+    }
+}
 
 // Whether a layer brings the opacity of all so far to that of a surface.
 fn surfaces(before: f32, after: f32) -> bool {
@@ -106,6 +130,11 @@ fn columns(e: Extent, row: u32) -> vec2<u32> {
     return vec2(range.x / TILE, (range.y + TILE - 1u) / TILE);
 }
 
+// Number of tiles of a row before a column that the visibility mask leaves.
+fn tiles_before(view: u32, row: u32, column: u32) -> u32 {
+    return shown_before[((frame.first_eye + view) * frame.tiles.y + row) * (frame.tiles.x + 1u) + column];
+}
+
 // Where the splat of an item lies in the list of splats; an item is a place in the depth order and a view.
 fn splat_of(item: u32) -> u32 {
     return (item % frame.view_count) * frame.capacity + depth_order[item / frame.view_count];
@@ -122,7 +151,12 @@ fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
             let e = extent(splat_of(item));
             for (var row = e.first_row; row < e.end_row; row++) {
                 let span = columns(e, row);
-                tiles += span.y - span.x;
+                if frame.hides_tiles == 1u {
+                    let view = item % frame.view_count;
+                    tiles += tiles_before(view, row, span.y) - tiles_before(view, row, span.x);
+                } else {
+                    tiles += span.y - span.x;
+                }
             }
             touched[item] = tiles;
         }
@@ -185,10 +219,15 @@ fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
         if count > 0u && place < end && place + count > begin {
             let splat = splat_of(item);
             let e = extent(splat);
-            let base = (item % frame.view_count) * per_view;
+            let view = item % frame.view_count;
+            let base = view * per_view;
             for (var row = e.first_row; row < e.end_row; row++) {
                 let span = columns(e, row);
                 for (var column = span.x; column < span.y; column++) {
+                    if frame.hides_tiles == 1u
+                        && tiles_before(view, row, column) == tiles_before(view, row, column + 1u) {
+                        continue;
+                    }
                     if place >= begin && place < end {
                         pair_tiles[place - begin] = base + row * frame.tiles.x + column;
                         pair_splats[place - begin] = splat;
@@ -295,8 +334,6 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
             transmittance -= weight;
         }
     }
-    pixels[pixel] = vec4(color, transmittance);
-    if DEPTHS && (front > 0.0 || stretch.index == 0u) {
-        fronts[pixel] = front;
-    }
+    store_pixel(group.z, at, pixel, color, transmittance);
+    store_front(group.z, at, front);
 }

@@ -66,6 +66,9 @@ fn geometry() -> Vec<Case> {
         Case::blobs("eye touches a surface, near distance", &touched_surface(), near(0.05, camera(40.0, 64, 48))),
         Case::blobs("near distance in a cloud", &around_the_eye(cloud(2000, 21)), near(0.4, camera(40.0, 64, 48))),
         Case::blobs("all nearer than the near distance", &in_the_eye(Vec3::ZERO), near(30.0, camera(40.0, 33, 20))),
+        Case::blobs("near distance, 140 degrees", &around_the_eye(cloud(3000, 25)), near(0.02, camera(24.0, 160, 132))),
+        Case::blobs("near distance, points beside the axis", &beside_the_axis(), near(0.01, camera(30.0, 160, 120))),
+        Case::blobs("near distance, order changes over", &layers_at_all_distances(), near(0.01, camera(60.0, 120, 90))),
         Case::blobs("needles", &needles(), side_view(200, 150, 40.0)),
         Case::blobs("needle far from its centre", &[distant_needle()], camera(100.0, 64, 64)),
         Case::blobs("sub-pixel", &points, side_view(120, 90, 40.0)),
@@ -128,6 +131,14 @@ fn looks() -> Vec<Case> {
                 Clip::between(DVec3::new(-0.3, -0.9, 2.0), DVec3::new(0.2, 0.1, 3.1), false),
             ];
         }),
+        model("occlusion, units", ShadingModel::Paper).with(|a| {
+            a.occlusion = Some((0..3000).map(|i| (i % 11) as f32 / 10.0).collect());
+            a.units = overlapping_units();
+        }),
+        model("occlusion under shown colours", ShadingModel::Paper).with(|a| {
+            a.occlusion = Some((0..3000).map(|_| 0.1).collect());
+            a.colors = Some((0..3000).map(|i| Vec3::new(0.2, i as f32 / 3000.0, 0.7)).collect());
+        }),
         model("compensated filter", ShadingModel::Paper).with(|a| a.filter = PixelFilter::Compensated),
         model("shown colours", ShadingModel::Paper).with(|a| {
             a.colors = Some((0..3000).map(|i| Vec3::new(i as f32 / 3000.0, 0.5, (i % 7) as f32 / 7.0)).collect());
@@ -150,6 +161,12 @@ fn looks() -> Vec<Case> {
     ] {
         list.push(Case::of(name, harmonics(degree), view()));
     }
+    let recolored = harmonics(2);
+    let all = every(recolored.len(), 2);
+    list.push(Case::of("harmonics, recoloured", recolored, view()).with(|a| {
+        let color = Some(Vec3::new(0.83, 0.24, 0.24));
+        a.units = vec![UnitAppearance { mask: all, color, opacity: 0.8, visible: true }];
+    }));
     list
 }
 
@@ -278,6 +295,35 @@ fn touched_surface() -> Vec<Blob> {
         blobs.push(Blob { position: Vec3::new(at.x, 0.03 + 0.002 * at.y, 0.5 * at.z), log_scale: lying, ..disc });
     }
     blobs
+}
+
+/// Points and thin discs all around, most outside the picture and many nearly beside the eye, where the dilation by angle is
+/// largest.
+pub(crate) fn beside_the_axis() -> Vec<Blob> {
+    let mut rng = seeded(26);
+    let of = |(k, at): (usize, Vec3)| {
+        let thin = if k % 3 == 0 { Vec3::new(-4.0, -9.0, -4.0) } else { Vec3::splat(-9.0) };
+        let color = 0.5 + 0.5 * at;
+        Blob { position: Vec3::new(3.0 * at.x, 3.0 * at.y, at.z.abs()), log_scale: thin, color, ..Blob::default() }
+    };
+    (0..6000).map(|_| uniform3(&mut rng, -1.0, 1.0)).enumerate().map(of).collect()
+}
+
+/// Gaussians from a near distance to a thousand away, crossing where the order changes from distance to view z.
+fn layers_at_all_distances() -> Vec<Blob> {
+    let mut rng = seeded(27);
+    let of = |(k, at): (usize, Vec3)| {
+        let distance = 0.01 * 1000_f32.powf(k as f32 / 2000.0);
+        let size = (0.03 * distance).ln() + at.z;
+        Blob {
+            position: distance * Vec3::new(at.x, 0.8 * at.y, 1.0),
+            log_scale: Vec3::new(size, size - 1.0, size - 2.0),
+            rotation: [at.x, at.y, at.z, 0.5],
+            color: 0.5 + 0.5 * at,
+            logit: logit(0.4),
+        }
+    };
+    (0..2000).map(|_| uniform3(&mut rng, -1.0, 1.0)).enumerate().map(of).collect()
 }
 
 pub(crate) fn one_depth() -> Vec<Blob> {

@@ -6,8 +6,8 @@ use sg_raster::render::render;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 
-use crate::oracle;
 use crate::scenes::{Blob, around_the_eye, camera, cloud, draw, fog, logit, scene, side_view, surface};
+use crate::{cases, oracle};
 
 /// A picture with a pixel centre exactly on the optical axis.
 const ODD: u32 = 33;
@@ -79,6 +79,7 @@ fn equal_depths_are_ordered_by_index() {
 fn the_reference_equals_the_definition() {
     let background = Vec3::new(0.1, 0.2, 0.3);
     let near = Camera { near: 0.3, ..camera(30.0, 48, 48) };
+    let nearby = |near: f64| Camera { near, ..side_view(75, 50, 110.0) };
     for (name, blobs, camera) in [
         ("cloud", cloud(600, 1), side_view(75, 50, 40.0)),
         ("cloud, 110°", cloud(600, 2), side_view(75, 50, 110.0)),
@@ -86,6 +87,9 @@ fn the_reference_equals_the_definition() {
         ("eye inside a fog", around_the_eye(fog(300, 0.05, 4)), camera(30.0, 48, 48)),
         ("eye inside a cloud", around_the_eye(cloud(400, 5)), camera(30.0, 48, 48)),
         ("eye inside a cloud, with a near distance", around_the_eye(cloud(400, 5)), near),
+        ("cloud, 110°, dilated as by rays", cloud(600, 2), nearby(0.1)),
+        ("points beside the axis", cases::beside_the_axis(), Camera { near: 0.01, ..camera(30.0, 48, 48) }),
+        ("cloud, 110°, between", cloud(600, 2), nearby(0.01)),
     ] {
         let scene = scene(&blobs);
         let mut appearance = Appearance::of(&scene);
@@ -94,7 +98,9 @@ fn the_reference_equals_the_definition() {
         let want = oracle::draw(&blobs, &camera, background.as_dvec3());
         let distance = oracle::distance(&got.image, &want);
         println!("{name}: {distance:.1e}, drawn {}", got.report.drawn);
-        assert!(distance < 2e-7, "{name}: {distance}");
+        // The definition inverts the covariances of points and thin discs.
+        let bound = if name == "points beside the axis" { 1e-6 } else { 2e-7 };
+        assert!(distance < bound, "{name}: {distance}");
         assert!(got.report.drawn > 20);
         assert!(
             got.image.pixels().any(|p| p[3] > 0.1) && got.image.pixels().any(|p| p[3] < 0.9),

@@ -102,12 +102,38 @@ fn a_units_colour_replaces_the_diffuse_colour_and_the_latest_saved_wins() {
     let scene = lit(ShadingModel::Paper);
     let mut appearance = Appearance::of(&scene);
     let lit_color = |c: [f32; 3]| c.map(|c| 0.5 * c + 0.1);
+    // Its own colour is 1.51 times as bright as the palette's, and a factor of 3/2 is the most that stays.
+    let blue = lit_color([0.0, 0.0, 1.5]);
     appearance.units = vec![edit(&[true], Some(Vec3::X), 1.0), edit(&[true], Some(Vec3::Z), 1.0)];
-    close(&color(&scene, &appearance), &lit_color([0.0, 0.0, 1.0]));
+    close(&color(&scene, &appearance), &blue);
     appearance.units.push(edit(&[true], None, 1.0));
-    close(&color(&scene, &appearance), &lit_color([0.0, 0.0, 1.0]));
+    close(&color(&scene, &appearance), &blue);
     appearance.units.push(edit(&[false], Some(Vec3::Y), 0.0));
+    close(&color(&scene, &appearance), &blue);
+    // With a palette as bright as it is, it takes the colour itself.
+    appearance.base[0].palette = Vec3::new(0.5, 0.4, 0.1);
+    let mut scene = scene;
+    scene.units[0].gaussians.shading.as_mut().unwrap().offset_color = vec![Vec3::ZERO];
     close(&color(&scene, &appearance), &lit_color([0.0, 0.0, 1.0]));
+}
+
+#[test]
+fn occlusion_takes_from_the_ambient_term_alone() {
+    let scene = lit(ShadingModel::Paper);
+    let mut appearance = Appearance::of(&scene);
+    let open = color(&scene, &appearance);
+    appearance.occlusion = Some(Arc::new([1.0]));
+    assert_eq!(color(&scene, &appearance), open, "a factor of 1 changes nothing");
+    appearance.occlusion = Some(Arc::new([0.25]));
+    // ka is 0.2.
+    close(&color(&scene, &appearance), &[0.5, 0.4, 0.1].map(|c| (0.05 + 0.6 * 0.5) * c + 0.1));
+    for term in [ShadingTerm::Diffuse, ShadingTerm::Specular, ShadingTerm::Normal] {
+        let alone = |occlusion| color(&scene, &Appearance { term, occlusion, ..Appearance::of(&scene) });
+        assert_eq!(alone(None), alone(Some(Arc::new([0.25]))), "{term:?}");
+    }
+    appearance.occlusion = Some(Arc::new([0.25; 2]));
+    let error = render(&scene, &appearance, &camera(80.0, 9, 9), Exact).unwrap_err();
+    assert!(matches!(error, RenderError::Occlusion { found: 2, expected: 1 }), "{error}");
 }
 
 #[test]
@@ -303,10 +329,12 @@ fn an_unlit_gaussian_takes_harmonics_or_the_palette() {
         dc: vec![[1.0, -2.0, 3.0]],
         rest: vec![[9.0, 0.0, 0.0], [0.5, 0.0, -1.0], [0.0, 9.0, 0.0]],
     });
-    close(&color(&scene, &appearance), &[0.5 + c0 + 0.5 * c1, 0.0, 0.5 + 3.0 * c0 - c1]);
-    // A unit's colour and the overlay act on it as on any other.
+    let [red, blue] = [0.5 + c0 + 0.5 * c1, 0.5 + 3.0 * c0 - c1];
+    close(&color(&scene, &appearance), &[red, 0.0, blue]);
+    // A unit's colour acts on it as on any other, and its brightness stays.
     appearance.units = vec![edit(&[true], Some(Vec3::new(0.1, 0.2, 0.3)), 1.0)];
-    close(&color(&scene, &appearance), &[0.1, 0.2, 0.3]);
+    let factor = 0.5 + 0.2126 * red + 0.0722 * blue;
+    close(&color(&scene, &appearance), &[0.1, 0.2, 0.3].map(|c| factor * c));
 }
 
 /// A scene turned with its camera is the same picture: normals, harmonics and covariances turn along.

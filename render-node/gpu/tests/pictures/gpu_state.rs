@@ -164,6 +164,32 @@ fn a_change_of_a_selection_sends_the_words_that_changed() {
     picture(&mut renderer, &look);
 }
 
+/// Shown colours and occlusion share a buffer.
+#[test]
+fn shown_colours_and_occlusion_take_turns() {
+    let Some(gpu) = device() else { return };
+    let mut scene = scene(&surface(4000, 3));
+    scene.units[0].palette = Vec3::splat(0.4);
+    let camera = [side_view(96, 64, 40.0)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let plain = Appearance::of(&scene);
+    let colors: Arc<[Vec3]> = (0..scene.len()).map(|i| Vec3::splat((i % 5) as f32 / 5.0)).collect();
+    let occlusion: Arc<[f32]> = (0..scene.len()).map(|i| (i % 4) as f32 / 4.0).collect();
+    let occluded = Appearance { occlusion: Some(occlusion), ..plain.clone() };
+    let shown = Appearance { colors: Some(Arc::clone(&colors)), ..occluded.clone() };
+    let colored = Appearance { occlusion: None, ..shown.clone() };
+    for look in [&plain, &occluded, &shown, &occluded, &colored, &shown, &plain, &occluded] {
+        let (images, _) = renderer.picture(&camera, look, Settings::default()).unwrap();
+        let want = render(&scene, look, &camera[0], Standard).unwrap().image;
+        assert!(decibel(&images[0], &want) > 70.0);
+    }
+    renderer.picture(&camera, &occluded, Settings::default()).unwrap();
+    assert_eq!(renderer.appearance_bytes(), 0, "nothing changed, nothing is sent");
+    let (with, without) =
+        (render(&scene, &occluded, &camera[0], Standard), render(&scene, &plain, &camera[0], Standard));
+    assert!(decibel(&with.unwrap().image, &without.unwrap().image) < 40.0, "occlusion is seen");
+}
+
 /// More pairs than are listed at once: the picture is the same in windows.
 #[test]
 fn pairs_beyond_the_list_are_blended_in_windows() {
@@ -320,6 +346,28 @@ fn ten_and_twenty_million_are_drawn_or_refused_in_words() {
             assert!(decibel(image, &want) > 60.0);
         }
     }
+}
+
+/// Of Gaussians that rays evaluate a device holds a limited number. More are an error, as other limits are.
+#[test]
+fn more_gaussians_near_the_eye_than_fit_are_refused_in_words() {
+    let Some(gpu) = device() else { return };
+    let mut scene = crowd((1 << 20) + 5000);
+    let g = &mut scene.units[0].gaussians;
+    g.log_scale.fill(Vec3::splat(-1.0));
+    g.opacity_logit.fill(3.0);
+    let mut look = Appearance::of(&scene);
+    let view = [camera(16.0, 16, 16)];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let error = renderer.picture(&view, &look, Settings::default()).unwrap_err();
+    println!("{error}");
+    assert!(matches!(error, GpuError::TooManyNear { capacity: 0x10_0000, .. }), "{error}");
+    // A part fits, and all of it is counted.
+    look.clips = vec![Clip::plane(DVec3::ZERO, DVec3::X)];
+    let (images, drawn) = renderer.picture(&view, &look, Settings::default()).unwrap();
+    assert!(drawn.by_rays > 500_000 && drawn.by_rays == drawn.listed, "{drawn:?}");
+    let want = render(&scene, &look, &view[0], Standard).unwrap().image;
+    assert!(decibel(&images[0], &want) > 60.0);
 }
 
 /// A software device leaves a loop after 65,535 rounds: a tile with a longer list is blended in stretches.

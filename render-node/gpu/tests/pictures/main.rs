@@ -9,6 +9,8 @@ mod editing;
 mod gpu;
 mod gpu_state;
 mod hard_cases;
+mod meshes;
+mod motion;
 mod oracle;
 mod per_ray;
 mod picking;

@@ -2,7 +2,8 @@
 //! nothing is bounded. It knows ambient-only scenes with identity transforms.
 //!
 //! A Gaussian whose size is below a tenth of its depth, and far enough from the eye, is the ellipse of the affine projection.
-//! Rays meet the others. Between a tenth and a fifth the perspective within it grows from none to all.
+//! Rays meet the others. Between a tenth and a fifth the perspective within it grows from none to all. Within 96 near distances
+//! the order is by distance and the dilation is an angle; from 768 on they are view z and 0.3 px².
 
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use sg_raster::image::Image;
@@ -84,11 +85,11 @@ fn project(blob: &Blob, camera: &Camera) -> Projected {
     let size = (2.0 * blob.log_scale.as_dvec3()).exp().element_sum().sqrt();
     let opacity = 1.0 / (1.0 + (-f64::from(blob.logit)).exp());
     let color = blob.color.as_dvec3().clamp(DVec3::ZERO, DVec3::ONE);
-    let by_distance = ((128.0 * camera.near / t.length()).ln() / 8.0_f64.ln()).clamp(0.0, 1.0);
-    let order = t.z + by_distance * (t.length() - t.z);
+    let as_rays = ((768.0 * camera.near / t.length()).ln() / 8.0_f64.ln()).clamp(0.0, 1.0);
+    let order = t.z + as_rays * (t.length() - t.z);
     let near = t.length() < 1.47 * camera.near + 8.35 * size;
     if near || size >= 0.1 * t.z {
-        let perspective = if near || t.z <= 0.0 { 1.0 } else { (size / (0.1 * t.z) - 1.0).min(1.0) };
+        let perspective = if near || t.z <= 0.1 * t.length() { 1.0 } else { (size / (0.1 * t.z) - 1.0).min(1.0) };
         let shape = Shape::Rays(Met { perspective, ..Met::new(blob, camera) });
         return Projected { order, shape, opacity, color };
     }
@@ -105,7 +106,15 @@ fn project(blob: &Blob, camera: &Camera) -> Projected {
         DVec3::new(-fx * t.x / (t.z * t.z), -fy * t.y / (t.z * t.z), 0.0),
     );
     let c = j * w * sigma * w.transpose() * j.transpose();
-    let (a, b, c) = (c.x_axis.x + 0.3, c.x_axis.y, c.y_axis.y + 0.3);
+    // The dilation as an angle, at the nearest place of the picture.
+    let corner = |x: u32, y: u32| ray(camera, DVec2::new(f64::from(x), f64::from(y))).truncate();
+    let slope = (t.truncate() / t.z).clamp(corner(0, 0), corner(camera.width, camera.height)) * as_rays.sqrt();
+    let spread = 0.3 * (1.0 + slope.length_squared());
+    let (a, c, b) = (
+        c.x_axis.x + spread * (1.0 + slope.x * slope.x),
+        c.y_axis.y + spread * (1.0 + slope.y * slope.y),
+        c.x_axis.y + spread * slope.x * slope.y,
+    );
     let det = a * c - b * b;
     let mean = DVec2::new(fx * t.x / t.z + camera.cx, fy * t.y / t.z + camera.cy);
     let conic = DMat2::from_cols(DVec2::new(c, -b) / det, DVec2::new(-b, a) / det);

@@ -1,7 +1,8 @@
 //! Pictures put onto a target, against their PNG.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use sg_gpu::{Gpu, Present, Vignette};
+use sg_raster::finish::{Backdrop, Finish, Gradient};
 use sg_raster::image::Image;
 use sg_scene::camera::Camera;
 
@@ -12,8 +13,27 @@ fn presented(gpu: &Gpu, image: &Image, format: wgpu::TextureFormat, size: [u32; 
     presented_under(gpu, image, format, (size, area), |_, _| ())
 }
 
+/// The bytes of a presented picture with a last step over the background `plain`.
+fn finished(gpu: &Gpu, image: &Image, format: wgpu::TextureFormat, plain: Vec3, finish: &Finish) -> Vec<u8> {
+    let size = [image.width, image.height];
+    let mut present = Present::new(gpu, format);
+    present.set_finish(plain, finish);
+    presented_by(&mut present, gpu, image, format, (size, [0, 0, size[0], size[1]]), |_, _| ())
+}
+
 /// As [`presented`], with the drawing of `over` on top.
-fn presented_under(
+pub(crate) fn presented_under(
+    gpu: &Gpu,
+    image: &Image,
+    format: wgpu::TextureFormat,
+    ([width, height], area): ([u32; 2], [u32; 4]),
+    over: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::TextureView),
+) -> Vec<u8> {
+    presented_by(&mut Present::new(gpu, format), gpu, image, format, ([width, height], area), over)
+}
+
+fn presented_by(
+    present: &mut Present,
     gpu: &Gpu,
     image: &Image,
     format: wgpu::TextureFormat,
@@ -36,7 +56,6 @@ fn presented_under(
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     });
-    let mut present = Present::new(gpu, format);
     let picture = present.upload(image);
     let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let view = target.create_view(&wgpu::TextureViewDescriptor::default());
@@ -60,6 +79,31 @@ fn ramp() -> Image {
     let value = |k: u32| (k as f32 / 2.0 - 8.0) / 255.0;
     let rgba = (0..64 * 9).flat_map(|k| [value(k), value(576 - k), 0.2, 0.5]).collect();
     Image { width: 64, height: 9, rgba }
+}
+
+#[test]
+fn a_last_step_stores_what_the_finished_png_does() {
+    let Some(gpu) = device() else { return };
+    let mut image = ramp();
+    // Every coverage beside every value.
+    image.rgba.chunks_exact_mut(4).zip(0_u32..).for_each(|(pixel, k)| pixel[3] = (k * 7 % 64) as f32 / 63.0);
+    let plain = Vec3::new(0.1, 0.0, 0.3);
+    let gradient = Gradient { top: Vec3::new(0.4, 0.45, 0.5), bottom: Vec3::splat(0.02) };
+    let both = Finish { backdrop: Backdrop::Gradient(gradient), dither: true };
+    for finish in [both, Finish { dither: false, ..both }, Finish { backdrop: Backdrop::Plain, ..both }] {
+        let wanted = image.finished_rgb8(plain, &finish);
+        for format in [wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureFormat::Rgba8UnormSrgb] {
+            let stored = finished(&gpu, &image, format, plain, &finish);
+            let pairs = stored.chunks_exact(4).zip(wanted.chunks_exact(3));
+            let off: Vec<u8> =
+                pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).collect::<Vec<_>>()).collect();
+            let different = off.iter().filter(|d| **d > 0).count();
+            // A value at a threshold goes either way. Linear values of an sRGB target are rounded twice.
+            let most = if format.is_srgb() { off.len() / 8 } else { off.len() / 100 };
+            assert!(off.iter().all(|d| *d <= 1), "{format:?} {finish:?}");
+            assert!(different <= most, "{format:?} {finish:?}: {different} of {} differ", off.len());
+        }
+    }
 }
 
 #[test]

@@ -1,9 +1,9 @@
-//! Frames of a prepared renderer create nothing on their thread, and draw what another renderer draws.
+//! Frames of a prepared renderer create nothing on their thread, staging memory included, and draw what another renderer draws.
 
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use sg_gpu::{Rasterizer, Renderer, Settings, created_on_this_thread};
+use sg_gpu::{Options, Rasterizer, Renderer, Settings, created_on_this_thread};
 use sg_raster::image::Image;
 use sg_raster::render::{Projection, Quality};
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
@@ -69,11 +69,12 @@ fn worst(a: &[Image], b: &[Image]) -> f32 {
     both.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Frames without a new buffer, texture or pipeline, for one way to draw.
+/// Frames without a new buffer, texture, pipeline or staging memory, for one way to draw.
 fn stays(projection: Projection, rasterizer: Rasterizer, frames: usize) {
     let Some(gpu) = device() else { return };
     let scene = scenes::scene(&scenes::surface(400, 7));
-    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let options = Options { half_pictures: true, ..Options::default() };
+    let mut renderer = Renderer::with_options(&gpu, &scene, options).unwrap();
     let settings = Settings { projection, rasterizer, depths: true, ..Settings::default() };
     while !renderer.prepare(&eyes(&scene, 1.0), settings).unwrap() {}
     // The lists grow to what the first view needs.
@@ -87,8 +88,10 @@ fn stays(projection: Projection, rasterizer: Rasterizer, frames: usize) {
     };
     for frame in 0..frames {
         let (edge, quality) = level(frame);
-        renderer.draw(&eyes(&scene, edge), &look(&scene, frame), Settings { quality, ..settings }).unwrap();
-        if frame % 50 == 0 {
+        let settings = Settings { quality, in_motion: frame / 5 % 2 == 1, ..settings };
+        renderer.draw(&eyes(&scene, edge), &look(&scene, frame), settings).unwrap();
+        // As a display does, at most two frames wait for the device.
+        if frame % 2 == 0 {
             gpu.wait().unwrap();
         }
     }
@@ -101,7 +104,7 @@ fn stays(projection: Projection, rasterizer: Rasterizer, frames: usize) {
         let (cameras, look, settings) = (eyes(&scene, edge), look(&scene, frame), Settings { quality, ..settings });
         let (kept, _) = renderer.picture(&cameras, &look, settings).unwrap();
         let depths = renderer.read_depths().unwrap();
-        let mut other = Renderer::new(&gpu, &scene).unwrap();
+        let mut other = Renderer::with_options(&gpu, &scene, options).unwrap();
         let (new, _) = other.picture(&cameras, &look, settings).unwrap();
         let off = worst(&kept, &new);
         assert!(off < 1e-5, "{projection:?} {rasterizer:?}, frame {frame}: {off}");

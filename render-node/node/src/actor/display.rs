@@ -159,7 +159,8 @@ fn run_display(setup: DisplaySetup, writer: &StateWriter) -> Result<(), StartErr
 fn open_headset(setup: &DisplaySetup) -> Result<Result<Headset, String>, StartError> {
     let params = &setup.params;
     let stance = if params.seated { Stance::Seated } else { Stance::Standing };
-    let options = Options { resolution: params.resolution, stance, ..Options::default() };
+    let blend_mode = params.blend_mode;
+    let options = Options { resolution: params.resolution, stance, blend_mode, ..Options::default() };
     let stack = std::os::unix::process::parent_id().to_string();
     let marker = setup.run_dir.join(HEADSET_MARKER);
     let had_headset =
@@ -189,9 +190,10 @@ fn open_headset(setup: &DisplaySetup) -> Result<Result<Headset, String>, StartEr
 fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartError> {
     let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
     let opened = PathBuf::from(&view_port.newest().scene.geometry().path);
-    let Params { seated, left_handed, mirror, rasterizer, .. } = params;
-    let tools = Tools { seated, left_handed, ..tools(&params) };
-    let view = VrView::new(vr::Setup { scene, view_port, tools, opened, mirror, rasterizer }, &headset);
+    let Params { seated, left_handed, mirror, rasterizer, locomotion, upright, floor, callouts, .. } = params;
+    let tools = Tools { seated, left_handed, locomotion, upright, floor, callouts, ..tools(&params) };
+    let pictures = params.pictures.unwrap_or_else(pictures);
+    let view = VrView::new(vr::Setup { scene, view_port, tools, opened, mirror, rasterizer, pictures }, &headset);
     let watchdog = headset.watchdog();
     // After a timeout the receiver is gone.
     let _ = opened_sender

@@ -7,6 +7,8 @@ use sg_gpu::Rasterizer;
 use sg_gpu::backend::Backend;
 use sg_proto::limits;
 use sg_raster::render::{Projection, Quality};
+use sg_viewer::display::Locomotion;
+use sg_viewer::xr::BlendMode;
 
 /// Fastest steady pace of the view.
 const MAX_FRAMES_PER_SECOND: f64 = 240.0;
@@ -28,6 +30,17 @@ pub(super) struct Params {
     pub(super) seated: bool,
     /// Whether the hands swap roles: left takes the tasks of right.
     pub(super) left_handed: bool,
+    /// A person's surroundings in a headset: `opaque` hides them, `alpha-blend` and `additive` show them behind the scene where
+    /// the runtime can.
+    pub(super) blend_mode: BlendMode,
+    /// The stick of the hand that takes away: `off` sizes the brush, `fly` and `teleport` move the person.
+    pub(super) locomotion: Locomotion,
+    /// Whether hands turn the scene about the vertical only.
+    pub(super) upright: bool,
+    /// Whether a headset shows a floor.
+    pub(super) floor: bool,
+    /// Whether the functions of the controls always hang beside the controllers.
+    pub(super) callouts: bool,
     /// Whether a window mirrors the left eye of a headset.
     pub(super) mirror: bool,
     /// Seconds that a headset's runtime may hold the loop, 1 to 3600, before the process ends and is started again.
@@ -88,6 +101,11 @@ impl Default for Params {
             resolution: 1.0,
             seated: false,
             left_handed: false,
+            blend_mode: BlendMode::Opaque,
+            locomotion: Locomotion::Off,
+            upright: false,
+            floor: true,
+            callouts: false,
             mirror: false,
             patience: 30.0,
             pictures: None,

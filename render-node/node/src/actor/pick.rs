@@ -9,11 +9,16 @@ use sg_raster::structure::NO_CLUSTER;
 use sg_runtime::fault::Fault;
 use sg_scene::appearance::Appearance;
 use sg_scene::model::Scene;
+use sg_scene::view::View;
 
 use super::decode;
 
-/// Picks the first Gaussian at the pixel or along the ray of a request.
-pub(super) fn pick(scene: &Scene, state: &EditState, request: &proto::PickRequest) -> Result<Option<Hit>, Fault> {
+/// Picks the first Gaussian at the pixel or along the ray of a request. `view` is that of requests without a camera.
+pub(super) fn pick(
+    scene: &Scene,
+    (state, view): (&EditState, View),
+    request: &proto::PickRequest,
+) -> Result<Option<Hit>, Fault> {
     let look = Appearance { clips: decode::clips(&request.clips)?, ..state.appearance() };
     let level = if request.level == 0.0 { SURFACE } else { request.level };
     let hit = match &request.ray {
@@ -23,7 +28,7 @@ pub(super) fn pick(scene: &Scene, state: &EditState, request: &proto::PickReques
         Some(_) => return Err(Fault::invalid("a ray takes an origin and a direction")),
         None => {
             let (width, height) = (request.width, request.height);
-            let camera = decode::camera(request.camera.as_ref(), state.view().camera(width, height))?;
+            let camera = decode::camera(request.camera.as_ref(), view.camera(width, height))?;
             let at = DVec2::new(request.x, request.y);
             if !at.is_finite() {
                 return Err(Fault::invalid("the place in the picture has to be two finite numbers"));
