@@ -25,6 +25,7 @@
 
 pub mod golden;
 pub mod keys;
+pub mod light_presets;
 pub mod limits;
 pub mod released;
 pub mod replica;

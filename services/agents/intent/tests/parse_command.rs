@@ -17,7 +17,8 @@ fn an_intent_is_written_as_json() {
     assert_eq!(intent["backend"], "grammar");
     assert_eq!(intent["clauses"][0]["act"], "ACT_SET_COLOR");
     assert_eq!(intent["clauses"][0]["target"]["names"][0], "sac");
-    assert_eq!(intent["clauses"][0]["color"]["red"], 1.0);
+    let red = intent["clauses"][0]["color"]["red"].as_f64().unwrap();
+    assert!((red - 211.0 / 255.0).abs() < 1e-6, "{red}");
     assert_eq!(intent["clauses"][1]["view"]["zoom"], 1.5);
 }
 

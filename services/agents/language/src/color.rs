@@ -5,6 +5,22 @@
 use csscolorparser::Color as Css;
 use sg_proto::scene::Color;
 
+/// The tones of everyday colours. Those of CSS have channels of 0 or 1: light cannot show a shape in them, since every term of the
+/// shading is the same colour. "Pure red" is still the colour of CSS, and "bright red" nearly.
+const TONES: [(&str, u32); 11] = [
+    ("red", 0xd33d3d),
+    ("green", 0x3d993d),
+    ("blue", 0x3b6fd4),
+    ("yellow", 0xe8d042),
+    ("orange", 0xe8923a),
+    ("purple", 0x8a56b8),
+    ("cyan", 0x45c4d6),
+    ("aqua", 0x45c4d6),
+    ("magenta", 0xcf4fb6),
+    ("lime", 0x8fd43d),
+    ("brown", 0x96613d),
+];
+
 /// Names that CSS lacks. `dark gray` is here because the `darkgray` of CSS is lighter than its `gray`.
 const EXTRA: [(&str, u32); 66] = [
     ("dark grey", 0x404040),
@@ -90,7 +106,7 @@ const MODIFIERS: [(&str, Adjustment); 21] = [
     ("strong", Adjustment::Saturated),
     ("intense", Adjustment::Saturated),
     ("saturated", Adjustment::Saturated),
-    ("pure", Adjustment::Unchanged),
+    ("pure", Adjustment::Pure),
     ("plain", Adjustment::Unchanged),
     ("solid", Adjustment::Unchanged),
     ("medium", Adjustment::Unchanged),
@@ -161,6 +177,8 @@ enum Adjustment {
     Lighter(f32),
     /// Raises brightness and saturation to the maximum of the hue.
     Saturated,
+    /// Takes the colour of CSS where a name has a tone of its own.
+    Pure,
     /// Leaves the colour as it is.
     Unchanged,
 }
@@ -182,7 +200,7 @@ pub fn from_rgb(channels: [f32; 3]) -> Color {
 fn shift(color: Color, by: Adjustment) -> Color {
     let channels = [color.red, color.green, color.blue];
     from_rgb(match by {
-        Adjustment::Unchanged => channels,
+        Adjustment::Pure | Adjustment::Unchanged => channels,
         Adjustment::Darker(factor) => channels.map(|c| c * factor),
         Adjustment::Lighter(share) => channels.map(|c| c + (1.0 - c) * share),
         Adjustment::Saturated => {
@@ -197,10 +215,15 @@ fn shift(color: Color, by: Adjustment) -> Color {
 /// A colour by its name without modifiers.
 fn named(words: &[&str]) -> Option<Color> {
     let spaced = words.join(" ");
-    if let Some((_, hex)) = EXTRA.iter().find(|(name, _)| *name == spaced) {
+    if let Some((_, hex)) = TONES.iter().chain(&EXTRA).find(|(name, _)| *name == spaced) {
         let [_, red, green, blue] = hex.to_be_bytes();
         return Some(rgb([red, green, blue].map(|c| f32::from(c) / 255.0)));
     }
+    of_css(words)
+}
+
+/// A colour by its name in CSS.
+fn of_css(words: &[&str]) -> Option<Color> {
     let joined = words.concat();
     // The CSS parser accepts bare hexadecimal digits: "add" would be a colour.
     let plain = joined.bytes().all(|b| b.is_ascii_lowercase()) && !joined.bytes().all(|b| b.is_ascii_hexdigit());
@@ -212,7 +235,7 @@ fn named(words: &[&str]) -> Option<Color> {
 
 /// The colour at the start of a sequence of lowercase words, and its number of words. The longest name wins.
 ///
-/// It knows the names of CSS, joined or apart, and some more. Words before them darken, lighten, saturate or mix
+/// It knows the names of CSS, joined or apart, and some more. Everyday names have softer tones than in CSS. Words before them darken, lighten, saturate or mix
 /// them ("dark olive green", "pale reddish brown").
 #[must_use]
 pub fn from_words(words: &[&str]) -> Option<(Color, usize)> {
@@ -223,6 +246,11 @@ pub fn from_words(words: &[&str]) -> Option<(Color, usize)> {
     }
     let (first, rest) = words.split_first()?;
     if let Some((_, by)) = MODIFIERS.iter().find(|(word, _)| word == first) {
+        if matches!(by, Adjustment::Pure)
+            && let Some(next) = rest.first().filter(|next| TONES.iter().any(|(name, _)| name == *next))
+        {
+            return of_css(&[next]).map(|color| (color, 2));
+        }
         let (color, length) = from_words(rest)?;
         return Some((shift(color, *by), length + 1));
     }
@@ -260,10 +288,12 @@ pub(crate) fn is_word(word: &str) -> bool {
 pub fn name_of(color: &Color) -> &'static str {
     let lab = |c: &Color| Css::new(c.red, c.green, c.blue, 1.0).to_oklaba();
     let lab_color = lab(color);
+    let apart = |c: &Color| lab(c).iter().zip(&lab_color).take(3).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+    // Both the tone of a name and its colour in CSS have that name.
     let distance = |name: &str| {
-        from_phrase(name).map_or(f32::INFINITY, |c| {
-            lab(&c).iter().zip(&lab_color).take(3).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
-        })
+        let words: Vec<&str> = name.split(' ').collect();
+        let colors = [from_phrase(name), of_css(&words).filter(|_| TONES.iter().any(|(tone, _)| *tone == name))];
+        colors.iter().flatten().map(apart).fold(f32::INFINITY, f32::min)
     };
     DESCRIPTIONS.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or("grey")
 }
@@ -279,7 +309,12 @@ mod tests {
     #[test]
     fn names_with_and_without_modifiers() {
         for (phrase, expected) in [
-            ("red", "#ff0000"),
+            ("red", "#d33d3d"),
+            ("pure red", "#ff0000"),
+            ("pure white", "#ffffff"),
+            ("bright red", "#ff0000"),
+            ("blue", "#3b6fd4"),
+            ("pure blue", "#0000ff"),
             ("forest green", "#228b22"),
             ("forestgreen", "#228b22"),
             ("Dark Slate Grey", "#2f4f4f"),
@@ -289,7 +324,7 @@ mod tests {
             ("#f80", "#ff8800"),
             ("burgundy", "#800020"),
             ("bright green", "#00ff00"),
-            ("dark yellow", "#8c8c00"),
+            ("dark yellow", "#807224"),
             ("very dark red", "#8b0000"),
             ("blue-green", "#0d98ba"),
         ] {
@@ -316,6 +351,21 @@ mod tests {
             assert_eq!(name_of(&from_phrase(name).unwrap()), name);
         }
         assert_eq!(name_of(&from_rgb([0.97, 0.02, 0.05])), "red");
+        for (tone, _) in TONES.iter().filter(|(tone, _)| DESCRIPTIONS.contains(tone)) {
+            let of = |phrase: &str| name_of(&from_phrase(phrase).unwrap());
+            assert_eq!((of(tone), of(&format!("pure {tone}"))), (*tone, *tone));
+        }
+    }
+
+    /// Shading shows a shape only in channels that are neither 0 nor 1.
+    #[test]
+    fn everyday_colours_leave_room_for_light() {
+        for (name, _) in TONES {
+            let Color { red, green, blue } = from_phrase(name).unwrap();
+            for channel in [red, green, blue] {
+                assert!((0.2..=0.95).contains(&channel), "{name}: {channel}");
+            }
+        }
     }
 
     #[test]

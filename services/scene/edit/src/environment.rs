@@ -9,8 +9,8 @@ use super::transaction::Transaction;
 use super::wire::{decode_light_mode, decode_side, decode_term, decode_view};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
-use sg_scene::framing::{framed_box, robust_bounds};
-use sg_scene::view::{Side, View};
+use sg_scene::framing::{framed, robust_bounds};
+use sg_scene::view::Side;
 
 impl Transaction<'_> {
     pub(super) fn set_light(&mut self, command: &SetLight) -> Result<String, EditError> {
@@ -80,7 +80,8 @@ impl Transaction<'_> {
             Change::Named(named) => match decode_side(*named).map_err(|e| malformed(&e))? {
                 None => (self.initial.view, "reset the view".to_owned()),
                 Some(side) => {
-                    let view = View::from_side(framed_box(self.scene), side, present.fov_y_degrees);
+                    let look = self.state.appearance();
+                    let view = framed(self.scene, &look, side.direction_and_up(), present.fov_y_degrees, 1.0);
                     (view, format!("looked from the {}", side_name(side)))
                 }
             },

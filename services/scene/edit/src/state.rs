@@ -297,6 +297,7 @@ impl EditState {
             term: self.term,
             clips: Vec::new(),
             colors: None,
+            occlusion: None,
             filter: PixelFilter::FromFile,
         }
     }

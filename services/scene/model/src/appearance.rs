@@ -28,6 +28,9 @@ pub struct Appearance {
     /// Colours that replace the shaded ones, one for each Gaussian by scene-wide index, at least 0. Views of structure
     /// and attributes use them. Opacities and hidden Gaussians stay, and the overlay is drawn over them.
     pub colors: Option<Arc<[Vec3]>>,
+    /// Factors on the ambient factor ka, one for each Gaussian by scene-wide index, 0 to 1: ambient occlusion. They act on lit
+    /// Gaussians only; the others have no ambient term.
+    pub occlusion: Option<Arc<[f32]>>,
     /// The opacity of Gaussians that are widened to the size of a pixel.
     pub filter: PixelFilter,
 }
@@ -105,7 +108,8 @@ pub struct BaseAppearance {
 pub struct UnitAppearance {
     /// Its members.
     pub mask: Arc<Mask>,
-    /// Replaces the diffuse colour c_d of its members.
+    /// Replaces the diffuse colour c_d of its members. They stay as much brighter or darker than this colour as they were than
+    /// their palette colour (`sg_raster::shading::recolored`).
     pub color: Option<Vec3>,
     /// Factor on the opacity of its members.
     pub opacity: f32,
@@ -160,6 +164,7 @@ impl Appearance {
             term: ShadingTerm::Full,
             clips: Vec::new(),
             colors: None,
+            occlusion: None,
             filter: PixelFilter::FromFile,
         }
     }

@@ -1,60 +1,58 @@
 //! Framing: the boxes and first views that put a scene into a picture. Scene coordinates, angles in degrees.
 //!
-//! Two first views exist, for two purposes:
+//! [`framed`] makes every first view: of the command `render`, of windows, captures and named views. It fills the picture with
+//! what is visible ([`Subject`]). Two directions exist, for two purposes:
 //!
-//! - [`initial_view`]: a scene as a window or headset opens it, at any aspect. It looks from the front over [`framed_box`].
-//!   Agents mean this direction by "front", "reset the view" returns to it, and stored scenes contain it.
-//! - [`default_camera`]: one picture of a file, without a camera. It looks obliquely over [`visible_box`], so that a single
-//!   picture shows depth. Plain 3DGS scenes are seen from the side of their cameras. Committed pictures and measurements
-//!   show it.
+//! - [`initial_view`]: a scene as it is opened, from the front, in a square picture. Agents mean this direction by "front",
+//!   "reset the view" returns to it, and stored scenes contain it. Displays and captures of another shape show
+//!   [`initial_view_of`] their shape instead.
+//! - [`default_camera`]: one picture of a file, without a camera. It looks obliquely, so that a single picture shows depth.
+//!   Plain 3DGS scenes are seen from the side of their cameras. Committed pictures and measurements show it.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3};
 
+use crate::appearance::Appearance;
 use crate::camera::Camera;
 use crate::mask::Mask;
 use crate::model::{Scene, SceneBox};
-use crate::view::{FIELD_OF_VIEW, MARGIN, Side, View};
+use crate::subject::Subject;
+use crate::view::{FIELD_OF_VIEW, Side, View};
 
 /// Share of the weight that is taken for strays at either end of each axis when members are framed.
 const STRAYS: f64 = 0.01;
 
-/// The nearest camera along `direction` (from the eye to the box) that sees all of `bounds`, with [`MARGIN`] to spare.
-/// The middle of the box is in the middle of the picture.
-///
-/// `up` is the scene direction that points up in the picture. The vertical field of view is in degrees, clamped to 1 to
-/// 170. A box without extent counts as a unit cube, a direction of no length as +z.
+/// The nearest view along `direction` (from the eye to the scene) that shows all that `appearance` draws in a picture of this
+/// aspect, width over height. Without anything visible it shows [`framed_box`]. See [`Subject::view`].
 #[must_use]
-pub fn frame(bounds: SceneBox, direction: DVec3, up: DVec3, fov_y_degrees: f64, width: u32, height: u32) -> Camera {
-    let middle = 0.5 * (bounds.min + bounds.max);
-    let half = 0.5 * bounds.size();
-    let half = if half.max_element() > 0.0 { half } else { DVec3::splat(0.5) };
-    let direction = direction.try_normalize().unwrap_or(DVec3::Z);
-    let fov = fov_y_degrees.clamp(1.0, 170.0);
-    let at = |distance: f64| Camera::look_at(middle - distance * direction, middle, up, fov, width, height);
-    let turn = DMat3::from_mat4(at(1.0).view());
-    let tangent = (0.5 * fov.to_radians()).tan();
-    let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
-    let tangent = (1.0 - MARGIN) * DVec2::new(tangent * aspect, tangent);
-    // A corner at (x, y, z) from the middle, in camera axes, is inside from the distance |x|/tan − z on.
-    let distance = (0..8)
-        .map(|k| {
-            let sign = |bit: u32| if k >> bit & 1 == 0 { 1.0 } else { -1.0 };
-            let corner = turn * (half * DVec3::new(sign(0), sign(1), sign(2)));
-            (corner.truncate().abs() / tangent).max_element() - corner.z
-        })
-        .fold(0.0, f64::max);
-    at(distance)
+pub fn framed(
+    scene: &Scene,
+    appearance: &Appearance,
+    (direction, up): (DVec3, DVec3),
+    fov_y_degrees: f64,
+    aspect: f64,
+) -> View {
+    let look = |subject: Subject| subject.view(direction, up, fov_y_degrees, aspect);
+    look(Subject::of(scene, appearance))
+        .or_else(|| look(Subject::of_box(framed_box(scene))))
+        .unwrap_or_else(|| View::framing(scene.bounds, direction, up, fov_y_degrees))
 }
 
 /// The camera of a picture of a file for which nobody gives a camera.
 ///
 /// Scenes with editable shading come from volumes and are seen obliquely, z up. Plain 3DGS scenes have y down and z
-/// forward like their cameras, and are seen from the front. The box framed is [`visible_box`]; the background is black.
+/// forward like their cameras, and are seen from the front. The background is black.
 #[must_use]
 pub fn default_camera(scene: &Scene, width: u32, height: u32) -> Camera {
+    default_camera_of(scene, &Appearance::of(scene), width, height)
+}
+
+/// As [`default_camera`], of what `appearance` draws.
+#[must_use]
+pub fn default_camera_of(scene: &Scene, appearance: &Appearance, width: u32, height: u32) -> Camera {
     let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
-    let (direction, up) = if from_volume { (DVec3::new(-0.5, 0.8, -0.35), DVec3::Z) } else { (DVec3::Z, DVec3::NEG_Y) };
-    frame(visible_box(scene), direction, up, FIELD_OF_VIEW, width, height)
+    let sight = if from_volume { (DVec3::new(-0.5, 0.8, -0.35), DVec3::Z) } else { (DVec3::Z, DVec3::NEG_Y) };
+    let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
+    framed(scene, appearance, sight, FIELD_OF_VIEW, aspect).camera(width, height)
 }
 
 /// Near distance of a scene that is not placed in a room, as a share of its longest edge: 5 cm where that is 10 m.
@@ -85,11 +83,46 @@ pub fn visible_box(scene: &Scene) -> SceneBox {
     }
 }
 
-/// The first view of an edited scene, as a display opens it: [`framed_box`] from the front, with a vertical field of view
-/// of [`FIELD_OF_VIEW`].
+/// The first view of a scene, before any edit: all of it from the front, in a square picture, with a vertical field of view of
+/// [`FIELD_OF_VIEW`].
 #[must_use]
 pub fn initial_view(scene: &Scene) -> View {
-    View::from_side(framed_box(scene), Side::Front, FIELD_OF_VIEW)
+    initial_view_of(scene, 1.0)
+}
+
+/// [`initial_view`] for pictures of another aspect, width over height.
+#[must_use]
+pub fn initial_view_of(scene: &Scene, aspect: f64) -> View {
+    framed(scene, &Appearance::of(scene), Side::Front.direction_and_up(), FIELD_OF_VIEW, aspect)
+}
+
+/// The first view as pictures of a shape show it: [`initial_view`] stands for [`initial_view_of`] the picture's aspect. Every
+/// other view stays.
+#[derive(Debug, Clone, Copy)]
+pub struct FirstView {
+    square: View,
+    /// The last aspect and its view.
+    shaped: (f64, View),
+}
+
+impl FirstView {
+    /// That of a scene.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let square = initial_view(scene);
+        Self { square, shaped: (1.0, square) }
+    }
+
+    /// `view` as a picture of this aspect shows it, width over height.
+    pub fn shown(&mut self, scene: &Scene, view: View, aspect: f64) -> View {
+        if view != self.square {
+            return view;
+        }
+        if self.shaped.0 != aspect {
+            self.shaped = (aspect, initial_view_of(scene, aspect));
+        }
+        self.shaped.1
+    }
 }
 
 /// The box that is framed for a view of the whole scene.
@@ -163,42 +196,32 @@ pub fn robust_bounds(scene: &Scene, members: &Mask) -> Option<SceneBox> {
 mod tests {
     use super::*;
     use crate::synthetic::test_scene;
-    use proptest::prelude::*;
 
-    /// Pixel coordinates of a scene point.
-    fn seen(camera: &Camera, p: DVec3) -> DVec2 {
-        let p = camera.view().transform_point3(p);
-        assert!(p.z > 0.0);
-        DVec2::new(camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy)
-    }
-
-    fn corners(b: SceneBox) -> impl Iterator<Item = DVec3> {
-        (0..8).map(move |k| {
-            let pick = |bit: u32, low: f64, high: f64| if k >> bit & 1 == 0 { low } else { high };
-            DVec3::new(pick(0, b.min.x, b.max.x), pick(1, b.min.y, b.max.y), pick(2, b.min.z, b.max.z))
-        })
-    }
-
-    proptest! {
-        #[test]
-        fn a_framed_box_fills_the_picture_and_stays_inside(
-            d in proptest::array::uniform3(-1.0..1.0_f64), s in proptest::array::uniform3(0.01..50.0_f64),
-            c in proptest::array::uniform3(-1e4..1e4_f64), fov in 10.0..110.0_f64, width in 32_u32..2000, height in 32_u32..2000,
-        ) {
-            let middle = DVec3::from_array(c);
-            let bounds = SceneBox { min: middle - DVec3::from_array(s), max: middle + DVec3::from_array(s) };
-            prop_assume!(DVec3::from_array(d).length() > 0.01);
-            let camera = frame(bounds, DVec3::from_array(d), DVec3::Z, fov, width, height);
-            let size = DVec2::new(width.into(), height.into());
-            let mut reach = 0.0_f64;
-            for corner in corners(bounds) {
-                let off = ((seen(&camera, corner) - 0.5 * size) / (0.5 * size)).abs().max_element();
-                prop_assert!(off <= 1.0 - MARGIN + 1e-6, "{off}");
-                reach = reach.max(off);
+    #[test]
+    fn pictures_of_every_shape_show_the_whole_scene() {
+        let scene = test_scene(&[("cloud", 300)]);
+        for (width, height) in [(320, 240), (240, 320), (900, 60), (64, 64)] {
+            let aspect = f64::from(width) / f64::from(height);
+            let cameras =
+                [default_camera(&scene, width, height), initial_view_of(&scene, aspect).camera(width, height)];
+            for camera in cameras {
+                let mut reach = 0.0_f64;
+                for p in (0..scene.len()).filter_map(|i| scene.position(i)) {
+                    let p = camera.view().transform_point3(p);
+                    let across = (camera.fx * p.x / p.z).abs() / (0.5 * f64::from(width));
+                    let upright = (camera.fy * p.y / p.z).abs() / (0.5 * f64::from(height));
+                    assert!(p.z > 0.0 && across.max(upright) < 1.0, "{width} x {height}: {across} {upright}");
+                    reach = reach.max(across.max(upright));
+                }
+                assert!(reach > 0.85, "{width} x {height} is filled to {reach}");
             }
-            prop_assert!((reach - (1.0 - MARGIN)).abs() < 1e-6, "the box reaches to {reach}");
-            prop_assert!(camera.check("framed").is_ok());
         }
+        let mut first = FirstView::of(&scene);
+        let square = initial_view(&scene);
+        assert_eq!(first.shown(&scene, square, 1.0), square);
+        assert_eq!(first.shown(&scene, square, 0.5), initial_view_of(&scene, 0.5));
+        let moved = square.orbited(10.0, 0.0);
+        assert_eq!(first.shown(&scene, moved, 0.5), moved);
     }
 
     #[test]

@@ -31,6 +31,7 @@ mod content_hash;
 pub mod framing;
 pub mod mask;
 pub mod model;
+pub mod subject;
 pub mod symmetric3;
 pub mod synthetic;
 pub mod view;

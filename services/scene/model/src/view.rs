@@ -105,13 +105,6 @@ impl View {
         Self { eye: middle - distance * forward, target: middle, up, fov_y_degrees }
     }
 
-    /// A box as seen from one of its sides.
-    #[must_use]
-    pub fn from_side(bounds: SceneBox, side: Side, fov_y_degrees: f64) -> Self {
-        let (direction, up) = side.direction_and_up();
-        Self::framing(bounds, direction, up, fov_y_degrees)
-    }
-
     /// The eye rotated about the target. `azimuth` turns about the up direction, positive to the eye's right.
     /// `elevation` turns upwards and stops a degree short of the poles.
     #[must_use]
@@ -185,6 +178,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// A box as seen from one of its sides.
+    fn from_side(bounds: SceneBox, side: Side, fov_y_degrees: f64) -> View {
+        let (direction, up) = side.direction_and_up();
+        View::framing(bounds, direction, up, fov_y_degrees)
+    }
+
     fn corners(b: SceneBox) -> impl Iterator<Item = DVec3> {
         (0..8).map(move |k| {
             let pick = |bit: u32, low: f64, high: f64| if k >> bit & 1 == 0 { low } else { high };
@@ -214,7 +213,7 @@ mod tests {
             azimuth in -720.0..720.0_f64, elevation in -400.0..400.0_f64, side in 0_usize..6,
         ) {
             let side = [Side::Front, Side::Back, Side::Left, Side::Right, Side::Top, Side::Bottom][side];
-            let view = View::from_side(SceneBox { min: DVec3::ZERO, max: DVec3::new(1.0, 2.0, 3.0) }, side, 40.0);
+            let view = from_side(SceneBox { min: DVec3::ZERO, max: DVec3::new(1.0, 2.0, 3.0) }, side, 40.0);
             let moved = view.orbited(azimuth, elevation);
             prop_assert!((moved.eye.distance(moved.target) - view.eye.distance(view.target)).abs() < 1e-9);
             prop_assert_eq!(moved.check(), Ok(()));
@@ -234,7 +233,7 @@ mod tests {
             (Side::Top, DVec3::Z, DVec3::X),
             (Side::Bottom, DVec3::NEG_Z, DVec3::X),
         ] {
-            let view = View::from_side(bounds, side, 40.0);
+            let view = from_side(bounds, side, 40.0);
             assert!(((view.eye - view.target).normalize() - from).length() < 1e-12, "{side:?}");
             assert!(((view.target - view.eye).cross(view.up).normalize() - right).length() < 1e-12, "{side:?}");
         }
@@ -243,7 +242,7 @@ mod tests {
     #[test]
     fn a_positive_azimuth_goes_right_and_a_positive_elevation_up() {
         let bounds = SceneBox { min: DVec3::splat(-1.0), max: DVec3::ONE };
-        let view = View::from_side(bounds, Side::Front, 40.0);
+        let view = from_side(bounds, Side::Front, 40.0);
         assert!((view.orbited(90.0, 0.0).eye.normalize() - DVec3::X).length() < 1e-12);
         assert!(view.orbited(0.0, 30.0).eye.z > 0.1);
     }

@@ -49,6 +49,7 @@
 #![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
 
 pub mod brush;
+pub mod cluster_members;
 pub mod mask_agreement;
 pub mod operation_context;
 pub mod operations;

@@ -12,15 +12,14 @@ use sg_walk::elimination::Elimination;
 use sg_walk::uncertainty::ProposalQuery;
 
 use crate::brush::Brush;
+use crate::cluster_members::ClusterMembers;
 use crate::operation_context::OperationContext;
 use crate::strokes::{Mode, Stroke};
 
-mod cluster_members;
 mod farthest;
 mod walk_index;
 mod walk_options;
 
-use cluster_members::ClusterMembers;
 use walk_index::WalkIndex;
 pub use walk_index::{TOLERANCE, Walk, WalkSummary};
 pub use walk_options::{Background, WalkOptions, WalkOptionsError};
@@ -59,7 +58,7 @@ impl SelectionIndex {
         Self {
             bounds: scene.bounds,
             brush: Brush::of_scene(scene),
-            clusters: ClusterMembers::new(&labels, clustering.clusters.len()),
+            clusters: ClusterMembers::new(labels.iter().copied(), clustering.clusters.len()),
             walks: WalkIndex::of_clusters(scene, clustering, graph, Arc::clone(&labels), options),
             labels,
             operation_context: None,
@@ -79,7 +78,7 @@ impl SelectionIndex {
         Self {
             bounds: scene.bounds,
             brush: Brush::of_geometry(geometry),
-            clusters: ClusterMembers::new(&labels, clustering.clusters.len()),
+            clusters: ClusterMembers::new(labels.iter().copied(), clustering.clusters.len()),
             walks: WalkIndex::of_gaussians(scene, geometry, options),
             labels,
             operation_context: None,
@@ -107,7 +106,7 @@ impl SelectionIndex {
     /// Number of clusters.
     #[must_use]
     pub fn clusters(&self) -> usize {
-        self.clusters.len()
+        self.clusters.count()
     }
 
     /// Number of nodes of the walk graph.

@@ -18,7 +18,7 @@ use crate::syntax::number::quantity;
 use crate::syntax::phrase::{Input, Outcome, article, end, exactly, one_of, skip};
 use crate::syntax::reading::{Reading, Verb};
 use crate::syntax::target::target_then;
-use crate::syntax::viewer_axes::light_source;
+use crate::syntax::viewer_axes::{light_preset, light_source};
 
 /// The command "light".
 pub(super) const SET_LIGHT: Command = Command {
@@ -53,6 +53,8 @@ pub(super) const SET_LIGHT: Command = Command {
     examples: &[
         "brighter",
         "use a headlight",
+        "studio lighting",
+        "switch to a rim light",
         "light from the left",
         "light it from above",
         "more specular",
@@ -70,7 +72,7 @@ fn light(change: SetLight) -> Reading {
     Reading::plain(Act::SetLight).map(|c| c.light = Some(change))
 }
 
-/// Parses "brighter", "more light", "less specular", "no ambient", "a headlight".
+/// Parses "brighter", "more light", "less specular", "no ambient", "a headlight", "studio lighting".
 fn words(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let amount = |input: &mut Input<'_>| {
         let degree = degree(input)?;
@@ -84,7 +86,7 @@ fn words(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         let by = opt(|i: &mut Input<'_>| factor_by(grows, i)).parse_next(input)?;
         Ok(part.scaled(grows, by, degree))
     };
-    let change = alt((amount, headlight, quality)).parse_next(input)?;
+    let change = alt((amount, headlight, light_preset, quality)).parse_next(input)?;
     skip("on | mode").parse_next(input)?;
     end(input)?;
     Ok(light(change))

@@ -1,5 +1,6 @@
 //! Directions as the viewer sees them: "the upper left".
 
+use sg_proto::light_presets::{LightPreset, ViewerAxes};
 use sg_proto::scene::{LightMode, SetLight, Vector, View};
 use winnow::Parser;
 use winnow::combinator::{alt, opt, repeat};
@@ -53,21 +54,28 @@ pub(crate) fn light_source(input: &mut Input<'_>) -> Outcome<SetLight> {
     Ok(SetLight { mode: LightMode::Direction.into(), direction: Some(Vector { x, y, z }), ..SetLight::default() })
 }
 
-/// CameraAxes of the camera in the scene frame.
-struct CameraAxes {
-    right: [f64; 3],
-    up: [f64; 3],
-    backward: [f64; 3],
+/// Parses a named light: "studio lighting", "rim light".
+pub(crate) fn light_preset(input: &mut Input<'_>) -> Outcome<SetLight> {
+    article(input)?;
+    let preset = alt((
+        exactly("studio | key").map(|_| LightPreset::Studio),
+        exactly("rim | edge").map(|_| LightPreset::Rim),
+        exactly("flat | even").map(|_| LightPreset::Flat),
+    ))
+    .parse_next(input)?;
+    exactly("light | lights | lighting | illumination").parse_next(input)?;
+    let CameraAxes(axes) = CameraAxes::of(input.state.view);
+    Ok(preset.set_light(&axes))
 }
+
+/// Axes of the camera in the scene frame.
+struct CameraAxes(ViewerAxes);
 
 impl CameraAxes {
     /// The axes of a view. Without a view: the front view (camera at -y, z up).
     fn of(view: Option<&View>) -> Self {
-        view.and_then(Self::from_view).unwrap_or(Self {
-            right: [1.0, 0.0, 0.0],
-            up: [0.0, 0.0, 1.0],
-            backward: [0.0, -1.0, 0.0],
-        })
+        let front = ViewerAxes { right: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0], backward: [0.0, -1.0, 0.0] };
+        view.and_then(Self::from_view).unwrap_or(Self(front))
     }
 
     fn from_view(view: &View) -> Option<Self> {
@@ -75,17 +83,18 @@ impl CameraAxes {
         let backward = unit([eye[0] - target[0], eye[1] - target[1], eye[2] - target[2]])?;
         let up = unit(up)?;
         let right = unit(cross(up, backward))?;
-        Some(Self { right, up, backward })
+        Some(Self(ViewerAxes { right, up, backward }))
     }
 
     fn direction(&self, side: Side) -> [f64; 3] {
+        let ViewerAxes { right, up, backward } = self.0;
         match side {
-            Side::Right => self.right,
-            Side::Left => self.right.map(|c| -c),
-            Side::Above => self.up,
-            Side::Below => self.up.map(|c| -c),
-            Side::Front => self.backward,
-            Side::Behind => self.backward.map(|c| -c),
+            Side::Right => right,
+            Side::Left => right.map(|c| -c),
+            Side::Above => up,
+            Side::Below => up.map(|c| -c),
+            Side::Front => backward,
+            Side::Behind => backward.map(|c| -c),
         }
     }
 }
