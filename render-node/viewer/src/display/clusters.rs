@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use sg_raster::structure::NO_CLUSTER;
+use sg_selection::cluster_members::ClusterMembers;
 
 /// Super-Gaussians, by Gaussian and by Super-Gaussian.
 ///
@@ -10,10 +11,7 @@ use sg_raster::structure::NO_CLUSTER;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Clusters {
     labels: Arc<[u32]>,
-    /// Begin of each Super-Gaussian in `members`, and the end of the last one.
-    starts: Vec<u32>,
-    /// Gaussians, Super-Gaussian by Super-Gaussian, ascending in each.
-    members: Vec<u32>,
+    members: ClusterMembers,
 }
 
 impl Clusters {
@@ -21,29 +19,11 @@ impl Clusters {
     /// Gaussians; others count as none.
     #[must_use]
     pub fn new(labels: Arc<[u32]>) -> Self {
-        let known = |label: u32| label != NO_CLUSTER && (label as usize) < labels.len();
-        let count = labels.iter().filter(|label| known(**label)).max().map_or(0, |most| *most as usize + 1);
-        // A counting sort.
-        let mut starts = vec![0_u32; count + 1];
-        for label in labels.iter().filter(|label| known(**label)) {
-            if let Some(next) = starts.get_mut(*label as usize + 1) {
-                *next += 1;
-            }
-        }
-        for k in 1..starts.len() {
-            starts[k] += starts[k - 1];
-        }
-        let mut ends = starts.clone();
-        let mut members = vec![0; starts.last().map_or(0, |all| *all as usize)];
-        for (gaussian, label) in (0_u32..).zip(labels.iter()).filter(|(_, label)| known(**label)) {
-            if let Some(end) = ends.get_mut(*label as usize) {
-                if let Some(member) = members.get_mut(*end as usize) {
-                    *member = gaussian;
-                }
-                *end += 1;
-            }
-        }
-        Self { labels, starts, members }
+        let known =
+            labels.iter().map(|label| Some(*label).filter(|l| *l != NO_CLUSTER && (*l as usize) < labels.len()));
+        let count = known.clone().flatten().max().map_or(0, |most| most as usize + 1);
+        let members = ClusterMembers::new(known, count);
+        Self { labels, members }
     }
 
     /// The label of each Gaussian, [`NO_CLUSTER`] for none.
@@ -55,16 +35,13 @@ impl Clusters {
     /// Number of Super-Gaussians.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.starts.len() - 1
+        self.members.count()
     }
 
     /// Gaussians of a Super-Gaussian, ascending; none for an unknown label.
     #[must_use]
     pub fn members(&self, label: u32) -> &[u32] {
-        let start = self.starts.get(label as usize);
-        let end = (label as usize).checked_add(1).and_then(|next| self.starts.get(next));
-        let range = start.zip(end).map(|(start, end)| *start as usize..*end as usize);
-        range.and_then(|range| self.members.get(range)).unwrap_or_default()
+        self.members.get(label as usize)
     }
 }
 

@@ -32,5 +32,5 @@ pub use parameter_drag::{LEAK_RANGE, ParameterDrag, THRESHOLD_RANGE, WalkParamet
 pub use quality_control::{PictureCost, QualityControl};
 pub use request::Request;
 pub use request_queue::RequestQueue;
-pub use tools::{BrushMode, DisplayMode, Tools, TurnStyle};
+pub use tools::{BrushMode, DisplayMode, Locomotion, Tools, TurnStyle};
 pub use view_state::{NOTICES, Notice, ServiceAvailability, ViewState, WalkCapabilities};

@@ -81,6 +81,34 @@ impl TurnStyle {
     }
 }
 
+/// Effect of the stick of the hand that takes away, in a room.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Locomotion {
+    /// A wider or narrower brush, and the choice between a walk's parameters.
+    #[default]
+    Off,
+    /// The person flies where the hand points.
+    Fly,
+    /// The person jumps to where an arc from the hand meets the floor.
+    Teleport,
+}
+
+impl Locomotion {
+    /// All, in the order of the panel.
+    pub const ALL: [Self; 3] = [Self::Off, Self::Fly, Self::Teleport];
+
+    /// Name on the panel.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Off => "sizes the brush",
+            Self::Fly => "flies",
+            Self::Teleport => "teleports",
+        }
+    }
+}
+
 /// Colouring of this display.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DisplayMode {
@@ -126,6 +154,10 @@ pub struct Tools {
     pub quality: Quality,
     /// Projection and order of Gaussians.
     pub projection: Projection,
+    /// Whether a window's background is a gradient about the scene's colour.
+    pub gradient: bool,
+    /// Whether a window's pictures have ambient occlusion.
+    pub occlusion: bool,
     /// Whether panels are light rather than dark.
     pub light_panels: bool,
     /// Size of everything in panels, 1 for the usual.
@@ -136,6 +168,14 @@ pub struct Tools {
     pub seated: bool,
     /// Turn style of a stick.
     pub turn_style: TurnStyle,
+    /// Effect of the other stick.
+    pub locomotion: Locomotion,
+    /// Whether hands turn the scene about the vertical only.
+    pub upright: bool,
+    /// Whether the floor is drawn.
+    pub floor: bool,
+    /// Whether the controls' functions always hang beside the controllers.
+    pub callouts: bool,
 }
 
 impl Tools {
@@ -168,11 +208,17 @@ impl Default for Tools {
             display_mode: DisplayMode::default(),
             quality: Quality::Standard,
             projection: Projection::default(),
+            gradient: true,
+            occlusion: false,
             light_panels: false,
             scale: 1.0,
             left_handed: false,
             seated: false,
             turn_style: TurnStyle::default(),
+            locomotion: Locomotion::default(),
+            upright: false,
+            floor: true,
+            callouts: false,
         }
     }
 }

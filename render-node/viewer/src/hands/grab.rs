@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::input::{HandInput, Side, Switch};
+use super::locomotion::{passed, twist};
 use super::placement::{Placement, Pose};
 
 /// Turn style of a thumbstick.
@@ -56,6 +57,7 @@ pub struct Grab {
     held: GrabState,
     squeezed: [Switch; 2],
     tilted: [bool; 2],
+    upright: bool,
 }
 
 impl Grab {
@@ -70,7 +72,28 @@ impl Grab {
             held: GrabState::Nothing,
             squeezed: [Switch::default(); 2],
             tilted: [false; 2],
+            upright: false,
         }
+    }
+
+    /// Lets hands turn the scene about the vertical only, or freely again. At the lock the scene comes upright about its
+    /// middle, by the least change of the direction that it faces. Hands that hold it grab it anew.
+    pub fn lock_upright(&mut self, lock: bool) {
+        if std::mem::replace(&mut self.upright, lock) == lock || !lock {
+            return;
+        }
+        let at = self.placement;
+        let faces = twist(at.rotation * self.home.rotation.inverse(), DVec3::Y);
+        let rotation = (faces * self.home.rotation).normalize();
+        let pivot = at.to_room(self.middle);
+        self.go(Placement { rotation, translation: pivot - at.scale * (rotation * self.middle), ..at });
+    }
+
+    /// Has the person move by this many metres of the room, unless a hand holds the scene. Returns whether it moved.
+    pub fn travel(&mut self, by: DVec3) -> bool {
+        let moved = passed(&self.placement, by).checked().filter(|_| !self.is_held() && by != DVec3::ZERO);
+        self.placement = moved.unwrap_or(self.placement);
+        moved.is_some()
     }
 
     /// Placement of the scene.
@@ -155,6 +178,7 @@ impl Grab {
         };
         self.held = GrabState::One(side, then, at);
         let turn = (hand.orientation * then.orientation.inverse()).normalize();
+        let turn = if self.upright { twist(turn, DVec3::Y) } else { turn };
         self.placement = Placement {
             rotation: (turn * at.rotation).normalize(),
             translation: hand.position + turn * (at.translation - then.position),
@@ -184,7 +208,10 @@ impl Grab {
         } else {
             // The least turn from the newest placement: over many steps it follows the hands all the way around.
             let from = (before.rotation * (q - p)).normalize_or(apart.normalize());
-            let turn = DQuat::from_rotation_arc(from, apart.normalize());
+            let turn = match self.upright {
+                true => turn_from_above(from, apart.normalize()),
+                false => DQuat::from_rotation_arc(from, apart.normalize()),
+            };
             ((turn * before.rotation).normalize(), self.limited(apart.length() / p.distance(q)))
         };
         let translation = 0.5 * (a + b) - scale * (rotation * (0.5 * (p + q)));
@@ -215,4 +242,13 @@ impl Grab {
         let turned = self.placement.turned(pivot, DVec3::Y, degrees.to_radians());
         self.placement = turned.checked().unwrap_or(self.placement);
     }
+}
+
+/// The turn about the vertical from one direction to another, both of unit length. Directions close to the vertical give none.
+fn turn_from_above(from: DVec3, to: DVec3) -> DQuat {
+    let (from, to) = (from.with_y(0.0), to.with_y(0.0));
+    if from.length().min(to.length()) < 0.05 {
+        return DQuat::IDENTITY;
+    }
+    DQuat::from_rotation_y(from.cross(to).y.atan2(from.dot(to)))
 }

@@ -1,6 +1,6 @@
 //! Pointing at rectangles that stand in the room: panels.
 
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::input::{HandInput, Side, Switch};
 use super::placement::Pose;
@@ -50,6 +50,14 @@ impl Rectangle {
 pub fn nearest(rectangles: &[Rectangle], hand: &Pose) -> Option<(usize, DVec2, f64)> {
     let hits = rectangles.iter().enumerate().filter_map(|(k, r)| r.hit(hand).map(|(at, distance)| (k, at, distance)));
     hits.min_by(|a, b| a.2.total_cmp(&b.2))
+}
+
+/// Orientation that faces `eye` from `at`, upright.
+#[must_use]
+pub fn facing(at: DVec3, eye: DVec3) -> DQuat {
+    let back = (eye - at).normalize_or(DVec3::Z);
+    let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
+    DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back))
 }
 
 /// The pointed place.

@@ -7,7 +7,7 @@ use super::legend::color_numbers;
 use super::output::PanelHost;
 use super::state::Panels;
 use crate::display::number_format::{count, percent};
-use crate::display::{DisplayMode, Tools, TurnStyle, ViewState};
+use crate::display::{DisplayMode, Locomotion, Tools, TurnStyle, ViewState};
 use sg_raster::attributes::Attribute;
 use sg_raster::render::Quality;
 
@@ -85,8 +85,19 @@ impl Panels {
                     }
                 }
             });
+            ui.horizontal_wrapped(|ui| {
+                ui.label("the other stick");
+                for locomotion in Locomotion::ALL {
+                    if choice(ui, tools.locomotion == locomotion, locomotion.name()) {
+                        tools.locomotion = locomotion;
+                    }
+                }
+            });
+            ui.add(Checkbox::new(&mut tools.upright, "hands keep the scene upright"));
             ui.add(Checkbox::new(&mut tools.left_handed, "left-handed"));
             ui.add(Checkbox::new(&mut tools.seated, "seated"));
+            ui.add(Checkbox::new(&mut tools.floor, "floor"));
+            ui.add(Checkbox::new(&mut tools.callouts, "labels at the controllers"));
         }
     }
 

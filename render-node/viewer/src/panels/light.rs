@@ -1,19 +1,21 @@
 //! Light, the shown part of the shading, background, viewpoint.
 
-use egui::Ui;
+use egui::{Checkbox, Ui};
 use glam::{DVec3, Vec3};
 use sg_edit::wire::{encode_color, encode_term, encode_vector};
+use sg_proto::light_presets::{LightPreset, ViewerAxes};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{self as proto, NamedView, SetBackground, SetLight, SetTerm, SetView, set_view};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
+use sg_scene::view::View;
 
 use super::control::{Number, choice};
-use super::output::{DisplayAction, Output};
+use super::output::{DisplayAction, Output, PanelHost};
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
-use crate::display::ViewState;
 use crate::display::number_format::{degrees, factor};
+use crate::display::{Tools, ViewState};
 
 /// Backgrounds that are often wanted.
 const BACKGROUNDS: [(&str, Vec3); 3] = [("black", Vec3::ZERO), ("grey", Vec3::splat(0.5)), ("white", Vec3::ONE)];
@@ -39,7 +41,7 @@ const VIEWS: [(&str, NamedView); 7] = [
 ];
 
 impl Panels {
-    pub(super) fn light(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+    pub(super) fn light(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
         let light = state.scene.light();
         let from = |mode: proto::LightMode, direction: Option<DVec3>| {
             let direction = direction.map(encode_vector);
@@ -52,6 +54,18 @@ impl Panels {
             }
             if choice(ui, light.mode == LightMode::Direction, "one direction") {
                 output.change(from(proto::LightMode::Direction, None));
+            }
+        });
+        ui.horizontal_wrapped(|ui| {
+            ui.label("presets");
+            let axes = axes_of(&state.scene.view());
+            for preset in LightPreset::ALL {
+                let button = ui.button(preset.name()).on_hover_text(preset.hint());
+                let hears = format!("light: {}", preset.name());
+                ui.ctx().accesskit_node_builder(button.id, |node| node.set_label(hears.as_str()));
+                if button.clicked() {
+                    output.change(Action::SetLight(preset.set_light(&axes)));
+                }
             }
         });
         if light.mode == LightMode::Direction {
@@ -78,6 +92,9 @@ impl Panels {
                 self.hold(Action::SetLight(command(value as f32)));
             }
         }
+        if self.host == PanelHost::Window {
+            ui.add(Checkbox::new(&mut tools.occlusion, "ambient occlusion"));
+        }
         ui.label("part of the shading");
         ui.horizontal_wrapped(|ui| {
             for (name, term) in TERMS {
@@ -90,10 +107,10 @@ impl Panels {
                 }
             }
         });
-        self.background(ui, state, output);
+        self.background(ui, state, tools, output);
     }
 
-    fn background(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+    fn background(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
         let present = state.scene.background();
         let set = |rgb: Vec3| Action::SetBackground(SetBackground { color: Some(encode_color(rgb)) });
         ui.horizontal_wrapped(|ui| {
@@ -105,6 +122,9 @@ impl Panels {
                 if choice(ui, present == rgb, name) {
                     output.change(set(rgb));
                 }
+            }
+            if self.host == PanelHost::Window {
+                ui.add(Checkbox::new(&mut tools.gradient, "gradient"));
             }
         });
     }
@@ -136,6 +156,14 @@ impl Panels {
             }
         });
     }
+}
+
+/// The viewer's axes of a view; those of the front for a view along its up direction.
+fn axes_of(view: &View) -> ViewerAxes {
+    let backward = (view.eye - view.target).normalize_or(DVec3::NEG_Y);
+    let right = view.up.cross(backward).normalize_or(DVec3::X);
+    let up = backward.cross(right);
+    ViewerAxes { right: right.to_array(), up: up.to_array(), backward: backward.to_array() }
 }
 
 /// Degrees around the upright axis (0 from the front, that is -y, positive towards +x) and above the horizon.

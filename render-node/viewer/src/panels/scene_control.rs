@@ -53,7 +53,7 @@ impl Panels {
         }
         section(ui, "What is shown", false, |ui| self.what_is_shown(ui, state, tools));
         if state.services.scene {
-            section(ui, "Light and background", false, |ui| self.light(ui, state, output));
+            section(ui, "Light and background", false, |ui| self.light(ui, state, tools, output));
         }
         if state.services.scene || !self.supported_actions.is_empty() {
             section(ui, "Viewpoint", false, |ui| self.viewpoint(ui, state, output));

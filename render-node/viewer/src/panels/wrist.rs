@@ -2,6 +2,7 @@
 
 use egui::{Ui, Vec2};
 
+use super::control::choice;
 use super::output::{DisplayAction, Output};
 use super::panel::{Panel, RoomPlace};
 use super::state::Panels;
@@ -9,12 +10,12 @@ use super::theme;
 use crate::display::{Tools, ViewState};
 
 impl Panel {
-    /// The wrist menu: the brush mode, one step back and forth, the panels, the scene's placement.
+    /// The wrist menu: the brush mode, one step back and forth, the panels, the scene's placement, a screenshot, labels.
     pub const WRIST: Self = Self {
         name: "wrist",
         title: "Wrist menu",
         icon: None,
-        size: Vec2::new(340.0, 136.0),
+        size: Vec2::new(340.0, 168.0),
         dock: None,
         place: RoomPlace::Wrist,
         has_content: |_| true,
@@ -41,6 +42,16 @@ impl Panels {
                 ] {
                     if self.supported_actions.contains(&action) && ui.button(text).clicked() {
                         output.actions.push(action);
+                    }
+                }
+            });
+            ui.horizontal(|ui| {
+                if self.supported_actions.contains(&DisplayAction::Screenshot) && ui.button("screenshot").clicked() {
+                    output.actions.push(DisplayAction::Screenshot);
+                }
+                for (on, text) in [(&mut tools.callouts, "labels"), (&mut tools.upright, "upright")] {
+                    if choice(ui, *on, text) {
+                        *on = !*on;
                     }
                 }
             });

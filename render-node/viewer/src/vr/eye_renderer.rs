@@ -3,17 +3,19 @@
 use std::collections::VecDeque;
 use std::time::Instant;
 
+use glam::{DVec3, Vec2};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::{Camera, Light};
 use sg_scene::model::Scene;
 
+use super::meshes;
 use crate::display::quality_control::{LEVELS, drawn_at};
 use crate::display::{Level, PictureCost, QualityControl, Tools};
-use crate::hands::{Eye, Fov, Placement};
+use crate::hands::{Eye, Fov, Placement, Pose};
 use crate::xr::{Frame, Headset, XrError};
 use sg_gpu::{
-    Candidate, DepthLayer, FrameStats, Gpu, GpuError, Present, Rasterizer, Renderer, Settings, Trial, Vignette,
-    WorkTimer,
+    Candidate, DepthLayer, FrameStats, Gpu, GpuError, MeshEye, MeshLayer, Options, PlacedMesh, Present, Rasterizer,
+    Renderer, Settings, Trial, Vignette, WorkTimer,
 };
 use sg_raster::render::{Projection, Quality};
 
@@ -24,6 +26,8 @@ const MEASURED: usize = 16;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sight {
     pub(super) eyes: [Eye; 2],
+    /// Between them.
+    pub(super) head: Pose,
     pub(super) placement: Placement,
     /// Seconds from one frame to the next.
     pub(super) period: f64,
@@ -34,6 +38,14 @@ impl Sight {
     fn cameras(&self, size: [u32; 2], background: [f32; 3], light: Light) -> Vec<Camera> {
         self.eyes.iter().map(|eye| eye.camera(size, &self.placement, background, light)).collect()
     }
+}
+
+/// The room around the scene, in a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Around<'a> {
+    pub(super) meshes: &'a [PlacedMesh],
+    /// The scene's middle in the room.
+    pub(super) middle: DVec3,
 }
 
 /// A submitted picture.
@@ -49,6 +61,7 @@ pub(super) struct EyeRenderer {
     renderer: Renderer,
     present: Present,
     vignette: Vignette,
+    meshes: MeshLayer,
     /// Depth layer, if the runtime takes depths.
     depths: Option<DepthLayer>,
     size: [u32; 2],
@@ -69,8 +82,10 @@ pub(super) struct EyeRenderer {
     /// Width and height of the newest one.
     part: [u32; 2],
     pub(super) pictures: u64,
-    /// Version of the hidden mesh in the renderer, and the fields of view it belongs to.
+    /// Version of the newest hidden mesh, and the fields of view it belongs to.
     hides: Option<(u64, [Fov; 2])>,
+    /// The newest hidden mesh in the pictures, until the renderer has it.
+    hidden: Option<[Vec<[Vec2; 3]>; 2]>,
 }
 
 impl EyeRenderer {
@@ -82,7 +97,9 @@ impl EyeRenderer {
         let (Some(gpu), Some(format), Some(size)) = (headset.gpu(), headset.format(), headset.size()) else {
             return Ok(None);
         };
-        let renderer = Renderer::new(gpu, scene)?;
+        // The display has eight bits.
+        let options = Options { half_pictures: true, ..Options::default() };
+        let renderer = Renderer::with_options(gpu, scene, options)?;
         if let Some(rasterizer) = given.filter(|r| *r != Rasterizer::Tiles && !renderer.blends_quads()) {
             tracing::warn!("{} cannot blend in f32, so tiles draw instead of {rasterizer:?}", gpu.name());
         }
@@ -98,8 +115,9 @@ impl EyeRenderer {
             timer.inspect_err(|e| tracing::warn!("no thread to time pictures, so the quality stays: {e}")).ok()
         };
         Ok(Some(Self {
-            present: Present::new(gpu, format),
+            present: Present::dithered(gpu, format),
             vignette: Vignette::new(gpu, format),
+            meshes: MeshLayer::new(gpu, format, headset.depth_format(), size, &meshes::all()),
             depths: headset.depth_format().map(|format| DepthLayer::new(gpu, format)),
             size,
             trial,
@@ -114,6 +132,7 @@ impl EyeRenderer {
             part: size,
             pictures: 0,
             hides: None,
+            hidden: None,
             renderer,
         }))
     }
@@ -128,7 +147,8 @@ impl EyeRenderer {
             quality: tools.quality,
             rasterizer: self.rasterizer,
             projection: tools.projection,
-            depths: self.depths.is_some(),
+            // Hands, panels and the floor are compared with them.
+            depths: true,
             ..Settings::default()
         }
     }
@@ -143,6 +163,9 @@ impl EyeRenderer {
         look: impl FnOnce() -> Appearance,
     ) -> Result<(), GpuError> {
         let settings = self.settings(tools);
+        if let Some([left, right]) = self.hidden.take() {
+            self.renderer.hide([&left, &right]);
+        }
         if self.trial.is_over() {
             let cameras = sight.cameras(self.size, [0.0; 3], Light::default());
             // By ray, the buffers depend on the quality.
@@ -159,10 +182,10 @@ impl EyeRenderer {
         for Candidate { projection, rasterizer, seconds, .. } in self.trial.candidates() {
             tracing::info!("trial: {projection:?} with {rasterizer:?} takes {:.2} ms for both eyes", 1e3 * seconds);
         }
-        if let Some(best) = self.trial.fastest(Projection::Affine) {
+        if let Some(best) = self.trial.preferred(Projection::Affine) {
             self.rasterizer = best.rasterizer;
         }
-        if let Some(Candidate { seconds, pixel_seconds, .. }) = self.trial.fastest(tools.projection) {
+        if let Some(Candidate { seconds, pixel_seconds, .. }) = self.trial.preferred(tools.projection) {
             let period = sight.period;
             self.control =
                 QualityControl::starting_from(PictureCost { time: 0.0, level: 0, seconds, pixel_seconds, period });
@@ -170,9 +193,10 @@ impl EyeRenderer {
         Ok(())
     }
 
-    /// Skips drawing behind the lenses' hidden areas. On a software device the test costs more than most lenses save.
+    /// Skips drawing behind the lenses' hidden areas, from the next [`Self::prepare`] on. On a software device the test of
+    /// quadrilaterals costs more than most lenses save.
     fn hide(&mut self, frame: &Frame<'_>) {
-        if frame.gpu().is_software() {
+        if frame.gpu().is_software() && self.rasterizer != Rasterizer::Tiles {
             return;
         }
         let fovs = frame.eyes.map(|eye| eye.fov);
@@ -180,11 +204,10 @@ impl EyeRenderer {
         if self.hides.replace((version, fovs)) == Some((version, fovs)) {
             return;
         }
-        let [left, right] = [0, 1].map(|k| {
+        self.hidden = Some([0, 1].map(|k| {
             let in_picture = |corner| fovs[k].in_picture(corner).as_vec2();
-            eyes[k].iter().map(|triangle| triangle.map(in_picture)).collect::<Vec<_>>()
-        });
-        self.renderer.hide([&left, &right]);
+            eyes[k].iter().map(|triangle| triangle.map(in_picture)).collect()
+        }));
     }
 
     /// The left eye's newest picture, and the width and height of its drawn part.
@@ -214,7 +237,7 @@ impl EyeRenderer {
             && let Some(spent) = device_seconds
         {
             self.measured = picture;
-            let share = seconds.filter(|s| s.total() > 0.0).map(|s| s.of_pixels() / s.total());
+            let share = seconds.and_then(|s| s.pixel_share());
             self.take_cost(picture, spent, share, period);
         }
         while let Some((picture, spent)) = self.timer.as_ref().and_then(WorkTimer::take) {
@@ -236,13 +259,14 @@ impl EyeRenderer {
     }
 
     /// Draws a look of the placed scene, with the edges of the view `darkened` by 0 to 1, at the `held` level if there is
-    /// one.
+    /// one. A view that moves is drawn with the cut-offs of motion, unless a level is held.
     pub(super) fn draw(
         &mut self,
         frame: &mut Frame<'_>,
         placement: &Placement,
         look: &Appearance,
-        (tools, darkened): (&Tools, f64),
+        (tools, darkened, in_motion): (&Tools, f64, bool),
+        around: Around<'_>,
         held: Option<usize>,
     ) -> Result<Result<(), GpuError>, XrError> {
         if let Err(error) = self.take_costs(frame.period) {
@@ -257,9 +281,13 @@ impl EyeRenderer {
         self.hide(frame);
         let edge = |pixels: u32| ((f64::from(pixels) * self.level.scale).round() as u32).clamp(16.min(pixels), pixels);
         let part = frame.size().map(edge);
-        let sight = Sight { eyes: frame.eyes, placement: *placement, period: frame.period };
-        let cameras = sight.cameras(part, look.background.to_array(), look.light);
-        let settings = Settings { quality: self.level.quality, ..self.settings(tools) };
+        let sight = Sight { eyes: frame.eyes, head: frame.head, placement: *placement, period: frame.period };
+        // Where the surroundings are seen, they are the background.
+        let reveals = frame.blend_mode().shows_surroundings();
+        let background = if reveals { [0.0; 3] } else { look.background.to_array() };
+        let cameras = sight.cameras(part, background, look.light);
+        let in_motion = in_motion && held.is_none();
+        let settings = Settings { quality: self.level.quality, in_motion, ..self.settings(tools) };
         let time = self.begun.elapsed().as_secs_f64();
         if let Err(error) = self.renderer.draw(&cameras, look, settings) {
             return Ok(Err(error));
@@ -273,19 +301,28 @@ impl EyeRenderer {
         self.pictures += 1;
         let depth_part = self.renderer.depth_size(part, settings);
         let gpu: Gpu = frame.gpu().clone();
-        let Self { renderer, present, vignette, depths, .. } = self;
+        let room_cameras = frame.eyes.map(|eye| eye.camera(part, &Placement::IDENTITY, background, Light::default()));
+        let Self { renderer, present, vignette, depths, meshes, .. } = self;
         frame.draw_eyes_and_depths(part, |targets, depth_targets| {
             let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             for (eye, (picture, target)) in renderer.pictures().iter().zip(targets).enumerate() {
                 let load = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
                 present.encode_part(&mut encoder, (picture, part), target, [0, 0, part[0], part[1]], load);
+                let seen = mesh_eye(renderer, &room_cameras, eye, (depth_part, placement.scale, around, reveals));
+                if let Some(seen) = &seen {
+                    meshes.encode(&mut encoder, target, seen, around.meshes);
+                }
                 if let Some(camera) = cameras.get(eye) {
                     vignette.encode(&mut encoder, target, camera, eye == 1, darkened);
                 }
             }
             if let Some(layer) = depths {
-                for (picture, target) in renderer.depths().iter().zip(depth_targets) {
+                for (eye, (picture, target)) in renderer.depths().iter().zip(depth_targets).enumerate() {
                     layer.encode(&mut encoder, (picture, depth_part), (target, part), placement.scale);
+                    let seen = mesh_eye(renderer, &room_cameras, eye, (depth_part, placement.scale, around, reveals));
+                    if let Some(seen) = &seen {
+                        meshes.encode_depths(&mut encoder, target, seen, around.meshes);
+                    }
                 }
             }
             gpu.submit([encoder.finish()]);
@@ -295,4 +332,22 @@ impl EyeRenderer {
         }
         Ok(Ok(()))
     }
+}
+
+/// What the meshes of an eye (0 left, 1 right) are drawn over.
+fn mesh_eye<'a>(
+    renderer: &'a Renderer,
+    cameras: &'a [Camera; 2],
+    eye: usize,
+    (depth_part, scale, around, reveals): ([u32; 2], f64, Around<'_>, bool),
+) -> Option<MeshEye<'a>> {
+    Some(MeshEye {
+        camera: cameras.get(eye)?,
+        right: eye == 1,
+        picture: renderer.pictures().get(eye)?,
+        depths: (renderer.depths().get(eye)?, depth_part),
+        scale,
+        middle: around.middle,
+        reveals,
+    })
 }

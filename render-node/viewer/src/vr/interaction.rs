@@ -9,9 +9,10 @@ use sg_scene::model::Scene;
 use sg_selection::brush::Brush;
 
 use crate::display::{
-    BrushController, BrushMode, BrushSample, BrushSign, ParameterDrag, Request, Tools, TurnStyle, ViewState,
-    WalkParameter,
+    BrushController, BrushMode, BrushSample, BrushSign, Locomotion, ParameterDrag, Request, Tools, TurnStyle,
+    ViewState, WalkParameter,
 };
+use crate::hands::locomotion::{Arc as ThrownArc, Teleport, flight, jump};
 use crate::hands::{Grab, HandInput, Placement, Side, Switch, TurnMode};
 
 /// How far before the controller its tip is, metres.
@@ -44,8 +45,10 @@ pub struct InteractionOutput {
     pub felt: Vec<(Side, f32)>,
     /// Whether to swap hidden and shown panels.
     pub panels: bool,
-    /// Whether the scene jumped: by a snap turn, or back to its fitted placement.
+    /// Whether the scene jumped: by a snap turn, by a jump of the person, or back to its fitted placement.
     pub jumped: bool,
+    /// Whether to keep a picture of the view.
+    pub screenshot: bool,
 }
 
 /// A brush in the room.
@@ -90,6 +93,10 @@ pub struct Interaction {
     drag: ParameterDrag,
     /// Whether the other hand's stick is pushed aside.
     pushed: bool,
+    teleport: Teleport,
+    /// Height of the floor in the room, metres.
+    pub floor: f64,
+    search_tree: Arc<Brush>,
 }
 
 impl Interaction {
@@ -108,6 +115,9 @@ impl Interaction {
             hits: [0; 2],
             drag: ParameterDrag::default(),
             pushed: false,
+            teleport: Teleport::default(),
+            floor: 0.0,
+            search_tree: brush,
         }
     }
 
@@ -136,7 +146,12 @@ impl Interaction {
         if tools.left_handed { Side::Left } else { Side::Right }
     }
 
-    fn sign(side: Side, tools: &Tools) -> BrushSign {
+    /// The search tree of the brushes.
+    pub(super) fn search_tree(&self) -> Arc<Brush> {
+        Arc::clone(&self.search_tree)
+    }
+
+    pub(super) fn sign(side: Side, tools: &Tools) -> BrushSign {
         if side == Self::adds(tools) { BrushSign::Add } else { BrushSign::Remove }
     }
 
@@ -158,17 +173,44 @@ impl Interaction {
             TurnStyle::Smooth => TurnMode::Smooth(SMOOTH_TURN),
             TurnStyle::Off => TurnMode::Off,
         };
+        self.grab.lock_upright(tools.upright);
         self.grab.step(hands, may_grab, (head, turning, adds), seconds);
         // A scene that no hand holds moves by the stick alone.
         output.jumped = tools.turn_style == TurnStyle::Snap && !self.grab.is_held() && before != self.placement();
         if seconds.is_finite() {
             self.sticks(hands, captured, seconds.clamp(0.0, 0.1), tools, state, &mut output);
         }
+        let k = adds.other().index();
+        output.jumped |= self.travel(&hands[k], captured.triggers[k] || captured.grips[k], (head, seconds), tools);
         for side in Side::BOTH {
             self.press(side, &hands[side.index()], tools, state, &mut output);
             self.brush(side, &hands[side.index()], captured, tools, state, &mut output);
         }
         output
+    }
+
+    /// Has the person fly or jump by the stick of the hand that takes away. Returns whether they jumped.
+    fn travel(&mut self, hand: &HandInput, captured: bool, (head, seconds): (DVec3, f64), tools: &Tools) -> bool {
+        let pointing = hand.aim.or(hand.grip);
+        let busy = captured || self.grab.is_held() || tools.locomotion != Locomotion::Teleport;
+        let landing = self.teleport.step(pointing, hand.stick, (head, self.floor), busy);
+        if tools.locomotion == Locomotion::Fly && !captured {
+            let by = pointing.map_or(DVec3::ZERO, |pointing| flight(&pointing, hand.stick, seconds));
+            self.grab.travel(by);
+        }
+        landing.is_some_and(|landing| self.grab.travel(jump(head, landing)))
+    }
+
+    /// The arc to where the person would jump, while a stick aims.
+    #[must_use]
+    pub fn aimed(&self) -> Option<&ThrownArc> {
+        self.teleport.aimed()
+    }
+
+    /// Whether a hand draws a stroke or holds the scene.
+    #[must_use]
+    pub fn is_busy(&self, side: Side) -> bool {
+        self.brushes[side.index()].is_drawing() || (self.grab.is_held() && self.grab.is_squeezed(side))
     }
 
     /// Handles the sticks' up and down. In walk mode, the adding hand's stick changes the last walk; otherwise both set the
@@ -192,6 +234,9 @@ impl Interaction {
             if stick.abs() <= REST || captured.triggers[k] || captured.grips[k] {
                 continue;
             }
+            if side != adds && tools.locomotion != Locomotion::Off {
+                continue;
+            }
             if side == adds && tunes {
                 goes_on = true;
                 output.requests.extend(self.drag.turn(tools.walk_parameter, PARAMETER_SPEED * stick * seconds, state));
@@ -202,7 +247,8 @@ impl Interaction {
         if self.drag.is_held() && !goes_on {
             output.requests.extend(self.drag.release(state.scene.revision()));
         }
-        let aside = hands[adds.other().index()].stick.x;
+        let chooses = tools.locomotion == Locomotion::Off;
+        let aside = if chooses { hands[adds.other().index()].stick.x } else { 0.0 };
         let was = std::mem::replace(&mut self.pushed, aside.abs() > PUSHED);
         if self.pushed && !was && !captured.triggers[adds.other().index()] && Self::tunes_walk(tools, state) {
             tools.walk_parameter = if aside < 0.0 { WalkParameter::Leak } else { WalkParameter::Threshold };
@@ -244,8 +290,13 @@ impl Interaction {
         }
         output.panels |= hand.menu && !was.menu;
         if hand.stick_click && !was.stick {
-            self.grab.reset();
-            output.jumped = true;
+            match adds {
+                true => {
+                    self.grab.reset();
+                    output.jumped = true;
+                }
+                false => output.screenshot = true,
+            }
         }
     }
 
@@ -344,14 +395,20 @@ impl Interaction {
             lines.push(if adds { (two, line("undo", &state.undo)) } else { (one, line("redo", &state.redo)) });
         }
         if !adds {
-            lines.push(("stick", "up and down: width".to_owned()));
-            if Self::tunes_walk(tools, state) {
+            let moves = match tools.locomotion {
+                Locomotion::Off => "up and down: width",
+                Locomotion::Fly => "flies where the hand points",
+                Locomotion::Teleport => "forward aims, let go to jump",
+            };
+            lines.push(("stick", moves.to_owned()));
+            if Self::tunes_walk(tools, state) && tools.locomotion == Locomotion::Off {
                 lines.push(("stick aside", "left: Reach, right: Strictness".to_owned()));
             }
             lines.push((two_or_menu, "panels".to_owned()));
             lines.push(("palm to the eyes", "a menu".to_owned()));
         }
-        lines.push(("stick pressed", "back to the first place".to_owned()));
+        let pressed = if adds { "back to the first place" } else { "screenshot" };
+        lines.push(("stick pressed", pressed.to_owned()));
         lines
     }
 }

@@ -1,13 +1,21 @@
 //! A room around a person and the scene: a headset, two hands, panels around them.
 //!
 //! The loop waits only for the headset's next frame, and between frames for the trial at its start. Hands hold, scale and turn the scene ([`crate::hands::Grab`]) and
-//! brush it ([`Interaction`]). Panels hang around the person and are pointed at.
+//! brush it ([`Interaction`]). Panels hang around the person and are pointed at. Meshes show hands, lasers, brushes and the
+//! floor.
 
+mod callouts;
 mod eye_renderer;
+mod hand_meshes;
 mod interaction;
+mod laser;
+mod meshes;
 mod mirror;
+mod motion;
 mod overlay;
 mod panel_layers;
+mod room_meshes;
+mod screenshots;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,7 +24,7 @@ use sg_scene::model::{Scene, SceneBox};
 
 use crate::display::number_format::percent;
 use crate::display::{AppearanceBuilder, Drafts, FrameStats, Request, Tools, ViewPort, ViewState};
-use crate::hands::{Bookmarks, ComfortVignette, Origin, Placement, Rectangle, Stance};
+use crate::hands::{Bookmarks, ComfortVignette, HandInput, Origin, Placement, Rectangle, Side, Stance};
 use crate::panels::{DisplayAction, Output, Panel, PanelHost, Panels};
 use crate::xr::{Counts, Frame, FrameOutcome, Headset, PAUSE, XrError};
 use sg_gpu::{GpuError, Rasterizer};
@@ -24,10 +32,14 @@ use sg_gpu::{GpuError, Rasterizer};
 pub use interaction::{BrushMarker, Interaction, InteractionOutput, PanelCapture};
 pub use panel_layers::first_place;
 
-use eye_renderer::{EyeRenderer, Sight};
+use eye_renderer::{Around, EyeRenderer, Sight};
+use laser::SceneHits;
 use mirror::Mirror;
+use motion::Motion;
 use overlay::MarkerOverlay;
 use panel_layers::PanelLayers;
+use room_meshes::{Floor, Hole, Met, Room, SeenHand};
+use screenshots::Screenshots;
 
 /// Seconds of one frame before the headset has said how long one is.
 const FIRST_PERIOD: f64 = 1.0 / 90.0;
@@ -46,6 +58,8 @@ pub struct Setup {
     pub mirror: bool,
     /// How splats are blended; without it a trial of what the person sees picks the fastest way.
     pub rasterizer: Option<Rasterizer>,
+    /// Folder for pictures that the person keeps.
+    pub pictures: PathBuf,
 }
 
 /// A room.
@@ -61,6 +75,7 @@ pub struct VrView {
     markers: MarkerOverlay,
     bookmarks: Bookmarks,
     comfort: ComfortVignette,
+    motion: Motion,
     /// Whether the scene jumped since the last frame.
     jumped: bool,
     /// Reason for reopening the device.
@@ -84,21 +99,29 @@ pub struct VrView {
     revision: u64,
     /// Whether to open the mirror window.
     mirrors: bool,
+    hits: SceneHits,
+    /// What the hands' lasers met in the newest frame.
+    met: [Option<Met>; 2],
+    screenshots: Screenshots,
 }
 
 impl VrView {
     /// A room around an open headset.
     #[must_use]
     pub fn new(setup: Setup, headset: &Headset) -> Self {
-        let Setup { scene, mut view_port, tools, opened, mirror, rasterizer } = setup;
+        let Setup { scene, mut view_port, tools, opened, mirror, rasterizer, pictures } = setup;
         let home = home(&scene, &mut view_port, &tools, headset.origin());
         let mut panels = Panels::new(PanelHost::Headset);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
         }
         let seated = tools.seated;
+        let interaction = Interaction::new(&scene, home);
         Self {
-            interaction: Interaction::new(&scene, home),
+            hits: SceneHits::new(Arc::clone(&scene), interaction.search_tree()),
+            met: [None; 2],
+            screenshots: Screenshots::new(Arc::clone(&scene), pictures),
+            interaction,
             panel_layers: PanelLayers::new(stance(&tools), headset.origin()),
             markers: MarkerOverlay::default(),
             scene,
@@ -109,6 +132,7 @@ impl VrView {
             panels,
             bookmarks: Bookmarks::default(),
             comfort: ComfortVignette::default(),
+            motion: Motion::default(),
             jumped: false,
             lost: None,
             eyes: None,
@@ -153,6 +177,21 @@ impl VrView {
     #[must_use]
     pub fn markers(&self) -> Vec<(Rectangle, bool)> {
         self.markers.places()
+    }
+
+    /// Where a hand's laser meets a panel or the scene, in the room.
+    #[must_use]
+    pub fn laser_end(&self, side: Side) -> Option<glam::DVec3> {
+        match self.met[side.index()]? {
+            Met::Nothing => None,
+            Met::Panel(at) | Met::Scene(at) => Some(at),
+        }
+    }
+
+    /// Where the labels of a hand's controls hang, while they are shown.
+    #[must_use]
+    pub fn callouts(&self, side: Side) -> Option<Rectangle> {
+        self.panel_layers.callouts(side)
     }
 
     /// Serves a headset on this thread until its session ends or its view port closes.
@@ -261,31 +300,43 @@ impl VrView {
             self.jumped = true;
         }
         let drafted = self.drafts.over(&self.scene, &newest.scene);
-        let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
+        let notices = self.screenshots.with_notices(&newest.notices);
+        let state = ViewState { scene: drafted, notices, ..ViewState::clone(&newest) };
         let hands = frame.hands;
         let captured = self.panel_layers.step((&hands, &frame.head), &self.panels, &self.tools, &state);
-        let InteractionOutput { mut requests, felt, panels, jumped } =
+        self.interaction.floor = floor_height(&self.tools, self.origin);
+        let InteractionOutput { mut requests, felt, panels, jumped, screenshot } =
             self.interaction.step(&hands, captured, (frame.head.position, frame.period), &mut self.tools, &state);
         self.jumped |= jumped || frame.recentred;
         for (side, strength) in felt {
             frame.pulse(side, strength, std::time::Duration::ZERO)?;
         }
-        if panels {
-            self.take(Output { actions: vec![DisplayAction::Panels], ..Output::default() }, &state, &mut requests);
+        let pressed = [(panels, DisplayAction::Panels), (screenshot, DisplayAction::Screenshot)];
+        let actions: Vec<DisplayAction> = pressed.into_iter().filter(|(on, _)| *on).map(|(_, action)| action).collect();
+        if !actions.is_empty() {
+            self.take(Output { actions, ..Output::default() }, &state, &mut requests);
         }
         let highlighted = self.interaction.highlighted(&state, &self.tools);
         let Self { scene, appearance_builder, tools, .. } = self;
         let appearance = appearance_builder.build(scene, &state.scene, &highlighted, state.clusters.as_deref(), tools);
-        self.draw(frame, &appearance)?;
+        let busy = Side::BOTH.map(|side| self.interaction.is_busy(side));
+        let leaders = self.panel_layers.hang_callouts((&hands, &frame.head), busy, (&self.tools, &state), frame.period);
+        let (bounds, placement) = (self.scene.bounds, self.interaction.placement());
+        let marks = self
+            .markers
+            .hang(frame.head.position, &state, |k| state.proposal_at(bounds, k).map(|at| placement.to_room(at)));
+        let mut holes = self.panel_layers.holes(&self.panels, &state);
+        holes.extend(marks);
+        self.aim(&appearance, &hands, busy);
+        let has_holes = self.draw(frame, &appearance, &holes, &leaders)?;
         self.panels.numbers = self.appearance_builder.legend();
-        self.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
+        self.panels.supported_actions =
+            vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels, DisplayAction::Screenshot];
         let kept = self.bookmarks.all().len().min(usize::from(u8::MAX)) as u8;
         self.panels.supported_actions.extend((1..=kept).map(DisplayAction::Place));
         self.panels.supported_actions.extend((0_u8..).zip(state.proposals()).map(|(k, _)| DisplayAction::Proposal(k)));
-        let brush_markers = self.interaction.brush_markers(&self.tools);
-        let output = self.panel_layers.show(frame, &mut self.panels, &state, &mut self.tools, brush_markers)?;
-        let (bounds, placement) = (self.scene.bounds, self.interaction.placement());
-        self.markers.show(frame, &state, |k| state.proposal_at(bounds, k).map(|at| placement.to_room(at)))?;
+        let output = self.panel_layers.show(frame, &mut self.panels, &state, &mut self.tools, has_holes)?;
+        self.markers.show(frame, has_holes)?;
         self.take(output, &state, &mut requests);
         for request in requests {
             self.view_port.send(request);
@@ -295,16 +346,72 @@ impl VrView {
         Ok(())
     }
 
-    fn draw(&mut self, frame: &mut Frame<'_>, appearance: &sg_scene::appearance::Appearance) -> Result<(), XrError> {
+    /// Finds what the hands' lasers meet: a panel, else the scene's front. A hand that draws or holds has no laser.
+    fn aim(&mut self, appearance: &sg_scene::appearance::Appearance, hands: &[HandInput; 2], busy: [bool; 2]) {
+        let placement = self.interaction.placement();
+        let on_panel = Side::BOTH.map(|side| self.panel_layers.pointed_by(side));
+        let throws = Interaction::adds(&self.tools).other();
+        let aims = Side::BOTH.map(|side| {
+            let k = side.index();
+            let throws = side == throws && self.interaction.aimed().is_some();
+            hands[k].aim.filter(|_| !busy[k] && !throws)
+        });
+        let ray = |k: usize| {
+            let aim = aims[k].filter(|_| on_panel[k].is_none())?;
+            let along = placement.rotation.inverse() * (laser::LENGTH * aim.forward()) / placement.scale;
+            Some((placement.to_scene(aim.position), along))
+        };
+        let hits = self.hits.step(appearance, [ray(0), ray(1)]);
+        self.met = [0, 1].map(|k| {
+            aims[k]?;
+            let scene = hits[k].map(|at| Met::Scene(placement.to_room(at)));
+            Some(on_panel[k].map(Met::Panel).or(scene).unwrap_or(Met::Nothing))
+        });
+    }
+
+    /// Draws the scene and what is in the room beside it. Returns whether the eyes' pictures have holes for panels: without a
+    /// picture there are none.
+    fn draw(
+        &mut self,
+        frame: &mut Frame<'_>,
+        appearance: &sg_scene::appearance::Appearance,
+        holes: &[Hole],
+        leaders: &[[glam::DVec3; 2]],
+    ) -> Result<bool, XrError> {
         let placement = self.interaction.placement();
         let darkened = self.comfort.step(&placement, &frame.head, std::mem::take(&mut self.jumped), frame.period);
         let period = if frame.period > 0.0 { frame.period } else { FIRST_PERIOD };
-        self.sight = Some(Sight { eyes: frame.eyes, placement, period });
+        let in_motion = self.motion.step(&frame.head, &placement, period);
+        self.sight = Some(Sight { eyes: frame.eyes, head: frame.head, placement, period });
         // Without a renderer this frame shows the panels alone: see `prepare`.
-        let Some(eyes) = self.eyes.as_mut().filter(|eyes| self.is_prepared && eyes.is_ready()) else { return Ok(()) };
-        let drawn = eyes.draw(frame, &placement, appearance, (&self.tools, darkened), self.held)?;
+        let Some(eyes) = self.eyes.as_mut().filter(|eyes| self.is_prepared && eyes.is_ready()) else {
+            return Ok(false);
+        };
+        let brushes = self.interaction.brush_markers(&self.tools);
+        let hands = frame.hands;
+        let hand = |side: Side| {
+            let k = side.index();
+            let sign = Interaction::sign(side, &self.tools);
+            let joints = frame.joints[k].as_ref();
+            SeenHand { side, input: &hands[k], joints, sign, brush: brushes[k], laser: self.met[k] }
+        };
+        let is_on_dark = appearance.background.dot(glam::Vec3::new(0.299, 0.587, 0.114)) < 0.5;
+        let floor = Floor { height: self.interaction.floor, is_on_dark };
+        let room = Room {
+            hands: [hand(Side::Left), hand(Side::Right)],
+            head: frame.head.position,
+            floor: (self.tools.floor && !frame.blend_mode().shows_surroundings()).then_some(floor),
+            arc: self.interaction.aimed(),
+            holes,
+            leaders,
+        };
+        let meshes = room.meshes();
+        let SceneBox { min, max } = self.scene.bounds;
+        let around = Around { meshes: &meshes, middle: placement.to_room(0.5 * (min + max)) };
+        let drawn = eyes.draw(frame, &placement, appearance, (&self.tools, darkened, in_motion), around, self.held)?;
+        let is_drawn = drawn.is_ok();
         self.trouble_with(drawn);
-        Ok(())
+        Ok(is_drawn)
     }
 
     fn trouble_with(&mut self, drawn: Result<(), GpuError>) {
@@ -343,10 +450,18 @@ impl VrView {
                     self.take(left, state, requests);
                 }
                 DisplayAction::Proposal(number) => self.markers.light_up(number.into(), state),
-                // Not among the supported actions.
-                DisplayAction::Screenshot => (),
+                DisplayAction::Screenshot => self.take_screenshot(state),
             }
         }
+    }
+
+    /// Keeps a picture of what the person sees, without the preview of a stroke.
+    fn take_screenshot(&mut self, state: &ViewState) {
+        let Some(Sight { head, placement, .. }) = self.sight else { return };
+        let Self { scene, appearance_builder, tools, .. } = self;
+        let appearance =
+            appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_deref(), tools);
+        self.screenshots.take(&head, &placement, appearance);
     }
 
     fn tell(&self, headset: &Headset) {
@@ -364,6 +479,11 @@ impl VrView {
             revision: self.revision,
         });
     }
+}
+
+/// Height of the floor in the room, metres: that of a standing or a seated person's eyes below them, without a stage.
+fn floor_height(tools: &Tools, origin: Origin) -> f64 {
+    stance(tools).height(origin) - stance(tools).height(Origin::Floor)
 }
 
 fn stance(tools: &Tools) -> Stance {

@@ -1,12 +1,16 @@
 //! Panels in the room: their placement, pointers and movement, and the requests made on them.
 
-use egui::{Align2, Color32, Pos2, Stroke, Ui, Vec2};
+use egui::{Align2, Color32, Stroke, Ui};
 use glam::{DQuat, DVec2, DVec3};
 
-use super::interaction::{BrushMarker, Interaction, PanelCapture};
-use crate::display::{BrushSign, Tools, ViewState};
-use crate::hands::{Eye, HandInput, Origin, Pointed, Pointer, Pose, Rectangle, Side, Stance, Switch, nearest};
-use crate::panels::{Output, Panel, Panels, RoomPlace, legend, theme};
+use super::callouts::Callouts;
+use super::interaction::{Interaction, PanelCapture};
+use super::room_meshes::Hole;
+use crate::display::{Tools, ViewState};
+use crate::hands::{
+    Eye, HandInput, Origin, Pointed, Pointer, Pose, RaisedHand, Rectangle, Side, Stance, Switch, facing, nearest,
+};
+use crate::panels::{Output, Panel, Panels, RoomPlace, theme};
 use crate::xr::{Counts, Frame, PanelLayer, XrError};
 
 /// Metres from the person to panels that hang around them.
@@ -18,8 +22,9 @@ const BELOW: f64 = 0.7;
 /// Pixels of a point.
 const SHARPNESS: f32 = 1.5;
 
-/// Points of the tool legend across and down, and metres to the eyes that it is made to be read from.
-const LEGEND: (Vec2, f64) = (Vec2::new(430.0, 580.0), 0.4);
+/// Half the depth in metres around the scene's front over which a panel fades, and the share of it that is seen through the
+/// scene.
+const BEHIND: (f64, f32) = (0.01, 0.3);
 
 /// The wrist menu's reading distance to the eyes, and its distance below the palm, metres.
 const WRIST: (f64, f64) = (0.45, 0.08);
@@ -31,17 +36,11 @@ const TURNED: [f64; 2] = [0.9, 0.75];
 /// Cosines of the angle between gaze and palm, likewise.
 const LOOKED_AT: f64 = 0.7;
 
-/// Points across a brush's ring.
-const RING: f32 = 64.0;
-
 /// Panels of one person.
 pub(super) struct PanelLayers {
     panels: Vec<PlacedPanel>,
-    legend: PanelLayer,
-    /// The newest content of the legend and the frame of its layout.
-    legend_shown: (Option<LegendContent>, u64),
-    rings: [PanelLayer; 2],
-    ring_signs: [Option<BrushSign>; 2],
+    callouts: [Callouts; 2],
+    raised: [RaisedHand; 2],
     pointer: Pointer,
     pointed: Option<Pointed>,
     grips: [Switch; 2],
@@ -55,9 +54,6 @@ pub(super) struct PanelLayers {
     frames: u64,
 }
 
-/// Content of a legend: the adding hand, the lines of both hands, whether it is light, its scale.
-type LegendContent = (Side, [Vec<(&'static str, String)>; 2], bool, f32);
-
 /// A panel that hangs in the room.
 struct PlacedPanel {
     panel: Panel,
@@ -66,6 +62,13 @@ struct PlacedPanel {
     stale: bool,
     /// Frame number of that layout.
     since: u64,
+}
+
+impl PlacedPanel {
+    /// Whether the scene can hide it. Panels for a hand close to the eyes are in front of everything.
+    fn is_behind_pictures(&self) -> bool {
+        matches!(self.panel.place, RoomPlace::Around { .. })
+    }
 }
 
 /// Initial placement of a panel around a person with eyes at this height of the room, metres. The wrist menu gets its
@@ -105,18 +108,10 @@ impl PanelLayers {
             let layer = PanelLayer::new(panel.size, SHARPNESS, hangs(*panel, eyes));
             PlacedPanel { panel: *panel, layer, stale: true, since: 0 }
         };
-        let nowhere = |size: Vec2, metres: DVec2| {
-            let pose = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
-            PanelLayer::new(size, SHARPNESS, Rectangle { pose, size: metres })
-        };
-        let metres = theme::metres_per_point(LEGEND.1);
-        let legend = DVec2::new(f64::from(LEGEND.0.x), f64::from(LEGEND.0.y)) * metres;
         Self {
             panels: Panel::ALL.iter().map(placed).collect(),
-            legend: nowhere(LEGEND.0, legend),
-            legend_shown: (None, 0),
-            rings: [0, 1].map(|_| nowhere(Vec2::splat(RING), DVec2::ONE)),
-            ring_signs: [None; 2],
+            callouts: Side::BOTH.map(Callouts::new),
+            raised: [RaisedHand::default(); 2],
             pointer: Pointer::default(),
             pointed: None,
             grips: [Switch::default(); 2],
@@ -147,6 +142,54 @@ impl PanelLayers {
     pub(super) fn place(&self, panel: Panel) -> Option<Rectangle> {
         let hidden = if panel.place == RoomPlace::Wrist { !self.wrist } else { !self.state };
         self.panels.iter().find(|placed| placed.panel == panel && !hidden).map(|placed| placed.layer.place)
+    }
+
+    /// Holes in the eyes' pictures for the visible panels around the person. The panel that a hand points at or carries is
+    /// whole; of the others a part is seen through the scene.
+    pub(super) fn holes(&self, panels: &Panels, state: &ViewState) -> Vec<Hole> {
+        let hung = self.visible(panels, state).into_iter().filter_map(|k| self.panels.get(k).map(|hung| (k, hung)));
+        let behind = hung.filter(|(_, hung)| hung.is_behind_pictures());
+        let hole = |(k, hung): (usize, &PlacedPanel)| {
+            let held = self.carried.iter().flatten().any(|(layer, _)| *layer == k);
+            let pointed = self.pointed.is_some_and(|pointed| pointed.rectangle == k);
+            let (softness, ghost) = if held || pointed { (BEHIND.0, 1.0) } else { BEHIND };
+            Hole { place: hung.layer.place, corner: 0.0, softness, ghost }
+        };
+        behind.map(hole).collect()
+    }
+
+    /// Where on a panel a hand's ray ends, in the room.
+    pub(super) fn pointed_by(&self, side: Side) -> Option<DVec3> {
+        let pointed = self.pointed.filter(|pointed| pointed.side == side)?;
+        Some(self.panels.get(pointed.rectangle)?.layer.place.point(pointed.at))
+    }
+
+    /// Hangs labels beside the hands that are raised to the eyes, or beside both hands with [`Tools::callouts`]. A hand that
+    /// is `busy` or whose palm shows the wrist menu is not raised. Returns lines from labels to controls.
+    pub(super) fn hang_callouts(
+        &mut self,
+        (hands, head): (&[HandInput; 2], &Pose),
+        busy: [bool; 2],
+        (tools, state): (&Tools, &ViewState),
+        seconds: f64,
+    ) -> Vec<[DVec3; 2]> {
+        let menu = Interaction::adds(tools).other();
+        let mut leaders = Vec::new();
+        for side in Side::BOTH {
+            let k = side.index();
+            let (grip, has_menu) = (hands[k].grip, self.wrist && side == menu);
+            let busy = busy[k] || has_menu || self.pointed.is_some_and(|pointed| pointed.side == side);
+            let raised = self.raised[k].step(grip.map(|grip| grip.position), head, busy, seconds);
+            let shown = grip.filter(|_| raised || (tools.callouts && !has_menu));
+            let lines = || Interaction::legend(side, tools, state);
+            leaders.extend(self.callouts[k].hang(shown, head.position, lines, tools));
+        }
+        leaders
+    }
+
+    /// Where the labels of a hand hang, while they are shown.
+    pub(super) fn callouts(&self, side: Side) -> Option<Rectangle> {
+        self.callouts[side.index()].place()
     }
 
     /// Indices of the visible panels.
@@ -230,40 +273,43 @@ impl PanelLayers {
         }
     }
 
-    /// Index of the panel to lay out next because its content has changed; the index after the panels is the legend. Among
-    /// the visible ones, the longest waiting comes first. Laying out a panel takes longer than all else in a frame beside
-    /// the picture. A scene that changes in every frame changes all of them.
-    fn turn(&self, eyes: &[Eye; 2], visible: &[usize], legend: bool) -> Option<usize> {
+    /// Index of the panel to lay out next because its content has changed; the two indices after the panels are the hands'
+    /// labels. Among the visible ones, the longest waiting comes first. Laying out a panel takes longer than all else in a
+    /// frame beside the picture. A scene that changes in every frame changes all of them.
+    fn turn(&self, eyes: &[Eye; 2], visible: &[usize], tools: &Tools) -> Option<usize> {
         let sees = |place: &Rectangle| eyes.iter().any(|eye| eye.may_see(place));
         let panels = visible.iter().filter_map(|k| self.panels.get(*k).map(|placed| (*k, placed)));
         let panels = panels.filter(|(_, h)| h.stale && sees(&h.layer.place)).map(|(k, placed)| (k, placed.since));
-        let legend = (legend && sees(&self.legend.place)).then_some((self.panels.len(), self.legend_shown.1));
-        panels.chain(legend).min_by_key(|(_, since)| *since).map(|(k, _)| k)
+        let labels = self.callouts.iter().enumerate().filter(|(_, labels)| labels.is_stale(tools));
+        let labels = labels.filter(|(_, labels)| labels.place().is_some_and(|place| sees(&place)));
+        let labels = labels.map(|(k, labels)| (self.panels.len() + k, labels.since));
+        panels.chain(labels).min_by_key(|(_, since)| *since).map(|(k, _)| k)
     }
 
-    /// Draws and shows all layers; returns the output of the panels.
+    /// Draws and shows all layers; returns the output of the panels. Panels are behind the eyes' pictures if these have holes
+    /// for them.
     pub(super) fn show(
         &mut self,
         frame: &mut Frame<'_>,
         panels: &mut Panels,
         state: &ViewState,
         tools: &mut Tools,
-        brush_markers: [Option<BrushMarker>; 2],
+        has_holes: bool,
     ) -> Result<Output, XrError> {
         self.frames += 1;
         if self.newest.as_ref().is_none_or(|(s, t)| !same(s, state) || t != tools) {
             self.panels.iter_mut().for_each(|placed| placed.stale = true);
             self.newest = Some((state.clone(), tools.clone()));
         }
-        let legend = self.hang_legend(frame, tools, state);
         let visible = self.visible(panels, state);
-        let legend_changed = legend.is_some() && legend != self.legend_shown.0;
-        let turn = self.turn(&frame.eyes, &visible, legend_changed);
+        let turn = self.turn(&frame.eyes, &visible, tools);
         let hands = frame.hands;
         let mut output = Output::default();
         for k in visible {
             let pointed = self.pointed.filter(|p| p.rectangle == k);
-            let Some(PlacedPanel { panel, layer, stale, since }) = self.panels.get_mut(k) else { continue };
+            let Some(placed) = self.panels.get_mut(k) else { continue };
+            placed.layer.in_front = !(has_holes && placed.is_behind_pictures());
+            let PlacedPanel { panel, layer, stale, since } = placed;
             let panel = *panel;
             let by = pointed.as_ref().map(|p| (p, &hands[p.side.index()]));
             // A panel under a pointer is updated at once; the keyboard's letters appear in another panel.
@@ -284,71 +330,11 @@ impl PanelLayers {
                 (*stale, *since) = (false, self.frames);
             }
         }
-        if let Some(legend) = legend {
-            self.show_legend(frame, tools, legend, turn == Some(self.panels.len()))?;
+        for (k, labels) in self.callouts.iter_mut().enumerate() {
+            labels.show(frame, tools, turn == Some(self.panels.len() + k), self.frames)?;
         }
-        self.show_rings(frame, brush_markers)?;
         Ok(output)
     }
-
-    /// Hangs the tool legend above the hand that does not brush, facing the eyes. Returns its content, if that hand is
-    /// visible.
-    fn hang_legend(&mut self, frame: &Frame<'_>, tools: &Tools, state: &ViewState) -> Option<LegendContent> {
-        let adds = Interaction::adds(tools);
-        let wrist = frame.hands[adds.other().index()].grip.filter(|_| self.state)?;
-        let position = wrist.position + DVec3::new(0.0, 0.2, 0.0);
-        self.legend.place.pose = Pose { position, orientation: facing(position, frame.head.position) };
-        let lines = [adds, adds.other()].map(|side| Interaction::legend(side, tools, state));
-        Some((adds, lines, tools.light_panels, tools.scale))
-    }
-
-    /// Shows the legend, with a new layout on request.
-    fn show_legend(
-        &mut self,
-        frame: &mut Frame<'_>,
-        tools: &Tools,
-        content: LegendContent,
-        anew: bool,
-    ) -> Result<(), XrError> {
-        let (adds, lines, ..) = &content;
-        let before = self.legend.counts().laid_out;
-        self.legend.show(frame, None, Vec::new(), anew, |ui| {
-            theme::apply(ui.ctx(), tools);
-            for (side, lines) in [*adds, adds.other()].iter().zip(lines) {
-                ui.strong(if *side == Side::Left { "left hand" } else { "right hand" });
-                let lines: Vec<(&str, &str)> = lines.iter().map(|(b, does)| (*b, does.as_str())).collect();
-                ui.push_id(side.index(), |ui| legend(ui, &lines));
-            }
-        })?;
-        if self.legend.counts().laid_out > before {
-            self.legend_shown = (Some(content), self.frames);
-        }
-        Ok(())
-    }
-
-    /// A ring as large as the brush at each tip, facing the eyes.
-    fn show_rings(&mut self, frame: &mut Frame<'_>, brush_markers: [Option<BrushMarker>; 2]) -> Result<(), XrError> {
-        for (k, marker) in brush_markers.iter().enumerate() {
-            let Some(BrushMarker { at, radius, sign }) = *marker else { continue };
-            let changed = self.ring_signs[k].replace(sign) != Some(sign);
-            let pose = Pose { position: at, orientation: facing(at, frame.head.position) };
-            self.rings[k].place = Rectangle { pose, size: DVec2::splat(2.2 * radius.max(0.002)) };
-            self.rings[k].show(frame, None, Vec::new(), changed, |ui| {
-                let color = theme::color_of(sign);
-                let middle = Pos2::new(0.5 * RING, 0.5 * RING);
-                ui.painter().circle_stroke(middle, RING / 2.2, Stroke::new(3.0, color));
-                ui.painter().circle_filled(middle, 2.0, color);
-            })?;
-        }
-        Ok(())
-    }
-}
-
-/// Orientation that faces `eye`, upright.
-pub(super) fn facing(at: DVec3, eye: DVec3) -> DQuat {
-    let back = (eye - at).normalize_or(DVec3::Z);
-    let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
-    DQuat::from_mat3(&glam::DMat3::from_cols(right, back.cross(right), back))
 }
 
 /// Intersection of a hand's ray with a panel.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use egui::{Color32, ColorImage};
-use glam::DVec2;
+use glam::{DVec2, Vec3};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
@@ -12,6 +12,7 @@ use sg_scene::model::Scene;
 use crate::display::{LatestWorker, Level};
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
+use sg_raster::finish::Finish;
 use sg_raster::image::Image;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
@@ -40,6 +41,8 @@ pub(super) struct PictureJob {
     pub(super) outlines: Option<Arc<[u32]>>,
     /// The device that shows the window, where pictures may stay on it.
     pub(super) shown_by: Option<Gpu>,
+    /// The last step of the picture.
+    pub(super) finish: Finish,
 }
 
 /// Location of a picture.
@@ -94,6 +97,7 @@ pub(super) fn pictures(
 fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &PictureJob) -> Result<Picture, String> {
     let cameras: Vec<_> = job.cameras.iter().map(|camera| scaled(camera, job.level.scale)).collect();
     let options = Options { quality: job.level.quality, projection: job.projection };
+    let background = job.appearance.background;
     // Outlines are drawn by the cores.
     if let Some(shown_by) = job.shown_by.as_ref().filter(|_| job.outlines.is_none()) {
         let left = engine.leave(&job.appearance, &cameras, options).map_err(|e| e.to_string())?;
@@ -102,7 +106,8 @@ fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &P
             if !shared_texture.as_ref().is_some_and(|h| h.is_on(gpu)) {
                 *shared_texture = None;
             }
-            let picture = shared_texture.get_or_insert_with(|| SharedTexture::new(gpu)).put(pictures);
+            let picture =
+                shared_texture.get_or_insert_with(|| SharedTexture::new(gpu)).put(pictures, background, &job.finish);
             return Ok(Picture::OnDevice(shown_by.clone(), picture));
         }
     }
@@ -116,20 +121,20 @@ fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &P
         }
         eyes.push(image);
     }
-    Ok(Picture::Pixels(side_by_side(&eyes)))
+    Ok(Picture::Pixels(side_by_side(&eyes, background, &job.finish)))
 }
 
-/// Pictures of one height beside each other, rounded as in a PNG.
-fn side_by_side(images: &[Image]) -> ColorImage {
+/// Pictures of one height beside each other, with their last step.
+fn side_by_side(images: &[Image], background: Vec3, finish: &Finish) -> ColorImage {
     let height = images.iter().map(|i| i.height).min().unwrap_or(0) as usize;
     let width: usize = images.iter().map(|i| i.width as usize).sum();
-    let byte = |x: f32| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
+    let bytes: Vec<Vec<u8>> = images.iter().map(|image| image.finished_rgb8(background, finish)).collect();
     let mut pixels = Vec::with_capacity(width * height);
     for y in 0..height {
-        for image in images {
-            let row = 4 * image.width as usize;
-            let line = image.rgba.get(y * row..(y + 1) * row).unwrap_or_default();
-            pixels.extend(line.chunks_exact(4).map(|p| Color32::from_rgb(byte(p[0]), byte(p[1]), byte(p[2]))));
+        for (image, bytes) in images.iter().zip(&bytes) {
+            let row = 3 * image.width as usize;
+            let line = bytes.get(y * row..(y + 1) * row).unwrap_or_default();
+            pixels.extend(line.chunks_exact(3).map(|p| Color32::from_rgb(p[0], p[1], p[2])));
         }
     }
     ColorImage::new([width, height], pixels)

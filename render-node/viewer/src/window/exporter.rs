@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use glam::Vec3;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
-use sg_scene::view::View;
 
 use super::ffmpeg::{self, VIDEO_TIMEOUT, video};
+use super::navigation::Navigator;
 use crate::display::LatestWorker;
+use sg_raster::finish::Finish;
 use sg_raster::image::Image;
 use sg_raster::render::{Quality, render};
 
@@ -23,16 +25,16 @@ const TURN_EDGE: f64 = 1280.0;
 
 /// A picture or turn to export.
 #[derive(Debug, Clone)]
-pub(super) enum ExportJob {
-    /// One picture with this camera.
-    Picture(Box<Camera>, Appearance),
-    /// A turn about a view's target, of pictures of this shape.
-    Turn(View, [u32; 2], Appearance),
+pub(crate) enum ExportJob {
+    /// One picture with this camera and last step.
+    Picture(Box<Camera>, Appearance, Finish),
+    /// A turn about the target of an eye, of pictures of this shape and last step.
+    Turn(Navigator, [u32; 2], Appearance, Finish),
 }
 
 /// Keeps pictures.
 #[derive(Debug)]
-pub(super) struct Exporter {
+pub(crate) struct Exporter {
     worker: LatestWorker<ExportJob, Result<String, String>>,
     /// Finished pictures of the current turn, and their total.
     done: Arc<AtomicU32>,
@@ -51,7 +53,7 @@ impl Drop for Exporter {
 
 impl Exporter {
     /// A keeper that puts pictures of `scene` into `folder`, on `pool`.
-    pub(super) fn new(
+    pub(crate) fn new(
         scene: Arc<Scene>,
         folder: PathBuf,
         pool: Arc<rayon::ThreadPool>,
@@ -75,17 +77,17 @@ impl Exporter {
     }
 
     /// Queues an export; it replaces a queued one that has not begun.
-    pub(super) fn export(&self, job: ExportJob) {
+    pub(crate) fn export(&self, job: ExportJob) {
         self.worker.submit(job);
     }
 
     /// Result of the export with its path, or its error: a line for a person, returned once.
-    pub(super) fn take_result(&self) -> Option<Result<String, String>> {
+    pub(crate) fn take_result(&self) -> Option<Result<String, String>> {
         self.worker.take()
     }
 
     /// Progress of a turn or of its video, 0 to 1, and its kind; `None` while idle.
-    pub(super) fn progress(&self) -> Option<(f32, &'static str)> {
+    pub(crate) fn progress(&self) -> Option<(f32, &'static str)> {
         let share = |count: &AtomicU32| (count.load(Ordering::Relaxed) as f32 / TURN as f32).min(1.0);
         match (share(&self.done), share(&self.in_video_count)) {
             (0.0, _) => None,
@@ -124,12 +126,12 @@ fn exported(
 ) -> Result<Exported, String> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     match job {
-        ExportJob::Picture(camera, look) => {
+        ExportJob::Picture(camera, look, finish) => {
             let path = free(folder, "picture", "png");
-            write(&picture(scene, &look, &camera)?, &path)?;
+            write(&picture(scene, &look, &camera)?, &path, look.background, &finish)?;
             Ok(Exported::Picture(path))
         }
-        ExportJob::Turn(view, [width, height], look) => {
+        ExportJob::Turn(navigator, [width, height], look, finish) => {
             let turn = free(folder, "turn", "");
             std::fs::create_dir_all(&turn).map_err(|e| format!("{}: {e}", turn.display()))?;
             let scale = (TURN_EDGE / f64::from(width.max(height)).max(1.0)).min(1.0);
@@ -139,9 +141,10 @@ fn exported(
                 if stop.load(Ordering::Relaxed) {
                     return Err(format!("the window was closed after {k} pictures in {}", turn.display()));
                 }
-                let camera =
-                    view.orbited(360.0 * f64::from(k) / f64::from(TURN), 0.0).camera(even(width), even(height));
-                write(&picture(scene, &look, &camera)?, &turn.join(format!("{k:04}.png")))?;
+                let view = navigator.view.orbited(360.0 * f64::from(k) / f64::from(TURN), 0.0);
+                let camera = navigator.at(view).camera(even(width), even(height));
+                let path = turn.join(format!("{k:04}.png"));
+                write(&picture(scene, &look, &camera)?, &path, look.background, &finish)?;
                 counted.store(k + 1, Ordering::Relaxed);
             }
             Ok(Exported::Turn(turn))
@@ -153,10 +156,10 @@ fn picture(scene: &Scene, look: &Appearance, camera: &Camera) -> Result<Image, S
     Ok(render(scene, look, camera, Quality::Standard).map_err(|e| e.to_string())?.image)
 }
 
-fn write(image: &Image, path: &Path) -> Result<(), String> {
+fn write(image: &Image, path: &Path, background: Vec3, finish: &Finish) -> Result<(), String> {
     let said = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     let mut png = Vec::new();
-    image.write_png(&mut png).map_err(|e| said(&e))?;
+    image.write_finished_png(background, finish, &mut png).map_err(|e| said(&e))?;
     std::fs::write(path, png).map_err(|e| said(&e))
 }
 

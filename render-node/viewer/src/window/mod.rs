@@ -6,11 +6,12 @@
 mod bookmarks;
 mod drawing;
 mod error;
-mod exporter;
+pub(crate) mod exporter;
 mod ffmpeg;
 mod file_drop;
 mod lasso;
 mod navigation;
+mod occlusion;
 mod overlay;
 mod scene_view;
 mod settings;

@@ -1,6 +1,7 @@
 //! How a mouse and keys move the eye of a window: orbit, trackball, fly. Scene coordinates, f64.
 
 use glam::{DQuat, DVec2, DVec3};
+use sg_scene::camera::Camera;
 use sg_scene::model::SceneBox;
 use sg_scene::view::View;
 
@@ -48,6 +49,9 @@ const TURN: f64 = 180.0;
 /// Nearest that a flying eye looks to straight up or down, degrees.
 const POLE_GAP: f64 = 1.0;
 
+/// Greatest near distance, as a share of the way to the target: what a person looks at closely does not fade.
+const NEAR_SHARE: f64 = 0.1;
+
 /// The eye of a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Navigator {
@@ -55,15 +59,31 @@ pub struct Navigator {
     pub view: View,
     /// Effect of a drag.
     pub navigation_mode: NavigationMode,
+    /// Distance from the eye, in the scene's unit, within which Gaussians fade; less where the target is near.
+    pub near: f64,
     /// The scene's length, the longest edge of its box.
     length: f64,
 }
 
 impl Navigator {
-    /// An eye before a scene.
+    /// An eye before a scene, without a near distance.
     #[must_use]
     pub fn new(view: View, bounds: SceneBox) -> Self {
-        Self { view, navigation_mode: NavigationMode::default(), length: bounds.longest_edge().max(f64::MIN_POSITIVE) }
+        let length = bounds.longest_edge().max(f64::MIN_POSITIVE);
+        Self { view, navigation_mode: NavigationMode::default(), near: 0.0, length }
+    }
+
+    /// The same eye elsewhere.
+    #[must_use]
+    pub fn at(self, view: View) -> Self {
+        Self { view, ..self }
+    }
+
+    /// The camera of a picture of this size.
+    #[must_use]
+    pub fn camera(&self, width: u32, height: u32) -> Camera {
+        let near = self.near.min(NEAR_SHARE * self.view.eye.distance(self.view.target));
+        Camera { near, ..self.view.camera(width, height) }
     }
 
     /// A drag by `delta`, in heights of the picture, x to the right and y down: the visible scene follows the hand.
@@ -129,9 +149,9 @@ impl Navigator {
         self.put(View { eye: view.eye + way, target: view.target + way, ..view });
     }
 
-    /// Frames a box from the present direction.
-    pub fn frame(&mut self, bounds: SceneBox) {
-        self.put(self.view.focused(bounds));
+    /// Looks from another view. One from which nothing can be seen is ignored.
+    pub fn look_from(&mut self, view: View) {
+        self.put(view);
     }
 
     /// The scene's length: keys fly a share of it per second.
@@ -176,6 +196,14 @@ mod tests {
         let d = point - view.eye;
         let scale = 2.0 * (0.5 * view.fov_y_degrees.to_radians()).tan() * d.dot(forward);
         DVec2::new(d.dot(right), -d.dot(up)) / scale
+    }
+
+    #[test]
+    fn the_near_distance_is_less_where_the_target_is_near() {
+        let mut n = Navigator { near: 0.02, ..navigator(NavigationMode::Orbit) };
+        assert_eq!(n.camera(40, 30).near, 0.02);
+        n.view.eye = n.view.target + DVec3::new(0.0, 0.0, 0.01);
+        assert!((n.camera(40, 30).near - 0.001).abs() < 1e-12);
     }
 
     #[test]

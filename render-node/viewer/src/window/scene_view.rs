@@ -7,18 +7,22 @@ use egui::{Color32, Pos2, Rect, Response, Sense as EguiSense, TextureHandle, Tex
 use glam::{DVec2, DVec3};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
+use sg_scene::framing::{FirstView, framed};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::view::View;
 
 use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
 use super::error::WindowError;
 use super::navigation::{NavigationMode, Navigator};
+use super::occlusion::OcclusionWorker;
 use crate::display::{
     AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, LatestWorker, Level, Request, Tools,
     ViewState,
 };
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
+use sg_raster::finish::Finish;
 
 /// Tool of the left button.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -74,33 +78,42 @@ struct PictureRequest {
     cameras: Vec<Camera>,
     appearance: Appearance,
     outlines: bool,
+    gradient: bool,
 }
 
 impl PartialEq for PictureRequest {
     fn eq(&self, other: &Self) -> bool {
-        self.cameras == other.cameras && self.outlines == other.outlines && same(&self.appearance, &other.appearance)
+        let flags = |r: &Self| (r.outlines, r.gradient);
+        self.cameras == other.cameras && flags(self) == flags(other) && same(&self.appearance, &other.appearance)
     }
 }
 
-/// Compares looks without reading colours, since there is one colour per Gaussian. It compares pointers: a display keeps
-/// its colours.
+/// Compares looks without reading colours and occlusion, since there is one of each per Gaussian. It compares pointers: a display
+/// keeps them.
 fn same(a: &Appearance, b: &Appearance) -> bool {
-    let colors = match (&a.colors, &b.colors) {
-        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-        (a, b) => a.is_none() && b.is_none(),
-    };
-    let plain = |appearance: &Appearance| Appearance { colors: None, ..appearance.clone() };
-    colors && plain(a) == plain(b)
+    fn same_column<T>(a: Option<&Arc<[T]>>, b: Option<&Arc<[T]>>) -> bool {
+        match (a, b) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            (a, b) => a.is_none() && b.is_none(),
+        }
+    }
+    let plain = |appearance: &Appearance| Appearance { colors: None, occlusion: None, ..appearance.clone() };
+    same_column(a.colors.as_ref(), b.colors.as_ref())
+        && same_column(a.occlusion.as_ref(), b.occlusion.as_ref())
+        && plain(a) == plain(b)
 }
 
 /// The picture of a window.
 pub(super) struct SceneView {
     pub(super) scene: Arc<Scene>,
     pub(super) navigator: Navigator,
+    /// The scene's first view at the window's shape, where it is shown.
+    framed: Option<View>,
     pub(super) mouse_tool: MouseTool,
     pub(super) stereo: bool,
     pub(super) brush_controller: BrushController,
     picture_worker: LatestWorker<PictureJob, DrawnPicture>,
+    occlusion_worker: OcclusionWorker,
     front_worker: LatestWorker<(Camera, Appearance), Option<FrontSurface>>,
     pub(super) front: Option<FrontSurface>,
     requested_front: Option<(Camera, Appearance)>,
@@ -153,9 +166,12 @@ impl SceneView {
         let drawn_by = engine.gpu().cloned();
         Ok(Self {
             navigator,
+            framed: None,
             mouse_tool: MouseTool::default(),
             stereo: false,
             brush_controller,
+            occlusion_worker: OcclusionWorker::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone())
+                .map_err(threads)?,
             picture_worker: drawing::pictures(engine, Arc::clone(&pool), wake.clone()).map_err(threads)?,
             front_worker: drawing::fronts(Arc::clone(&scene), pool, wake).map_err(threads)?,
             scene,
@@ -185,7 +201,37 @@ impl SceneView {
 
     /// Whether the best picture is shown and no work is pending.
     pub(super) fn is_settled(&self) -> bool {
-        self.settled && self.picture_worker.is_idle() && self.front_worker.is_idle()
+        self.settled
+            && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
+                == [true; 3]
+    }
+
+    /// Shows the scene's `first` view at the shape of `rect` for as long as the eye stays there, and frames it anew when the
+    /// window changes its shape.
+    pub(super) fn keep_framed(&mut self, first: &mut FirstView, shared: View, rect: Rect) {
+        if self.framed == Some(self.navigator.view) || self.navigator.view == shared {
+            let aspect = f64::from(rect.width().max(1.0)) / f64::from(rect.height().max(1.0));
+            let view = first.shown(&self.scene, shared, aspect);
+            self.framed = (view != shared).then_some(view);
+            self.navigator.view = view;
+        }
+    }
+
+    /// Whether the eye is where the scene's view, or its frame at the window's shape, puts it.
+    pub(super) fn is_at(&self, shared: View) -> bool {
+        let view = self.navigator.view;
+        view == shared || self.framed == Some(view)
+    }
+
+    /// Frames what the newest picture shows, from the present direction.
+    pub(super) fn fit(&mut self) {
+        let View { eye, target, up, fov_y_degrees } = self.navigator.view;
+        let [width, height] = self.size();
+        let aspect = f64::from(width) / f64::from(height);
+        let own = Appearance::of(&self.scene);
+        let appearance = self.requested.as_ref().map_or(&own, |requested| &requested.appearance);
+        let view = framed(&self.scene, appearance, (target - eye, up), fov_y_degrees, aspect);
+        self.navigator.look_from(view);
     }
 
     /// Size of the picture in pixels of the screen.
@@ -338,7 +384,7 @@ impl SceneView {
     /// The camera of a picture that fills `rect`, one pixel a point.
     pub(super) fn camera(&self, rect: Rect) -> Camera {
         let edge = |x: f32| (x.round() as u32).max(1);
-        self.navigator.view.camera(edge(rect.width()), edge(rect.height()))
+        self.navigator.camera(edge(rect.width()), edge(rect.height()))
     }
 
     /// Surface point in front at a position of the window.
@@ -352,15 +398,15 @@ impl SceneView {
     fn cameras(&self, rect: Rect, pixels_per_point: f32) -> Vec<Camera> {
         let (width, height) = (rect.width() * pixels_per_point, rect.height() * pixels_per_point);
         let edge = |x: f32| (x.round() as u32).clamp(1, sg_proto::limits::MAX_PICTURE_PIXELS);
-        let view = self.navigator.view;
         if !self.stereo {
-            return vec![view.camera(edge(width), edge(height))];
+            return vec![self.navigator.camera(edge(width), edge(height))];
         }
+        let view = self.navigator.view;
         let forward = view.target - view.eye;
         let side = 0.5 * EYES * forward.length() * forward.cross(view.up).normalize_or_zero();
         let eye = |way: DVec3| {
-            let apart = sg_scene::view::View { eye: view.eye + way, target: view.target + way, ..view };
-            let mut camera = apart.camera(edge(0.5 * width), edge(height));
+            let apart = View { eye: view.eye + way, target: view.target + way, ..view };
+            let mut camera = self.navigator.at(apart).camera(edge(0.5 * width), edge(height));
             // Both look straight ahead; points at the target's depth coincide in both pictures.
             camera.cx += camera.fx * way.dot(side.normalize_or_zero()) / forward.length();
             camera
@@ -370,11 +416,18 @@ impl SceneView {
 
     /// Shows the newest picture in `rect`, and wishes for another where `appearance` or the eye has changed.
     pub(super) fn show(&mut self, ui: &Ui, rect: Rect, appearance: &Appearance, state: &ViewState, tools: &Tools) {
+        let occlusion = self.occlusion(appearance, tools);
+        let appearance = &Appearance { occlusion, ..appearance.clone() };
         let cameras = self.cameras(rect, ui.ctx().pixels_per_point());
         let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines);
         let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
         self.take_in(ui);
-        let requested = PictureRequest { cameras, appearance: appearance.clone(), outlines: outlines.is_some() };
+        let requested = PictureRequest {
+            cameras,
+            appearance: appearance.clone(),
+            outlines: outlines.is_some(),
+            gradient: tools.gradient,
+        };
         let now = Instant::now();
         if self.requested.as_ref() != Some(&requested) {
             self.changed = now;
@@ -391,6 +444,7 @@ impl SceneView {
             let projection = tools.projection;
             let (cameras, appearance) = (cameras.clone(), appearance.clone());
             let shown_by = self.shown_by.as_ref().map(|(gpu, _)| gpu.clone());
+            let finish = Finish::to_look_at(appearance.background, tools.gradient);
             self.picture_worker.submit(PictureJob {
                 cameras,
                 appearance,
@@ -399,6 +453,7 @@ impl SceneView {
                 moving,
                 outlines,
                 shown_by,
+                finish,
             });
             // A picture in motion is followed by another.
             self.settled = !moving;
@@ -413,6 +468,11 @@ impl SceneView {
         }
         self.draw_markers(ui, rect, state);
         self.draw_brush_ring(ui, rect, tools);
+    }
+
+    /// The newest ambient occlusion, where it is wanted.
+    pub(super) fn occlusion(&mut self, appearance: &Appearance, tools: &Tools) -> Option<Arc<[f32]>> {
+        tools.occlusion.then(|| self.occlusion_worker.factors(appearance)).flatten()
     }
 
     fn take_in(&mut self, ui: &Ui) {
@@ -463,7 +523,8 @@ impl SceneView {
             return;
         }
         // The highlight changes no place of anything.
-        let wanted = (self.camera(rect), Appearance { overlay: None, colors: None, ..appearance.clone() });
+        let wanted =
+            (self.camera(rect), Appearance { overlay: None, colors: None, occlusion: None, ..appearance.clone() });
         if self.requested_front.as_ref() != Some(&wanted) {
             self.front_worker.submit(wanted.clone());
             self.requested_front = Some(wanted);

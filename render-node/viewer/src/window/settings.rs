@@ -40,11 +40,15 @@ pub struct Settings {
     pub light_panels: bool,
     /// Size of everything, 1 for the usual.
     pub scale: f32,
+    /// Whether the background is a gradient.
+    pub gradient: bool,
+    /// Whether ambient light is occluded.
+    pub occlusion: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let Tools { mode, radius, quality, light_panels, scale, .. } = Tools::default();
+        let Tools { mode, radius, quality, light_panels, scale, gradient, occlusion, .. } = Tools::default();
         Self {
             width: 1440.0,
             height: 900.0,
@@ -57,6 +61,8 @@ impl Default for Settings {
             quality,
             light_panels,
             scale,
+            gradient,
+            occlusion,
         }
     }
 }
@@ -138,9 +144,9 @@ impl Settings {
 
     /// Copies saved settings into tools; a quality `given` for this run takes precedence.
     pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
-        let Self { mode, radius, light_panels, scale, .. } = *self;
+        let Self { mode, radius, light_panels, scale, gradient, occlusion, .. } = *self;
         let quality = given.unwrap_or(self.quality);
-        *tools = Tools { mode, radius, quality, light_panels, scale, ..tools.clone() };
+        *tools = Tools { mode, radius, quality, light_panels, scale, gradient, occlusion, ..tools.clone() };
     }
 
     /// The settings to save after a run that began with `before`. A quality given for that run alone, and not changed

@@ -1,6 +1,8 @@
 //! Pictures that stay on the device that shows the window.
 
+use glam::Vec3;
 use sg_gpu::{Gpu, Present};
+use sg_raster::finish::Finish;
 
 /// Format of the painted panels: values are final, without a transfer curve.
 pub(super) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -25,8 +27,10 @@ impl SharedTexture {
         self.gpu.is(gpu)
     }
 
-    /// Puts pictures of one height (f32 RGBA) side by side, rounded as in a PNG; does not wait for the device.
-    pub(super) fn put(&mut self, pictures: &[wgpu::Texture]) -> wgpu::Texture {
+    /// Puts pictures of one height (f32 RGBA) side by side with their last step, over the background `plain`; does not wait for
+    /// the device.
+    pub(super) fn put(&mut self, pictures: &[wgpu::Texture], plain: Vec3, finish: &Finish) -> wgpu::Texture {
+        self.present.set_finish(plain, finish);
         let width = pictures.iter().map(wgpu::Texture::width).sum::<u32>().max(1);
         let height = pictures.iter().map(wgpu::Texture::height).min().unwrap_or(1);
         let place = &mut self.places[self.next];

@@ -48,9 +48,7 @@ impl WindowSurface {
                 (gpu.clone(), instance.create_surface(Arc::clone(window)).map_err(|e| failed(&e))?)
             }
             None => {
-                let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-                descriptor.backends = wgpu::Backends::VULKAN;
-                let instance = wgpu::Instance::new(descriptor);
+                let instance = wgpu::Instance::new(Gpu::instance_descriptor());
                 let surface = instance.create_surface(Arc::clone(window)).map_err(|e| failed(&e))?;
                 let options = wgpu::RequestAdapterOptions { compatible_surface: Some(&surface), ..Default::default() };
                 let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| failed(&e))?;

@@ -12,7 +12,7 @@ use sg_proto::scene::{
     set_view,
 };
 use sg_proto::selection::StrokesRequest;
-use sg_scene::framing::framed_box;
+use sg_scene::framing::{FirstView, near_distance};
 use sg_scene::model::Scene;
 use sg_scene::view::View;
 use sg_selection::brush::Brush;
@@ -34,6 +34,7 @@ use crate::panels::{DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Pa
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::attributes::Attribute;
+use sg_raster::finish::Finish;
 
 /// Widths of the panels at first, points.
 const LEFT: f32 = 340.0;
@@ -66,6 +67,7 @@ pub struct WindowUi {
     pub(super) exporter: Exporter,
     /// The scene's last known view: a different one moves the eye here.
     shared: View,
+    first_view: FirstView,
     /// The view that this window has sent and the scene has not confirmed yet.
     sent: Option<View>,
     panels_shown: bool,
@@ -92,6 +94,7 @@ impl WindowUi {
         let first = view_port.newest();
         let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
         let mut navigator = Navigator::new(shared, scene.bounds);
+        navigator.near = near_distance(&scene);
         navigator.navigation_mode = settings.navigation_mode;
         let brush = Arc::new(Brush::of_scene(&scene));
         let name = format!("window-{}", std::process::id());
@@ -107,6 +110,7 @@ impl WindowUi {
             tracing::warn!("no curve is shown: {problem}");
         }
         Ok(Self {
+            first_view: FirstView::of(&scene),
             scene,
             view_port,
             tools,
@@ -130,7 +134,7 @@ impl WindowUi {
     /// Its settings without the size of the window.
     #[must_use]
     pub fn settings(&self) -> Settings {
-        let Tools { mode, radius, quality, light_panels, scale, .. } = self.tools;
+        let Tools { mode, radius, quality, light_panels, scale, gradient, occlusion, .. } = self.tools;
         Settings {
             panels: self.panels_shown,
             mouse_tool: self.scene_view.mouse_tool,
@@ -140,6 +144,8 @@ impl WindowUi {
             quality,
             light_panels,
             scale,
+            gradient,
+            occlusion,
             ..Settings::default()
         }
     }
@@ -207,6 +213,7 @@ impl WindowUi {
             self.show_panels(ui, &state, &mut requests);
         }
         egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
+            self.scene_view.keep_framed(&mut self.first_view, self.shared, ui.available_rect_before_wrap());
             let (response, output) = self.scene_view.interact(ui, &state, &mut self.tools);
             requests.extend(output);
             let notches = std::mem::take(&mut self.scene_view.notches);
@@ -329,7 +336,7 @@ impl WindowUi {
     fn ask(&mut self, requests: Vec<Request>, newest: &ViewState) {
         for request in requests {
             let view = self.scene_view.navigator.view;
-            if refers_to_view(&request) && view != newest.scene.view() {
+            if refers_to_view(&request) && !self.scene_view.is_at(newest.scene.view()) {
                 self.sent = Some(view);
                 let change = Some(set_view::Change::View(encode_view(&view)));
                 self.view_port.send(Request::Change(Box::new(command::Action::SetView(SetView { change }))));
@@ -393,7 +400,7 @@ impl WindowUi {
                 self.panels_shown = true;
                 self.panels.say_something();
             }
-            Action::Fit => self.scene_view.navigator.frame(framed_box(&self.scene)),
+            Action::Fit => self.scene_view.fit(),
             Action::NavigationMode => {
                 let navigator = &mut self.scene_view.navigator;
                 navigator.navigation_mode = navigator.navigation_mode.next();
@@ -415,20 +422,24 @@ impl WindowUi {
 
     /// Appearance of exported pictures: without provisional highlights, such as the preview of a stroke.
     fn export_appearance(&mut self, state: &ViewState) -> sg_scene::appearance::Appearance {
-        let Self { scene, appearance_builder, tools, .. } = self;
-        appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_deref(), tools)
+        let Self { scene, appearance_builder, tools, scene_view, .. } = self;
+        let own = appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_deref(), tools);
+        sg_scene::appearance::Appearance { occlusion: scene_view.occlusion(&own, tools), ..own }
     }
 
     fn export_picture(&mut self, state: &ViewState) {
         let appearance = self.export_appearance(state);
         let [width, height] = self.scene_view.size();
-        let camera = self.scene_view.navigator.view.camera(width, height);
-        self.exporter.export(ExportJob::Picture(Box::new(camera), appearance));
+        let camera = self.scene_view.navigator.camera(width, height);
+        let finish = Finish::to_look_at(appearance.background, self.tools.gradient);
+        self.exporter.export(ExportJob::Picture(Box::new(camera), appearance, finish));
     }
 
     fn export_turn(&mut self, state: &ViewState) {
         let appearance = self.export_appearance(state);
-        self.exporter.export(ExportJob::Turn(self.scene_view.navigator.view, self.scene_view.size(), appearance));
+        let finish = Finish::to_look_at(appearance.background, self.tools.gradient);
+        let (navigator, size) = (self.scene_view.navigator, self.scene_view.size());
+        self.exporter.export(ExportJob::Turn(navigator, size, appearance, finish));
         self.line = "drawing a turn around the scene".to_owned();
     }
 

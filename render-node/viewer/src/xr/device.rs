@@ -110,7 +110,7 @@ impl VulkanDevice {
             )
         }
         .map_err(|e| refused("Vulkan instance", e))?;
-        let exposed = hal_instance
+        let mut exposed = hal_instance
             .expose_adapter(vk::PhysicalDevice::from_raw(physical))
             .ok_or_else(|| refused("graphics device", "it lacks what drawing needs"))?;
         let info = exposed.info.clone();
@@ -147,6 +147,10 @@ impl VulkanDevice {
             )
         }
         .map_err(|e| refused("Vulkan device", e))?;
+        // wgpu validates indirect calls for every instance made outside of it, at a dispatch and two barriers each, unless the
+        // adapter lacks the storage buffers for that. Our passes write their arguments themselves. The device has its real
+        // limits, those of its descriptor.
+        exposed.capabilities.limits.max_storage_buffers_per_shader_stage = 1;
         // SAFETY: the three were made from one another, in this order, by wgpu's own layer.
         let (opened, instance_and_adapter) = unsafe {
             let instance = wgpu::Instance::from_hal::<Vulkan>(hal_instance);

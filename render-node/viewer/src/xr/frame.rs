@@ -6,13 +6,14 @@ use glam::DVec2;
 use openxr as xr;
 
 use super::error::XrError;
+use super::options::BlendMode;
 use super::quad::{PanelId, Quad};
 use super::session::XrSession;
 use super::space::Views;
 use super::swapchain::SwapchainTarget;
 use super::visibility_mask::Triangle;
 use super::{device, space};
-use crate::hands::{Eye, HandInput, Pose, Side};
+use crate::hands::{Eye, HandInput, Joints, Pose, Side};
 use sg_gpu::{DEPTH_FAR, DEPTH_NEAR, Gpu};
 
 /// One frame: predicted eyes and hands, and the targets to draw to.
@@ -23,6 +24,8 @@ pub struct Frame<'a> {
     pub head: Pose,
     /// Left and right.
     pub hands: [HandInput; 2],
+    /// Joints of each hand without a controller that the runtime sees.
+    pub joints: [Option<Joints>; 2],
     /// When it will be shown, in seconds on the runtime's clock.
     pub seconds: f64,
     /// Seconds from one frame to the next.
@@ -45,14 +48,15 @@ impl<'a> Frame<'a> {
     pub(super) fn new(
         xr_session: &'a mut XrSession,
         eye_views: Views,
-        hands: [HandInput; 2],
+        hands: [(HandInput, Option<Joints>); 2],
         (session, time, period): (u64, xr::Time, xr::Duration),
     ) -> Self {
         let seconds = |nanoseconds: i64| nanoseconds as f64 * 1e-9;
         Self {
             eyes: eye_views.eyes,
             head: eye_views.head,
-            hands,
+            hands: hands.map(|(hand, _)| hand),
+            joints: hands.map(|(_, joints)| joints),
             seconds: seconds(time.as_nanos()),
             period: seconds(period.as_nanos()),
             recentred: std::mem::take(&mut xr_session.recentred),
@@ -83,6 +87,12 @@ impl<'a> Frame<'a> {
     #[must_use]
     pub fn is_focused(&self) -> bool {
         self.xr_session.state_machine.is_focused()
+    }
+
+    /// How pictures are put before the person's surroundings.
+    #[must_use]
+    pub fn blend_mode(&self) -> BlendMode {
+        self.xr_session.blend_mode()
     }
 
     /// Texture format of eyes and panels, as [`super::Headset::format`].
@@ -174,8 +184,8 @@ impl<'a> Frame<'a> {
         self.keep(done)?.ok_or(XrError::NoPanel)
     }
 
-    /// Shows a panel in this frame, in front of the scene. Of several the nearer covers the farther. One that was never drawn
-    /// is not shown.
+    /// Shows a panel in this frame, in front of the eyes' pictures or behind them. Of several the nearer covers the farther.
+    /// One that was never drawn is not shown.
     pub fn show(&mut self, quad: Quad) {
         self.quads.push(quad);
     }
@@ -198,7 +208,8 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Hands the frame in: the eyes' pictures, and in front of them the panels from far to near.
+    /// Hands the frame in: from back to front the panels behind the eyes' pictures, those pictures, and the panels in front of
+    /// them, each from far to near.
     pub(super) fn end(mut self, time: xr::Time) -> Result<(), XrError> {
         if let Some(failed) = self.failed.take() {
             return Err(failed);
@@ -221,7 +232,10 @@ impl<'a> Frame<'a> {
                 None => view,
             }
         });
-        let projection = xr::CompositionLayerProjection::new().space(&xr_session.room).views(&views);
+        let projection = xr::CompositionLayerProjection::new()
+            .space(&xr_session.room)
+            .layer_flags(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA)
+            .views(&views);
         let room_for = xr_session.most_layers - usize::from(self.eyes_drawn);
         let hung: Vec<(&SwapchainTarget, &Quad)> = self
             .quads
@@ -247,10 +261,15 @@ impl<'a> Frame<'a> {
             })
             .collect();
         let mut layers: Vec<&xr::CompositionLayerBase<'_, xr::Vulkan>> = Vec::with_capacity(1 + quads.len());
+        let of = |in_front: bool| {
+            let quads = quads.iter().zip(hung).filter(move |(_, (_, quad))| quad.in_front == in_front);
+            quads.map(|(quad, _)| -> &xr::CompositionLayerBase<'_, xr::Vulkan> { quad })
+        };
+        layers.extend(of(false));
         if self.eyes_drawn {
             layers.push(&projection);
         }
-        layers.extend(quads.iter().map(|quad| -> &xr::CompositionLayerBase<'_, xr::Vulkan> { quad }));
+        layers.extend(of(true));
         let (stream, blend) = (&mut xr_session.stream, xr_session.blend);
         xr_session
             .watchdog

@@ -24,7 +24,7 @@ mod watchdog;
 pub use error::XrError;
 pub use frame::Frame;
 pub use headset::{FrameOutcome, FrameTiming, Headset, PAUSE};
-pub use options::Options;
+pub use options::{BlendMode, Options};
 pub use panel_layer::{Counts, PanelLayer};
 pub use quad::{PanelId, Quad};
 pub use visibility_mask::Triangle;

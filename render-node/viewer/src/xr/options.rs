@@ -4,6 +4,27 @@ use std::time::Duration;
 
 use crate::hands::Stance;
 
+/// How a headset puts pictures before a person's surroundings: OpenXR's environment blend modes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BlendMode {
+    /// The surroundings are not seen.
+    #[default]
+    Opaque,
+    /// They are seen where a picture has less than full opacity, as through cameras.
+    AlphaBlend,
+    /// The picture's light is added to theirs, as on glass.
+    Additive,
+}
+
+impl BlendMode {
+    /// Whether the surroundings are seen.
+    #[must_use]
+    pub fn shows_surroundings(self) -> bool {
+        self != Self::Opaque
+    }
+}
+
 /// How a headset is used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -11,6 +32,8 @@ pub struct Options {
     pub resolution: f64,
     /// Frames in a second, where the runtime lets one choose; the nearest that it offers.
     pub refresh_rate: Option<f32>,
+    /// The surroundings, where the runtime offers this; else opaque, else the runtime's first choice.
+    pub blend_mode: BlendMode,
     /// Standing, the room's floor is at y = 0 where the runtime knows it; seated, the eyes are.
     pub stance: Stance,
     /// Pause before a runtime that went away is looked for again.
@@ -26,6 +49,7 @@ impl Default for Options {
         Self {
             resolution: 1.0,
             refresh_rate: None,
+            blend_mode: BlendMode::Opaque,
             stance: Stance::Standing,
             retry_pause: Duration::from_secs(1),
             tries: 300,

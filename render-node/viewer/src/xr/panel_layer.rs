@@ -25,6 +25,8 @@ const REST: f64 = 0.15;
 pub struct PanelLayer {
     /// Where it hangs.
     pub place: Rectangle,
+    /// Whether it is in front of the eyes' pictures, as [`Quad::in_front`]; so it is at first.
+    pub in_front: bool,
     context: egui::Context,
     size: Vec2,
     pixels_per_point: f32,
@@ -62,6 +64,7 @@ impl PanelLayer {
     pub fn new(size: Vec2, pixels_per_point: f32, place: Rectangle) -> Self {
         Self {
             place,
+            in_front: true,
             context: egui::Context::default(),
             size,
             pixels_per_point,
@@ -121,7 +124,7 @@ impl PanelLayer {
         let panel = drawn_by.panel;
         self.renderer = Some(drawn_by);
         drawn?;
-        frame.show(Quad { panel, place: self.place });
+        frame.show(Quad { panel, place: self.place, in_front: self.in_front });
         Ok(())
     }
 

@@ -17,4 +17,6 @@ pub struct Quad {
     pub panel: PanelId,
     /// Its placement and size.
     pub place: Rectangle,
+    /// Whether it is in front of the eyes' pictures. Behind them it shows where they have less than full opacity.
+    pub in_front: bool,
 }

@@ -6,14 +6,14 @@ use super::actions::Actions;
 use super::device::{self, VulkanDevice};
 use super::error::XrError;
 use super::hand_tracking::HandTrackers;
-use super::options::Options;
+use super::options::{BlendMode, Options};
 use super::quad::PanelId;
 use super::session_state::{StateMachine, Transition};
 use super::space::{self, STEREO, Views};
 use super::swapchain::{Format, SwapchainTarget};
 use super::visibility_mask::VisibilityMask;
 use super::watchdog::Watchdog;
-use crate::hands::{BareHand, HandInput, Origin, Side, Stance};
+use crate::hands::{BareHand, HandInput, Joints, Origin, Side, Stance};
 
 /// Session events since the last poll.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,8 +103,11 @@ impl XrSession {
         let (room, head) = (at_origin(room_kind)?, at_origin(xr::ReferenceSpaceType::VIEW)?);
         let modes =
             instance.enumerate_environment_blend_modes(system, STEREO).map_err(|e| XrError::call("blend modes", e))?;
-        let opaque = modes.contains(&xr::EnvironmentBlendMode::OPAQUE);
-        let blend = if opaque { None } else { modes.first().copied() }.unwrap_or(xr::EnvironmentBlendMode::OPAQUE);
+        let blend = blend_mode(options.blend_mode, &modes);
+        if blend != raw_mode(options.blend_mode) {
+            let (wanted, chosen) = (options.blend_mode, format!("{blend:?}"));
+            tracing::warn!(?wanted, chosen, "the headset does not offer this blend mode");
+        }
         let [format, depth_format] = Format::of(&session).map_err(|e| XrError::call("formats", e))?;
         let format = format.ok_or_else(|| lacks("images in sRGB"))?;
         let depth_format = depth_format.filter(|_| extensions.khr_composition_layer_depth);
@@ -229,18 +232,28 @@ impl XrSession {
         Ok(SessionEvent::Nothing)
     }
 
-    /// Input of both hands at `time`: from a controller, or else from the runtime's hand tracking.
-    pub(super) fn hands(&mut self, time: xr::Time) -> xr::Result<[HandInput; 2]> {
+    /// How pictures are put before the surroundings.
+    pub(super) fn blend_mode(&self) -> BlendMode {
+        match self.blend {
+            xr::EnvironmentBlendMode::ALPHA_BLEND => BlendMode::AlphaBlend,
+            xr::EnvironmentBlendMode::ADDITIVE => BlendMode::Additive,
+            _ => BlendMode::Opaque,
+        }
+    }
+
+    /// Input of both hands at `time`: from a controller, or else from the runtime's hand tracking, with the joints of such a
+    /// hand.
+    pub(super) fn hands(&mut self, time: xr::Time) -> xr::Result<[(HandInput, Option<Joints>); 2]> {
         let focused = self.state_machine.is_focused();
-        let mut hands = self.actions.read(&self.session, &self.room, time, focused)?;
+        let mut hands = self.actions.read(&self.session, &self.room, time, focused)?.map(|hand| (hand, None));
         let Some(fingers) = &self.fingers else { return Ok(hands) };
         for side in Side::BOTH {
             let k = side.index();
-            let controlled = hands[k].grip.is_some() || hands[k].aim.is_some();
+            let controlled = hands[k].0.grip.is_some() || hands[k].0.aim.is_some();
             let joints = if focused && !controlled { fingers.joints(&self.room, k, time)? } else { None };
             let bare = self.bare[k].read(joints.as_ref());
             if !controlled {
-                hands[k] = bare;
+                hands[k] = (bare, joints);
             }
         }
         Ok(hands)
@@ -274,6 +287,21 @@ fn extensions(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     wanted
 }
 
+fn raw_mode(mode: BlendMode) -> xr::EnvironmentBlendMode {
+    match mode {
+        BlendMode::Opaque => xr::EnvironmentBlendMode::OPAQUE,
+        BlendMode::AlphaBlend => xr::EnvironmentBlendMode::ALPHA_BLEND,
+        BlendMode::Additive => xr::EnvironmentBlendMode::ADDITIVE,
+    }
+}
+
+/// The wanted mode if it is offered, else the opaque one, else the first.
+fn blend_mode(wanted: BlendMode, offered: &[xr::EnvironmentBlendMode]) -> xr::EnvironmentBlendMode {
+    let opaque = xr::EnvironmentBlendMode::OPAQUE;
+    let known = [raw_mode(wanted), opaque].into_iter().find(|mode| offered.contains(mode));
+    known.or_else(|| offered.first().copied()).unwrap_or(opaque)
+}
+
 /// The picture's size for each eye: the runtime's recommendation times `resolution`, within its limits.
 fn size(instance: &xr::Instance, system: xr::SystemId, resolution: f64) -> Result<[u32; 2], XrError> {
     let views =
@@ -294,4 +322,21 @@ fn size(instance: &xr::Instance, system: xr::SystemId, resolution: f64) -> Resul
         largest(|v| (v.recommended_image_rect_width, v.max_image_rect_width)),
         largest(|v| (v.recommended_image_rect_height, v.max_image_rect_height)),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blend_mode_is_taken_where_it_is_offered() {
+        use xr::EnvironmentBlendMode as Mode;
+        let all = [Mode::ADDITIVE, Mode::OPAQUE, Mode::ALPHA_BLEND];
+        assert_eq!(blend_mode(BlendMode::Opaque, &all), Mode::OPAQUE);
+        assert_eq!(blend_mode(BlendMode::AlphaBlend, &all), Mode::ALPHA_BLEND);
+        assert_eq!(blend_mode(BlendMode::Additive, &all), Mode::ADDITIVE);
+        assert_eq!(blend_mode(BlendMode::AlphaBlend, &all[..2]), Mode::OPAQUE);
+        assert_eq!(blend_mode(BlendMode::Opaque, &all[..1]), Mode::ADDITIVE, "glass has nothing else");
+        assert_eq!(blend_mode(BlendMode::Additive, &[]), Mode::OPAQUE);
+    }
 }

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use sg_proto::scene::{StrokeMode, selection_step::Step};
 use sg_scene::model::Scene;
-use sg_viewer::display::{BrushMode, Request, Tools, TurnStyle, ViewState, WalkParameter};
-use sg_viewer::hands::{HandInput, Origin, Placement, Side, Stance};
+use sg_viewer::display::{BrushMode, Locomotion, Request, Tools, TurnStyle, ViewState, WalkParameter};
+use sg_viewer::hands::locomotion::{FLY_SPEED, arc};
+use sg_viewer::hands::{HandInput, Origin, Placement, Pose, Side, Stance};
 use sg_viewer::vr::{Interaction, InteractionOutput, PanelCapture};
 
 use crate::brush::row_of_gaussians;
@@ -26,7 +27,10 @@ impl Room {
 
     /// A frame of a hundredth of a second with these sticks, left and right.
     fn frame(&mut self, left: DVec2, right: DVec2, taken: PanelCapture) -> InteractionOutput {
-        let hands = [left, right].map(|stick| HandInput { stick, ..HandInput::default() });
+        self.act([left, right].map(|stick| HandInput { stick, ..HandInput::default() }), taken)
+    }
+
+    fn act(&mut self, hands: [HandInput; 2], taken: PanelCapture) -> InteractionOutput {
         self.acts.step(&hands, taken, (DVec3::ZERO, 0.01), &mut self.tools, &self.shown)
     }
 
@@ -121,4 +125,71 @@ fn a_stick_that_belongs_to_a_panel_or_to_another_mode_scrubs_nothing() {
     room.tools = Tools { left_handed: true, ..Tools::default() };
     let did = room.frame(UP, DVec2::ZERO, PanelCapture::default());
     assert!(matches!(did.requests.as_slice(), [Request::Tune(_)]));
+}
+
+/// A left hand at `pose` with this stick.
+fn left(pose: Pose, stick: DVec2) -> [HandInput; 2] {
+    [HandInput { grip: Some(pose), aim: Some(pose), stick, ..HandInput::default() }, HandInput::default()]
+}
+
+const LEVEL: Pose = Pose { position: DVec3::new(-0.2, 1.2, -0.4), ..Pose::IDENTITY };
+
+#[test]
+fn the_other_stick_flies_where_its_hand_points_and_sizes_nothing() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Walk)]));
+    room.tools.locomotion = Locomotion::Fly;
+    let (before, radius) = (room.acts.placement(), room.tools.radius);
+    for _ in 0..100 {
+        let did = room.act(left(LEVEL, UP), PanelCapture::default());
+        assert!(did.requests.is_empty() && !did.jumped);
+    }
+    let moved = room.acts.placement().translation - before.translation;
+    assert!(moved.distance(DVec3::new(0.0, 0.0, FLY_SPEED)) < 1e-6, "the scene comes nearer: {moved}");
+    assert_eq!((room.tools.radius, room.tools.walk_parameter), (radius, WalkParameter::default()));
+    room.act(left(LEVEL, DVec2::X), PanelCapture::default());
+    assert_eq!(room.tools.walk_parameter, WalkParameter::default(), "it chooses nothing");
+    // A stick that scrolls a panel, and a held scene, do not fly.
+    let before = room.acts.placement();
+    room.act(left(LEVEL, UP), PanelCapture { triggers: [true, false], ..PanelCapture::default() });
+    let mut hands = left(LEVEL, UP);
+    hands[0].squeeze = 1.0;
+    room.act(hands, PanelCapture::default());
+    assert_eq!(room.acts.placement(), before);
+    assert!(room.legend(Side::Left).contains("flies"), "{}", room.legend(Side::Left));
+}
+
+#[test]
+fn the_other_stick_aims_at_the_floor_and_jumps_there_when_it_is_let_go() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
+    room.tools.locomotion = Locomotion::Teleport;
+    let before = room.acts.placement();
+    room.act(left(LEVEL, UP), PanelCapture::default());
+    let aimed = room.acts.aimed().cloned().unwrap();
+    assert_eq!(aimed, arc(&LEVEL, DVec3::ZERO, 0.0));
+    assert_eq!(room.acts.placement(), before, "not yet");
+    let did = room.act(left(LEVEL, DVec2::ZERO), PanelCapture::default());
+    let (after, landing) = (room.acts.placement(), aimed.landing.unwrap());
+    assert!(did.jumped && room.acts.aimed().is_none());
+    assert!((after.translation - before.translation).distance(-landing.with_y(0.0)) < 1e-9);
+    assert_eq!((after.rotation, after.scale), (before.rotation, before.scale));
+    // Another floor, such as that of a person without a stage.
+    room.acts.floor = -1.6;
+    room.act(left(LEVEL, UP), PanelCapture::default());
+    assert_eq!(room.acts.aimed().and_then(|a| a.landing).map(|l| l.y), Some(-1.6));
+    assert!(room.legend(Side::Left).contains("let go to jump"));
+}
+
+#[test]
+fn a_pressed_stick_goes_home_or_keeps_a_picture() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
+    let pressed = HandInput { stick_click: true, ..HandInput::default() };
+    let did = room.act([pressed, HandInput::default()], PanelCapture::default());
+    assert!(did.screenshot && !did.jumped);
+    let did = room.act([pressed, HandInput::default()], PanelCapture::default());
+    assert!(!did.screenshot, "once for a press");
+    let did = room.act([HandInput::default(), pressed], PanelCapture::default());
+    assert!(did.jumped && !did.screenshot);
 }

@@ -254,3 +254,53 @@ fn the_vignette_comes_with_motion_around_the_head_and_goes_with_it() {
     assert_eq!(comfort.step(&Placement { scale: f64::NAN, ..placement }, &head, false, 1.0 / 90.0), 0.0);
     assert_eq!(comfort.step(&placement, &head, false, f64::NAN), 0.0);
 }
+
+/// The scene's own upright axis in the room.
+fn up(scene: &Grab) -> DVec3 {
+    scene.placement().rotation * (home().rotation.inverse() * DVec3::Y)
+}
+
+proptest! {
+    #[test]
+    fn a_locked_scene_stays_upright_in_any_hands(path in prop::collection::vec((hand(), hand()), 2..20)) {
+        let mut scene = scene();
+        scene.lock_upright(true);
+        for (left, right) in path {
+            scene.step(&[left, right], [true; 2], STILL, 0.01);
+            prop_assert!(up(&scene).distance(DVec3::Y) < 1e-9, "{}", up(&scene));
+        }
+    }
+
+    #[test]
+    fn a_lock_rights_a_tilted_scene_about_its_middle(turn in vector(3.0), yaw in -3.0..3.0_f64) {
+        let mut scene = scene();
+        let middle = DVec3::new(10.0, 10.0, 15.0);
+        let pivot = home().to_room(middle);
+        let turned = home().turned(pivot, DVec3::Y, yaw).turned(pivot, turn, turn.length());
+        scene.go(turned);
+        scene.lock_upright(true);
+        prop_assert!(up(&scene).distance(DVec3::Y) < 1e-9);
+        prop_assert!(scene.placement().to_room(middle).distance(pivot) < 1e-9);
+        // The lock again, and its end, change nothing.
+        let righted = scene.placement();
+        scene.lock_upright(true);
+        scene.lock_upright(false);
+        prop_assert_eq!(scene.placement(), righted);
+    }
+}
+
+#[test]
+fn a_hand_turns_a_locked_scene_about_the_vertical_by_its_own_turn() {
+    let mut scene = scene();
+    scene.lock_upright(true);
+    let place = DVec3::new(0.1, 1.2, -0.6);
+    scene.step(&[at(place, DVec3::ZERO, 1.0), HandInput::default()], [true; 2], STILL, 0.01);
+    scene.step(&[at(place, DVec3::new(0.0, 0.5, 0.0), 1.0), HandInput::default()], [true; 2], STILL, 0.01);
+    let want = home().turned(place, DVec3::Y, 0.5);
+    assert!(moved(&scene.placement(), &want) < 1e-9);
+    assert!(!scene.travel(DVec3::X), "a held scene stays in its hand");
+    scene.step(&[HandInput::default(); 2], [true; 2], STILL, 0.01);
+    let before = scene.placement();
+    assert!(scene.travel(DVec3::X) && !scene.travel(DVec3::ZERO) && !scene.travel(DVec3::NAN));
+    assert!((scene.placement().translation - before.translation).distance(DVec3::NEG_X) < 1e-12);
+}

@@ -226,6 +226,7 @@ pub(crate) struct Controller {
     pub(crate) stick: [f32; 2],
     pub(crate) a: bool,
     pub(crate) b: bool,
+    pub(crate) stick_click: bool,
     /// Whether it is held at all.
     pub(crate) active: bool,
     /// The bend of all fingers, 0 to 1; `None` where the runtime does not see them.
@@ -243,6 +244,7 @@ impl Controller {
             stick: [0.0; 2],
             a: false,
             b: false,
+            stick_click: false,
             active: true,
             curl: Some(0.0),
         }
@@ -273,7 +275,7 @@ impl Controller {
             self.b,
             self.trigger > 0.9,
             self.trigger > 0.0,
-            false,
+            self.stick_click,
             tilted,
             false,
             false,

@@ -17,17 +17,18 @@ use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_selection::brush::Brush;
 use sg_viewer::display::{
-    Backend, BrushMode, Request, ServiceAvailability, Tools, ViewPort, ViewState, WalkCapabilities,
+    Backend, BrushMode, Locomotion, Request, ServiceAvailability, Tools, ViewPort, ViewState, WalkCapabilities,
 };
+use sg_viewer::hands::locomotion::arc;
 use sg_viewer::hands::{Pose, Side};
 use sg_viewer::panels::{DisplayAction, Panel, PanelHost, Panels, theme};
 use sg_viewer::vr::{Setup, VrView};
-use sg_viewer::xr::{Frame, FrameOutcome, Headset, Options, PAUSE, XrError};
+use sg_viewer::xr::{Counts, Frame, FrameOutcome, Headset, Options, PAUSE, XrError};
 
 use crate::monado::{Controller, Display, Puppet, Runtime, Screen, is_inside, run_inside};
 use crate::{scenes, seen};
 
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A person with everything around them.
 struct Person {
@@ -120,6 +121,44 @@ impl Person {
         self.until("a stroke", |p| p.asked.iter().any(|r| whole(r).is_some()));
         assert!(self.asked.iter().any(|r| matches!(r, Request::Sample(_))), "told as it grows: {:?}", self.asked);
         self.asked.iter().find_map(whole).unwrap()
+    }
+
+    /// Closes both hands around a place, and moves them apart by this factor.
+    fn scale(&mut self, at: DVec3, factor: f64) {
+        let half = 0.15 / factor;
+        self.aim(Side::Left, at - half * DVec3::X, DVec3::NEG_Z);
+        self.aim(Side::Right, at + half * DVec3::X, DVec3::NEG_Z);
+        self.squeeze(1.0);
+        let before = self.room.placement().scale;
+        for (side, sign) in [(Side::Left, -1.0), (Side::Right, 1.0)] {
+            self.controller(side).position[0] += (sign * half * (factor - 1.0)) as f32;
+        }
+        self.puppet.send();
+        self.until("another scale", |p| (p.room.placement().scale / before / factor - 1.0).abs() < 0.05);
+        self.squeeze(0.0);
+    }
+
+    fn squeeze(&mut self, squeeze: f32) {
+        (self.puppet.left.squeeze, self.puppet.right.squeeze) = (squeeze, squeeze);
+        self.puppet.send();
+        self.until("both grips", |p| p.hands.iter().all(|h| (h.squeeze - f64::from(squeeze)).abs() < 0.1));
+    }
+
+    /// Compares the screen with a committed picture after some frames.
+    fn photograph(&mut self, screen: &Screen, name: &str) {
+        let mut frames = 0;
+        self.until("some frames", |_| {
+            frames += 1;
+            frames > 5
+        });
+        std::thread::sleep(Duration::from_millis(300));
+        let (width, height, rgb) = screen.picture();
+        assert_eq!([width, height], SIZE);
+        let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/headset").join(name);
+        if std::env::var_os("SUPERGAUSSIAN_PICTURES").is_some_and(|v| v == "write") {
+            seen::write(&committed, SIZE, &rgb);
+        }
+        seen::compare(&committed, &rgb);
     }
 
     /// Points at a place of a panel (points from its upper left) with the right hand and pulls the trigger once.
@@ -224,7 +263,10 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     let shown = with_proposals(&shown_of(&scene), &scene, &[[0.6, 0.7, 0.9], [0.8, 0.5, 0.6]]);
     let (view_port, service) = ViewPort::new(shown);
     let tools = Tools { radius: 0.06, ..Tools::default() };
-    let setup = Setup { scene: Arc::clone(&scene), view_port, tools, opened: path, mirror: false, rasterizer: None };
+    let folder = tempfile::tempdir().unwrap();
+    let pictures = folder.path().join("pictures");
+    let setup =
+        Setup { scene: Arc::clone(&scene), view_port, tools, opened: path, mirror: false, rasterizer: None, pictures };
     let mut room = VrView::new(setup, &headset);
     // The picture does not depend on the machine's pace.
     room.hold_level(Some(8));
@@ -233,20 +275,23 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     person.until("a picture", |p| p.room.level().is_some());
     person.reach(Side::Right, DVec3::new(0.12, 1.25, -0.6));
     person.aim(Side::Left, DVec3::new(-0.12, 1.2, -0.5), DVec3::new(-0.3, 0.3, -1.0));
-    let mut frames = 0;
-    person.until("some frames", |_| {
-        frames += 1;
-        frames > 6
-    });
+    // The lasers end at the scene's surface.
+    person.until("lasers that meet the scene", |p| Side::BOTH.iter().all(|side| p.room.laser_end(*side).is_some()));
+    assert_eq!(Side::BOTH.map(|side| person.room.callouts(side)), [None; 2], "labels only on demand");
+    person.photograph(&screen, "room.png");
     assert!(person.depths > 6, "the runtime takes depths, and has them with each frame: {}", person.depths);
-    std::thread::sleep(Duration::from_millis(300));
-    let (width, height, rgb) = screen.picture();
-    assert_eq!([width, height], SIZE);
-    let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/headset/room.png");
+
+    // Twice as large, the scene reaches over the panels. A hand that is raised to the eyes has labels.
+    person.scale(DVec3::new(0.0, 1.2, -0.6), 2.0);
+    person.aim(Side::Right, DVec3::new(0.3, 1.15, -0.4), DVec3::new(0.9, 0.1, -0.6));
+    person.aim(Side::Left, DVec3::new(-0.09, 1.52, -0.32), DVec3::new(0.0, 0.2, -1.0));
+    person.until("labels", |p| p.room.callouts(Side::Left).is_some() && p.room.callouts(Side::Right).is_none());
     if std::env::var_os("SUPERGAUSSIAN_PICTURES").is_some_and(|v| v == "write") {
-        seen::write(&committed, SIZE, &rgb);
+        let labels = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/pictures/room-labels.png");
+        seen::write(&labels, SIZE, &screen.picture().2);
     }
-    seen::compare(&committed, &rgb);
+    person.reach(Side::Left, DVec3::new(-0.4, 0.9, -0.3));
+    assert!(person.room.callouts(Side::Left).is_none(), "a hand that leaves has none");
 
     // A stroke over its surface is one of a region of it.
     let placement = person.room.placement();
@@ -281,9 +326,12 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     let scene = Arc::new(scenes::scene(&scenes::surface(400, 7)));
     let shown = shown_of(&scene);
     let (view_port, service) = ViewPort::new(shown.clone());
-    let tools = Tools { radius: 0.1, ..Tools::default() };
-    let (opened, rasterizer) = ("scene.ply".into(), Some(Rasterizer::Quads));
-    let setup = Setup { scene: Arc::clone(&scene), view_port, tools, opened, mirror: false, rasterizer };
+    let tools = Tools { radius: 0.1, locomotion: Locomotion::Teleport, ..Tools::default() };
+    let (opened, rasterizer) = ("scene.ply".into(), Some(Rasterizer::Tiles));
+    let folder = tempfile::tempdir().unwrap();
+    let pictures = folder.path().join("pictures");
+    let kept = pictures.clone();
+    let setup = Setup { scene: Arc::clone(&scene), view_port, tools, opened, mirror: false, rasterizer, pictures };
     let room = VrView::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
@@ -365,6 +413,32 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.puppet.send();
     person.until("open grips", |p| p.hands.iter().all(|h| h.squeeze < 0.1));
 
+    // The left stick, pushed forward and let go, jumps to where its arc meets the floor.
+    let before = person.room.placement();
+    person.aim(Side::Left, DVec3::new(-0.3, 1.2, -0.4), ahead);
+    let from = person.hands[0].aim.unwrap();
+    person.puppet.left.stick = [0.0, 1.0];
+    person.puppet.send();
+    person.until("a stick", |p| p.hands[0].stick.y > 0.9);
+    person.puppet.left.stick = [0.0; 2];
+    person.puppet.send();
+    person.until("a jump", |p| p.room.placement() != before);
+    let landing = arc(&from, DVec3::new(0.0, 1.6, 0.0), 0.0).landing.unwrap();
+    let jumped = before.translation - person.room.placement().translation;
+    assert!(jumped.distance(landing.with_y(0.0)) < 0.05, "{jumped} instead of {landing}");
+
+    // The pressed stick of the same hand keeps a picture, that of the other hand brings the scene back.
+    person.puppet.left.stick_click = true;
+    person.puppet.send();
+    person.until("a kept picture", |_| kept.read_dir().is_ok_and(|mut files| files.next().is_some()));
+    person.puppet.left.stick_click = false;
+    person.puppet.right.stick_click = true;
+    person.puppet.send();
+    let fitted = |p: &Person| p.room.placement().to_room(0.5 * (scene.bounds.min + scene.bounds.max));
+    person.until("the first place", |p| fitted(p).distance(DVec3::new(0.0, 1.2, -0.8)) < 1e-6);
+    person.puppet.right.stick_click = false;
+    person.puppet.send();
+
     // On a panel the trigger presses, and brushes nothing.
     let mask = Arc::new(Mask::from_fn(scene.len(), |i| i < 10));
     let selected = ViewState { selected: mask, ..shown };
@@ -390,10 +464,11 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     let row = place_under(Panel::SELECT, &proposed, &tools, (false, Some("Reach and Strictness")), second);
     let unfolded = Instant::now();
     person.until("an unfolded section", |_| unfolded.elapsed() > Duration::from_millis(300));
+    let plain = person.room.markers()[1].0.size.x;
     person.press(Panel::SELECT, row);
     person.until("a mark that stands out", |p| p.room.markers()[1].1);
     let [one, two] = person.room.markers().try_into().unwrap();
-    assert!(!one.1 && two.0.size.x > 1.3 * one.0.size.x, "{one:?} {two:?}");
+    assert!(!one.1 && two.0.size.x > 1.3 * plain, "{one:?} {two:?}, {plain} before");
     assert_eq!(person.room.placement(), stands);
     person.press(Panel::SELECT, row);
     person.until("none that stands out", |p| !p.room.markers()[1].1);
@@ -404,22 +479,30 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     // draws none. At rest all panels are up to date.
     person.aim(Side::Right, middle + DVec3::new(0.4, 0.6, 0.5), DVec3::Y);
     let counts = |p: &Person| [Panel::SCENE, Panel::SELECT].map(|panel| p.room.counts(panel).unwrap());
-    let mut frames = 0_u64;
-    let mut begun = counts(&person);
-    person.until("changes", |p| {
-        if frames == 4 {
-            begun = counts(p);
+    // What went before may still end: a hand on its way off a panel, which lays it out in every frame, or a new notice.
+    let measured = |person: &mut Person| {
+        let begun = counts(person);
+        let mut frames = 0_u64;
+        person.until("changes", |p| {
+            frames += 1;
+            // Another scene without any visible difference.
+            p.service.writer.update(|shown| shown.scene = Arc::new(EditState::clone(&shown.scene)));
+            frames == 30
+        });
+        let now = counts(person);
+        let of =
+            |count: fn(&Counts) -> u64| begun.iter().zip(&now).map(|(a, b)| count(b) - count(a)).collect::<Vec<_>>();
+        (of(|counts| counts.laid_out), of(|counts| counts.drawn))
+    };
+    let mut trials = 0;
+    loop {
+        let (laid_out, drawn) = measured(&mut person);
+        if laid_out.iter().sum::<u64>() <= 31 && laid_out.iter().all(|n| (10..=20).contains(n)) && drawn == [0, 0] {
+            break;
         }
-        frames += 1;
-        // Another scene without any visible difference.
-        p.service.writer.update(|shown| shown.scene = Arc::new(EditState::clone(&shown.scene)));
-        frames == 34
-    });
-    let now = counts(&person);
-    let laid_out: Vec<u64> = begun.iter().zip(&now).map(|(a, b)| b.laid_out - a.laid_out).collect();
-    let drawn: Vec<u64> = begun.iter().zip(&now).map(|(a, b)| b.drawn - a.drawn).collect();
-    assert!(laid_out.iter().sum::<u64>() <= 30 && laid_out.iter().all(|n| (10..=20).contains(n)), "{laid_out:?}");
-    assert_eq!(drawn, [0, 0]);
+        trials += 1;
+        assert!(trials < 5, "laid out {laid_out:?} times in 30 frames, drawn {drawn:?} times");
+    }
     let rest = |person: &mut Person| {
         let mut frames = 0;
         person.until("some frames", |_| {

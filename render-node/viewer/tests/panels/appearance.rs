@@ -69,7 +69,8 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
         stage.panels.supported_actions = (0..3).map(DisplayAction::Proposal).collect();
     }
     if panel == Panel::WRIST {
-        stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
+        stage.panels.supported_actions =
+            vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels, DisplayAction::Screenshot];
     }
     let mut harness = harness(stage);
     if panel == Panel::SCENE {

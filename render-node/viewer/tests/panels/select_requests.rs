@@ -206,13 +206,15 @@ fn the_wrist_menu_has_modes_steps_back_and_what_its_room_does() {
     }
     press(&mut menu, "Patch");
     assert_eq!(menu.state().tools.mode, BrushMode::Cluster);
-    stage.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels];
+    stage.panels.supported_actions =
+        vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Panels, DisplayAction::Screenshot];
     stage.shown.services = ServiceAvailability { scene: true, ..ServiceAvailability::default() };
     let mut menu = harness(stage);
     assert!(menu.query_by_label("Region").is_none(), "no selection process");
-    for label in ["undo", "redo", "panels", "fit all", "keep this place"] {
+    for label in ["undo", "redo", "panels", "fit all", "keep this place", "screenshot", "labels", "upright"] {
         press(&mut menu, label);
     }
+    assert!(menu.state().tools.callouts && menu.state().tools.upright);
     let asked = &menu.state().asked;
     let changes: Vec<_> = asked.iter().flat_map(|o| &o.requests).collect();
     assert!(
@@ -221,7 +223,8 @@ fn the_wrist_menu_has_modes_steps_back_and_what_its_room_does() {
         "{changes:?}"
     );
     let actions: Vec<_> = asked.iter().flat_map(|o| o.actions.clone()).collect();
-    assert_eq!(actions, [DisplayAction::Panels, DisplayAction::Fit, DisplayAction::Bookmark]);
+    let each = [DisplayAction::Panels, DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Screenshot];
+    assert_eq!(actions, each);
 }
 
 /// Drags a slider to a share of its length and lets go there.

@@ -1,0 +1,98 @@
+//! Ambient occlusion of a window's pictures. It is computed beside the loop after each change of what is visible; until then the
+//! pictures keep the last one.
+
+use std::sync::Arc;
+
+use sg_raster::occlusion::ambient_occlusion;
+use sg_scene::appearance::{Appearance, ShadingTerm};
+use sg_scene::camera::Light;
+use sg_scene::model::Scene;
+
+use crate::display::LatestWorker;
+
+/// The factors of the newest appearance.
+pub(super) struct OcclusionWorker {
+    worker: LatestWorker<Appearance, Option<Arc<[f32]>>>,
+    requested: Option<Appearance>,
+    factors: Option<Arc<[f32]>>,
+}
+
+impl OcclusionWorker {
+    /// A worker for `scene` on `pool`, that calls `wake` after each result.
+    pub(super) fn new(
+        scene: Arc<Scene>,
+        pool: Arc<rayon::ThreadPool>,
+        wake: impl Fn() + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let work = move |appearance: Appearance| pool.install(|| ambient_occlusion(&scene, &appearance));
+        Ok(Self { worker: LatestWorker::new("occludes", work, wake)?, requested: None, factors: None })
+    }
+
+    /// The newest factors. Asks for those of `appearance` where they are not known; does not wait.
+    pub(super) fn factors(&mut self, appearance: &Appearance) -> Option<Arc<[f32]>> {
+        if let Some(found) = self.worker.take() {
+            self.factors = found;
+        }
+        let wanted = visible_parts(appearance);
+        if self.requested.as_ref() != Some(&wanted) {
+            self.worker.submit(wanted.clone());
+            self.requested = Some(wanted);
+        }
+        self.factors.clone()
+    }
+
+    /// Whether nothing is computed or waits.
+    pub(super) fn is_idle(&self) -> bool {
+        self.worker.is_idle()
+    }
+}
+
+/// What occlusion depends on: opacities, what is hidden, clips.
+fn visible_parts(appearance: &Appearance) -> Appearance {
+    let mut parts = Appearance { overlay: None, colors: None, occlusion: None, ..appearance.clone() };
+    (parts.light, parts.term, parts.background) = (Light::default(), ShadingTerm::Full, glam::Vec3::ZERO);
+    for base in &mut parts.base {
+        (base.palette, base.multipliers) = (glam::Vec3::ZERO, [1.0; 4]);
+    }
+    parts.units.iter_mut().for_each(|unit| unit.color = None);
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use sg_scene::appearance::UnitAppearance;
+    use sg_scene::mask::Mask;
+    use sg_scene::synthetic::test_scene;
+
+    use super::*;
+
+    fn newest(worker: &mut OcclusionWorker, appearance: &Appearance) -> Option<Arc<[f32]>> {
+        worker.factors(appearance);
+        let end = Instant::now() + Duration::from_secs(60);
+        while !worker.is_idle() && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        worker.factors(appearance)
+    }
+
+    #[test]
+    fn only_a_change_of_what_is_visible_is_computed() {
+        let scene = Arc::new(test_scene(&[("cloud", 500)]));
+        let pool = Arc::new(rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap());
+        let mut worker = OcclusionWorker::new(Arc::clone(&scene), pool, || ()).unwrap();
+        let mut look = Appearance::of(&scene);
+        let first = newest(&mut worker, &look).unwrap();
+        assert!(first.len() == 500 && first.iter().any(|f| *f < 0.99), "a cloud occludes itself");
+        // Another light, colour or highlight changes nothing.
+        look.light.kd = 2.0;
+        look.base[0].palette = glam::Vec3::X;
+        let mask = Arc::new(Mask::from_fn(500, |i| i < 250));
+        assert!(Arc::ptr_eq(&first, &newest(&mut worker, &look).unwrap()));
+        look.units = vec![UnitAppearance { mask, color: None, opacity: 1.0, visible: false }];
+        let half = newest(&mut worker, &look).unwrap();
+        let sum = |factors: &[f32]| factors.iter().sum::<f32>();
+        assert!(sum(&half) > sum(&first), "what is hidden gives no shadow");
+    }
+}
