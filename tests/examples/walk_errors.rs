@@ -11,14 +11,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Parser;
-use plotters::prelude::{
-    ChartBuilder, Circle, Color, IntoDrawingArea, IntoLogRange, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
-};
+use plotters::prelude::{ChartBuilder, Circle, Color, IntoLogRange, RGBColor, SeriesLabelPosition, WHITE};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Deserialize;
 use sg_clusters::neighbours::neighbour_graph;
 use sg_clusters::vertices::Vertices;
+use sg_tests::plot::{BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILION, svg};
 use sg_walk::elimination::Elimination;
 use sg_walk::multilevel::{Boundary, Multilevel};
 use sg_walk::ordering::minimum_degree;
@@ -259,16 +258,8 @@ fn table(points: &[Point]) -> Outcome<String> {
     Ok(out)
 }
 
-/// Colours that stay apart for most kinds of colour blindness (Okabe and Ito 2008).
-const COLORS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(86, 180, 233),
-    RGBColor(213, 94, 0),
-    RGBColor(230, 159, 0),
-    RGBColor(90, 90, 90),
-    RGBColor(204, 121, 167),
-    RGBColor(0, 158, 115),
-];
+/// Colours of the solvers.
+const COLORS: [RGBColor; 7] = [BLUE, SKY_BLUE, VERMILION, ORANGE, GREY, PURPLE, GREEN];
 
 fn plot(points: &[Point]) -> Outcome<String> {
     let families: [(&str, &[&str]); 7] = [
@@ -290,10 +281,7 @@ fn plot(points: &[Point]) -> Outcome<String> {
     let mut sizes: Vec<usize> = points.iter().map(|p| p.nodes).collect();
     sizes.dedup();
     let radius = |n: usize| 3 + 3 * sizes.iter().position(|s| *s == n).unwrap_or(0) as i32;
-    let mut text = String::new();
-    {
-        let area = SVGBackend::with_string(&mut text, (1000, 900)).into_drawing_area();
-        area.fill(&WHITE)?;
+    svg((1000, 900), |area| {
         let panels = area.split_evenly((2, 1));
         for (panel, leak) in panels.iter().zip([0.03, 0.0]) {
             let list: Vec<String> = sizes.iter().map(ToString::to_string).collect();
@@ -327,9 +315,8 @@ fn plot(points: &[Point]) -> Outcome<String> {
                 .border_style(RGBColor(160, 160, 160))
                 .draw()?;
         }
-        area.present()?;
-    }
-    Ok(text)
+        Ok(())
+    })
 }
 
 /// Puts a text between the marks `<!-- NAME -->` and `<!-- /NAME -->` of a page.

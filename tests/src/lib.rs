@@ -7,6 +7,8 @@ pub mod dropping;
 pub mod eval;
 pub mod hosts;
 pub mod made_scene;
+pub mod marched;
+pub mod plot;
 pub mod proxy;
 pub mod screen;
 pub mod shells;

@@ -139,6 +139,8 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["render", "good.ply", "--out", "values.npy", "--backend", "cpu"],
                 &["render", "good.ply", "--out", "/dev/null"],
                 &["render", "a.ply", "--out", "new.png"],
+                &["render", "a.ply", "--counts"],
+                &["render", "good.ply", "--counts", "--out", "picture.png"],
             ],
         ),
         (

@@ -49,12 +49,12 @@ fn a_person_brushes_names_speaks_and_closes() {
         let begun = view(&bus, "a picture in the window", |v| v.display == "window" && v.frames > 0).await;
         assert!(begun.engine.len() > 2 && begun.shown > 0, "{begun:?}");
 
-        // Without panels the picture is the whole window; the body is left of its middle.
+        // Without panels the picture is the whole window; the body fills its left half.
         key("h");
         key("b");
         // The balls are of few Gaussians: a brush that finds some.
         (0..12).for_each(|_| key("bracketright"));
-        let left = MIDDLE[0] - 160;
+        let left = MIDDLE[0] - 420;
         let stroke: Vec<[i32; 2]> = (0..6).map(|k| [left - 10 * k, MIDDLE[1] + 4 * k]).collect();
         screen.act(&["mousemove", &left.to_string(), &MIDDLE[1].to_string()]).unwrap();
         // The front surface has to be known before a brush can work. So the stroke is repeated until it is known.

@@ -2,10 +2,7 @@
 
 use std::path::Path;
 
-use plotters::coord::Shift;
-use plotters::prelude::{
-    BLACK, ChartBuilder, Color, DrawingArea, IntoDrawingArea, PathElement, RGBColor, Rectangle, SVGBackend, Text, WHITE,
-};
+use plotters::prelude::{BLACK, ChartBuilder, Color, PathElement, RGBColor, Rectangle, Text, WHITE};
 use plotters::style::{IntoFont as _, TextStyle};
 
 use super::EvalError;
@@ -13,20 +10,10 @@ use super::ablation::{Ablation, LEAKS, SIGMAS, SubjectRows};
 use super::measure::{ClusterRow, Spread};
 use super::report::walk_row;
 use super::subject::{Origin, Parametrisation};
+use crate::plot::{Area, BLUE, Drawn, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILION, svg};
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), Box<dyn std::error::Error>>;
-
-/// Colours that stay apart for most kinds of colour blindness (Okabe and Ito 2008).
-const COLORS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(213, 94, 0),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(90, 90, 90),
-];
+/// Colours of the bars.
+const COLORS: [RGBColor; 7] = [BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY_BLUE, GREY];
 
 /// One bar: its height, and how far the values behind it spread.
 struct Bar {
@@ -47,13 +34,8 @@ pub fn draw(ablation: &Ablation, folder: &Path) -> Result<Vec<&'static str>, Eva
     let mut names = Vec::new();
     let mut plot = |name: &'static str, size: (u32, u32), f: &dyn Fn(&Area<'_>) -> Drawn| {
         let path = folder.join(name);
-        let mut text = String::new();
-        let drawn = {
-            let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-            area.fill(&WHITE).map_err(Into::into).and_then(|()| f(&area)).and_then(|()| Ok(area.present()?))
-        };
         let wrong = |why: String| EvalError::Plot { path: path.display().to_string(), why };
-        drawn.map_err(|e: Box<dyn std::error::Error>| wrong(e.to_string()))?;
+        let text = svg(size, f).map_err(|e| wrong(e.to_string()))?;
         sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(|e| wrong(e.to_string()))?;
         names.push(name);
         Ok::<(), EvalError>(())

@@ -2,14 +2,11 @@
 
 use std::path::Path;
 
-use plotters::coord::Shift;
-use plotters::prelude::{ChartBuilder, DrawingArea, IntoDrawingArea, PathElement, RGBColor, SVGBackend, Text, WHITE};
+use plotters::prelude::{BLACK, ChartBuilder, PathElement, RGBColor, Text, WHITE};
 
 use super::samples::{DISKS, PICTURES, Sample};
 use super::usage::ProcessUse;
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), Box<dyn std::error::Error>>;
+use crate::plot::{Area, BLUE, Drawn, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILION, svg};
 
 /// A line of a panel: its name, and points by minutes. `None` begins a new stretch.
 type Line = (String, Vec<Option<(f64, f64)>>);
@@ -17,34 +14,21 @@ type Line = (String, Vec<Option<(f64, f64)>>);
 /// Most samples of a line. More do not show.
 const MAX_POINTS: usize = 500;
 const SIZE: (u32, u32) = (1200, 1740);
-/// Colours that stay apart for most kinds of colour blindness (Okabe and Ito 2008), and two more.
-const COLORS: [RGBColor; 9] = [
-    RGBColor(90, 90, 90),
-    RGBColor(0, 0, 0),
-    RGBColor(0, 114, 178),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(213, 94, 0),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(170, 140, 40),
-];
+/// Colours of the lines.
+const COLORS: [RGBColor; 9] = [GREY, BLACK, BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY_BLUE, RGBColor(170, 140, 40)];
 
 /// Draws memory, descriptors, threads, files and the course of the session.
 ///
 /// # Errors
 /// A line that names the file and the failure.
 pub fn draw(path: &Path, names: &[String], samples: &[Sample]) -> Result<(), String> {
-    let mut text = String::new();
     let stride = samples.len().div_ceil(MAX_POINTS).max(1);
     let samples: Vec<Sample> = samples.iter().step_by(stride).cloned().collect();
-    draw_to(&mut text, names, &samples).map_err(|e| format!("{}: {e}", path.display()))?;
+    let text = svg(SIZE, |area| draw_to(area, names, &samples)).map_err(|e| format!("{}: {e}", path.display()))?;
     std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-fn draw_to(text: &mut String, names: &[String], samples: &[Sample]) -> Drawn {
-    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
-    area.fill(&WHITE)?;
+fn draw_to(area: &Area<'_>, names: &[String], samples: &[Sample]) -> Drawn {
     let panels = area.split_evenly((6, 1));
     let of_process = |value: fn(&ProcessUse) -> f64| -> Vec<Line> {
         let line = |(at, name): (usize, &String)| {
@@ -77,9 +61,7 @@ fn draw_to(text: &mut String, names: &[String], samples: &[Sample]) -> Drawn {
     next("threads", &of_process(|u| u.threads as f64))?;
     next("files, MiB", &disks)?;
     next("pictures, MiB, and folders of processes, dead ones included", &pictures)?;
-    next("course of the session (minutes)", &course)?;
-    area.present()?;
-    Ok(())
+    next("course of the session (minutes)", &course)
 }
 
 fn lines_of(area: &Area<'_>, title: &str, lines: &[Line]) -> Drawn {

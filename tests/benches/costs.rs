@@ -1,0 +1,355 @@
+//! Predicted milliseconds of graphics cards from counted work: a walk-through of 60 poses with both eyes of a headset, from outside
+//! to the inside of each scene. No graphics card takes part.
+//!
+//!     cargo bench --workspace --bench costs -- --scene bonsai-170000/scene.toml --scene bonsai-830000/scene.toml --out costs
+//!
+//! With `--measure` it draws some of the poses on a device, and prints how the counted work and the measured seconds of each pass
+//! correlate:
+//!
+//!     cargo bench --workspace --bench costs -- --scene bonsai-170000/scene.toml --poses 12 --size 516x552 --measure
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a bench fails by its helpers and prints what it measured"
+)]
+
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use glam::{DQuat, DVec3};
+use plotters::prelude::{ChartBuilder, LineSeries, PathElement, RGBColor, SeriesLabelPosition};
+use sg_formats::load::{LoadOptions, load};
+use sg_gpu::counts::{
+    Card, FrameWork, Pass, PassWork, TargetFormat, WorkOptions, frame_work, validates_indirect_calls,
+};
+use sg_gpu::{DeviceClass, Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings};
+use sg_raster::counts::{HEADSET_SIZE, headset};
+use sg_scene::appearance::Appearance;
+use sg_scene::camera::Camera;
+use sg_scene::framing;
+use sg_scene::model::Scene;
+use sg_tests::bench::quantile;
+use sg_tests::plot::{Area, BLUE, Drawn, GREEN, GREY, ORANGE, VERMILION, svg};
+
+/// Parts of the walk-through: metres from the middle of the scene, whose longest edge is 1 m in the room.
+const PLACES: [(&str, f64); 4] = [("outside", 1.5), ("0.8 m", 0.8), ("0.6 m", 0.6), ("inside", 0.25)];
+
+/// Milliseconds of a frame at 90 Hz with a fifth to spare, and the goal for poses from outside.
+const GOALS: [f64; 2] = [8.9, 5.0];
+
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Scenes.
+    #[arg(long = "scene", required = true)]
+    scenes: Vec<PathBuf>,
+    /// Poses, spread evenly over the parts of the walk-through.
+    #[arg(long, default_value_t = 60)]
+    poses: usize,
+    /// Width and height of one eye's picture.
+    #[arg(long, default_value_t = format!("{}x{}", HEADSET_SIZE[0], HEADSET_SIZE[1]))]
+    size: String,
+    /// Methods of blending: tiles, quads, bands.
+    #[arg(long = "rasterizer", default_values = ["tiles", "quads"])]
+    rasterizers: Vec<String>,
+    /// Evaluations are counted in one tile out of so many.
+    #[arg(long, default_value_t = 8)]
+    sample: u32,
+    /// Draws on a device too.
+    #[arg(long)]
+    measure: bool,
+    /// Folder for `costs.md`, `costs.svg` and the counts as `costs.json`.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Passed by cargo.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// A pose of the walk-through.
+struct Pose {
+    place: usize,
+    eyes: [Camera; 2],
+}
+
+/// The walk-through of a scene.
+fn poses(scene: &Scene, count: usize, size: [u32; 2]) -> Vec<Pose> {
+    let bounds = framing::framed_box(scene);
+    let (middle, metre) = (0.5 * (bounds.min + bounds.max), bounds.size().max_element());
+    let first = framing::default_camera(scene, 64, 64);
+    let up = if scene.units.iter().any(|u| u.gaussians.shading.is_some()) { DVec3::Z } else { DVec3::NEG_Y };
+    let outwards = (first.eye() - middle).reject_from(up).normalize_or(up.any_orthonormal_vector());
+    let each = count / PLACES.len();
+    let pose = |(place, k): (usize, usize)| {
+        let angle = std::f64::consts::TAU * k as f64 / each as f64;
+        let turn = DQuat::from_axis_angle(up, angle);
+        let height = 0.3 * (2.0 * angle).sin();
+        let ahead = turn * (outwards + height * up).normalize();
+        let distance = PLACES[place].1;
+        let (eye, target) = match PLACES[place].0 {
+            // Within, the eye walks on rings and looks past the middle.
+            "inside" => {
+                let ring = distance * (1.0 + k as f64 % 3.0) / 3.0;
+                (middle + ring * metre * ahead, middle - 0.5 * metre * (DQuat::from_axis_angle(up, 0.6) * ahead))
+            }
+            _ => (middle + distance * metre * ahead, middle),
+        };
+        let camera = Camera::look_at(eye, target, up, 60.0, 64, 64);
+        Pose { place, eyes: headset(&camera, metre, size) }
+    };
+    (0..PLACES.len()).flat_map(|place| (0..each).map(move |k| (place, k))).map(pose).collect()
+}
+
+fn rasterizer(name: &str) -> Rasterizer {
+    match name {
+        "tiles" => Rasterizer::Tiles,
+        "quads" => Rasterizer::Quads,
+        "bands" => Rasterizer::Bands,
+        _ => panic!("`{name}` is no tiles, quads or bands"),
+    }
+}
+
+/// A scene's walk-through with one method of blending.
+struct Row {
+    scene: String,
+    gaussians: usize,
+    name: String,
+    places: Vec<usize>,
+    works: Vec<FrameWork>,
+}
+
+impl Row {
+    /// Predicted milliseconds at all poses, or at those of one part.
+    fn milliseconds(&self, card: &Card, place: Option<usize>) -> Vec<f64> {
+        let chosen = self.places.iter().zip(&self.works).filter(|(at, _)| place.is_none_or(|place| place == **at));
+        chosen.map(|(_, work)| 1e3 * work.seconds(card).iter().sum::<f64>()).collect()
+    }
+
+    fn with(&self, name: &str, target: TargetFormat, validates: bool) -> Self {
+        Self {
+            scene: self.scene.clone(),
+            gaussians: self.gaussians,
+            name: format!("{}, {name}", self.name),
+            places: self.places.clone(),
+            works: self.works.iter().map(|work| work.with(target, validates)).collect(),
+        }
+    }
+
+    /// The line of the table for a card: median and 95th percentile of each part and of all.
+    fn line(&self, card: &Card) -> String {
+        let places = (0..PLACES.len()).map(Some).chain([None]);
+        let cells = places.map(|place| {
+            let mut ms = self.milliseconds(card, place);
+            format!("{:.2} / {:.2}", quantile(&mut ms, 0.5), quantile(&mut ms, 0.95))
+        });
+        let cells = cells.collect::<Vec<_>>().join(" | ");
+        format!("| {}, {} | {} | {} | {cells} |", self.scene, self.gaussians, self.name, card.name)
+    }
+
+    /// The passes at the pose of the median predicted time on the first card.
+    fn passes(&self, place: usize) -> Vec<String> {
+        let [card, ..] = Card::ALL;
+        let mut of_place: Vec<&FrameWork> =
+            self.places.iter().zip(&self.works).filter(|(at, _)| **at == place).map(|(_, work)| work).collect();
+        of_place.sort_by_key(|work| (1e9 * work.seconds(&card).iter().sum::<f64>()) as u64);
+        let Some(work) = of_place.get(of_place.len() / 2) else { return Vec::new() };
+        let seconds = work.seconds(&card);
+        let line = |(pass, seconds): (&PassWork, &f64)| {
+            format!(
+                "| {} | {} | {} | {} | {} | {} | {:.1} | {:.1} | {} | {} | {} | {:.3} |",
+                self.scene,
+                self.name,
+                PLACES[place].0,
+                pass.pass.name(),
+                pass.blended + pass.stored,
+                if pass.pass == Pass::TileLists { pass.tile_pairs } else { pass.evaluated },
+                pass.bytes_read as f64 / 1e6,
+                pass.bytes_written as f64 / 1e6,
+                pass.commands.dispatches,
+                pass.commands.draws,
+                pass.commands.barriers,
+                1e3 * seconds,
+            )
+        };
+        work.passes.iter().zip(&seconds).map(line).collect()
+    }
+}
+
+const HEADING: &str = "| scene | blending | card | outside | 0.8 m | 0.6 m | inside | all |\n| --- | --- | --- | --- | --- | --- | --- | --- |";
+
+const PASS_HEADING: &str = "| scene | blending | place | pass | fragments | pairs or evaluations | MB read | MB written | dispatches | draws | barriers | ms, rtx-3090 |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |";
+
+/// Draws the milliseconds of the first card over the poses.
+fn draw(area: &Area<'_>, rows: &[&Row]) -> Drawn {
+    let [card, ..] = Card::ALL;
+    let lines: Vec<(String, Vec<f64>)> = rows
+        .iter()
+        .map(|row| {
+            (format!("{} thousand Gaussians, {}", row.gaussians / 1000, row.name), row.milliseconds(&card, None))
+        })
+        .collect();
+    let poses = lines.iter().map(|(_, ms)| ms.len()).max().unwrap_or(1);
+    let top = lines.iter().flat_map(|(_, ms)| ms).fold(10.0_f64, |a, b| a.max(*b)).min(60.0);
+    let mut chart = ChartBuilder::on(area)
+        .margin(16)
+        .caption("Predicted milliseconds of both eyes on an RTX 3090", ("sans-serif", 20))
+        .x_label_area_size(40)
+        .y_label_area_size(50)
+        .build_cartesian_2d(0.0..PLACES.len() as f64, 0.0..1.05 * top)?;
+    let part = poses as f64 / PLACES.len() as f64;
+    let middle = |at: &f64| (at.fract() - 0.5).abs() < 0.1;
+    chart
+        .configure_mesh()
+        .x_labels(2 * PLACES.len() + 1)
+        .x_label_formatter(&|at| match PLACES.get(*at as usize) {
+            Some((name, _)) if middle(at) => (*name).to_owned(),
+            _ => String::new(),
+        })
+        .x_desc("poses of the walk-through")
+        .y_desc("ms")
+        .disable_x_mesh()
+        .draw()?;
+    for goal in GOALS {
+        chart.draw_series(LineSeries::new([(0.0, goal), (PLACES.len() as f64, goal)], &GREY))?;
+    }
+    let colors: [RGBColor; 4] = [BLUE, ORANGE, GREEN, VERMILION];
+    for ((name, ms), color) in lines.iter().zip(colors.into_iter().cycle()) {
+        let points = ms.iter().enumerate().map(|(k, ms)| ((k as f64 + 0.5) / part, ms.min(1.04 * top)));
+        chart
+            .draw_series(LineSeries::new(points, &color))?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], color));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .background_style(plotters::prelude::WHITE)
+        .draw()?;
+    Ok(())
+}
+
+/// Pearson's correlation of logarithms; `None` where one of them hardly varies.
+fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
+    let logs: Vec<(f64, f64)> =
+        pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0).map(|(a, b)| (a.ln(), b.ln())).collect();
+    let n = logs.len() as f64;
+    let (mean_a, mean_b) = (logs.iter().map(|p| p.0).sum::<f64>() / n, logs.iter().map(|p| p.1).sum::<f64>() / n);
+    let moment = |of: &dyn Fn(&(f64, f64)) -> f64| logs.iter().map(of).sum::<f64>() / n;
+    let (aa, bb) = (moment(&|p| (p.0 - mean_a).powi(2)), moment(&|p| (p.1 - mean_b).powi(2)));
+    let ab = moment(&|p| (p.0 - mean_a) * (p.1 - mean_b));
+    (aa > 1e-4 && bb > 1e-4).then(|| ab / (aa * bb).sqrt())
+}
+
+/// What a software device works through in a pass: every evaluation and fragment, and bytes elsewhere.
+fn software_work(pass: &PassWork) -> f64 {
+    match pass.pass {
+        Pass::Blend => (pass.evaluated + pass.blended) as f64,
+        Pass::Compose => pass.stored as f64,
+        _ => (pass.bytes_read + pass.bytes_written) as f64,
+    }
+}
+
+/// Draws the poses on a device. Returns work and seconds of each pass.
+fn measured(gpu: &Gpu, scene: &Scene, row: &Row, poses: &[Pose], name: &str) -> Vec<(&'static str, f64, f64)> {
+    let look = Appearance::of(scene);
+    let mut renderer = Renderer::new(gpu, scene).unwrap();
+    let settings = Settings { rasterizer: rasterizer(name), ..Settings::default() };
+    let mut pairs = Vec::new();
+    for (pose, work) in poses.iter().zip(&row.works) {
+        renderer.draw_complete(&pose.eyes, &look, settings).unwrap();
+        let least = (0..2).filter_map(|_| renderer.draw_complete(&pose.eyes, &look, settings).unwrap().seconds);
+        let Some(seconds) = least.min_by(|a, b| a.total().total_cmp(&b.total())) else { return pairs };
+        let PassSeconds { list, project, sort, bin, blend, compose } = seconds;
+        let of =
+            |passes: &[Pass]| work.passes.iter().filter(|w| passes.contains(&w.pass)).map(software_work).sum::<f64>();
+        pairs.push(("cull", of(&[Pass::Cull]), list));
+        pairs.push(("project", of(&[Pass::Project]), project));
+        pairs.push(("sort by depth", of(&[Pass::Sort]), sort));
+        pairs.push(("tile lists", of(&[Pass::TileLists, Pass::PairSort]), bin));
+        pairs.push(("blend", of(&[Pass::Blend]), blend));
+        pairs.push(("compose", of(&[Pass::Compose]), compose));
+    }
+    pairs
+}
+
+fn main() {
+    let arguments = Arguments::parse();
+    let (width, height) = arguments.size.split_once('x').unwrap();
+    let size = [width.parse().unwrap(), height.parse().unwrap()];
+    let gpu = arguments.measure.then(|| Gpu::open(DeviceClass::Any).unwrap());
+    let mut rows: Vec<Row> = Vec::new();
+    let mut pairs: Vec<(&str, String, f64, f64)> = Vec::new();
+    for path in &arguments.scenes {
+        let scene = load(path, &LoadOptions::default()).unwrap().scene;
+        let named = |path: &Path| Some(path.file_name()?.to_string_lossy().into_owned());
+        let name = path.parent().and_then(named).or_else(|| named(path)).unwrap();
+        let poses = poses(&scene, arguments.poses, size);
+        for method in &arguments.rasterizers {
+            let settings = Settings { rasterizer: rasterizer(method), depths: true, ..Settings::default() };
+            let renderer = Options { half_pictures: true, ..Options::default() };
+            let sample = arguments.sample;
+            let options = WorkOptions { settings, renderer, presented: true, sample, ..WorkOptions::default() };
+            let look = Appearance::of(&scene);
+            let works = poses.iter().map(|pose| frame_work(&scene, &look, &pose.eyes, options).unwrap()).collect();
+            let places = poses.iter().map(|pose| pose.place).collect();
+            let row = Row { scene: name.clone(), gaussians: scene.len(), name: method.clone(), places, works };
+            println!("{HEADING}");
+            for card in &Card::ALL {
+                println!("{}", row.line(card));
+            }
+            if let Some(gpu) = &gpu {
+                let measured = measured(gpu, &scene, &row, &poses, method);
+                pairs.extend(measured.into_iter().map(|(pass, work, s)| (pass, method.clone(), work, s)));
+            }
+            rows.push(row);
+        }
+    }
+    let mut table = vec![HEADING.to_owned()];
+    let validates = validates_indirect_calls();
+    for row in &rows {
+        let variants = [
+            (row.name != "tiles").then(|| row.with("f16 targets", TargetFormat::Float16, validates)),
+            validates.then(|| row.with("without validation of indirect calls", row.works[0].target, false)),
+        ];
+        for row in std::iter::once(row).chain(variants.iter().flatten()) {
+            table.extend(Card::ALL.iter().map(|card| row.line(card)));
+        }
+    }
+    table.push(format!("\n{PASS_HEADING}"));
+    for row in &rows {
+        table.extend([0, 3].into_iter().flat_map(|place| row.passes(place)));
+    }
+    for row in &rows {
+        let commands: Vec<u32> = row.works.iter().map(|work| work.commands().barriers).collect();
+        let (least, most) = (commands.iter().min().unwrap(), commands.iter().max().unwrap());
+        table.push(format!("\n{}, {}: {least} to {most} barriers a frame", row.scene, row.name));
+    }
+    if !pairs.is_empty() {
+        table.push(
+            "\n| blending | pass | pictures | correlation of work and seconds |\n| --- | --- | --- | --- |".to_owned(),
+        );
+        let mut keys: Vec<(String, &str)> = pairs.iter().map(|p| (p.1.clone(), p.0)).collect();
+        keys.dedup();
+        keys.sort();
+        keys.dedup();
+        for (method, pass) in keys {
+            let of: Vec<(f64, f64)> =
+                pairs.iter().filter(|p| p.0 == pass && p.1 == method).map(|p| (p.2, p.3)).collect();
+            let r = correlation(&of).map_or_else(|| "work does not vary".to_owned(), |r| format!("{r:.3}"));
+            table.push(format!("| {method} | {pass} | {} | {r} |", of.len()));
+        }
+    }
+    println!("\n{}", table.join("\n"));
+    if let Some(out) = &arguments.out {
+        std::fs::create_dir_all(out).unwrap();
+        std::fs::write(out.join("costs.md"), table.join("\n") + "\n").unwrap();
+        let shown: Vec<&Row> = rows.iter().collect();
+        std::fs::write(out.join("costs.svg"), svg((1000, 480), |area| draw(area, &shown)).unwrap()).unwrap();
+        let works: Vec<_> = rows
+            .iter()
+            .map(|row| serde_json::json!({"scene": row.scene, "blending": row.name, "frames": row.works}))
+            .collect();
+        std::fs::write(out.join("costs.json"), serde_json::to_string(&works).unwrap()).unwrap();
+    }
+}
