@@ -130,6 +130,8 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["scene", "convert", "good.ply", "taken/scene.toml"],
                 &["scene", "convert", "good.ply", "taken", "--format", "ivrgs"],
                 &["scene", "convert", "good.ply", "new.unknown"],
+                &["scene", "convert", "missing.sgproj", "new.ply"],
+                &["scene", "convert", "good.ply", "new.ply", "--unit", "good"],
             ],
         ),
         (

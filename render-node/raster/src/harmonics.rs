@@ -3,7 +3,7 @@
 use glam::DVec3;
 use sg_scene::model::Harmonics;
 
-const C0: f64 = 0.282_094_791_773_878_14;
+const C0: f64 = Harmonics::C0;
 const C1: f64 = 0.488_602_511_902_919_9;
 const C2: [f64; 5] = [
     1.092_548_430_592_079_2,

@@ -126,7 +126,7 @@ fn raised(base: f32, exponent: f32) -> f32 {
 
 const BRIGHTNESS = vec3<f32>(0.2126, 0.7152, 0.0722);
 
-// Twin of recolored() in shading.rs.
+// Twin of recolored() in recolor.rs.
 fn recolored(given: vec3<f32>, own: vec3<f32>, palette: vec3<f32>) -> vec3<f32> {
     let mean = dot(palette, BRIGHTNESS);
     if mean > 1.0 / 256.0 {
@@ -187,7 +187,7 @@ fn color_of(i: u32, global: u32, unit: Unit, replaced: bool, given: vec3<f32>, a
         let d = direction(unit.inverse[0] * away.x + unit.inverse[1] * away.y + unit.inverse[2] * away.z);
         let own = max(seen(i, d), vec3(0.0));
         if replaced {
-            // Twin of recolored_unlit() in shading.rs.
+            // Twin of recolored_unlit() in recolor.rs.
             return max(given * clamp(0.5 + dot(own, BRIGHTNESS), 0.5, 1.5), vec3(0.0));
         }
         return own;

@@ -1,11 +1,13 @@
 //! Exports pictures: a single one, or a turn around the scene as numbered files. With `ffmpeg`, a turn also becomes a
-//! video. Drawing happens beside the loop at the best quality.
+//! video. Drawing happens beside the loop at the best quality. Exports Gaussians with their edits, too.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use glam::Vec3;
+use sg_edit::{EditState, Part};
+use sg_formats::{SaveOptions, joined_format, save};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
@@ -23,13 +25,15 @@ const TURN: u32 = 360;
 /// Longest edge of a picture of a turn, pixels.
 const TURN_EDGE: f64 = 1280.0;
 
-/// A picture or turn to export.
+/// A picture, a turn or Gaussians to export.
 #[derive(Debug, Clone)]
 pub(crate) enum ExportJob {
     /// One picture with this camera and last step.
     Picture(Box<Camera>, Appearance, Finish),
     /// A turn about the target of an eye, of pictures of this shape and last step.
     Turn(Navigator, [u32; 2], Appearance, Finish),
+    /// Gaussians with their edits: the selected ones, else the visible ones.
+    Splats(Arc<EditState>),
 }
 
 /// Keeps pictures.
@@ -67,6 +71,7 @@ impl Exporter {
             let exported = pool.install(|| exported(&scene, &folder, job, (&counted, &stop)));
             let exported = exported.map(|exported| match exported {
                 Exported::Picture(path) => format!("saved {}", path.display()),
+                Exported::Splats(path, count) => format!("saved {count} Gaussians as {}", path.display()),
                 Exported::Turn(turn) => film(&turn, &pool, (&in_video, &stop)),
             });
             counted.store(0, Ordering::Relaxed);
@@ -100,6 +105,8 @@ impl Exporter {
 /// The exported files.
 enum Exported {
     Picture(PathBuf),
+    /// A file of this many Gaussians.
+    Splats(PathBuf, usize),
     /// The folder of a turn's pictures.
     Turn(PathBuf),
 }
@@ -149,7 +156,17 @@ fn exported(
             }
             Ok(Exported::Turn(turn))
         }
+        ExportJob::Splats(state) => splats(scene, folder, &state),
     }
+}
+
+fn splats(scene: &Scene, folder: &Path, state: &EditState) -> Result<Exported, String> {
+    let part = if state.selection().mask().is_none() { Part::Visible } else { Part::Selection };
+    let edited = state.part(part).and_then(|members| state.edited(scene, &members)).map_err(|e| e.to_string())?;
+    let path = free(folder, "splats", "ply");
+    let options = SaveOptions { format: joined_format(&path, &edited), ..SaveOptions::default() };
+    save(&path, &edited, &options).map_err(|e| e.to_string())?;
+    Ok(Exported::Splats(path, edited.len()))
 }
 
 fn picture(scene: &Scene, look: &Appearance, camera: &Camera) -> Result<Image, String> {

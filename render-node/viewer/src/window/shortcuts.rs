@@ -55,6 +55,8 @@ pub enum Action {
     Picture,
     /// Keeps a turn around the scene as pictures.
     Turntable,
+    /// Keeps the selected Gaussians, or the visible ones, as a file.
+    ExportSplats,
     /// Two eyes side by side.
     Stereo,
     /// Shows or hides panels.
@@ -121,6 +123,13 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::V, "V", Action::NextDisplayMode, "the next view of the structure"),
     plain(Key::P, "P", Action::Picture, "save a picture"),
     plain(Key::T, "T", Action::Turntable, "save a turn around the scene"),
+    with(
+        Modifiers::COMMAND,
+        Key::E,
+        "Ctrl+E",
+        Action::ExportSplats,
+        "save the selected Gaussians as a PLY file; without a selection, the visible ones",
+    ),
     plain(Key::X, "X", Action::Stereo, "stereo: two eyes side by side"),
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),

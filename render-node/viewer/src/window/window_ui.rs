@@ -407,6 +407,7 @@ impl WindowUi {
             }
             Action::Picture => self.export_picture(state),
             Action::Turntable => self.export_turn(state),
+            Action::ExportSplats => self.exporter.export(ExportJob::Splats(Arc::clone(&state.scene))),
             Action::Stereo => self.scene_view.stereo = !self.scene_view.stereo,
             Action::Panels => self.panels_shown = !self.panels_shown,
             Action::Theme => self.tools.light_panels = !self.tools.light_panels,

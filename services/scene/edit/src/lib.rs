@@ -36,6 +36,7 @@
 mod appearance;
 mod command_number;
 mod derived;
+mod edited;
 mod editor;
 mod environment;
 mod error;
@@ -50,6 +51,7 @@ mod tests;
 mod transaction;
 pub mod wire;
 
+pub use edited::Part;
 pub use editor::{Applied, Editor};
 pub use error::EditError;
 pub use history::HistoryMove;

@@ -30,7 +30,7 @@ pub mod summary;
 pub mod validation;
 
 pub use load::{LoadOptions, Loaded, load};
-pub use save::{SaveError, Saved, save};
+pub use save::{SaveError, Saved, joined_format, save};
 pub use splat::{
     Format, LoadError, Problem, SaveOptions, UnknownFormat, Warning, WarningCode, check_scene_target, scene_file,
 };

@@ -71,6 +71,14 @@ pub fn save(path: &Path, scene: &Scene, options: &SaveOptions) -> Result<Saved, 
     }
 }
 
+/// The format of a `.ply` for a scene of several base units: 3DGS, which makes them one, unlit. An editable PLY holds one.
+/// `None` for another path or a scene of one unit: their default holds them.
+#[must_use]
+pub fn joined_format(path: &Path, scene: &Scene) -> Option<Format> {
+    let Ok(Target::File { extension, .. }) = Target::of(path) else { return None };
+    (extension == ".ply" && scene.units.len() > 1).then_some(Format::THREE_DGS)
+}
+
 /// The kind of output that a path's name requests.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Target {

@@ -109,7 +109,7 @@ pub struct UnitAppearance {
     /// Its members.
     pub mask: Arc<Mask>,
     /// Replaces the diffuse colour c_d of its members. They stay as much brighter or darker than this colour as they were than
-    /// their palette colour (`sg_raster::shading::recolored`).
+    /// their palette colour ([`crate::recolor::recolored`]).
     pub color: Option<Vec3>,
     /// Factor on the opacity of its members.
     pub opacity: f32,

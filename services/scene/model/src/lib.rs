@@ -31,6 +31,8 @@ mod content_hash;
 pub mod framing;
 pub mod mask;
 pub mod model;
+pub mod recolor;
+mod rows;
 pub mod subject;
 pub mod symmetric3;
 pub mod synthetic;

@@ -61,6 +61,9 @@ pub struct Harmonics {
 }
 
 impl Harmonics {
+    /// C₀, the constant basis function: ½·√(1/π).
+    pub const C0: f64 = 0.282_094_791_773_878_14;
+
     /// Rows of `rest` per Gaussian.
     #[must_use]
     pub fn rest_per_gaussian(&self) -> usize {

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use glam::Vec3;
 use serde::Serialize;
-use sg_formats::staged_file::{OutputError, check_outputs};
 use sg_formats::summary::Summary;
-use sg_formats::{Format, LoadOptions, Loaded, SaveError, SaveOptions, Warning};
-use sg_formats::{load, save};
+use sg_formats::{Format, LoadOptions, Loaded, Warning, load};
 use sg_input::print;
 use sg_scene::model::{Convention, SceneBox, ShadingModel};
+
+use crate::convert::{self, Convert};
 
 /// Subcommands that work on files alone.
 #[derive(Debug, Subcommand)]
@@ -28,7 +28,12 @@ pub(crate) enum Command {
     /// editable scene becomes 3DGS with baked colours, palette + offset. A 3DGS scene becomes an editable one that is
     /// unlit (ka 1, kd 0, ks 0), with the shortest axes as normals.
     ///
+    /// A project (.sgproj, or a name from `supergaussian projects`) is written with its edits. Each part that looks
+    /// different becomes a base unit, under the name of its unit; `.ply` becomes 3DGS where there are several.
+    ///
     /// Example: supergaussian scene convert bonsai/scene.toml bonsai.compressed.ply
+    ///
+    /// Example: supergaussian scene convert tooth.sgproj root.ply --unit root
     Convert(Convert),
 }
 
@@ -43,31 +48,9 @@ pub(crate) struct Info {
     json: bool,
 }
 
-#[derive(Debug, Args)]
-pub(crate) struct Convert {
-    #[arg(help = input_help())]
-    input: PathBuf,
-    /// The file to write, or a folder for iVR-GS.
-    output: PathBuf,
-    /// The format to write; by default the ending decides.
-    #[arg(long, visible_alias = "to", value_parser = formats())]
-    format: Option<Format>,
-    #[command(flatten)]
-    reading: Reading,
-    /// Activation of the shading columns of an iVR-GS output.
-    #[arg(long, value_parser = conventions())]
-    to_convention: Option<Convention>,
-    /// Write a compressed PLY in Morton order: smaller errors, but every Gaussian's index changes.
-    #[arg(long)]
-    reorder: bool,
-    /// Print a report to standard output.
-    #[arg(long)]
-    json: bool,
-}
-
 /// Properties that override those of the files.
 #[derive(Debug, Args)]
-struct Reading {
+pub(crate) struct Reading {
     /// Activation of the input's shading columns; by default the file names it, or it is guessed.
     #[arg(long, value_parser = conventions())]
     convention: Option<Convention>,
@@ -80,22 +63,21 @@ struct Reading {
 }
 
 impl Reading {
-    fn options(&self) -> LoadOptions {
+    pub(crate) fn options(&self) -> LoadOptions {
         LoadOptions { convention: self.convention, shading: self.shading, palette: self.palette }
+    }
+
+    /// Whether a property of the files is overridden.
+    pub(crate) fn changes_files(&self) -> bool {
+        self.options() != LoadOptions::default()
     }
 }
 
-fn input_help() -> String {
+pub(crate) fn input_help() -> String {
     format!("A scene ({}), or an output folder of iVR-GS", Format::all_extensions().join(", "))
 }
 
-fn formats() -> impl TypedValueParser<Value = Format> {
-    let values = Format::all().filter(|f| f.is_writable());
-    let values = values.map(|f| PossibleValue::new(f.name()).help(f.description()));
-    PossibleValuesParser::new(values).try_map(|name| name.parse::<Format>())
-}
-
-fn conventions() -> impl TypedValueParser<Value = Convention> {
+pub(crate) fn conventions() -> impl TypedValueParser<Value = Convention> {
     let names = ["ours", "legacy", "head-raw", "head-activated"];
     PossibleValuesParser::new(names).try_map(|name| serde_json::from_value(serde_json::Value::String(name)))
 }
@@ -120,7 +102,7 @@ pub(crate) const WRONG_INPUT: u8 = 2;
 pub(crate) fn run(command: &Command) -> ExitCode {
     match command {
         Command::Info(arguments) => info(arguments),
-        Command::Convert(arguments) => convert(arguments),
+        Command::Convert(arguments) => convert::run(arguments),
     }
 }
 
@@ -192,94 +174,7 @@ fn format_box(b: &SceneBox) -> String {
     format!("{} to {}", corner(b.min), corner(b.max))
 }
 
-#[derive(Serialize)]
-struct ConvertReport<'a> {
-    input: &'a Path,
-    input_format: Format,
-    output: &'a Path,
-    output_format: Format,
-    files: &'a [PathBuf],
-    gaussians: usize,
-    warnings: &'a [Warning],
-    read_seconds: f64,
-    write_seconds: f64,
-}
-
-fn convert(arguments: &Convert) -> ExitCode {
-    let start = Instant::now();
-    let mut loaded = match load(&arguments.input, &arguments.reading.options()) {
-        Ok(loaded) => loaded,
-        Err(error) => return fail(&error, WRONG_INPUT),
-    };
-    let read_seconds = start.elapsed().as_secs_f64();
-    if let Err(error) = check_output(arguments, &loaded) {
-        return fail(&error, WRONG_INPUT);
-    }
-    keep_transfer_functions(&mut loaded, &arguments.input, &arguments.output);
-    let options =
-        SaveOptions { format: arguments.format, convention: arguments.to_convention, reorder: arguments.reorder };
-    let start = Instant::now();
-    let saved = match save(&arguments.output, &loaded.scene, &options) {
-        Ok(saved) => saved,
-        Err(error @ SaveError::Unsuitable { .. }) => return fail(&error, WRONG_INPUT),
-        Err(error @ SaveError::Write { .. }) => return fail(&error, 1),
-    };
-    let warnings = [loaded.warnings, saved.warnings].concat();
-    let report = ConvertReport {
-        input: &arguments.input,
-        input_format: loaded.format,
-        output: &arguments.output,
-        output_format: saved.format,
-        files: &saved.files,
-        gaussians: loaded.scene.len(),
-        warnings: &warnings,
-        read_seconds,
-        write_seconds: start.elapsed().as_secs_f64(),
-    };
-    if arguments.json {
-        return print_json(&report);
-    }
-    print::status(&format!(
-        "{} ({}) -> {} ({}): {} Gaussians, read in {:.3} s, written in {:.3} s",
-        report.input.display(),
-        report.input_format,
-        report.output.display(),
-        report.output_format,
-        report.gaussians,
-        report.read_seconds,
-        report.write_seconds
-    ));
-    warn(&warnings);
-    ExitCode::SUCCESS
-}
-
-/// Refuses an output that would replace a foreign file, the input, or a file of its units. Saving checks folders.
-fn check_output(arguments: &Convert, loaded: &Loaded) -> Result<(), OutputError> {
-    if arguments.output.is_dir() {
-        return Ok(());
-    }
-    let scene_file = arguments.input.join("scene.toml");
-    let units = loaded.scene.units.iter().filter_map(|unit| unit.file.as_deref());
-    let inputs = units.chain([arguments.input.as_path(), scene_file.as_path()]);
-    check_outputs([arguments.output.as_path()], inputs)
-}
-
-/// Scene files name transfer functions by relative paths; in another folder these become absolute.
-fn keep_transfer_functions(loaded: &mut Loaded, input: &Path, output: &Path) {
-    let folder = |path: &Path| {
-        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        parent.canonicalize().ok()
-    };
-    let (from, to) = (folder(input), folder(output));
-    let Some(from) = from.filter(|from| to.as_ref() != Some(from)) else { return };
-    for unit in &mut loaded.scene.units {
-        if let Some(file) = unit.transfer_function.as_mut().filter(|f| f.is_relative()) {
-            *file = from.join(&*file);
-        }
-    }
-}
-
-fn warn(warnings: &[Warning]) {
+pub(crate) fn warn(warnings: &[Warning]) {
     for warning in warnings {
         print::status(&format!("warning: {warning}"));
     }

@@ -2,6 +2,8 @@
 
 mod actor;
 mod cli;
+mod convert;
+mod edited_scene;
 mod kept_scenes;
 mod project_commands;
 mod project_folder;

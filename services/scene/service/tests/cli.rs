@@ -3,12 +3,25 @@
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
+use std::sync::Arc;
 
 use serde_json::Value;
+use sg_edit::wire::encode_mask;
+use sg_formats::{LoadOptions, SaveOptions, load, save};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{Color, Command, CommitSelection, SaveUnit, SetColor, SetOpacity, SetVisibility, Target};
+use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
+use sg_scene::synthetic::samples;
+use supergaussian_scene::project::Project;
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_supergaussian-scene")).current_dir(folder).args(arguments).output().unwrap()
+    std::process::Command::new(env!("CARGO_BIN_EXE_supergaussian-scene"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap()
 }
 
 fn words(output: &Output) -> (i32, String, String) {
@@ -181,4 +194,95 @@ fn help_shows_an_example() {
         assert_eq!(status, 0);
         assert!(stdout.contains(&format!("supergaussian scene {command} bonsai/scene.toml")), "{stdout}");
     }
+}
+
+/// A scene of two base units in a folder of its own, and its project: `sac` (Gaussians 10 to 39) is red and half as opaque,
+/// `skin` is hidden. The project stays open.
+fn edited_project(folder: &Path) -> Project {
+    let units = vec![
+        samples::unit("bone", samples::editable_columns(30, 1)),
+        samples::unit("skin", samples::editable_columns(20, 2)),
+    ];
+    let path = folder.join("in").join("scene.toml");
+    std::fs::create_dir(folder.join("in")).unwrap();
+    save(&path, &Scene::compose(units, None), &SaveOptions::default()).unwrap();
+    let scene = Arc::new(load(&path, &LoadOptions::default()).unwrap().scene);
+    let mut project = Project::open(&folder.join("a.sgproj"), scene, &path.display().to_string()).unwrap();
+    let target = |name: &str| Some(Target { units: vec![name.to_owned()], ..Target::default() });
+    let mask = Some(encode_mask(&Mask::from_fn(50, |i| (10..40).contains(&i))));
+    let color = Some(Color { red: 1.0, green: 0.0, blue: 0.0 });
+    let actions = [
+        Action::CommitSelection(CommitSelection { mask, ..CommitSelection::default() }),
+        Action::SaveUnit(SaveUnit { name: "sac".to_owned(), replace: false }),
+        Action::SetColor(SetColor { target: target("sac"), color }),
+        Action::SetOpacity(SetOpacity { target: target("sac"), factor: 0.5, relative: false }),
+        Action::SetVisibility(SetVisibility { target: target("skin"), visible: false }),
+    ];
+    for (n, action) in actions.into_iter().enumerate() {
+        project.apply(&Command { id: n.to_string(), expected_revision: 0, action: Some(action) }).unwrap();
+    }
+    project
+}
+
+#[test]
+fn a_project_is_written_with_its_edits_also_while_it_is_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = edited_project(folder.path());
+    let before = std::fs::read(folder.path().join("a.sgproj")).unwrap();
+    let convert = |arguments: &[&str]| {
+        let output = run(folder.path(), &[&["convert", "a.sgproj", "--json"], arguments].concat());
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        json(&output)
+    };
+    let units = |file: &str| {
+        let report = json(&run(folder.path(), &["info", file, "--json"]));
+        let of = |u: &Value| (u["name"].as_str().unwrap().to_owned(), u["gaussians"].as_u64(), u["opacity"].as_f64());
+        let units: Vec<_> = report["units"].as_array().unwrap().iter().map(of).collect();
+        (report["format"].as_str().unwrap().to_owned(), units)
+    };
+    let unit = |name: &str, n, opacity| (name.to_owned(), Some(n), Some(opacity));
+
+    convert(&["visible.toml"]);
+    assert_eq!(units("visible.toml").1, [unit("bone", 10, 1.0), unit("sac", 20, 0.5)]);
+    convert(&["all.toml", "--only", "everything"]);
+    let all = [unit("bone", 10, 1.0), unit("sac", 20, 0.5), unit("skin", 10, 1.0), unit("sac 2", 10, 0.5)];
+    assert_eq!(units("all.toml").1, all);
+    let sac = load(&folder.path().join("all.toml"), &LoadOptions::default()).unwrap().scene.units.swap_remove(1);
+    assert_eq!(sac.palette.to_array(), [1.0, 0.0, 0.0]);
+    // Several parts become one 3DGS file, as a viewer of splats wants it.
+    assert_eq!(convert(&["sac.ply", "--unit", "Sac"])["gaussians"], 30);
+    assert_eq!(units("sac.ply").0, "3dgs");
+    assert_eq!(convert(&["selected.compressed.ply", "--only", "selection"])["output_format"], "compressed");
+
+    drop(open);
+    let after = std::fs::read(folder.path().join("a.sgproj")).unwrap();
+    assert!(before == after || std::fs::metadata(folder.path().join("a.sgproj-wal")).is_err(), "the project changed");
+    // A scene that has moved.
+    std::fs::rename(folder.path().join("in"), folder.path().join("out")).unwrap();
+    let (status, _, said) = words(&run(folder.path(), &["convert", "a.sgproj", "b.toml"]));
+    assert!(status == 2 && said.contains("name the scene's present place with --scene"), "{said}");
+    convert(&["b.toml", "--scene", "out/scene.toml"]);
+}
+
+#[test]
+fn a_project_is_not_written_over_its_own_files_or_without_sense() {
+    let folder = tempfile::tempdir().unwrap();
+    drop(edited_project(folder.path()));
+    let files = || {
+        let read = |path: &str| std::fs::read(folder.path().join(path)).unwrap();
+        ["a.sgproj", "in/scene.toml", "in/bone.ply", "in/skin.ply"].map(read)
+    };
+    let before = files();
+    for (arguments, reason) in [
+        (["a.sgproj", "in/bone.ply", "--only=selection"], "in/bone.ply"),
+        (["a.sgproj", "in/scene.toml", "--only=visible"], "in/scene.toml"),
+        (["a.sgproj", "new.ply", "--unit=sack"], "sac"),
+        (["a.sgproj", "new.ply", "--palette=1,0,0"], "a project has its own looks"),
+        (["in/scene.toml", "new.toml", "--unit=bone"], "choose from a project"),
+    ] {
+        let (status, _, said) = words(&run(folder.path(), &[&["convert"], arguments.as_slice()].concat()));
+        assert!(status == 2 && said.contains(reason), "{arguments:?}: {status}, {said}");
+    }
+    assert!(files() == before, "a file changed");
+    assert!(!folder.path().join("new.ply").exists() && !folder.path().join("new.toml").exists());
 }

@@ -1,6 +1,7 @@
 //! Commands on a small scene: effects, refusals, and properties of any sequence.
 
 mod commands;
+mod edited;
 mod properties;
 
 use std::sync::Arc;

@@ -7,7 +7,7 @@ use crate::splat::ply::{OutProperty, OutValues, Scalar, Table, f32_at};
 use crate::splat::problem::Problem;
 
 /// The constant spherical harmonic, 1/(2√π).
-pub(crate) const C0: f64 = 0.282_094_791_773_878_14;
+pub(crate) const C0: f64 = Harmonics::C0;
 
 /// The remedy for a 3DGS file with missing columns.
 pub(crate) const REMEDY: &str = "a 3DGS file needs x y z f_dc_0..2 opacity scale_0..2 rot_0..3";

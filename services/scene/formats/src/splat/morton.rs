@@ -3,7 +3,7 @@
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
-use sg_scene::model::{ExtraColumn, ExtraValues, Gaussians, Harmonics, SceneBox, ShadingColumns};
+use sg_scene::model::{Gaussians, SceneBox};
 
 /// Bits an axis.
 const BITS: u32 = 21;
@@ -22,7 +22,7 @@ pub(crate) fn reorder(g: &Gaussians) -> Gaussians {
     let mut keyed: Vec<(u64, usize)> = g.position.par_iter().enumerate().map(|(i, p)| (key(p), i)).collect();
     keyed.par_sort_unstable();
     let order: Vec<usize> = keyed.into_iter().map(|(_, i)| i).collect();
-    permute(g, &order)
+    g.rows(&order)
 }
 
 fn interleave(cell: UVec3) -> u64 {
@@ -35,49 +35,6 @@ fn interleave(cell: UVec3) -> u64 {
         (x | x << 2) & 0x1249_2492_4924_9249
     }
     spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2
-}
-
-fn permute(g: &Gaussians, order: &[usize]) -> Gaussians {
-    fn take<T: Copy>(values: &[T], order: &[usize]) -> Vec<T> {
-        order.iter().filter_map(|&i| values.get(i)).copied().collect()
-    }
-    let extra = |column: &ExtraColumn| {
-        let values = match &column.values {
-            ExtraValues::I8(v) => ExtraValues::I8(take(v, order)),
-            ExtraValues::U8(v) => ExtraValues::U8(take(v, order)),
-            ExtraValues::I16(v) => ExtraValues::I16(take(v, order)),
-            ExtraValues::U16(v) => ExtraValues::U16(take(v, order)),
-            ExtraValues::I32(v) => ExtraValues::I32(take(v, order)),
-            ExtraValues::U32(v) => ExtraValues::U32(take(v, order)),
-            ExtraValues::F32(v) => ExtraValues::F32(take(v, order)),
-            ExtraValues::F64(v) => ExtraValues::F64(take(v, order)),
-        };
-        ExtraColumn { name: column.name.clone(), values }
-    };
-    let shading = |s: &ShadingColumns| ShadingColumns {
-        offset_color: take(&s.offset_color, order),
-        normal: take(&s.normal, order),
-        ambient: take(&s.ambient, order),
-        diffuse: take(&s.diffuse, order),
-        specular: take(&s.specular, order),
-        shininess: take(&s.shininess, order),
-    };
-    let harmonics = |h: &Harmonics| {
-        let k = h.rest_per_gaussian();
-        let row = |&i: &usize| h.rest.get(i * k..(i + 1) * k).unwrap_or_default();
-        let rest = order.iter().flat_map(row).copied().collect();
-        Harmonics { degree: h.degree, dc: take(&h.dc, order), rest }
-    };
-    Gaussians {
-        position: take(&g.position, order),
-        rotation: take(&g.rotation, order),
-        log_scale: take(&g.log_scale, order),
-        opacity_logit: take(&g.opacity_logit, order),
-        shading: g.shading.as_ref().map(shading),
-        harmonics: g.harmonics.as_ref().map(harmonics),
-        extra: g.extra.iter().map(extra).collect(),
-        antialiased: g.antialiased,
-    }
 }
 
 #[cfg(test)]

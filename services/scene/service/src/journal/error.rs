@@ -94,6 +94,23 @@ impl JournalError {
         }
     }
 
+    /// The same error of another file: what is wrong with a copy is wrong with its original.
+    #[must_use]
+    pub fn at(mut self, file: &Path) -> Self {
+        match &mut self {
+            Self::NotAProject { path }
+            | Self::Newer { path, .. }
+            | Self::Damaged { path, .. }
+            | Self::OtherScene { path, .. }
+            | Self::Unopenable { path, .. }
+            | Self::InUse { path }
+            | Self::Exists { path }
+            | Self::Full { path }
+            | Self::Storage { path, .. } => file.clone_into(path),
+        }
+        self
+    }
+
     /// Whether the file itself is the wrong one, so that trying again would not help.
     #[must_use]
     pub fn is_input(&self) -> bool {
