@@ -33,12 +33,12 @@ use sg_raster::image_error::Difference;
 use sg_raster::render::{Projection, Quality, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
+use sg_scene::camera_path::CameraPath;
 use sg_scene::model::Scene;
 use sg_scene::{camera_motion, framing};
 use sg_tests::bench::quantile;
 use sg_tests::marched::Marched;
 use sg_tests::shells::{Look, shells};
-use sg_tests::walk::Walk;
 use sg_volume::read::read_volume;
 use sg_volume::transfer::TransferFunction;
 
@@ -65,9 +65,9 @@ struct Arguments {
     /// Its transfer function.
     #[arg(long, requires = "volume")]
     transfer_function: Option<PathBuf>,
-    /// Vertical field of view of the walk-through, degrees.
-    #[arg(long, default_value_t = 80.0)]
-    field_of_view: f64,
+    /// Vertical field of view of the walk-through, degrees [default: its file's].
+    #[arg(long, requires = "walk")]
+    field_of_view: Option<f64>,
     /// Folder for the pictures of the walk-through.
     #[arg(long, requires = "walk")]
     pictures: Option<PathBuf>,
@@ -284,7 +284,8 @@ fn read(path: &Path) -> Image {
 
 /// Prints a table of a walk-through, and the least decibels of each renderer.
 fn walk(arguments: &Arguments, path: &Path, gpu: Option<&Gpu>) {
-    let walk = Walk::parse(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let mut walk = CameraPath::read(path).unwrap();
+    walk.fov_y_degrees = arguments.field_of_view.unwrap_or(walk.fov_y_degrees);
     let name = arguments.scenes.first().unwrap();
     let scene = load(Path::new(name), &LoadOptions::default()).unwrap().scene;
     let marched = arguments.volume.as_ref().zip(arguments.transfer_function.as_ref());
@@ -303,7 +304,7 @@ fn walk(arguments: &Arguments, path: &Path, gpu: Option<&Gpu>) {
         "| pose | renderer | dB, footprint | pairs | ms | dB to ray marching |\n| --- | --- | --- | --- | --- | --- |"
     );
     let mut least = std::collections::BTreeMap::<&str, f64>::new();
-    for (k, camera) in walk.cameras(arguments.field_of_view, size).enumerate() {
+    for (k, camera) in walk.cameras(size).enumerate() {
         let quality = if arguments.standard_reference { Quality::Standard } else { Quality::Exact };
         let by_rays = sg_raster::render::Options { quality, projection: Projection::PerRay };
         let exact = render(&scene, &look, &camera, by_rays).unwrap().image;

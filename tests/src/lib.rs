@@ -16,7 +16,6 @@ pub mod small_scene;
 pub mod soak;
 pub mod stack;
 pub mod until;
-pub mod walk;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -20,13 +20,13 @@ use sg_raster::image_error::Difference;
 use sg_raster::render::{Projection, Quality, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
+use sg_scene::camera_path::CameraPath;
 use sg_scene::model::Scene;
 use sg_selection::mask_agreement::Agreement;
 use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::session::SelectionSession;
 use sg_selection::strokes::{Kind, Mode, Stroke};
 use sg_tests::marched::Marched;
-use sg_tests::walk::Walk;
 use sg_volume::field::Field;
 use sg_volume::phantom::{VesselTree, transfer_function};
 
@@ -134,12 +134,12 @@ fn the_sac_is_selected_from_both_strokes_and_from_the_green_one_alone() {
 }
 
 /// The field of the committed walk-through, 128 voxels along an edge, and its scene.
-fn walked() -> (Field, Scene, Appearance, Walk) {
+fn walked() -> (Field, Scene, Appearance, CameraPath) {
     let field = VesselTree::new().rasterize(128, 0).unwrap().volume().unwrap().to_field();
     let options = Options { gaussians: 100_000, ..Options::default() };
     let scene = direct_start(&field, &transfer_function(), &options, |_| ()).unwrap().scene;
     let look = on_gray(&scene);
-    (field, scene, look, Walk::parse(include_str!("../benches/walks/vessel.txt")).unwrap())
+    (field, scene, look, CameraPath::parse(include_str!("../benches/walks/vessel.txt"), "vessel.txt").unwrap())
 }
 
 fn on_gray(scene: &Scene) -> Appearance {
@@ -154,10 +154,11 @@ fn by_rays(scene: &Scene, look: &Appearance, camera: &Camera) -> Image {
 #[test]
 fn every_renderer_follows_the_rays_on_a_walk_through_the_vessels() {
     let (_, scene, look, walk) = walked();
+    let walk = CameraPath { fov_y_degrees: 60.0, ..walk };
     let required = std::env::var("SUPERGAUSSIAN_REQUIRE_GPU").is_ok_and(|v| v == "1");
     let gpu = Gpu::open(DeviceClass::Any).inspect_err(|e| assert!(!required, "{e}")).ok();
     let mut renderer = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
-    for (k, camera) in walk.cameras(60.0, [480, 400]).enumerate().skip(2).step_by(3) {
+    for (k, camera) in walk.cameras([480, 400]).enumerate().skip(2).step_by(3) {
         let want = by_rays(&scene, &look, &camera);
         let check = |what: &str, got: &Image, pairs: u64| {
             let d = Difference::between(got, &want).unwrap();
@@ -191,10 +192,10 @@ fn every_renderer_follows_the_rays_on_a_walk_through_the_vessels() {
 }
 
 /// Rays at `standard` stand for the reference: they are about 80 dB from it, and at least 50 by another test.
-fn least_of_the_cores(scene: &Scene, walk: &Walk, known: &[(usize, f64)]) {
+fn least_of_the_cores(scene: &Scene, walk: &CameraPath, known: &[(usize, f64)]) {
     let look = on_gray(scene);
     let by_rays = sg_raster::render::Options { quality: Quality::Standard, projection: Projection::PerRay };
-    for (k, camera) in walk.cameras(80.0, [240, 200]).enumerate() {
+    for (k, camera) in walk.cameras([240, 200]).enumerate() {
         let want = render(scene, &look, &camera, by_rays).unwrap().image;
         let got = render(scene, &look, &camera, Quality::Standard).unwrap();
         let d = Difference::between(&got.image, &want).unwrap();
@@ -213,7 +214,7 @@ fn the_cores_follow_the_rays_at_every_pose_through_the_vessels_and_the_donut() {
         return;
     };
     let donut = load(&data.join("splats/donut_fused.ply"), &LoadOptions::default()).unwrap().scene;
-    let walk = Walk::parse(include_str!("../benches/walks/donut.txt")).unwrap();
+    let walk = CameraPath::parse(include_str!("../benches/walks/donut.txt"), "donut.txt").unwrap();
     // There large Gaussians cross: no order by centres is that of every ray.
     least_of_the_cores(&donut, &walk, &[(7, 36.0), (8, 32.0)]);
 }
@@ -255,9 +256,9 @@ fn no_block_of_pixels_jumps_in_steps_of_a_millimetre_through_the_wall() {
     for way in [0.0, 0.3, 0.4, 0.5, 0.6, 0.8] {
         let mut last: Option<[Image; 2]> = None;
         for k in 0..6 {
-            let eye = outside + way * ahead + f64::from(k) * MILLIMETRE * walk.near * ahead.normalize();
-            let step = Walk { poses: vec![[eye, eye + ahead]], ..walk.clone() };
-            let camera = step.cameras(60.0, [96, 80]).next().unwrap();
+            let eye = outside + way * ahead + f64::from(k) * MILLIMETRE * walk.near.unwrap() * ahead.normalize();
+            let step = CameraPath { poses: vec![[eye, eye + ahead]], fov_y_degrees: 60.0, ..walk.clone() };
+            let camera = step.cameras([96, 80]).next().unwrap();
             let drawn = render(&scene, &look, &camera, Quality::Standard).unwrap().image;
             let pictures = [drawn, marched.picture(&camera)];
             if let Some(last) = &last {

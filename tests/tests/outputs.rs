@@ -143,6 +143,12 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["render", "a.ply", "--out", "new.png"],
                 &["render", "a.ply", "--counts"],
                 &["render", "good.ply", "--counts", "--out", "picture.png"],
+                &["render", "good.ply", "--turntable", "--out", "taken", "--frames", "2", "--backend", "cpu"],
+                &["render", "good.ply", "--turntable", "--out", "picture.png", "--frames", "2"],
+                &["render", "good.ply", "--camera-path", "strokes.json", "--out", "new"],
+                &["render", "a.ply", "--turntable", "--out", "new/deep"],
+                &["render", "good.ply", "--turntable", "--out", "new", "--mask", "values.npy", "--frames", "2"],
+                &["render", "good.ply", "--frames", "2", "--out", "new.png"],
             ],
         ),
         (
@@ -285,10 +291,25 @@ fn a_refused_command_has_changed_nothing() {
 #[test]
 fn an_earlier_output_is_replaced() {
     let place = Place::new();
-    let runs: [&[&str]; 7] = [
+    let runs: [&[&str]; 8] = [
         &["scene", "convert", "good.ply", "copy.ply"],
         &["scene", "convert", "good.ply", "copy/scene.toml"],
         &["render", "good.ply", "--out", "new.png", "--backend", "cpu", "--width", "16", "--height", "16"],
+        &[
+            "render",
+            "good.ply",
+            "--turntable",
+            "--out",
+            "film",
+            "--frames",
+            "2",
+            "--backend",
+            "cpu",
+            "--width",
+            "16",
+            "--height",
+            "16",
+        ],
         &["selection", "cluster", "good.ply", "--out", "labels.npy", "--report", "new.json"],
         &["selection", "solve", "graph.json", "--out", "solution.json"],
         &["fit", VOLUME, "--initial-only", "--out", "fitted"],

@@ -1,37 +1,35 @@
-//! Offline: one picture of a scene file.
+//! Offline: one picture of a scene file, or a film of it.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::time::Instant;
 
-use clap::{Args, ValueEnum};
-use glam::{DVec2, DVec3, DVec4, Vec3};
+use clap::Args;
+use glam::{DVec2, Vec3};
 use serde::Serialize;
-use sg_edit::wire::decode_vector;
-use sg_formats::load::{LoadOptions, load};
 use sg_formats::staged_file;
-use sg_gpu::backend::{Backend, Engine};
-use sg_gpu::{GpuError, Rasterizer, Settings};
 use sg_input::print;
-use sg_proto::light_presets::{LightPreset, ViewerAxes};
-use sg_raster::finish::{Backdrop, Finish, Gradient};
 use sg_raster::image::ImageFormat;
-use sg_raster::occlusion::ambient_occlusion;
-use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick;
-use sg_raster::render::{Options, Projection, Quality, Rendered};
+use sg_raster::render::Rendered;
 use sg_raster::report::Report;
-use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm};
-use sg_scene::camera::{Camera, Light, LightMode};
+use sg_scene::camera::Camera;
 use sg_scene::framing;
-use sg_scene::model::{Convention, Scene, ShadingModel};
 
 mod counts;
 mod failure;
+mod film;
+mod look;
+mod names;
 mod show;
+mod values;
 
 use failure::Failure;
+use look::{Look, Painter};
+use names::{
+    BackendName, ConventionName, FilterName, LightName, ProjectionName, QualityName, RasterizerName, ShadingName,
+    TermName,
+};
+use values::{Background, background, color, factor, length, numbers, share};
 
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;
@@ -42,7 +40,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   supergaussian render tooth.ply --out anisotropy.png --show anisotropy --color-map cividis
   supergaussian render scene.toml --out clusters.png --show clusters --clusters labels.npy --outlines 2
   supergaussian render scene.toml --out half.png --clip-plane 0,0,0,1,0,0 --mask sac.npy --pick 512,512
-  supergaussian render scene.toml --counts --both-eyes --rasterizer quads --card rtx-3090";
+  supergaussian render scene.toml --counts --both-eyes --rasterizer quads --card rtx-3090
+  supergaussian render bonsai/scene.toml --turntable --camera-path way.txt --out film --frames 120 --fps 24";
 
 /// Example in the help of `serve`.
 pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
@@ -59,15 +58,33 @@ pub(crate) struct Picture {
     /// z up.
     #[arg(long)]
     camera: Option<PathBuf>,
-    /// Picture to write: `.png` (8-bit RGB) or `.npy` (float32, height × width × 4).
+    /// Picture to write: `.png` (8-bit RGB) or `.npy` (float32, height × width × 4). For a film its folder, which is new or
+    /// holds an earlier film.
     #[arg(long, required_unless_present = "counts")]
     out: Option<PathBuf>,
-    /// Width of the picture in pixels, where no camera is given [default: 1024].
+    /// Width of the picture in pixels, where no camera is given [default: 1024, of a film 1280].
     #[arg(long, conflicts_with = "camera", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     width: Option<u32>,
-    /// Height of the picture in pixels, where no camera is given [default: 1024].
+    /// Height of the picture in pixels, where no camera is given [default: 1024, of a film 720].
     #[arg(long, conflicts_with = "camera", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     height: Option<u32>,
+    /// Makes a film of a turn around the scene: numbered pictures, and a video of them where `ffmpeg` is installed. With a camera
+    /// path the turn begins at its first pose, and the path follows.
+    #[arg(long, conflicts_with_all = ["camera", "counts", "pick"])]
+    turntable: bool,
+    /// Makes a film of a smooth way through the poses of a text file. Its lines are `pose X Y Z X Y Z` (the eye, then a point that it
+    /// looks at), `up X Y Z`, `near LENGTH` and `fov DEGREES` (vertical).
+    #[arg(long, value_name = "PATH.txt", conflicts_with_all = ["camera", "counts", "pick"])]
+    camera_path: Option<PathBuf>,
+    /// Pictures of a turn, and as many of a camera path [default: 240].
+    #[arg(long, value_name = "PICTURES", value_parser = clap::value_parser!(u32).range(2..=4999))]
+    frames: Option<u32>,
+    /// Pictures of the video in a second [default: 30].
+    #[arg(long, value_name = "PICTURES", value_parser = clap::value_parser!(u32).range(1..=120))]
+    fps: Option<u32>,
+    /// Makes no video of a film's pictures.
+    #[arg(long)]
+    no_video: bool,
     /// Device that draws.
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
@@ -175,102 +192,11 @@ pub(crate) struct Picture {
     json: bool,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum BackendName {
-    /// A graphics card if there is one, otherwise the cores.
-    Auto,
-    /// All cores of this machine.
-    Cpu,
-    /// A graphics device of any kind, including software devices.
-    Gpu,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum RasterizerName {
-    /// Lists for each 16 × 16 tile, in compute shaders.
-    Tiles,
-    /// A quadrilateral for each Gaussian, in the fixed function.
-    Quads,
-    /// The same in bands; between bands, almost opaque pixels are closed.
-    Bands,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum QualityName {
-    /// No error: the reference itself.
-    Exact,
-    /// At least 50 dB.
-    Standard,
-    /// At least 40 dB.
-    Fast,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum ProjectionName {
-    /// To an ellipse, as 3DGS does.
-    Affine,
-    /// For each pixel's ray; the same however the camera turns.
-    PerRay,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum FilterName {
-    /// As the scene was trained, from its file.
-    FromFile,
-    /// Unchanged.
-    Plain,
-    /// Reduced by the growth (Mip-Splatting).
-    Compensated,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum TermName {
-    /// All terms together.
-    Full,
-    /// The normals as colours.
-    Normal,
-    /// The ambient term alone.
-    Ambient,
-    /// The diffuse term alone.
-    Diffuse,
-    /// The specular term alone.
-    Specular,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum LightName {
-    /// From the eye.
-    Headlight,
-    /// From the upper left, with highlights.
-    Studio,
-    /// From above behind the scene: bright edges.
-    Rim,
-    /// Ambient light only.
-    Flat,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ShadingName {
-    /// One-sided, clamped to 0 to 1.
-    Paper,
-    /// Two-sided, as iVR-GS trains.
-    IvrgsTrain,
-    /// Two-sided, as the viewer of iVR-GS draws.
-    IvrgsViewer,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ConventionName {
-    /// Stored as used: files of this program.
-    Ours,
-    /// Checkpoints of iVR-GS before January 2025.
-    Legacy,
-    /// Float files of iVR-GS since January 2025.
-    HeadRaw,
-    /// Quantised files of iVR-GS since January 2025.
-    HeadActivated,
+impl Picture {
+    /// Whether a film is asked for.
+    fn is_film(&self) -> bool {
+        self.turntable || self.camera_path.is_some()
+    }
 }
 
 /// The JSON report.
@@ -283,7 +209,7 @@ struct PictureReport<'a> {
     threads: usize,
     camera: &'a Camera,
     #[serde(skip_serializing_if = "Option::is_none")]
-    legend: Option<show::LegendReport>,
+    legend: Option<&'a show::LegendReport>,
     /// Absent without a request; null if nothing is in front.
     #[serde(skip_serializing_if = "Option::is_none")]
     pick: Option<Option<show::HitReport>>,
@@ -305,6 +231,12 @@ pub(crate) fn run(picture: &Picture) -> ExitCode {
 }
 
 fn draw(picture: &Picture) -> Result<(), Failure> {
+    if picture.is_film() {
+        return film::make(picture);
+    }
+    if picture.frames.is_some() || picture.fps.is_some() || picture.no_video {
+        return Err(Failure::input("--frames, --fps and --no-video are of films: add --turntable or --camera-path"));
+    }
     // A wrong ending is found before any work is done.
     let format = picture.out.as_deref().map(ImageFormat::of).transpose().map_err(Failure::input)?;
     if format == Some(ImageFormat::Npy) && matches!(picture.background, Some(Background::Transparent)) {
@@ -314,118 +246,33 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     staged_file::check_outputs(picture.out.as_deref(), inputs.into_iter().flatten().map(PathBuf::as_path))
         .map_err(Failure::input)?;
     let camera = picture.camera.as_deref().map(Camera::read).transpose().map_err(Failure::input)?;
-    let scene = read_scene(picture)?;
-    let mut appearance = Appearance::of(&scene);
-    appearance.clips = clips(picture);
-    let mut camera = camera.unwrap_or_else(|| {
+    let scene = look::read_scene(picture)?;
+    let appearance = look::clipped(picture, &scene);
+    let camera = camera.unwrap_or_else(|| {
         let [width, height] = [picture.width, picture.height].map(|edge| edge.unwrap_or(DEFAULT_SIZE));
         framing::default_camera_of(&scene, &appearance, width, height)
     });
-    camera.near = match picture.near {
-        Some(near) => near,
-        None if camera.near == 0.0 => framing::near_distance(&scene),
-        None => camera.near,
-    };
-    if let Some(light) = picture.light {
-        camera.light = preset_light(light, &camera);
-    }
-    if let Some(Background::Color(color)) = picture.background {
-        camera.background = color.to_array();
-    }
-    appearance.light = camera.light;
-    appearance.background = camera.background();
-    appearance.overlay = read_overlay(picture, &scene)?;
-    appearance.filter = match picture.filter {
-        FilterName::FromFile => PixelFilter::FromFile,
-        FilterName::Plain => PixelFilter::Plain,
-        FilterName::Compensated => PixelFilter::Compensated,
-    };
-    appearance.term = match picture.term {
-        TermName::Full => ShadingTerm::Full,
-        TermName::Normal => ShadingTerm::Normal,
-        TermName::Ambient => ShadingTerm::Ambient,
-        TermName::Diffuse => ShadingTerm::Diffuse,
-        TermName::Specular => ShadingTerm::Specular,
-    };
-    let labels = picture.clusters.as_deref().map(|path| show::read_labels(path, &scene)).transpose()?;
-    let legend = match picture.show {
-        Some(shown) => {
-            let options = show::ColorOptions { map: picture.color_map, range: picture.range, seed: picture.seed };
-            show::colors(shown, &options, (&scene, labels.as_deref()), &mut appearance)?
-        }
-        None => None,
-    };
-    if picture.ambient_occlusion {
-        let began = Instant::now();
-        appearance.occlusion = ambient_occlusion(&scene, &appearance);
-        match appearance.occlusion {
-            Some(_) => print::status(&format!("ambient occlusion: {:.3} s", began.elapsed().as_secs_f64())),
-            None => print::status("warning: no ambient occlusion, since nothing visible has shading columns"),
-        }
-    }
-    let projection = match picture.projection {
-        ProjectionName::Affine => Projection::Affine,
-        ProjectionName::PerRay => Projection::PerRay,
-    };
-    let quality = match picture.quality {
-        QualityName::Exact => Quality::Exact,
-        QualityName::Standard => Quality::Standard,
-        QualityName::Fast => Quality::Fast,
-    };
-    let options = Options { quality, projection };
-    let backend = match picture.backend {
-        // No device is opened for options that it cannot draw.
-        _ if !options.drawn_by_devices() => Backend::Cpu,
-        BackendName::Auto => Backend::Auto,
-        BackendName::Cpu => Backend::Cpu,
-        BackendName::Gpu => Backend::Gpu,
-    };
-    if matches!(picture.backend, BackendName::Gpu) && backend == Backend::Cpu {
-        print::status("warning: `exact` and `per-ray` are drawn by the cores, not by a graphics device");
-    }
-    let rasterizer = match picture.rasterizer {
-        RasterizerName::Tiles => Rasterizer::Tiles,
-        RasterizerName::Quads => Rasterizer::Quads,
-        RasterizerName::Bands => Rasterizer::Bands,
-    };
-    let settings = Settings { quality, projection, rasterizer, ..Settings::default() };
-    let work = picture.counts.then(|| counts::count(picture, &scene, &appearance, &camera, settings)).transpose()?;
+    let camera = look::lit(picture, &scene, camera);
+    let look = Look::new(picture, &scene, &camera, appearance)?;
+    let count = || counts::count(picture, &scene, &look.appearance, &camera, look::settings(picture));
+    let work = picture.counts.then(count).transpose()?;
     let out = match (&picture.out, work.as_ref()) {
         (Some(out), _) => out,
         (None, Some(work)) if picture.json => return print_json(work),
         (None, Some(work)) => return print::result(&work.table()).map_err(Failure::work),
         (None, None) => return Err(Failure::input("name the picture to write with --out")),
     };
-    let mut engine = Engine::new(scene, backend, Some(rasterizer)).map_err(Failure::work)?;
-    let drawn = engine.draw(&appearance, &camera, options);
-    let Rendered { mut image, report } = drawn.map_err(|e| match e {
-        GpuError::Input(_) => Failure::input(e),
-        _ => Failure::work(e),
-    })?;
-    if let Some(trouble) = engine.take_fallback_error() {
-        print::status(&format!("warning: {trouble}"));
-    }
-    let scene = engine.scene();
-    if let (Some(width), Some(labels)) = (picture.outlines, &labels) {
-        let (front, _) =
-            pick::front_ids(scene, &appearance, &camera, projection, pick::SURFACE).map_err(Failure::input)?;
-        let style = OutlineStyle { color: picture.outline_color, width };
-        draw_outlines(&mut image, &front, labels, style).map_err(Failure::work)?;
-    }
+    let mut painter = Painter::new(picture, scene, &look)?;
+    let Rendered { image, report } = painter.draw(&camera)?;
+    let (scene, projection) = (painter.engine().scene(), painter.options().projection);
     let hit = picture
         .pick
-        .map(|at| pick::pick(scene, &appearance, &camera, projection, DVec2::from_array(at), pick::SURFACE))
+        .map(|at| pick::pick(scene, &look.appearance, &camera, projection, DVec2::from_array(at), pick::SURFACE))
         .transpose()
         .map_err(Failure::input)?;
-    let plain = camera.background();
-    let finish = Finish { backdrop: backdrop(picture.background, plain), dither: !picture.no_dither };
+    let (plain, finish) = painter.finish();
     image.save_finished(out, plain, &finish).map_err(Failure::work)?;
-    if report.dropped_non_finite > 0 {
-        print::status(&format!(
-            "warning: {} Gaussians with NaN or infinite attributes were left out",
-            report.dropped_non_finite
-        ));
-    }
+    look::warn_of_dropped(report.dropped_non_finite);
     print::status(&format!(
         "{}: {} x {} pixels, {} of {} Gaussians, {:.3} s (preprocess {:.3}, sort {:.3}, bin {:.3}, raster {:.3})",
         out.display(),
@@ -439,7 +286,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         report.seconds.bin,
         report.seconds.raster
     ));
-    if let Some(legend) = &legend {
+    if let Some(legend) = &look.legend {
         print::status(&legend.to_string());
     }
     if let Some(hit) = &hit {
@@ -448,12 +295,12 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     if picture.json {
         let report = PictureReport {
             out,
-            backend: engine.name(),
+            backend: painter.engine().name(),
             quality: picture.quality,
             projection: picture.projection,
             threads: rayon::current_num_threads(),
             camera: &camera,
-            legend,
+            legend: look.legend.as_ref(),
             pick: hit.map(|hit| hit.map(show::HitReport::from)),
             work,
             report,
@@ -467,161 +314,4 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
 
 fn print_json(report: &impl Serialize) -> Result<(), Failure> {
     print::result(&serde_json::to_string_pretty(report).map_err(Failure::work)?).map_err(Failure::work)
-}
-
-fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
-    let options = LoadOptions {
-        convention: picture.convention.map(|name| match name {
-            ConventionName::Ours => Convention::Ours,
-            ConventionName::Legacy => Convention::Legacy,
-            ConventionName::HeadRaw => Convention::HeadRaw,
-            ConventionName::HeadActivated => Convention::HeadActivated,
-        }),
-        shading: picture.shading.map(|name| match name {
-            ShadingName::Paper => ShadingModel::Paper,
-            ShadingName::IvrgsTrain => ShadingModel::IvrgsTrain,
-            ShadingName::IvrgsViewer => ShadingModel::IvrgsViewer,
-        }),
-        palette: picture.palette,
-    };
-    let loaded = load(&picture.scene, &options).map_err(Failure::input)?;
-    for warning in &loaded.warnings {
-        print::status(&format!("warning: {warning}"));
-    }
-    Ok(loaded.scene)
-}
-
-fn read_overlay(picture: &Picture, scene: &Scene) -> Result<Option<Overlay>, Failure> {
-    let Some(path) = &picture.mask else { return Ok(None) };
-    let mask = sg_formats::npy::read_mask(path, scene.len()).map_err(Failure::input)?;
-    Ok(Some(Overlay {
-        mask: Arc::new(mask),
-        color: picture.mask_color,
-        mix: picture.mask_mix,
-        opacity: picture.mask_opacity,
-    }))
-}
-
-/// A preset as this camera's viewer sees it.
-fn preset_light(name: LightName, camera: &Camera) -> Light {
-    let preset = match name {
-        LightName::Headlight => LightPreset::Headlight,
-        LightName::Studio => LightPreset::Studio,
-        LightName::Rim => LightPreset::Rim,
-        LightName::Flat => LightPreset::Flat,
-    };
-    // The rows of the view are the camera's axes: right, down, forward.
-    let rows = camera.view().transpose();
-    let axis = |row: DVec4, sign: f64| (sign * row.truncate()).normalize_or_zero().to_array();
-    let axes =
-        ViewerAxes { right: axis(rows.x_axis, 1.0), up: axis(rows.y_axis, -1.0), backward: axis(rows.z_axis, -1.0) };
-    let set = preset.set_light(&axes);
-    let own = Light::default();
-    let (mode, direction) = match set.direction {
-        Some(to) => (LightMode::Direction, decode_vector(&to).as_vec3().to_array()),
-        None => (LightMode::Headlight, own.direction),
-    };
-    let [ka, kd, ks, shininess] =
-        [set.ambient, set.diffuse, set.specular, set.shininess].map(|factor| factor.unwrap_or(1.0));
-    Light { mode, direction, ka, kd, ks, shininess }
-}
-
-fn clips(picture: &Picture) -> Vec<Clip> {
-    let halves = |n: &[f64; 6]| (DVec3::new(n[0], n[1], n[2]), DVec3::new(n[3], n[4], n[5]));
-    let planes = picture.clip_plane.iter().map(halves).map(|(point, normal)| Clip::plane(point, normal));
-    let between = |keep_inside: bool| {
-        move |n: &[f64; 6]| {
-            let (a, b) = halves(n);
-            Clip::between(a.min(b), a.max(b), keep_inside)
-        }
-    };
-    let boxes = picture.clip_box.iter().map(between(true)).chain(picture.cut_box.iter().map(between(false)));
-    planes.chain(boxes).collect()
-}
-
-/// Parses this many finite numbers between commas.
-fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let one = |part: &str| {
-        let number = part.trim().parse().ok().filter(|x: &f64| x.is_finite());
-        number.ok_or_else(|| format!("`{part}` is no finite number"))
-    };
-    let numbers: Vec<f64> = text.split(',').map(one).collect::<Result<_, _>>()?;
-    <[f64; N]>::try_from(numbers).map_err(|n| format!("{} numbers; {N} are needed, with commas between them", n.len()))
-}
-
-fn color(text: &str) -> Result<Vec3, String> {
-    let numbers: Vec<f32> = text.split(',').map(|part| share(part.trim())).collect::<Result<_, _>>()?;
-    match numbers.as_slice() {
-        &[r, g, b] => Ok(Vec3::new(r, g, b)),
-        _ => Err(format!("{} numbers; three are needed: red,green,blue", numbers.len())),
-    }
-}
-
-/// The wanted background.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Background {
-    Plain,
-    /// A gradient about the plain colour.
-    Around,
-    Transparent,
-    Color(Vec3),
-    Gradient(Gradient),
-}
-
-fn background(text: &str) -> Result<Background, String> {
-    match (text, text.split_once('/')) {
-        ("plain", _) => Ok(Background::Plain),
-        ("gradient", _) => Ok(Background::Around),
-        ("transparent", _) => Ok(Background::Transparent),
-        (_, Some((top, bottom))) => Ok(Background::Gradient(Gradient { top: color(top)?, bottom: color(bottom)? })),
-        (_, None) => color(text).map(Background::Color),
-    }
-}
-
-fn backdrop(wanted: Option<Background>, plain: Vec3) -> Backdrop {
-    match wanted {
-        None | Some(Background::Plain | Background::Color(_)) => Backdrop::Plain,
-        Some(Background::Around) => Backdrop::Gradient(Gradient::around(plain)),
-        Some(Background::Gradient(gradient)) => Backdrop::Gradient(gradient),
-        Some(Background::Transparent) => Backdrop::Transparent,
-    }
-}
-
-fn share(text: &str) -> Result<f32, String> {
-    text.parse().ok().filter(|x| (0.0..=1.0).contains(x)).ok_or_else(|| format!("`{text}` is no number from 0 to 1"))
-}
-
-fn length(text: &str) -> Result<f64, String> {
-    text.parse::<f64>()
-        .ok()
-        .filter(|x| *x >= 0.0 && x.is_finite())
-        .ok_or_else(|| format!("`{text}` is no finite length of at least 0"))
-}
-
-fn factor(text: &str) -> Result<f32, String> {
-    text.parse::<f32>()
-        .ok()
-        .filter(|x| *x >= 0.0 && x.is_finite())
-        .ok_or_else(|| format!("`{text}` is no finite number of at least 0"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_on_the_command_line() {
-        assert_eq!(color("1, 0.5,0"), Ok(Vec3::new(1.0, 0.5, 0.0)));
-        assert!(color("1,0").is_err() && color("1,0,2").is_err() && color("red").is_err());
-        assert_eq!(factor("3"), Ok(3.0));
-        assert!(factor("-1").is_err() && factor("inf").is_err() && factor("NaN").is_err());
-        assert!(share("NaN").is_err());
-        assert_eq!(background("gradient"), Ok(Background::Around));
-        assert_eq!(background("0,0.5,1"), Ok(Background::Color(Vec3::new(0.0, 0.5, 1.0))));
-        let gradient = Gradient { top: Vec3::ONE, bottom: Vec3::ZERO };
-        assert_eq!(background("1,1,1/0,0,0"), Ok(Background::Gradient(gradient)));
-        assert!(background("red").is_err() && background("1,1,1/").is_err());
-        assert_eq!(numbers("-1, 2.5"), Ok([-1.0, 2.5]));
-        assert!(numbers::<2>("1").is_err() && numbers::<2>("1,2,3").is_err() && numbers::<1>("inf").is_err());
-    }
 }

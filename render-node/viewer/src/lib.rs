@@ -6,6 +6,7 @@
 //! - [`display`]: view state, requests, brush, drafts, adaptive quality.
 //! - [`panels`]: the egui panels, the same in a window and in a headset.
 //! - [`window`]: a window with a mouse and a keyboard.
+//! - [`video`]: a video of numbered pictures.
 //! - [`hands`]: poses, grabbing and pointing, as pure functions in f64.
 //! - [`vr`] and [`xr`]: the view in a headset, and its OpenXR session.
 //!
@@ -33,6 +34,7 @@
 pub mod display;
 pub mod hands;
 pub mod panels;
+pub mod video;
 #[cfg(feature = "xr")]
 pub mod vr;
 pub mod window;

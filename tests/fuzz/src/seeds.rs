@@ -53,6 +53,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "nifti-gzip" => vec![gzip(&nifti(&voxels()))],
         "transfer-function" => vec![TRANSFER.into(), TRANSFER_LOG.into()],
         "camera" => vec![CAMERA.into()],
+        "camera-path" => vec![CAMERA_PATH.into()],
         "strokes" => vec![STROKES.into(), OPERATIONS.into()],
         "launch-file" => {
             vec![LAUNCH.into(), LAUNCH_NODES.into(), [b"#--set defaults.stop=1\n", LAUNCH.as_bytes()].concat()]
@@ -298,6 +299,8 @@ fn nifti2(voxels: &[u8]) -> Vec<u8> {
 const TRANSFER: &str = r#"{"domain":[0,255],"units":"raw","variable":"v","points":[{"value":0,"color":[0,0,0],"opacity":0},{"value":255,"color":[1,1,1],"opacity":1}],"base_units":[{"name":"a","range":[0,9]},{"name":"b","range":[9,255]}]}"#;
 const TRANSFER_LOG: &str = r#"{"domain":[0.1,1],"units":"normalized","scale":"log10","points":[{"value":0.1,"color":[0,0,0],"opacity":0},{"value":1,"color":[1,0.5,1],"opacity":1}],"extra":1}"#;
 const CAMERA: &str = r#"{"width":64,"height":48,"fx":50,"fy":50,"cx":32,"cy":24,"world_to_camera":[1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1],"background":[0,0,0]}"#;
+const CAMERA_PATH: &str = "# a way\nup 0 0 1\nnear 0.1\nfov 80\npose 0 -3 0 0 0 0\npose 1 -2 0.5 0 0 0\npose 1 -2 0.5 1 0 0\npose 2 0 0 0 0 0\n";
+
 const STROKES: &str = r#"{"strokes":[{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0.5,0.5,0.5],[1,1,1]],"pressure":[1,0.5],"depth":{"eye":[0,0,0],"reach":0.1}},{"mode":"cluster","kind":"toggle","radius":0,"points":[[0,0,0]]},{"leak":0.03,"threshold":0.5}]}"#;
 const OPERATIONS: &str = r#"{"strokes":[{"operation":"grow","distance":0.01},{"operation":"invert"},{"operation":"box","min":[0,0,0],"max":[1,1,1],"combine":"add"},{"operation":"lasso","polygon":[[0,0],[9,0],[9,9]],"camera":{"width":64,"height":64,"fx":64,"fy":64,"cx":32,"cy":32,"world_to_camera":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}}]}"#;
 const LAUNCH: &str = "schema = 1\nname = \"demo\"\n[defaults]\nstop = 3\n[service.scene]\nexec = \"program\"\nparams = { scene = \"a.ply\" }\nrestart = \"always\"\nbackoff = { initial_ms = 100, max_ms = 5000 }\nintensity = { restarts = 5, within_s = 30 }\nready = 60\nliveness = 5\nprogress = 300\ncritical = true\nmemory_mib = 4096\nenv = { A = \"b\" }\n[service.selection]\nexec = \"program\"\nafter = { scene = \"ready\" }\n";

@@ -37,6 +37,7 @@ pub const TARGETS: &[Target] = &[
     target("nifti-gzip", "compressed NIfTI", Memory::EXPANDED, 2048, volumes::nifti_gzip),
     target("transfer-function", "transfer functions", Memory::PARTS, 4096, volumes::transfer_function),
     target("camera", "cameras", Memory::PARTS, 2048, scenes::camera),
+    target("camera-path", "camera paths", Memory::PARTS, 4096, scenes::camera_path),
     target("strokes", "stroke files", Memory::PARTS, 4096, texts::strokes),
     target(
         "launch-file",

@@ -289,6 +289,24 @@ fn texts() -> Vec<Case> {
     ] {
         cases.push(one(readers::named("camera"), name, camera.into_bytes()));
     }
+    let pose = "pose 0 -3 0 0 0 0\n";
+    for (name, path) in [
+        ("no pose", "up 0 0 1\n".to_owned()),
+        ("one pose", pose.to_owned()),
+        ("five numbers", format!("{pose}pose 0 -3 0 0 0\n")),
+        ("an infinite number", format!("{pose}pose 0 1e999 0 0 0 0\n")),
+        ("no number", format!("{pose}pose 0 NaN 0 0 0 0\n")),
+        ("an eye at its target", format!("{pose}pose 1 1 1 1 1 1\n")),
+        ("a view along up", format!("up 0 1 0\n{pose}{pose}")),
+        ("no up", format!("up 0 0 0\n{pose}{pose}")),
+        ("a flat field of view", format!("fov 180\n{pose}{pose}")),
+        ("a negative distance", format!("near -1\n{pose}{pose}")),
+        ("an unknown key", format!("speed 3\n{pose}{pose}")),
+        ("poses without end", pose.repeat(50_000)),
+        ("a line without end", "pose ".to_owned() + &"1 ".repeat(400_000)),
+    ] {
+        cases.push(one(readers::named("camera path"), name, path.into_bytes()));
+    }
     for (name, graph) in [
         ("nodes without edges", r#"{"nodes":50000000,"edges":[],"foreground":[0],"background":[1]}"#),
         ("nodes without end", r#"{"nodes":18446744073709551615,"edges":[]}"#),

@@ -63,6 +63,7 @@ fn in_files() -> Vec<Case> {
     );
     add("transfer", "scale", "{\"domain\":[0,1],\"scale\":\"\\u001b[2J\\u202e\",\"points\":[]}".to_owned());
     add("camera", "key", "{\"\\u001b[2J\\u202e\\n\":1}".to_owned());
+    add("camera path", "key", "\u{1b}[2J\u{202e} 1\n".to_owned());
     add("strokes", "mode", "{\"strokes\":[{\"mode\":\"\\u001b[2J\\n\"}]}".to_owned());
     add("strokes", "operation", "{\"strokes\":[{\"operation\":\"\\u001b[2J\\n\\u202e\"}]}".to_owned());
     add("strokes", "key", "{\"\\u001b[2J\\n\":[]}".to_owned());

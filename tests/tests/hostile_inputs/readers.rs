@@ -31,7 +31,7 @@ const fn reader(name: &'static str, ending: &'static str, words: &'static [&'sta
 }
 
 /// Every reader.
-pub(crate) const READERS: [Reader; 27] = [
+pub(crate) const READERS: [Reader; 28] = [
     reader("ply", ".ply", &["scene", "info", "{}"]),
     reader("ascii", ".ply", &["scene", "convert", "{}", "to.splat"]),
     reader("editable", ".ply", &["scene", "info", "{}", "--json"]),
@@ -55,6 +55,24 @@ pub(crate) const READERS: [Reader; 27] = [
         &["selection", "select", "right.ply", "--strokes", "right.json", "--out", "to.npy", "--clusters", "{}"],
     ),
     reader("camera", ".json", &["render", "right.ply", "--out", "to.png", "--camera", "{}"]),
+    reader(
+        "camera path",
+        ".txt",
+        &[
+            "render",
+            "right.ply",
+            "--out",
+            "to",
+            "--camera-path",
+            "{}",
+            "--frames",
+            "2",
+            "--width",
+            "16",
+            "--height",
+            "16",
+        ],
+    ),
     reader("strokes", ".json", &["selection", "select", "right.ply", "--strokes", "{}", "--out", "to.npy"]),
     reader("graph", ".json", &["selection", "solve", "{}", "--out", "to.json"]),
     reader(
@@ -174,6 +192,7 @@ pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
         ("truth", masks),
         ("clusters", label_array),
         ("camera", camera(64, 64).into_bytes()),
+        ("camera path", CAMERA_PATH.into()),
         ("strokes", strokes(1).into_bytes()),
         ("graph", br#"{"nodes":3,"edges":[[0,1,1],[1,2,1]],"foreground":[0],"background":[2],"leak":0}"#.to_vec()),
         ("transfer", transfer(1).into_bytes()),
@@ -221,6 +240,9 @@ pub(crate) fn camera(width: u64, height: u64) -> String {
          \"world_to_camera\":[1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1]}}"
     )
 }
+
+/// A camera path of two poses.
+pub(crate) const CAMERA_PATH: &str = "up 0 0 1\nnear 0.1\nfov 80\npose 0 -3 0 0 0 0\npose 1 -2 0.5 0 0 0\n";
 
 pub(crate) fn strokes(count: usize) -> String {
     let one = r#"{"mode":"walk","kind":"foreground","radius":0.1,"points":[[0.5,0.5,0.5]]}"#;

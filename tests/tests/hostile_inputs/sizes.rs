@@ -51,6 +51,7 @@ pub(crate) fn cases() -> Vec<Case> {
         format!("{{\"nodes\":2,\"edges\":[{}]}}", vec!["[0,2,1]"; 200_000].join(","))
     }));
     cases.push(one("camera", "two megabytes of blanks", " ".repeat(2 << 20) + "{}"));
+    cases.push(one("camera path", "two megabytes of blanks", " ".repeat(2 << 20)));
     cases.push(one("scene", "five megabytes of comment", "# a\n".repeat(5 << 18)));
     cases.push(one("ply", "58,000 properties", {
         let property = |i: usize| format!("property char {i}\n");

@@ -4,6 +4,7 @@
 const WRONG_INPUT: u8 = 2;
 
 /// An error line and the exit status that goes with it.
+#[derive(Debug)]
 pub(super) struct Failure {
     pub(super) status: u8,
     pub(super) line: String,

@@ -12,15 +12,18 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use super::ffmpeg::{self, VIDEO_TIMEOUT, video};
 use super::navigation::Navigator;
 use crate::display::LatestWorker;
+use crate::video::{self, VIDEO_TIMEOUT};
 use sg_raster::finish::Finish;
 use sg_raster::image::Image;
 use sg_raster::render::{Quality, render};
 
 /// Pictures of one turn: 12 seconds at 30 a second.
 const TURN: u32 = 360;
+
+/// Pictures of a turn's video in a second.
+const RATE: u32 = 30;
 
 /// Longest edge of a picture of a turn, pixels.
 const TURN_EDGE: f64 = 1280.0;
@@ -114,12 +117,12 @@ enum Exported {
 /// Makes a video of a turn beside its pictures. The pictures stay even if it fails. Returns a line for a person.
 fn film(turn: &Path, pool: &rayon::ThreadPool, watched: (&AtomicU32, &AtomicBool)) -> String {
     let pictures = format!("saved {TURN} pictures in {}", turn.display());
-    let Some(program) = ffmpeg::found(std::env::var_os("PATH").as_deref()) else {
+    let Some(program) = video::found(std::env::var_os("PATH").as_deref()) else {
         return format!("{pictures}; no video, since ffmpeg is not installed");
     };
     let to = turn.with_extension("mp4");
     // At the lowest priority, as the threads of the pool are: their children inherit it.
-    match pool.install(|| video(&program, (turn, &to), watched, VIDEO_TIMEOUT)) {
+    match pool.install(|| video::video(&program, (turn, &to), RATE, watched, VIDEO_TIMEOUT)) {
         Ok(()) => format!("{pictures}, and the video {}", to.display()),
         Err(why) => format!("{pictures}; no video: {why}"),
     }

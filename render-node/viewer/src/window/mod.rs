@@ -7,7 +7,6 @@ mod bookmarks;
 mod drawing;
 mod error;
 pub(crate) mod exporter;
-mod ffmpeg;
 mod file_drop;
 mod lasso;
 mod navigation;

@@ -49,10 +49,15 @@ pub fn default_camera(scene: &Scene, width: u32, height: u32) -> Camera {
 /// As [`default_camera`], of what `appearance` draws.
 #[must_use]
 pub fn default_camera_of(scene: &Scene, appearance: &Appearance, width: u32, height: u32) -> Camera {
-    let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
-    let sight = if from_volume { (DVec3::new(-0.5, 0.8, -0.35), DVec3::Z) } else { (DVec3::Z, DVec3::NEG_Y) };
     let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
-    framed(scene, appearance, sight, FIELD_OF_VIEW, aspect).camera(width, height)
+    framed(scene, appearance, default_sight(scene), FIELD_OF_VIEW, aspect).camera(width, height)
+}
+
+/// The direction of [`default_camera`] from the eye to the scene, and the scene direction that points up in the picture.
+#[must_use]
+pub fn default_sight(scene: &Scene) -> (DVec3, DVec3) {
+    let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+    if from_volume { (DVec3::new(-0.5, 0.8, -0.35), DVec3::Z) } else { (DVec3::Z, DVec3::NEG_Y) }
 }
 
 /// Near distance of a scene that is not placed in a room, as a share of its longest edge: 5 cm where that is 10 m.

@@ -1,6 +1,6 @@
 //! The scene of editable Gaussians: columns, base units, appearance, masks, camera and framing.
 //!
-//! Pure data and pure functions, without messages and drawing. Only camera files are read here.
+//! Pure data and pure functions, without messages and drawing. Only files of cameras and their paths are read here.
 //!
 //! ```
 //! use glam::{DVec3, Vec3};
@@ -27,6 +27,7 @@
 pub mod appearance;
 pub mod camera;
 pub mod camera_motion;
+pub mod camera_path;
 mod content_hash;
 pub mod framing;
 pub mod mask;

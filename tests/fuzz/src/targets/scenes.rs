@@ -5,6 +5,7 @@ use std::path::Path;
 
 use sg_formats::{Format, LoadOptions, Loaded, SaveOptions, load, save, scene_file::SceneFile};
 use sg_scene::camera::Camera;
+use sg_scene::camera_path::{CameraPath, MAX_POSES};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -71,6 +72,14 @@ pub(crate) fn camera(stage: &Stage, input: &[u8]) -> bool {
     let Some(camera) = accepted(Camera::read(&path), &path) else { return false };
     assert!(camera.check("camera.json").is_ok());
     let _ = (camera.view(), camera.eye(), camera.background());
+    true
+}
+
+pub(crate) fn camera_path(stage: &Stage, input: &[u8]) -> bool {
+    let path = stage.write("path.txt", input);
+    let Some(way) = accepted(CameraPath::read(&path), &path) else { return false };
+    assert!((1..=MAX_POSES).contains(&way.poses.len()) && way.views().all(|view| view.check().is_ok()));
+    assert_eq!(way.frames([16, 16], 9).len(), 9);
     true
 }
 

@@ -1,4 +1,4 @@
-//! A video of numbered pictures, made by an installed `ffmpeg`: the only program that a display starts.
+//! A video of numbered pictures, made by an installed `ffmpeg`: the only program that displays and the command line start.
 
 use std::ffi::OsStr;
 use std::io::{BufRead as _, BufReader, Read};
@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process_group};
 
-/// Longest time for a video.
-pub(super) const VIDEO_TIMEOUT: Duration = Duration::from_secs(300);
+/// Longest time for a video of a turn of a window.
+pub const VIDEO_TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Period of checks for the program's exit.
 const POLL_PERIOD: Duration = Duration::from_millis(20);
@@ -21,7 +21,7 @@ const ERROR_BYTES: u64 = 4096;
 
 /// Reason for a missing video.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum VideoError {
+pub enum VideoError {
     /// The program cannot be started.
     #[error("ffmpeg does not start: {0}")]
     Start(std::io::Error),
@@ -31,39 +31,43 @@ pub(super) enum VideoError {
     /// It took too long and was ended.
     #[error("ffmpeg was ended after {} s", .0.as_secs())]
     Late(Duration),
-    /// The window was closed.
-    #[error("the window was closed")]
-    Over,
+    /// The caller has stopped it.
+    #[error("it was stopped")]
+    Stopped,
     /// The finished video could not be moved to its path.
     #[error("{0}")]
     Place(String),
 }
 
 /// Path of `ffmpeg` in the folders of a search path such as `PATH`.
-pub(super) fn found(path: Option<&OsStr>) -> Option<PathBuf> {
+#[must_use]
+pub fn found(path: Option<&OsStr>) -> Option<PathBuf> {
     let folders = std::env::split_paths(path?).filter(|folder| folder.is_absolute());
     folders.map(|folder| folder.join("ffmpeg")).find(|file| file.is_file())
 }
 
-/// Makes the video `to` of `0000.png`, `0001.png`, … in a folder, at 30 a second. Counts encoded pictures as it goes. Ends
-/// when `stop` is set or after `timeout`. The result is a whole video or none.
+/// Makes the video `to` of `0000.png`, `0001.png`, … in the folder `pictures`, at this number of pictures a second. Counts
+/// encoded pictures in `done`. Ends when `stop` is set or after `timeout`. The result is a whole video or none. Of odd edges the
+/// last pixel is left out, because the encoding stores colours for 2 × 2 pixels.
 ///
 /// # Errors
 /// [`VideoError`].
-pub(super) fn video(
+pub fn video(
     program: &Path,
     (pictures, to): (&Path, &Path),
+    pictures_per_second: u32,
     (done, stop): (&AtomicU32, &AtomicBool),
     timeout: Duration,
 ) -> Result<(), VideoError> {
     let part = to.with_extension("part");
     let mut command = Command::new(program);
     command.args(["-nostdin", "-hide_banner", "-loglevel", "error", "-progress", "pipe:1", "-y"]);
-    command.args(["-framerate", "30", "-i"]).arg(pictures.join("%04d.png"));
+    command.arg("-framerate").arg(pictures_per_second.to_string()).arg("-i").arg(pictures.join("%04d.png"));
     // Players assume BT.709 for large pictures without a tag, while `ffmpeg` defaults to BT.601. So the command tags the
     // matrix, and the PNGs' transfer function. The index stands first in the file, so that a web page can start playback
     // early.
-    command.args(["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p", "-color_range", "tv"]);
+    let filter = "crop=trunc(iw/2)*2:trunc(ih/2)*2:0:0,scale=out_color_matrix=bt709:out_range=tv";
+    command.args(["-vf", filter, "-pix_fmt", "yuv420p", "-color_range", "tv"]);
     command.args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]);
     command.args(["-movflags", "+faststart", "-f", "mp4"]).arg(&part);
     // Its own process group, so that its children end with it.
@@ -104,7 +108,7 @@ fn wait(child: &mut Child, stop: &AtomicBool, timeout: Duration) -> Result<std::
     let due = loop {
         match child.try_wait() {
             Ok(Some(status)) => return Ok(status),
-            Ok(None) if stop.load(Ordering::Relaxed) => break VideoError::Over,
+            Ok(None) if stop.load(Ordering::Relaxed) => break VideoError::Stopped,
             Ok(None) if begun.elapsed() > timeout => break VideoError::Late(timeout),
             Ok(None) => std::thread::sleep(POLL_PERIOD),
             Err(error) => break VideoError::Start(error),
@@ -148,7 +152,7 @@ mod tests {
         let program = program(folder.path(), does);
         let to = folder.path().join("turn.mp4");
         let (done, stop) = (AtomicU32::new(0), AtomicBool::new(stop));
-        let outcome = video(&program, (folder.path(), &to), (&done, &stop), timeout).map_err(|e| e.to_string());
+        let outcome = video(&program, (folder.path(), &to), 30, (&done, &stop), timeout).map_err(|e| e.to_string());
         assert!(!folder.path().join("turn.part").exists(), "a part is left");
         (outcome, done.into_inner(), std::fs::read_to_string(to).ok())
     }
@@ -171,7 +175,7 @@ mod tests {
         let (outcome, _, video) = made("echo half > \"$out\"; sleep 50", Duration::from_millis(200), false);
         assert_eq!((outcome, video), (Err("ffmpeg was ended after 0 s".to_owned()), None));
         let (outcome, _, video) = made("sleep 50 & sleep 50", LONG, true);
-        assert_eq!((outcome, video), (Err("the window was closed".to_owned()), None));
+        assert_eq!((outcome, video), (Err("it was stopped".to_owned()), None));
         assert!(begun.elapsed() < Duration::from_secs(20));
     }
 
@@ -194,7 +198,7 @@ mod tests {
         }
         let to = folder.path().join("turn.mp4");
         let (done, stop) = (AtomicU32::new(0), AtomicBool::new(false));
-        video(&program, (folder.path(), &to), (&done, &stop), LONG).unwrap();
+        video(&program, (folder.path(), &to), 30, (&done, &stop), LONG).unwrap();
         assert_eq!(done.into_inner(), 12);
         let mut read = Command::new(&program);
         read.args(["-nostdin", "-v", "info", "-i"]).arg(&to);
