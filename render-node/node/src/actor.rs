@@ -33,7 +33,7 @@ use sg_runtime::scene_replica::SceneReplica;
 use sg_scene::appearance::{Appearance, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::camera_motion::scaled;
-use sg_scene::framing::FirstView;
+use sg_scene::framing::{self, FirstView};
 use sg_scene::mask::Mask;
 use sg_viewer::display::{DisplayMode, colors_of};
 use sg_viewer::window::threads;
@@ -114,6 +114,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         bus: host.bus().clone(),
         blobs: host.blobs().clone(),
         first_view: FirstView::of(engine.scene()),
+        near: params.near.unwrap_or_else(|| framing::near_distance(engine.scene())),
         engine,
         clusters: ClusterLabels::default(),
         replica: replica.clone(),
@@ -195,6 +196,8 @@ struct RenderActor {
     blobs: Blobs,
     engine: Engine,
     first_view: FirstView,
+    /// Near distance of cameras without a target, and the greatest of those with one.
+    near: f64,
     replica: SceneReplica<Replica>,
     /// Every picture is made in this thread pool, so that drawing does not delay input.
     pool: Arc<rayon::ThreadPool>,
@@ -314,7 +317,7 @@ impl RenderActor {
         let hit = self.work(|actor| {
             let scene = actor.engine.scene();
             let view = actor.first_view.shown(scene, state.view(), aspect([request.width, request.height]));
-            pick::pick(scene, (state, view), request)
+            pick::pick(scene, (state, view, actor.near), request)
         })?;
         // A scene without a selection process has no clusters, but picking works all the same.
         let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
@@ -423,7 +426,7 @@ impl RenderActor {
     fn camera_of(&mut self, state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
         let [width, height] = [request.width, request.height];
         let view = self.first_view.shown(self.engine.scene(), state.view(), aspect([width, height]));
-        let camera = decode::camera(request.camera.as_ref(), view.camera(width, height))?;
+        let camera = decode::camera(request.camera.as_ref(), (view, self.near), [width, height])?;
         decode::check_stored(camera.width, camera.height)?;
         Ok(camera)
     }

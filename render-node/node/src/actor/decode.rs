@@ -9,6 +9,7 @@ use sg_runtime::blobs::MAX_FILE_BYTES;
 use sg_runtime::fault::Fault;
 use sg_scene::appearance::{Clip, HalfSpace};
 use sg_scene::camera::Camera;
+use sg_scene::view::View;
 use sg_viewer::display::DisplayMode;
 
 /// Most clips of a request, and most sides of each.
@@ -58,22 +59,27 @@ pub(super) fn check_stored(width: u32, height: u32) -> Result<(), Fault> {
     Err(Fault::new(Code::OutOfRange, text))
 }
 
-/// A camera of a picture of this size; `otherwise` where none is given.
-pub(super) fn camera(asked: Option<&proto::Camera>, otherwise: Camera) -> Result<Camera, Fault> {
+/// A camera of a picture of this size; that of `view` where none is given. Gaussians fade within `near`, and within less where
+/// the view's target is near.
+pub(super) fn camera(
+    asked: Option<&proto::Camera>,
+    (view, near): (View, f64),
+    [width, height]: [u32; 2],
+) -> Result<Camera, Fault> {
     let side = 1..=limits::MAX_PICTURE_PIXELS;
-    let Camera { width, height, .. } = otherwise;
     if !side.contains(&width) || !side.contains(&height) {
         return Err(Fault::new(
             Code::OutOfRange,
             format!("a picture of {width} x {height} pixels was asked for; 1 to {} are drawn each way", side.end()),
         ));
     }
-    let Some(asked) = asked else { return Ok(otherwise) };
+    let otherwise = view.camera(width, height);
+    let Some(asked) = asked else { return Ok(Camera { near: view.near_distance(near), ..otherwise }) };
     let world_to_camera = asked.world_to_camera.as_slice().try_into().map_err(|_| {
         Fault::invalid(format!("a camera takes 16 numbers, row major, not {}", asked.world_to_camera.len()))
     })?;
     let proto::Camera { fx, fy, cx, cy, .. } = *asked;
-    let camera = Camera { fx, fy, cx, cy, world_to_camera, ..otherwise };
+    let camera = Camera { fx, fy, cx, cy, world_to_camera, near, ..otherwise };
     camera.check("camera").map_err(|e| Fault::invalid(e.to_string()))?;
     Ok(camera)
 }
@@ -97,6 +103,22 @@ pub(super) fn clips(clips: &[proto::Clip]) -> Result<Vec<Clip>, Fault> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_camera_has_a_near_distance_and_less_of_it_close_to_its_target() {
+        let view = |distance: f64| View {
+            eye: DVec3::new(0.0, -distance, 0.0),
+            target: DVec3::ZERO,
+            up: DVec3::Z,
+            fov_y_degrees: 40.0,
+        };
+        let near = |asked: Option<&proto::Camera>, distance| camera(asked, (view(distance), 0.5), [4, 3]).unwrap().near;
+        assert_eq!((near(None, 20.0), near(None, 1.0)), (0.5, 0.1));
+        let Camera { fx, fy, cx, cy, world_to_camera, .. } = view(1.0).camera(4, 3);
+        let asked = proto::Camera { fx, fy, cx, cy, world_to_camera: world_to_camera.to_vec() };
+        assert_eq!(near(Some(&asked), 1.0), 0.5);
+        assert!(camera(None, (view(1.0), 0.5), [0, 3]).is_err());
+    }
 
     #[test]
     fn a_picture_is_small_enough_to_be_stored_beside_its_png() {

@@ -62,6 +62,9 @@ pub(super) struct Params {
     pub(super) copies: Option<bool>,
     /// Frames per second that the view draws without a change, for recorders and mirrors; 0 draws only changes.
     pub(super) frames_per_second: f64,
+    /// Distance from the eye, in the scene's unit, within which Gaussians fade in published pictures and for picks, without a
+    /// display; by default a two-hundredth of the scene's longest edge. At most a tenth of the way to the target of a view.
+    pub(super) near: Option<f64>,
     /// Colour of a highlighted selection.
     pub(super) highlight_color: [f32; 3],
     /// Share of that colour, 0 to 1.
@@ -115,6 +118,7 @@ impl Default for Params {
             rasterizer: None,
             copies: None,
             frames_per_second: 0.0,
+            near: None,
             // Okabe and Ito's sky blue: distinct from most palettes with every kind of colour vision.
             highlight_color: [0.337, 0.706, 0.914],
             highlight_mix: 0.6,
@@ -140,6 +144,9 @@ impl Params {
         }
         if !(1.0..=3600.0).contains(&self.patience) {
             return Err(format!("patience = {}; seconds from 1 to 3600", self.patience));
+        }
+        if self.near.is_some_and(|near| !(near >= 0.0 && near.is_finite())) {
+            return Err(format!("near = {}; a finite length of at least 0", self.near.unwrap_or_default()));
         }
         if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());

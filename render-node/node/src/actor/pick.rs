@@ -13,10 +13,11 @@ use sg_scene::view::View;
 
 use super::decode;
 
-/// Picks the first Gaussian at the pixel or along the ray of a request. `view` is that of requests without a camera.
+/// Picks the first Gaussian at the pixel or along the ray of a request. `view` is that of requests without a camera,
+/// `near` the near distance.
 pub(super) fn pick(
     scene: &Scene,
-    (state, view): (&EditState, View),
+    (state, view, near): (&EditState, View, f64),
     request: &proto::PickRequest,
 ) -> Result<Option<Hit>, Fault> {
     let look = Appearance { clips: decode::clips(&request.clips)?, ..state.appearance() };
@@ -27,8 +28,7 @@ pub(super) fn pick(
         }
         Some(_) => return Err(Fault::invalid("a ray takes an origin and a direction")),
         None => {
-            let (width, height) = (request.width, request.height);
-            let camera = decode::camera(request.camera.as_ref(), view.camera(width, height))?;
+            let camera = decode::camera(request.camera.as_ref(), (view, near), [request.width, request.height])?;
             let at = DVec2::new(request.x, request.y);
             if !at.is_finite() {
                 return Err(Fault::invalid("the place in the picture has to be two finite numbers"));

@@ -49,9 +49,6 @@ const TURN: f64 = 180.0;
 /// Nearest that a flying eye looks to straight up or down, degrees.
 const POLE_GAP: f64 = 1.0;
 
-/// Greatest near distance, as a share of the way to the target: what a person looks at closely does not fade.
-const NEAR_SHARE: f64 = 0.1;
-
 /// The eye of a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Navigator {
@@ -82,8 +79,7 @@ impl Navigator {
     /// The camera of a picture of this size.
     #[must_use]
     pub fn camera(&self, width: u32, height: u32) -> Camera {
-        let near = self.near.min(NEAR_SHARE * self.view.eye.distance(self.view.target));
-        Camera { near, ..self.view.camera(width, height) }
+        Camera { near: self.view.near_distance(self.near), ..self.view.camera(width, height) }
     }
 
     /// A drag by `delta`, in heights of the picture, x to the right and y down: the visible scene follows the hand.

@@ -9,6 +9,8 @@ use crate::model::SceneBox;
 pub const FIELD_OF_VIEW: f64 = 40.0;
 /// Share of the picture's half width and height that a framed box leaves free.
 pub const MARGIN: f64 = 0.05;
+/// Greatest near distance, as a share of the way to the target: what a person looks at closely does not fade.
+const NEAR_SHARE: f64 = 0.1;
 /// Smallest angle between an orbit and the poles of the up direction, degrees.
 const POLE_GAP: f64 = 1.0;
 
@@ -164,6 +166,13 @@ impl View {
             return Err(ViewError::NoUp);
         }
         Ok(())
+    }
+
+    /// The near distance of this view's camera, where `most` is that of a view from afar: at most a tenth of the way to the
+    /// target.
+    #[must_use]
+    pub fn near_distance(&self, most: f64) -> f64 {
+        most.min(NEAR_SHARE * self.eye.distance(self.target))
     }
 
     /// The pinhole camera of this view for a picture size, with the default background and light.
