@@ -41,6 +41,20 @@ pub fn waiting_time(pid: u64) -> Duration {
     schedule(pid, 1, |_| true)
 }
 
+/// Name and scheduler niceness of each thread of a process; none for a process that is gone.
+#[must_use]
+pub fn niceness(pid: u64) -> Vec<(String, i32)> {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    let told = |path: PathBuf| {
+        let stat = std::fs::read_to_string(path.join("stat")).ok()?;
+        // `TID (NAME) STATE …`: a name may hold spaces and brackets, and niceness is the 17th word behind it.
+        let (head, tail) = stat.rsplit_once(')')?;
+        let (_, name) = head.split_once('(')?;
+        Some((name.to_owned(), tail.split_whitespace().nth(16)?.parse().ok()?))
+    };
+    threads.filter_map(|t| told(t.path())).collect()
+}
+
 /// Sum over some of a process's threads of one of the numbers of `/proc/PID/task/TID/schedstat`, in nanoseconds.
 fn schedule(pid: u64, column: usize, counts: impl Fn(&Path) -> bool) -> Duration {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
@@ -79,5 +93,7 @@ mod tests {
         let used = named.unwrap().join().unwrap();
         assert!(used < processor_time(pid), "{used:?}");
         assert_eq!(thread_time(pid, "no-such-thread"), Duration::ZERO);
+        let all = niceness(pid);
+        assert!(!all.is_empty() && all.iter().all(|(_, nice)| (-20..20).contains(nice)), "{all:?}");
     }
 }

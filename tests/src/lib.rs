@@ -8,6 +8,7 @@ pub mod eval;
 pub mod hosts;
 pub mod made_scene;
 pub mod marched;
+mod minimizing;
 pub mod plot;
 pub mod proxy;
 pub mod screen;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::dropping;
+use crate::{dropping, minimizing};
 
 /// Width and height of the screen in pixels.
 pub const SIZE: [usize; 2] = [1440, 900];
@@ -141,6 +141,24 @@ impl Screen {
     pub fn drop_file(&self, window: &str, path: &Path, patience: Duration) -> Result<(), String> {
         let number = window.parse().map_err(|e| format!("window `{window}`: {e}"))?;
         dropping::drop_file(&self.display, number, path, patience)
+    }
+
+    /// Minimises a window, given by its number, as a window manager does it.
+    ///
+    /// # Errors
+    /// The display's message.
+    pub fn minimize(&self, window: &str) -> Result<(), String> {
+        let number = window.parse().map_err(|e| format!("window `{window}`: {e}"))?;
+        minimizing::minimize(&self.display, number).map_err(|e| format!("minimising {window}: {e}"))
+    }
+
+    /// Shows a minimised window again.
+    ///
+    /// # Errors
+    /// The display's message.
+    pub fn restore(&self, window: &str) -> Result<(), String> {
+        let number = window.parse().map_err(|e| format!("window `{window}`: {e}"))?;
+        minimizing::restore(&self.display, number).map_err(|e| format!("showing {window}: {e}"))
     }
 
     /// The contents of the screen.

@@ -23,6 +23,8 @@ use sg_gpu::{DeviceClass, Gpu, Rasterizer};
 use sg_proto::keys::{self, role};
 use sg_proto::launch::OpenRequest;
 use sg_proto::scene::State;
+use sg_runtime::bus::Bus;
+use sg_tests::bench::niceness;
 use sg_tests::screen::{SIZE, Screen};
 use sg_tests::small_scene;
 use sg_tests::stack::{SESSION, Stack};
@@ -304,6 +306,61 @@ fn a_headset_that_is_not_there_is_a_window_that_says_why() {
     let logs = std::fs::read_dir(stack.session_folder().join("logs")).unwrap();
     let said: String = logs.flatten().filter_map(|f| std::fs::read_to_string(f.path()).ok()).collect();
     assert!(said.contains("the window takes the headset's place") && said.contains("OpenXR"), "{said}");
+}
+
+/// Frames that a window has shown, once it shows no more for two seconds. It tells them every second.
+async fn frames_at_rest(bus: &Bus) -> u64 {
+    let begun = Instant::now();
+    let shown = async || view(bus, "the view", |v| v.shown > 0).await.shown;
+    let mut before = shown().await;
+    loop {
+        tokio::time::sleep(Duration::from_secs(3)).await;
+        let now = shown().await;
+        if now <= before + 2 {
+            return now;
+        }
+        assert!(begun.elapsed() < PATIENCE, "the window does not come to rest: {before} frames, then {now}");
+        before = now;
+    }
+}
+
+#[test]
+fn a_window_at_rest_draws_no_frames_and_a_minimised_one_none_at_all() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path().display().to_string();
+    let env = [("DISPLAY", screen.display()), ("XDG_CONFIG_HOME", &home)];
+    let stack = Stack::up_of("desktop.toml", &[], &env).unwrap();
+    let window = screen.window("Super-Gaussian", PATIENCE).unwrap();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let bus = stack.join(role::CLI).await.unwrap();
+        view(&bus, "a picture in the window", |v| v.display == "window" && v.frames > 0).await;
+        let before = frames_at_rest(&bus).await;
+        tokio::time::sleep(Duration::from_secs(2)).await;
+        let after = view(&bus, "the view", |_| true).await.shown;
+        assert!(after <= before + 2, "{} frames in two seconds at rest", after - before);
+
+        // Its drawing threads give way to everything else.
+        let pid = stack.ps().iter().find(|s| s["name"] == "render-view").unwrap()["pid"].as_u64().unwrap();
+        let all = niceness(pid);
+        let drawing: Vec<_> = all.iter().filter(|(name, _)| name.starts_with("draws-")).collect();
+        assert!(!drawing.is_empty() && drawing.iter().all(|(_, nice)| *nice >= 10), "{all:?}");
+        assert!(all.iter().any(|(name, nice)| name == "display" && *nice < 10), "{all:?}");
+
+        // Nobody sees the change, so no frame is drawn of it until the window is back.
+        screen.minimize(&window).unwrap();
+        let before = frames_at_rest(&bus).await;
+        let revision = scene(&bus, "the scene", |_| true).await.revision;
+        let (status, _, all) = stack.run(&["say", "make the body red"]).unwrap();
+        assert_eq!(status, Some(0), "{all}");
+        scene(&bus, "a red body", |s| s.revision > revision).await;
+        tokio::time::sleep(Duration::from_secs(3)).await;
+        let hidden = view(&bus, "the view", |_| true).await;
+        assert_eq!(hidden.shown, before, "frames of a minimised window");
+        screen.restore(&window).unwrap();
+        view(&bus, "the change on the screen", |v| v.revision > revision && v.shown > before).await;
+    });
 }
 
 #[test]

@@ -215,7 +215,9 @@ fn run_headset(_: DisplaySetup, headset: std::convert::Infallible) -> Result<(),
 fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
     let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
     let title = format!("Super-Gaussian: {}", view_port.newest().scene.geometry().path);
-    let engine = Engine::new(Scene::clone(&scene), params.backend, params.rasterizer)
+    let open = || Engine::new(Scene::clone(&scene), params.backend, params.rasterizer);
+    let engine = window::at_low_priority(open)
+        .map_err(|e| StartError::Failed(e.to_string()))?
         .map_err(|e| StartError::Input(e.to_string()))?;
     let window_setup = Setup {
         scene,

@@ -1,8 +1,9 @@
 //! The channel between a display and its backend: the newest view state in, requests out.
 
+use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::request::Request;
@@ -29,7 +30,6 @@ pub struct FrameStats {
 }
 
 /// State that both ends of the channel share.
-#[derive(Debug)]
 struct SharedState {
     /// The newest state and its version.
     state: Mutex<(u64, Arc<ViewState>)>,
@@ -37,6 +37,27 @@ struct SharedState {
     closed: AtomicBool,
     /// Time of the display's last look for an update.
     last_turn: Mutex<Instant>,
+    /// Wakes a loop that sleeps until there is an update.
+    wake: OnceLock<Box<dyn Fn() + Send + Sync>>,
+    /// Whether the loop was woken since it last took the state.
+    woken: AtomicBool,
+}
+
+impl SharedState {
+    /// Wakes the loop once until it takes the state.
+    fn wake(&self) {
+        if let Some(wake) = self.wake.get()
+            && !self.woken.swap(true, Ordering::AcqRel)
+        {
+            wake();
+        }
+    }
+}
+
+impl fmt::Debug for SharedState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SharedState").field("closed", &self.closed).finish_non_exhaustive()
+    }
 }
 
 /// A display's side: newest value in, requests out, neither ever waited for.
@@ -74,6 +95,8 @@ impl StateWriter {
         let mut state = lock(&self.0.state);
         what(Arc::make_mut(&mut state.1));
         state.0 += 1;
+        drop(state);
+        self.0.wake();
     }
 
     /// Adds a notice for the person; the oldest goes if there are too many.
@@ -90,9 +113,10 @@ impl StateWriter {
     /// Closes the display.
     pub fn close(&self) {
         self.0.closed.store(true, Ordering::Relaxed);
+        self.0.wake();
     }
 
-    /// Time since the display's loop last looked for an update. It looks many times a second, unless it hangs.
+    /// Time since the display's loop last looked for an update. It looks twice a second or more often, unless it hangs.
     #[must_use]
     pub fn silent_for(&self) -> Duration {
         lock(&self.0.last_turn).elapsed()
@@ -118,16 +142,26 @@ impl ViewPort {
             frame_stats: Mutex::default(),
             closed: AtomicBool::new(false),
             last_turn: Mutex::new(Instant::now()),
+            wake: OnceLock::new(),
+            woken: AtomicBool::new(false),
         });
         let (requests, queue) = sync_channel(REQUESTS);
         let writer = StateWriter(Arc::clone(&shared));
         (Self { shared, taken_version: 0, requests, dropped: 0 }, Backend { writer, requests: queue })
     }
 
+    /// Has `wake` called, from any thread, when there is an update or the display must close. It is called once until
+    /// [`Self::newest`] takes the update. Only the first call has an effect.
+    pub fn on_update(&self, wake: impl Fn() + Send + Sync + 'static) {
+        let _ = self.shared.wake.set(Box::new(wake));
+    }
+
     /// The newest.
     #[must_use]
     pub fn newest(&mut self) -> Arc<ViewState> {
         *lock(&self.shared.last_turn) = Instant::now();
+        // Before the state is read, so that no update after it goes without a call.
+        self.shared.woken.store(false, Ordering::Release);
         let state = lock(&self.shared.state);
         self.taken_version = state.0;
         Arc::clone(&state.1)
@@ -163,5 +197,35 @@ impl ViewPort {
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicUsize;
+
+    use sg_edit::EditState;
+    use sg_scene::synthetic::test_scene;
+
+    use super::*;
+
+    #[test]
+    fn a_sleeping_loop_is_woken_once_for_all_updates_until_it_takes_them() {
+        let state = EditState::of_scene(&test_scene(&[("ball", 3)]), "scene.toml", "hash");
+        let (mut view_port, Backend { writer, .. }) = ViewPort::new(ViewState::of(Arc::new(state)));
+        let calls = Arc::new(AtomicUsize::new(0));
+        let counted = Arc::clone(&calls);
+        view_port.on_update(move || {
+            counted.fetch_add(1, Ordering::Relaxed);
+        });
+        (0..3).for_each(|_| writer.notice("news", false));
+        assert!(view_port.has_update() && calls.load(Ordering::Relaxed) == 1);
+        assert_eq!(view_port.newest().notices.len(), 3);
+        assert!(!view_port.has_update());
+        writer.notice("more", false);
+        assert_eq!(calls.load(Ordering::Relaxed), 2);
+        let _ = view_port.newest();
+        writer.close();
+        assert!(view_port.is_closed() && calls.load(Ordering::Relaxed) == 3);
     }
 }

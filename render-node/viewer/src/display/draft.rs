@@ -45,6 +45,13 @@ impl Drafts {
         self.held.is_none()
     }
 
+    /// Time until a released draft stops showing without a confirmation; `None` while there is none.
+    #[must_use]
+    pub fn expires_in(&self) -> Option<Duration> {
+        let (_, until) = self.held.as_ref()?.asked?;
+        Some(until.saturating_duration_since(Instant::now()))
+    }
+
     /// The state with the draft applied, as the scene's owner would apply it. Returns the state itself without a draft, or
     /// if it would reject the draft. Drops a draft that the scene has confirmed.
     #[must_use]

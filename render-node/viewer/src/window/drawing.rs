@@ -19,6 +19,7 @@ use sg_raster::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
 use sg_raster::render::{Options, Projection};
 use sg_scene::camera_motion::scaled;
 
+use super::error::WindowError;
 use super::shared_texture::SharedTexture;
 
 /// Edge of the picture that ids are found in, over that of the window's.
@@ -176,17 +177,37 @@ impl FrontSurface {
     }
 }
 
-/// Drawing threads, one per core, at the lowest priority. A person's input needs only microseconds of another process, and
-/// must not wait for a picture.
+/// Lowers the priority of this thread, and of the threads that it will start.
+fn lower_priority() {
+    if let Err(error) = rustix::process::setpriority_process(None, NICE) {
+        tracing::warn!(%error, "drawing goes at the priority of everything else");
+    }
+}
+
+/// Drawing threads, one per core, at a low priority. A person's input needs only microseconds of another process, and must not wait
+/// for a picture.
 ///
 /// # Errors
 /// The system's error if it cannot start threads.
 pub fn threads() -> Result<Arc<rayon::ThreadPool>, rayon::ThreadPoolBuildError> {
-    let lowered = |_| {
-        if let Err(error) = rustix::process::setpriority_process(None, NICE) {
-            tracing::warn!(%error, "drawing goes at the priority of everything else");
-        }
-    };
+    let lowered = |_| lower_priority();
     let builder = rayon::ThreadPoolBuilder::new().thread_name(|k| format!("draws-{k}")).start_handler(lowered);
     builder.build().map(Arc::new)
+}
+
+/// Does something on a thread of the drawing threads' priority. A driver that draws on the cores starts its own threads when a device
+/// is opened, and they inherit it.
+///
+/// # Errors
+/// [`WindowError::Threads`] if the system cannot start a thread.
+pub fn at_low_priority<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, WindowError> {
+    std::thread::scope(|scope| {
+        let lowered = || {
+            lower_priority();
+            work()
+        };
+        let thread = std::thread::Builder::new().name("opens".to_owned()).spawn_scoped(scope, lowered);
+        let thread = thread.map_err(|e| WindowError::Threads(e.to_string()))?;
+        thread.join().map_or_else(|panic| std::panic::resume_unwind(panic), Ok)
+    })
 }

@@ -38,7 +38,7 @@ use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::render::Quality;
 
-pub use drawing::threads;
+pub use drawing::{at_low_priority, threads};
 pub use error::WindowError;
 pub use navigation::{NavigationMode, Navigator};
 pub use scene_view::MouseTool;
@@ -48,8 +48,9 @@ pub use window_ui::WindowUi;
 
 use surface::{PresentResult, WindowSurface};
 
-/// Period of checks for news while nothing is drawn.
-const POLL_PERIOD: Duration = Duration::from_millis(16);
+/// Longest sleep of the loop. Input, updates and finished pictures wake it earlier; a turn that comes as seldom as this shows the
+/// watchdog of the process that the loop does not hang.
+const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
 /// Most consecutive frames with a lost device or surface; each loss opens a new one.
 const MOST_LOSSES: u32 = 5;
@@ -126,6 +127,10 @@ struct OpenWindow {
     before: (Settings, Option<Quality>),
     /// When the next frame is due, if one is.
     due: Option<Instant>,
+    /// Whether other windows cover all of it.
+    occluded: bool,
+    /// Whether a frame was due while it was hidden.
+    missed: bool,
 }
 
 impl OpenWindow {
@@ -165,6 +170,8 @@ impl OpenWindow {
             settings,
             before,
             due,
+            occluded: false,
+            missed: false,
         };
         this.open_surface()?;
         opened();
@@ -221,6 +228,7 @@ impl OpenWindow {
         let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
         let delay = output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
         self.due = Instant::now().checked_add(delay);
+        self.missed = false;
         let Some(surface) = &mut self.surface else { return Ok(()) };
         if let Some(picture) = self.window_ui.take_picture() {
             surface.take(&picture);
@@ -238,6 +246,24 @@ impl OpenWindow {
             }
         }
         Ok(())
+    }
+
+    /// Whether nothing of the window is on the screen: it is covered or minimised.
+    fn is_hidden(&self) -> bool {
+        self.occluded || self.window.is_minimized() == Some(true)
+    }
+
+    /// Requests the frame that is due, unless nobody can see it. A hidden window commits its pending change all the same.
+    fn request_frame_if_due(&mut self, now: Instant) {
+        if !(self.missed || self.window_ui.has_update() || self.due.is_some_and(|due| due <= now)) {
+            return;
+        }
+        self.due = None;
+        if self.is_hidden() && !self.window_ui.holds_change() {
+            self.missed = true;
+        } else {
+            self.window.request_redraw();
+        }
     }
 
     /// Saves the layout; an error is logged and has no other effect.
@@ -301,8 +327,9 @@ impl ApplicationHandler<()> for App {
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let Some(opened) = &mut self.opened else { return };
-        let response = opened.input.on_window_event(&opened.window, &event);
-        if response.repaint {
+        // egui answers a redraw with the wish for another one, and a window that grants it never rests.
+        let redraws = matches!(event, WindowEvent::RedrawRequested);
+        if !redraws && opened.input.on_window_event(&opened.window, &event).repaint {
             opened.window.request_redraw();
         }
         match event {
@@ -318,6 +345,7 @@ impl ApplicationHandler<()> for App {
                 }
                 opened.window.request_redraw();
             }
+            WindowEvent::Occluded(occluded) => opened.occluded = occluded,
             WindowEvent::RedrawRequested => {
                 if let Err(error) = opened.frame() {
                     self.error = Some(error);
@@ -331,11 +359,8 @@ impl ApplicationHandler<()> for App {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let Some(opened) = &mut self.opened else { return };
         let now = Instant::now();
-        if opened.window_ui.has_update() || opened.due.is_some_and(|due| due <= now) {
-            opened.due = None;
-            opened.window.request_redraw();
-        }
-        let next = now + POLL_PERIOD;
+        opened.request_frame_if_due(now);
+        let next = now + LONGEST_SLEEP;
         event_loop.set_control_flow(ControlFlow::WaitUntil(opened.due.map_or(next, |due| due.min(next))));
     }
 }

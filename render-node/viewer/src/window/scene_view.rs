@@ -23,6 +23,7 @@ use crate::display::{
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::finish::Finish;
+use sg_raster::render::{Projection, Quality};
 
 /// Tool of the left button.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -79,11 +80,14 @@ struct PictureRequest {
     appearance: Appearance,
     outlines: bool,
     gradient: bool,
+    /// The quality at rest.
+    quality: Quality,
+    projection: Projection,
 }
 
 impl PartialEq for PictureRequest {
     fn eq(&self, other: &Self) -> bool {
-        let flags = |r: &Self| (r.outlines, r.gradient);
+        let flags = |r: &Self| (r.outlines, r.gradient, r.quality, r.projection);
         self.cameras == other.cameras && flags(self) == flags(other) && same(&self.appearance, &other.appearance)
     }
 }
@@ -427,6 +431,8 @@ impl SceneView {
             appearance: appearance.clone(),
             outlines: outlines.is_some(),
             gradient: tools.gradient,
+            quality: tools.quality,
+            projection: tools.projection,
         };
         let now = Instant::now();
         if self.requested.as_ref() != Some(&requested) {
@@ -435,7 +441,6 @@ impl SceneView {
             self.requested = Some(requested);
         }
         let moving = now.duration_since(self.changed) < SETTLES;
-        let best = self.newest.level.is_some_and(|l| l == self.adaptive_quality.level(tools.quality, false));
         if !self.settled
             && self.picture_worker.is_idle()
             && let Some(PictureRequest { cameras, appearance, .. }) = &self.requested
@@ -458,8 +463,9 @@ impl SceneView {
             // A picture in motion is followed by another.
             self.settled = !moving;
         }
-        if moving || !best {
-            ui.ctx().request_repaint_after(SETTLES);
+        // At rest only a finished picture wakes the loop: a frame that asks for the next one keeps a core busy.
+        if moving {
+            ui.ctx().request_repaint_after(SETTLES.saturating_sub(now.duration_since(self.changed)));
         }
         self.request_front(rect, appearance, moving);
         if let Some(picture) = self.picture {

@@ -89,8 +89,9 @@ impl WindowUi {
         (mut view_port, tools): (ViewPort, Tools),
         pictures: PathBuf,
         settings: &Settings,
-        wake: impl Fn() + Clone + Send + 'static,
+        wake: impl Fn() + Clone + Send + Sync + 'static,
     ) -> Result<Self, WindowError> {
+        view_port.on_update(wake.clone());
         let first = view_port.newest();
         let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
         let mut navigator = Navigator::new(shared, scene.bounds);
@@ -156,6 +157,12 @@ impl WindowUi {
         self.view_port.has_update()
     }
 
+    /// Whether a change waits for its commit at the next frame: a hidden window draws that one too.
+    #[must_use]
+    pub(super) fn holds_change(&self) -> bool {
+        self.drag.0.is_held()
+    }
+
     /// Whether the window has to close.
     #[must_use]
     pub fn is_closed(&self) -> bool {
@@ -195,6 +202,9 @@ impl WindowUi {
             }
         }
         let drafted = self.drafts.over(&self.scene, &newest.scene);
+        if let Some(left) = self.drafts.expires_in() {
+            ui.ctx().request_repaint_after(left);
+        }
         let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
