@@ -1,10 +1,11 @@
 //! Uploads the appearance: small tables as a whole, masks as their changed words.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use encase::ShaderSize;
 use glam::{DVec3, Vec3, Vec4};
-use sg_scene::appearance::{Appearance, PixelFilter};
+use sg_scene::appearance::{Appearance, Clip, PixelFilter};
 use sg_scene::camera::LightMode;
 use sg_scene::mask::Mask;
 
@@ -100,6 +101,9 @@ impl AppearanceBuffers {
         grow(&mut self.clip_sides, "clip sides", ClipSide::SHADER_SIZE.get() * sides);
         grow(&mut self.masks, "masks", 4 * self.mask_words as u64 * units);
         grow(&mut self.colors, "colors", 12 * gaussians as u64);
+        self.edit_table.reserve(units as usize);
+        self.side_table.reserve(sides as usize);
+        self.uploaded_masks.reserve(units as usize);
         // Masks of a few units in each of three frames, and colors once.
         gpu.reserve_uploads(3 * (UPLOAD_TABLES + 4 * 4 * self.mask_words as u64) + 12 * gaussians as u64);
         if changed {
@@ -138,47 +142,37 @@ impl AppearanceBuffers {
             PixelFilter::Plain => 0,
             PixelFilter::Compensated => 1,
         };
-        let table: Vec<Unit> = scene_units
-            .iter()
-            .zip(&appearance.base)
-            .map(|(unit, base)| {
-                let [ka, kd, ks, shininess] = base.multipliers;
-                Unit {
-                    palette: base.palette,
-                    opacity: base.opacity,
-                    multipliers: Vec4::new(ka * light.ka, kd * light.kd, ks * light.ks, shininess * light.shininess),
-                    visible: u32::from(base.visible),
-                    compensated: compensated(unit),
-                    ..*unit
-                }
-            })
-            .collect();
-        if table != self.table {
-            let bytes = gpu.table_bytes(&table);
-            gpu.write(&self.units, 0, &bytes);
-            self.uploaded_bytes += bytes.len() as u64;
-            self.table = table;
+        let rows = scene_units.iter().zip(&appearance.base).map(|(unit, base)| {
+            let [ka, kd, ks, shininess] = base.multipliers;
+            Unit {
+                palette: base.palette,
+                opacity: base.opacity,
+                multipliers: Vec4::new(ka * light.ka, kd * light.kd, ks * light.ks, shininess * light.shininess),
+                visible: u32::from(base.visible),
+                compensated: compensated(unit),
+                ..*unit
+            }
+        });
+        if replace(&mut self.table, rows) {
+            self.uploaded_bytes += gpu.write_table(&self.units, self.table.iter().copied());
         }
-        let edits: Vec<Edit> = appearance
-            .units
-            .iter()
-            .map(|u| Edit {
-                color: u.color.unwrap_or(Vec3::ZERO),
-                opacity: u.opacity,
-                colored: u32::from(u.color.is_some()),
-                visible: u32::from(u.visible),
-            })
-            .collect();
+        let edits = appearance.units.iter().map(|u| Edit {
+            color: u.color.unwrap_or(Vec3::ZERO),
+            opacity: u.opacity,
+            colored: u32::from(u.color.is_some()),
+            visible: u32::from(u.visible),
+        });
         let mut generation = self.generation;
-        if edits != self.edit_table {
-            self.uploaded_bytes += upload(gpu, &mut self.edits, "edits", &gpu.table_bytes(&edits), &mut generation);
-            self.edit_table = edits;
+        if replace(&mut self.edit_table, edits) {
+            let rows = &self.edit_table;
+            fit(gpu, &mut self.edits, "edits", Edit::SHADER_SIZE.get() * rows.len() as u64, &mut generation);
+            self.uploaded_bytes += gpu.write_table(&self.edits, rows.iter().copied());
         }
-        let sides = clip_sides(appearance, origin);
-        if sides != self.side_table {
-            let bytes = gpu.table_bytes(&sides);
-            self.uploaded_bytes += upload(gpu, &mut self.clip_sides, "clip sides", &bytes, &mut generation);
-            self.side_table = sides;
+        if replace(&mut self.side_table, clip_sides(appearance, origin)) {
+            let rows = &self.side_table;
+            let bytes = ClipSide::SHADER_SIZE.get() * rows.len() as u64;
+            fit(gpu, &mut self.clip_sides, "clip sides", bytes, &mut generation);
+            self.uploaded_bytes += gpu.write_table(&self.clip_sides, rows.iter().copied());
         }
         self.generation = generation;
         self.update_masks(gpu, appearance);
@@ -203,30 +197,35 @@ impl AppearanceBuffers {
     }
 
     fn update_masks(&mut self, gpu: &Gpu, appearance: &Appearance) {
-        let masks: Vec<&Arc<Mask>> =
-            appearance.units.iter().map(|u| &u.mask).chain(appearance.overlay.iter().map(|o| &o.mask)).collect();
+        let masks = || appearance.units.iter().map(|u| &u.mask).chain(appearance.overlay.iter().map(|o| &o.mask));
         let slot = 4 * self.mask_words as u64;
-        if self.masks.size() < slot * masks.len() as u64 {
+        let count = masks().count();
+        if self.masks.size() < slot * count as u64 {
             // Twice the room: users add units one after another.
-            self.masks = gpu.storage("masks", slot * 2 * masks.len() as u64);
+            self.masks = gpu.storage("masks", slot * 2 * count as u64);
             self.uploaded_masks.clear();
             self.generation += 1;
         }
-        for (k, mask) in masks.iter().enumerate() {
+        for (k, mask) in masks().enumerate() {
             let old = self.uploaded_masks.get(k);
             if old.is_some_and(|old| Arc::ptr_eq(old, mask)) {
                 continue;
             }
             let old = old.map(|m| m.words()).unwrap_or_default();
-            for changed in changed_ranges(old, mask.words()) {
+            let buffer = &self.masks;
+            for_changed_ranges(old, mask.words(), |changed| {
                 if let Some(words) = mask.words().get(changed.clone()) {
                     let bytes: &[u8] = bytemuck::cast_slice(words);
-                    gpu.write(&self.masks, slot * k as u64 + 8 * changed.start as u64, bytes);
+                    gpu.write(buffer, slot * k as u64 + 8 * changed.start as u64, bytes);
                     self.uploaded_bytes += bytes.len() as u64;
                 }
+            });
+            match self.uploaded_masks.get_mut(k) {
+                Some(old) => old.clone_from(mask),
+                None => self.uploaded_masks.push(Arc::clone(mask)),
             }
         }
-        self.uploaded_masks = masks.into_iter().cloned().collect();
+        self.uploaded_masks.truncate(count);
     }
 
     fn update_colors(&mut self, gpu: &Gpu, appearance: &Appearance) {
@@ -239,9 +238,16 @@ impl AppearanceBuffers {
             return;
         }
         if let Some(colors) = &appearance.colors {
-            let safe: Vec<Vec3> = colors.iter().map(|c| c.max(Vec3::ZERO)).collect();
-            self.uploaded_bytes +=
-                upload(gpu, &mut self.colors, "colors", bytemuck::cast_slice(&safe), &mut self.generation);
+            let bytes = size_of_val::<[Vec3]>(colors) as u64;
+            fit(gpu, &mut self.colors, "colors", bytes, &mut self.generation);
+            if colors.iter().all(|c| c.cmpge(Vec3::ZERO).all()) {
+                gpu.write(&self.colors, 0, bytemuck::cast_slice(colors));
+            } else {
+                // Rare: colors of attributes are not negative.
+                let safe: Vec<Vec3> = colors.iter().map(|c| c.max(Vec3::ZERO)).collect();
+                gpu.write(&self.colors, 0, bytemuck::cast_slice(&safe));
+            }
+            self.uploaded_bytes += bytes;
             self.uploaded_occlusion = None;
         }
         self.uploaded_colors.clone_from(&appearance.colors);
@@ -254,64 +260,90 @@ impl AppearanceBuffers {
             return;
         }
         // Whole elements of three numbers.
-        let mut bytes: Vec<f32> = factors.to_vec();
-        bytes.resize(factors.len().next_multiple_of(3), 1.0);
-        self.uploaded_bytes +=
-            upload(gpu, &mut self.colors, "colors", bytemuck::cast_slice(&bytes), &mut self.generation);
+        let (whole, rest) = factors.split_at(factors.len() / 3 * 3);
+        let mut last = [1.0_f32; 3];
+        last.iter_mut().zip(rest).for_each(|(to, from)| *to = *from);
+        let [first, bytes] = [whole.len() as u64 * 4, factors.len().next_multiple_of(3) as u64 * 4];
+        fit(gpu, &mut self.colors, "colors", bytes, &mut self.generation);
+        gpu.write(&self.colors, 0, bytemuck::cast_slice(whole));
+        if !rest.is_empty() {
+            gpu.write(&self.colors, first, bytemuck::cast_slice(&last));
+        }
+        self.uploaded_bytes += bytes;
         self.uploaded_colors = None;
         self.uploaded_occlusion = Some(Arc::clone(factors));
     }
 }
 
-/// Writes a table and replaces a buffer that is too small. Returns the bytes written.
-fn upload(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: &[u8], generation: &mut u64) -> u64 {
-    if buffer.size() < bytes.len() as u64 {
-        *buffer = gpu.storage(label, 2 * bytes.len() as u64);
+/// Replaces a buffer that is too small for so many bytes by one with twice the room.
+fn fit(gpu: &Gpu, buffer: &mut wgpu::Buffer, label: &str, bytes: u64, generation: &mut u64) {
+    if buffer.size() < bytes {
+        *buffer = gpu.storage(label, 2 * bytes);
         *generation += 1;
     }
-    gpu.write(buffer, 0, bytes);
-    bytes.len() as u64
 }
 
-fn clip_sides(appearance: &Appearance, origin: DVec3) -> Vec<ClipSide> {
-    let mut all = Vec::new();
-    for clip in &appearance.clips {
-        for (k, side) in clip.sides.iter().enumerate() {
-            // Unit length: f32 would round products of long normals away.
-            let length = side.normal.length();
-            let normal = side.normal / length;
-            let offset = side.offset / length - normal.dot(origin);
-            let last = k + 1 == clip.sides.len();
-            all.push(ClipSide {
-                normal: normal.as_vec3(),
-                offset: offset as f32,
-                keep_inside: u32::from(clip.keep_inside),
-                last: u32::from(last),
-            });
+/// Makes `kept` equal to `rows` within its memory. Returns whether that changed it.
+fn replace<T: PartialEq>(kept: &mut Vec<T>, rows: impl Iterator<Item = T>) -> bool {
+    let (mut count, mut is_changed) = (0, false);
+    for row in rows {
+        match kept.get_mut(count) {
+            Some(old) if *old == row => {}
+            Some(old) => (*old, is_changed) = (row, true),
+            None => {
+                kept.push(row);
+                is_changed = true;
+            }
         }
+        count += 1;
     }
-    all
+    is_changed |= kept.len() > count;
+    kept.truncate(count);
+    is_changed
 }
 
-/// Ranges of words that differ between two masks, near ranges joined. Words missing in the old mask differ.
-fn changed_ranges(old: &[u64], new: &[u64]) -> Vec<std::ops::Range<usize>> {
-    let mut ranges: Vec<std::ops::Range<usize>> = Vec::new();
+fn clip_sides(appearance: &Appearance, origin: DVec3) -> impl Iterator<Item = ClipSide> {
+    let side = move |(clip, k): (&Clip, usize)| {
+        let side = clip.sides.get(k)?;
+        // Unit length: f32 would round products of long normals away.
+        let length = side.normal.length();
+        let normal = side.normal / length;
+        let offset = side.offset / length - normal.dot(origin);
+        Some(ClipSide {
+            normal: normal.as_vec3(),
+            offset: offset as f32,
+            keep_inside: u32::from(clip.keep_inside),
+            last: u32::from(k + 1 == clip.sides.len()),
+        })
+    };
+    appearance.clips.iter().flat_map(|clip| (0..clip.sides.len()).map(move |k| (clip, k))).filter_map(side)
+}
+
+/// Calls `then` with the ranges of words that differ between two masks, near ranges joined. Words missing in the old mask differ.
+fn for_changed_ranges(old: &[u64], new: &[u64], mut then: impl FnMut(Range<usize>)) {
+    let mut open: Option<Range<usize>> = None;
     for (k, word) in new.iter().enumerate() {
         if old.get(k) == Some(word) {
             continue;
         }
-        match ranges.last_mut() {
+        match &mut open {
             Some(range) if k - range.end <= GAP => range.end = k + 1,
-            _ => ranges.push(k..k + 1),
+            _ => open.replace(k..k + 1).into_iter().for_each(&mut then),
         }
     }
-    ranges
+    open.into_iter().for_each(then);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    fn changed_ranges(old: &[u64], new: &[u64]) -> Vec<Range<usize>> {
+        let mut ranges = Vec::new();
+        for_changed_ranges(old, new, |range| ranges.push(range));
+        ranges
+    }
 
     proptest! {
         #[test]
@@ -331,6 +363,18 @@ mod tests {
                 prop_assert!(old[r.start] != new[r.start] && old[r.end - 1] != new[r.end - 1]);
             }
             prop_assert_eq!(applied, new);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_replaced_table_is_the_new_one(
+            old in proptest::collection::vec(0_u8..3, 0..6), new in proptest::collection::vec(0_u8..3, 0..6),
+        ) {
+            let mut kept = old.clone();
+            let is_changed = replace(&mut kept, new.iter().copied());
+            prop_assert_eq!(is_changed, old != new);
+            prop_assert_eq!(kept, new);
         }
     }
 

@@ -11,12 +11,15 @@ pub struct Created {
     pub textures: u64,
     /// Pipelines.
     pub pipelines: u64,
+    /// Bind groups.
+    pub bind_groups: u64,
     /// Writes to buffers for which wgpu made staging memory.
     pub uploads: u64,
 }
 
 thread_local! {
-    static CREATED: Cell<Created> = const { Cell::new(Created { buffers: 0, textures: 0, pipelines: 0, uploads: 0 }) };
+    static CREATED: Cell<Created> =
+        const { Cell::new(Created { buffers: 0, textures: 0, pipelines: 0, bind_groups: 0, uploads: 0 }) };
 }
 
 /// Objects that this crate has created on the calling thread, on all devices. A loop that draws creates none in its frames.

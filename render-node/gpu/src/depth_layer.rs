@@ -1,7 +1,8 @@
 //! Converts scene depths to the depth image of a headset.
 
 use crate::device::Gpu;
-use crate::pipeline::{DrawPipeline, DrawTargets, depth_state};
+use crate::kept_bindings::KeptBindings;
+use crate::pipeline::{BoundDraw, DrawPipeline, DrawTargets, depth_state};
 use crate::recorded;
 use crate::resources::Resources;
 use crate::shader::Shader;
@@ -22,6 +23,7 @@ pub struct DepthLayer {
     gpu: Gpu,
     pipeline: DrawPipeline,
     range: wgpu::Buffer,
+    bindings: KeptBindings<1, BoundDraw>,
 }
 
 impl DepthLayer {
@@ -34,7 +36,8 @@ impl DepthLayer {
         let targets = DrawTargets { depth, ..DrawTargets::default() };
         let triangles = wgpu::PrimitiveTopology::TriangleList;
         let pipeline = DrawPipeline::new(gpu, (&shader, ["cover", "store"]), &[], triangles, targets);
-        Self { gpu: gpu.clone(), pipeline, range: gpu.uniform("depth range", &DepthRange::default()) }
+        let range = gpu.uniform("depth range", &DepthRange::default());
+        Self { gpu: gpu.clone(), pipeline, range, bindings: KeptBindings::default() }
     }
 
     /// Writes the upper left part of `depths` (f32, such as one of [`crate::Renderer::depths`]) to the upper left part of
@@ -49,9 +52,10 @@ impl DepthLayer {
     ) {
         let range = DepthRange { scale: scale as f32, nearest: DEPTH_NEAR, farthest: DEPTH_FAR };
         self.gpu.write_uniform(&self.range, &range);
-        let view = depths.create_view(&wgpu::TextureViewDescriptor::default());
-        let resources = Resources::of([("range", &self.range)]).and(&Resources::of_texture("depths", &view));
-        let draw = self.pipeline.bind(&self.gpu, &resources);
+        let draw = self.bindings.get([depths], |[view]| {
+            let resources = Resources::of([("range", &self.range)]);
+            self.pipeline.bind(&self.gpu, &resources.and(&Resources::of_texture("depths", &view)))
+        });
         recorded::open_pass();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("depth layer"),

@@ -19,6 +19,9 @@ use crate::uploads::Uploads;
 /// machine.
 pub(super) const WAIT_TIMEOUT: Duration = Duration::from_secs(120);
 
+/// Bytes of a uniform, or of rows of a table that are written together.
+const ROOM: usize = 4096;
+
 /// Interval between two polls of a waiting thread.
 const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
@@ -398,11 +401,41 @@ impl Gpu {
 
     /// Writes the value of a uniform buffer.
     pub(super) fn write_uniform<T: ShaderSize + WriteInto>(&self, buffer: &wgpu::Buffer, value: &T) {
-        let mut bytes = encase::UniformBuffer::new(Vec::<u8>::new());
-        match bytes.write(value) {
-            Ok(()) => self.write(buffer, 0, bytes.as_ref()),
+        let mut room = [0; ROOM];
+        let Some(bytes) = room.get_mut(..T::SHADER_SIZE.get() as usize) else {
+            self.report(self.failed(&"a uniform is too large"));
+            return;
+        };
+        match encase::UniformBuffer::new(&mut *bytes).write(value) {
+            Ok(()) => self.write(buffer, 0, bytes),
             Err(error) => self.report(self.failed(&error)),
         }
+    }
+
+    /// Writes the rows of a table to a storage buffer that is large enough, and allocates nothing. Returns their bytes.
+    pub(super) fn write_table<T: ShaderSize + WriteInto>(
+        &self,
+        buffer: &wgpu::Buffer,
+        rows: impl IntoIterator<Item = T>,
+    ) -> u64 {
+        let mut room = [0; ROOM];
+        let row_bytes = T::SHADER_SIZE.get() as usize;
+        let (mut offset, mut used) = (0, 0);
+        for row in rows {
+            if used + row_bytes > ROOM {
+                self.write(buffer, offset, room.get(..used).unwrap_or_default());
+                (offset, used) = (offset + used as u64, 0);
+            }
+            let written =
+                room.get_mut(used..used + row_bytes).map(|bytes| encase::StorageBuffer::new(bytes).write(&row));
+            match written {
+                Some(Ok(())) => used += row_bytes,
+                Some(Err(error)) => self.report(self.failed(&error)),
+                None => self.report(self.failed(&"a row is too large")),
+            }
+        }
+        self.write(buffer, offset, room.get(..used).unwrap_or_default());
+        offset + used as u64
     }
 
     /// The bytes of a table in a storage buffer; none for an empty table.

@@ -47,6 +47,7 @@ mod early_out;
 mod error;
 mod frame_uniform;
 mod hidden_tiles;
+mod kept_bindings;
 mod meshes;
 mod pass_chain;
 mod pipeline;

@@ -5,12 +5,14 @@
 //! scene's front keeps the share that the scene's opacity leaves over.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DMat4, DVec3, UVec2, Vec2, Vec3, Vec4};
 use sg_scene::camera::Camera;
 
 use crate::depth_layer::{DEPTH_FAR, DEPTH_NEAR};
 use crate::device::Gpu;
+use crate::kept_bindings::KeptBindings;
 use crate::pipeline::{BoundDraw, DrawPipeline, DrawTargets, depth_state};
 use crate::resources::Resources;
 use crate::shader::Shader;
@@ -125,7 +127,19 @@ pub struct MeshLayer {
     keep_depth: Option<DrawPipeline>,
     /// Uniform and items of each eye.
     eyes: [(wgpu::Buffer, wgpu::Buffer); 2],
+    /// The pipelines of each eye, bound to its picture and its depths.
+    bindings: [KeptBindings<2, MeshBindings>; 2],
     depth_buffer: wgpu::TextureView,
+}
+
+/// The pipelines of [`MeshLayer`], bound.
+#[derive(Debug)]
+struct MeshBindings {
+    solid: BoundDraw,
+    clear: BoundDraw,
+    hole: BoundDraw,
+    reveal: BoundDraw,
+    keep_depth: Option<BoundDraw>,
 }
 
 /// Successive items with one mesh and one pipeline.
@@ -193,6 +207,7 @@ impl MeshLayer {
                 pipeline(["place", "keep_depth"], DrawTargets { depth, ..DrawTargets::default() })
             }),
             eyes,
+            bindings: Default::default(),
             depth_buffer: depth_buffer.create_view(&wgpu::TextureViewDescriptor::default()),
         }
     }
@@ -207,26 +222,24 @@ impl MeshLayer {
         placed: &[PlacedMesh],
     ) {
         let batches = self.write(eye, placed);
+        let bound = self.bound(eye);
         if eye.reveals {
-            let view = eye.picture.create_view(&wgpu::TextureViewDescriptor::default());
-            let (uniform, _) = &self.eyes[usize::from(eye.right)];
-            let resources = Resources::of([("eye", uniform)]).and(&Resources::of_texture("picture", &view));
-            let draw = self.reveal.bind(&self.gpu, &resources);
             let mut pass = begin(encoder, "coverage", Some(target), None);
             pass.set_scissor_rect(0, 0, eye.camera.width, eye.camera.height);
-            draw.draw_full_screen(&mut pass);
+            bound.reveal.draw_full_screen(&mut pass);
         }
-        if batches.is_empty() {
+        let mut batches = batches.peekable();
+        if batches.peek().is_none() {
             return;
         }
         let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Discard };
         let depth = Some((&self.depth_buffer, ops));
-        let pipelines = |look| match look {
-            MeshLook::Solid => &self.solid,
-            MeshLook::Hole => &self.hole,
-            MeshLook::Beam | MeshLook::Ball | MeshLook::Floor => &self.clear,
+        let draws = |look| match look {
+            MeshLook::Solid => &bound.solid,
+            MeshLook::Hole => &bound.hole,
+            MeshLook::Beam | MeshLook::Ball | MeshLook::Floor => &bound.clear,
         };
-        self.draw(begin(encoder, "meshes", Some(target), depth), eye, &batches, pipelines);
+        self.draw(begin(encoder, "meshes", Some(target), depth), eye, batches, draws);
     }
 
     /// Stores the depths of the meshes of the last [`Self::encode`] of this eye in a headset's depth image, where they are in
@@ -238,45 +251,53 @@ impl MeshLayer {
         eye: &MeshEye<'_>,
         placed: &[PlacedMesh],
     ) {
-        let Some(pipeline) = &self.keep_depth else { return };
-        let batches: Vec<Batch> = self.batches(placed).into_iter().filter(|b| b.look.hides()).collect();
-        if batches.is_empty() {
+        let bound = self.bound(eye);
+        let Some(draw) = &bound.keep_depth else { return };
+        let mut batches = self.batches(placed).filter(|b| b.look.hides()).peekable();
+        if batches.peek().is_none() {
             return;
         }
         let ops = wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store };
-        self.draw(begin(encoder, "depths of meshes", None, Some((target, ops))), eye, &batches, |_| pipeline);
+        self.draw(begin(encoder, "depths of meshes", None, Some((target, ops))), eye, batches, |_| draw);
+    }
+
+    /// The pipelines, bound to the picture and the depths of an eye.
+    fn bound(&self, eye: &MeshEye<'_>) -> Arc<MeshBindings> {
+        let k = usize::from(eye.right);
+        self.bindings[k].get([eye.picture, eye.depths.0], |[picture, depths]| {
+            let (uniform, items) = &self.eyes[k];
+            let resources = Resources::of([("eye", uniform), ("corners", &self.corners), ("items", items)])
+                .and(&Resources::of_textures([("picture", &picture), ("depths", &depths)]));
+            let bind = |pipeline: &DrawPipeline| pipeline.bind(&self.gpu, &resources);
+            MeshBindings {
+                solid: bind(&self.solid),
+                clear: bind(&self.clear),
+                hole: bind(&self.hole),
+                reveal: bind(&self.reveal),
+                keep_depth: self.keep_depth.as_ref().map(bind),
+            }
+        })
     }
 
     fn draw<'a>(
-        &'a self,
+        &self,
         mut pass: wgpu::RenderPass<'_>,
         eye: &MeshEye<'_>,
-        batches: &[Batch],
-        pipeline: impl Fn(MeshLook) -> &'a DrawPipeline,
+        batches: impl Iterator<Item = Batch>,
+        draw: impl Fn(MeshLook) -> &'a BoundDraw,
     ) {
         let (width, height) = (eye.camera.width, eye.camera.height);
         pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
         pass.set_scissor_rect(0, 0, width, height);
-        let picture = eye.picture.create_view(&wgpu::TextureViewDescriptor::default());
-        let depths = eye.depths.0.create_view(&wgpu::TextureViewDescriptor::default());
-        let (uniform, items) = &self.eyes[usize::from(eye.right)];
-        let resources = Resources::of([("eye", uniform), ("corners", &self.corners), ("items", items)])
-            .and(&Resources::of_texture("picture", &picture))
-            .and(&Resources::of_texture("depths", &depths));
-        let mut bound: Option<(&DrawPipeline, BoundDraw)> = None;
         for Batch { items, mesh, look } in batches {
-            let Some(corners) = self.meshes.get(*mesh) else { continue };
-            let wanted = pipeline(*look);
-            let (_, draw) = match bound.take() {
-                Some((kept, draw)) if std::ptr::eq(kept, wanted) => bound.insert((kept, draw)),
-                _ => bound.insert((wanted, wanted.bind(&self.gpu, &resources))),
-            };
-            draw.draw_instances(&mut pass, corners.clone(), items.clone());
+            if let Some(corners) = self.meshes.get(mesh) {
+                draw(look).draw_instances(&mut pass, corners.clone(), items);
+            }
         }
     }
 
     /// Writes an eye and its items for the device.
-    fn write(&self, eye: &MeshEye<'_>, placed: &[PlacedMesh]) -> Vec<Batch> {
+    fn write<'a>(&self, eye: &MeshEye<'_>, placed: &'a [PlacedMesh]) -> impl Iterator<Item = Batch> + use<'a> {
         let camera = eye.camera;
         let view = camera.view();
         let size = |n: u32| f64::from(n.max(1));
@@ -294,28 +315,26 @@ impl MeshLayer {
         };
         let (to, table) = &self.eyes[usize::from(eye.right)];
         self.gpu.write_uniform(to, &uniform);
-        let items: Vec<MeshItem> = self.drawn(placed).map(|mesh| item(&view, mesh)).collect();
-        if !items.is_empty() {
-            self.gpu.queue.write_buffer(table, 0, &self.gpu.table_bytes(&items));
-        }
+        self.gpu.write_table(table, self.drawn(placed).map(|mesh| item(&view, mesh)));
         self.batches(placed)
     }
 
     /// Those that are drawn, in their order.
-    fn drawn<'a>(&self, placed: &'a [PlacedMesh]) -> impl Iterator<Item = &'a PlacedMesh> {
+    fn drawn<'a>(&self, placed: &'a [PlacedMesh]) -> impl Iterator<Item = &'a PlacedMesh> + use<'a> {
         let count = self.meshes.len();
         placed.iter().filter(move |mesh| mesh.mesh < count && mesh.to_room.is_finite()).take(MOST_MESHES)
     }
 
-    fn batches(&self, placed: &[PlacedMesh]) -> Vec<Batch> {
-        let mut batches: Vec<Batch> = Vec::new();
-        for (k, PlacedMesh { mesh, look, .. }) in (0_u32..).zip(self.drawn(placed)) {
-            match batches.last_mut() {
-                Some(last) if last.mesh == *mesh && last.look == *look => last.items.end = k + 1,
-                _ => batches.push(Batch { items: k..k + 1, mesh: *mesh, look: *look }),
+    fn batches<'a>(&self, placed: &'a [PlacedMesh]) -> impl Iterator<Item = Batch> + use<'a> {
+        let mut drawn = (0_u32..).zip(self.drawn(placed)).peekable();
+        std::iter::from_fn(move || {
+            let (first, &PlacedMesh { mesh, look, .. }) = drawn.next()?;
+            let mut items = first..first + 1;
+            while drawn.next_if(|(_, next)| next.mesh == mesh && next.look == look).is_some() {
+                items.end += 1;
             }
-        }
-        batches
+            Some(Batch { items, mesh, look })
+        })
     }
 }
 

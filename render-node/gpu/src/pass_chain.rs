@@ -15,6 +15,8 @@
 //!
 //! The names are those of the shaders' variables. A pass finds its resources by these names: see [`Resources`].
 
+use std::collections::HashMap;
+
 use crate::appearance_buffers::AppearanceBuffers;
 use crate::buffers::{RenderTargets, WorkBuffers};
 use crate::compose::ComposePass;
@@ -22,6 +24,7 @@ use crate::depth::{DepthBindings, QuadDepthPasses};
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::quads::{QuadBindings, QuadPasses};
+use crate::radix_sort::SortBindings;
 use crate::resources::Resources;
 use crate::scene_buffers::SceneBuffers;
 use crate::settings::Rasterizer;
@@ -30,6 +33,9 @@ use crate::stats::StatsReadback;
 use crate::textures::PicturePrecision;
 use crate::tiles::{ListSizes, TileBindings, TileMode, TilePasses};
 use crate::visibility_mask::VisibilityMask;
+
+/// Most edits whose bind groups are kept: twice those of one light.
+const MOST_KEYS: usize = 64;
 
 /// Pipelines of all passes.
 pub(super) struct Passes {
@@ -45,11 +51,19 @@ pub(super) struct Passes {
 /// Bind groups of the last frames. Missing ones are bound when a frame needs them.
 #[derive(Default)]
 pub(super) struct BindGroups {
-    /// With the pipelines and the generation of the appearance buffers that they belong to.
-    splats: Option<((PipelineKey, u64), SplatBindings)>,
+    splats: Option<SplatGroups>,
     quads: Option<QuadBindings>,
     pub(super) tiles: Option<TileBindings>,
     depths: Option<DepthBindings>,
+}
+
+/// Bind groups up to the depth order.
+struct SplatGroups {
+    /// Generation of the appearance buffers that they belong to.
+    generation: u64,
+    sort: SortBindings,
+    /// Those of the edits so far.
+    keyed: HashMap<PipelineKey, SplatBindings>,
 }
 
 impl BindGroups {
@@ -90,6 +104,7 @@ pub(super) struct FramePlan {
 /// The bound passes of a frame.
 pub(super) struct FramePasses<'a> {
     splats: &'a SplatBindings,
+    sort: &'a SortBindings,
     blend: BlendPasses<'a>,
     depths: Option<&'a DepthBindings>,
     /// Capacity of the list of pairs; 0 without one.
@@ -120,9 +135,45 @@ impl Passes {
         self.quads.is_some()
     }
 
-    /// Compiles the kernels of a key. Returns whether it was new.
-    pub(super) fn compile(&mut self, gpu: &Gpu, key: PipelineKey) -> bool {
-        self.splats.compile(gpu, key)
+    /// Whether the kernels of a key are compiled.
+    pub(super) fn is_compiled(&self, key: PipelineKey) -> bool {
+        self.splats.is_compiled(key)
+    }
+
+    /// Compiles and binds the kernels of a key. Returns whether it was new.
+    pub(super) fn prepare(
+        &mut self,
+        groups: &mut BindGroups,
+        resources: &FrameResources<'_>,
+        key: PipelineKey,
+    ) -> bool {
+        self.bind_key(&mut groups.splats, resources, key).2
+    }
+
+    /// Binds the passes up to the depth order for the edits of a key; keeps those of other keys. Returns them, and whether the key
+    /// was new.
+    fn bind_key<'b>(
+        &mut self,
+        groups: &'b mut Option<SplatGroups>,
+        resources: &FrameResources<'_>,
+        key: PipelineKey,
+    ) -> (&'b SplatBindings, &'b SortBindings, bool) {
+        let &FrameResources { gpu, scene, appearance, work, .. } = resources;
+        let generation = appearance.generation;
+        let kept = match groups.take().filter(|of| of.generation == generation) {
+            Some(fitting) => fitting,
+            None => SplatGroups { generation, sort: self.splats.bind_sort(gpu, work), keyed: HashMap::new() },
+        };
+        let SplatGroups { sort, keyed, .. } = groups.insert(kept);
+        if keyed.len() == MOST_KEYS && !keyed.contains_key(&key) {
+            keyed.clear();
+        }
+        let mut is_new = false;
+        let splats = keyed.entry(key).or_insert_with(|| {
+            is_new = true;
+            self.splats.bind(gpu, &of_frame(resources), scene, key)
+        });
+        (splats, sort, is_new)
     }
 
     /// Binds the passes of a frame; reuses the bind groups that still fit.
@@ -135,26 +186,20 @@ impl Passes {
         resources: &FrameResources<'_>,
         plan: FramePlan,
     ) -> Result<FramePasses<'b>, GpuError> {
-        let &FrameResources { gpu, frame, scene, appearance, work, targets, mask } = resources;
+        let &FrameResources { gpu, scene, appearance, work, targets, mask, .. } = resources;
         let FramePlan { size, may_grow, rasterizer, mode, lists, order_bits } = plan;
         let BindGroups { splats, quads, tiles, depths } = groups;
-        let pipeline_key = PipelineKey::of(scene, &appearance.state, mode.window.is_some());
-        let key = (pipeline_key, appearance.generation);
-        let resources = Resources::of([("frame", frame), ("parts", &scene.part_table)]);
-        let resources = resources.and(&work.resources()).and(&appearance.resources());
-        let bindings = match splats.take().filter(|(of, _)| *of == key) {
-            Some(fitting) => fitting,
-            None => (key, self.splats.bind(gpu, &resources, (scene, work), pipeline_key)),
-        };
-        let splats = &splats.insert(bindings).1;
-        let resources = resources.with([("depth_order", &work.depth_keys.values[splats.sort.result()])]);
+        let key = PipelineKey::of(scene, &appearance.state, mode.window.is_some());
+        let (splats, sort, _) = self.bind_key(splats, resources, key);
+        // Gathered only where something is bound.
+        let resources = || of_frame(resources).with([("depth_order", &work.depth_keys.values[sort.result()])]);
         let (blend, pair_capacity) = match rasterizer {
             Rasterizer::Tiles => {
                 // Unfitting bind groups are freed here: both at once may exceed the memory.
                 let fits = |t: &TileBindings| t.fit(mode, lists) || (!may_grow && t.is_of(mode));
                 let mut bindings = match tiles.take().filter(fits) {
                     Some(fitting) => fitting,
-                    None => self.tiles.bind(gpu, &resources, work, targets, (lists, mode)),
+                    None => self.tiles.bind(gpu, &resources(), work, targets, (lists, mode)),
                 };
                 bindings.set_size(size);
                 if let Some(mask) = mask {
@@ -170,7 +215,7 @@ impl Passes {
                 let capacity = targets.capacity;
                 let bindings = match quads.take().filter(|q| q.rejects() == reject) {
                     Some(fitting) => fitting,
-                    None => passes.bind(gpu, &resources, &self.compose, (capacity, work.views, reject)),
+                    None => passes.bind(gpu, &resources(), &self.compose, (capacity, work.views, reject)),
                 };
                 let pair_capacity = tiles.as_ref().map_or(0, |t| t.capacity as u32);
                 (BlendPasses::Quads { bindings: quads.insert(bindings), in_bands }, pair_capacity)
@@ -180,11 +225,18 @@ impl Passes {
         let depths = (mode.depths && rasterizer != Rasterizer::Tiles).then(|| {
             &*depths.get_or_insert_with(|| {
                 let passes = self.quad_depths.get_or_insert_with(|| QuadDepthPasses::new(gpu));
-                passes.bind(gpu, &resources, targets.capacity, work.views)
+                passes.bind(gpu, &resources(), targets.capacity, work.views)
             })
         });
-        Ok(FramePasses { splats, blend, depths, pair_capacity, order_bits })
+        Ok(FramePasses { splats, sort, blend, depths, pair_capacity, order_bits })
     }
+}
+
+/// The resources of all passes of a frame.
+fn of_frame<'a>(resources: &FrameResources<'a>) -> Resources<'a> {
+    let &FrameResources { frame, scene, appearance, work, .. } = resources;
+    let frame = Resources::of([("frame", frame), ("parts", &scene.part_table)]);
+    frame.and(&work.resources()).and(&appearance.resources())
 }
 
 /// The error of a device without blending in f32.
@@ -215,7 +267,7 @@ impl FramePasses<'_> {
         output: FrameOutput<'_>,
     ) {
         let dispatches = &work.dispatches;
-        self.splats.encode(encoder, stats, work, self.order_bits);
+        self.splats.encode(encoder, stats, work, (self.sort, self.order_bits));
         match self.blend {
             BlendPasses::Tiles(tiles) => tiles.encode(encoder, stats, dispatches, output.first_eye),
             BlendPasses::Quads { bindings, in_bands } => {

@@ -3,7 +3,8 @@
 use glam::Vec3;
 
 use crate::device::Gpu;
-use crate::pipeline::DrawPipeline;
+use crate::kept_bindings::KeptBindings;
+use crate::pipeline::{BoundDraw, DrawPipeline};
 use crate::recorded;
 use crate::resources::Resources;
 use crate::shader::Shader;
@@ -19,6 +20,7 @@ use sg_raster::image::Image;
 pub struct Present {
     gpu: Gpu,
     pipeline: DrawPipeline,
+    bindings: KeptBindings<1, BoundDraw>,
     /// A [`LastStep`], and its value.
     last_step: (wgpu::Buffer, LastStep),
     /// The last uploaded CPU picture.
@@ -36,7 +38,8 @@ impl Present {
         let target = wgpu::ColorTargetState::from(format);
         let pipeline = DrawPipeline::new(gpu, (&shader, ["cover", "present"]), &constants, triangles, target.into());
         let none = LastStep::default();
-        Self { gpu: gpu.clone(), pipeline, last_step: (gpu.uniform("last step", &none), none), uploaded: None }
+        let last_step = (gpu.uniform("last step", &none), none);
+        Self { gpu: gpu.clone(), pipeline, bindings: KeptBindings::default(), last_step, uploaded: None }
     }
 
     /// As [`Self::new`], with dithered colors: for pictures that people look at.
@@ -84,9 +87,10 @@ impl Present {
         area: [u32; 4],
         load: wgpu::LoadOp<wgpu::Color>,
     ) {
-        let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
-        let resources = Resources::of_texture("picture", &view);
-        let draw = self.pipeline.bind(&self.gpu, &resources.with([("last_step", &self.last_step.0)]));
+        let draw = self.bindings.get([picture], |[view]| {
+            let resources = Resources::of_texture("picture", &view);
+            self.pipeline.bind(&self.gpu, &resources.with([("last_step", &self.last_step.0)]))
+        });
         recorded::open_pass();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("present"),

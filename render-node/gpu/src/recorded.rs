@@ -3,6 +3,7 @@
 //! Nothing is recorded outside of [`record_commands`], and then nothing is allocated.
 
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use crate::barriers::{Access, Commands, Kind, Use};
 
@@ -11,7 +12,7 @@ use crate::barriers::{Access, Commands, Kind, Use};
 pub(super) struct BoundBuffer {
     /// Name of the shader's variable.
     #[cfg_attr(not(test), expect(dead_code, reason = "tests compare it with the table of passes"))]
-    pub(super) variable: String,
+    pub(super) variable: Arc<str>,
     pub(super) access: Access,
     pub(super) buffer: wgpu::Buffer,
 }
@@ -51,7 +52,7 @@ pub(super) fn command(entry: &'static str, kind: Kind, bound: &[BoundBuffer], ar
     RECORDING.with_borrow_mut(|recording| {
         let Some(Recording { commands, opens_pass }) = recording else { return };
         let arguments = arguments.map(|buffer| BoundBuffer {
-            variable: String::new(),
+            variable: Arc::default(),
             access: Access::Indirect,
             buffer: buffer.clone(),
         });
@@ -69,7 +70,7 @@ pub(super) fn clear(buffer: &wgpu::Buffer) {
     RECORDING.with_borrow_mut(|recording| {
         if let Some(Recording { commands, .. }) = recording {
             let buffer = buffer.clone();
-            let cleared = BoundBuffer { variable: String::new(), access: Access::CopyTarget, buffer };
+            let cleared = BoundBuffer { variable: Arc::default(), access: Access::CopyTarget, buffer };
             commands.push(RecordedCommand {
                 opens_pass: false,
                 entry: "clear",

@@ -66,7 +66,7 @@ pub struct Renderer {
     reserved: [u32; 2],
     /// Whether [`Self::draw`] may replace lists of tiles by longer ones.
     grows: bool,
-    /// Whether every pipeline that an edit can need is compiled, for either projection.
+    /// Whether every pipeline that an edit can need has been compiled, for either projection.
     compiled: [bool; 2],
     last_stats: FrameStats,
 }
@@ -322,22 +322,23 @@ impl Renderer {
         let views = if self.draws_together(cameras, size, settings) { cameras.len() as u32 } else { 1 };
         self.fit_work(views, settings);
         let plan = self.plan(size, settings, true, u32::BITS);
-        let Self { gpu, scene, appearance, passes, frame, work, groups, targets, mask, .. } = self;
+        let Self { gpu, scene, appearance, passes, frame, work, groups, targets, mask, compiled, .. } = self;
         let mask = mask.as_ref();
-        passes.bind(groups, &FrameResources { gpu, frame, scene, appearance, work, targets, mask }, plan)?;
+        let resources = FrameResources { gpu, frame, scene, appearance, work, targets, mask };
+        passes.bind(groups, &resources, plan)?;
         let per_ray = settings.sort_window().is_some();
-        let compiled = &mut self.compiled[usize::from(per_ray)];
-        if !*compiled {
-            let keys = PipelineKey::of_edits(&self.scene, &self.appearance.state, per_ray);
-            *compiled = !keys.into_iter().any(|key| self.passes.compile(&self.gpu, key));
-            if *compiled {
-                self.gpu.save_pipelines_or_log();
-            }
+        let compiled = &mut compiled[usize::from(per_ray)];
+        let mut keys = PipelineKey::of_edits(scene, &appearance.state, per_ray);
+        // Another shading term has other kernels: a frame compiles those that it needs.
+        let was_new =
+            keys.any(|key| (!*compiled || passes.is_compiled(key)) && passes.prepare(groups, &resources, key));
+        if !was_new && !*compiled {
+            *compiled = true;
+            gpu.save_pipelines_or_log();
         }
-        let compiled = *compiled;
         self.grows = false;
         self.gpu.check()?;
-        Ok(compiled)
+        Ok(!was_new)
     }
 
     /// Width and height of the drawn part of [`Self::depths`] for pictures of `size` pixels.
@@ -440,15 +441,15 @@ impl Renderer {
         if self.readbacks.iter().any(StatsReadback::is_pending) {
             return Ok(());
         }
-        let read: Vec<_> = self.readbacks.iter().filter_map(StatsReadback::take).collect();
-        if read.is_empty() {
+        let read = self.readbacks.each_ref().map(StatsReadback::take);
+        if read.iter().all(Option::is_none) {
             return Ok(());
         }
         let (mut stats, mut marked, mut near) = (FrameStats::default(), 0, 0);
         if self.tiled {
             (self.pairs, self.longest) = (0, 0);
         }
-        for picture in read {
+        for picture in read.into_iter().flatten() {
             // Eyes with separate orders share the buffers: the larger count decides.
             stats.listed = stats.listed.max(picture.totals.listed);
             marked = marked.max(picture.totals.marked);

@@ -1,5 +1,6 @@
 //! Resources of passes. A pass finds each one by the name of its variable in the shader.
 
+use crate::created::count_created;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::recorded::BoundBuffer;
@@ -50,12 +51,13 @@ impl<'a> Resources<'a> {
         bindings: &[Binding],
     ) -> wgpu::BindGroup {
         let entry = |binding: &Binding| {
-            let found = self.0.iter().rev().find(|(name, _)| *name == binding.name);
+            let found = self.0.iter().rev().find(|(name, _)| *name == &*binding.name);
             if found.is_none() {
-                gpu.report(GpuError::Unbound { pass, resource: binding.name.clone() });
+                gpu.report(GpuError::Unbound { pass, resource: binding.name.to_string() });
             }
             found.map(|(_, resource)| wgpu::BindGroupEntry { binding: binding.number, resource: resource.clone() })
         };
+        count_created(|created| created.bind_groups += 1);
         let entries: Vec<wgpu::BindGroupEntry> = bindings.iter().filter_map(entry).collect();
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(pass), layout, entries: &entries })
     }
@@ -63,7 +65,7 @@ impl<'a> Resources<'a> {
     /// The buffers among them that a pass uses.
     pub(super) fn buffers(&self, bindings: &[Binding]) -> Vec<BoundBuffer> {
         let bound = |binding: &Binding| {
-            let (_, resource) = self.0.iter().rev().find(|(name, _)| *name == binding.name)?;
+            let (_, resource) = self.0.iter().rev().find(|(name, _)| *name == &*binding.name)?;
             let wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, .. }) = resource else { return None };
             Some(BoundBuffer { variable: binding.name.clone(), access: binding.access?, buffer: (*buffer).clone() })
         };

@@ -1,6 +1,7 @@
 //! Shader modules, and the resources that their entry points use.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use wgpu::naga::front::wgsl::parse_str;
 use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -23,7 +24,7 @@ const SCAN: &str = include_str!("shaders/workgroup_scan.wgsl");
 /// A variable of a shader that stands for a resource.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Binding {
-    pub(super) name: String,
+    pub(super) name: Arc<str>,
     pub(super) number: u32,
     /// Use of a buffer.
     pub(super) access: Option<Access>,
@@ -73,7 +74,7 @@ fn resources_of(text: &str) -> HashMap<String, Vec<Binding>> {
         let used = analysis.get_entry_point(k);
         let variables = module.global_variables.iter().filter(|(handle, _)| !used[*handle].is_empty());
         let bindings = variables.filter_map(|(_, variable)| {
-            let (name, binding) = (variable.name.clone()?, variable.binding.as_ref()?);
+            let (name, binding) = (variable.name.as_deref()?.into(), variable.binding.as_ref()?);
             Some(Binding { name, number: binding.binding, access: access(variable) })
         });
         (entry.name.clone(), bindings.collect())
@@ -150,7 +151,7 @@ mod tests {
             @compute @workgroup_size(1) fn none() {}
         ";
         let uses = resources_of(text);
-        let names = |entry: &str| uses[entry].iter().map(|b| (b.name.as_str(), b.number)).collect::<Vec<_>>();
+        let names = |entry: &str| uses[entry].iter().map(|b| (&*b.name, b.number)).collect::<Vec<_>>();
         assert_eq!(names("both"), [("first", 4), ("second", 2)]);
         assert_eq!(names("one"), [("second", 2)]);
         assert_eq!(names("none"), []);

@@ -55,14 +55,14 @@ impl PipelineKey {
 
 impl PipelineKey {
     /// The keys that edits of this appearance can lead to: units, clips, a highlight, colors of their own, either light.
-    pub(super) fn of_edits(scene: &SceneBuffers, state: &AppearanceState, per_ray: bool) -> Vec<Self> {
-        let edited = |bits: u32| {
+    pub(super) fn of_edits(scene: &SceneBuffers, state: &AppearanceState, per_ray: bool) -> impl Iterator<Item = Self> {
+        let edited = move |bits: u32| {
             let is = |bit: u32| bits >> bit & 1 == 1;
             let [edits, sides] = [0, 1].map(|bit| u32::from(is(bit)));
             let state = AppearanceState { edits, sides, overlay: is(2), colors: is(3), directional: is(4), ..*state };
             Self::of(scene, &state, per_ray)
         };
-        (0..32).map(edited).collect()
+        (0..32).map(edited)
     }
 }
 
@@ -99,29 +99,27 @@ impl SplatPasses {
         }
     }
 
-    /// Compiles the kernels of a key. Returns whether it was new.
-    pub(super) fn compile(&mut self, gpu: &Gpu, key: PipelineKey) -> bool {
-        let Self { cull, projection, keyed, .. } = self;
-        let is_new = !keyed.contains_key(&key);
-        keyed.entry(key).or_insert_with(|| KeyedKernels::new(gpu, cull, projection, key));
-        is_new
+    /// Whether the kernels of a key are compiled.
+    pub(super) fn is_compiled(&self, key: PipelineKey) -> bool {
+        self.keyed.contains_key(&key)
     }
 
-    /// Binds all passes. Compiles the kernels of a new key.
+    /// Binds the sort by depth.
+    pub(super) fn bind_sort(&self, gpu: &Gpu, work: &WorkBuffers) -> SortBindings {
+        self.depth_sort.bind(gpu, &work.totals, &work.depth_keys, u32::BITS)
+    }
+
+    /// Binds the passes before the sort. Compiles the kernels of a new key.
     pub(super) fn bind(
         &mut self,
         gpu: &Gpu,
         resources: &Resources<'_>,
-        (scene, work): (&SceneBuffers, &WorkBuffers),
+        scene: &SceneBuffers,
         key: PipelineKey,
     ) -> SplatBindings {
-        let Self { cull, projection, keyed, sum_blocks, list, depth_sort } = self;
+        let Self { cull, projection, keyed, sum_blocks, list, .. } = self;
         let kernels = keyed.entry(key).or_insert_with(|| KeyedKernels::new(gpu, cull, projection, key));
-        let mut bindings = SplatBindings {
-            parts: Vec::new(),
-            sum_blocks: sum_blocks.bind(gpu, resources),
-            sort: depth_sort.bind(gpu, &work.totals, &work.depth_keys, u32::BITS),
-        };
+        let mut bindings = SplatBindings { parts: Vec::new(), sum_blocks: sum_blocks.bind(gpu, resources) };
         for part in &scene.parts {
             let resources = resources.and(&part.resources());
             bindings.parts.push(PartBindings {
@@ -157,12 +155,10 @@ impl KeyedKernels {
     }
 }
 
-/// The bound passes up to the depth order.
+/// The bound passes before the sort by depth.
 pub(super) struct SplatBindings {
     parts: Vec<PartBindings>,
     sum_blocks: BoundKernel,
-    /// The depth order.
-    pub(super) sort: SortBindings,
 }
 
 /// The bound passes of a part of the scene.
@@ -181,7 +177,7 @@ impl SplatBindings {
         encoder: &mut wgpu::CommandEncoder,
         stats: &mut StatsReadback,
         work: &WorkBuffers,
-        order_bits: u32,
+        (sort, order_bits): (&SortBindings, u32),
     ) {
         recorded::clear(work.near_rays());
         encoder.clear_buffer(work.near_rays(), 0, Some(NEAR_RAYS_HEAD));
@@ -202,6 +198,6 @@ impl SplatBindings {
             }
         }
         let mut pass = stats.compute_pass(encoder, Stage::Sort);
-        self.sort.run_lowest(&mut pass, &work.dispatches, offset_of!(Dispatches, depth_sort), order_bits);
+        sort.run_lowest(&mut pass, &work.dispatches, offset_of!(Dispatches, depth_sort), order_bits);
     }
 }

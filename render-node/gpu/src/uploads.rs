@@ -75,8 +75,17 @@ impl Uploads {
             let (part, rest) = bytes.split_at(length as usize);
             let Ok(mut view) = chunk.buffer.get_mapped_range_mut(chunk.used..chunk.used + length) else { return false };
             view.copy_from_slice(part);
-            let from = (chunk.buffer.clone(), chunk.used);
-            self.copies.push(PendingCopy { from, to: (target.clone(), to), bytes: length });
+            let follows = |copy: &&mut PendingCopy| {
+                let ends = [copy.from.1 + copy.bytes, copy.to.1 + copy.bytes];
+                ends == [chunk.used, to] && copy.from.0 == chunk.buffer && copy.to.0 == *target
+            };
+            match self.copies.last_mut().filter(follows) {
+                Some(copy) => copy.bytes += length,
+                None => {
+                    let from = (chunk.buffer.clone(), chunk.used);
+                    self.copies.push(PendingCopy { from, to: (target.clone(), to), bytes: length });
+                }
+            }
             chunk.used = (chunk.used + length).next_multiple_of(ALIGNMENT);
             to += length;
             bytes = rest;

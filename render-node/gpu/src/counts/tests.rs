@@ -236,7 +236,7 @@ impl LastBlend for Vec<RecordedCommand> {
 fn resources(command: &RecordedCommand) -> Resources<'_> {
     let buffers = command.buffers.iter().filter(|b| !b.variable.is_empty());
     buffers.fold(Resources::default(), |all, b| {
-        let name: &'static str = Box::leak(b.variable.clone().into_boxed_str());
+        let name: &'static str = Box::leak(Box::<str>::from(&*b.variable));
         all.and(&Resources::of([(name, &b.buffer)]))
     })
 }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and says what it measured")]
 
+mod allocations;
 mod cases;
 mod closed_form;
 mod depths;

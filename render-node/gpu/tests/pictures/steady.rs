@@ -1,9 +1,13 @@
 //! Frames of a prepared renderer create nothing on their thread, staging memory included, and draw what another renderer draws.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
-use sg_gpu::{Options, Rasterizer, Renderer, Settings, created_on_this_thread};
+use glam::{DMat4, DVec3, Vec3};
+use sg_gpu::{
+    DepthLayer, MeshCorner, MeshEye, MeshLayer, MeshLook, Options, PlacedMesh, Present, Rasterizer, Renderer, Settings,
+    created_on_this_thread,
+};
 use sg_raster::image::Image;
 use sg_raster::render::{Projection, Quality};
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
@@ -12,8 +16,13 @@ use sg_scene::framing;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
+use crate::allocations::{Allocations, during};
 use crate::scenes;
 use crate::support::device;
+
+/// Heap allocations of a frame at most. All but a few are wgpu's, for its own lists of what a submission uses, and small: they grow
+/// neither with the frames nor with the Gaussians.
+const MOST: Allocations = Allocations { count: 640, bytes: 128 << 10, largest: 32 << 10 };
 
 /// Width and height at the whole edge.
 const SIZE: u32 = 96;
@@ -69,10 +78,10 @@ fn worst(a: &[Image], b: &[Image]) -> f32 {
     both.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Frames without a new buffer, texture, pipeline or staging memory, for one way to draw.
-fn stays(projection: Projection, rasterizer: Rasterizer, frames: usize) {
+/// Frames without a new buffer, texture, pipeline, bind group or staging memory, and with few heap allocations, for one way to draw.
+fn stays(projection: Projection, rasterizer: Rasterizer, (gaussians, frames): (usize, Range<usize>)) {
     let Some(gpu) = device() else { return };
-    let scene = scenes::scene(&scenes::surface(400, 7));
+    let scene = scenes::scene(&scenes::surface(gaussians, 7));
     let options = Options { half_pictures: true, ..Options::default() };
     let mut renderer = Renderer::with_options(&gpu, &scene, options).unwrap();
     let settings = Settings { projection, rasterizer, depths: true, ..Settings::default() };
@@ -81,15 +90,19 @@ fn stays(projection: Projection, rasterizer: Rasterizer, frames: usize) {
     renderer.draw_complete(&eyes(&scene, 1.0), &look(&scene, 0), settings).unwrap();
     renderer.prepare(&eyes(&scene, 1.0), settings).unwrap();
     let before = created_on_this_thread();
+    let mut heap = Allocations::default();
     // The order by ray keeps other buffers for each quality.
     let level = |frame: usize| match projection {
         Projection::Affine => level(frame),
         Projection::PerRay => (level(frame).0, settings.quality),
     };
-    for frame in 0..frames {
+    for frame in frames {
         let (edge, quality) = level(frame);
         let settings = Settings { quality, in_motion: frame / 5 % 2 == 1, ..settings };
-        renderer.draw(&eyes(&scene, edge), &look(&scene, frame), settings).unwrap();
+        let (cameras, look) = (eyes(&scene, edge), look(&scene, frame));
+        let (drawn, allocations) = during(|| renderer.draw(&cameras, &look, settings));
+        drawn.unwrap();
+        heap = heap.max(allocations);
         // As a display does, at most two frames wait for the device.
         if frame % 2 == 0 {
             gpu.wait().unwrap();
@@ -97,7 +110,10 @@ fn stays(projection: Projection, rasterizer: Rasterizer, frames: usize) {
     }
     gpu.wait().unwrap();
     assert_eq!(created_on_this_thread(), before, "{projection:?} {rasterizer:?}");
-    println!("{projection:?} {rasterizer:?}: {frames} frames, {before:?} before and after");
+    println!(
+        "{projection:?} {rasterizer:?}, {gaussians} Gaussians: {heap:?} at most a frame, {before:?} before and after"
+    );
+    assert!(heap.max(MOST) == MOST, "{projection:?} {rasterizer:?}: {heap:?} in a frame");
     // The pictures are those of a renderer of its own.
     for frame in [0, 48, 123, 405] {
         let (edge, quality) = level(frame);
@@ -118,16 +134,83 @@ fn stays(projection: Projection, rasterizer: Rasterizer, frames: usize) {
 
 #[test]
 fn a_thousand_frames_of_edits_and_levels_create_nothing_with_tiles() {
-    stays(Projection::Affine, Rasterizer::Tiles, 1000);
+    stays(Projection::Affine, Rasterizer::Tiles, (400, 0..1000));
 }
 
 #[test]
 fn a_thousand_frames_of_edits_and_levels_create_nothing_with_quadrilaterals() {
-    stays(Projection::Affine, Rasterizer::Quads, 1000);
-    stays(Projection::Affine, Rasterizer::Bands, 200);
+    stays(Projection::Affine, Rasterizer::Quads, (400, 0..1000));
+    stays(Projection::Affine, Rasterizer::Bands, (400, 0..200));
 }
 
 #[test]
 fn frames_of_edits_and_levels_create_nothing_by_ray() {
-    stays(Projection::PerRay, Rasterizer::Tiles, 100);
+    stays(Projection::PerRay, Rasterizer::Tiles, (400, 0..100));
+}
+
+#[test]
+fn frames_of_many_gaussians_allocate_no_more() {
+    // With units, a highlight, clips, and colors that come and go. Twelve bytes for each Gaussian would be 240 kB.
+    stays(Projection::Affine, Rasterizer::Tiles, (20_000, 180..230));
+}
+
+#[test]
+fn the_layers_of_a_headset_create_nothing_in_a_frame() {
+    let Some(gpu) = device() else { return };
+    let scene = scenes::scene(&scenes::surface(400, 7));
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let settings = Settings { depths: true, ..Settings::default() };
+    while !renderer.prepare(&eyes(&scene, 1.0), settings).unwrap() {}
+    let (color, depth) = (wgpu::TextureFormat::Rgba8UnormSrgb, wgpu::TextureFormat::Depth32Float);
+    let target = |format| {
+        let texture = gpu.texture("target", ([SIZE; 2], 1), format, wgpu::TextureUsages::RENDER_ATTACHMENT);
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
+    };
+    let targets = [(); 2].map(|()| (target(color), target(depth)));
+    let corner = |x: f32, y: f32| MeshCorner { position: Vec3::new(x, y, 0.0), normal: Vec3::Z };
+    let triangle = vec![corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.0, 0.5)];
+    let (present, layer) = (Present::new(&gpu, color), DepthLayer::new(&gpu, depth));
+    let meshes = MeshLayer::new(&gpu, color, Some(depth), [SIZE; 2], &[triangle]);
+    let placed = |k: u32| {
+        let look = [MeshLook::Solid, MeshLook::Hole, MeshLook::Beam, MeshLook::Ball][k as usize % 4];
+        let to_room = DMat4::from_translation(DVec3::new(0.0, 0.1 * f64::from(k), -1.0));
+        PlacedMesh { mesh: 0, look, to_room, color: [0.5; 4], size: [1.0; 2], softness: 0.1, ghost: 0.1, corner: 0.0 }
+    };
+    let (mut heap, mut before) = (Allocations::default(), None);
+    for frame in 0..60 {
+        let (cameras, look) = (eyes(&scene, level(frame).0), look(&scene, frame));
+        renderer.draw(&cameras, &look, settings).unwrap();
+        let part = [cameras[0].width, cameras[0].height];
+        let all: Vec<PlacedMesh> = (0..frame as u32 % 12).map(placed).collect();
+        let ((), allocations) = during(|| {
+            let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            for (k, (color, depth)) in targets.iter().enumerate() {
+                let [picture, depths] = [&renderer.pictures()[k], &renderer.depths()[k]];
+                let seen = MeshEye {
+                    camera: &cameras[k],
+                    right: k == 1,
+                    picture,
+                    depths: (depths, part),
+                    scale: 1.0,
+                    middle: DVec3::NEG_Z,
+                    reveals: frame % 2 == 0,
+                };
+                let load = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
+                present.encode_part(&mut encoder, (picture, part), color, [0, 0, part[0], part[1]], load);
+                meshes.encode(&mut encoder, color, &seen, &all);
+                layer.encode(&mut encoder, (depths, part), (depth, part), 1.0);
+                meshes.encode_depths(&mut encoder, depth, &seen, &all);
+            }
+            gpu.submit([encoder.finish()]);
+        });
+        gpu.wait().unwrap();
+        gpu.check().unwrap();
+        // The first frame binds the pictures.
+        if frame > 0 {
+            heap = heap.max(allocations);
+            assert_eq!(*before.get_or_insert_with(created_on_this_thread), created_on_this_thread(), "frame {frame}");
+        }
+    }
+    println!("layers: {heap:?} at most a frame");
+    assert!(heap.max(MOST) == MOST, "{heap:?}");
 }
