@@ -348,11 +348,11 @@ impl Process<'_> {
             make_folder(&settings)?;
             rights.write.insert(settings);
         }
-        let given = self.params.get("pictures").and_then(Value::as_str).and_then(absolute);
-        let pictures = given.or_else(|| self.pictures());
-        if let Some(pictures) = pictures {
-            make_folder(&pictures)?;
-            rights.write.insert(pictures);
+        let given = |name: &str| self.params.get(name).and_then(Value::as_str).and_then(absolute);
+        let pictures = given("pictures").or_else(|| self.pictures());
+        for folder in pictures.into_iter().chain(given("frame_traces")) {
+            make_folder(&folder)?;
+            rights.write.insert(folder);
         }
         // A person's own files, but nothing hidden, such as keys and passwords.
         rights.read.extend(self.home().iter().flat_map(|home| visible(home)));

@@ -193,7 +193,9 @@ fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartErr
     let Params { seated, left_handed, mirror, rasterizer, locomotion, upright, floor, callouts, .. } = params;
     let tools = Tools { seated, left_handed, locomotion, upright, floor, callouts, ..tools(&params) };
     let pictures = params.pictures.unwrap_or_else(pictures);
-    let view = VrView::new(vr::Setup { scene, view_port, tools, opened, mirror, rasterizer, pictures }, &headset);
+    let frame_traces = params.frame_traces;
+    let setup = vr::Setup { scene, view_port, tools, opened, mirror, rasterizer, pictures, frame_traces };
+    let view = VrView::new(setup, &headset);
     let watchdog = headset.watchdog();
     // After a timeout the receiver is gone.
     let _ = opened_sender

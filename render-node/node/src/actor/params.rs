@@ -47,6 +47,8 @@ pub(super) struct Params {
     pub(super) patience: f64,
     /// Folder for pictures that a person keeps in a display; by default the user's own for pictures.
     pub(super) pictures: Option<PathBuf>,
+    /// Folder for recordings of a headset's frame times; nothing is recorded without it.
+    pub(super) frame_traces: Option<PathBuf>,
     /// Quality of the view's pictures: `exact`, `standard` (without this) or `fast`.
     pub(super) quality: Option<Quality>,
     /// Projection of the view and its display: `affine` as in 3DGS, or `per-ray`. `per-ray` stays the same when a head
@@ -112,6 +114,7 @@ impl Default for Params {
             mirror: false,
             patience: 30.0,
             pictures: None,
+            frame_traces: None,
             quality: None,
             projection: Projection::Affine,
             backend: Backend::Auto,

@@ -174,6 +174,8 @@ pub struct Tools {
     pub upright: bool,
     /// Whether the floor is drawn.
     pub floor: bool,
+    /// Whether a headset shows the surroundings, where it can.
+    pub surroundings: bool,
     /// Whether the controls' functions always hang beside the controllers.
     pub callouts: bool,
 }
@@ -218,6 +220,7 @@ impl Default for Tools {
             locomotion: Locomotion::default(),
             upright: false,
             floor: true,
+            surroundings: false,
             callouts: false,
         }
     }

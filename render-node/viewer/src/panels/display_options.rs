@@ -97,6 +97,9 @@ impl Panels {
             ui.add(Checkbox::new(&mut tools.left_handed, "left-handed"));
             ui.add(Checkbox::new(&mut tools.seated, "seated"));
             ui.add(Checkbox::new(&mut tools.floor, "floor"));
+            if self.switches_surroundings {
+                ui.add(Checkbox::new(&mut tools.surroundings, "surroundings"));
+            }
             ui.add(Checkbox::new(&mut tools.callouts, "labels at the controllers"));
         }
     }

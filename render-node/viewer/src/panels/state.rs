@@ -18,6 +18,8 @@ pub struct Panels {
     pub host: PanelHost,
     /// Actions that the display supports; others are not drawn.
     pub supported_actions: Vec<DisplayAction>,
+    /// Whether the display can show and hide the surroundings.
+    pub switches_surroundings: bool,
     /// Legend of the current colours, if they stand for a number.
     pub numbers: Option<attributes::Legend>,
     pub(super) curves: Vec<Option<Curve>>,

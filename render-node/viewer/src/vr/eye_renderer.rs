@@ -35,8 +35,8 @@ pub(super) struct Sight {
 
 impl Sight {
     /// Cameras of both eyes for pictures of `size` pixels.
-    fn cameras(&self, size: [u32; 2], background: [f32; 3], light: Light) -> Vec<Camera> {
-        self.eyes.iter().map(|eye| eye.camera(size, &self.placement, background, light)).collect()
+    fn cameras(&self, size: [u32; 2], background: [f32; 3], light: Light) -> [Camera; 2] {
+        self.eyes.map(|eye| eye.camera(size, &self.placement, background, light))
     }
 }
 
@@ -77,6 +77,10 @@ pub(super) struct EyeRenderer {
     submitted: VecDeque<Submitted>,
     /// Newest measured picture.
     measured: u64,
+    /// Pictures with their device seconds, and those that grow with pixels, since [`Self::new_costs`]. At most [`MEASURED`].
+    costs: Vec<(u64, f64, Option<f64>)>,
+    /// Level of the newest picture.
+    drawn_at: usize,
     /// How the newest one was drawn.
     pub(super) level: Level,
     /// Width and height of the newest one.
@@ -128,6 +132,8 @@ impl EyeRenderer {
             begun: Instant::now(),
             submitted: VecDeque::with_capacity(MEASURED),
             measured: 0,
+            costs: Vec::with_capacity(MEASURED),
+            drawn_at: 0,
             level: drawn_at(0, Quality::Standard),
             part: size,
             pictures: 0,
@@ -224,6 +230,16 @@ impl EyeRenderer {
         self.control.level()
     }
 
+    /// Number and level of the newest picture.
+    pub(super) fn newest(&self) -> (u64, usize) {
+        (self.renderer.drawn(), self.drawn_at)
+    }
+
+    /// Pictures with their device seconds, and those that grow with pixels, measured since the last call.
+    pub(super) fn new_costs(&mut self) -> impl Iterator<Item = (u64, f64, Option<f64>)> {
+        self.costs.drain(..)
+    }
+
     /// The session was hidden or paused: what was measured says nothing any more.
     pub(super) fn interrupt(&mut self) {
         self.control.interrupt();
@@ -255,6 +271,9 @@ impl EyeRenderer {
             return;
         };
         let pixel_seconds = share.map(|share| share * seconds);
+        if self.costs.len() < MEASURED {
+            self.costs.push((picture, seconds, pixel_seconds));
+        }
         self.control.measure(PictureCost { time, level, seconds, pixel_seconds, period });
     }
 
@@ -278,6 +297,7 @@ impl EyeRenderer {
         }
         let number = held.map_or(self.control.level(), |level| level.min(LEVELS - 1));
         self.level = drawn_at(number, tools.quality);
+        self.drawn_at = number;
         self.hide(frame);
         let edge = |pixels: u32| ((f64::from(pixels) * self.level.scale).round() as u32).clamp(16.min(pixels), pixels);
         let part = frame.size().map(edge);

@@ -22,8 +22,11 @@ use std::sync::Arc;
 
 use sg_scene::model::{Scene, SceneBox};
 
+use crate::display::frame_trace::SessionVisibility;
 use crate::display::number_format::percent;
-use crate::display::{AppearanceBuilder, Drafts, FrameStats, Request, Tools, ViewPort, ViewState};
+use crate::display::{
+    AppearanceBuilder, Drafts, FrameStats, RecordedFrame, Request, Tools, TraceRecorder, ViewPort, ViewState,
+};
 use crate::hands::{Bookmarks, ComfortVignette, HandInput, Origin, Placement, Rectangle, Side, Stance};
 use crate::panels::{DisplayAction, Output, Panel, PanelHost, Panels};
 use crate::xr::{Counts, Frame, FrameOutcome, Headset, PAUSE, XrError};
@@ -60,6 +63,8 @@ pub struct Setup {
     pub rasterizer: Option<Rasterizer>,
     /// Folder for pictures that the person keeps.
     pub pictures: PathBuf,
+    /// Folder for a recording of the frames' times, see [`crate::display::frame_trace`].
+    pub frame_traces: Option<PathBuf>,
 }
 
 /// A room.
@@ -103,24 +108,31 @@ pub struct VrView {
     /// What the hands' lasers met in the newest frame.
     met: [Option<Met>; 2],
     screenshots: Screenshots,
+    recorder: Option<TraceRecorder>,
 }
 
 impl VrView {
     /// A room around an open headset.
     #[must_use]
     pub fn new(setup: Setup, headset: &Headset) -> Self {
-        let Setup { scene, mut view_port, tools, opened, mirror, rasterizer, pictures } = setup;
+        let Setup { scene, mut view_port, mut tools, opened, mirror, rasterizer, pictures, frame_traces } = setup;
         let home = home(&scene, &mut view_port, &tools, headset.origin());
         let mut panels = Panels::new(PanelHost::Headset);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
         }
+        tools.surroundings = headset.wants_surroundings();
+        let recorder = frame_traces.and_then(|folder| {
+            let begun = TraceRecorder::begin(&folder);
+            begun.inspect_err(|e| tracing::warn!("{}: {e}; frames are not recorded", folder.display())).ok()
+        });
         let seated = tools.seated;
         let interaction = Interaction::new(&scene, home);
         Self {
             hits: SceneHits::new(Arc::clone(&scene), interaction.search_tree()),
             met: [None; 2],
             screenshots: Screenshots::new(Arc::clone(&scene), pictures),
+            recorder,
             interaction,
             panel_layers: PanelLayers::new(stance(&tools), headset.origin()),
             markers: MarkerOverlay::default(),
@@ -208,18 +220,11 @@ impl VrView {
             if self.view_port.is_closed() {
                 headset.leave();
             }
-            self.prepare(headset);
-            let step = headset.frame(|frame| self.frame(frame))?;
+            let step = self.step(headset)?;
             match step {
-                FrameOutcome::Shown | FrameOutcome::Back => {}
-                FrameOutcome::Hidden => self.interrupt(),
-                FrameOutcome::Idle => {
-                    self.interrupt();
-                    std::thread::sleep(PAUSE);
-                }
+                FrameOutcome::Shown | FrameOutcome::Hidden | FrameOutcome::Back => {}
+                FrameOutcome::Idle => std::thread::sleep(PAUSE),
                 FrameOutcome::Away => {
-                    // These objects belong to the lost device.
-                    self.eyes = None;
                     mirror.iter_mut().for_each(Mirror::put_away);
                     std::thread::sleep(PAUSE);
                 }
@@ -238,6 +243,50 @@ impl VrView {
                 headset.restart(reason);
             }
             self.tell(headset);
+        }
+    }
+
+    /// Prepares the headset's next frame, waits for it, draws and records it. After [`FrameOutcome::Away`] the caller drops what it
+    /// made with the device, as this view does.
+    ///
+    /// # Errors
+    /// As [`Headset::frame`].
+    pub fn step(&mut self, headset: &mut Headset) -> Result<FrameOutcome, XrError> {
+        self.prepare(headset);
+        let pictures = self.pictures();
+        let step = headset.frame(|frame| self.frame(frame))?;
+        match step {
+            FrameOutcome::Hidden | FrameOutcome::Idle => self.interrupt(),
+            // These objects belong to the lost device.
+            FrameOutcome::Away => self.eyes = None,
+            FrameOutcome::Shown | FrameOutcome::Back | FrameOutcome::Ended => {}
+        }
+        let is_drawn = self.pictures() > pictures;
+        self.record(step, headset, is_drawn);
+        Ok(step)
+    }
+
+    /// Number of pictures of the scene on this device.
+    fn pictures(&self) -> u64 {
+        self.eyes.as_ref().map_or(0, |eyes| eyes.pictures)
+    }
+
+    /// Records a frame, with a picture of the scene or without, and the measurements that it learnt.
+    fn record(&mut self, step: FrameOutcome, headset: &Headset, is_drawn: bool) {
+        let Some(recorder) = &mut self.recorder else { return };
+        let state = match step {
+            FrameOutcome::Shown if headset.is_focused() => SessionVisibility::Focused,
+            FrameOutcome::Shown => SessionVisibility::Visible,
+            FrameOutcome::Hidden => SessionVisibility::Hidden,
+            FrameOutcome::Idle => SessionVisibility::Idle,
+            FrameOutcome::Away => SessionVisibility::Away,
+            FrameOutcome::Back | FrameOutcome::Ended => return,
+        };
+        let timing = headset.timing();
+        let picture = self.eyes.as_ref().filter(|_| is_drawn).map(EyeRenderer::newest);
+        recorder.frame(RecordedFrame { state, period: timing.period, missed: timing.missed, picture });
+        for (picture, seconds, pixel_seconds) in self.eyes.iter_mut().flat_map(EyeRenderer::new_costs) {
+            recorder.measured(picture, seconds, pixel_seconds);
         }
     }
 
@@ -292,6 +341,8 @@ impl VrView {
     /// [`XrError::Call`] when the runtime fails.
     pub fn frame(&mut self, frame: &mut Frame<'_>) -> Result<(), XrError> {
         let newest = self.view_port.newest();
+        frame.show_surroundings(self.tools.surroundings);
+        self.panels.switches_surroundings = frame.surroundings().is_some();
         if self.tools.seated != self.seated {
             self.seated = self.tools.seated;
             let home = home(&self.scene, &mut self.view_port, &self.tools, self.origin);

@@ -11,10 +11,14 @@ use std::mem;
 use ash::vk::{self, Handle};
 use openxr as xr;
 use openxr::sys::CompositionLayerDepthInfoKHR as DepthInfo;
+use openxr::sys::{
+    CompositionLayerPassthroughFB as PassthroughLayer, SystemPassthroughPropertiesFB as PassthroughProperties,
+};
 use wgpu::hal::api::Vulkan;
 use wgpu::hal::{self, vulkan};
 
 use super::error::XrError;
+use super::surroundings::Passthrough;
 use sg_gpu::{Gpu, OPTIONAL_FEATURES};
 
 /// wgpu takes functions of 1.3 for granted where the device has them, so the instance has to be of 1.3 as well.
@@ -256,6 +260,29 @@ pub(super) fn depth_of(depths: xr::SwapchainSubImage<'_, xr::Vulkan>, [near_z, f
         near_z,
         far_z,
     }
+}
+
+/// Whether a headset has cameras for `XR_FB_passthrough`, an extension of this instance.
+pub(super) fn supports_passthrough(instance: &xr::Instance, system: xr::SystemId) -> bool {
+    let mut cameras = PassthroughProperties {
+        ty: PassthroughProperties::TYPE,
+        next: std::ptr::null(),
+        supports_passthrough: xr::sys::FALSE,
+    };
+    let mut properties = xr::sys::SystemProperties::out((&raw mut cameras).cast());
+    // SAFETY: both structs have their types and outlive the call, which follows the chain and writes to them.
+    let outcome = unsafe { (instance.fp().get_system_properties)(instance.as_raw(), system, properties.as_mut_ptr()) };
+    outcome == xr::sys::Result::SUCCESS && bool::from(cameras.supports_passthrough)
+}
+
+/// A layer of the surroundings as one of a frame's layers. `_owner` keeps the layer's handle.
+pub(super) fn as_layer<'a>(
+    layer: &'a PassthroughLayer,
+    _owner: &'a Passthrough,
+) -> &'a xr::CompositionLayerBase<'a, xr::Vulkan> {
+    // SAFETY: a base is a transparent wrapper of the header that every layer of OpenXR begins with; the crate's own layers are
+    // made into it in the same way. The layer's handle lives as long as its owner, and nothing is chained to the layer.
+    unsafe { &*(&raw const *layer).cast() }
 }
 
 /// A submitted view with its depths; the depths must not move before submission.

@@ -6,10 +6,11 @@ use glam::DVec2;
 use openxr as xr;
 
 use super::error::XrError;
-use super::options::BlendMode;
+use super::options::{BlendMode, SurroundingsSource};
 use super::quad::{PanelId, Quad};
 use super::session::XrSession;
 use super::space::Views;
+use super::surroundings::{from_back_to_front, passthrough_layer};
 use super::swapchain::SwapchainTarget;
 use super::visibility_mask::Triangle;
 use super::{device, space};
@@ -92,7 +93,19 @@ impl<'a> Frame<'a> {
     /// How pictures are put before the person's surroundings.
     #[must_use]
     pub fn blend_mode(&self) -> BlendMode {
-        self.xr_session.blend_mode()
+        self.xr_session.surroundings.mode()
+    }
+
+    /// What can show the surroundings; `None` where they cannot be switched.
+    #[must_use]
+    pub fn surroundings(&self) -> Option<SurroundingsSource> {
+        self.xr_session.surroundings.source()
+    }
+
+    /// Shows or hides the person's surroundings from this frame on. Draw afterwards: [`Self::blend_mode`] says how. Nothing changes
+    /// where they cannot be switched.
+    pub fn show_surroundings(&mut self, is_on: bool) {
+        self.xr_session.show_surroundings(is_on);
     }
 
     /// Texture format of eyes and panels, as [`super::Headset::format`].
@@ -236,7 +249,10 @@ impl<'a> Frame<'a> {
             .space(&xr_session.room)
             .layer_flags(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA)
             .views(&views);
-        let room_for = xr_session.most_layers - usize::from(self.eyes_drawn);
+        let surroundings = xr_session.passthrough.as_ref().filter(|_| xr_session.surroundings.has_layer());
+        let surroundings = surroundings.map(|passthrough| (passthrough_layer(passthrough.handle()), passthrough));
+        let taken = usize::from(self.eyes_drawn) + usize::from(surroundings.is_some());
+        let room_for = xr_session.most_layers.saturating_sub(taken);
         let hung: Vec<(&SwapchainTarget, &Quad)> = self
             .quads
             .iter()
@@ -260,17 +276,15 @@ impl<'a> Frame<'a> {
                     .size(xr::Extent2Df { width: x as f32, height: y as f32 })
             })
             .collect();
-        let mut layers: Vec<&xr::CompositionLayerBase<'_, xr::Vulkan>> = Vec::with_capacity(1 + quads.len());
         let of = |in_front: bool| {
             let quads = quads.iter().zip(hung).filter(move |(_, (_, quad))| quad.in_front == in_front);
             quads.map(|(quad, _)| -> &xr::CompositionLayerBase<'_, xr::Vulkan> { quad })
         };
-        layers.extend(of(false));
-        if self.eyes_drawn {
-            layers.push(&projection);
-        }
-        layers.extend(of(true));
-        let (stream, blend) = (&mut xr_session.stream, xr_session.blend);
+        let pictures: Option<&xr::CompositionLayerBase<'_, xr::Vulkan>> =
+            if self.eyes_drawn { Some(&projection) } else { None };
+        let surroundings = surroundings.as_ref().map(|(layer, owner)| device::as_layer(layer, owner));
+        let layers: Vec<_> = from_back_to_front(surroundings, of(false), pictures, of(true)).collect();
+        let (stream, blend) = (&mut xr_session.stream, xr_session.surroundings.raw_mode());
         xr_session
             .watchdog
             .watch("taking a frame", || stream.end(time, blend, &layers))

@@ -7,7 +7,7 @@ use openxr as xr;
 
 use super::error::XrError;
 use super::frame::Frame;
-use super::options::Options;
+use super::options::{Options, SurroundingsSource};
 use super::quad::PanelId;
 use super::session::{SessionEvent, XrSession};
 use super::watchdog::Watchdog;
@@ -146,6 +146,12 @@ impl Headset {
         self.xr_session().map(|l| &l.shared.gpu)
     }
 
+    /// Whether the surroundings are wanted at first.
+    #[must_use]
+    pub fn wants_surroundings(&self) -> bool {
+        self.options.blend_mode.shows_surroundings()
+    }
+
     /// Source of the device. A window can present on the headset's device if this instance made its surface, and if the
     /// surface suits this adapter. `None` while the runtime is away.
     #[must_use]
@@ -200,6 +206,12 @@ impl Headset {
     #[must_use]
     pub fn is_focused(&self) -> bool {
         self.xr_session().is_some_and(|l| l.state_machine.is_focused())
+    }
+
+    /// What can show the surroundings; `None` where they cannot be switched, and while the runtime is away.
+    #[must_use]
+    pub fn surroundings(&self) -> Option<SurroundingsSource> {
+        self.xr_session().and_then(|l| l.surroundings.source())
     }
 
     /// Refresh rates that can be chosen; empty where the runtime chooses.
@@ -394,12 +406,14 @@ fn run_frame<E>(
     let _ = xr_session.shared.gpu.device().poll(wgpu::PollType::Poll);
     let time = waited.predicted_display_time;
     let period = waited.predicted_display_period;
-    let seen = waited.should_render;
+    let seen = waited.should_render && xr_session.state_machine.is_visible();
     let eye_views = if seen { watchdog.watch("where eyes are", || xr_session.look(time)).map_err(call)? } else { None };
     let hands = watchdog.watch("what hands do", || xr_session.hands(time)).map_err(call)?;
     let Some(eye_views) = eye_views else {
         *last_shown = None;
-        watchdog.watch("taking a frame", || xr_session.stream.end(time, xr_session.blend, &[])).map_err(call)?;
+        watchdog
+            .watch("taking a frame", || xr_session.stream.end(time, xr_session.surroundings.raw_mode(), &[]))
+            .map_err(call)?;
         return Ok((FrameOutcome::Hidden, Ok(())));
     };
     let mut frame = Frame::new(xr_session, eye_views, hands, (session, time, period));

@@ -25,6 +25,15 @@ impl BlendMode {
     }
 }
 
+/// What shows a person's surroundings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SurroundingsSource {
+    /// A blend mode of the runtime.
+    Blend(BlendMode),
+    /// A layer behind all others: `XR_FB_passthrough`.
+    Passthrough,
+}
+
 /// How a headset is used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -32,7 +41,7 @@ pub struct Options {
     pub resolution: f64,
     /// Frames in a second, where the runtime lets one choose; the nearest that it offers.
     pub refresh_rate: Option<f32>,
-    /// The surroundings, where the runtime offers this; else opaque, else the runtime's first choice.
+    /// Whether the surroundings are shown at first, and how, where the runtime offers this; else in another way that it offers.
     pub blend_mode: BlendMode,
     /// Standing, the room's floor is at y = 0 where the runtime knows it; seated, the eyes are.
     pub stance: Stance,

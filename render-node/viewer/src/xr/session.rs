@@ -6,10 +6,11 @@ use super::actions::Actions;
 use super::device::{self, VulkanDevice};
 use super::error::XrError;
 use super::hand_tracking::HandTrackers;
-use super::options::{BlendMode, Options};
+use super::options::Options;
 use super::quad::PanelId;
 use super::session_state::{StateMachine, Transition};
 use super::space::{self, STEREO, Views};
+use super::surroundings::{Passthrough, Surroundings};
 use super::swapchain::{Format, SwapchainTarget};
 use super::visibility_mask::VisibilityMask;
 use super::watchdog::Watchdog;
@@ -31,6 +32,8 @@ pub(super) struct XrSession {
     pub(super) depths: Option<(SwapchainTarget, Format)>,
     pub(super) actions: Actions,
     fingers: Option<HandTrackers>,
+    /// The cameras, while their layer is shown.
+    pub(super) passthrough: Option<Passthrough>,
     bare: [BareHand; 2],
     pub(super) room: xr::Space,
     pub(super) head: xr::Space,
@@ -40,7 +43,7 @@ pub(super) struct XrSession {
     pub(super) shared: VulkanDevice,
     instance: xr::Instance,
     pub(super) state_machine: StateMachine,
-    pub(super) blend: xr::EnvironmentBlendMode,
+    pub(super) surroundings: Surroundings,
     pub(super) format: Format,
     pub(super) origin: Origin,
     room_kind: xr::ReferenceSpaceType,
@@ -103,10 +106,17 @@ impl XrSession {
         let (room, head) = (at_origin(room_kind)?, at_origin(xr::ReferenceSpaceType::VIEW)?);
         let modes =
             instance.enumerate_environment_blend_modes(system, STEREO).map_err(|e| XrError::call("blend modes", e))?;
-        let blend = blend_mode(options.blend_mode, &modes);
-        if blend != raw_mode(options.blend_mode) {
-            let (wanted, chosen) = (options.blend_mode, format!("{blend:?}"));
-            tracing::warn!(?wanted, chosen, "the headset does not offer this blend mode");
+        let has_layer = extensions.fb_passthrough && device::supports_passthrough(&instance, system);
+        let surroundings = Surroundings::choose(options.blend_mode, &modes, has_layer);
+        if surroundings.mode() != options.blend_mode {
+            let (wanted, chosen) = (options.blend_mode, surroundings.mode());
+            tracing::warn!(?wanted, ?chosen, "the headset does not offer this blend mode");
+        }
+        match surroundings.source() {
+            Some(source) => tracing::info!(?source, "the headset can show the surroundings"),
+            None => tracing::info!(
+                "surroundings are not switched: {runtime} offers no XR_FB_passthrough and one blend mode"
+            ),
         }
         let [format, depth_format] = Format::of(&session).map_err(|e| XrError::call("formats", e))?;
         let format = format.ok_or_else(|| lacks("images in sRGB"))?;
@@ -128,6 +138,7 @@ impl XrSession {
             depths,
             actions,
             fingers,
+            passthrough: None,
             bare: Default::default(),
             room,
             head,
@@ -137,7 +148,7 @@ impl XrSession {
             shared,
             instance,
             state_machine: StateMachine::new(),
-            blend,
+            surroundings,
             format,
             origin,
             room_kind,
@@ -223,6 +234,17 @@ impl XrSession {
                 xr::Event::DisplayRefreshRateChangedFB(change) => {
                     tracing::info!(rate = change.to_display_refresh_rate(), "refresh rate");
                 }
+                xr::Event::PassthroughStateChangedFB(change) => {
+                    let flags = change.flags();
+                    tracing::info!(?flags, "surroundings");
+                    if flags.contains(xr::PassthroughStateChangedFlagsFB::NON_RECOVERABLE_ERROR) {
+                        self.surroundings.give_up();
+                    }
+                    if flags.contains(xr::PassthroughStateChangedFlagsFB::REINIT_REQUIRED) {
+                        // The next frame starts them anew.
+                        self.passthrough = None;
+                    }
+                }
                 xr::Event::EventsLost(lost) => {
                     tracing::warn!(count = lost.lost_event_count(), "the runtime dropped events");
                 }
@@ -232,12 +254,20 @@ impl XrSession {
         Ok(SessionEvent::Nothing)
     }
 
-    /// How pictures are put before the surroundings.
-    pub(super) fn blend_mode(&self) -> BlendMode {
-        match self.blend {
-            xr::EnvironmentBlendMode::ALPHA_BLEND => BlendMode::AlphaBlend,
-            xr::EnvironmentBlendMode::ADDITIVE => BlendMode::Additive,
-            _ => BlendMode::Opaque,
+    /// Shows or hides the surroundings, and starts or ends the cameras for them.
+    pub(super) fn show_surroundings(&mut self, is_on: bool) {
+        self.surroundings.switch(is_on);
+        let Self { surroundings, passthrough, session, watchdog, .. } = self;
+        match (surroundings.has_layer(), &passthrough) {
+            (false, Some(_)) => watchdog.watch("the cameras' end", || *passthrough = None),
+            (true, None) => match watchdog.watch("the cameras' begin", || Passthrough::start(session)) {
+                Ok(started) => *passthrough = Some(started),
+                Err(error) => {
+                    tracing::warn!(%error, "the surroundings cannot be shown");
+                    surroundings.give_up();
+                }
+            },
+            _ => {}
         }
     }
 
@@ -278,6 +308,7 @@ impl XrSession {
 fn extensions(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     let mut wanted = xr::ExtensionSet::default();
     wanted.khr_vulkan_enable2 = offered.khr_vulkan_enable2;
+    wanted.fb_passthrough = offered.fb_passthrough;
     wanted.fb_display_refresh_rate = offered.fb_display_refresh_rate;
     wanted.khr_visibility_mask = offered.khr_visibility_mask;
     wanted.khr_composition_layer_depth = offered.khr_composition_layer_depth;
@@ -285,21 +316,6 @@ fn extensions(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     wanted.ext_hand_interaction = offered.ext_hand_interaction;
     wanted.meta_touch_controller_plus = offered.meta_touch_controller_plus;
     wanted
-}
-
-fn raw_mode(mode: BlendMode) -> xr::EnvironmentBlendMode {
-    match mode {
-        BlendMode::Opaque => xr::EnvironmentBlendMode::OPAQUE,
-        BlendMode::AlphaBlend => xr::EnvironmentBlendMode::ALPHA_BLEND,
-        BlendMode::Additive => xr::EnvironmentBlendMode::ADDITIVE,
-    }
-}
-
-/// The wanted mode if it is offered, else the opaque one, else the first.
-fn blend_mode(wanted: BlendMode, offered: &[xr::EnvironmentBlendMode]) -> xr::EnvironmentBlendMode {
-    let opaque = xr::EnvironmentBlendMode::OPAQUE;
-    let known = [raw_mode(wanted), opaque].into_iter().find(|mode| offered.contains(mode));
-    known.or_else(|| offered.first().copied()).unwrap_or(opaque)
 }
 
 /// The picture's size for each eye: the runtime's recommendation times `resolution`, within its limits.
@@ -322,21 +338,4 @@ fn size(instance: &xr::Instance, system: xr::SystemId, resolution: f64) -> Resul
         largest(|v| (v.recommended_image_rect_width, v.max_image_rect_width)),
         largest(|v| (v.recommended_image_rect_height, v.max_image_rect_height)),
     ])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_blend_mode_is_taken_where_it_is_offered() {
-        use xr::EnvironmentBlendMode as Mode;
-        let all = [Mode::ADDITIVE, Mode::OPAQUE, Mode::ALPHA_BLEND];
-        assert_eq!(blend_mode(BlendMode::Opaque, &all), Mode::OPAQUE);
-        assert_eq!(blend_mode(BlendMode::AlphaBlend, &all), Mode::ALPHA_BLEND);
-        assert_eq!(blend_mode(BlendMode::Additive, &all), Mode::ADDITIVE);
-        assert_eq!(blend_mode(BlendMode::AlphaBlend, &all[..2]), Mode::OPAQUE);
-        assert_eq!(blend_mode(BlendMode::Opaque, &all[..1]), Mode::ADDITIVE, "glass has nothing else");
-        assert_eq!(blend_mode(BlendMode::Additive, &[]), Mode::OPAQUE);
-    }
 }

@@ -57,6 +57,12 @@ impl StateMachine {
         self.running
     }
 
+    /// Whether the session's pictures are seen. A runtime may ask for pictures that nobody sees: Monado does so behind another
+    /// program.
+    pub(super) fn is_visible(&self) -> bool {
+        matches!(self.state, SessionState::VISIBLE | SessionState::FOCUSED)
+    }
+
     /// Whether hands are this session's.
     pub(super) fn is_focused(&self) -> bool {
         self.state == SessionState::FOCUSED

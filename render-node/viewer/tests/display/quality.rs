@@ -14,27 +14,32 @@ use sg_viewer::display::quality_control::{
 const PERIOD: f64 = 1.0 / 90.0;
 
 /// Seconds within which the level must be the oracle's.
-const CONVERGES: f64 = 2.0;
+pub(crate) const CONVERGES: f64 = 2.0;
 
 /// Load of a picture: the seconds of each level, and those of them that grow with pixels.
 #[derive(Debug, Clone, Copy)]
-struct Load {
-    cost: [f64; LEVELS],
-    pixels: [f64; LEVELS],
+pub(crate) struct Load {
+    pub(crate) cost: [f64; LEVELS],
+    pub(crate) pixels: [f64; LEVELS],
 }
 
 impl Load {
+    /// A load of these seconds at the whole edge in `fast`, those that pixels take and the others.
+    pub(crate) fn of_parts(pixels: f64, fixed: f64) -> Self {
+        let pixels = std::array::from_fn(|level| pixels * work(level));
+        Self { cost: pixels.map(|seconds| fixed + seconds), pixels }
+    }
+
     /// A load whose picture at the whole edge in `fast` takes this many budgets, with this share of it for pixels.
     fn of(budgets: f64, share: f64) -> Self {
         let cost = budgets * SHARE * PERIOD;
-        let pixels = std::array::from_fn(|level| cost * share * work(level));
-        Self { cost: pixels.map(|seconds| cost * (1.0 - share) + seconds), pixels }
+        Self::of_parts(cost * share, cost * (1.0 - share))
     }
 }
 
 /// A part of a session.
 #[derive(Debug, Clone, Copy)]
-enum Session {
+pub(crate) enum Session {
     Shown(Load),
     /// No pictures: the session is hidden, or the headset is off.
     Hidden,
@@ -44,7 +49,22 @@ enum Session {
 
 use Session::{Hidden, Shown, Unfocused};
 
-/// Loads of a session over time.
+/// A session over time.
+pub(crate) trait Course {
+    /// Seconds of a frame of the display.
+    fn period(&self) -> f64;
+
+    /// Whether the device measures what pixels take.
+    fn has_timestamps(&self) -> bool;
+
+    /// The session at a time, and how long it has had no pause and no jump of its load. `None` after its end.
+    fn at(&self, time: f64) -> Option<(Session, f64)>;
+
+    /// The real seconds of a picture that begins at `time`, and those that pixels take.
+    fn picture(&mut self, time: f64, load: &Load, level: usize) -> (f64, f64);
+}
+
+/// Made loads of a session over time.
 #[derive(Debug, Clone)]
 struct Trace {
     name: &'static str,
@@ -66,25 +86,74 @@ impl Trace {
     }
 }
 
+/// A trace while it is played.
+struct Played<'a> {
+    trace: &'a Trace,
+    rng: ChaCha8Rng,
+    spike_at: f64,
+}
+
+impl<'a> Played<'a> {
+    fn new(trace: &'a Trace) -> Self {
+        let spike_at = trace.spikes.map_or(f64::INFINITY, |(every, _)| every);
+        Self { trace, rng: ChaCha8Rng::seed_from_u64(16), spike_at }
+    }
+}
+
+impl Course for Played<'_> {
+    fn period(&self) -> f64 {
+        PERIOD
+    }
+
+    fn has_timestamps(&self) -> bool {
+        self.trace.timestamps
+    }
+
+    fn at(&self, time: f64) -> Option<(Session, f64)> {
+        let mut begun = 0.0;
+        for (seconds, session) in &self.trace.parts {
+            let end = begun + seconds;
+            if time < end {
+                return Some((*session, time - begun));
+            }
+            begun = end;
+        }
+        None
+    }
+
+    fn picture(&mut self, time: f64, load: &Load, level: usize) -> (f64, f64) {
+        // A sum of twelve has a variance of 1.
+        let deviation: f64 = (0..12).map(|_| self.rng.random_range(0.0..1.0)).sum::<f64>() - 6.0;
+        let mut cost = load.cost[level] * (1.0 + self.trace.noise * deviation).max(0.2);
+        if let Some((every, spike)) = self.trace.spikes
+            && time >= self.spike_at
+        {
+            self.spike_at += every;
+            cost = spike;
+        }
+        (cost, cost * load.pixels[level] / load.cost[level])
+    }
+}
+
 /// One frame of a simulated session.
 #[derive(Debug, Clone, Copy)]
-struct Point {
-    time: f64,
-    level: usize,
+pub(crate) struct Point {
+    pub(crate) time: f64,
+    pub(crate) level: usize,
     /// Finest level that fits the budget, and the finest one that fits the setpoint.
-    oracle: [usize; 2],
+    pub(crate) oracle: [usize; 2],
     /// Seconds of the session without a pause, at most those since the load jumped.
-    since: f64,
-    shown: bool,
+    pub(crate) since: f64,
+    pub(crate) shown: bool,
 }
 
 /// Steps of a level outside the range of an oracle.
-fn off(level: usize, [finest, coarsest]: [usize; 2]) -> usize {
+pub(crate) fn off(level: usize, [finest, coarsest]: [usize; 2]) -> usize {
     finest.saturating_sub(level).max(level.saturating_sub(coarsest))
 }
 
 /// Most steps between the level and the oracle of the last two seconds, wherever there are two seconds.
-fn most_off(points: &[Point]) -> usize {
+pub(crate) fn most_off(points: &[Point]) -> usize {
     let mut first = 0;
     let late = points.iter().enumerate().filter(|(_, p)| p.shown && p.since > CONVERGES);
     late.map(|(k, p)| {
@@ -100,66 +169,54 @@ fn most_off(points: &[Point]) -> usize {
     .unwrap_or(0)
 }
 
-fn at_level(level: usize) -> QualityControl {
-    let seconds = 0.999 * SETPOINT * SHARE * PERIOD * work(0) / work(level);
-    let all = PictureCost { time: 0.0, level: 0, seconds, pixel_seconds: Some(seconds), period: PERIOD };
+pub(crate) fn at_level(level: usize, period: f64) -> QualityControl {
+    let seconds = 0.999 * SETPOINT * SHARE * period * work(0) / work(level);
+    let all = PictureCost { time: 0.0, level: 0, seconds, pixel_seconds: Some(seconds), period };
     let control = QualityControl::starting_from(all);
     assert_eq!(control.level(), level);
     control
 }
 
-/// Plays a trace. A late picture takes whole frames. Its time comes one frame after it, and one picture at a time is
-/// measured, as a device does.
 fn play(trace: &Trace) -> (Vec<Point>, QualityControl) {
-    let mut rng = ChaCha8Rng::seed_from_u64(16);
-    let mut control = at_level(trace.start);
-    let (mut time, mut begun, mut points) = (0.0, 0.0, Vec::new());
+    play_course(&mut Played::new(trace), at_level(trace.start, PERIOD))
+}
+
+/// Plays a session. A late picture takes whole frames. Its time comes one frame after it, and one picture at a time is
+/// measured, as a device does.
+pub(crate) fn play_course(course: &mut impl Course, mut control: QualityControl) -> (Vec<Point>, QualityControl) {
+    let period = course.period();
+    let (mut time, mut points) = (0.0, Vec::new());
     let mut pending: Option<(PictureCost, f64)> = None;
-    let mut spike_at = trace.spikes.map_or(f64::INFINITY, |(every, _)| every);
-    for (seconds, session) in &trace.parts {
-        let end = begun + seconds;
-        while time < end {
-            let since = time - begun;
-            let (Shown(load) | Unfocused(load)) = *session else {
-                control.interrupt();
-                pending = None;
-                points.push(Point { time, level: control.level(), oracle: [0; 2], since, shown: false });
-                time += PERIOD;
-                continue;
-            };
-            let focused = matches!(session, Shown(_));
-            if !focused {
-                control.interrupt();
-            }
-            let level = control.level();
-            // A sum of twelve has a variance of 1.
-            let deviation: f64 = (0..12).map(|_| rng.random_range(0.0..1.0)).sum::<f64>() - 6.0;
-            let mut cost = load.cost[level] * (1.0 + trace.noise * deviation).max(0.2);
-            if let Some((every, spike)) = trace.spikes
-                && time >= spike_at
-            {
-                spike_at += every;
-                cost = spike;
-            }
-            let fits = |limit: f64| finest_within(limit * SHARE * PERIOD, |k| load.cost[k]);
-            points.push(Point { time, level, oracle: [fits(1.0), fits(SETPOINT)], since, shown: focused });
-            let pixel_seconds = trace.timestamps.then(|| cost * load.pixels[level] / load.cost[level]);
-            let submitted = time;
-            time += (cost / PERIOD).ceil().max(1.0) * PERIOD;
-            if let Some((measured, due)) = pending
-                && time >= due
-            {
-                if focused {
-                    control.measure(measured);
-                }
-                pending = None;
-            }
-            if pending.is_none() {
-                let measured = PictureCost { time: submitted, level, seconds: cost, pixel_seconds, period: PERIOD };
-                pending = Some((measured, time + PERIOD));
-            }
+    while let Some((session, since)) = course.at(time) {
+        let (Shown(load) | Unfocused(load)) = session else {
+            control.interrupt();
+            pending = None;
+            points.push(Point { time, level: control.level(), oracle: [0; 2], since, shown: false });
+            time += period;
+            continue;
+        };
+        let focused = matches!(session, Shown(_));
+        if !focused {
+            control.interrupt();
         }
-        begun = end;
+        let level = control.level();
+        let (seconds, pixels) = course.picture(time, &load, level);
+        let fits = |limit: f64| finest_within(limit * SHARE * period, |k| load.cost[k]);
+        points.push(Point { time, level, oracle: [fits(1.0), fits(SETPOINT)], since, shown: focused });
+        let pixel_seconds = course.has_timestamps().then_some(pixels);
+        let submitted = time;
+        time += (seconds / period).ceil().max(1.0) * period;
+        if let Some((measured, due)) = pending
+            && time >= due
+        {
+            if focused {
+                control.measure(measured);
+            }
+            pending = None;
+        }
+        if pending.is_none() {
+            pending = Some((PictureCost { time: submitted, level, seconds, pixel_seconds, period }, time + period));
+        }
     }
     (points, control)
 }
@@ -197,22 +254,32 @@ fn traces() -> Vec<Trace> {
     all.iter().cloned().chain(blind).collect()
 }
 
-/// One row of the table in `docs/headset.md`.
-fn row(trace: &Trace, points: &[Point], control: &QualityControl) -> String {
-    let most_off = most_off(points);
+/// Number of parts of a session, and the longest time from a change of the load to the oracle's level, kept from there on.
+pub(crate) fn convergence(points: &[Point], period: f64) -> (usize, f64) {
     let mut parts = 1;
     let mut slowest: f64 = 0.0;
-    // The time from a change of the load to the oracle's level, kept from there on.
     for pair in points.windows(2) {
         if pair[0].shown && off(pair[0].level, pair[0].oracle) > 1 {
-            slowest = slowest.max(pair[0].since + PERIOD);
+            slowest = slowest.max(pair[0].since + period);
         }
         parts += usize::from(pair[1].since < pair[0].since);
     }
+    (parts, slowest)
+}
+
+/// The finest and the coarsest level of a session.
+pub(crate) fn levels_of(points: &[Point]) -> [usize; 2] {
+    let levels = points.iter().map(|p| p.level);
+    [levels.clone().min().unwrap_or(0), levels.max().unwrap_or(0)]
+}
+
+/// One row of the table in `docs/headset.md`.
+fn row(trace: &Trace, points: &[Point], control: &QualityControl) -> String {
+    let most_off = most_off(points);
+    let (parts, slowest) = convergence(points, PERIOD);
     let times = if trace.timestamps { "yes" } else { "no" };
     let mut row = String::new();
-    let levels = points.iter().map(|p| p.level);
-    let (low, high) = (levels.clone().min().unwrap_or(0), levels.max().unwrap_or(0));
+    let [low, high] = levels_of(points);
     let _ = write!(
         row,
         "| {} | {times} | {parts} | {low} to {high} | {slowest:.2} | {most_off} | {} |",
@@ -255,7 +322,7 @@ fn a_pause_changes_nothing() {
     off_and_on(Hidden);
     off_and_on(Unfocused(Load::of(8.0, 0.9)));
     // The loop stood still, and nobody said so.
-    let mut control = at_level(4);
+    let mut control = at_level(4, PERIOD);
     for k in 0..400 {
         let time = f64::from(k) * PERIOD + if k < 200 { 0.0 } else { 60.0 };
         // The first pictures afterwards are slow.
@@ -269,7 +336,7 @@ fn a_pause_changes_nothing() {
 #[test]
 fn a_failing_climb_is_tried_ever_less_often() {
     // The finer level costs more than its pixels: it never fits.
-    let (mut control, mut time) = (at_level(3), 0.0);
+    let (mut control, mut time) = (at_level(3, PERIOD), 0.0);
     let mut changes = Vec::new();
     while time < 600.0 {
         let seconds = SHARE * PERIOD * if control.level() < 3 { 1.3 } else { 0.7 };
@@ -297,7 +364,7 @@ fn levels_are_a_fifth_of_the_pixels_apart() {
 
 #[test]
 fn invalid_costs_change_nothing() {
-    let mut control = at_level(2);
+    let mut control = at_level(2, PERIOD);
     let sound = PictureCost { time: 1.0, level: 2, seconds: 1.0, pixel_seconds: None, period: PERIOD };
     for broken in [
         PictureCost { time: f64::NAN, ..sound },

@@ -25,6 +25,8 @@ mod seen;
 mod sessions;
 #[cfg(feature = "xr")]
 mod together;
+#[cfg(feature = "xr")]
+mod traces;
 
 #[cfg(feature = "xr")]
 #[allow(dead_code, reason = "made for pictures of every kind; here one is enough")]

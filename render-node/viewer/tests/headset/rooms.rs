@@ -211,7 +211,7 @@ fn place_under(
     harness.get_by_label(label).rect().center()
 }
 
-fn shown_of(scene: &Scene) -> ViewState {
+pub(crate) fn shown_of(scene: &Scene) -> ViewState {
     let state = Arc::new(EditState::of_scene(scene, "scene.ply", "hash"));
     let services = ServiceAvailability { scene: true, selection: true, agents: false };
     ViewState { services, undo: Arc::from(["a stroke".to_owned()]), ..ViewState::of(state) }
@@ -265,8 +265,16 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     let tools = Tools { radius: 0.06, ..Tools::default() };
     let folder = tempfile::tempdir().unwrap();
     let pictures = folder.path().join("pictures");
-    let setup =
-        Setup { scene: Arc::clone(&scene), view_port, tools, opened: path, mirror: false, rasterizer: None, pictures };
+    let setup = Setup {
+        scene: Arc::clone(&scene),
+        view_port,
+        tools,
+        opened: path,
+        mirror: false,
+        rasterizer: None,
+        pictures,
+        frame_traces: None,
+    };
     let mut room = VrView::new(setup, &headset);
     // The picture does not depend on the machine's pace.
     room.hold_level(Some(8));
@@ -278,6 +286,7 @@ fn inside_the_room_of_a_real_scene_is_composited() {
     // The lasers end at the scene's surface.
     person.until("lasers that meet the scene", |p| Side::BOTH.iter().all(|side| p.room.laser_end(*side).is_some()));
     assert_eq!(Side::BOTH.map(|side| person.room.callouts(side)), [None; 2], "labels only on demand");
+    assert!(!person.room.tools().surroundings && person.headset.surroundings().is_none());
     person.photograph(&screen, "room.png");
     assert!(person.depths > 6, "the runtime takes depths, and has them with each frame: {}", person.depths);
 
@@ -331,7 +340,9 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     let folder = tempfile::tempdir().unwrap();
     let pictures = folder.path().join("pictures");
     let kept = pictures.clone();
-    let setup = Setup { scene: Arc::clone(&scene), view_port, tools, opened, mirror: false, rasterizer, pictures };
+    let (mirror, frame_traces) = (false, None);
+    let setup =
+        Setup { scene: Arc::clone(&scene), view_port, tools, opened, mirror, rasterizer, pictures, frame_traces };
     let room = VrView::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));

@@ -277,6 +277,13 @@ fn display_options_belong_to_one_display() {
     press(&mut panel, "light");
     press(&mut panel, "left-handed");
     press(&mut panel, "evenly");
+    assert!(panel.query_by_label("surroundings").is_none(), "a headset that cannot show them has no switch");
+    panel.state_mut().panels.switches_surroundings = true;
+    panel.run();
+    press(&mut panel, "surroundings");
+    assert!(panel.state().tools.surroundings);
+    press(&mut panel, "surroundings");
+    assert!(!panel.state().tools.surroundings);
     assert_eq!(panel.state().tools.turn_style, TurnStyle::Smooth);
     let tools = &panel.state().tools;
     assert_eq!((tools.quality, tools.scale, tools.light_panels), (Quality::Fast, 1.5, true));
