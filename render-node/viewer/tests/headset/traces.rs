@@ -89,7 +89,7 @@ fn inside_a_session_records_its_frames() {
     let hidden = find(focused, SessionVisibility::Hidden).expect("a hidden session");
     assert!(find(hidden, SessionVisibility::Focused).is_some(), "shown again");
     let measured: Vec<&TraceRow> = trace.rows.iter().filter(|r| r.cost.is_some()).collect();
-    assert!(measured.len() >= 20, "{} of {} pictures were measured", measured.len(), states.len());
+    assert!(measured.len() >= 5, "{} of {} pictures were measured", measured.len(), states.len());
     for row in measured {
         let cost = row.cost.unwrap();
         assert!(row.level.is_some() && row.period > 0.0 && cost.seconds > 0.0 && cost.delay < 30.0, "{row:?}");
