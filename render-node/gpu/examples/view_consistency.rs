@@ -125,7 +125,7 @@ fn row(
         })
         .collect::<Result<_, _>>()?;
     times.sort_by(f64::total_cmp);
-    let Options { quality, projection } = options;
+    let Options { quality, projection, .. } = options;
     print!("| {name} | {projection:?} | {quality:?} | {:.0} |", times.get(2).copied().unwrap_or_default());
     for turn in turns() {
         let db = along_rays(draw, camera, &turn, &straight, options)?;
@@ -173,19 +173,19 @@ fn table(file: &str, scene: &Scene, size: u32, gpu: Option<&Gpu>) -> Result<(), 
     let mut cores = |camera: &Camera, options| Ok(render(scene, &look, camera, options)?.image);
     let mut renderer = gpu.map(|gpu| Renderer::new(gpu, scene)).transpose()?;
     for projection in [Projection::Affine, Projection::PerRay] {
-        let exact = cores(&camera, Options { quality: Quality::Exact, projection })?;
+        let exact = cores(&camera, Options { quality: Quality::Exact, projection, ..Options::default() })?;
         for quality in [Quality::Exact, Quality::Standard, Quality::Fast] {
-            row("cores", &mut cores, &camera, Options { quality, projection }, &exact)?;
+            row("cores", &mut cores, &camera, Options { quality, projection, ..Options::default() }, &exact)?;
         }
         let Some(renderer) = &mut renderer else { continue };
         let mut device = |camera: &Camera, options| -> Result<Image, Box<dyn Error>> {
-            let Options { quality, projection } = options;
+            let Options { quality, projection, .. } = options;
             let settings = Settings { quality, projection, ..Settings::default() };
             let (mut images, _) = renderer.picture(std::slice::from_ref(camera), &look, settings)?;
             images.pop().ok_or_else(|| "the device made no picture".into())
         };
         for quality in [Quality::Standard, Quality::Fast] {
-            row("device, tiles", &mut device, &camera, Options { quality, projection }, &exact)?;
+            row("device, tiles", &mut device, &camera, Options { quality, projection, ..Options::default() }, &exact)?;
         }
     }
     Ok(())

@@ -178,8 +178,8 @@ impl DeviceRenderer {
         Ok(())
     }
 
-    fn settings(&self, Options { quality, projection }: Options) -> Settings {
-        Settings { quality, projection, rasterizer: self.rasterizer, ..Settings::default() }
+    fn settings(&self, Options { quality, projection, foveation }: Options) -> Settings {
+        Settings { quality, projection, foveation, rasterizer: self.rasterizer, ..Settings::default() }
     }
 
     fn draw(&mut self, appearance: &Appearance, camera: &Camera, options: Options) -> Result<Rendered, GpuError> {

@@ -150,6 +150,8 @@ pub struct PassWork {
     pub in_step: u64,
     /// See [`Counts::in_step_by_rays`].
     pub in_step_by_rays: u64,
+    /// See [`Counts::in_step_in_blocks`].
+    pub in_step_in_blocks: u64,
     /// Pairs of a splat and a tile.
     pub tile_pairs: u64,
     /// Bytes that shaders and blending read, each address once for a workgroup or draw.
@@ -170,6 +172,7 @@ impl PassWork {
             evaluated: 0,
             in_step: 0,
             in_step_by_rays: 0,
+            in_step_in_blocks: 0,
             tile_pairs: 0,
             bytes_read: 0,
             bytes_written: 0,
@@ -187,6 +190,7 @@ impl PassWork {
             evaluated: self.evaluated + other.evaluated,
             in_step: self.in_step + other.in_step,
             in_step_by_rays: self.in_step_by_rays + other.in_step_by_rays,
+            in_step_in_blocks: self.in_step_in_blocks + other.in_step_in_blocks,
             tile_pairs: self.tile_pairs + other.tile_pairs,
             bytes_read: self.bytes_read + other.bytes_read,
             bytes_written: self.bytes_written + other.bytes_written,
@@ -337,7 +341,7 @@ pub fn frame_work(
     if options.settings.quality == Quality::Exact {
         return Err(WorkError::Quality);
     }
-    let Settings { quality, rasterizer, depths, .. } = options.settings;
+    let Settings { quality, rasterizer, depths, foveation, .. } = options.settings;
     let counting = Counting {
         quality,
         blending: match rasterizer {
@@ -347,6 +351,7 @@ pub fn frame_work(
         },
         depth_edge: if depths { COARSE } else { 0 },
         sample: options.sample,
+        foveation,
     };
     let each = if are_parallel(cameras) { cameras.len().max(1) } else { 1 };
     let submission = |cameras: &[Camera]| {
@@ -388,6 +393,7 @@ fn rows(frame: &Frame, counts: &Counts, validates: bool) -> Vec<PassWork> {
                 evaluated: counts.evaluated,
                 in_step: counts.in_step,
                 in_step_by_rays: counts.in_step_by_rays,
+                in_step_in_blocks: counts.in_step_in_blocks,
                 ..row
             },
             Pass::TileLists => PassWork { tile_pairs: counts.tile_pairs, ..row },

@@ -1,6 +1,7 @@
 //! The uniform of a frame.
 
 use glam::DVec3;
+use sg_raster::foveation::Foveation;
 use sg_raster::render::Quality;
 use sg_raster::{Limits, NEAR};
 use sg_scene::camera::Camera;
@@ -90,5 +91,6 @@ pub(super) fn frame_uniform(
         hides_tiles: u32::from(is_masked),
         order_begins: order.begins,
         order_shift: order.shift,
+        foveal_squared_slope: settings.foveation.map_or(f32::MAX, Foveation::squared_slope),
     }
 }

@@ -1,5 +1,6 @@
 //! Settings of a renderer and of a picture.
 
+use sg_raster::foveation::Foveation;
 use sg_raster::render::{Projection, Quality};
 
 use crate::sort_window::SortWindow;
@@ -38,6 +39,8 @@ pub struct Settings {
     /// Whether the view moves: a picture with the cut-offs of [`sg_raster::Limits::MOTION`], and in the affine projection with an
     /// order of depths rounded to 2⁻¹² of themselves. Both replace those of the quality.
     pub in_motion: bool,
+    /// Half resolution of tiles far from the optical axis, in the affine projection.
+    pub foveation: Option<Foveation>,
     /// Whether to make [`crate::Renderer::depths`] as well. [`PassSeconds`] leaves out the time of the separate depth passes.
     pub depths: bool,
 }

@@ -4,7 +4,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DMat4, DVec3, Mat3, UVec2, Vec2, Vec3, Vec4};
-use sg_raster::nearness;
+use sg_raster::{foveation, nearness};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::Camera;
 use sg_scene::model::ShadingModel;
@@ -37,6 +37,10 @@ shared_constants! {
     BANDS: u32 = 5;
     /// Edge in picture pixels of one depth pixel of the quadrilaterals.
     COARSE: u32 = 4;
+    /// [`foveation::BLOCK`].
+    FOVEAL_BLOCK: u32 = foveation::BLOCK as u32;
+    /// [`foveation::BLOCK_VARIANCE`] in the units of `Ellipse` and `Level`: √(½·log₂e) over `per_row` is a standard deviation.
+    FOVEAL_VARIANCE: f32 = (foveation::BLOCK_VARIANCE / (0.5 * std::f64::consts::LOG2_E)) as f32;
     /// Accumulated opacity at which a pixel has a surface.
     SURFACE: f32 = sg_raster::pick::SURFACE as f32;
     /// Numbers of a Gaussian's shading columns: offset color, normal, ka, kd, ks, exponent.
@@ -182,6 +186,8 @@ shared_structs! {
         order_begins: u32,
         /// Lowest bits of a depth that the order leaves out.
         order_shift: u32,
+        /// Squared slope of rays beyond which tiles have half the resolution.
+        foveal_squared_slope: f32,
     }
 
     /// The last step of a presented picture: [`sg_raster::finish::Finish`].

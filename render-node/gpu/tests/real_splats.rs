@@ -75,7 +75,9 @@ fn every_quality_level_meets_its_error_bound(name: &str) {
             if projection == Projection::PerRay && up != 25.0 {
                 continue;
             }
-            let draw = |quality| render(&scene, &appearance, &camera, Options { quality, projection }).unwrap();
+            let draw = |quality| {
+                render(&scene, &appearance, &camera, Options { quality, projection, ..Options::default() }).unwrap()
+            };
             let exact = draw(Quality::Exact).image;
             let what = format!("{name} {right}°, {projection:?}");
             for quality in [Quality::Standard, Quality::Fast] {

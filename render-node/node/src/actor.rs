@@ -387,7 +387,8 @@ impl RenderActor {
         let (colors, legend) =
             colors_of(self.engine.scene(), labels, display_mode).map_err(|e| Fault::invalid(e.to_string()))?;
         look.colors = colors;
-        let Rendered { mut image, .. } = self.render(&look, &camera, Options { quality, projection })?;
+        let Rendered { mut image, .. } =
+            self.render(&look, &camera, Options { quality, projection, ..Options::default() })?;
         if let (DisplayMode::Outlines, Some(labels)) = (display_mode, labels) {
             let front = front_ids(self.engine.scene(), &look, &camera, projection, SURFACE);
             let (ids, _) = front.map_err(|e| Fault::invalid(e.to_string()))?;
@@ -458,7 +459,7 @@ impl RenderActor {
             f64::from(MEASURE_PIXELS) / f64::from(request.width.max(request.height)).max(f64::from(MEASURE_PIXELS));
         let camera = scaled(&self.camera_of(state, request)?, scale);
         let clips = clips(&request.clips)?;
-        let options = Options { quality: Quality::Fast, projection: projection(request.projection()) };
+        let options = Options { projection: projection(request.projection()), ..Quality::Fast.into() };
         let saved = state.units().filter(|u| !u.derived).map(|u| u.name.clone());
         let steps = self.steps.clone();
         let base = state.base_units().iter().map(|b| b.name.clone());

@@ -20,6 +20,7 @@ use sg_scene::model::Scene;
 use crate::cutoffs::Limits;
 use crate::depth::near_to_far;
 use crate::footprint::{Footprint, Shape, footprints};
+use crate::foveation::{Foveation, Periphery};
 use crate::project::Ellipse;
 use crate::raster::rasterize;
 use crate::ray_consistent::Pinhole;
@@ -56,11 +57,13 @@ pub struct Counting {
     /// The evaluations of one tile out of so many are counted, at least 1. The others are taken to have as many: the sampled tiles lie
     /// evenly over the picture.
     pub sample: u32,
+    /// Half resolution of tiles far from the optical axis.
+    pub foveation: Option<Foveation>,
 }
 
 impl Default for Counting {
     fn default() -> Self {
-        Self { quality: Quality::Standard, blending: Blending::Tiles, depth_edge: 0, sample: 1 }
+        Self { quality: Quality::Standard, blending: Blending::Tiles, depth_edge: 0, sample: 1, foveation: None }
     }
 }
 
@@ -93,6 +96,10 @@ pub struct Counts {
     pub in_step: u64,
     /// Those of them that rays evaluate.
     pub in_step_by_rays: u64,
+    /// Those of them that evaluate an ellipse at a block of pixels.
+    pub in_step_in_blocks: u64,
+    /// Pixels and blocks of pixels that tiles evaluate.
+    pub samples: u64,
     /// Fragments of the quadrilaterals.
     pub fragments: u64,
     /// Those of them that pass the depth test of the bands, and blend.
@@ -129,6 +136,8 @@ impl Counts {
             evaluated: self.evaluated + other.evaluated,
             in_step: self.in_step + other.in_step,
             in_step_by_rays: self.in_step_by_rays + other.in_step_by_rays,
+            in_step_in_blocks: self.in_step_in_blocks + other.in_step_in_blocks,
+            samples: self.samples + other.samples,
             fragments: self.fragments + other.fragments,
             blended: self.blended + other.blended,
             fragments_by_rays: self.fragments_by_rays + other.fragments_by_rays,
@@ -187,7 +196,10 @@ fn view(
     };
     let size = [camera.width, camera.height];
     match counting.blending {
-        Blending::Tiles => tiles(&layers, size, (limits.stop, counting.sample.max(1)), counts),
+        Blending::Tiles => {
+            let periphery = counting.foveation.map(|foveation| Periphery::of(camera, foveation));
+            tiles(&layers, size, (limits.stop, counting.sample.max(1), periphery), counts)
+        }
         Blending::Quads => quads(&layers, size, counting.depth_edge, counts),
         Blending::Bands(bands) => {
             let ends = band_ends(bands, listed);
@@ -252,7 +264,12 @@ fn is_sampled([x, y]: [usize; 2], sample: u32) -> bool {
 }
 
 /// Counts of the tiles' lists, and of the evaluations up to the stop.
-fn tiles(layers: &[Layer], size: [u32; 2], (stop, sample): (f32, u32), counts: Counts) -> Counts {
+fn tiles(
+    layers: &[Layer],
+    size: [u32; 2],
+    (stop, sample, periphery): (f32, u32, Option<Periphery>),
+    counts: Counts,
+) -> Counts {
     let visits = std::sync::Mutex::new((Visits::default(), Sampled::default()));
     let mut report = Report::default();
     rasterize(
@@ -260,11 +277,13 @@ fn tiles(layers: &[Layer], size: [u32; 2], (stop, sample): (f32, u32), counts: C
         layers,
         Layer::level,
         |corner, list| {
-            let counted = is_sampled(corner, sample).then(|| {
-                TileWork::new(corner, size).until_stop(list.iter().filter_map(|k| layers.get(*k as usize)), stop)
-            });
+            let is_coarse = periphery.is_some_and(|periphery| periphery.has(corner));
+            let tile = if is_coarse { TileWork::in_blocks(corner, size) } else { TileWork::new(corner, size) };
+            let samples = tile.samples();
+            let counted = is_sampled(corner, sample)
+                .then(|| tile.until_stop(list.iter().filter_map(|k| layers.get(*k as usize)), stop));
             let mut sum = visits.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            sum.1.add(list.len(), counted.is_some());
+            sum.1.add(list.len(), samples, counted.is_some());
             sum.0 += counted.unwrap_or_default();
             [(); TILE * TILE]
         },
@@ -280,6 +299,8 @@ fn tiles(layers: &[Layer], size: [u32; 2], (stop, sample): (f32, u32), counts: C
         evaluated: whole(visits.evaluated),
         in_step: whole(visits.in_step),
         in_step_by_rays: whole(visits.in_step_by_rays),
+        in_step_in_blocks: whole(visits.in_step_in_blocks),
+        samples: sampled.samples,
         ..counts
     }
 }
@@ -288,13 +309,15 @@ fn tiles(layers: &[Layer], size: [u32; 2], (stop, sample): (f32, u32), counts: C
 #[derive(Debug, Clone, Copy, Default)]
 struct Sampled {
     longest: u64,
+    samples: u64,
     tiles: u64,
     counted: u64,
 }
 
 impl Sampled {
-    fn add(&mut self, pairs: usize, counted: bool) {
+    fn add(&mut self, pairs: usize, samples: u64, counted: bool) {
         self.longest = self.longest.max(pairs as u64);
+        self.samples += samples;
         self.tiles += 1;
         self.counted += u64::from(counted);
     }

@@ -30,6 +30,7 @@ mod cutoffs;
 mod depth;
 pub mod finish;
 mod footprint;
+pub mod foveation;
 pub mod harmonics;
 pub mod image;
 pub mod image_error;

@@ -27,6 +27,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
+use crate::foveation::BLOCK;
 use crate::nearness::{NEAR_BLUR, is_faded, may_fade, share_beyond, size_of};
 use crate::project::{DILATION, Dilation, Ellipse, Placed, compensation, place};
 use crate::report::{Culled, Report};
@@ -49,6 +50,12 @@ impl Linear {
 
     pub(crate) fn at(&self, pixel: DVec2) -> f64 {
         self.at_zero + self.per_x * pixel.x + self.per_y * pixel.y
+    }
+
+    /// The same number by coordinates of blocks of pixels.
+    fn in_blocks(&self) -> Self {
+        let edge = BLOCK as f64;
+        Self { at_zero: self.at_zero, per_x: edge * self.per_x, per_y: edge * self.per_y }
     }
 }
 

@@ -8,6 +8,7 @@ use sg_scene::camera::{Camera, CameraError};
 use sg_scene::model::{ColumnLength, Scene};
 
 use crate::cutoffs::Limits;
+use crate::foveation::Foveation;
 use crate::image::Image;
 use crate::ray_consistent;
 use crate::reference_f64;
@@ -48,6 +49,9 @@ pub struct Options {
     pub quality: Quality,
     /// Projection and order of Gaussians. Each projection has its own reference.
     pub projection: Projection,
+    /// Half resolution far from the optical axis. [`Quality::Exact`], [`Projection::PerRay`] and quadrilaterals of devices draw every
+    /// pixel.
+    pub foveation: Option<Foveation>,
 }
 
 impl Options {
@@ -162,11 +166,13 @@ pub fn render(
 ) -> Result<Rendered, RenderError> {
     check(scene, appearance, camera)?;
     let began = Instant::now();
-    let Options { quality, projection } = options.into();
+    let Options { quality, projection, foveation } = options.into();
     let (image, mut report) = match (projection, quality) {
         (Projection::Affine, Quality::Exact) => reference_f64::render(scene, appearance, camera),
-        (Projection::Affine, Quality::Standard) => splat_f32::render(scene, appearance, camera, Limits::STANDARD),
-        (Projection::Affine, Quality::Fast) => splat_f32::render(scene, appearance, camera, Limits::FAST),
+        (Projection::Affine, Quality::Standard) => {
+            splat_f32::render(scene, appearance, camera, (Limits::STANDARD, foveation))
+        }
+        (Projection::Affine, Quality::Fast) => splat_f32::render(scene, appearance, camera, (Limits::FAST, foveation)),
         (Projection::PerRay, Quality::Exact) => ray_consistent::reference_f64::render(scene, appearance, camera),
         (Projection::PerRay, Quality::Standard) => {
             ray_consistent::splat_f32::render::<1024>(scene, appearance, camera, Limits::STANDARD)

@@ -23,6 +23,7 @@ use wide::f32x8;
 use crate::cutoffs::Limits;
 use crate::depth::near_to_far;
 use crate::footprint::{Footprint, Shape, footprints};
+use crate::foveation::{BLOCK, BLOCKS, Foveation, Periphery, first_block, in_blocks};
 use crate::image::Image;
 use crate::lanes::{LANES, exp2};
 use crate::project::Ellipse;
@@ -33,7 +34,12 @@ use crate::report::{Culled, Report};
 use crate::tiles::TILE;
 
 /// Draws a checked scene.
-pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera, limits: Limits) -> (Image, Report) {
+pub(crate) fn render(
+    scene: &Scene,
+    appearance: &Appearance,
+    camera: &Camera,
+    (limits, foveation): (Limits, Option<Foveation>),
+) -> (Image, Report) {
     let began = Instant::now();
     let pinhole = Pinhole::of(camera);
     let (splats, mut report) = footprints(scene, appearance, camera, |_, footprint| {
@@ -58,11 +64,18 @@ pub(crate) fn render(scene: &Scene, appearance: &Appearance, camera: &Camera, li
         order.par_iter().filter_map(|i| splats.get(*i as usize).map(|(_, drawn)| drawn.clone())).collect();
     report.seconds.sort = began.elapsed().as_secs_f64();
     let background = appearance.background;
+    let periphery = foveation.map(|foveation| Periphery::of(camera, foveation));
     let image = draw(
         [camera.width, camera.height],
         &splats,
         Drawn::level,
-        |corner, list| Tile::blend(&splats, list, corner, limits.stop).composite(background),
+        |corner, list| {
+            if periphery.is_some_and(|periphery| periphery.has(corner)) {
+                let blocks = Tile::blend_blocks(&splats, list, corner, limits.stop).composite(background);
+                return std::array::from_fn(|k| blocks[TILE * (k / TILE / BLOCK) + k % TILE / BLOCK]);
+            }
+            Tile::blend(&splats, list, corner, limits.stop).composite(background)
+        },
         &mut report,
     );
     (image, report)
@@ -122,6 +135,19 @@ impl Splat {
             color: p.color.as_vec3(),
         }
     }
+
+    /// The same as blocks of pixels see it, in units of blocks.
+    fn in_blocks(&self) -> Self {
+        let unit = (0.5 * std::f64::consts::LOG2_E).sqrt();
+        let (ellipse, log_factor) = in_blocks(&self.ellipse);
+        Self {
+            ellipse,
+            per_column: (unit / ellipse.along_row) as f32,
+            per_row: (unit / ellipse.over_rows) as f32,
+            log_opacity: self.log_opacity + log_factor as f32,
+            ..*self
+        }
+    }
 }
 
 const HALVES: usize = TILE / LANES;
@@ -151,6 +177,31 @@ impl Tile {
                 match splat {
                     Drawn::Ellipse(splat) => tile.add(splat, first.to_array()),
                     Drawn::Rays(ray) => tile.add_rays(&Narrow::of(ray, first)),
+                }
+            }
+            if tile.finish(stop) {
+                break;
+            }
+        }
+        tile
+    }
+
+    /// As [`Self::blend`] by blocks of pixels, each as one pixel of the tile's first rows and columns.
+    fn blend_blocks(splats: &[Drawn], list: &[u32], corner: [usize; 2], stop: f32) -> Self {
+        let zero = [f32x8::ZERO; HALVES];
+        let line = Line { transmittance: zero, red: zero, green: zero, blue: zero, finished: true };
+        let mut tile = Self([line; TILE]);
+        for line in tile.0.iter_mut().take(BLOCKS) {
+            // Of two vectors of pixels the first has all blocks.
+            line.transmittance[0] = f32x8::ONE;
+            line.finished = false;
+        }
+        let first = first_block(corner);
+        for group in list.chunks(16) {
+            for splat in group.iter().filter_map(|k| splats.get(*k as usize)) {
+                match splat {
+                    Drawn::Ellipse(splat) => tile.add(&splat.in_blocks(), first.to_array()),
+                    Drawn::Rays(ray) => tile.add_rays(&Narrow::of(&ray.in_blocks(), first)),
                 }
             }
             if tile.finish(stop) {

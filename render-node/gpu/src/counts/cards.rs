@@ -14,6 +14,9 @@ const EVALUATION: f64 = 40.0;
 /// As [`EVALUATION`], for a splat that rays evaluate (`meet_ray`).
 const RAY_EVALUATION: f64 = 110.0;
 
+/// As [`EVALUATION`], at a block of pixels, whose mean widens the ellipse.
+const BLOCK_EVALUATION: f64 = 54.0;
+
 /// Clocks of a raster unit for one blended pixel of four f32, of four f16, and for one pixel that is stored.
 const BLEND_CLOCKS_32: f64 = 8.0;
 const BLEND_CLOCKS_16: f64 = 2.0;
@@ -75,8 +78,10 @@ impl Card {
         let target = if work.pass == Pass::Depths { TargetFormat::Float32 } else { target };
         let raster = work.blended as f64 / self.blend_rate(target) + work.stored as f64 / stored;
         let memory = (work.bytes_read + work.bytes_written) as f64 / self.bandwidth;
-        let plain = work.in_step.saturating_sub(work.in_step_by_rays) as f64;
-        let shading = (EVALUATION * plain + RAY_EVALUATION * work.in_step_by_rays as f64) / (self.lanes * self.clock);
+        let plain = work.in_step.saturating_sub(work.in_step_by_rays + work.in_step_in_blocks) as f64;
+        let [by_rays, in_blocks] = [work.in_step_by_rays, work.in_step_in_blocks].map(|count| count as f64);
+        let instructions = EVALUATION * plain + RAY_EVALUATION * by_rays + BLOCK_EVALUATION * in_blocks;
+        let shading = instructions / (self.lanes * self.clock);
         memory.max(raster).max(shading) + BARRIER_SECONDS * f64::from(work.commands.barriers)
     }
 }

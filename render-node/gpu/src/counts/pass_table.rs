@@ -336,7 +336,7 @@ fn tiles(table: &mut Table, frame: &Frame, counts: &Counts) {
         let kept = |count: u64| count / (windows * stretches);
         for stretch in 0..stretches {
             let is_last = window + 1 == windows && stretch + 1 == stretches;
-            let between = |is_used: bool| if is_used { TILE_PIXEL * counts.pixels } else { 0 };
+            let between = |is_used: bool| if is_used { TILE_PIXEL * counts.samples } else { 0 };
             let stored = if is_last { frame.picture.bytes() * counts.pixels } else { 0 };
             let fronts = if frame.depths { WORD * counts.pixels } else { 0 };
             let read = kept(counts.visited);

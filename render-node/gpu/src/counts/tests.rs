@@ -1,6 +1,7 @@
 //! The table of passes and the counts of the cores against a device.
 
 use glam::DVec3;
+use sg_raster::foveation::Foveation;
 use sg_scene::framing;
 use sg_scene::synthetic::test_scene;
 
@@ -172,6 +173,31 @@ fn lists_in_windows_are_described_too() {
     agree(&pass_table::commands(&frame, &counts), &recorded, "in windows");
 }
 
+/// With half resolution the commands stay, and the device evaluates what the cores count.
+#[test]
+fn half_resolution_changes_evaluations_and_no_command() {
+    let Some(gpu) = test_device() else { return };
+    let scene = scene();
+    let look = Appearance::of(&scene);
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    let [_, inside] = poses(&scene);
+    let cameras = eyes(&inside);
+    let foveation = Foveation::beyond(20);
+    let whole = options(Rasterizer::Tiles, true);
+    let foveated = WorkOptions { settings: Settings { foveation, ..whole.settings }, ..whole };
+    let [before, after] = [whole, foveated].map(|o| frame_work(&scene, &look, &cameras, o).unwrap());
+    let commands = record(&mut renderer, &cameras, foveated.settings);
+    let frame = Frame::of(&scene, &look, &cameras, &foveated);
+    agree(&pass_table::commands(&frame, &after.counts), &commands, "half resolution");
+    assert_eq!(before.commands(), after.commands());
+    assert!(after.counts.evaluated < before.counts.evaluated / 2, "{:?}", after.counts);
+    let pixels = pixels_of_tiles(&gpu, commands.last_blend(), cameras.len());
+    let evaluated: f64 = pixels.iter().map(|[steps, ..]| f64::from(*steps)).sum();
+    close(evaluated as u64, after.counts.evaluated, 5e-3, "evaluated");
+    let seconds = |work: &FrameWork| work.seconds(&Card::ALL[0]).iter().sum::<f64>();
+    assert!(seconds(&after) < seconds(&before));
+}
+
 /// Whether two numbers agree within a share.
 fn close(want: u64, got: u64, share: f64, what: &str) {
     let error = (want as f64 - got as f64).abs() / (want.max(1) as f64);
@@ -247,9 +273,8 @@ fn pixels_of_tiles(gpu: &Gpu, blend: &RecordedCommand, views: usize) -> Vec<[f32
     let changes = [
         ("var transmittance = 1.0;", "var transmittance = 1.0;\n    var steps = 0.0;"),
         ("let splat = pair_splats[k];", "let splat = pair_splats[k];\n        steps += 1.0;"),
-        ("store_front(group.z, at, front);", ""),
         (
-            "store_pixel(group.z, at, pixel, color, transmittance);",
+            "store_block(group.z, at, edge, color, transmittance, front);",
             "pixels[pixel] = vec4(steps, color.xy, transmittance);",
         ),
     ];

@@ -283,17 +283,43 @@ fn longest(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocati
     }
 }
 
-// Every pixel walks its tile's list on its own. The lanes of a tile read the same splat at the same time: a
+// Edge of the squares of pixels that one evaluation of a tile serves: the twin of Periphery::has in foveation.rs.
+fn block_edge(group: vec3<u32>) -> u32 {
+    let first = vec2<f32>(group.xy * TILE);
+    let view = frame.views[group.z];
+    let slope = (clamp(view.principal, first, first + f32(TILE)) - view.principal) / view.focal;
+    return select(1u, FOVEAL_BLOCK, dot(slope, slope) >= frame.foveal_squared_slope);
+}
+
+// Stores one colour for all pixels of a block. Between two dispatches its first pixel stands for it.
+fn store_block(view: u32, at: vec2<u32>, edge: u32, color: vec3<f32>, transmittance: f32, front: f32) {
+    let pixel = (view * frame.size.y + at.y) * frame.size.x + at.x;
+    for (var k = 0u; k < edge * edge; k++) {
+        let to = at + vec2(k % edge, k / edge);
+        if all(to < frame.size) {
+            store_pixel(view, to, pixel, color, transmittance);
+            store_front(view, to, front);
+        }
+    }
+}
+
+// Every pixel or block walks its tile's list on its own. The lanes of a tile read the same splat at the same time: a
 // graphics card serves it from the nearest cache. A software device needs no barriers of 256 lanes.
 @compute @workgroup_size(TILE, TILE)
-fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
+fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
-    let at = vec2(group.x * TILE + local.x, group.y * TILE + local.y);
+    let edge = block_edge(group);
+    // The first lanes take the blocks, so that groups of lanes in step have all or none of them.
+    let across = TILE / edge;
+    if lane >= across * across {
+        return;
+    }
+    let at = group.xy * TILE + edge * vec2(lane % across, lane / across);
     if any(at >= frame.size) {
         return;
     }
     let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
-    let center = vec2<f32>(at) + 0.5;
+    let center = vec2<f32>(at) + 0.5 * f32(edge);
     var color = vec3(0.0);
     var transmittance = 1.0;
     var front = 0.0;
@@ -320,9 +346,18 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
             let direction = (center - frame.views[group.z].principal) / frame.views[group.z].focal;
             meeting = meet_ray(near_rays.entries[u32(tint.over_per_row) - 1u], center - told_at, direction, frame.near);
         } else {
-            let u = (d.x - e.slope * d.y) * e.per_column;
             let v = d.y * l.per_row;
-            meeting = Meeting(u * u + v * v, l.depth, 1.0);
+            if edge == 1u {
+                let u = (d.x - e.slope * d.y) * e.per_column;
+                meeting = Meeting(u * u + v * v, l.depth, 1.0);
+            } else {
+                // The mean of a block's pixels widens an ellipse: see in_blocks() in foveation.rs.
+                let tall = 1.0 / (1.0 + FOVEAL_VARIANCE * l.per_row * l.per_row);
+                let slope = e.slope * tall;
+                let u = (d.x - slope * d.y) * e.per_column;
+                let wide = 1.0 / (1.0 + FOVEAL_VARIANCE * e.per_column * e.per_column * (1.0 + e.slope * slope));
+                meeting = Meeting(u * u * wide + v * v * tall, l.depth, sqrt(wide * tall));
+            }
         }
         if meeting.below <= l.range {
             let weight = min(exp2(l.log_opacity - meeting.below) * meeting.share, 1.0) * transmittance;
@@ -334,6 +369,5 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
             transmittance -= weight;
         }
     }
-    store_pixel(group.z, at, pixel, color, transmittance);
-    store_front(group.z, at, front);
+    store_block(group.z, at, edge, color, transmittance, front);
 }

@@ -116,7 +116,7 @@ fn quadrilaterals_tell_the_mean_depth_of_all_that_a_pixel_shows() {
             ),
             ..case.appearance.clone()
         };
-        let options = Options { quality: Quality::Exact, projection: Projection::Affine };
+        let options = Options { quality: Quality::Exact, projection: Projection::Affine, ..Options::default() };
         let (mut off, mut fronts) = (0, 0);
         for (k, got) in got.iter().enumerate().step_by(7) {
             let at = DVec2::new((k as u32 % coarse[0]).into(), (k as u32 / coarse[0]).into()) + 0.5;

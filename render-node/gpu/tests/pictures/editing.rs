@@ -282,7 +282,8 @@ fn a_compensated_filter_takes_what_the_dilation_adds() {
     let want = 0.5 * 0.01 / 0.31;
     for quality in [Exact, Standard, Fast] {
         for projection in [Projection::Affine, Projection::PerRay] {
-            let alpha = |scene: &Scene, filter| alpha(scene, filter, Options { quality, projection });
+            let alpha =
+                |scene: &Scene, filter| alpha(scene, filter, Options { quality, projection, ..Options::default() });
             close(&[alpha(&scene, PixelFilter::Plain)], &[0.5]);
             close(&[alpha(&scene, PixelFilter::FromFile)], &[0.5]);
             close(&[alpha(&scene, PixelFilter::Compensated)], &[want]);

@@ -25,7 +25,7 @@ fn hold(each: &[Settings]) {
     let mut broken = Vec::new();
     for case in cases::all() {
         let projection = each[0].projection;
-        let reference = Options { quality: Exact, projection };
+        let reference = Options { quality: Exact, projection, ..Options::default() };
         let exact = render(&case.scene, &case.appearance, &case.camera, reference).unwrap().image;
         let mut renderer = Renderer::new(&gpu, &case.scene).unwrap();
         for settings in each {

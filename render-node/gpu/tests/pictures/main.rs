@@ -7,6 +7,7 @@ mod cases;
 mod closed_form;
 mod depths;
 mod editing;
+mod foveation;
 mod gpu;
 mod gpu_state;
 mod hard_cases;

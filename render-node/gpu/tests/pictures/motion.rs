@@ -40,7 +40,7 @@ fn motion_draws_fewer_pairs_within_its_bound() {
             if projection == Projection::PerRay && k > 0 {
                 continue;
             }
-            let reference = Reference { quality: Quality::Exact, projection };
+            let reference = Reference { quality: Quality::Exact, projection, ..Reference::default() };
             let Ok(exact) = render(&case.scene, &case.appearance, &camera, reference) else { continue };
             let standard = Settings { projection, ..Settings::default() };
             let (_, before) = renderer.picture(cameras, &case.appearance, standard).unwrap();

@@ -14,7 +14,7 @@ use crate::scenes::{Blob, around_the_eye, camera, cloud, fog, logit, scene, side
 use crate::{cases, oracle};
 
 fn per_ray(quality: Quality) -> Options {
-    Options { quality, projection: Projection::PerRay }
+    Options { quality, projection: Projection::PerRay, ..Options::default() }
 }
 
 fn near(near: f64, camera: &Camera) -> Camera {
@@ -141,7 +141,7 @@ fn a_turn_of_the_camera_changes_no_ray() {
                 ..straight.clone()
             };
             let appearance = Appearance { background: straight.background(), ..Appearance::of(&scene) };
-            let options = Options { quality: Exact, projection };
+            let options = Options { quality: Exact, projection, ..Options::default() };
             let one = render(&scene, &appearance, &small, options).unwrap().image.pixel(0, 0).unwrap();
             let all = render(&scene, &appearance, &straight, options).unwrap().image.pixel(x, y).unwrap();
             worst = one.iter().zip(all).fold(worst, |m, (a, b)| m.max((a - b).abs()));

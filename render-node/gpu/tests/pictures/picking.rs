@@ -25,7 +25,7 @@ fn by_pictures(
     level: f32,
 ) -> Option<u32> {
     let one = Camera { width: 1, height: 1, cx: camera.cx - at.x + 0.5, cy: camera.cy - at.y + 0.5, ..camera.clone() };
-    let options = Options { quality: Quality::Exact, projection };
+    let options = Options { quality: Quality::Exact, projection, ..Options::default() };
     let coverage = |shown: &dyn Fn(usize) -> bool| {
         let mask = Arc::new(Mask::from_fn(scene.len(), |i| !shown(i)));
         let mut look = look.clone();

@@ -7,6 +7,7 @@ use glam::DVec2;
 use wide::f32x8;
 
 use crate::cutoffs::Limits;
+use crate::foveation::{BLOCK, BLOCKS, first_block, in_blocks};
 use crate::lanes::{LANES, exp2};
 use crate::project::Ellipse;
 use crate::ray_consistent::splat_f32::{Narrow, Ray};
@@ -17,6 +18,9 @@ const HALVES: usize = TILE / LANES;
 
 /// Rows of a tile that a device runs in step: 32 pixels.
 const ROWS_IN_STEP: usize = 32 / TILE;
+
+/// The same of a tile of blocks.
+const BLOCK_ROWS_IN_STEP: usize = 32 / BLOCKS;
 
 /// A splat as a tile needs it.
 #[derive(Debug, Clone)]
@@ -50,6 +54,24 @@ impl Layer {
         })
     }
 
+    /// The same as blocks of pixels see it, in units of blocks.
+    fn in_blocks(&self) -> Self {
+        match self {
+            Self::Ellipse(layer) => {
+                let (ellipse, log_factor) = in_blocks(&layer.ellipse);
+                let unit = (0.5 * std::f64::consts::LOG2_E).sqrt();
+                Self::Ellipse(EllipseLayer {
+                    ellipse,
+                    per_column: (unit / ellipse.along_row) as f32,
+                    per_row: (unit / ellipse.over_rows) as f32,
+                    log_opacity: layer.log_opacity + log_factor as f32,
+                    ..*layer
+                })
+            }
+            Self::Rays(ray) => Self::Rays(Box::new(ray.in_blocks())),
+        }
+    }
+
     /// An ellipse, and the level of it that holds all drawn pixels.
     pub(super) fn level(&self) -> (Ellipse, f64) {
         match self {
@@ -71,6 +93,7 @@ pub(super) struct Visits {
     pub(super) evaluated: u64,
     pub(super) in_step: u64,
     pub(super) in_step_by_rays: u64,
+    pub(super) in_step_in_blocks: u64,
 }
 
 impl AddAssign for Visits {
@@ -80,6 +103,7 @@ impl AddAssign for Visits {
         self.evaluated += other.evaluated;
         self.in_step += other.in_step;
         self.in_step_by_rays += other.in_step_by_rays;
+        self.in_step_in_blocks += other.in_step_in_blocks;
     }
 }
 
@@ -110,6 +134,8 @@ pub(super) struct TileWork {
     transmittance: [[f32x8; HALVES]; TILE],
     /// A bit for each pixel of a row that lies in the picture.
     inside: [u32; TILE],
+    /// Whether the first rows and columns stand for blocks of pixels.
+    has_blocks: bool,
 }
 
 impl TileWork {
@@ -119,23 +145,44 @@ impl TileWork {
         let rows = (height as usize).saturating_sub(y).min(TILE);
         let mut inside = [0; TILE];
         inside.iter_mut().take(rows).for_each(|row| *row = (1 << columns) - 1);
-        Self { first: DVec2::new(x as f64 + 0.5, y as f64 + 0.5), transmittance: [[f32x8::ONE; HALVES]; TILE], inside }
+        let first = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+        Self { first, transmittance: [[f32x8::ONE; HALVES]; TILE], inside, has_blocks: false }
+    }
+
+    /// The same in half resolution: see [`crate::foveation`].
+    pub(super) fn in_blocks([x, y]: [usize; 2], [width, height]: [u32; 2]) -> Self {
+        let columns = (width as usize).saturating_sub(x).div_ceil(BLOCK).min(BLOCKS);
+        let rows = (height as usize).saturating_sub(y).div_ceil(BLOCK).min(BLOCKS);
+        let mut inside = [0; TILE];
+        inside.iter_mut().take(rows).for_each(|row| *row = (1 << columns) - 1);
+        let first = first_block([x, y]);
+        Self { first, transmittance: [[f32x8::ONE; HALVES]; TILE], inside, has_blocks: true }
     }
 
     /// Blends layers from near to far until no pixel lets through `stop` or more: as each pixel of `tiles.wgsl` does on its own.
     pub(super) fn until_stop<'a>(mut self, layers: impl Iterator<Item = &'a Layer>, stop: f32) -> Visits {
         let mut visits = Visits::default();
-        let mut open = Open::new(self.inside);
+        let mut open = Open::new(self.inside, if self.has_blocks { BLOCK_ROWS_IN_STEP } else { ROWS_IN_STEP });
         for layer in layers {
             if open.pixels == 0 {
                 break;
             }
+            let scaled;
+            let layer = if self.has_blocks {
+                scaled = layer.in_blocks();
+                &scaled
+            } else {
+                layer
+            };
             let by_rays = u64::from(layer.is_by_rays());
             visits.entries += 1;
             visits.entries_by_rays += by_rays;
             visits.evaluated += u64::from(open.pixels);
             visits.in_step += 32 * u64::from(open.groups);
             visits.in_step_by_rays += by_rays * 32 * u64::from(open.groups);
+            if self.has_blocks {
+                visits.in_step_in_blocks += (1 - by_rays) * 32 * u64::from(open.groups);
+            }
             let mut touched = 0_u32;
             self.add(layer, &mut |row, _, _| touched |= 1 << row);
             for row in (0..TILE).filter(|row| touched >> row & 1 == 1) {
@@ -143,6 +190,11 @@ impl TileWork {
             }
         }
         visits
+    }
+
+    /// Number of pixels or blocks in the picture.
+    pub(super) fn samples(&self) -> u64 {
+        self.inside.iter().map(|row| u64::from(row.count_ones())).sum()
     }
 
     /// Blends the layers of bands, each with its band from 0 on. Pixels are closed at the begins of bands alone.
@@ -237,11 +289,13 @@ struct Open {
     pixels: u32,
     /// Groups of 32 pixels with one of them.
     groups: u32,
+    rows_in_step: usize,
 }
 
 impl Open {
-    fn new(rows: [u32; TILE]) -> Self {
-        let mut open = Self { rows, pixels: rows.iter().map(|row| row.count_ones()).sum(), groups: 0 };
+    fn new(rows: [u32; TILE], rows_in_step: usize) -> Self {
+        let pixels = rows.iter().map(|row| row.count_ones()).sum();
+        let mut open = Self { rows, pixels, groups: 0, rows_in_step };
         open.groups = open.count_groups();
         open
     }
@@ -255,7 +309,7 @@ impl Open {
     }
 
     fn count_groups(&self) -> u32 {
-        self.rows.chunks(ROWS_IN_STEP).map(|rows| u32::from(rows.iter().any(|row| *row != 0))).sum()
+        self.rows.chunks(self.rows_in_step).map(|rows| u32::from(rows.iter().any(|row| *row != 0))).sum()
     }
 }
 

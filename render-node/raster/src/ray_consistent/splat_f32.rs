@@ -20,6 +20,7 @@ use wide::f32x8;
 
 use super::{Fading, Linear, Pinhole, RaySplat, splats};
 use crate::cutoffs::Limits;
+use crate::foveation::scaled;
 use crate::image::Image;
 use crate::lanes::{LANES, exp2};
 use crate::nearness::{FADE_WIDTH, NEAR_BLUR};
@@ -90,6 +91,19 @@ impl Ray {
             range: range as f32,
             color,
         })
+    }
+
+    /// The same for rays through the middles of blocks of pixels, in units of blocks.
+    pub(crate) fn in_blocks(&self) -> Self {
+        let fading = self.fading.map(|f| Fading { right: f.right.in_blocks(), down: f.down.in_blocks(), ..f });
+        Self {
+            toward: self.toward.in_blocks(),
+            across: self.across.in_blocks(),
+            over: self.over.in_blocks(),
+            reach: scaled(&self.reach),
+            fading,
+            ..*self
+        }
     }
 
     /// Depth on the ray through the pixel of a tile that lies nearest to the Gaussian's middle.

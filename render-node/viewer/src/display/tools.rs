@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::parameter_drag::WalkParameter;
 use sg_raster::attributes::Attribute;
+use sg_raster::foveation::Foveation;
 use sg_raster::render::{Projection, Quality};
 
 /// Brush mode: the effect of a stroke.
@@ -154,6 +155,8 @@ pub struct Tools {
     pub quality: Quality,
     /// Projection and order of Gaussians.
     pub projection: Projection,
+    /// Half resolution far from the optical axis of each eye of a headset.
+    pub foveation: Option<Foveation>,
     /// Whether a window's background is a gradient about the scene's colour.
     pub gradient: bool,
     /// Whether a window's pictures have ambient occlusion.
@@ -210,6 +213,7 @@ impl Default for Tools {
             display_mode: DisplayMode::default(),
             quality: Quality::Standard,
             projection: Projection::default(),
+            foveation: None,
             gradient: true,
             occlusion: false,
             light_panels: false,

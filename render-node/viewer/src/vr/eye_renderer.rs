@@ -153,6 +153,7 @@ impl EyeRenderer {
             quality: tools.quality,
             rasterizer: self.rasterizer,
             projection: tools.projection,
+            foveation: tools.foveation,
             // Hands, panels and the floor are compared with them.
             depths: true,
             ..Settings::default()

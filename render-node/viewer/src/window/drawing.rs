@@ -97,7 +97,7 @@ pub(super) fn pictures(
 
 fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &PictureJob) -> Result<Picture, String> {
     let cameras: Vec<_> = job.cameras.iter().map(|camera| scaled(camera, job.level.scale)).collect();
-    let options = Options { quality: job.level.quality, projection: job.projection };
+    let options = Options { projection: job.projection, ..job.level.quality.into() };
     let background = job.appearance.background;
     // Outlines are drawn by the cores.
     if let Some(shown_by) = job.shown_by.as_ref().filter(|_| job.outlines.is_none()) {
