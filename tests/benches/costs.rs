@@ -7,6 +7,10 @@
 //! correlate:
 //!
 //!     cargo bench --workspace --bench costs -- --scene bonsai-170000/scene.toml --poses 12 --size 516x552 --measure
+//!
+//! With `--foveation` it counts tiles with half resolution in the periphery too, and prints their decibels to the whole picture:
+//!
+//!     cargo bench --workspace --bench costs -- --scene bonsai-830000/scene.toml --poses 8 --rasterizer tiles --foveation 20 --foveation 30
 
 #![allow(
     clippy::unwrap_used,
@@ -26,6 +30,9 @@ use sg_gpu::counts::{
 };
 use sg_gpu::{DeviceClass, Gpu, Options, PassSeconds, Rasterizer, Renderer, Settings};
 use sg_raster::counts::{HEADSET_SIZE, headset};
+use sg_raster::foveation::Foveation;
+use sg_raster::image::Image;
+use sg_raster::render::{Options as Drawing, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::framing;
@@ -53,6 +60,9 @@ struct Arguments {
     /// Methods of blending: tiles, quads, bands.
     #[arg(long = "rasterizer", default_values = ["tiles", "quads"])]
     rasterizers: Vec<String>,
+    /// Degrees beyond which tiles have half the resolution. Each adds a row, and decibels of the left eye's pictures on the cores.
+    #[arg(long = "foveation", value_parser = clap::value_parser!(u8).range(1..=89))]
+    foveations: Vec<u8>,
     /// Evaluations are counted in one tile out of so many.
     #[arg(long, default_value_t = 8)]
     sample: u32,
@@ -273,43 +283,113 @@ fn measured(gpu: &Gpu, scene: &Scene, row: &Row, poses: &[Pose], name: &str) -> 
     pairs
 }
 
+/// Decibels of some pixels of the footprint: A > 1/1024 in either picture.
+fn decibels(image: &Image, reference: &Image, of: impl Fn([u32; 2]) -> bool) -> f64 {
+    let (mut sum, mut count) = (0.0, 0_u64);
+    for (k, (a, b)) in image.pixels().zip(reference.pixels()).enumerate() {
+        let at = [k as u32 % image.width, k as u32 / image.width];
+        if a[3].max(b[3]) > 1.0 / 1024.0 && of(at) {
+            sum += a.iter().zip(b).take(3).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+            count += 3;
+        }
+    }
+    -10.0 * (sum / count as f64).log10()
+}
+
+/// Each pixel is the mean of its block of 2 × 2 pixels: the best of half resolution.
+fn block_means(image: &Image) -> Image {
+    let pixels = image.rgba.as_chunks::<4>().0;
+    let (width, height) = (image.width as usize, image.height as usize);
+    let mean = |k: usize| -> [f32; 4] {
+        let (x, y) = (k % width / 2 * 2, k / width / 2 * 2);
+        let places =
+            [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[dx, dy]| [(x + dx).min(width - 1), (y + dy).min(height - 1)]);
+        std::array::from_fn(|c| places.iter().map(|[x, y]| pixels[y * width + x][c]).sum::<f32>() / 4.0)
+    };
+    Image { rgba: (0..pixels.len()).flat_map(mean).collect(), ..image.clone() }
+}
+
+/// Lines of the table of errors: the left eye's pictures on the cores, each against the one with every pixel.
+fn foveation_errors(scene: &Scene, poses: &[Pose], foveations: &[u8]) -> Vec<String> {
+    let look = Appearance::of(scene);
+    let draw = |camera: &Camera, foveation| {
+        let options = Drawing { foveation, ..Drawing::default() };
+        render(scene, &look, camera, options).unwrap().image
+    };
+    let mut errors: Vec<Vec<[f64; 4]>> = vec![Vec::new(); foveations.len() * PLACES.len()];
+    for pose in poses {
+        let camera = &pose.eyes[0];
+        let whole = draw(camera, None);
+        let means = block_means(&whole);
+        for (k, degrees) in foveations.iter().enumerate() {
+            let foveation = Foveation::beyond(*degrees).unwrap();
+            let foveated = draw(camera, Some(foveation));
+            let coarse = |at| foveation.is_coarse(camera, at);
+            errors[k * PLACES.len() + pose.place].push([
+                decibels(&foveated, &whole, |at| !coarse(at)),
+                decibels(&foveated, &whole, coarse),
+                decibels(&foveated, &means, coarse),
+                decibels(&means, &whole, coarse),
+            ]);
+        }
+    }
+    let line = |(k, of): (usize, &Vec<[f64; 4]>)| {
+        let least = |c: usize| of.iter().map(|errors| errors[c]).filter(|e| !e.is_nan()).fold(f64::INFINITY, f64::min);
+        let (degrees, place) = (foveations[k / PLACES.len()], PLACES[k % PLACES.len()].0);
+        let cells: Vec<String> = (0..4).map(|c| format!("{:.1}", least(c))).collect();
+        format!("| {degrees} | {place} | {} |", cells.join(" | "))
+    };
+    errors.iter().enumerate().map(line).collect()
+}
+
+const ERROR_HEADING: &str = "| whole resolution up to, degrees | place | least dB of the middle | of the periphery | of the periphery to block means | block means of the periphery |\n| --- | --- | --- | --- | --- | --- |";
+
 fn main() {
     let arguments = Arguments::parse();
     let (width, height) = arguments.size.split_once('x').unwrap();
     let size = [width.parse().unwrap(), height.parse().unwrap()];
     let gpu = arguments.measure.then(|| Gpu::open(DeviceClass::Any).unwrap());
     let mut rows: Vec<Row> = Vec::new();
+    let mut errors = Vec::new();
     let mut pairs: Vec<(&str, String, f64, f64)> = Vec::new();
     for path in &arguments.scenes {
         let scene = load(path, &LoadOptions::default()).unwrap().scene;
         let named = |path: &Path| Some(path.file_name()?.to_string_lossy().into_owned());
         let name = path.parent().and_then(named).or_else(|| named(path)).unwrap();
         let poses = poses(&scene, arguments.poses, size);
-        for method in &arguments.rasterizers {
-            let settings = Settings { rasterizer: rasterizer(method), depths: true, ..Settings::default() };
+        let whole = arguments.rasterizers.iter().map(|method| (method, None));
+        let tiles = arguments.rasterizers.iter().filter(|method| *method == "tiles");
+        let foveated = tiles.flat_map(|method| arguments.foveations.iter().map(move |f| (method, Some(*f))));
+        for (method, degrees) in whole.chain(foveated) {
+            let foveation = degrees.and_then(Foveation::beyond);
+            let settings = Settings { rasterizer: rasterizer(method), depths: true, foveation, ..Settings::default() };
             let renderer = Options { half_pictures: true, ..Options::default() };
             let sample = arguments.sample;
             let options = WorkOptions { settings, renderer, presented: true, sample, ..WorkOptions::default() };
             let look = Appearance::of(&scene);
             let works = poses.iter().map(|pose| frame_work(&scene, &look, &pose.eyes, options).unwrap()).collect();
             let places = poses.iter().map(|pose| pose.place).collect();
-            let row = Row { scene: name.clone(), gaussians: scene.len(), name: method.clone(), places, works };
+            let called = degrees.map_or_else(|| method.clone(), |degrees| format!("{method}, foveation {degrees}°"));
+            let row = Row { scene: name.clone(), gaussians: scene.len(), name: called, places, works };
             println!("{HEADING}");
             for card in &Card::ALL {
                 println!("{}", row.line(card));
             }
-            if let Some(gpu) = &gpu {
+            if let Some(gpu) = gpu.as_ref().filter(|_| degrees.is_none()) {
                 let measured = measured(gpu, &scene, &row, &poses, method);
                 pairs.extend(measured.into_iter().map(|(pass, work, s)| (pass, method.clone(), work, s)));
             }
             rows.push(row);
+        }
+        if !arguments.foveations.is_empty() {
+            errors.extend(foveation_errors(&scene, &poses, &arguments.foveations));
         }
     }
     let mut table = vec![HEADING.to_owned()];
     let validates = validates_indirect_calls();
     for row in &rows {
         let variants = [
-            (row.name != "tiles").then(|| row.with("f16 targets", TargetFormat::Float16, validates)),
+            (!row.name.starts_with("tiles")).then(|| row.with("f16 targets", TargetFormat::Float16, validates)),
             validates.then(|| row.with("without validation of indirect calls", row.works[0].target, false)),
         ];
         for row in std::iter::once(row).chain(variants.iter().flatten()) {
@@ -319,6 +399,10 @@ fn main() {
     table.push(format!("\n{PASS_HEADING}"));
     for row in &rows {
         table.extend([0, 3].into_iter().flat_map(|place| row.passes(place)));
+    }
+    if !errors.is_empty() {
+        table.push(format!("\n{ERROR_HEADING}"));
+        table.append(&mut errors);
     }
     for row in &rows {
         let commands: Vec<u32> = row.works.iter().map(|work| work.commands().barriers).collect();

@@ -41,6 +41,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
   supergaussian render scene.toml --out clusters.png --show clusters --clusters labels.npy --outlines 2
   supergaussian render scene.toml --out half.png --clip-plane 0,0,0,1,0,0 --mask sac.npy --pick 512,512
   supergaussian render scene.toml --counts --both-eyes --rasterizer quads --card rtx-3090
+  supergaussian render scene.toml --counts --both-eyes --foveation 30 --card rtx-3090
   supergaussian render bonsai/scene.toml --turntable --camera-path way.txt --out film --frames 120 --fps 24";
 
 /// Example in the help of `serve`.
@@ -106,6 +107,10 @@ pub(crate) struct Picture {
     /// Projection of a Gaussian.
     #[arg(long, value_enum, default_value_t = ProjectionName::Affine)]
     projection: ProjectionName,
+    /// Half resolution beyond so many degrees from the optical axis, 1 to 89, as a headset may have it. Not for `exact`, `per-ray` and
+    /// quadrilaterals [default: none].
+    #[arg(long, value_name = "DEGREES", value_parser = clap::value_parser!(u8).range(1..=89))]
+    foveation: Option<u8>,
     /// Distance from the eye, in the scene's unit, within which Gaussians fade out. Replaces the camera's [default: a two-hundredth of
     /// the scene's longest edge: 5 cm in a room where that is 10 m].
     #[arg(long, value_name = "LENGTH", value_parser = length)]

@@ -10,6 +10,8 @@ use sg_edit::Replica;
 use sg_gpu::backend::Engine;
 use sg_proto::keys;
 use sg_proto::render::State;
+#[cfg(feature = "xr")]
+use sg_raster::foveation::Foveation;
 use sg_raster::render::Quality;
 use sg_runtime::bus::RetainedValue;
 use sg_runtime::context::Context;
@@ -191,7 +193,8 @@ fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartErr
     let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
     let opened = PathBuf::from(&view_port.newest().scene.geometry().path);
     let Params { seated, left_handed, mirror, rasterizer, locomotion, upright, floor, callouts, .. } = params;
-    let tools = Tools { seated, left_handed, locomotion, upright, floor, callouts, ..tools(&params) };
+    let foveation = Foveation::beyond(params.foveation);
+    let tools = Tools { seated, left_handed, locomotion, upright, floor, callouts, foveation, ..tools(&params) };
     let pictures = params.pictures.unwrap_or_else(pictures);
     let frame_traces = params.frame_traces;
     let setup = vr::Setup { scene, view_port, tools, opened, mirror, rasterizer, pictures, frame_traces };

@@ -59,6 +59,9 @@ pub(super) struct Params {
     /// Blending method on a graphics device: `tiles`, `quads` or `bands`. By default a trial at the start picks the
     /// fastest.
     pub(super) rasterizer: Option<Rasterizer>,
+    /// Degrees from the optical axis of an eye beyond which tiles in a headset have half the resolution, 1 to 89; 0 (without this) for
+    /// the whole resolution everywhere.
+    pub(super) foveation: u8,
     /// Whether a window's pictures are copied from the device that draws them. By default only pictures of a software
     /// device are copied.
     pub(super) copies: Option<bool>,
@@ -119,6 +122,7 @@ impl Default for Params {
             projection: Projection::Affine,
             backend: Backend::Auto,
             rasterizer: None,
+            foveation: 0,
             copies: None,
             frames_per_second: 0.0,
             near: None,
@@ -144,6 +148,9 @@ impl Params {
         }
         if !(0.1..=4.0).contains(&self.resolution) {
             return Err(format!("resolution = {}; a factor from 0.1 to 4", self.resolution));
+        }
+        if self.foveation > 89 {
+            return Err(format!("foveation = {}; degrees from 1 to 89, or 0 for none", self.foveation));
         }
         if !(1.0..=3600.0).contains(&self.patience) {
             return Err(format!("patience = {}; seconds from 1 to 3600", self.patience));

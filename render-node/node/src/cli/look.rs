@@ -11,6 +11,7 @@ use sg_gpu::{GpuError, Settings};
 use sg_input::print;
 use sg_proto::light_presets::{LightPreset, ViewerAxes};
 use sg_raster::finish::Finish;
+use sg_raster::foveation::Foveation;
 use sg_raster::occlusion::ambient_occlusion;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick;
@@ -108,6 +109,7 @@ pub(super) fn settings(picture: &Picture) -> Settings {
         quality: picture.quality.into(),
         projection: picture.projection.into(),
         rasterizer: picture.rasterizer.into(),
+        foveation: picture.foveation.and_then(Foveation::beyond),
         ..Settings::default()
     }
 }
@@ -122,8 +124,8 @@ pub(super) struct Painter<'a> {
 
 impl<'a> Painter<'a> {
     pub(super) fn new(picture: &'a Picture, scene: Scene, look: &'a Look) -> Result<Self, Failure> {
-        let Settings { quality, projection, rasterizer, .. } = settings(picture);
-        let options = Options { quality, projection };
+        let Settings { quality, projection, rasterizer, foveation, .. } = settings(picture);
+        let options = Options { quality, projection, foveation };
         let backend = match picture.backend {
             // No device is opened for options that it cannot draw.
             _ if !options.drawn_by_devices() => Backend::Cpu,
