@@ -57,6 +57,8 @@ pub(super) enum Picture {
 /// A finished picture.
 pub(super) struct DrawnPicture {
     pub(super) picture: Result<Picture, String>,
+    /// Size of the window's picture that it stands for, pixels of the screen.
+    pub(super) size: [u32; 2],
     pub(super) level: Level,
     pub(super) moving: bool,
     pub(super) seconds: f64,
@@ -85,14 +87,21 @@ pub(super) fn pictures(
     let work = move |job: PictureJob| {
         let began = Instant::now();
         let picture = pool.install(|| draw(&mut engine, &mut shared_texture, &job));
+        let size = whole_size(&job.cameras);
         let PictureJob { level, moving, .. } = job;
         let seconds = began.elapsed().as_secs_f64();
         let drawn_by = engine.gpu().cloned();
         let copied = drawn_by.is_some() && matches!(picture, Ok(Picture::Pixels(_)));
         let name = engine.name() + if copied { ", copied" } else { "" };
-        DrawnPicture { picture, level, moving, seconds, engine: name, drawn_by }
+        DrawnPicture { picture, size, level, moving, seconds, engine: name, drawn_by }
     };
     LatestWorker::new("draws", work, wake)
+}
+
+/// Size of pictures beside each other.
+fn whole_size(cameras: &[Camera]) -> [u32; 2] {
+    let height = cameras.iter().map(|camera| camera.height).min().unwrap_or(0);
+    [cameras.iter().map(|camera| camera.width).sum(), height]
 }
 
 fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &PictureJob) -> Result<Picture, String> {

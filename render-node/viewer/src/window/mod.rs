@@ -52,6 +52,9 @@ use surface::{PresentResult, WindowSurface};
 /// watchdog of the process that the loop does not hang.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
+/// Time until a frame is drawn again that the surface had no room for.
+const RETRY_PERIOD: Duration = Duration::from_millis(16);
+
 /// Most consecutive frames with a lost device or surface; each loss opens a new one.
 const MOST_LOSSES: u32 = 5;
 
@@ -235,7 +238,8 @@ impl OpenWindow {
         }
         match surface.paint(&primitives, output.textures_delta, output.pixels_per_point) {
             PresentResult::Shown => self.losses = 0,
-            PresentResult::Passed => (),
+            // Nothing else may wake a window at rest, and its content has changed.
+            PresentResult::Passed => self.due = Instant::now().checked_add(RETRY_PERIOD),
             PresentResult::Lost if self.losses >= MOST_LOSSES => {
                 return Err(WindowError::Surface(format!("its device was lost {MOST_LOSSES} times in a row")));
             }

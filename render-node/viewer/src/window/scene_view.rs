@@ -125,6 +125,8 @@ pub(super) struct SceneView {
     pixels: Option<TextureHandle>,
     /// Texture id of the newest picture.
     picture: Option<TextureId>,
+    /// Size of the newest picture, pixels of the screen.
+    picture_size: [u32; 2],
     /// The newest picture, if it lies on the window's device and is not registered there yet.
     on_device: Option<wgpu::Texture>,
     /// The device that pictures may stay on, and their texture id there.
@@ -183,6 +185,7 @@ impl SceneView {
             requested_front: None,
             pixels: None,
             picture: None,
+            picture_size: [0, 0],
             on_device: None,
             shown_by: None,
             drawn_by,
@@ -470,7 +473,8 @@ impl SceneView {
         self.request_front(rect, appearance, moving);
         if let Some(picture) = self.picture {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-            ui.painter().image(picture, rect, whole, Color32::WHITE);
+            let placed = placed(rect, self.picture_size);
+            ui.painter().with_clip_rect(rect).image(picture, placed, whole, Color32::WHITE);
         }
         self.draw_markers(ui, rect, state);
         self.draw_brush_ring(ui, rect, tools);
@@ -482,7 +486,9 @@ impl SceneView {
     }
 
     fn take_in(&mut self, ui: &Ui) {
-        if let Some(DrawnPicture { picture, level, moving, seconds, engine, drawn_by }) = self.picture_worker.take() {
+        if let Some(DrawnPicture { picture, size, level, moving, seconds, engine, drawn_by }) =
+            self.picture_worker.take()
+        {
             self.adaptive_quality.record(seconds, moving);
             self.newest.engine = engine;
             self.newest.seconds = seconds;
@@ -492,7 +498,12 @@ impl SceneView {
                     self.newest.level = Some(level);
                     self.newest.pictures += 1;
                     self.newest.trouble = None;
+                    self.picture_size = size;
                     self.store(ui, picture);
+                    if !moving {
+                        let [width, height] = size;
+                        tracing::debug!("a picture at rest: {width}x{height}");
+                    }
                 }
                 Err(trouble) => self.newest.trouble = Some(trouble),
             }
@@ -535,5 +546,26 @@ impl SceneView {
             self.front_worker.submit(wanted.clone());
             self.requested_front = Some(wanted);
         }
+    }
+}
+
+/// Where a picture of this size lies in `rect`: as high as it, and in its middle. One that was drawn for another shape is neither
+/// stretched nor squeezed, since the vertical field of view stays.
+fn placed(rect: Rect, [width, height]: [u32; 2]) -> Rect {
+    let width = rect.height() * width as f32 / height.max(1) as f32;
+    Rect::from_center_size(rect.center(), Vec2::new(width, rect.height()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_of_another_shape_keeps_its_proportions() {
+        let rect = Rect::from_min_size(Pos2::new(10.0, 20.0), Vec2::new(400.0, 200.0));
+        assert_eq!(placed(rect, [800, 400]), rect);
+        let narrow = placed(rect, [300, 300]);
+        assert_eq!((narrow.center(), narrow.size()), (rect.center(), Vec2::new(200.0, 200.0)));
+        assert_eq!(placed(rect, [0, 0]).width(), 0.0);
     }
 }
