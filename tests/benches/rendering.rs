@@ -306,7 +306,7 @@ fn walk(arguments: &Arguments, path: &Path, gpu: Option<&Gpu>) {
     let mut least = std::collections::BTreeMap::<&str, f64>::new();
     for (k, camera) in walk.cameras(size).enumerate() {
         let quality = if arguments.standard_reference { Quality::Standard } else { Quality::Exact };
-        let by_rays = sg_raster::render::Options { quality, projection: Projection::PerRay, ..Options::default() };
+        let by_rays = sg_raster::render::Options { projection: Projection::PerRay, ..quality.into() };
         let exact = render(&scene, &look, &camera, by_rays).unwrap().image;
         let marched = marched.as_ref().map(|marched| marched.picture(&camera));
         let keep = |what: &str, image: &Image| {

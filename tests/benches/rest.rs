@@ -118,7 +118,7 @@ fn rest(runtime: &tokio::runtime::Runtime, bus: &Bus) {
 /// Drags the scene for a second; seconds from the last motion of the mouse until the picture stays as it is then.
 fn sharp_after_a_turn(screen: &Screen, turn: u32) -> f64 {
     let middle = [SIZE[0] as i32 / 2, SIZE[1] as i32 / 2];
-    let way = if turn % 2 == 0 { 4 } else { -4 };
+    let way = if turn.is_multiple_of(2) { 4 } else { -4 };
     let to = |k: i32| {
         let [x, y] = [middle[0] + way * k, middle[1] + k / 3].map(|n| n.to_string());
         screen.act(&["mousemove", &x, &y]).unwrap();

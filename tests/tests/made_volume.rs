@@ -147,8 +147,7 @@ fn on_gray(scene: &Scene) -> Appearance {
 }
 
 fn by_rays(scene: &Scene, look: &Appearance, camera: &Camera) -> Image {
-    let options =
-        sg_raster::render::Options { quality: Quality::Exact, projection: Projection::PerRay, ..Options::default() };
+    let options = sg_raster::render::Options { projection: Projection::PerRay, ..Quality::Exact.into() };
     render(scene, look, camera, options).unwrap().image
 }
 
@@ -195,8 +194,7 @@ fn every_renderer_follows_the_rays_on_a_walk_through_the_vessels() {
 /// Rays at `standard` stand for the reference: they are about 80 dB from it, and at least 50 by another test.
 fn least_of_the_cores(scene: &Scene, walk: &CameraPath, known: &[(usize, f64)]) {
     let look = on_gray(scene);
-    let by_rays =
-        sg_raster::render::Options { quality: Quality::Standard, projection: Projection::PerRay, ..Options::default() };
+    let by_rays = sg_raster::render::Options { projection: Projection::PerRay, ..Quality::Standard.into() };
     for (k, camera) in walk.cameras([240, 200]).enumerate() {
         let want = render(scene, &look, &camera, by_rays).unwrap().image;
         let got = render(scene, &look, &camera, Quality::Standard).unwrap();

@@ -186,7 +186,6 @@ mod tests {
                 / 4.0;
         }
         let [to_means, to_whole] = [&means, &whole].map(|image| decibels(&foveated, image, coarse));
-        println!("periphery: {to_whole:.1} dB to the whole picture, {to_means:.1} dB to its means");
         assert!(to_means > 40.0 && to_whole > 25.0, "{to_means:.1}, {to_whole:.1} dB");
         // Blocks are of one colour.
         let block = |x: usize, y: usize| [0, 1, 2, 3].map(|k| pixel(&foveated, x, y, k));
@@ -208,7 +207,6 @@ mod tests {
         let [whole, coarse] = [None, Foveation::beyond(1)].map(of);
         assert_eq!((whole.tile_pairs, whole.listed, whole.samples), (coarse.tile_pairs, coarse.listed, 250 * 201));
         let share = coarse.evaluated as f64 / whole.evaluated as f64;
-        println!("{share:.3} of the evaluations, {:.3} of the pixels", coarse.samples as f64 / whole.samples as f64);
         assert!((0.2..0.45).contains(&share) && coarse.samples < whole.samples * 2 / 5, "{share}");
         assert!(coarse.in_step < whole.in_step / 2 && coarse.in_step_in_blocks > coarse.in_step / 4);
         assert_eq!(whole.in_step_in_blocks, 0);

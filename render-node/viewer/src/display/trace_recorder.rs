@@ -135,7 +135,7 @@ fn create(folder: &Path) -> io::Result<(PathBuf, File)> {
             made => return made.map(|file| (path, file)),
         }
     }
-    Err(io::Error::new(io::ErrorKind::StorageFull, format!("{} recordings are there already", MAX_FILES)))
+    Err(io::Error::new(io::ErrorKind::StorageFull, format!("{MAX_FILES} recordings are there already")))
 }
 
 /// Rows that wait for the measurement of their pictures.
