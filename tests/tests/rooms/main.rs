@@ -305,7 +305,7 @@ fn what_is_printed_is_escaped() {
 
 fn only_launch_starts_processes(files: &[File]) -> Vec<String> {
     // The window's one helper: a video of pictures that are there already.
-    let helper = "render-node/viewer/src/window/ffmpeg.rs";
+    let helper = "render-node/viewer/src/video.rs";
     let may = |f: &&File| f.path.starts_with("launch/") || f.path == helper || f.is_test();
     let rooms = files.iter().filter(|f| f.is_rust() && !may(f));
     let spawns = |line: &str| line.contains("Command::new(") || line.contains("process::Command");
@@ -318,10 +318,7 @@ fn processes_are_started_by_launch_only() {
     let spawn = "let child = Command::new(\"ls\").spawn()?;";
     assert_eq!(complaints_about(only_launch_starts_processes, &[("services/fit/src/train.rs", spawn)]), 1);
     assert_eq!(complaints_about(only_launch_starts_processes, &[("launch/stack/src/spawn.rs", spawn)]), 0);
-    assert_eq!(
-        complaints_about(only_launch_starts_processes, &[("render-node/viewer/src/window/ffmpeg.rs", spawn)]),
-        0
-    );
+    assert_eq!(complaints_about(only_launch_starts_processes, &[("render-node/viewer/src/video.rs", spawn)]), 0);
     assert_eq!(
         complaints_about(only_launch_starts_processes, &[("render-node/viewer/src/window/exporter.rs", spawn)]),
         1

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
-use glam::Vec3;
 use serde::Serialize;
 use sg_formats::summary::Summary;
-use sg_formats::{Format, LoadOptions, Loaded, Warning, load};
+use sg_formats::{Format, Loaded, Warning, load};
 use sg_input::print;
-use sg_scene::model::{Convention, SceneBox, ShadingModel};
+use sg_scene::model::SceneBox;
 
 use crate::convert::{self, Convert};
+use crate::reading::{Reading, input_help};
+use crate::report::{WRONG_INPUT, fail, print_json, warn};
 
 /// Subcommands that work on files alone.
 #[derive(Debug, Subcommand)]
@@ -47,56 +47,6 @@ pub(crate) struct Info {
     #[arg(long)]
     json: bool,
 }
-
-/// Properties that override those of the files.
-#[derive(Debug, Args)]
-pub(crate) struct Reading {
-    /// Activation of the input's shading columns; by default the file names it, or it is guessed.
-    #[arg(long, value_parser = conventions())]
-    convention: Option<Convention>,
-    /// Shading model of all units.
-    #[arg(long, value_parser = shadings())]
-    shading: Option<ShadingModel>,
-    /// Palette colour of all units with shading columns, three numbers from 0 to 1.
-    #[arg(long, value_name = "R,G,B", value_parser = palette)]
-    palette: Option<Vec3>,
-}
-
-impl Reading {
-    pub(crate) fn options(&self) -> LoadOptions {
-        LoadOptions { convention: self.convention, shading: self.shading, palette: self.palette }
-    }
-
-    /// Whether a property of the files is overridden.
-    pub(crate) fn changes_files(&self) -> bool {
-        self.options() != LoadOptions::default()
-    }
-}
-
-pub(crate) fn input_help() -> String {
-    format!("A scene ({}), or an output folder of iVR-GS", Format::all_extensions().join(", "))
-}
-
-pub(crate) fn conventions() -> impl TypedValueParser<Value = Convention> {
-    let names = ["ours", "legacy", "head-raw", "head-activated"];
-    PossibleValuesParser::new(names).try_map(|name| serde_json::from_value(serde_json::Value::String(name)))
-}
-
-fn shadings() -> impl TypedValueParser<Value = ShadingModel> {
-    let names = ["paper", "ivrgs-train", "ivrgs-viewer"];
-    PossibleValuesParser::new(names).try_map(|name| serde_json::from_value(serde_json::Value::String(name)))
-}
-
-fn palette(text: &str) -> Result<Vec3, String> {
-    let numbers: Vec<f32> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
-    match numbers.as_slice() {
-        [r, g, b] if numbers.iter().all(|x| (0.0..=1.0).contains(x)) => Ok(Vec3::new(*r, *g, *b)),
-        _ => Err("give three numbers from 0 to 1, as 0.8,0.2,0.1".to_owned()),
-    }
-}
-
-/// Exit status where the arguments or the input are wrong.
-pub(crate) const WRONG_INPUT: u8 = 2;
 
 /// Runs a subcommand: 0 done, 1 the work failed, 2 the arguments or the input are wrong.
 pub(crate) fn run(command: &Command) -> ExitCode {
@@ -172,23 +122,4 @@ fn print_info(report: &InfoReport<'_>, loaded: &Loaded) {
 fn format_box(b: &SceneBox) -> String {
     let corner = |p: glam::DVec3| format!("({:.6} {:.6} {:.6})", p.x, p.y, p.z);
     format!("{} to {}", corner(b.min), corner(b.max))
-}
-
-pub(crate) fn warn(warnings: &[Warning]) {
-    for warning in warnings {
-        print::status(&format!("warning: {warning}"));
-    }
-}
-
-pub(crate) fn print_json(report: &impl Serialize) -> ExitCode {
-    let text = serde_json::to_string_pretty(report).map_err(std::io::Error::from);
-    match text.and_then(|text| print::result(&text)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => fail(&error, 1),
-    }
-}
-
-pub(crate) fn fail(error: &dyn std::error::Error, status: u8) -> ExitCode {
-    print::status(&format!("supergaussian-scene: {error}"));
-    ExitCode::from(status)
 }

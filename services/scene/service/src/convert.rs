@@ -13,8 +13,9 @@ use sg_formats::{Format, Loaded, SaveError, SaveOptions, Warning, joined_format,
 use sg_input::print;
 use sg_scene::model::Convention;
 
-use crate::cli::{Reading, WRONG_INPUT, conventions, fail, input_help, print_json, warn};
 use crate::edited_scene::{EditedScene, load_edited, project_of};
+use crate::reading::{Reading, conventions, input_help};
+use crate::report::{WRONG_INPUT, fail, print_json, warn};
 
 #[derive(Debug, Args)]
 pub(crate) struct Convert {

@@ -7,6 +7,8 @@ mod edited_scene;
 mod kept_scenes;
 mod project_commands;
 mod project_folder;
+mod reading;
+mod report;
 
 use std::process::ExitCode;
 

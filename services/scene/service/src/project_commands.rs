@@ -8,8 +8,8 @@ use clap::Subcommand;
 use sg_input::print;
 use supergaussian_scene::journal;
 
-use crate::cli::{WRONG_INPUT, fail, print_json};
 use crate::project_folder::{FolderError, ProjectFolder};
+use crate::report::{WRONG_INPUT, fail, print_json};
 
 /// Subcommands on projects.
 #[derive(Debug, Subcommand)]
