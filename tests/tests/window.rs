@@ -104,6 +104,17 @@ fn a_person_brushes_names_speaks_and_closes() {
         key("ctrl+z");
         scene(&bus, "the walk as it was", |s| selected(s) == selected(&back) && s.undo.len() == steps).await;
 
+        // The selection leaves the program as a file of its own.
+        key("ctrl+e");
+        let file = Path::new(&home).join("supergaussian-splats-001.ply");
+        let begun = Instant::now();
+        while !file.exists() {
+            assert!(begun.elapsed() < PATIENCE, "no file of the selection");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        let exported = load(&file, &LoadOptions::default()).unwrap().scene;
+        assert_eq!(exported.len() as u64, selected(&back));
+
         // Another mode: whole Super-Gaussians, and Shift takes away.
         key("2");
         screen.act(&["keydown", "shift"]).unwrap();
