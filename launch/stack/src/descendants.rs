@@ -66,9 +66,9 @@ pub(crate) fn end_marked(mark: &str) {
     while began.elapsed() < REMOVAL_TIME {
         let found = marked(mark);
         empty_looks = if found.is_empty() { empty_looks + 1 } else { 0 };
-        // A process is without its environment for a moment while it becomes another program. So look twice where there
-        // was one.
-        if empty_looks > usize::from(!killed.is_empty()) {
+        // A process is without its environment for a moment while it becomes another program. So one look without any is
+        // not enough, the first one neither.
+        if empty_looks > 1 {
             break;
         }
         for pid in found {

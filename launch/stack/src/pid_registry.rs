@@ -149,7 +149,13 @@ mod tests {
         let mut command = std::process::Command::new("sh");
         command.args(["-c", "setsid sleep 60 >/dev/null 2>&1 & echo $!"]).env(descendants::MARK, format!("{mark}1"));
         let pid: u32 = String::from_utf8(command.output().unwrap().stdout).unwrap().trim().parse().unwrap();
-        assert!(start_time(pid).is_some());
+        // The shell's child becomes `setsid` and then `sleep`.
+        let program = || std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap();
+        let began = Instant::now();
+        while program() != "sleep\n" {
+            assert!(began.elapsed() < REMOVAL_TIME, "{}", program());
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
         PidRegistry::open(folder.path()).await.unwrap();
         assert_eq!(start_time(pid), None);
     }
