@@ -18,18 +18,15 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use crate::cutoffs::Limits;
-use crate::depth::near_to_far;
-use crate::footprint::{Footprint, Shape, footprints};
 use crate::foveation::{Foveation, Periphery};
 use crate::project::Ellipse;
 use crate::raster::rasterize;
-use crate::ray_consistent::Pinhole;
-use crate::ray_consistent::splat_f32::Ray;
 use crate::render::{Quality, RenderError, check};
-use crate::report::{Culled, Report};
+use crate::report::Report;
+use crate::splat_f32::{Drawn, splats};
 use crate::tiles::TILE;
 use fragments::fragments;
-use tile_work::{Covered, Layer, TileWork, Visits};
+use tile_work::{Covered, TileWork, Visits};
 
 pub use headset::{EYES_APART, FIELD_OF_VIEW, HEADSET_SIZE, headset};
 
@@ -177,16 +174,7 @@ fn view(
     (counting, limits): (Counting, Limits),
     listed: u64,
 ) -> Counts {
-    let pinhole = Pinhole::of(camera);
-    let (splats, _) = footprints(scene, appearance, camera, |_, footprint| {
-        let order = footprint.order as f32;
-        let layer = layer(&footprint, limits, &pinhole)?;
-        if order.is_finite() { Ok((order, layer)) } else { Err(Culled::NotFinite) }
-    });
-    let order = near_to_far(splats.iter().map(|(order, _)| *order));
-    let layers: Vec<Layer> =
-        order.par_iter().filter_map(|i| splats.get(*i as usize).map(|(_, layer)| layer.clone())).collect();
-    drop(splats);
+    let (layers, _) = splats(scene, appearance, camera, limits);
     let counts = Counts {
         views: 1,
         pixels: u64::from(camera.width) * u64::from(camera.height),
@@ -214,30 +202,19 @@ fn view(
     }
 }
 
-fn layer(footprint: &Footprint, limits: Limits, pinhole: &Pinhole) -> Result<Layer, Culled> {
-    match &footprint.shape {
-        Shape::Ellipse(ellipse) => {
-            let layer = Layer::of_ellipse(ellipse, footprint.opacity, limits);
-            let (ellipse, radius) = layer.level();
-            if ellipse.reaches(radius, pinhole.size) { Ok(layer) } else { Err(Culled::Outside) }
-        }
-        Shape::Rays(splat) => Ok(Layer::Rays(Box::new(Ray::of(splat, limits, pinhole)?))),
-    }
-}
-
 /// Places in the depth order at which the bands end: see `sum_blocks` of `list.wgsl`.
 fn band_ends(bands: u32, listed: u64) -> Vec<u64> {
     (1..=bands).map(|band| listed >> (bands - band)).collect()
 }
 
-fn of_layer(layer: &Layer, size: [u32; 2], scale: DVec2) -> u64 {
+fn of_layer(layer: &Drawn, size: [u32; 2], scale: DVec2) -> u64 {
     let (ellipse, radius): (Ellipse, f64) = layer.level();
     fragments(&ellipse, radius, size, scale)
 }
 
 /// Counts of the quadrilaterals, all of them blended.
-fn quads(layers: &[Layer], size: [u32; 2], depth_edge: u32, counts: Counts) -> Counts {
-    let sum = |size: [u32; 2], scale: DVec2, of: &(dyn Fn(&Layer) -> bool + Sync)| -> u64 {
+fn quads(layers: &[Drawn], size: [u32; 2], depth_edge: u32, counts: Counts) -> Counts {
+    let sum = |size: [u32; 2], scale: DVec2, of: &(dyn Fn(&Drawn) -> bool + Sync)| -> u64 {
         layers.par_iter().filter(|layer| of(layer)).map(|layer| of_layer(layer, size, scale)).sum()
     };
     let all = sum(size, DVec2::ONE, &|_| true);
@@ -252,7 +229,7 @@ fn quads(layers: &[Layer], size: [u32; 2], depth_edge: u32, counts: Counts) -> C
     Counts {
         fragments: all,
         blended: all,
-        fragments_by_rays: sum(size, DVec2::ONE, &Layer::is_by_rays),
+        fragments_by_rays: sum(size, DVec2::ONE, &Drawn::is_by_rays),
         depth_fragments,
         ..counts
     }
@@ -265,7 +242,7 @@ fn is_sampled([x, y]: [usize; 2], sample: u32) -> bool {
 
 /// Counts of the tiles' lists, and of the evaluations up to the stop.
 fn tiles(
-    layers: &[Layer],
+    layers: &[Drawn],
     size: [u32; 2],
     (stop, sample, periphery): (f32, u32, Option<Periphery>),
     counts: Counts,
@@ -275,7 +252,7 @@ fn tiles(
     rasterize(
         size,
         layers,
-        Layer::level,
+        Drawn::level,
         |corner, list| {
             let is_coarse = periphery.is_some_and(|periphery| periphery.has(corner));
             let tile = if is_coarse { TileWork::in_blocks(corner, size) } else { TileWork::new(corner, size) };
@@ -330,12 +307,12 @@ impl Sampled {
 }
 
 /// The share of the pixels that are open at the begin of each band, weighted by what the band's splats cover.
-fn open_shares(layers: &[Layer], size: [u32; 2], (stop, sample): (f32, u32), ends: &[u64]) -> Vec<f64> {
+fn open_shares(layers: &[Drawn], size: [u32; 2], (stop, sample): (f32, u32), ends: &[u64]) -> Vec<f64> {
     let covered = std::sync::Mutex::new(vec![Covered::default(); ends.len()]);
     rasterize(
         size,
         layers,
-        Layer::level,
+        Drawn::level,
         |corner, list| {
             if is_sampled(corner, sample) {
                 let band = |k: u32| ends.partition_point(|end| *end <= u64::from(k));

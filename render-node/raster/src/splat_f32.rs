@@ -13,7 +13,7 @@
 
 use std::time::Instant;
 
-use glam::{DVec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -22,7 +22,7 @@ use wide::f32x8;
 
 use crate::cutoffs::Limits;
 use crate::depth::near_to_far;
-use crate::footprint::{Footprint, Shape, footprints};
+use crate::footprint::{Shape, footprints};
 use crate::foveation::{BLOCK, BLOCKS, Foveation, Periphery, first_block, in_blocks};
 use crate::image::Image;
 use crate::lanes::{LANES, exp2};
@@ -40,29 +40,7 @@ pub(crate) fn render(
     camera: &Camera,
     (limits, foveation): (Limits, Option<Foveation>),
 ) -> (Image, Report) {
-    let began = Instant::now();
-    let pinhole = Pinhole::of(camera);
-    let (splats, mut report) = footprints(scene, appearance, camera, |_, footprint| {
-        let order = footprint.order as f32;
-        let drawn = match &footprint.shape {
-            Shape::Ellipse(ellipse) => {
-                let splat = Splat::of(&footprint, ellipse, limits);
-                if !ellipse.reaches(f64::from(splat.radius), pinhole.size) {
-                    return Err(Culled::Outside);
-                }
-                Drawn::Ellipse(splat)
-            }
-            Shape::Rays(splat) => Drawn::Rays(Box::new(Ray::of(splat, limits, &pinhole)?)),
-        };
-        let finite = order.is_finite() && drawn.color().is_finite();
-        if finite { Ok((order, drawn)) } else { Err(Culled::NotFinite) }
-    });
-    report.seconds.preprocess = began.elapsed().as_secs_f64();
-    let began = Instant::now();
-    let order = near_to_far(splats.iter().map(|(order, _)| *order));
-    let splats: Vec<Drawn> =
-        order.par_iter().filter_map(|i| splats.get(*i as usize).map(|(_, drawn)| drawn.clone())).collect();
-    report.seconds.sort = began.elapsed().as_secs_f64();
+    let (splats, mut report) = splats(scene, appearance, camera, limits);
     let background = appearance.background;
     let periphery = foveation.map(|foveation| Periphery::of(camera, foveation));
     let image = draw(
@@ -81,9 +59,36 @@ pub(crate) fn render(
     (image, report)
 }
 
+/// The splats of a picture from near to far.
+pub(crate) fn splats(scene: &Scene, appearance: &Appearance, camera: &Camera, limits: Limits) -> (Vec<Drawn>, Report) {
+    let began = Instant::now();
+    let pinhole = Pinhole::of(camera);
+    let (splats, mut report) = footprints(scene, appearance, camera, |_, footprint| {
+        let order = footprint.order as f32;
+        let drawn = match &footprint.shape {
+            Shape::Ellipse(ellipse) => {
+                let splat = Splat::of(ellipse, footprint.opacity, footprint.color, limits);
+                if !ellipse.reaches(f64::from(splat.radius), pinhole.size) {
+                    return Err(Culled::Outside);
+                }
+                Drawn::Ellipse(splat)
+            }
+            Shape::Rays(splat) => Drawn::Rays(Box::new(Ray::of(splat, limits, &pinhole)?)),
+        };
+        let finite = order.is_finite() && drawn.color().is_finite();
+        if finite { Ok((order, drawn)) } else { Err(Culled::NotFinite) }
+    });
+    report.seconds.preprocess = began.elapsed().as_secs_f64();
+    let began = Instant::now();
+    let order = near_to_far(splats.iter().map(|(order, _)| *order));
+    let splats = order.par_iter().filter_map(|i| splats.get(*i as usize).map(|(_, drawn)| drawn.clone())).collect();
+    report.seconds.sort = began.elapsed().as_secs_f64();
+    (splats, report)
+}
+
 /// A Gaussian ready to blend.
 #[derive(Debug, Clone)]
-enum Drawn {
+pub(crate) enum Drawn {
     Ellipse(Splat),
     Rays(Box<Ray>),
 }
@@ -97,42 +102,54 @@ impl Drawn {
     }
 
     /// An ellipse, and the level of it that holds all drawn pixels.
-    fn level(&self) -> (Ellipse, f64) {
+    pub(crate) fn level(&self) -> (Ellipse, f64) {
         match self {
             Self::Ellipse(splat) => (splat.ellipse, f64::from(splat.radius)),
             Self::Rays(ray) => (ray.reach, 1.0),
+        }
+    }
+
+    pub(crate) fn is_by_rays(&self) -> bool {
+        matches!(self, Self::Rays(_))
+    }
+
+    /// The same as blocks of pixels see it, in units of blocks.
+    pub(crate) fn in_blocks(&self) -> Self {
+        match self {
+            Self::Ellipse(splat) => Self::Ellipse(splat.in_blocks()),
+            Self::Rays(ray) => Self::Rays(Box::new(ray.in_blocks())),
         }
     }
 }
 
 /// A Gaussian whose footprint is an ellipse: α = 2^(log₂o − u² − v²) with u and v scaled by √(½·log₂e).
 #[derive(Debug, Clone, Copy)]
-struct Splat {
-    ellipse: Ellipse,
+pub(crate) struct Splat {
+    pub(crate) ellipse: Ellipse,
     /// √(½·log₂e) / ρ.
-    per_column: f32,
+    pub(crate) per_column: f32,
     /// √(½·log₂e) / σ.
-    per_row: f32,
-    log_opacity: f32,
+    pub(crate) per_row: f32,
+    pub(crate) log_opacity: f32,
     /// log₂ of the opacity over the cut.
-    range: f32,
+    pub(crate) range: f32,
     /// Standard deviations at which α reaches the cut.
-    radius: f32,
+    pub(crate) radius: f32,
     color: Vec3,
 }
 
 impl Splat {
-    fn of(p: &Footprint, ellipse: &Ellipse, limits: Limits) -> Self {
+    pub(crate) fn of(ellipse: &Ellipse, opacity: f64, color: DVec3, limits: Limits) -> Self {
         let unit = (0.5 * std::f64::consts::LOG2_E).sqrt();
-        let range = (p.opacity / limits.cut).max(limits.ratio).log2();
+        let range = (opacity / limits.cut).max(limits.ratio).log2();
         Self {
             ellipse: *ellipse,
             per_column: (unit / ellipse.along_row) as f32,
             per_row: (unit / ellipse.over_rows) as f32,
-            log_opacity: p.opacity.log2() as f32,
+            log_opacity: opacity.log2() as f32,
             range: range as f32,
             radius: (range * (2.0 * std::f64::consts::LN_2)).sqrt() as f32,
-            color: p.color.as_vec3(),
+            color: color.as_vec3(),
         }
     }
 
@@ -169,21 +186,9 @@ impl Tile {
     fn blend(splats: &[Drawn], list: &[u32], [x0, y0]: [usize; 2], stop: f32) -> Self {
         let zero = [f32x8::ZERO; HALVES];
         let line = Line { transmittance: [f32x8::ONE; HALVES], red: zero, green: zero, blue: zero, finished: false };
-        let mut tile = Self([line; TILE]);
-        // A test for finished rows costs about as much as blending one, so test once for several Gaussians.
-        for group in list.chunks(16) {
-            for splat in group.iter().filter_map(|k| splats.get(*k as usize)) {
-                let first = DVec2::new(x0 as f64 + 0.5, y0 as f64 + 0.5);
-                match splat {
-                    Drawn::Ellipse(splat) => tile.add(splat, first.to_array()),
-                    Drawn::Rays(ray) => tile.add_rays(&Narrow::of(ray, first)),
-                }
-            }
-            if tile.finish(stop) {
-                break;
-            }
-        }
-        tile
+        let tile = Self([line; TILE]);
+        let first = DVec2::new(x0 as f64 + 0.5, y0 as f64 + 0.5);
+        tile.through(splats, list, stop, |tile, splat| tile.add(splat, first))
     }
 
     /// As [`Self::blend`] by blocks of pixels, each as one pixel of the tile's first rows and columns.
@@ -197,18 +202,19 @@ impl Tile {
             line.finished = false;
         }
         let first = first_block(corner);
+        tile.through(splats, list, stop, |tile, splat| tile.add(&splat.in_blocks(), first))
+    }
+
+    /// Blends a list by `add` until all rows are finished.
+    fn through(mut self, splats: &[Drawn], list: &[u32], stop: f32, add: impl Fn(&mut Self, &Drawn)) -> Self {
+        // A test for finished rows costs about as much as blending one, so test once for several Gaussians.
         for group in list.chunks(16) {
-            for splat in group.iter().filter_map(|k| splats.get(*k as usize)) {
-                match splat {
-                    Drawn::Ellipse(splat) => tile.add(&splat.in_blocks(), first.to_array()),
-                    Drawn::Rays(ray) => tile.add_rays(&Narrow::of(&ray.in_blocks(), first)),
-                }
-            }
-            if tile.finish(stop) {
+            group.iter().filter_map(|k| splats.get(*k as usize)).for_each(|splat| add(&mut self, splat));
+            if self.finish(stop) {
                 break;
             }
         }
-        tile
+        self
     }
 
     /// Marks finished rows; whether all are.
@@ -224,7 +230,14 @@ impl Tile {
     }
 
     /// Blends one Gaussian over the tile whose first pixel's centre is given.
-    fn add(&mut self, splat: &Splat, [x, y]: [f64; 2]) {
+    fn add(&mut self, splat: &Drawn, first: DVec2) {
+        match splat {
+            Drawn::Ellipse(splat) => self.add_ellipse(splat, first.to_array()),
+            Drawn::Rays(ray) => self.add_rays(&Narrow::of(ray, first)),
+        }
+    }
+
+    fn add_ellipse(&mut self, splat: &Splat, [x, y]: [f64; 2]) {
         let e = &splat.ellipse;
         let dy = y - e.center.y;
         // u and v at the first pixel, in f64 because the centre may be far away; from there on differences are small.

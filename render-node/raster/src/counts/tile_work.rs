@@ -6,11 +6,10 @@ use bytemuck::cast;
 use glam::DVec2;
 use wide::f32x8;
 
-use crate::cutoffs::Limits;
-use crate::foveation::{BLOCK, BLOCKS, first_block, in_blocks};
+use crate::foveation::{BLOCK, BLOCKS, first_block};
 use crate::lanes::{LANES, exp2};
-use crate::project::Ellipse;
-use crate::ray_consistent::splat_f32::{Narrow, Ray};
+use crate::ray_consistent::splat_f32::Narrow;
+use crate::splat_f32::{Drawn, Splat};
 use crate::tiles::TILE;
 
 /// Vectors of one row of pixels.
@@ -21,69 +20,6 @@ const ROWS_IN_STEP: usize = 32 / TILE;
 
 /// The same of a tile of blocks.
 const BLOCK_ROWS_IN_STEP: usize = 32 / BLOCKS;
-
-/// A splat as a tile needs it.
-#[derive(Debug, Clone)]
-pub(super) enum Layer {
-    Ellipse(EllipseLayer),
-    Rays(Box<Ray>),
-}
-
-/// α = 2^(log₂o − u² − v²), as in `splat_f32`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct EllipseLayer {
-    ellipse: Ellipse,
-    radius: f64,
-    per_column: f32,
-    per_row: f32,
-    log_opacity: f32,
-    range: f32,
-}
-
-impl Layer {
-    pub(super) fn of_ellipse(ellipse: &Ellipse, opacity: f64, limits: Limits) -> Self {
-        let unit = (0.5 * std::f64::consts::LOG2_E).sqrt();
-        let range = (opacity / limits.cut).max(limits.ratio).log2();
-        Self::Ellipse(EllipseLayer {
-            ellipse: *ellipse,
-            radius: (range * (2.0 * std::f64::consts::LN_2)).sqrt(),
-            per_column: (unit / ellipse.along_row) as f32,
-            per_row: (unit / ellipse.over_rows) as f32,
-            log_opacity: opacity.log2() as f32,
-            range: range as f32,
-        })
-    }
-
-    /// The same as blocks of pixels see it, in units of blocks.
-    fn in_blocks(&self) -> Self {
-        match self {
-            Self::Ellipse(layer) => {
-                let (ellipse, log_factor) = in_blocks(&layer.ellipse);
-                let unit = (0.5 * std::f64::consts::LOG2_E).sqrt();
-                Self::Ellipse(EllipseLayer {
-                    ellipse,
-                    per_column: (unit / ellipse.along_row) as f32,
-                    per_row: (unit / ellipse.over_rows) as f32,
-                    log_opacity: layer.log_opacity + log_factor as f32,
-                    ..*layer
-                })
-            }
-            Self::Rays(ray) => Self::Rays(Box::new(ray.in_blocks())),
-        }
-    }
-
-    /// An ellipse, and the level of it that holds all drawn pixels.
-    pub(super) fn level(&self) -> (Ellipse, f64) {
-        match self {
-            Self::Ellipse(layer) => (layer.ellipse, layer.radius),
-            Self::Rays(ray) => (ray.reach, 1.0),
-        }
-    }
-
-    pub(super) fn is_by_rays(&self) -> bool {
-        matches!(self, Self::Rays(_))
-    }
-}
 
 /// Work up to the stop.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -160,7 +96,7 @@ impl TileWork {
     }
 
     /// Blends layers from near to far until no pixel lets through `stop` or more: as each pixel of `tiles.wgsl` does on its own.
-    pub(super) fn until_stop<'a>(mut self, layers: impl Iterator<Item = &'a Layer>, stop: f32) -> Visits {
+    pub(super) fn until_stop<'a>(mut self, layers: impl Iterator<Item = &'a Drawn>, stop: f32) -> Visits {
         let mut visits = Visits::default();
         let mut open = Open::new(self.inside, if self.has_blocks { BLOCK_ROWS_IN_STEP } else { ROWS_IN_STEP });
         for layer in layers {
@@ -200,7 +136,7 @@ impl TileWork {
     /// Blends the layers of bands, each with its band from 0 on. Pixels are closed at the begins of bands alone.
     pub(super) fn by_bands<'a>(
         mut self,
-        layers: impl Iterator<Item = (usize, &'a Layer)>,
+        layers: impl Iterator<Item = (usize, &'a Drawn)>,
         bands: usize,
         stop: f32,
     ) -> Vec<Covered> {
@@ -232,10 +168,10 @@ impl TileWork {
     }
 
     /// Blends one layer. `drawn` gets each row and half of it with a bit for each drawn pixel.
-    fn add(&mut self, layer: &Layer, drawn: &mut impl FnMut(usize, usize, u32)) {
+    fn add(&mut self, layer: &Drawn, drawn: &mut impl FnMut(usize, usize, u32)) {
         match layer {
-            Layer::Ellipse(layer) => self.add_ellipse(layer, drawn),
-            Layer::Rays(ray) => {
+            Drawn::Ellipse(layer) => self.add_ellipse(layer, drawn),
+            Drawn::Rays(ray) => {
                 let narrow = Narrow::of(ray, self.first);
                 for row in narrow.rows.start.min(TILE)..narrow.rows.end.min(TILE) {
                     for half in 0..HALVES {
@@ -250,14 +186,14 @@ impl TileWork {
         }
     }
 
-    fn add_ellipse(&mut self, layer: &EllipseLayer, drawn: &mut impl FnMut(usize, usize, u32)) {
+    fn add_ellipse(&mut self, layer: &Splat, drawn: &mut impl FnMut(usize, usize, u32)) {
         let e = &layer.ellipse;
         let dy = self.first.y - e.center.y;
         // u and v at the first pixel, in f64 because the center may be far away.
         let u0 = ((self.first.x - e.center.x - e.slope * dy) * f64::from(layer.per_column)) as f32;
         let v0 = (dy * f64::from(layer.per_row)) as f32;
         let u_per_row = (e.slope * f64::from(layer.per_column)) as f32;
-        let reach = layer.radius * e.over_rows;
+        let reach = f64::from(layer.radius) * e.over_rows;
         let from = (-dy - reach).max(0.0) as usize;
         let to = ((reach - dy).max(-1.0) + 1.0) as usize;
         let column = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) * f32x8::splat(layer.per_column);
@@ -315,12 +251,16 @@ impl Open {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+    use crate::cutoffs::Limits;
+    use crate::project::Ellipse;
 
     /// A splat that covers everything with one opacity.
-    fn wall(opacity: f64) -> Layer {
+    fn wall(opacity: f64) -> Drawn {
         let ellipse = Ellipse { center: DVec2::ZERO, slope: 0.0, along_row: 1e9, over_rows: 1e9 };
-        Layer::of_ellipse(&ellipse, opacity, Limits::STANDARD)
+        Drawn::Ellipse(Splat::of(&ellipse, opacity, DVec3::ONE, Limits::STANDARD))
     }
 
     #[test]
